@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file ismc.h
+ * Integral sliding mode controller of the pose (eq. 39-44, corrected). e = xi - xi_d, heading error wrapped.
+ *
+ *   s   = e + lambda * integral(e)                                          (39)
+ *   u   = xi'_d - lambda e - k sw(s / phi)      wanted world twist            (41-43, before B / r)
+ *   sw  = sign(s) | clamp(s / phi, -1, 1) | super-twisting: sqrt|s/phi| sign(s) + w, w' = k / phi * sign(s) / 2
+ *
+ * The slip v_s of eq. 41 enters where the twist becomes wheel speeds (omni_kinematics_inverse). Condition (44), elementwise:
+ * k >= eta + |B+ (v_s - v_s_hat)|.
+ */
+#ifndef OMNI_ISMC_H
+#define OMNI_ISMC_H
+
+#include "omni/params_gen.h"
+#include "omni/types.h"
+
+typedef struct omni_ismc_config_t {
+    omni_real_t lambda[OMNI_AXES];         /**< 1/s */
+    omni_real_t k[OMNI_AXES];              /**< m/s, m/s, rad/s */
+    omni_real_t phi[OMNI_AXES];            /**< boundary layer half width: m, m, rad; > 0 */
+    omni_real_t integral_limit[OMNI_AXES]; /**< m s, m s, rad s */
+    uint8_t switching;                     /**< enum omni_ismc_switch */
+    omni_real_t step_s;
+} omni_ismc_config_t;
+
+typedef struct omni_ismc_state_t {
+    omni_real_t integral[OMNI_AXES];       /**< integral of e */
+    omni_real_t twisting[OMNI_AXES];       /**< super-twisting's w, dimensionless, -1..1 */
+} omni_ismc_state_t;
+
+/** Internal terms of a position controller, for telemetry; every entry per axis x, y, theta. */
+typedef struct omni_control_terms_t {
+    omni_real_t error[OMNI_AXES];
+    omni_real_t integral[OMNI_AXES];
+    omni_real_t surface[OMNI_AXES];        /**< s (ISMC), else 0 */
+    omni_real_t equivalent[OMNI_AXES];     /**< continuous part of the wanted world twist */
+    omni_real_t switching[OMNI_AXES];      /**< switching (ISMC) or integral + derivative (PID) part */
+} omni_control_terms_t;
+
+void omni_ismc_reset(omni_ismc_state_t *state);
+
+/**
+ * One tick. @param hold_integral true while the wheels are saturated: the integral does not grow (anti-windup).
+ * @return the wanted world twist.
+ */
+omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *config, const omni_pose_t *pose,
+                            const omni_pose_t *reference, const omni_twist_t *reference_rate, bool hold_integral,
+                            omni_control_terms_t *terms);
+
+/**
+ * Margin of condition (44) per axis: k - |B+ (v_s - v_s_hat)|; positive means the switching gain covers the slip error.
+ * @param b_pinv_slip_error world twist B+ (v_s - v_s_hat).
+ */
+void omni_ismc_gain_margin(const omni_ismc_config_t *config, const omni_twist_t *b_pinv_slip_error, omni_real_t *margin);
+
+#endif

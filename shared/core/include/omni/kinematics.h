@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file kinematics.h
+ * Wheel speeds <-> body motion for three or four omni wheels at any bearing (eq. 15-23, corrected: docs/report-map.md).
+ *
+ *   r_i phi'_i - v_s,i = [ -sin a_i   cos a_i   l_i ] v_body          (body frame; eq. 19 with our sign)
+ *   v_body = B+ (r phi' - v_s),   B+ = (B^T B)^-1 B^T                 (least squares; eq. 22)
+ *
+ * Four wheels leave one null direction n (n^T B = 0, |n| = 1): n^T r phi' = n^T v_s measures slip. Three leave none.
+ */
+#ifndef OMNI_KINEMATICS_H
+#define OMNI_KINEMATICS_H
+
+#include "omni/types.h"
+
+typedef struct omni_kinematics_config_t {
+    uint8_t wheels;                            /**< 3 or 4 */
+    omni_real_t radius_m[OMNI_MAX_WHEELS];     /**< effective rolling radius r_i, > 0 */
+    omni_real_t distance_m[OMNI_MAX_WHEELS];   /**< centre to contact point l_i, > 0 */
+    omni_real_t angle_rad[OMNI_MAX_WHEELS];    /**< bearing alpha_i */
+} omni_kinematics_config_t;
+
+/** Constant matrices of one robot; read only after init. */
+typedef struct omni_kinematics_t {
+    uint8_t wheels;
+    bool has_null;                                   /**< four wheels: `null` is valid */
+    omni_real_t radius_m[OMNI_MAX_WHEELS];
+    omni_real_t b[OMNI_MAX_WHEELS][OMNI_AXES];       /**< B in the body frame, row per wheel */
+    omni_real_t b_pinv[OMNI_AXES][OMNI_MAX_WHEELS];  /**< B+ */
+    omni_real_t null[OMNI_MAX_WHEELS];               /**< unit null vector n of B^T, first component >= 0 */
+} omni_kinematics_t;
+
+/**
+ * Compute the matrices. Unused wheel slots are zeroed.
+ * @return OMNI_ERR_NOT_FINITE, OMNI_ERR_RANGE (wheel count, radius, distance), OMNI_ERR_SINGULAR (wheels that
+ *         cannot produce every motion, e.g. all at one bearing); the matrices are then all zero.
+ */
+omni_result_t omni_kinematics_init(omni_kinematics_t *k, const omni_kinematics_config_t *config);
+
+/** Wheel speeds [rad/s] for a body twist; `slip_m_s` is the slip v_s per wheel to compensate, or NULL (eq. 20). */
+void omni_kinematics_inverse(const omni_kinematics_t *k, const omni_twist_t *body, const omni_real_t *slip_m_s,
+                             omni_real_t *wheel_rad_s);
+
+/** Body twist from wheel speeds [rad/s], least squares; `slip_m_s` per wheel or NULL (eq. 22). Also maps
+ *  wheel angle increments [rad] to body displacement. */
+void omni_kinematics_forward(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s, const omni_real_t *slip_m_s,
+                             omni_twist_t *body);
+
+/** n^T r phi' [m/s]: the part of the wheel speeds no rolling motion explains. 0 for three wheels. */
+omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s);
+
+/** World twist -> body twist for heading theta, R(theta) of eq. 16. */
+omni_twist_t omni_twist_to_body(const omni_twist_t *world, omni_real_t theta);
+
+/** Body twist -> world twist for heading theta. */
+omni_twist_t omni_twist_to_world(const omni_twist_t *body, omni_real_t theta);
+
+#endif

@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file math.h
+ * The few functions the core needs instead of libm. They use IEEE-exact operations only (+ - * / sqrt, integer conversion),
+ * so x86-64 and Cortex-M7 give the same bits.
+ */
+#ifndef OMNI_MATH_H
+#define OMNI_MATH_H
+
+#include "omni/types.h"
+
+/** pi rounded to binary32. */
+#define OMNI_PI_F 3.14159265358979323846f
+
+/**
+ * Sine and cosine together. @param angle [rad], |angle| <= 1e4 (beyond, the argument reduction loses accuracy).
+ * Error <= 2e-7 absolute within that range. A NaN or an infinity gives NaN in both.
+ */
+void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine);
+
+/** Four-quadrant arc tangent [rad], -pi..pi, absolute error <= 5e-7; (0, 0) gives 0. */
+omni_real_t omni_atan2f(omni_real_t y, omni_real_t x);
+
+/** Angle wrapped into [-pi, pi). @param angle [rad], |angle| <= 1e6. */
+omni_real_t omni_wrap_pi(omni_real_t angle);
+
+/** Square root, IEEE-exact; a negative argument gives 0 (never NaN in a control path). */
+omni_real_t omni_sqrtf(omni_real_t value);
+
+/** Value limited to [low, high]; a NaN gives low. */
+omni_real_t omni_clampf(omni_real_t value, omni_real_t low, omni_real_t high);
+
+/** |value|. */
+omni_real_t omni_absf(omni_real_t value);
+
+/** -1, 0 or 1. */
+omni_real_t omni_signf(omni_real_t value);
+
+/** False for NaN and infinities. */
+bool omni_is_finite(omni_real_t value);
+
+/** True if all three components are finite. */
+bool omni_pose_is_finite(const omni_pose_t *pose);
+bool omni_twist_is_finite(const omni_twist_t *twist);
+
+#endif

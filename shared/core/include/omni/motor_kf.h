@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file motor_kf.h
+ * Kalman filter of one wheel's motor (eq. 45-56, corrected). Wheels are independent, so the report's joint 8-state filter is
+ * its block form: one filter per wheel.
+ *
+ * OMNI_KF_MODE_SPEED (the report's): state (w, i), measures the speed from differenced counts.
+ * OMNI_KF_MODE_ANGLE: state (angle, w, i), measures the encoder angle in counts. At 1 kHz one count per tick is 0.6 rad/s,
+ * so differencing drowns the speed in quantisation; measuring the angle does not. The angle is kept relative to the
+ * latest count, so that hours of turning cost no precision.
+ * OMNI_KF_MODE_OFF: differenced counts, no filter.
+ */
+#ifndef OMNI_MOTOR_KF_H
+#define OMNI_MOTOR_KF_H
+
+#include "omni/motor.h"
+#include "omni/params_gen.h"
+#include "omni/types.h"
+
+typedef struct omni_motor_kf_config_t {
+    uint8_t mode;                    /**< enum omni_kf_mode */
+    omni_motor_discrete_t model;     /**< discretised for step_s */
+    omni_real_t step_s;              /**< tick period T */
+    omni_real_t rad_per_count;       /**< 2 pi / counts per revolution */
+    omni_real_t q_speed;             /**< variance added to w per step, (rad/s)^2 */
+    omni_real_t q_current;           /**< variance added to i per step, A^2 */
+    omni_real_t r_speed;             /**< variance of a differenced speed, (rad/s)^2 */
+    omni_real_t r_angle;             /**< variance of a measured angle, rad^2 */
+} omni_motor_kf_config_t;
+
+typedef struct omni_motor_kf_state_t {
+    omni_real_t x[3];                /**< angle beyond the latest count [rad], w [rad/s], i [A] */
+    omni_real_t p[3][3];             /**< error covariance */
+    omni_real_t innovation;          /**< of the last step, rad/s (SPEED) or rad (ANGLE) */
+    omni_real_t innovation_variance; /**< its predicted variance */
+} omni_motor_kf_state_t;
+
+/** At rest, no current, with the covariance of not knowing better than 1 rad/s and 1 A. */
+void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config);
+
+/**
+ * One tick: predict with the voltage applied since the last tick, correct with the counts moved since then (Joseph form).
+ * @param delta_counts  count increment; @param valid  false: predict only (no trustworthy count this tick).
+ * @return the wheel speed estimate [rad/s].
+ */
+omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
+                               int32_t delta_counts, bool valid);
+
+#endif

@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file robot.h
+ * The whole control core as one step: omni_robot_tick. Firmware, PC process, emulator, Python and Monte Carlo call this.
+ *
+ * Ownership: the caller owns every struct. The configuration is read through a pointer and never written by the tick; to change
+ * parameters, build a second omni_robot_config_t and hand it over with omni_robot_set_config between two ticks.
+ */
+#ifndef OMNI_ROBOT_H
+#define OMNI_ROBOT_H
+
+#include "omni/feedback_linearization.h"
+#include "omni/ismc.h"
+#include "omni/kinematics.h"
+#include "omni/motor.h"
+#include "omni/motor_kf.h"
+#include "omni/original_law.h"
+#include "omni/params.h"
+#include "omni/pose_ekf.h"
+#include "omni/safety.h"
+#include "omni/trajectory.h"
+#include "omni/types.h"
+#include "omni/wheel_speed.h"
+
+enum {
+    OMNI_TICK_US = 1000,          /**< nominal tick period */
+    OMNI_TICK_JUMP_US = 10000     /**< a step longer than this raises OMNI_FAULT_TIME */
+};
+
+typedef struct omni_limits_t {
+    omni_real_t wheel_rad_s;
+    omni_real_t speed_m_s;
+    omni_real_t turn_rad_s;
+    omni_real_t acceleration_m_s2;
+    omni_real_t position_m;
+    omni_real_t command_timeout_s;
+    omni_real_t link_timeout_s;
+    omni_real_t fix_timeout_s;
+    omni_real_t error_m;
+    omni_real_t error_rad;
+    omni_real_t stall_s;
+    omni_real_t stall_V;
+    omni_real_t battery_min_V;
+    omni_real_t supply_nominal_V;
+    uint16_t driver_failures;
+} omni_limits_t;
+
+/** Everything derived from a parameter set. Build with omni_robot_config. */
+typedef struct omni_robot_config_t {
+    omni_kinematics_t kinematics;
+    omni_motor_config_t motor;
+    omni_motor_kf_config_t motor_kf;
+    omni_pose_ekf_config_t pose_ekf;
+    omni_ismc_config_t ismc;
+    omni_fl_config_t fl;
+    omni_original_config_t original;
+    omni_wheel_speed_config_t wheel_speed;
+    omni_trajectory_config_t trajectory;
+    omni_limits_t limits;
+    uint8_t controller;                           /**< enum omni_ctl_mode */
+    int8_t encoder_direction[OMNI_MAX_WHEELS];    /**< -1 or 1 */
+    int8_t motor_direction[OMNI_MAX_WHEELS];      /**< -1 or 1 */
+    omni_real_t rad_per_count;
+    omni_real_t slip_feed;                        /**< 0..1 share of the slip estimate fed forward */
+    omni_real_t step_s;
+    uint16_t sequence;                            /**< caller's number of this set; telemetry repeats it */
+} omni_robot_config_t;
+
+/**
+ * Derive a configuration from a parameter set (OMNI_PARAM_COUNT values). Too slow for the tick: background work.
+ * @param bad_index out, may be NULL: index of the offending parameter, or -1 if it is the combination.
+ * @return OMNI_OK, or why the set is refused; `config` is then not usable.
+ */
+omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index);
+
+typedef enum omni_setpoint_kind_t {
+    OMNI_SETPOINT_NONE = 0,       /**< zero wheel speed */
+    OMNI_SETPOINT_POSE,           /**< world pose, with feed-forward twist */
+    OMNI_SETPOINT_VELOCITY_BODY,
+    OMNI_SETPOINT_VELOCITY_WORLD,
+    OMNI_SETPOINT_TRAJECTORY,     /**< the plan given with OMNI_EVENT_TRAJECTORY_START */
+    OMNI_SETPOINT_DUTY            /**< open loop, per wheel, for bring-up and identification */
+} omni_setpoint_kind_t;
+
+typedef struct omni_setpoint_t {
+    uint8_t kind;                       /**< omni_setpoint_kind_t */
+    uint64_t time_us;                   /**< when it arrived; ages against command_timeout_s (not for TRAJECTORY) */
+    omni_pose_t pose;
+    omni_twist_t twist;
+    omni_real_t duty[OMNI_MAX_WHEELS];
+} omni_setpoint_t;
+
+typedef enum omni_event_t {
+    OMNI_EVENT_ARM = 1 << 0,
+    OMNI_EVENT_DISARM = 1 << 1,
+    OMNI_EVENT_ESTOP = 1 << 2,
+    OMNI_EVENT_ESTOP_CLEAR = 1 << 3,
+    OMNI_EVENT_TRAJECTORY_START = 1 << 4,   /**< follow inputs.trajectory from this tick on */
+    OMNI_EVENT_TRAJECTORY_STOP = 1 << 5,    /**< hold the pose of this tick */
+    OMNI_EVENT_SET_POSE = 1 << 6            /**< restart the pose estimate at inputs.pose */
+} omni_event_t;
+
+/** What one tick is told. */
+typedef struct omni_inputs_t {
+    uint64_t time_us;                        /**< robot clock, monotonic */
+    int32_t counts[OMNI_MAX_WHEELS];         /**< raw encoder counters, may wrap */
+    uint8_t counts_valid;                    /**< bit per wheel */
+    bool has_fix;
+    omni_pose_fix_t fix;
+    omni_real_t battery_V;                   /**< <= 0: not measured */
+    uint32_t events;                         /**< omni_event_t bits, for this tick only */
+    uint32_t faults;                         /**< stop faults seen outside the core (OMNI_FAULT_OVERRUN, ...) */
+    omni_setpoint_t setpoint;                /**< the latest */
+    uint64_t heartbeat_us;                   /**< arrival of the latest ground-station heartbeat; 0: none yet */
+    uint16_t driver_failures;                /**< failed motor-driver updates in a row */
+    const omni_trajectory_t *trajectory;     /**< must stay valid and constant while followed */
+    omni_pose_t pose;                        /**< for OMNI_EVENT_SET_POSE */
+} omni_inputs_t;
+
+/** What one tick decided and knows. */
+typedef struct omni_outputs_t {
+    uint64_t time_us;
+    uint8_t state;                                /**< omni_safety_state_t */
+    bool drive;                                   /**< motors may be powered; false: switch the bridges off */
+    uint8_t controller;                           /**< enum omni_ctl_mode in use */
+    uint8_t setpoint_kind;                        /**< in use */
+    uint32_t faults;                              /**< omni_fault_t bits present now */
+    uint32_t fault_history;                       /**< stop faults since arming */
+    uint16_t config_sequence;
+    omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1 in the motor's own direction; 0 unless `drive` */
+    omni_real_t voltage_V[OMNI_MAX_WHEELS];       /**< in the wheel's direction */
+    omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];     /**< estimate */
+    omni_real_t wheel_reference[OMNI_MAX_WHEELS]; /**< rad/s */
+    omni_real_t current_A[OMNI_MAX_WHEELS];       /**< estimate of the motor filter; 0 when it is off */
+    omni_pose_t pose;                             /**< estimate */
+    omni_twist_t rate;                            /**< world twist from the wheels */
+    omni_real_t pose_sd[OMNI_AXES];
+    omni_reference_t reference;
+    omni_control_terms_t terms;
+    omni_real_t slip_m_s[OMNI_MAX_WHEELS];        /**< estimated v_s */
+    omni_real_t slip_residual_m_s;
+    omni_real_t wheel_scale;                      /**< factor the wheel speeds were cut by, 1: none */
+    omni_real_t duty_scale;                       /**< factor the voltages were cut by, 1: none */
+    omni_real_t supply_V;
+    omni_real_t nis;
+    uint32_t fixes_accepted;
+    uint32_t fixes_refused;
+} omni_outputs_t;
+
+/** State of the whole core. Opaque by convention: use the functions. */
+typedef struct omni_robot_t {
+    const omni_robot_config_t *config;
+    omni_motor_kf_state_t motor_kf[OMNI_MAX_WHEELS];
+    omni_pose_ekf_state_t pose_ekf;
+    omni_ismc_state_t ismc;
+    omni_fl_state_t fl;
+    omni_original_state_t original;
+    omni_wheel_speed_state_t wheel_speed;
+    omni_safety_state_t state;
+    uint64_t last_time_us;
+    uint64_t trajectory_start_us;
+    const omni_trajectory_t *trajectory;
+    omni_pose_t hold;                             /**< pose held when no set-point moves the robot */
+    omni_twist_t ramped;                          /**< rate-limited velocity demand, body frame */
+    omni_real_t last_reference[OMNI_MAX_WHEELS];  /**< wheel references of the last tick, for their acceleration */
+    omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
+    int32_t last_counts[OMNI_MAX_WHEELS];
+    uint32_t stall_ticks[OMNI_MAX_WHEELS];
+    uint32_t encoder_ticks[OMNI_MAX_WHEELS];      /**< ticks in a row without a valid count */
+    uint32_t fault_history;
+    uint8_t last_controller;
+    uint8_t last_kind;                            /**< set-point kind of the last tick */
+    bool primed;                                  /**< last_* hold a first sample */
+    bool saturated;                               /**< the last tick cut wheel speeds or duties */
+} omni_robot_t;
+
+/** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */
+void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config);
+
+/** Hand over another configuration between two ticks; controller and filter states go on without a bump. */
+void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config);
+
+/** One tick. Never fails: whatever comes in, `outputs` is finite, |duty| <= 1, and 0 unless armed and healthy. */
+void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs);
+
+/** May the robot be armed now? @return 0, or the stop fault bits that prevent it; state other than DISARMED: OMNI_FAULT_CONFIG. */
+uint32_t omni_robot_arming_faults(const omni_robot_t *robot, const omni_outputs_t *last);
+
+#endif

@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file trajectory.h
+ * Reference paths with exact first and second derivatives, driven by a path clock that starts from rest, may be slowed
+ * down to what the wheels can do, and comes to rest.
+ *
+ * The path p(u) is a function of path time u in [0, duration]; the clock u(t) ramps up with a quintic, runs at rate
+ * 1/scale and ramps down. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the robot isn't at the path's start, a
+ * quintic lead-in brings it there first.
+ *
+ * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the tick.
+ */
+#ifndef OMNI_TRAJECTORY_H
+#define OMNI_TRAJECTORY_H
+
+#include "omni/kinematics.h"
+#include "omni/motor.h"
+#include "omni/params_gen.h"
+#include "omni/types.h"
+
+enum { OMNI_MAX_WAYPOINTS = 32 };
+
+typedef struct omni_trajectory_config_t {
+    uint8_t type;                 /**< enum omni_trj_type */
+    uint8_t rotation;             /**< enum omni_trj_rot */
+    uint16_t petals;              /**< rose: 1..32. Odd n: r = cos(n f), f in [0, pi]; n = 4m: cos(n/2 f), [0, 2 pi];
+                                       else cos(n/4 f), [0, 4 pi] */
+    omni_real_t size_m;
+    omni_real_t period_s;         /**< path time of a lap or leg */
+    omni_real_t laps;             /**< 0: without end */
+    omni_real_t rotation_amplitude_rad;
+    omni_real_t rotation_cycles;  /**< sine periods per lap */
+    uint32_t seed;                /**< random points: the same points for the same seed on every machine */
+    bool scale;                   /**< slow down to the limits */
+    omni_real_t margin;           /**< share of the limits that may be used */
+    omni_real_t ramp_s;
+    omni_real_t wheel_limit_rad_s;
+    omni_real_t voltage_limit_V;
+    omni_real_t ff_speed_V_s;     /**< motor: V per rad/s, for the voltage limit */
+    omni_real_t ff_acceleration_V_s2;
+} omni_trajectory_config_t;
+
+typedef struct omni_waypoints_t {
+    uint8_t count;                /**< 2..OMNI_MAX_WAYPOINTS */
+    omni_pose_t pose[OMNI_MAX_WAYPOINTS];
+} omni_waypoints_t;
+
+/** A planned path; constant after planning. */
+typedef struct omni_trajectory_t {
+    omni_trajectory_config_t config;
+    omni_waypoints_t waypoints;   /**< given, or drawn for the random points */
+    omni_pose_t origin;           /**< pose at plan time */
+    omni_pose_t start;            /**< first pose of the path */
+    omni_real_t lead_in_s;        /**< duration of the lead-in, 0 if none */
+    omni_real_t duration_s;       /**< path time; infinity is written as a negative number */
+    omni_real_t scale;            /**< clock runs at 1/scale, >= 1 if scaled */
+    omni_real_t peak_wheel_rad_s; /**< demanded at scale 1 */
+    omni_real_t peak_voltage_V;   /**< demanded at scale 1 */
+    omni_real_t needed_scale;     /**< what the limits need, whether or not it is applied; > scale: infeasible by that factor */
+} omni_trajectory_t;
+
+typedef enum omni_trajectory_phase_t {
+    OMNI_PHASE_NONE = 0,
+    OMNI_PHASE_LEAD_IN,
+    OMNI_PHASE_PATH,
+    OMNI_PHASE_DONE
+} omni_trajectory_phase_t;
+
+typedef struct omni_reference_t {
+    omni_pose_t pose;             /**< theta continuous, not wrapped */
+    omni_twist_t rate;            /**< world frame */
+    omni_twist_t acceleration;    /**< world frame */
+    omni_real_t path_time_s;      /**< u */
+    uint8_t phase;                /**< omni_trajectory_phase_t */
+} omni_reference_t;
+
+/**
+ * Plan. @param waypoints needed for OMNI_TRJ_TYPE_WAYPOINTS, else NULL (a pose each, straight quintic legs of period_s).
+ * @param at pose the robot has now; its heading's whole turns are kept (no unwinding).
+ * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration; the plan then holds `at`.
+ */
+omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config,
+                                   const omni_kinematics_t *k, const omni_waypoints_t *waypoints,
+                                   const omni_pose_t *at);
+
+/** Reference `time_s` after the start (>= 0; a double is not needed: up to 10 h keep 1 ms, see .c). */
+void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference);
+
+/** The bare path at path time u: pose and its first and second derivative by u. */
+void omni_path_evaluate(const omni_trajectory_t *plan, omni_real_t path_time_s, omni_pose_t *pose, omni_twist_t *first,
+                        omni_twist_t *second);
+
+#endif

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file types.h
+ * Numbers, frames and small value types shared by every module of the control core.
+ *
+ * Frames. World: x, y on the floor, theta counter-clockwise [rad]. Body: x forward, y left; wheel i sits at bearing
+ * alpha_i from body x. Positive wheel speed drives the body counter-clockwise. SI units unless a name says otherwise.
+ */
+#ifndef OMNI_TYPES_H
+#define OMNI_TYPES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/** Scalar of the control core: IEEE-754 binary32 on every target. */
+typedef float omni_real_t;
+
+enum {
+    OMNI_MAX_WHEELS = 4, /**< array length of everything per wheel */
+    OMNI_AXES = 3        /**< x, y, theta */
+};
+
+/** Pose in the world frame: metres and radians. */
+typedef struct omni_pose_t {
+    omni_real_t x;
+    omni_real_t y;
+    omni_real_t theta;
+} omni_pose_t;
+
+/** Rate of a pose, or the rate of that rate; the name of the variable says in which frame. m/s, rad/s (or m/s^2 ...). */
+typedef struct omni_twist_t {
+    omni_real_t vx;
+    omni_real_t vy;
+    omni_real_t wz;
+} omni_twist_t;
+
+/** Result of the functions that can refuse their input. */
+typedef enum omni_result_t {
+    OMNI_OK = 0,
+    OMNI_ERR_NOT_FINITE, /**< a NaN or an infinity */
+    OMNI_ERR_RANGE,      /**< outside the documented range */
+    OMNI_ERR_SINGULAR,   /**< the wheels cannot produce every motion, or a matrix has no inverse */
+    OMNI_ERR_UNKNOWN,    /**< no such name or index */
+    OMNI_ERR_LOCKED,     /**< not in this state (armed) */
+    OMNI_ERR_TIME        /**< time stamp outside the usable window */
+} omni_result_t;
+
+#endif

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file wheel_speed.h
+ * Wheel speed loops of all wheels: feed-forward from the motor model + PID, then voltages to duty with the direction kept.
+ */
+#ifndef OMNI_WHEEL_SPEED_H
+#define OMNI_WHEEL_SPEED_H
+
+#include "omni/pid.h"
+#include "omni/types.h"
+
+typedef struct omni_wheel_speed_config_t {
+    uint8_t wheels;
+    omni_pid_config_t pid;           /**< output in V */
+    omni_real_t ff_speed_V_s;        /**< V per rad/s */
+    omni_real_t ff_acceleration_V_s2;/**< V per rad/s^2 */
+    omni_real_t ff_static_V;         /**< Coulomb friction, in the wanted direction; fades below 0.05 rad/s */
+    omni_real_t duty_limit;          /**< 0..1 */
+} omni_wheel_speed_config_t;
+
+typedef struct omni_wheel_speed_state_t {
+    omni_pid_state_t pid[OMNI_MAX_WHEELS];
+} omni_wheel_speed_state_t;
+
+void omni_wheel_speed_reset(omni_wheel_speed_state_t *state);
+
+/**
+ * One tick. All arrays have OMNI_MAX_WHEELS entries.
+ * @param reference [rad/s], @param acceleration [rad/s^2] of the reference, @param measured [rad/s], @param supply_V > 0.
+ * @param duty out, -limit..limit; @param voltage_V out, duty * supply_V.
+ * @return the common factor by which the voltages were cut (1: none).
+ */
+omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wheel_speed_config_t *config,
+                                  const omni_real_t *reference, const omni_real_t *acceleration,
+                                  const omni_real_t *measured, omni_real_t supply_V, omni_real_t *duty,
+                                  omni_real_t *voltage_V);
+
+#endif
