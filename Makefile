@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: MIT
+# A thin front for the ordinary tools: every target is one or two commands that can be typed by hand.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check -q
+# pip runs with --no-build-isolation, so that the build folder stays valid and rebuilds are incremental.
+BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake>=3.20' ninja 'setuptools<81' \
+               'tomli>=2; python_version<"3.11"'
+
+BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt pyproject.toml \
+                  \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' \
+                  -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
+C_FILES := $(shell find shared/core firmware hil_sim host/native tests \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' \))
+PYTHON_DIRS := host hil_sim shared/generate tests
+
+.PHONY: help setup demo test lint format bench sanitize core-checks wheel clean
+help:
+	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
+	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
+	@echo 'make lint         formatters and linters     make format      apply the formatters'
+	@echo 'make bench        benchmarks                 make sanitize    tests under ASan and UBSan'
+	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
+	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
+
+$(VENV)/stamp-tools: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) install $(BUILD_TOOLS)
+	@touch $@
+
+$(VENV)/stamp-install: $(VENV)/stamp-tools $(BUILD_INPUTS)
+	$(PIP) install --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/stamp-test: $(VENV)/stamp-install pyproject.toml
+	$(PIP) install --no-build-isolation -e '.[test]'
+	@touch $@
+
+setup: $(VENV)/stamp-test
+
+demo: $(VENV)/stamp-install
+	$(BIN)/omni demo $(ARGS)
+
+test: setup
+	$(BIN)/python -m pytest $(ARGS)
+
+bench: setup
+	$(BIN)/python -m tests.bench $(ARGS)
+
+wheel: $(VENV)/stamp-tools
+	$(PIP) wheel --no-build-isolation --no-deps -w dist .
+
+$(VENV)/stamp-lint: $(VENV)/stamp-install
+	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' types-cffi pytest hypothesis
+	@touch $@
+
+lint: $(VENV)/stamp-lint
+	$(BIN)/ruff check $(PYTHON_DIRS)
+	$(BIN)/ruff format --check $(PYTHON_DIRS)
+	$(BIN)/mypy
+	.ci/lint-c $(C_FILES)
+
+format: $(VENV)/stamp-lint
+	$(BIN)/ruff check --fix $(PYTHON_DIRS)
+	$(BIN)/ruff format $(PYTHON_DIRS)
+	clang-format -i $(C_FILES)
+
+core-checks: $(VENV)/stamp-tools
+	PYTHON=$(BIN)/python .ci/core-checks
+
+sanitize: setup
+	.ci/sanitize $(VENV) $(ARGS)
+
+clean:
+	rm -rf build dist runs .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: MIT
+# One set of flags for all of this project's code. No contraction to fused multiply-add: the core must give the same bits on
+# every machine.
+add_library(omni_flags INTERFACE)
+target_compile_options(omni_flags INTERFACE -O2 -ffp-contract=off -fno-math-errno)
+
+add_library(omni_warnings INTERFACE)
+target_compile_options(omni_warnings INTERFACE -Wall -Wextra -Wconversion)
+if(OMNI_WERROR)
+  target_compile_options(omni_warnings INTERFACE -Werror)
+endif()
+
+if(OMNI_SANITIZE)
+  set(sanitizers -fsanitize=address,undefined -fno-sanitize-recover=all)
+  target_compile_options(omni_flags INTERFACE ${sanitizers} -fno-omit-frame-pointer -g)
+  target_link_options(omni_flags INTERFACE ${sanitizers})
+  if(CMAKE_C_COMPILER_ID MATCHES "Clang" AND NOT APPLE)
+    # clang links its runtime statically into programs only; a Python extension needs the shared one.
+    target_link_options(omni_flags INTERFACE -shared-libasan)
+  endif()
+endif()

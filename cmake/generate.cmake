@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+# The generation step: parameter and robot tables, MAVLink dialect, version header.
+set(OMNI_GENERATED "${CMAKE_BINARY_DIR}/generated")
+set(generator_dir "${PROJECT_SOURCE_DIR}/shared/generate")
+set(generator "${Python_EXECUTABLE}" "${generator_dir}/generate.py" --out "${OMNI_GENERATED}")
+
+file(GLOB_RECURSE generator_sources CONFIGURE_DEPENDS "${generator_dir}/*.py")
+file(GLOB robot_files CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/robots/*.toml")
+list(APPEND robot_files ${OMNI_ROBOTS})
+set(robot_arguments "")
+foreach(robot_file IN LISTS robot_files)
+  list(APPEND robot_arguments --robot "${robot_file}")
+endforeach()
+set(OMNI_ROBOT_FILES ${robot_files})
+
+set(OMNI_GENERATED_SOURCES "${OMNI_GENERATED}/src/params_gen.c" "${OMNI_GENERATED}/src/robots_gen.c")
+set(OMNI_PARAMS_HEADER "${OMNI_GENERATED}/include/omni/params_gen.h")
+add_custom_command(
+  OUTPUT ${OMNI_GENERATED_SOURCES} "${OMNI_PARAMS_HEADER}"
+  COMMAND ${generator} --part tables ${robot_arguments}
+  DEPENDS ${generator_sources} ${robot_files} "${PROJECT_SOURCE_DIR}/shared/params.toml"
+  COMMENT "Generating parameter and robot tables"
+  VERBATIM)
+
+set(OMNI_MAVLINK_HEADER "${OMNI_GENERATED}/mavlink/omni/mavlink.h")
+set(OMNI_PYTHON_DIALECT "${OMNI_GENERATED}/dialects/omni.py")
+add_custom_command(
+  OUTPUT "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}"
+  COMMAND ${generator} --part mavlink-c --part mavlink-python
+  DEPENDS ${generator_sources} "${PROJECT_SOURCE_DIR}/shared/link/omni.xml"
+          "${PROJECT_SOURCE_DIR}/shared/link/standard.toml"
+  COMMENT "Generating MAVLink dialect"
+  VERBATIM)
+
+# Runs in every build; the header changes only if the version or the state of the work tree did.
+add_custom_target(
+  omni_version
+  COMMAND ${generator} --part version
+  BYPRODUCTS "${OMNI_GENERATED}/include/omni/version_gen.h"
+  COMMENT "Checking version header"
+  VERBATIM)
+add_custom_target(omni_tables DEPENDS ${OMNI_GENERATED_SOURCES} "${OMNI_PARAMS_HEADER}")
+add_custom_target(omni_mavlink ALL DEPENDS "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}")
+
+# MAVLink's generated headers, as system headers because they do not compile without warnings.
+add_library(omni_mavlink_headers INTERFACE)
+target_include_directories(omni_mavlink_headers SYSTEM INTERFACE "${OMNI_GENERATED}/mavlink")
+add_dependencies(omni_mavlink_headers omni_mavlink)
+
+install(FILES "${OMNI_PYTHON_DIALECT}" DESTINATION omniwheel/dialects)
+install(FILES "${PROJECT_SOURCE_DIR}/shared/params.toml" DESTINATION omniwheel)
+install(FILES ${OMNI_ROBOT_FILES} DESTINATION omniwheel/robots)

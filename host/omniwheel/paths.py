@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: MIT
+"""Where the installed package keeps what the build made: the same in a wheel and in an editable install."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omniwheel import _core
+
+_REINSTALL = "the installation is incomplete; install again with: pip install . (or make setup)"
+
+
+class MissingFileError(FileNotFoundError):
+    """A file that belongs to the package is not there."""
+
+
+def _existing(path: Path, what: str) -> Path:
+    if not path.exists():
+        raise MissingFileError(f"{what} not found at {path}: {_REINSTALL}")
+    return path
+
+
+def data_dir() -> Path:
+    """Return the folder that holds everything below."""
+    extension = _core.__file__
+    if extension is None:
+        raise MissingFileError(f"omniwheel._core was not loaded from a file: {_REINSTALL}")
+    return Path(extension).resolve().parent
+
+
+def firmware_path() -> Path:
+    """Return the firmware program for this PC."""
+    return _existing(data_dir() / "bin" / "omni-firmware", "the PC firmware")
+
+
+def robots_dir() -> Path:
+    """Return the folder of the robot files that come with the package."""
+    return _existing(data_dir() / "robots", "the folder of robot files")
+
+
+def params_path() -> Path:
+    """Return params.toml, the description of every parameter."""
+    return _existing(data_dir() / "params.toml", "the parameter description")
+
+
+def dialect_dir() -> Path:
+    """Return the folder that holds the generated MAVLink dialect, module ``omni``."""
+    return _existing(data_dir() / "dialects", "the MAVLink dialect")

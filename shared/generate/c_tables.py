@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: MIT
+"""Writes the parameter table and the robot presets as C99 source."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from omni_schema import Parameter, ParameterTable, Robot, as_float32
+
+NOTICE = """\
+/* SPDX-License-Identifier: MIT
+ * Written by shared/generate; edit shared/params.toml or shared/robots/ instead. */
+"""
+
+_KIND = {"real": "OMNI_PARAM_REAL", "int": "OMNI_PARAM_INT", "bool": "OMNI_PARAM_INT", "enum": "OMNI_PARAM_INT"}
+
+
+def float_literal(value: float) -> str:
+    """Return the shortest C float literal that has exactly the bits of the float32 ``value``."""
+    text = next(
+        text
+        for text in (f"{value:.{digits}g}" for digits in range(1, 10))
+        if as_float32(float(text)) == value
+    )
+    return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
+
+
+def c_string(text: str) -> str:
+    """Return ``text`` as a C string literal; only ASCII is allowed."""
+    return json.dumps(text)
+
+
+def params_header(table: ParameterTable) -> str:
+    """Return ``omni/params_gen.h``: the parameters' indices and the names of enum values."""
+    lines = [
+        NOTICE,
+        "#ifndef OMNI_PARAMS_GEN_H",
+        "#define OMNI_PARAMS_GEN_H",
+        "",
+        "#include <stdint.h>",
+        "",
+        "/** Index of each parameter: in the table, in a parameter set and on the link. */",
+        "typedef enum omni_param_id {",
+        *(f"  OMNI_PARAM_{p.name} = {p.index}, /**< {_comment(p)} */" for p in table.parameters),
+        f"  OMNI_PARAM_COUNT = {len(table)}",
+        "} omni_param_id_t;",
+        "",
+        "/** Version of the table's layout; raised by hand when stored parameters can no longer be read. */",
+        f"enum {{ OMNI_PARAM_SCHEMA_VERSION = {table.schema_version} }};",
+        "",
+        "/** CRC-32 over names, order, kinds, units, ranges, defaults and enum values of the table. */",
+        "extern const uint32_t omni_param_schema_crc;",
+    ]
+    for p in table.parameters:
+        if p.values:
+            lines += ["", f"/** {p.doc}. */", f"enum omni_{p.name.lower()} {{"]
+            lines += [f"  OMNI_{p.name}_{k.upper()} = {v}," for k, v in p.values.items()]
+            lines[-1] = lines[-1].rstrip(",")
+            lines.append("};")
+    return "\n".join([*lines, "", "#endif", ""])
+
+
+def _comment(parameter: Parameter) -> str:
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    return f"{parameter.doc}{unit}"
+
+
+def params_source(table: ParameterTable) -> str:
+    """Return ``params_gen.c``: omni_param_table, one entry per parameter."""
+    rows = [
+        f"    [OMNI_PARAM_{p.name}] = {{\n"
+        f"        .name = {c_string(p.name)},\n"
+        f"        .unit = {c_string(p.unit)},\n"
+        f"        .minimum = {float_literal(p.minimum)},\n"
+        f"        .maximum = {float_literal(p.maximum)},\n"
+        f"        .initial = {float_literal(p.default)},\n"
+        f"        .kind = {_KIND[p.kind]},\n"
+        f"        .locked_while_armed = {int(p.disarmed_only)},\n"
+        "    },"
+        for p in table.parameters
+    ]
+    return "\n".join(
+        [
+            NOTICE,
+            '#include "omni/params.h"',
+            "",
+            f"const uint32_t omni_param_schema_crc = {table.crc:#010x}u;",
+            "",
+            "const omni_param_info_t omni_param_table[OMNI_PARAM_COUNT] = {",
+            *rows,
+            "};",
+            "",
+        ]
+    )
+
+
+def robots_source(robots: Sequence[Robot]) -> str:
+    """Return ``robots_gen.c``: omni_robot_presets, one full parameter set per robot file."""
+    lines = [
+        NOTICE,
+        '#include "omni/params.h"',
+        "",
+        f"const int32_t omni_robot_preset_count = {len(robots)};",
+        "",
+        "const omni_robot_preset_t omni_robot_presets[] = {",
+    ]
+    for robot in robots:
+        lines += ["    {", f"        .name = {c_string(robot.name)},", "        .values = {"]
+        lines += [
+            f"            [OMNI_PARAM_{name}] = {float_literal(value)},"
+            for name, value in robot.parameter_values().items()
+        ]
+        lines += ["        },", "    },"]
+    return "\n".join([*lines, "};", ""])
+
+
+def write_c_tables(table: ParameterTable, robots: Sequence[Robot], out: Path) -> None:
+    """Write the three files below ``out``."""
+    files = {
+        out / "include" / "omni" / "params_gen.h": params_header(table),
+        out / "src" / "params_gen.c": params_source(table),
+        out / "src" / "robots_gen.c": robots_source(robots),
+    }
+    for path, text in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: MIT
+"""Reads ``params.toml`` and robot files: the one description of every tunable, for the generator and the host.
+
+Pure Python, no build needed. All problems with a file are raised as :class:`SchemaError`, whose message names the
+file, the key, the value and what is allowed.
+"""
+
+from omni_schema.errors import SchemaError
+from omni_schema.parameters import (
+    MAX_WHEELS,
+    Parameter,
+    ParameterTable,
+    as_float32,
+    load_parameters,
+    parse_parameters,
+)
+from omni_schema.robots import Robot, load_robot, parse_robot
+
+__all__ = [
+    "MAX_WHEELS",
+    "Parameter",
+    "ParameterTable",
+    "Robot",
+    "SchemaError",
+    "as_float32",
+    "load_parameters",
+    "load_robot",
+    "parse_parameters",
+    "parse_robot",
+]

@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: MIT
+"""The parameter table: what ``shared/params.toml`` says, checked and expanded to one entry per wheel or link."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from omni_schema.errors import SchemaError, did_you_mean
+from omni_schema.toml_file import (
+    read_toml,
+    refuse_unknown_keys,
+    take_number,
+    take_table,
+    take_text,
+)
+
+MAX_WHEELS = 4
+"""How many entries a ``per_wheel`` parameter expands to (the core's OMNI_MAX_WHEELS)."""
+
+MAX_NAME_LENGTH = 16
+"""MAVLink's PARAM_VALUE carries 16 characters."""
+
+KINDS = ("real", "int", "bool", "enum")
+
+_NAME = re.compile(r"[A-Z][A-Z0-9_]*")
+_VALUE_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_REQUIRED_KEYS = ("kind", "unit", "min", "max", "default", "doc")
+_OPTIONAL_KEYS = ("values", "lock", "per_wheel", "robot_key")
+_EXACT_FLOAT32_INTEGER = 2**24
+
+
+def as_float32(value: float) -> float:
+    """Return the float32 nearest to ``value``, as a Python float: what the robot stores and the link carries."""
+    (rounded,) = struct.unpack("<f", struct.pack("<f", value))
+    return float(rounded)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One tunable of the robot.
+
+    ``minimum``, ``maximum`` and ``default`` are in ``unit`` and rounded to float32, because the robot compares in
+    float32. ``wheel`` is the 0-based wheel (or link) of a parameter that exists once per wheel, else None.
+    """
+
+    index: int
+    name: str
+    kind: str
+    unit: str
+    minimum: float
+    maximum: float
+    default: float
+    doc: str
+    values: Mapping[str, int] = field(default_factory=dict)
+    disarmed_only: bool = False
+    robot_key: str | None = None
+    wheel: int | None = None
+
+    @property
+    def allowed(self) -> str:
+        """What the parameter accepts, in words for an error message."""
+        if self.values:
+            return ", ".join(f"{name} ({number})" for name, number in self.values.items())
+        if self.kind == "bool":
+            return "0 or 1"
+        word = "a whole number" if self.kind == "int" else "a number"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{word} from {self.minimum:.7g} to {self.maximum:.7g}{unit}"
+
+    def problem_with(self, value: float) -> str | None:
+        """Say why ``value`` is not allowed, or None if it is."""
+        if not math.isfinite(value) or not self.minimum <= value <= self.maximum:
+            return f"is {value!r}; allowed is {self.allowed}"
+        whole = float(value).is_integer()
+        if self.kind != "real" and not whole:
+            return f"is {value!r}; allowed is {self.allowed}"
+        if self.kind == "enum" and int(value) not in self.values.values():
+            return f"is {value!r}; allowed is {self.allowed}"
+        return None
+
+    def parse(self, source: str, key: str, value: object) -> float:
+        """Turn a value from a file or a user (number, bool, or the name of an enum value) into the stored float32."""
+        if self.kind == "bool" and isinstance(value, bool):
+            return float(value)
+        if isinstance(value, str):
+            if value in self.values:
+                return float(self.values[value])
+            hint = did_you_mean(value, self.values)
+            raise SchemaError(source, key, f"is {value!r}{hint}; allowed is {self.allowed}")
+        number = take_number(source, key, value)
+        number = as_float32(number) if abs(number) < 3e38 else number
+        problem = self.problem_with(number)
+        if problem is not None:
+            raise SchemaError(source, key, problem)
+        return number
+
+
+@dataclass(frozen=True)
+class ParameterTable(Mapping[str, Parameter]):
+    """All parameters in wire order, looked up by name.
+
+    ``crc`` is a CRC-32 over everything that decides whether two programs mean the same table: it changes with names,
+    order, kinds, ranges, defaults and enum values, not with documentation.
+    """
+
+    source: str
+    schema_version: int
+    parameters: tuple[Parameter, ...]
+    crc: int
+    _by_name: Mapping[str, Parameter] = field(repr=False, compare=False, default_factory=dict)
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self._by_name[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_name)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def find(self, source: str, key: str, name: str) -> Parameter:
+        """Return the parameter called ``name``, or raise a SchemaError about ``key`` of ``source``."""
+        parameter = self._by_name.get(name)
+        if parameter is None:
+            hint = did_you_mean(name, self)
+            raise SchemaError(source, key, f"there is no parameter {name}{hint}")
+        return parameter
+
+    def defaults(self) -> dict[str, float]:
+        """Return every parameter's default by name."""
+        return {parameter.name: parameter.default for parameter in self.parameters}
+
+
+def load_parameters(path: Path | str) -> ParameterTable:
+    """Read ``params.toml``; raise SchemaError if anything in it is wrong."""
+    return parse_parameters(read_toml(Path(path)), str(path))
+
+
+def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable:
+    """Build the table from a parsed document; ``source`` names it in errors."""
+    version = document.get("schema_version")
+    if isinstance(version, bool) or not isinstance(version, int) or not 0 < version < 2**31:
+        raise SchemaError(
+            source, "schema_version", f"is {version!r}; a whole number above 0 is needed"
+        )
+    parameters: list[Parameter] = []
+    for name, value in document.items():
+        if name != "schema_version":
+            entry = take_table(source, name, value)
+            parameters += _expand(source, name, entry, len(parameters))
+    by_name = {parameter.name: parameter for parameter in parameters}
+    if len(by_name) != len(parameters):
+        names = [parameter.name for parameter in parameters]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise SchemaError(source, twice, "is defined twice once the per-wheel names are expanded")
+    return ParameterTable(source, version, tuple(parameters), _crc(version, parameters), by_name)
+
+
+def _expand(source: str, name: str, entry: dict[str, Any], first_index: int) -> list[Parameter]:
+    refuse_unknown_keys(source, f"{name}.", entry, (*_REQUIRED_KEYS, *_OPTIONAL_KEYS))
+    for key in _REQUIRED_KEYS:
+        if key not in entry:
+            raise SchemaError(source, f"{name}.{key}", "is missing")
+    per_wheel = entry.get("per_wheel", False)
+    if not isinstance(per_wheel, bool) or per_wheel != ("{n}" in name):
+        problem = f"is {per_wheel!r}; it must be true exactly where the name holds {{n}}"
+        raise SchemaError(source, f"{name}.per_wheel", problem)
+    wheels: list[int | None] = list(range(MAX_WHEELS)) if per_wheel else [None]
+    return [
+        _parameter(source, name, entry, first_index + offset, wheel)
+        for offset, wheel in enumerate(wheels)
+    ]
+
+
+def _parameter(
+    source: str, template: str, entry: dict[str, Any], index: int, wheel: int | None
+) -> Parameter:
+    name = template if wheel is None else template.replace("{n}", str(wheel + 1))
+    if len(name) > MAX_NAME_LENGTH or not _NAME.fullmatch(name):
+        raise SchemaError(
+            source, template, f"gives the name {name}; at most {MAX_NAME_LENGTH} of A-Z 0-9 _"
+        )
+    kind = take_text(source, f"{template}.kind", entry["kind"])
+    if kind not in KINDS:
+        hint = did_you_mean(kind, KINDS)
+        raise SchemaError(
+            source, f"{template}.kind", f"is {kind!r}{hint}; one of {', '.join(KINDS)}"
+        )
+    lock = entry.get("lock")
+    if lock not in (None, "disarmed"):
+        raise SchemaError(source, f"{template}.lock", f'is {lock!r}; only "disarmed" is allowed')
+    robot_key = entry.get("robot_key")
+    parameter = Parameter(
+        index=index,
+        name=name,
+        kind=kind,
+        unit=take_text(source, f"{template}.unit", entry["unit"]),
+        minimum=_stored(source, f"{template}.min", entry["min"]),
+        maximum=_stored(source, f"{template}.max", entry["max"]),
+        default=_stored(source, f"{template}.default", entry["default"]),
+        doc=_one_line(source, f"{template}.doc", entry["doc"]),
+        values=_enum_values(source, template, kind, entry.get("values")),
+        disarmed_only=lock is not None,
+        robot_key=None if robot_key is None else _robot_key(source, template, robot_key),
+        wheel=wheel,
+    )
+    _check_range(source, template, parameter)
+    return parameter
+
+
+def _stored(source: str, key: str, value: object) -> float:
+    number = take_number(source, key, value)
+    if abs(number) > 3e38:
+        raise SchemaError(source, key, f"is {value!r}; it does not fit a float32")
+    return as_float32(number)
+
+
+def _one_line(source: str, key: str, value: object) -> str:
+    text = take_text(source, key, value)
+    if not text.strip() or "\n" in text:
+        raise SchemaError(source, key, f"is {text!r}; one line of documentation is needed")
+    return text
+
+
+def _robot_key(source: str, name: str, value: object) -> str:
+    text = take_text(source, f"{name}.robot_key", value)
+    if text.count(".") != 1:
+        problem = f"is {text!r}; section.key is needed, like geometry.wheels"
+        raise SchemaError(source, f"{name}.robot_key", problem)
+    return text
+
+
+def _enum_values(source: str, name: str, kind: str, values: object) -> dict[str, int]:
+    key = f"{name}.values"
+    if (kind == "enum") != (values is not None):
+        raise SchemaError(source, key, 'is needed for kind = "enum" and for no other kind')
+    if values is None:
+        return {}
+    table = take_table(source, key, values)
+    for label, number in table.items():
+        if not _VALUE_NAME.fullmatch(label):
+            raise SchemaError(source, f"{key}.{label}", "names are lower case: a-z 0-9 _")
+        if isinstance(number, bool) or not isinstance(number, int):
+            raise SchemaError(source, f"{key}.{label}", f"is {number!r}; a whole number is needed")
+    if len(set(table.values())) != len(table):
+        raise SchemaError(source, key, "has the same number twice")
+    return dict(table)
+
+
+def _check_range(source: str, template: str, parameter: Parameter) -> None:
+    if parameter.minimum > parameter.maximum:
+        raise SchemaError(source, f"{template}.min", "is above max")
+    if parameter.kind == "bool" and (parameter.minimum, parameter.maximum) != (0.0, 1.0):
+        raise SchemaError(source, f"{template}.max", "a bool has min = 0 and max = 1")
+    if parameter.kind != "real":
+        for key, value in (("min", parameter.minimum), ("max", parameter.maximum)):
+            if not value.is_integer() or abs(value) > _EXACT_FLOAT32_INTEGER:
+                problem = f"is {value!r}; a whole number that a float32 holds exactly is needed"
+                raise SchemaError(source, f"{template}.{key}", problem)
+    problem_or_none = parameter.problem_with(parameter.default)
+    if problem_or_none is not None:
+        raise SchemaError(source, f"{template}.default", problem_or_none)
+
+
+def _crc(schema_version: int, parameters: list[Parameter]) -> int:
+    lines = [f"schema {schema_version}"]
+    for p in parameters:
+        values = ",".join(f"{label}={number}" for label, number in p.values.items())
+        numbers = ",".join(
+            struct.pack("<f", x).hex() for x in (p.minimum, p.maximum, p.default)
+        )
+        lines.append(f"{p.name}|{p.kind}|{p.unit}|{numbers}|{values}|{int(p.disarmed_only)}")
+    return zlib.crc32("\n".join(lines).encode("utf-8"))

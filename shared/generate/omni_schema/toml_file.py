@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""Reads a TOML file and takes typed values out of it, with errors that say what to do."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from omni_schema.errors import SchemaError, did_you_mean
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Parse the TOML file at ``path``; raise SchemaError if it cannot be read or is not TOML."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SchemaError(str(path), "", "no such file; check the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SchemaError(str(path), "", f"cannot be read as UTF-8 text: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SchemaError(str(path), "", f"is not valid TOML: {error}") from error
+
+
+def take_table(source: str, key: str, value: object) -> dict[str, Any]:
+    """Return ``value`` if it is a table."""
+    if not isinstance(value, dict):
+        raise SchemaError(source, key, f"is {value!r}; a table [{key}] is needed here")
+    return value
+
+
+def take_text(source: str, key: str, value: object) -> str:
+    """Return ``value`` if it is a string."""
+    if not isinstance(value, str):
+        raise SchemaError(source, key, f"is {value!r}; a string is needed here")
+    return value
+
+
+def take_number(source: str, key: str, value: object) -> float:
+    """Return ``value`` as a float if it is a finite number; booleans are no numbers."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise SchemaError(source, key, f"is {value!r}; a finite number is needed here")
+    return float(value)
+
+
+def refuse_unknown_keys(
+    source: str, prefix: str, table: Mapping[str, object], known: Iterable[str]
+) -> None:
+    """Raise SchemaError for the first key of ``table`` that is not in ``known``."""
+    allowed = list(known)
+    for key in table:
+        if key not in allowed:
+            hint = did_you_mean(key, allowed)
+            raise SchemaError(
+                source, f"{prefix}{key}", f"unknown key{hint}; allowed are {', '.join(allowed)}"
+            )
