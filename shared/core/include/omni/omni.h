@@ -3,6 +3,7 @@
 #ifndef OMNI_OMNI_H
 #define OMNI_OMNI_H
 
+#include "omni/bridge.h"
 #include "omni/feedback_linearization.h"
 #include "omni/ismc.h"
 #include "omni/kinematics.h"

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: MIT
+/// @file board.h  What the firmware asks of a board: six small interfaces. Only firmware/boards/* implements them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "omni/types.h"
+
+namespace omni {
+
+/// Monotonic time since boot. Never goes back; readable from the tick and from the background.
+class Clock {
+public:
+    virtual uint64_t now_us() = 0;
+
+protected:
+    ~Clock() = default;
+};
+
+/// Wheel encoders: raw 32-bit counters that may wrap.
+class Encoders {
+public:
+    /// Read all counters at once. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose count can be trusted.
+    virtual uint8_t read(int32_t *counts) = 0;
+
+protected:
+    ~Encoders() = default;
+};
+
+/// Outcome of the transactions submitted to an I2C bus.
+enum class I2cStatus : uint8_t {
+    idle,      ///< nothing was submitted since the last poll
+    busy,      ///< still on the wire
+    done,      ///< all acknowledged
+    nack,      ///< no acknowledge
+    stuck,     ///< a line is held low
+};
+
+/// One I2C transaction: a write, then an optional read after a repeated START.
+struct I2cTransaction {
+    static constexpr size_t max_write = 40;
+    static constexpr size_t max_read = 8;
+    uint8_t address = 0;       ///< 7 bit
+    uint8_t write_length = 0;  ///< 0..max_write
+    uint8_t read_length = 0;   ///< 0..max_read
+    uint8_t write[max_write] = {};
+};
+
+/// Asynchronous I2C master. Called from the tick only; never waits.
+class I2cBus {
+public:
+    /// Queue a batch; its transactions are joined by repeated START and end with one STOP, so the chip updates at once.
+    /// @return false if the last batch is still busy (nothing is queued).
+    virtual bool submit(const I2cTransaction *batch, size_t count) = 0;
+    /// How the last batch went; `read` gets max_read bytes of its last read. nack, stuck and done are reported once.
+    virtual I2cStatus poll(uint8_t *read) = 0;
+    /// Start freeing a stuck bus (nine clocks, STOP) without waiting.
+    virtual void recover() = 0;
+
+protected:
+    ~I2cBus() = default;
+};
+
+/// A byte stream to a ground station or host. Used from the background only; never waits.
+class SerialPort {
+public:
+    /// @return bytes put into `data`, 0 if none wait.
+    virtual size_t read(uint8_t *data, size_t capacity) = 0;
+    /// @return bytes that `write` will take now.
+    virtual size_t write_space() = 0;
+    /// All or nothing. @return false if there was no room.
+    virtual bool write(const uint8_t *data, size_t length) = 0;
+
+protected:
+    ~SerialPort() = default;
+};
+
+/// Non-volatile bytes, erased state 0xFF. Used from the background only, and only while disarmed.
+class Storage {
+public:
+    virtual size_t size() = 0;
+    virtual bool read(size_t offset, uint8_t *data, size_t length) = 0;
+    /// Power may fail after any byte. @return false on failure.
+    virtual bool write(size_t offset, const uint8_t *data, size_t length) = 0;
+
+protected:
+    ~Storage() = default;
+};
+
+/// Resets the processor unless fed.
+class Watchdog {
+public:
+    virtual void feed() = 0;
+    /// True if the watchdog caused the last reset.
+    virtual bool caused_reset() = 0;
+    /// Reset now (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN).
+    virtual void reset() = 0;
+
+protected:
+    ~Watchdog() = default;
+};
+
+/// Everything the application gets from its board.
+struct Board {
+    static constexpr size_t max_ports = 4;
+    Clock *clock = nullptr;
+    Encoders *encoders = nullptr;
+    I2cBus *i2c = nullptr;
+    SerialPort *ports[max_ports] = {};  ///< port 0: USB; port 1: radio
+    size_t port_count = 0;
+    Storage *storage = nullptr;
+    Watchdog *watchdog = nullptr;
+    const omni_real_t *robot_values = nullptr;  ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
+    /// Supply voltage [V], or <= 0 if the board doesn't measure it.
+    omni_real_t (*battery_V)() = nullptr;
+};
+
+}  // namespace omni

@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: MIT */
+/** @file hil_sim.h  The whole simulated world. */
+#ifndef HIL_SIM_HIL_SIM_H
+#define HIL_SIM_HIL_SIM_H
+
+#include "hil_sim/pca9685.h"
+#include "hil_sim/random.h"
+#include "hil_sim/runner.h"
+#include "hil_sim/world.h"
+
+#endif

@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file world.h
+ * The simulated world around one robot: PWM chip, H-bridges, motors, wheels on the floor, rigid body, battery, encoders, pose
+ * sensor, faults. Double precision, SI. Written from first principles (contact-point velocities by cross products, a traction
+ * force per wheel), never from the controller's matrices, so that an error there shows here.
+ *
+ * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely along p_i.
+ *   creep_i = r w_i (1 - s_i) - t_i . (v + wz x p_i)        s_i: imposed slip ratio the encoders cannot see
+ *   F_i = C creep_i, limited smoothly to mu N                N = m g / n
+ *   J w_i' = K i_i - b w_i - T_c sgn(w_i) - r F_i;   L i_i' = V_i - R i_i - K w_i  (the bridge decides V_i or open circuit)
+ *   m v' = sum (F_i t_i + roller drag);   I wz' = sum p_i x (...)
+ */
+#ifndef HIL_SIM_WORLD_H
+#define HIL_SIM_WORLD_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hil_sim/pca9685.h"
+
+enum {
+    HIL_MAX_WHEELS = 4,
+    HIL_MAX_FAULTS = 16,
+    HIL_MAX_FIXES = 64,       /**< pose fixes on their way */
+    HIL_MAX_I2C = 128,        /**< bytes of the transactions of a tick */
+    HIL_MAX_I2C_READ = 8
+};
+
+/** Why a configuration is refused; the text names the field. */
+typedef enum hil_result_t {
+    HIL_OK = 0,
+    HIL_ERR_CONFIG,
+    HIL_ERR_LINK,      /**< the link broke or was closed */
+    HIL_ERR_TIMEOUT,   /**< the robot did not answer in time */
+    HIL_ERR_PROTOCOL   /**< the robot answered something else than asked */
+} hil_result_t;
+
+typedef enum hil_fault_kind_t {
+    HIL_FAULT_NONE = 0,
+    HIL_FAULT_ENCODER_STUCK,     /**< counter of `wheel` stands still */
+    HIL_FAULT_ENCODER_REVERSED,  /**< counter of `wheel` counts backwards */
+    HIL_FAULT_ENCODER_INVALID,   /**< counter of `wheel` is reported as not valid */
+    HIL_FAULT_I2C_NACK,          /**< the chip acknowledges nothing */
+    HIL_FAULT_I2C_STUCK,         /**< the bus is held low */
+    HIL_FAULT_LINK_SILENCE,      /**< the ground station's messages do not arrive (host-in-the-loop sensors still do) */
+    HIL_FAULT_POSE_LOSS,         /**< no pose fixes */
+    HIL_FAULT_POSE_JUMP,         /**< pose fixes are off by `value` metres in x */
+    HIL_FAULT_BATTERY_SAG,       /**< open-circuit voltage becomes `value` volts */
+    HIL_FAULT_MOTOR_DEAD,        /**< motor of `wheel` is disconnected */
+    HIL_FAULT_KIND_COUNT
+} hil_fault_kind_t;
+
+typedef struct hil_fault_t {
+    uint8_t kind;                /**< hil_fault_kind_t */
+    uint8_t wheel;
+    double start_s;
+    double stop_s;               /**< exclusive */
+    double value;
+} hil_fault_t;
+
+typedef struct hil_world_config_t {
+    uint32_t wheels;                          /**< 3 or 4 */
+    double wheel_radius_m[HIL_MAX_WHEELS];
+    double wheel_distance_m[HIL_MAX_WHEELS];
+    double wheel_angle_rad[HIL_MAX_WHEELS];
+    double motor_inertia_kg_m2;
+    double motor_viscous_N_m_s;
+    double motor_coulomb_N_m;
+    double motor_constant_N_m_A;
+    double motor_resistance_ohm;
+    double motor_inductance_H;
+    double battery_V;                         /**< open circuit */
+    double battery_resistance_ohm;
+    double mass_kg;
+    double inertia_kg_m2;
+    double friction_coefficient;
+    double slip_stiffness_N_s_m;
+    double roller_friction_N_s_m;
+    double slip_max;                          /**< imposed slip ratio is drawn from [0, slip_max] */
+    double slip_time_s;                       /**< and changes linearly between draws this far apart */
+    int32_t counts_per_revolution;
+    int32_t encoder_direction[HIL_MAX_WHEELS];
+    int32_t motor_direction[HIL_MAX_WHEELS];
+    uint32_t in1_channel[HIL_MAX_WHEELS];
+    uint32_t in2_channel[HIL_MAX_WHEELS];
+    uint8_t pca9685_address;
+    double fix_rate_Hz;                       /**< 0: no pose sensor */
+    double fix_sd_xy_m;
+    double fix_sd_theta_rad;
+    double fix_delay_s;
+    double fix_drop_probability;
+    double start_pose[3];                     /**< x [m], y [m], theta [rad] */
+    uint64_t seed;
+    uint32_t fault_count;
+    hil_fault_t fault[HIL_MAX_FAULTS];
+} hil_world_config_t;
+
+typedef struct hil_fix_t {
+    uint64_t taken_us;                        /**< when the sensor saw it */
+    uint64_t arrives_us;
+    double pose[3];                           /**< x, y, theta wrapped to -pi..pi */
+} hil_fix_t;
+
+/** What the robot's electronics see of the world at one tick. */
+typedef struct hil_sensors_t {
+    uint64_t time_us;
+    int32_t counts[HIL_MAX_WHEELS];
+    uint8_t counts_valid;                     /**< bit per wheel */
+    double battery_V;
+    uint8_t i2c_status;                       /**< bit 0: not acknowledged, bit 1: bus stuck (of the last tick's transactions) */
+    uint8_t i2c_read_length;
+    uint8_t i2c_read[HIL_MAX_I2C_READ];
+    bool has_fix;                             /**< a pose fix arrives with this tick */
+    hil_fix_t fix;
+    bool link_silent;                         /**< the ground station's messages are lost now */
+} hil_sensors_t;
+
+typedef struct hil_world_t {
+    hil_world_config_t config;
+    uint64_t time_us;
+    uint64_t steps;
+    double pose[3];                           /**< truth; theta not wrapped */
+    double twist[3];                          /**< truth, world frame */
+    double wheel_angle_rad[HIL_MAX_WHEELS];
+    double wheel_rad_s[HIL_MAX_WHEELS];
+    double current_A[HIL_MAX_WHEELS];
+    double voltage_V[HIL_MAX_WHEELS];         /**< mean bridge voltage, wheel direction */
+    double slip_ratio[HIL_MAX_WHEELS];        /**< imposed */
+    double traction_N[HIL_MAX_WHEELS];
+    double supply_V;                          /**< under load */
+    double in1[HIL_MAX_WHEELS];               /**< share of the period IN1 is high */
+    double in2[HIL_MAX_WHEELS];
+    int32_t counts[HIL_MAX_WHEELS];
+    int32_t frozen_counts[HIL_MAX_WHEELS];    /**< for the stuck encoder */
+    hil_pca9685_t chip;
+    uint8_t i2c_status;
+    uint8_t i2c_read_length;
+    uint8_t i2c_read[HIL_MAX_I2C_READ];
+    uint64_t fixes_taken;
+    uint32_t fix_head;
+    uint32_t fix_count;
+    hil_fix_t fix[HIL_MAX_FIXES];
+} hil_world_t;
+
+/** Check and start. @param why out, text of at most `why_size` bytes naming the offending field. */
+hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config, char *why, uint32_t why_size);
+
+/** What the sensors show now (of time world->time_us). A due pose fix is handed out once. */
+void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors);
+
+/**
+ * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read).
+ * @return HIL_ERR_PROTOCOL if the bytes do not parse; the bridges then keep what they have.
+ */
+hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length);
+
+/** Set the bridge inputs directly, in PWM steps 0..4096 per wheel, instead of through the chip (in-process runs). */
+void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
+
+/** Advance by one tick. @param step_us e.g. 1000. */
+void hil_world_step(hil_world_t *world, uint32_t step_us);
+
+/** Kinetic energy of body and wheels [J], for the energy tests. */
+double hil_world_kinetic_energy(const hil_world_t *world);
+
+/** Is a fault of this kind active for this wheel (or any wheel, wheel >= HIL_MAX_WHEELS)? */
+bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t wheel);
+
+#endif
