@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+
 from mavlink_dialect import generate_c, generate_python, trimmed_dialect
 from omni_schema import SchemaError
 
@@ -47,9 +48,7 @@ def c_messages(folder: Path) -> dict[str, tuple[int, int, int]]:
 
 
 def python_messages(module: Any) -> dict[str, tuple[int, int, int]]:
-    return {
-        cls.msgname: (cls.id, cls.crc_extra, cls.unpacker.size) for cls in module.mavlink_map.values()
-    }
+    return {cls.msgname: (cls.id, cls.crc_extra, cls.unpacker.size) for cls in module.mavlink_map.values()}
 
 
 def test_checksums_and_lengths_agree(generated: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from omni_schema import SchemaError, load_parameters, parse_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,7 +81,7 @@ def test_bad_names_are_refused(name: str) -> None:
 def test_a_missing_key_is_named() -> None:
     broken = entry()
     del broken["unit"]
-    with pytest.raises(SchemaError, match="LENGTH.unit: is missing"):
+    with pytest.raises(SchemaError, match=r"LENGTH\.unit: is missing"):
         parse_parameters({"schema_version": 1, "LENGTH": broken}, "p.toml")
 
 

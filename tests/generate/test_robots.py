@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from omni_schema import SchemaError, load_parameters, load_robot, parse_robot
 from omni_schema.toml_file import read_toml
 

@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from c_tables import float_literal
-from git_version import NO_GIT, git_state, version_header
 from hypothesis import given
 from hypothesis import strategies as st
+
+from c_tables import float_literal
+from git_version import NO_GIT, git_state, version_header
 from omni_schema import as_float32, load_parameters, load_robot
 from omniwheel import _core
 
