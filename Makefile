@@ -11,7 +11,7 @@ BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake
 BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt pyproject.toml \
                   \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' \
                   -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
-C_FILES := $(shell find shared/core firmware hil_sim host/native tests \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' \))
+C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[ch]' -o -name '*.[ch]pp')
 PYTHON_DIRS := host hil_sim shared/generate tests
 
 .PHONY: help setup demo test lint format bench sanitize core-checks wheel clean
@@ -32,11 +32,12 @@ $(VENV)/stamp-install: $(VENV)/stamp-tools $(BUILD_INPUTS)
 	$(PIP) install --no-build-isolation -e .
 	@touch $@
 
-$(VENV)/stamp-test: $(VENV)/stamp-install pyproject.toml
+# Only a change of pyproject.toml can bring new packages; a change of C code is stamp-install's business.
+$(VENV)/stamp-test: pyproject.toml | $(VENV)/stamp-install
 	$(PIP) install --no-build-isolation -e '.[test]'
 	@touch $@
 
-setup: $(VENV)/stamp-test
+setup: $(VENV)/stamp-install $(VENV)/stamp-test
 
 demo: $(VENV)/stamp-install
 	$(BIN)/omni demo $(ARGS)
@@ -51,14 +52,14 @@ wheel: $(VENV)/stamp-tools
 	$(PIP) wheel --no-build-isolation --no-deps -w dist .
 
 $(VENV)/stamp-lint: $(VENV)/stamp-install
-	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' types-cffi pytest hypothesis
+	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' pytest hypothesis
 	@touch $@
 
 lint: $(VENV)/stamp-lint
 	$(BIN)/ruff check $(PYTHON_DIRS)
 	$(BIN)/ruff format --check $(PYTHON_DIRS)
 	$(BIN)/mypy
-	.ci/lint-c $(C_FILES)
+	.ci/lint-c $(VENV)
 
 format: $(VENV)/stamp-lint
 	$(BIN)/ruff check --fix $(PYTHON_DIRS)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Writes the C source of ``omniwheel._core`` from the public C headers.
 
-The C compiler preprocesses the headers; the line markers that it leaves say which declarations come from our own folders.
-Those are given to cffi, so that no declaration is written twice.
+The C compiler preprocesses the headers; the line markers that it leaves say which declarations come from our own
+folders. Those are given to cffi, so that no declaration is written twice.
 """
 
 from __future__ import annotations

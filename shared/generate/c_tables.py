@@ -19,11 +19,7 @@ _KIND = {"real": "OMNI_PARAM_REAL", "int": "OMNI_PARAM_INT", "bool": "OMNI_PARAM
 
 def float_literal(value: float) -> str:
     """Return the shortest C float literal that has exactly the bits of the float32 ``value``."""
-    text = next(
-        text
-        for text in (f"{value:.{digits}g}" for digits in range(1, 10))
-        if as_float32(float(text)) == value
-    )
+    text = next(text for text in (f"{value:.{digits}g}" for digits in range(1, 10)) if as_float32(float(text)) == value)
     return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 

@@ -20,9 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import pymavlink
+from pymavlink.generator import mavgen, mavparse
+
 from omni_schema.errors import SchemaError, did_you_mean
 from omni_schema.toml_file import read_toml, refuse_unknown_keys
-from pymavlink.generator import mavgen, mavparse
 
 DIALECT = "omni"
 BASE_FILES = ("minimal.xml", "standard.xml", "common.xml")
@@ -123,9 +124,7 @@ def _document(messages: list[ET.Element], enums: list[ET.Element]) -> ET.Element
 
 
 def _run_mavgen(xml: Path, output: Path, language: str) -> None:
-    options = mavgen.Opts(
-        str(output), mavparse.PROTOCOL_2_0, language=language, validate=False, strict_units=False
-    )
+    options = mavgen.Opts(str(output), mavparse.PROTOCOL_2_0, language=language, validate=False, strict_units=False)
     chatter = io.StringIO()
     try:
         with contextlib.redirect_stdout(chatter):

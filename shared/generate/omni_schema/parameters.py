@@ -147,9 +147,7 @@ def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable
     """Build the table from a parsed document; ``source`` names it in errors."""
     version = document.get("schema_version")
     if isinstance(version, bool) or not isinstance(version, int) or not 0 < version < 2**31:
-        raise SchemaError(
-            source, "schema_version", f"is {version!r}; a whole number above 0 is needed"
-        )
+        raise SchemaError(source, "schema_version", f"is {version!r}; a whole number above 0 is needed")
     parameters: list[Parameter] = []
     for name, value in document.items():
         if name != "schema_version":
@@ -173,26 +171,17 @@ def _expand(source: str, name: str, entry: dict[str, Any], first_index: int) -> 
         problem = f"is {per_wheel!r}; it must be true exactly where the name holds {{n}}"
         raise SchemaError(source, f"{name}.per_wheel", problem)
     wheels: list[int | None] = list(range(MAX_WHEELS)) if per_wheel else [None]
-    return [
-        _parameter(source, name, entry, first_index + offset, wheel)
-        for offset, wheel in enumerate(wheels)
-    ]
+    return [_parameter(source, name, entry, first_index + offset, wheel) for offset, wheel in enumerate(wheels)]
 
 
-def _parameter(
-    source: str, template: str, entry: dict[str, Any], index: int, wheel: int | None
-) -> Parameter:
+def _parameter(source: str, template: str, entry: dict[str, Any], index: int, wheel: int | None) -> Parameter:
     name = template if wheel is None else template.replace("{n}", str(wheel + 1))
     if len(name) > MAX_NAME_LENGTH or not _NAME.fullmatch(name):
-        raise SchemaError(
-            source, template, f"gives the name {name}; at most {MAX_NAME_LENGTH} of A-Z 0-9 _"
-        )
+        raise SchemaError(source, template, f"gives the name {name}; at most {MAX_NAME_LENGTH} of A-Z 0-9 _")
     kind = take_text(source, f"{template}.kind", entry["kind"])
     if kind not in KINDS:
         hint = did_you_mean(kind, KINDS)
-        raise SchemaError(
-            source, f"{template}.kind", f"is {kind!r}{hint}; one of {', '.join(KINDS)}"
-        )
+        raise SchemaError(source, f"{template}.kind", f"is {kind!r}{hint}; one of {', '.join(KINDS)}")
     lock = entry.get("lock")
     if lock not in (None, "disarmed"):
         raise SchemaError(source, f"{template}.lock", f'is {lock!r}; only "disarmed" is allowed')
@@ -273,8 +262,6 @@ def _crc(schema_version: int, parameters: list[Parameter]) -> int:
     lines = [f"schema {schema_version}"]
     for p in parameters:
         values = ",".join(f"{label}={number}" for label, number in p.values.items())
-        numbers = ",".join(
-            struct.pack("<f", x).hex() for x in (p.minimum, p.maximum, p.default)
-        )
+        numbers = ",".join(struct.pack("<f", x).hex() for x in (p.minimum, p.maximum, p.default))
         lines.append(f"{p.name}|{p.kind}|{p.unit}|{numbers}|{values}|{int(p.disarmed_only)}")
     return zlib.crc32("\n".join(lines).encode("utf-8"))

@@ -69,9 +69,7 @@ def load_robot(path: Path | str, table: ParameterTable) -> Robot:
 def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str) -> Robot:
     """Build a robot from a parsed document; ``source`` names it in errors."""
     refuse_unknown_keys(source, "", document, SECTIONS)
-    sections = {
-        name: copy.deepcopy(take_table(source, name, document.get(name, {}))) for name in SECTIONS
-    }
+    sections = {name: copy.deepcopy(take_table(source, name, document.get(name, {}))) for name in SECTIONS}
     name, description = _identity(source, sections["robot"])
     wheels = _wheel_count(source, sections, table)
     _refuse_unknown_section_keys(source, sections, table)
@@ -123,9 +121,7 @@ def _wheel_count(source: str, sections: dict[str, dict[str, Any]], table: Parame
     return int(parameters[0].parse(source, WHEELS_KEY, sections["geometry"]["wheels"]))
 
 
-def _refuse_unknown_section_keys(
-    source: str, sections: dict[str, dict[str, Any]], table: ParameterTable
-) -> None:
+def _refuse_unknown_section_keys(source: str, sections: dict[str, dict[str, Any]], table: ParameterTable) -> None:
     known: dict[str, list[str]] = {name: [] for name in ("geometry", "encoder", "motor", "wiring")}
     for key in [*_parameters_by_key(table), ENCODER_PINS_KEY]:
         section, _, leaf = key.partition(".")
@@ -149,18 +145,14 @@ def _keyed_values(
             values[parameters[0].name] = parameters[0].parse(source, key, given)
             continue
         if not isinstance(given, list) or len(given) != wheels:
-            raise SchemaError(
-                source, key, f"is {given!r}; a list of {wheels} numbers is needed, one per wheel"
-            )
+            raise SchemaError(source, key, f"is {given!r}; a list of {wheels} numbers is needed, one per wheel")
         for parameter, number in zip(parameters, given, strict=False):
             item = f"{key}[{parameter.wheel}]"
             values[parameter.name] = parameter.parse(source, item, number)
     return values
 
 
-def _named_values(
-    source: str, section: dict[str, Any], table: ParameterTable
-) -> dict[str, float]:
+def _named_values(source: str, section: dict[str, Any], table: ParameterTable) -> dict[str, float]:
     values: dict[str, float] = {}
     for name, given in section.items():
         key = f"parameters.{name}"
@@ -177,26 +169,20 @@ def _simulation(source: str, section: dict[str, Any]) -> dict[str, float | list[
     for name, given in section.items():
         key = f"simulation.{name}"
         if isinstance(given, list):
-            checked[name] = [
-                take_number(source, f"{key}[{i}]", item) for i, item in enumerate(given)
-            ]
+            checked[name] = [take_number(source, f"{key}[{i}]", item) for i, item in enumerate(given)]
         else:
             checked[name] = take_number(source, key, given)
     return checked
 
 
-def _encoder_pins(
-    source: str, wiring: dict[str, Any], wheels: int
-) -> tuple[tuple[int, int], ...]:
+def _encoder_pins(source: str, wiring: dict[str, Any], wheels: int) -> tuple[tuple[int, int], ...]:
     given = wiring.get("encoder_pins")
     if given is None:
         return ()
     if not isinstance(given, list) or len(given) != wheels:
         problem = f"is {given!r}; a list of {wheels} pairs [A, B] is needed, one per wheel"
         raise SchemaError(source, ENCODER_PINS_KEY, problem)
-    return tuple(
-        _pin_pair(source, f"{ENCODER_PINS_KEY}[{wheel}]", pair) for wheel, pair in enumerate(given)
-    )
+    return tuple(_pin_pair(source, f"{ENCODER_PINS_KEY}[{wheel}]", pair) for wheel, pair in enumerate(given))
 
 
 def _pin_pair(source: str, key: str, pair: object) -> tuple[int, int]:

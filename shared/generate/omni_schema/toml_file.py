@@ -20,13 +20,14 @@ else:
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse the TOML file at ``path``; raise SchemaError if it cannot be read or is not TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        document: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise SchemaError(str(path), "", "no such file; check the path") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SchemaError(str(path), "", f"cannot be read as UTF-8 text: {error}") from error
     except tomllib.TOMLDecodeError as error:
         raise SchemaError(str(path), "", f"is not valid TOML: {error}") from error
+    return document
 
 
 def take_table(source: str, key: str, value: object) -> dict[str, Any]:
@@ -50,14 +51,10 @@ def take_number(source: str, key: str, value: object) -> float:
     return float(value)
 
 
-def refuse_unknown_keys(
-    source: str, prefix: str, table: Mapping[str, object], known: Iterable[str]
-) -> None:
+def refuse_unknown_keys(source: str, prefix: str, table: Mapping[str, object], known: Iterable[str]) -> None:
     """Raise SchemaError for the first key of ``table`` that is not in ``known``."""
     allowed = list(known)
     for key in table:
         if key not in allowed:
             hint = did_you_mean(key, allowed)
-            raise SchemaError(
-                source, f"{prefix}{key}", f"unknown key{hint}; allowed are {', '.join(allowed)}"
-            )
+            raise SchemaError(source, f"{prefix}{key}", f"unknown key{hint}; allowed are {', '.join(allowed)}")

@@ -24,7 +24,9 @@
 
 enum {
     OMNI_TICK_US = 1000,          /**< nominal tick period */
-    OMNI_TICK_JUMP_US = 10000     /**< a step longer than this raises OMNI_FAULT_TIME */
+    OMNI_TICK_JUMP_US = 10000,    /**< a step longer than this raises OMNI_FAULT_TIME */
+    OMNI_ENCODER_TICKS = 3,       /**< impossible or missing counts in a row that raise OMNI_FAULT_ENCODER */
+    OMNI_BATTERY_TICKS = 50       /**< low readings in a row that raise OMNI_FAULT_BATTERY */
 };
 
 typedef struct omni_limits_t {
@@ -33,6 +35,7 @@ typedef struct omni_limits_t {
     omni_real_t turn_rad_s;
     omni_real_t acceleration_m_s2;
     omni_real_t position_m;
+    omni_real_t reference_share;                  /**< share of wheel_rad_s a governed reference may use */
     omni_real_t command_timeout_s;
     omni_real_t link_timeout_s;
     omni_real_t fix_timeout_s;
@@ -74,8 +77,8 @@ typedef struct omni_robot_config_t {
 omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index);
 
 typedef enum omni_setpoint_kind_t {
-    OMNI_SETPOINT_NONE = 0,       /**< zero wheel speed */
-    OMNI_SETPOINT_POSE,           /**< world pose, with feed-forward twist */
+    OMNI_SETPOINT_NONE = 0,       /**< hold the pose (zero wheel speed if CTL_MODE is none) */
+    OMNI_SETPOINT_POSE,           /**< world pose and its rate; approached within the limits of speed and acceleration */
     OMNI_SETPOINT_VELOCITY_BODY,
     OMNI_SETPOINT_VELOCITY_WORLD,
     OMNI_SETPOINT_TRAJECTORY,     /**< the plan given with OMNI_EVENT_TRAJECTORY_START */
@@ -160,18 +163,20 @@ typedef struct omni_robot_t {
     uint64_t last_time_us;
     uint64_t trajectory_start_us;
     const omni_trajectory_t *trajectory;
-    omni_pose_t hold;                             /**< pose held when no set-point moves the robot */
-    omni_twist_t ramped;                          /**< rate-limited velocity demand, body frame */
-    omni_real_t last_reference[OMNI_MAX_WHEELS];  /**< wheel references of the last tick, for their acceleration */
+    omni_pose_t governed;                         /**< reference on its way to a pose set-point; the pose held otherwise */
+    omni_twist_t ramped;                          /**< its rate (world), or the ramped velocity demand (body) */
     omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
     int32_t last_counts[OMNI_MAX_WHEELS];
-    uint32_t stall_ticks[OMNI_MAX_WHEELS];
+    uint32_t stall_ticks[OMNI_MAX_WHEELS];        /**< ticks in a row that look like a stalled or reversed wheel */
     uint32_t encoder_ticks[OMNI_MAX_WHEELS];      /**< ticks in a row without a valid count */
+    uint32_t battery_ticks;                       /**< ticks in a row with too little voltage */
+    uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;
     uint8_t last_kind;                            /**< set-point kind of the last tick */
     bool primed;                                  /**< last_* hold a first sample */
     bool saturated;                               /**< the last tick cut wheel speeds or duties */
+    bool off_track;                               /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 
 /** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */

@@ -46,8 +46,9 @@ typedef enum omni_fault_t {
     OMNI_WARN_FIX_REFUSED = 1 << 17,    /**< the latest pose fix was refused */
     OMNI_WARN_SETPOINT = 1 << 18,       /**< the latest set-point was refused */
     OMNI_WARN_SATURATED = 1 << 19,      /**< wheel speeds or duties are being cut */
+    OMNI_WARN_ENCODER = 1 << 20,        /**< a single impossible count was thrown away */
     OMNI_FAULT_STOP_MASK = 0x7ff,
-    OMNI_WARN_MASK = 0xf0000
+    OMNI_WARN_MASK = 0x1f0000
 } omni_fault_t;
 
 /** The next state. An event or state out of range gives OMNI_STATE_ESTOP. */

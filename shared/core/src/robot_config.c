@@ -1,0 +1,202 @@
+/* SPDX-License-Identifier: MIT */
+#include <string.h>
+
+#include "omni/math.h"
+#include "omni/robot.h"
+
+static const omni_real_t DEG = OMNI_PI_F / 180.0f;
+
+static omni_result_t check_each(const omni_real_t *values, int32_t *bad_index) {
+    for (int32_t i = 0; i < (int32_t)OMNI_PARAM_COUNT; ++i) {
+        const omni_result_t result = omni_param_check(i, values[i], false);
+        if (result != OMNI_OK) {
+            *bad_index = i;
+            return result;
+        }
+    }
+    return OMNI_OK;
+}
+
+/* Parameters W1_x .. W4_x follow one another in the table. */
+static const omni_real_t *per_wheel(const omni_real_t *values, int32_t first) {
+    return &values[first];
+}
+
+static omni_result_t set_wheels(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    const int32_t wheels = (int32_t)v[OMNI_PARAM_WHEELS];
+    for (int32_t i = 0; i < wheels; ++i) {
+        const int32_t encoder = OMNI_PARAM_W1_ENC_DIR + i;
+        const int32_t motor = OMNI_PARAM_W1_MOT_DIR + i;
+        const int32_t bad = v[encoder] == 0.0f ? encoder : (v[motor] == 0.0f ? motor : -1);
+        if (bad >= 0) {
+            *bad_index = bad;
+            return OMNI_ERR_RANGE;
+        }
+        c->encoder_direction[i] = (int8_t)v[encoder];
+        c->motor_direction[i] = (int8_t)v[motor];
+    }
+    for (int32_t i = 0; i < 2 * wheels; ++i) {
+        for (int32_t j = 0; j < i; ++j) {
+            const int32_t a = (i < wheels ? OMNI_PARAM_W1_IN1_CH + i : OMNI_PARAM_W1_IN2_CH + i - wheels);
+            const int32_t b = (j < wheels ? OMNI_PARAM_W1_IN1_CH + j : OMNI_PARAM_W1_IN2_CH + j - wheels);
+            if (v[a] == v[b]) { /* two bridge inputs on one PWM channel */
+                *bad_index = a;
+                return OMNI_ERR_RANGE;
+            }
+        }
+    }
+    return OMNI_OK;
+}
+
+static omni_result_t set_kinematics(omni_robot_config_t *c, const omni_real_t *v) {
+    omni_kinematics_config_t k = {0};
+    k.wheels = (uint8_t)v[OMNI_PARAM_WHEELS];
+    for (uint8_t i = 0; i < k.wheels; ++i) {
+        k.radius_m[i] = v[OMNI_PARAM_WHEEL_RADIUS] * per_wheel(v, OMNI_PARAM_W1_RSCALE)[i];
+        k.distance_m[i] = v[OMNI_PARAM_WHEEL_DIST];
+        k.angle_rad[i] = per_wheel(v, OMNI_PARAM_W1_ANGLE)[i] * DEG;
+    }
+    return omni_kinematics_init(&c->kinematics, &k);
+}
+
+static omni_result_t set_motor(omni_robot_config_t *c, const omni_real_t *v) {
+    c->motor.inertia_kg_m2 = v[OMNI_PARAM_MOT_J];
+    c->motor.viscous_N_m_s = v[OMNI_PARAM_MOT_B];
+    c->motor.constant_N_m_A = v[OMNI_PARAM_MOT_K];
+    c->motor.resistance_ohm = v[OMNI_PARAM_MOT_R];
+    c->motor.inductance_H = v[OMNI_PARAM_MOT_L];
+    omni_motor_kf_config_t *kf = &c->motor_kf;
+    kf->mode = (uint8_t)v[OMNI_PARAM_KF_MODE];
+    kf->step_s = c->step_s;
+    kf->rad_per_count = c->rad_per_count;
+    kf->q_speed = v[OMNI_PARAM_KF_Q_W] * v[OMNI_PARAM_KF_Q_W] * c->step_s;
+    kf->q_current = v[OMNI_PARAM_KF_Q_I] * v[OMNI_PARAM_KF_Q_I] * c->step_s;
+    kf->r_speed = v[OMNI_PARAM_KF_R_W] * v[OMNI_PARAM_KF_R_W];
+    const omni_real_t angle_sd = v[OMNI_PARAM_KF_R_CNT] * c->rad_per_count;
+    kf->r_angle = angle_sd * angle_sd;
+    return omni_motor_discretise(&c->motor, c->step_s, &kf->model);
+}
+
+static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
+    omni_pose_ekf_config_t *e = &c->pose_ekf;
+    e->mode = (uint8_t)v[OMNI_PARAM_EKF_MODE];
+    e->step_s = c->step_s;
+    e->q_xy = v[OMNI_PARAM_EKF_Q_XY] * v[OMNI_PARAM_EKF_Q_XY] * c->step_s;
+    e->q_theta = v[OMNI_PARAM_EKF_Q_TH] * v[OMNI_PARAM_EKF_Q_TH] * c->step_s;
+    e->q_slip = v[OMNI_PARAM_EKF_Q_SLIP] * v[OMNI_PARAM_EKF_Q_SLIP] * c->step_s;
+    e->p_slip = v[OMNI_PARAM_EKF_P_SLIP] * v[OMNI_PARAM_EKF_P_SLIP];
+    e->r_xy = v[OMNI_PARAM_EKF_R_XY] * v[OMNI_PARAM_EKF_R_XY];
+    e->r_theta = v[OMNI_PARAM_EKF_R_TH] * v[OMNI_PARAM_EKF_R_TH];
+    e->gate = v[OMNI_PARAM_EKF_GATE];
+    e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
+}
+
+/* xy, xy, theta */
+static void set_axes(omni_real_t *axes, omni_real_t xy, omni_real_t theta) {
+    axes[0] = xy;
+    axes[1] = xy;
+    axes[2] = theta;
+}
+
+static void set_controllers(omni_robot_config_t *c, const omni_real_t *v) {
+    c->controller = (uint8_t)v[OMNI_PARAM_CTL_MODE];
+    c->slip_feed = v[OMNI_PARAM_ISMC_SLIP];
+    c->ismc.step_s = c->step_s;
+    c->ismc.switching = (uint8_t)v[OMNI_PARAM_ISMC_SWITCH];
+    set_axes(c->ismc.lambda, v[OMNI_PARAM_ISMC_LAM_XY], v[OMNI_PARAM_ISMC_LAM_TH]);
+    set_axes(c->ismc.k, v[OMNI_PARAM_ISMC_K_XY], v[OMNI_PARAM_ISMC_K_TH]);
+    set_axes(c->ismc.phi, v[OMNI_PARAM_ISMC_PHI_XY], v[OMNI_PARAM_ISMC_PHI_TH]);
+    set_axes(c->ismc.integral_limit, v[OMNI_PARAM_ISMC_I_MAX], v[OMNI_PARAM_ISMC_I_MAX]);
+    const bool derivative = c->controller == OMNI_CTL_MODE_PD || c->controller == OMNI_CTL_MODE_PID;
+    const bool integral = c->controller == OMNI_CTL_MODE_PID;
+    c->fl.step_s = c->step_s;
+    set_axes(c->fl.kp, v[OMNI_PARAM_FL_KP_XY], v[OMNI_PARAM_FL_KP_TH]);
+    set_axes(c->fl.kd, derivative ? v[OMNI_PARAM_FL_KD_XY] : 0.0f, derivative ? v[OMNI_PARAM_FL_KD_TH] : 0.0f);
+    set_axes(c->fl.ki, integral ? v[OMNI_PARAM_FL_KI_XY] : 0.0f, integral ? v[OMNI_PARAM_FL_KI_TH] : 0.0f);
+    set_axes(c->fl.integral_limit, v[OMNI_PARAM_FL_I_MAX], v[OMNI_PARAM_FL_I_MAX]);
+    c->original = omni_original_defaults(c->step_s, c->rad_per_count);
+}
+
+static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
+    omni_wheel_speed_config_t *w = &c->wheel_speed;
+    w->wheels = c->kinematics.wheels;
+    w->pid.kp = v[OMNI_PARAM_WS_P];
+    w->pid.ki = v[OMNI_PARAM_WS_I];
+    w->pid.kd = v[OMNI_PARAM_WS_D];
+    w->pid.derivative_time_s = v[OMNI_PARAM_WS_D_TC];
+    w->pid.integral_limit = v[OMNI_PARAM_WS_I_MAX];
+    w->pid.step_s = c->step_s;
+    w->ff_speed_V_s = v[OMNI_PARAM_WS_FF] * omni_motor_speed_gain(&c->motor);
+    w->ff_acceleration_V_s2 = v[OMNI_PARAM_WS_FF] * omni_motor_acceleration_gain(&c->motor);
+    w->ff_static_V = v[OMNI_PARAM_WS_FF_S];
+    w->duty_limit = v[OMNI_PARAM_LIM_DUTY];
+}
+
+static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
+    omni_limits_t *l = &c->limits;
+    l->wheel_rad_s = v[OMNI_PARAM_LIM_WHEEL];
+    l->speed_m_s = v[OMNI_PARAM_LIM_V];
+    l->turn_rad_s = v[OMNI_PARAM_LIM_W];
+    l->acceleration_m_s2 = v[OMNI_PARAM_LIM_A];
+    l->position_m = v[OMNI_PARAM_LIM_POS];
+    l->reference_share = v[OMNI_PARAM_TRJ_MARGIN];
+    l->command_timeout_s = v[OMNI_PARAM_SAFE_CMD_TO];
+    l->link_timeout_s = v[OMNI_PARAM_SAFE_LINK_TO];
+    l->fix_timeout_s = v[OMNI_PARAM_FIX_TIMEOUT];
+    l->error_m = v[OMNI_PARAM_SAFE_ERR_XY];
+    l->error_rad = v[OMNI_PARAM_SAFE_ERR_TH];
+    l->stall_s = v[OMNI_PARAM_SAFE_STALL_T];
+    l->stall_V = v[OMNI_PARAM_SAFE_STALL_V];
+    l->battery_min_V = v[OMNI_PARAM_BAT_V_MIN];
+    l->supply_nominal_V = v[OMNI_PARAM_BAT_V_NOM];
+    l->driver_failures = (uint16_t)v[OMNI_PARAM_SAFE_I2C_N];
+}
+
+static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v) {
+    omni_trajectory_config_t *t = &c->trajectory;
+    t->type = (uint8_t)v[OMNI_PARAM_TRJ_TYPE];
+    t->rotation = (uint8_t)v[OMNI_PARAM_TRJ_ROT];
+    t->petals = (uint16_t)v[OMNI_PARAM_TRJ_PETALS];
+    t->size_m = v[OMNI_PARAM_TRJ_SIZE];
+    t->period_s = v[OMNI_PARAM_TRJ_PERIOD];
+    t->laps = v[OMNI_PARAM_TRJ_LAPS];
+    t->rotation_amplitude_rad = v[OMNI_PARAM_TRJ_ROT_AMP];
+    t->rotation_cycles = v[OMNI_PARAM_TRJ_ROT_N];
+    t->seed = (uint32_t)v[OMNI_PARAM_TRJ_SEED];
+    t->scale = v[OMNI_PARAM_TRJ_SCALE] != 0.0f;
+    t->margin = v[OMNI_PARAM_TRJ_MARGIN];
+    t->ramp_s = v[OMNI_PARAM_TRJ_RAMP];
+    t->wheel_limit_rad_s = v[OMNI_PARAM_LIM_WHEEL];
+    t->voltage_limit_V = v[OMNI_PARAM_BAT_V_NOM] * v[OMNI_PARAM_LIM_DUTY];
+    t->ff_speed_V_s = omni_motor_speed_gain(&c->motor);
+    t->ff_acceleration_V_s2 = omni_motor_acceleration_gain(&c->motor);
+}
+
+omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index) {
+    int32_t unused = -1;
+    int32_t *bad = bad_index ? bad_index : &unused;
+    *bad = -1;
+    memset(config, 0, sizeof *config);
+    omni_result_t result = check_each(values, bad);
+    if (result != OMNI_OK) {
+        return result;
+    }
+    config->step_s = (omni_real_t)OMNI_TICK_US * 1e-6f;
+    config->rad_per_count = 2.0f * OMNI_PI_F / values[OMNI_PARAM_ENC_CPR];
+    result = set_wheels(config, values, bad);
+    if (result == OMNI_OK) {
+        result = set_kinematics(config, values);
+    }
+    if (result == OMNI_OK) {
+        result = set_motor(config, values);
+    }
+    if (result != OMNI_OK) {
+        return result;
+    }
+    set_pose_ekf(config, values);
+    set_controllers(config, values);
+    set_wheel_speed(config, values);
+    set_limits(config, values);
+    set_trajectory(config, values);
+    return OMNI_OK;
+}
