@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: MIT
+#include "app/shared.h"
+
+#include "app/core.h"
+
+namespace omni {
+
+void Shared::say(uint8_t severity, const Text &text) {
+    mavlink_statustext_t message{};
+    message.severity = severity;
+    std::memcpy(message.text, text.data(), text.length());
+    send_all(MAVLINK_MSG_ID_STATUSTEXT, message, Priority::text);
+}
+
+Text fault_text(const char *prefix, uint32_t faults) {
+    Text text;
+    text.add(prefix);
+    const char *separator = "";
+    for (uint32_t bit = 1; bit != 0; bit <<= 1) {
+        if ((faults & bit) != 0) {
+            text.add(separator).add(omni_fault_name(bit));
+            separator = ", ";
+        }
+    }
+    return text;
+}
+
+} // namespace omni
