@@ -151,13 +151,6 @@ void App::watch_hil_peer() {
     }
 }
 
-void App::heartbeat() {
-    Request request;
-    request.kind = Request::Kind::heartbeat;
-    request.time_us = std::max<uint64_t>(shared_.now_us, 1); // 0 means none yet
-    shared_.control.request(request);
-}
-
 void App::take_report() {
     if (shared_.control.report.update()) {
         shared_.latest = shared_.control.report.reading();
@@ -200,7 +193,7 @@ bool App::dispatch_motion(const Frame &frame) {
         pose_fixes_.on_compact(frame);
         return true;
     case MAVLINK_MSG_ID_HEARTBEAT:
-        heartbeat();
+        shared_.heartbeat();
         return true;
     default:
         return false;

@@ -49,7 +49,6 @@ private:
     void greet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_motion(const Frame &frame);
-    void heartbeat();
     void hil_tick(const Frame &frame, size_t link);
     void serve();
     void take_report();

@@ -114,11 +114,13 @@ uint8_t Commands::arm() {
         shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: ").add(name).add(way_out));
         return MAV_RESULT_DENIED;
     }
-    if (shared_.latest.arming_faults != 0) {
-        shared_.say(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", shared_.latest.arming_faults));
+    const uint32_t faults = shared_.latest.arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
+    if (faults != 0) {
+        shared_.say(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", faults));
         return MAV_RESULT_DENIED;
     }
-    if (!shared_.control.request_event(OMNI_EVENT_ARM)) {
+    // Whoever arms is there: the command counts as a heartbeat.
+    if (!shared_.heartbeat() || !shared_.control.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     trajectories_.on_arm();

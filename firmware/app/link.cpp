@@ -11,7 +11,9 @@ constexpr uint64_t idle_limit_ns = 200'000'000;
 /// The largest burst is what the budget gives in this time, or one frame.
 constexpr float burst_s = 0.1f;
 /// Telemetry waits while this much is buffered: what waits is old by the time it arrives.
-constexpr size_t telemetry_backlog = 1024;
+constexpr size_t telemetry_backlog = 2048;
+/// Lists leave room for telemetry in front of the port.
+constexpr size_t bulk_backlog = 1024;
 
 float burst_of(float bytes_s) {
     return std::max(bytes_s * burst_s, static_cast<float>(max_frame));
@@ -62,7 +64,7 @@ bool Link::admits(Priority priority, size_t length) const {
     case Priority::telemetry:
         return pending_ + length <= telemetry_backlog && (unlimited_ || tokens_ >= bytes);
     case Priority::bulk:
-        return pending_ + length <= telemetry_backlog && (unlimited_ || bulk_tokens_ >= bytes);
+        return pending_ + length <= bulk_backlog && (unlimited_ || bulk_tokens_ >= bytes);
     }
     return false;
 }

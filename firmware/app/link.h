@@ -20,7 +20,7 @@ enum class Priority : uint8_t {
 
 class Link {
 public:
-    static constexpr size_t buffer_size = 4096;
+    static constexpr size_t buffer_size = 8192;
 
     void attach(SerialPort *port) { port_ = port; }
     void set_system(uint8_t system) { system_ = system; }

@@ -5,6 +5,13 @@
 
 namespace omni {
 
+bool Shared::heartbeat() {
+    Request request;
+    request.kind = Request::Kind::heartbeat;
+    request.time_us = now_us > 0 ? now_us : 1; // 0 means none yet
+    return control.request(request);
+}
+
 void Shared::say(uint8_t severity, const Text &text) {
     mavlink_statustext_t message{};
     message.severity = severity;

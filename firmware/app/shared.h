@@ -34,6 +34,8 @@ struct Shared {
     uint32_t now_ms() const { return static_cast<uint32_t>(now_us / 1000); }
     /// Motors may move, or would but for a fault: what is locked while armed is locked now.
     bool armed() const { return latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE; }
+    /// A ground station gave a sign of life. @return false if the tick could not be told.
+    bool heartbeat();
     /// Send a STATUSTEXT on every link. @param severity MAV_SEVERITY.
     void say(uint8_t severity, const Text &text);
     /// Send a message on every link.
