@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The robot's parameters as a mapping from name to value, over MAVLink's parameter protocol.
 
-Values are floats in the unit that params.toml gives; a float32 on the robot, so reading back may differ in the eighth digit.
+Values are floats in the unit that params.toml gives; the robot keeps a float32, so reading back may differ in the
+eighth digit.
 """
 
 from __future__ import annotations
@@ -52,8 +53,9 @@ def checked_value(table: ParameterTable, name: str, value: ParameterValue) -> fl
 class Parameters(MutableMapping[str, float]):
     """The parameters of a connected robot.
 
-    Reading uses a cache, which every PARAM_VALUE of the robot refreshes; names not seen yet are asked for. Setting checks
-    the range here first, sends, and returns when the robot has confirmed the very value. Iterating downloads all first.
+    Reading uses a cache, which every PARAM_VALUE of the robot refreshes; names not seen yet are asked for. Setting
+    checks the range here first, sends, and returns when the robot has confirmed the very value. Iterating downloads
+    all first.
     """
 
     def __init__(self, connection: Connection, table: ParameterTable, texts: TextLog) -> None:
@@ -173,8 +175,9 @@ class Parameters(MutableMapping[str, float]):
     def set_many(self, values: Mapping[str, ParameterValue]) -> None:
         """Set several parameters, all or none.
 
-        All are checked before any is sent. Some combinations are only valid together, so a refused value is tried again after
-        the others; if one stays refused, those already set get their old values back and ParameterRefusedError is raised.
+        All are checked before any is sent. Some combinations are only valid together, so a refused value is tried again
+        after the others; if one stays refused, those already set get their old values back and ParameterRefusedError
+        is raised.
         """
         wanted = {name: self.check(name, value) for name, value in values.items()}
         old = {name: self[name] for name in wanted}

@@ -38,10 +38,10 @@ _ROBOT_TYPES_IGNORED = ("MAV_TYPE_GCS", "MAV_TYPE_ONBOARD_CONTROLLER", "MAV_TYPE
 class Robot:
     """A robot on the other end of a link; get one from :func:`connect` and use it as a context manager.
 
-    Nothing runs in the background: every method that waits serves the link meanwhile (reads, keeps :attr:`status` fresh,
-    sends the 1 Hz heartbeat), and a program that only computes calls :meth:`pump` at least once a second. If it stops doing
-    so, the robot's link-loss stop takes over, which is what one wants of a program that hangs. On leaving the context the
-    robot is disarmed if this object armed it.
+    Nothing runs in the background: every method that waits serves the link meanwhile (reads, keeps :attr:`status`
+    fresh, sends the 1 Hz heartbeat), and a program that only computes calls :meth:`pump` at least once a second. If it
+    stops doing so, the robot's link-loss stop takes over, which is what one wants of a program that hangs. On leaving
+    the context the robot is disarmed if this object armed it.
 
     Poses are world x [m], y [m], theta [rad] counter-clockwise. All waits end with LinkTimeoutError at the latest.
     """
@@ -198,7 +198,7 @@ class Robot:
             self.pump(min(SETPOINT_PERIOD_S, max(0.0, end - self.connection.clock())))
 
     def send_pose_fix(self, x: float, y: float, theta: float, time_us: int = 0) -> None:
-        """Send a measured world pose, for instance from motion capture; ``time_us`` in the robot's clock, 0: unknown."""
+        """Send a measured world pose, as from motion capture; ``time_us`` in the robot's clock, 0: unknown."""
         self.send(pose_fix_message(Pose(x, y, theta), time_us))
 
     def set_pose_estimate(self, x: float, y: float, theta: float) -> None:
@@ -269,9 +269,10 @@ def connect(
 ) -> Robot:
     """Connect to a robot and wait for its heartbeat.
 
-    ``url`` is a link URL (:mod:`omniwheel.link`) or a link of one's own; ``system_id`` picks a robot where several share a
-    link; ``recorder`` gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`). Without ``heartbeat``
-    the robot does not count this program as a ground station. Raises LinkUrlError, LinkOpenError, LinkTimeoutError.
+    ``url`` is a link URL (:mod:`omniwheel.link`) or a link of one's own; ``system_id`` picks a robot where several
+    share a link; ``recorder`` gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`). Without
+    ``heartbeat`` the robot does not count this program as a ground station. Raises LinkUrlError, LinkOpenError,
+    LinkLostError, LinkTimeoutError.
     """
     link: Link = open_link(url, timeout_s=timeout_s) if isinstance(url, str) else url
     connection = Connection(link, clock=clock, heartbeat=heartbeat, recorder=recorder)
