@@ -6,8 +6,7 @@
 
 static const omni_real_t DEG = OMNI_PI_F / 180.0f;
 
-static omni_result_t check_each(const omni_real_t *values, int32_t *bad_index)
-{
+static omni_result_t check_each(const omni_real_t *values, int32_t *bad_index) {
     for (int32_t i = 0; i < (int32_t)OMNI_PARAM_COUNT; ++i) {
         const omni_result_t result = omni_param_check(i, values[i], false);
         if (result != OMNI_OK) {
@@ -19,10 +18,11 @@ static omni_result_t check_each(const omni_real_t *values, int32_t *bad_index)
 }
 
 /* Parameters W1_x .. W4_x follow one another in the table. */
-static const omni_real_t *per_wheel(const omni_real_t *values, int32_t first) { return &values[first]; }
+static const omni_real_t *per_wheel(const omni_real_t *values, int32_t first) {
+    return &values[first];
+}
 
-static omni_result_t set_wheels(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index)
-{
+static omni_result_t set_wheels(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
     const int32_t wheels = (int32_t)v[OMNI_PARAM_WHEELS];
     for (int32_t i = 0; i < wheels; ++i) {
         const int32_t encoder = OMNI_PARAM_W1_ENC_DIR + i;
@@ -48,8 +48,7 @@ static omni_result_t set_wheels(omni_robot_config_t *c, const omni_real_t *v, in
     return OMNI_OK;
 }
 
-static omni_result_t set_kinematics(omni_robot_config_t *c, const omni_real_t *v)
-{
+static omni_result_t set_kinematics(omni_robot_config_t *c, const omni_real_t *v) {
     omni_kinematics_config_t k = {0};
     k.wheels = (uint8_t)v[OMNI_PARAM_WHEELS];
     for (uint8_t i = 0; i < k.wheels; ++i) {
@@ -60,8 +59,7 @@ static omni_result_t set_kinematics(omni_robot_config_t *c, const omni_real_t *v
     return omni_kinematics_init(&c->kinematics, &k);
 }
 
-static omni_result_t set_motor(omni_robot_config_t *c, const omni_real_t *v)
-{
+static omni_result_t set_motor(omni_robot_config_t *c, const omni_real_t *v) {
     c->motor.inertia_kg_m2 = v[OMNI_PARAM_MOT_J];
     c->motor.viscous_N_m_s = v[OMNI_PARAM_MOT_B];
     c->motor.constant_N_m_A = v[OMNI_PARAM_MOT_K];
@@ -79,8 +77,7 @@ static omni_result_t set_motor(omni_robot_config_t *c, const omni_real_t *v)
     return omni_motor_discretise(&c->motor, c->step_s, &kf->model);
 }
 
-static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v)
-{
+static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     omni_pose_ekf_config_t *e = &c->pose_ekf;
     e->mode = (uint8_t)v[OMNI_PARAM_EKF_MODE];
     e->step_s = c->step_s;
@@ -95,15 +92,13 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v)
 }
 
 /* xy, xy, theta */
-static void set_axes(omni_real_t *axes, omni_real_t xy, omni_real_t theta)
-{
+static void set_axes(omni_real_t *axes, omni_real_t xy, omni_real_t theta) {
     axes[0] = xy;
     axes[1] = xy;
     axes[2] = theta;
 }
 
-static void set_controllers(omni_robot_config_t *c, const omni_real_t *v)
-{
+static void set_controllers(omni_robot_config_t *c, const omni_real_t *v) {
     c->controller = (uint8_t)v[OMNI_PARAM_CTL_MODE];
     c->slip_feed = v[OMNI_PARAM_ISMC_SLIP];
     c->ismc.step_s = c->step_s;
@@ -122,8 +117,7 @@ static void set_controllers(omni_robot_config_t *c, const omni_real_t *v)
     c->original = omni_original_defaults(c->step_s, c->rad_per_count);
 }
 
-static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v)
-{
+static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
     omni_wheel_speed_config_t *w = &c->wheel_speed;
     w->wheels = c->kinematics.wheels;
     w->pid.kp = v[OMNI_PARAM_WS_P];
@@ -138,8 +132,7 @@ static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v)
     w->duty_limit = v[OMNI_PARAM_LIM_DUTY];
 }
 
-static void set_limits(omni_robot_config_t *c, const omni_real_t *v)
-{
+static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
     omni_limits_t *l = &c->limits;
     l->wheel_rad_s = v[OMNI_PARAM_LIM_WHEEL];
     l->speed_m_s = v[OMNI_PARAM_LIM_V];
@@ -159,8 +152,7 @@ static void set_limits(omni_robot_config_t *c, const omni_real_t *v)
     l->driver_failures = (uint16_t)v[OMNI_PARAM_SAFE_I2C_N];
 }
 
-static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v)
-{
+static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v) {
     omni_trajectory_config_t *t = &c->trajectory;
     t->type = (uint8_t)v[OMNI_PARAM_TRJ_TYPE];
     t->rotation = (uint8_t)v[OMNI_PARAM_TRJ_ROT];
@@ -180,8 +172,7 @@ static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v)
     t->ff_acceleration_V_s2 = omni_motor_acceleration_gain(&c->motor);
 }
 
-omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index)
-{
+omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index) {
     int32_t unused = -1;
     int32_t *bad = bad_index ? bad_index : &unused;
     *bad = -1;

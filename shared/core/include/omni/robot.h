@@ -176,6 +176,7 @@ typedef struct omni_robot_t {
     uint8_t last_kind;                            /**< set-point kind of the last tick */
     bool primed;                                  /**< last_* hold a first sample */
     bool saturated;                               /**< the last tick cut wheel speeds or duties */
+    bool off_track;                               /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 
 /** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */

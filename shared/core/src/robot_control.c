@@ -1,0 +1,122 @@
+/* SPDX-License-Identifier: MIT */
+#include "robot_internal.h"
+
+#include "omni/math.h"
+#include "omni/saturation.h"
+
+/* Pose error to wanted world twist, by the controller in use. */
+static omni_twist_t position_controller(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    omni_outputs_t *out = tick->out;
+    const omni_reference_t *reference = &out->reference;
+    if (c->controller == OMNI_CTL_MODE_ISMC) {
+        return omni_ismc_step(&robot->ismc, &c->ismc, &out->pose, &reference->pose, &reference->rate, robot->saturated,
+                              &out->terms);
+    }
+    return omni_fl_step(&robot->fl, &c->fl, &out->pose, &out->rate, &reference->pose, &reference->rate, robot->saturated,
+                        &out->terms);
+}
+
+/* Wheel acceleration of the reference, from its exact second derivative: phi'' = B (R xi'' + R' xi') / r. */
+static void feed_acceleration(const omni_robot_config_t *c, omni_tick_t *tick) {
+    const omni_reference_t *reference = &tick->out->reference;
+    const omni_real_t theta = reference->pose.theta;
+    const omni_twist_t rate = omni_twist_to_body(&reference->rate, theta);
+    omni_twist_t body = omni_twist_to_body(&reference->acceleration, theta);
+    if (tick->position_loop) { /* a body-frame velocity demand does not turn with the world */
+        body.vx += rate.wz * rate.vy;
+        body.vy -= rate.wz * rate.vx;
+    }
+    omni_kinematics_inverse(&c->kinematics, &body, NULL, tick->acceleration);
+}
+
+/* Slip ratio s: the contact moves r phi' (1 - s), so phi' = v / (r (1 - s)); eq. 20 and 41 with v_s = s r phi'. */
+static void compensate_slip(const omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP) {
+        return;
+    }
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        const omni_real_t ratio = omni_clampf(c->slip_feed * robot->pose_ekf.slip[i], -0.5f, 0.5f);
+        tick->body_wheel[i] /= 1.0f - ratio;
+    }
+}
+
+static void wheel_references(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    omni_outputs_t *out = tick->out;
+    omni_twist_t body = tick->body_rate;
+    if (tick->position_loop) {
+        const omni_twist_t world = position_controller(robot, tick);
+        body = omni_twist_to_body(&world, out->pose.theta);
+    }
+    omni_kinematics_inverse(&c->kinematics, &body, NULL, tick->body_wheel);
+    compensate_slip(robot, tick);
+    feed_acceleration(c, tick);
+    out->wheel_scale = omni_saturate_direction(tick->body_wheel, c->kinematics.wheels, c->limits.wheel_rad_s);
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        out->wheel_reference[i] = tick->body_wheel[i];
+    }
+    out->duty_scale = omni_wheel_speed_step(&robot->wheel_speed, &c->wheel_speed, tick->body_wheel, tick->acceleration,
+                                            out->wheel_rad_s, out->supply_V, out->duty, out->voltage_V);
+}
+
+/* The original law commands voltages itself. */
+static void original_law(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    omni_outputs_t *out = tick->out;
+    omni_original_step(&robot->original, &c->original, &c->kinematics, tick->delta_counts, &out->pose, &out->reference.pose,
+                       &out->reference.rate, out->supply_V);
+    out->terms.error[0] = out->pose.x - out->reference.pose.x;
+    out->terms.error[1] = out->pose.y - out->reference.pose.y;
+    out->terms.error[2] = omni_wrap_pi(out->pose.theta - out->reference.pose.theta);
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        out->wheel_reference[i] = robot->original.wheel_reference[i];
+        out->duty[i] = robot->original.voltage_V[i] / out->supply_V;
+    }
+    out->duty_scale = omni_saturate_direction(out->duty, c->kinematics.wheels, c->wheel_speed.duty_limit);
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        out->voltage_V[i] = out->duty[i] * out->supply_V;
+    }
+}
+
+static void open_loop(const omni_robot_config_t *c, omni_tick_t *tick) {
+    omni_outputs_t *out = tick->out;
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        out->duty[i] = tick->in->setpoint.duty[i];
+    }
+    out->duty_scale = omni_saturate_direction(out->duty, c->kinematics.wheels, c->wheel_speed.duty_limit);
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        out->voltage_V[i] = out->duty[i] * out->supply_V;
+    }
+}
+
+static bool is_off_track(const omni_robot_config_t *c, const omni_control_terms_t *terms) {
+    const omni_real_t distance2 = terms->error[0] * terms->error[0] + terms->error[1] * terms->error[1];
+    return distance2 > c->limits.error_m * c->limits.error_m || omni_absf(terms->error[2]) > c->limits.error_rad;
+}
+
+void omni_robot_control(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    omni_outputs_t *out = tick->out;
+    out->wheel_scale = 1.0f;
+    out->duty_scale = 1.0f;
+    if (robot->state != OMNI_STATE_ARMED) {
+        robot->saturated = false;
+        return;
+    }
+    if (c->controller != robot->last_controller) {
+        omni_ismc_reset(&robot->ismc);
+        omni_fl_reset(&robot->fl);
+        omni_original_reset(&robot->original);
+    }
+    if (tick->kind == OMNI_SETPOINT_DUTY) {
+        open_loop(c, tick);
+    } else if (c->controller == OMNI_CTL_MODE_ORIGINAL && tick->position_loop) {
+        original_law(robot, tick);
+    } else {
+        wheel_references(robot, tick);
+    }
+    robot->saturated = out->wheel_scale < 1.0f || out->duty_scale < 1.0f;
+    robot->off_track = tick->position_loop && is_off_track(c, &out->terms);
+}

@@ -1,0 +1,168 @@
+/* SPDX-License-Identifier: MIT */
+#include "robot_internal.h"
+
+#include "omni/math.h"
+
+/* Seconds from `since_us` to now; a stamp from the future counts as fresh. */
+static omni_real_t age_s(const omni_tick_t *tick, uint64_t since_us) {
+    return tick->in->time_us > since_us ? (omni_real_t)(tick->in->time_us - since_us) * 1e-6f : 0.0f;
+}
+
+/* A wheel under voltage must turn, and the way it is driven: slower than a tenth of what the voltage gives at rest
+ * load, for stall_s, is a stall, a dead or a reversed encoder. */
+static void supervise_wheels(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    const omni_real_t speed_per_V = 1.0f / omni_motor_speed_gain(&c->motor);
+    const uint32_t limit = (uint32_t)(c->limits.stall_s / c->step_s);
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        const omni_real_t voltage = robot->last_voltage_V[i];
+        const omni_real_t along = tick->out->wheel_rad_s[i] * omni_signf(voltage);
+        const bool driven = omni_absf(voltage) >= c->limits.stall_V;
+        const bool turns = along >= 0.1f * omni_absf(voltage) * speed_per_V;
+        robot->stall_ticks[i] = driven && !turns ? robot->stall_ticks[i] + 1 : 0;
+        if (robot->stall_ticks[i] > limit) {
+            tick->faults |= OMNI_FAULT_STALL;
+        }
+    }
+}
+
+static void supervise_supply(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_limits_t *limits = &robot->config->limits;
+    robot->battery_ticks = tick->out->supply_V < limits->battery_min_V ? robot->battery_ticks + 1 : 0;
+    if (robot->battery_ticks >= OMNI_BATTERY_TICKS) {
+        tick->faults |= OMNI_FAULT_BATTERY;
+    }
+    if (tick->in->driver_failures >= limits->driver_failures) {
+        tick->faults |= OMNI_FAULT_DRIVER;
+    }
+}
+
+static void supervise_link(const omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_limits_t *limits = &robot->config->limits;
+    if (tick->in->heartbeat_us == 0 || age_s(tick, tick->in->heartbeat_us) > limits->link_timeout_s) {
+        tick->faults |= OMNI_FAULT_LINK_LOSS;
+    }
+}
+
+static bool setpoint_is_finite(const omni_setpoint_t *setpoint) {
+    bool finite = omni_pose_is_finite(&setpoint->pose) && omni_twist_is_finite(&setpoint->twist);
+    for (uint8_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        finite = finite && omni_is_finite(setpoint->duty[i]);
+    }
+    return finite;
+}
+
+static bool is_streamed(uint8_t kind) {
+    return kind == OMNI_SETPOINT_POSE || kind == OMNI_SETPOINT_VELOCITY_BODY || kind == OMNI_SETPOINT_VELOCITY_WORLD ||
+           kind == OMNI_SETPOINT_DUTY;
+}
+
+/* The set-point in force. A streamed one that has gone silent since arming is a fault; one from before is ignored. */
+static void supervise_setpoint(const omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_setpoint_t *setpoint = &tick->in->setpoint;
+    const omni_limits_t *limits = &robot->config->limits;
+    tick->kind = setpoint->kind <= OMNI_SETPOINT_DUTY ? setpoint->kind : (uint8_t)OMNI_SETPOINT_NONE;
+    if (!setpoint_is_finite(setpoint) || setpoint->kind > OMNI_SETPOINT_DUTY) {
+        tick->faults |= OMNI_FAULT_NOT_FINITE;
+        tick->kind = OMNI_SETPOINT_NONE;
+    } else if (is_streamed(tick->kind) && age_s(tick, setpoint->time_us) > limits->command_timeout_s) {
+        if (robot->state == OMNI_STATE_ARMED && setpoint->time_us >= robot->armed_since_us) {
+            tick->faults |= OMNI_FAULT_COMMAND_LOSS;
+        }
+        tick->kind = OMNI_SETPOINT_NONE;
+    } else if (tick->kind == OMNI_SETPOINT_POSE &&
+               (omni_absf(setpoint->pose.x) > limits->position_m || omni_absf(setpoint->pose.y) > limits->position_m)) {
+        tick->faults |= OMNI_WARN_SETPOINT;
+        tick->kind = OMNI_SETPOINT_NONE;
+    }
+    if (tick->kind == OMNI_SETPOINT_TRAJECTORY && robot->trajectory == NULL &&
+        !((tick->in->events & OMNI_EVENT_TRAJECTORY_START) != 0 && tick->in->trajectory != NULL)) {
+        tick->kind = OMNI_SETPOINT_NONE;
+    }
+}
+
+void omni_robot_supervise(omni_robot_t *robot, omni_tick_t *tick) {
+    tick->faults |= tick->in->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
+    if (!omni_pose_is_finite(&tick->out->pose) || !omni_twist_is_finite(&tick->out->rate)) {
+        tick->faults |= OMNI_FAULT_NOT_FINITE;
+    }
+    supervise_wheels(robot, tick);
+    supervise_supply(robot, tick);
+    supervise_link(robot, tick);
+    supervise_setpoint(robot, tick);
+    if (robot->saturated) {
+        tick->faults |= OMNI_WARN_SATURATED;
+    }
+    if (robot->off_track) {
+        tick->faults |= OMNI_FAULT_TRACKING;
+    }
+}
+
+static void reset_controllers(omni_robot_t *robot) {
+    omni_ismc_reset(&robot->ismc);
+    omni_fl_reset(&robot->fl);
+    omni_original_reset(&robot->original);
+    omni_wheel_speed_reset(&robot->wheel_speed);
+    robot->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
+}
+
+static void enter_armed(omni_robot_t *robot, const omni_tick_t *tick) {
+    reset_controllers(robot);
+    robot->governed = tick->out->pose;
+    robot->armed_since_us = tick->in->time_us;
+    robot->trajectory_start_us = tick->in->time_us;
+    robot->fault_history = 0;
+}
+
+static void apply(omni_robot_t *robot, omni_safety_event_t event) {
+    robot->state = omni_safety_next(robot->state, event);
+}
+
+/* Events that move the estimate or the trajectory. */
+static void apply_requests(omni_robot_t *robot, const omni_tick_t *tick) {
+    const uint32_t events = tick->in->events;
+    if ((events & OMNI_EVENT_SET_POSE) != 0 && robot->state != OMNI_STATE_ARMED && omni_pose_is_finite(&tick->in->pose)) {
+        const omni_pose_ekf_config_t *ekf = &robot->config->pose_ekf;
+        omni_pose_ekf_reset(&robot->pose_ekf, ekf, &tick->in->pose, omni_sqrtf(ekf->r_xy), omni_sqrtf(ekf->r_theta));
+        robot->pose_ekf.time_us = tick->in->time_us;
+        tick->out->pose = robot->pose_ekf.pose;
+    }
+    if ((events & OMNI_EVENT_TRAJECTORY_START) != 0 && tick->in->trajectory != NULL) {
+        robot->trajectory = tick->in->trajectory;
+        robot->trajectory_start_us = tick->in->time_us;
+    }
+    if ((events & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
+        robot->trajectory = NULL;
+        robot->governed = tick->out->pose;
+    }
+}
+
+void omni_robot_transition(omni_robot_t *robot, omni_tick_t *tick) {
+    const uint32_t events = tick->in->events;
+    const omni_safety_state_t before = robot->state;
+    apply_requests(robot, tick);
+    if (robot->state == OMNI_STATE_INIT) {
+        apply(robot, OMNI_SAFETY_READY);
+    }
+    if ((events & OMNI_EVENT_ESTOP_CLEAR) != 0) {
+        apply(robot, OMNI_SAFETY_ESTOP_CLEAR);
+    }
+    if ((events & OMNI_EVENT_ARM) != 0 && (tick->faults & (uint32_t)OMNI_FAULT_STOP_MASK) == 0) {
+        apply(robot, OMNI_SAFETY_ARM);
+    }
+    if (robot->state == OMNI_STATE_ARMED && before != OMNI_STATE_ARMED) {
+        enter_armed(robot, tick);
+    }
+    if ((events & OMNI_EVENT_DISARM) != 0) {
+        apply(robot, OMNI_SAFETY_DISARM);
+    }
+    if ((tick->faults & (uint32_t)OMNI_FAULT_STOP_MASK) != 0) {
+        if (robot->state == OMNI_STATE_ARMED) {
+            robot->fault_history |= tick->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
+        }
+        apply(robot, OMNI_SAFETY_FAULT);
+    }
+    if ((events & OMNI_EVENT_ESTOP) != 0) {
+        apply(robot, OMNI_SAFETY_ESTOP);
+    }
+}
