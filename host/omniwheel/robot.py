@@ -182,10 +182,13 @@ class Robot:
         """Ask for a world pose, with the world twist along it if it moves. To be repeated like :meth:`set_velocity`."""
         self.send(pose_target(self.connection, Pose(x, y, theta), feed_forward))
 
-    def drive_velocity(self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body") -> None:
-        """Keep a velocity for ``duration_s``, then ask for zero."""
+    def drive_velocity(
+        self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body", stop: bool = True
+    ) -> None:
+        """Keep a velocity for ``duration_s``, then ask for zero unless ``stop`` is False."""
         self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
-        self.set_velocity(0.0, 0.0, 0.0, frame=frame)
+        if stop:
+            self.set_velocity(0.0, 0.0, 0.0, frame=frame)
 
     def drive_pose(self, x: float, y: float, theta: float, duration_s: float) -> None:
         """Keep asking for one world pose for ``duration_s``."""
