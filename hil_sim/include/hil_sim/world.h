@@ -7,9 +7,11 @@
  *
  * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely along p_i.
  *   creep_i = r w_i (1 - s_i) - t_i . (v + wz x p_i)        s_i: imposed slip ratio the encoders cannot see
- *   F_i = C creep_i, limited smoothly to mu N                N = m g / n
- *   J w_i' = K i_i - b w_i - T_c sgn(w_i) - r F_i;   L i_i' = V_i - R i_i - K w_i  (the bridge decides V_i or open circuit)
- *   m v' = sum (F_i t_i + roller drag);   I wz' = sum p_i x (...)
+ *   F_i = C creep_i / sqrt(1 + (C creep_i / (mu N))^2)       limited smoothly to mu N, N = m g / n
+ *   J w_i' = K i_i - b w_i - T_c w_i / sqrt(w_i^2 + w_0^2) - r F_i     w_0 = 0.01 rad/s
+ *   L i_i' = V_i - R i_i - K w_i                             the bridge decides V_i or open circuit
+ *   m v' = sum (F_i t_i - roller drag across t_i);   I wz' = sum d_i F_i
+ *   V_supply = V_battery - R_battery sum (drive_i i_i)
  */
 #ifndef HIL_SIM_WORLD_H
 #define HIL_SIM_WORLD_H
@@ -17,13 +19,14 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "hil_sim/drv8871.h"
 #include "hil_sim/pca9685.h"
 
 enum {
     HIL_MAX_WHEELS = 4,
     HIL_MAX_FAULTS = 16,
-    HIL_MAX_FIXES = 64,       /**< pose fixes on their way */
-    HIL_MAX_I2C = 128,        /**< bytes of the transactions of a tick */
+    HIL_MAX_FIXES = 64, /**< pose fixes on their way */
+    HIL_MAX_I2C = 128,  /**< bytes of the transactions of a tick */
     HIL_MAX_I2C_READ = 8
 };
 
@@ -31,36 +34,36 @@ enum {
 typedef enum hil_result_t {
     HIL_OK = 0,
     HIL_ERR_CONFIG,
-    HIL_ERR_LINK,      /**< the link broke or was closed */
-    HIL_ERR_TIMEOUT,   /**< the robot did not answer in time */
-    HIL_ERR_PROTOCOL   /**< the robot answered something else than asked */
+    HIL_ERR_LINK,    /**< the link broke or was closed */
+    HIL_ERR_TIMEOUT, /**< the robot did not answer in time */
+    HIL_ERR_PROTOCOL /**< the robot answered something else than asked */
 } hil_result_t;
 
 typedef enum hil_fault_kind_t {
     HIL_FAULT_NONE = 0,
-    HIL_FAULT_ENCODER_STUCK,     /**< counter of `wheel` stands still */
-    HIL_FAULT_ENCODER_REVERSED,  /**< counter of `wheel` counts backwards */
-    HIL_FAULT_ENCODER_INVALID,   /**< counter of `wheel` is reported as not valid */
-    HIL_FAULT_I2C_NACK,          /**< the chip acknowledges nothing */
-    HIL_FAULT_I2C_STUCK,         /**< the bus is held low */
-    HIL_FAULT_LINK_SILENCE,      /**< the ground station's messages do not arrive (host-in-the-loop sensors still do) */
-    HIL_FAULT_POSE_LOSS,         /**< no pose fixes */
-    HIL_FAULT_POSE_JUMP,         /**< pose fixes are off by `value` metres in x */
-    HIL_FAULT_BATTERY_SAG,       /**< open-circuit voltage becomes `value` volts */
-    HIL_FAULT_MOTOR_DEAD,        /**< motor of `wheel` is disconnected */
+    HIL_FAULT_ENCODER_STUCK,    /**< counter of `wheel` stands still */
+    HIL_FAULT_ENCODER_REVERSED, /**< counter of `wheel` counts backwards */
+    HIL_FAULT_ENCODER_INVALID,  /**< counter of `wheel` is reported as not valid */
+    HIL_FAULT_I2C_NACK,         /**< the chip acknowledges nothing */
+    HIL_FAULT_I2C_STUCK,        /**< the bus is held low */
+    HIL_FAULT_LINK_SILENCE,     /**< the ground station's messages do not arrive (host-in-the-loop sensors still do) */
+    HIL_FAULT_POSE_LOSS,        /**< no pose fixes */
+    HIL_FAULT_POSE_JUMP,        /**< pose fixes are off by `value` metres in x */
+    HIL_FAULT_BATTERY_SAG,      /**< open-circuit voltage becomes `value` volts */
+    HIL_FAULT_MOTOR_DEAD,       /**< motor of `wheel` is disconnected */
     HIL_FAULT_KIND_COUNT
 } hil_fault_kind_t;
 
 typedef struct hil_fault_t {
-    uint8_t kind;                /**< hil_fault_kind_t */
+    uint8_t kind; /**< hil_fault_kind_t */
     uint8_t wheel;
     double start_s;
-    double stop_s;               /**< exclusive */
+    double stop_s; /**< exclusive */
     double value;
 } hil_fault_t;
 
 typedef struct hil_world_config_t {
-    uint32_t wheels;                          /**< 3 or 4 */
+    uint32_t wheels; /**< 3 or 4 */
     double wheel_radius_m[HIL_MAX_WHEELS];
     double wheel_distance_m[HIL_MAX_WHEELS];
     double wheel_angle_rad[HIL_MAX_WHEELS];
@@ -70,69 +73,91 @@ typedef struct hil_world_config_t {
     double motor_constant_N_m_A;
     double motor_resistance_ohm;
     double motor_inductance_H;
-    double battery_V;                         /**< open circuit */
+    double battery_V; /**< open circuit */
     double battery_resistance_ohm;
     double mass_kg;
     double inertia_kg_m2;
     double friction_coefficient;
     double slip_stiffness_N_s_m;
     double roller_friction_N_s_m;
-    double slip_max;                          /**< imposed slip ratio is drawn from [0, slip_max] */
-    double slip_time_s;                       /**< and changes linearly between draws this far apart */
+    double slip_max;    /**< imposed slip ratio is drawn from [0, slip_max] */
+    double slip_time_s; /**< and changes linearly between draws this far apart */
     int32_t counts_per_revolution;
     int32_t encoder_direction[HIL_MAX_WHEELS];
     int32_t motor_direction[HIL_MAX_WHEELS];
     uint32_t in1_channel[HIL_MAX_WHEELS];
     uint32_t in2_channel[HIL_MAX_WHEELS];
     uint8_t pca9685_address;
-    double fix_rate_Hz;                       /**< 0: no pose sensor */
+    double fix_rate_Hz; /**< 0: no pose sensor */
     double fix_sd_xy_m;
     double fix_sd_theta_rad;
     double fix_delay_s;
     double fix_drop_probability;
-    double start_pose[3];                     /**< x [m], y [m], theta [rad] */
+    double start_pose[3]; /**< x [m], y [m], theta [rad] */
     uint64_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];
 } hil_world_config_t;
 
 typedef struct hil_fix_t {
-    uint64_t taken_us;                        /**< when the sensor saw it */
+    uint64_t taken_us; /**< when the sensor saw it */
     uint64_t arrives_us;
-    double pose[3];                           /**< x, y, theta wrapped to -pi..pi */
+    double pose[3]; /**< x, y, theta wrapped to -pi..pi */
 } hil_fix_t;
 
 /** What the robot's electronics see of the world at one tick. */
 typedef struct hil_sensors_t {
     uint64_t time_us;
     int32_t counts[HIL_MAX_WHEELS];
-    uint8_t counts_valid;                     /**< bit per wheel */
+    uint8_t counts_valid; /**< bit per wheel */
     double battery_V;
-    uint8_t i2c_status;                       /**< bit 0: not acknowledged, bit 1: bus stuck (of the last tick's transactions) */
+    uint8_t i2c_status; /**< bit 0: not acknowledged, bit 1: bus stuck (of the last tick's transactions) */
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
-    bool has_fix;                             /**< a pose fix arrives with this tick */
+    bool has_fix; /**< a pose fix arrives with this tick */
     hil_fix_t fix;
-    bool link_silent;                         /**< the ground station's messages are lost now */
+    bool link_silent; /**< the ground station's messages are lost now */
 } hil_sensors_t;
+
+/** Constants of the motion, derived once. Wheels that the robot doesn't have are weightless: zero in every array. */
+typedef struct hil_plant_t {
+    double radius_m[HIL_MAX_WHEELS];
+    double along_x[HIL_MAX_WHEELS]; /**< t_i in the body frame */
+    double along_y[HIL_MAX_WHEELS];
+    double arm_m[HIL_MAX_WHEELS]; /**< p_i x t_i */
+    double drag_xx;               /**< roller drag, sum over the wheels [N s/m] */
+    double drag_xy;
+    double drag_yy;
+    double stiffness_N_s_m;
+    double inverse_limit_N; /**< 1 / (mu N) */
+    double inverse_mass;
+    double inverse_inertia;
+    double inverse_motor_inertia;
+    double inverse_inductance;
+} hil_plant_t;
 
 typedef struct hil_world_t {
     hil_world_config_t config;
+    hil_plant_t plant;
     uint64_t time_us;
     uint64_t steps;
-    double pose[3];                           /**< truth; theta not wrapped */
-    double twist[3];                          /**< truth, world frame */
+    double pose[3];  /**< truth; theta not wrapped */
+    double twist[3]; /**< truth, world frame */
     double wheel_angle_rad[HIL_MAX_WHEELS];
     double wheel_rad_s[HIL_MAX_WHEELS];
     double current_A[HIL_MAX_WHEELS];
-    double voltage_V[HIL_MAX_WHEELS];         /**< mean bridge voltage, wheel direction */
-    double slip_ratio[HIL_MAX_WHEELS];        /**< imposed */
+    double voltage_V[HIL_MAX_WHEELS];  /**< mean bridge voltage, wheel direction; 0 while the winding is open */
+    double slip_ratio[HIL_MAX_WHEELS]; /**< imposed */
     double traction_N[HIL_MAX_WHEELS];
-    double supply_V;                          /**< under load */
-    double in1[HIL_MAX_WHEELS];               /**< share of the period IN1 is high */
+    double supply_V;            /**< under load */
+    double in1[HIL_MAX_WHEELS]; /**< share of the period IN1 is high */
     double in2[HIL_MAX_WHEELS];
-    int32_t counts[HIL_MAX_WHEELS];
-    int32_t frozen_counts[HIL_MAX_WHEELS];    /**< for the stuck encoder */
+    hil_drv8871_t bridge[HIL_MAX_WHEELS];
+    int64_t encoder_edges[HIL_MAX_WHEELS]; /**< edges the disc has passed */
+    int32_t counts[HIL_MAX_WHEELS];        /**< the electronics' counter: wraps */
+    uint64_t slip_knot;                    /**< number of the draw before now */
+    double slip_before[HIL_MAX_WHEELS];
+    double slip_after[HIL_MAX_WHEELS];
     hil_pca9685_t chip;
     uint8_t i2c_status;
     uint8_t i2c_read_length;
@@ -146,19 +171,22 @@ typedef struct hil_world_t {
 /** Check and start. @param why out, text of at most `why_size` bytes naming the offending field. */
 hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config, char *why, uint32_t why_size);
 
-/** What the sensors show now (of time world->time_us). A due pose fix is handed out once. */
+/** What the sensors show now (of time world->time_us). At most one due pose fix per call; each is handed out once. */
 void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors);
 
 /**
- * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read).
+ * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read), all or none.
  * @return HIL_ERR_PROTOCOL if the bytes do not parse; the bridges then keep what they have.
  */
 hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length);
 
-/** Set the bridge inputs directly, in PWM steps 0..4096 per wheel, instead of through the chip (in-process runs). */
+/**
+ * Set the bridge inputs directly, in PWM steps 0..4096 per wheel at 1526 Hz, instead of through the chip (in-process runs). I2C faults act
+ * as on the chip: the bridges keep what they have and the next i2c_status says so.
+ */
 void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
 
-/** Advance by one tick. @param step_us e.g. 1000. */
+/** Advance by one tick, in substeps of at most 0.5 ms. @param step_us e.g. 1000. */
 void hil_world_step(hil_world_t *world, uint32_t step_us);
 
 /** Kinetic energy of body and wheels [J], for the energy tests. */
