@@ -14,6 +14,7 @@ from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import LinkTimeoutError, OmniError
+from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link
 from omniwheel.parameters import Parameters, checked_value
@@ -22,7 +23,6 @@ from omniwheel.setpoints import finite, pose_fix_message, pose_target, velocity_
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import TelemetryT, decode
 from omniwheel.texts import TextLog
-from omniwheel.version import RobotVersion, version_from_message
 
 DEFAULT_TIMEOUT_S = 5.0
 FORCE = 21196.0

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import typer
 from rich.markup import escape
@@ -115,20 +116,20 @@ def _tools() -> list[Finding]:
 
 
 def _tool(program: str, name: str, purpose: str) -> Finding:
-    path = shutil.which(program)
+    beside_python = str(Path(sys.executable).parent)
+    path = shutil.which(program) or shutil.which(program, path=beside_python)
     return Finding(name, True if path else None, f"{path}, for {purpose}" if path else f"not found; for {purpose}")
 
 
 def _findings_table(findings: list[Finding]) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
+    for _ in range(2):
+        table.add_column()
+    table.add_column(overflow="fold")
     marks = {True: "[green]✓[/]", False: "[bold red]✗[/]", None: "[dim]·[/]"}
     for finding in findings:
         style = "dim" if finding.ok is None else None
-        table.add_row(
-            marks[finding.ok],
-            finding.name,
-            f"[{style}]{escape(finding.detail)}[/]" if style else escape(finding.detail),
-        )
+        table.add_row(marks[finding.ok], finding.name, escape(finding.detail), style=style)
     return table
 
 
