@@ -164,7 +164,7 @@ def test_pose_set_points_are_converted_to_mavlinks_frames(fake: Any, robot: Robo
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_set_point_that_is_no_number_is_not_sent(fake: Any, robot: Robot, bad: float) -> None:
-    for send in (
+    sends: list[Callable[[], None]] = [
         lambda: robot.set_velocity(bad, 0.0, 0.0),
         lambda: robot.set_pose(0.0, bad, 0.0),
         lambda: robot.set_pose(0.0, 0.0, 0.0, feed_forward=Twist(0.0, 0.0, bad)),
@@ -172,7 +172,8 @@ def test_a_set_point_that_is_no_number_is_not_sent(fake: Any, robot: Robot, bad:
         lambda: robot.set_pose_estimate(bad, 0.0, 0.0),
         lambda: robot.set_waypoints([(0.0, 0.0, bad)]),
         lambda: robot.set_velocity(0.0, 0.0, 0.0, frame="moon"),
-    ):
+    ]
+    for send in sends:
         with pytest.raises(SetpointError):
             send()
     assert not [m for m in fake.received if m.get_type() not in ("HEARTBEAT",)]
