@@ -17,7 +17,7 @@ typedef struct omni_kinematics_config_t {
     uint8_t wheels;                            /**< 3 or 4 */
     omni_real_t radius_m[OMNI_MAX_WHEELS];     /**< effective rolling radius r_i, > 0 */
     omni_real_t distance_m[OMNI_MAX_WHEELS];   /**< centre to contact point l_i, > 0 */
-    omni_real_t angle_rad[OMNI_MAX_WHEELS];    /**< bearing alpha_i */
+    omni_real_t angle_rad[OMNI_MAX_WHEELS];    /**< bearing alpha_i, |alpha_i| <= 1e6 */
 } omni_kinematics_config_t;
 
 /** Constant matrices of one robot; read only after init. */
@@ -32,12 +32,13 @@ typedef struct omni_kinematics_t {
 
 /**
  * Compute the matrices. Unused wheel slots are zeroed.
- * @return OMNI_ERR_NOT_FINITE, OMNI_ERR_RANGE (wheel count, radius, distance), OMNI_ERR_SINGULAR (wheels that
+ * @return OMNI_ERR_NOT_FINITE, OMNI_ERR_RANGE (wheel count, radius, distance, angle), OMNI_ERR_SINGULAR (wheels that
  *         cannot produce every motion, e.g. all at one bearing); the matrices are then all zero.
  */
 omni_result_t omni_kinematics_init(omni_kinematics_t *k, const omni_kinematics_config_t *config);
 
-/** Wheel speeds [rad/s] for a body twist; `slip_m_s` is the slip v_s per wheel to compensate, or NULL (eq. 20). */
+/** Wheel speeds [rad/s] for a body twist; `slip_m_s` is the slip v_s per wheel to compensate, or NULL (eq. 20).
+ *  As many entries as there are wheels are read and written, here and below. */
 void omni_kinematics_inverse(const omni_kinematics_t *k, const omni_twist_t *body, const omni_real_t *slip_m_s,
                              omni_real_t *wheel_rad_s);
 

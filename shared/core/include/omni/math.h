@@ -13,15 +13,16 @@
 #define OMNI_PI_F 3.14159265358979323846f
 
 /**
- * Sine and cosine together. @param angle [rad], |angle| <= 1e4 (beyond, the argument reduction loses accuracy).
- * Error <= 2e-7 absolute within that range. A NaN or an infinity gives NaN in both.
+ * Sine and cosine together. @param angle [rad], |angle| <= 1e6: error <= 2e-7 absolute. Beyond that range neighbouring floats
+ * are too far apart for an angle, and the result is that of angle 0. A NaN or an infinity gives NaN in both.
  */
 void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine);
 
-/** Four-quadrant arc tangent [rad], -pi..pi, absolute error <= 5e-7; (0, 0) gives 0. */
+/** Four-quadrant arc tangent [rad], -pi..pi, absolute error <= 5e-7; (0, 0) gives 0; a NaN or an infinity gives NaN. */
 omni_real_t omni_atan2f(omni_real_t y, omni_real_t x);
 
-/** Angle wrapped into [-pi, pi). @param angle [rad], |angle| <= 1e6. */
+/** Angle wrapped into [-pi, pi), error <= 5e-7 absolute. @param angle [rad], |angle| <= 1e6; beyond 0. A NaN or an infinity gives
+ *  NaN. */
 omni_real_t omni_wrap_pi(omni_real_t angle);
 
 /** Square root, IEEE-exact; a negative argument gives 0 (never NaN in a control path). */
@@ -33,7 +34,7 @@ omni_real_t omni_clampf(omni_real_t value, omni_real_t low, omni_real_t high);
 /** |value|. */
 omni_real_t omni_absf(omni_real_t value);
 
-/** -1, 0 or 1. */
+/** -1, 0 or 1; a NaN gives 0. */
 omni_real_t omni_signf(omni_real_t value);
 
 /** False for NaN and infinities. */

@@ -40,7 +40,9 @@ void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_confi
 
 /**
  * One tick: predict with the voltage applied since the last tick, correct with the counts moved since then (Joseph form).
- * @param delta_counts  count increment; @param valid  false: predict only (no trustworthy count this tick).
+ * @param voltage_V  not finite counts as 0.
+ * @param delta_counts  count increment since the last valid one.
+ * @param valid  false: predict only (no trustworthy count this tick; OFF keeps the last speed).
  * @return the wheel speed estimate [rad/s].
  */
 omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,

@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: MIT */
+#include "omni/math.h"
+
+static const omni_real_t largest_finite = 3.402823466e38f;
+static const omni_real_t largest_angle = 1e6f;
+static const omni_real_t half_pi = 1.57079632679489661923f;
+
+/*
+ * pi/2 = c1 + c2 + c3 + c4 (Cody and Waite). c1, c2 and c3 have at most five significant bits, so their products with the
+ * up to 20 bits of a quotient are exact, and so are the subtractions: only the last one rounds.
+ */
+static const omni_real_t c1 = 1.5625f;              /* 25 / 2^4 */
+static const omni_real_t c2 = 8.30078125e-3f;       /* 17 / 2^11 */
+static const omni_real_t c3 = -4.5299530029297e-6f; /* -19 / 2^22 */
+static const omni_real_t c4 = 7.5497899548918821e-8f;
+
+/* Nearest whole number, halves away from zero. |value| < 2^23. */
+static int32_t nearest(omni_real_t value) {
+    return (int32_t)(value + (value < 0.0f ? -0.5f : 0.5f));
+}
+
+/* angle - quotient * pi/2. */
+static omni_real_t minus_quarters(omni_real_t angle, omni_real_t quotient) {
+    return ((angle - quotient * c1) - quotient * c2) - quotient * c3 - quotient * c4;
+}
+
+/* An angle that can be reduced: NaN stays NaN, infinities become NaN, angles beyond the range 0. */
+static omni_real_t usable_angle(omni_real_t angle) {
+    if (!omni_is_finite(angle)) {
+        return 0.0f * angle;
+    }
+    return __builtin_fabsf(angle) <= largest_angle ? angle : 0.0f;
+}
+
+/* Minimax polynomials over |x| <= 0.79, error 2e-9. */
+static omni_real_t sine_polynomial(omni_real_t x) {
+    const omni_real_t z = x * x;
+    return x + x * z * (-0.16666651f + z * (0.008331947f + z * -0.00019491608f));
+}
+
+static omni_real_t cosine_polynomial(omni_real_t x) {
+    const omni_real_t z = x * x;
+    return 1.0f - 0.5f * z + z * z * (0.041666646f + z * (-0.0013887332f + z * 2.4434214e-05f));
+}
+
+/* Minimax polynomial over |x| <= tan(pi/8), error 5e-9. */
+static omni_real_t arctangent_polynomial(omni_real_t x) {
+    const omni_real_t z = x * x;
+    return x + x * z * (-0.33332756f + z * (0.19971879f + z * (-0.13824452f + z * 0.07902596f)));
+}
+
+void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine) {
+    const omni_real_t x = usable_angle(angle);
+    if (!omni_is_finite(x)) {
+        *sine = x;
+        *cosine = x;
+        return;
+    }
+    const int32_t quarters = nearest(x * 0.636619772f);
+    const omni_real_t rest = minus_quarters(x, (omni_real_t)quarters);
+    const omni_real_t s = sine_polynomial(rest);
+    const omni_real_t c = cosine_polynomial(rest);
+    const uint32_t quadrant = (uint32_t)quarters & 3u;
+    const omni_real_t swapped_s = (quadrant & 1u) != 0u ? c : s;
+    const omni_real_t swapped_c = (quadrant & 1u) != 0u ? s : c;
+    *sine = (quadrant & 2u) != 0u ? -swapped_s : swapped_s;
+    *cosine = (quadrant == 1u || quadrant == 2u) ? -swapped_c : swapped_c;
+}
+
+omni_real_t omni_atan2f(omni_real_t y, omni_real_t x) {
+    const omni_real_t ax = __builtin_fabsf(x);
+    const omni_real_t ay = __builtin_fabsf(y);
+    if (!omni_is_finite(ax) || !omni_is_finite(ay)) {
+        return 0.0f * ax + 0.0f * ay; /* NaN */
+    }
+    const omni_real_t low = ax < ay ? ax : ay;
+    const omni_real_t high = ax < ay ? ay : ax;
+    if (high == 0.0f) {
+        return 0.0f;
+    }
+    const omni_real_t ratio = low / high;
+    const bool steep = ratio > 0.41421356f;
+    const omni_real_t reduced = steep ? (ratio - 1.0f) / (ratio + 1.0f) : ratio;
+    const omni_real_t octant = arctangent_polynomial(reduced) + (steep ? 0.5f * half_pi : 0.0f);
+    const omni_real_t quadrant = ax < ay ? half_pi - octant : octant;
+    const omni_real_t half_plane = x < 0.0f ? OMNI_PI_F - quadrant : quadrant;
+    return y < 0.0f ? -half_plane : half_plane;
+}
+
+omni_real_t omni_wrap_pi(omni_real_t angle) {
+    const omni_real_t x = usable_angle(angle);
+    if (!omni_is_finite(x)) {
+        return x;
+    }
+    const omni_real_t turns = (omni_real_t)nearest(x * 0.159154943f);
+    const omni_real_t wrapped = minus_quarters(x, 4.0f * turns);
+    if (wrapped >= OMNI_PI_F) {
+        return wrapped - 2.0f * OMNI_PI_F;
+    }
+    return wrapped < -OMNI_PI_F ? wrapped + 2.0f * OMNI_PI_F : wrapped;
+}
+
+omni_real_t omni_sqrtf(omni_real_t value) {
+    return value > 0.0f ? __builtin_sqrtf(value) : 0.0f;
+}
+
+omni_real_t omni_clampf(omni_real_t value, omni_real_t low, omni_real_t high) {
+    const omni_real_t raised = value > low ? value : low;
+    return raised < high ? raised : high;
+}
+
+omni_real_t omni_absf(omni_real_t value) {
+    return __builtin_fabsf(value);
+}
+
+omni_real_t omni_signf(omni_real_t value) {
+    return (value > 0.0f ? 1.0f : 0.0f) - (value < 0.0f ? 1.0f : 0.0f);
+}
+
+bool omni_is_finite(omni_real_t value) {
+    return __builtin_fabsf(value) <= largest_finite;
+}
+
+bool omni_pose_is_finite(const omni_pose_t *pose) {
+    return omni_is_finite(pose->x) && omni_is_finite(pose->y) && omni_is_finite(pose->theta);
+}
+
+bool omni_twist_is_finite(const omni_twist_t *twist) {
+    return omni_is_finite(twist->vx) && omni_is_finite(twist->vy) && omni_is_finite(twist->wz);
+}

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: MIT */
+#include "omni/saturation.h"
+
+#include "omni/math.h"
+
+static omni_real_t refuse(omni_real_t *values, uint8_t count) {
+    for (uint8_t i = 0; i < count; i++) {
+        values[i] = 0.0f;
+    }
+    return 0.0f;
+}
+
+omni_real_t omni_saturate_direction(omni_real_t *values, uint8_t count, omni_real_t limit) {
+    omni_real_t peak = 0.0f;
+    for (uint8_t i = 0; i < count; i++) {
+        if (!omni_is_finite(values[i])) {
+            return refuse(values, count);
+        }
+        const omni_real_t magnitude = omni_absf(values[i]);
+        peak = magnitude > peak ? magnitude : peak;
+    }
+    if (!(limit > 0.0f)) {
+        return refuse(values, count);
+    }
+    if (peak <= limit) {
+        return 1.0f;
+    }
+    /* eq. 30: all are scaled by limit / absmax */
+    const omni_real_t factor = limit / peak;
+    for (uint8_t i = 0; i < count; i++) {
+        /* rounding may have put the largest a bit beyond the limit */
+        values[i] = omni_clampf(values[i] * factor, -limit, limit);
+    }
+    return factor;
+}
