@@ -50,9 +50,10 @@ def draw_report(summary: Mapping[str, Any], samples: NDArray[Any], path: Path) -
         FigureCanvasAgg(figure)
         _head(figure, summary)
         grid = figure.add_gridspec(
-            4, 2, left=0.055, right=0.985, top=0.875, bottom=0.065, hspace=0.42, wspace=0.14, width_ratios=(1.0, 1.12)
+            4, 2, left=0.06, right=0.985, top=0.865, bottom=0.065, hspace=0.42, wspace=0.15, width_ratios=(1.0, 1.1)
         )
-        _draw_path(figure.add_subplot(grid[:, 0]), samples)
+        _draw_path(figure.add_subplot(grid[:3, 0]), samples)
+        _draw_facts(figure.add_subplot(grid[3, 0]), summary)
         right = [figure.add_subplot(grid[row, 1]) for row in range(4)]
         for axes in right[1:]:
             axes.sharex(right[0])
@@ -65,6 +66,7 @@ def draw_report(summary: Mapping[str, Any], samples: NDArray[Any], path: Path) -
             _mark_events(axes, summary)
             axes.tick_params(labelbottom=axes is right[-1])
         right[-1].set_xlabel("time [s]")
+        figure.align_ylabels(right)
         figure.savefig(path, metadata={"Software": None})
 
 
@@ -97,7 +99,8 @@ def _draw_path(axes: Axes, samples: NDArray[Any]) -> None:
         _draw_headings(axes, path)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x [m]", ylabel="y [m]", title="Path seen from above")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.055), ncols=4)
+    axes.margins(0.06)
+    _legend(axes, 4)
 
 
 def _draw_headings(axes: Axes, path: NDArray[Any], count: int = 48) -> None:
@@ -108,8 +111,38 @@ def _draw_headings(axes: Axes, path: NDArray[Any], count: int = 48) -> None:
     length = 0.045 * (span if span > 0.0 else 1.0)
     axes.quiver(
         x, y, length * np.cos(theta), length * np.sin(theta), angles="xy", scale_units="xy", scale=1.0,
-        color=HEADING, width=0.003, headwidth=4.0, headlength=4.5, headaxislength=4.0, zorder=3, label="heading",
+        color=HEADING, width=0.003, headwidth=4.0, headlength=4.5, headaxislength=4.0, zorder=3,
     )  # fmt: skip
+    axes.plot([], [], color=HEADING, linewidth=1.6, label="heading")
+
+
+def _facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    effort, estimator, plan = summary["effort"], summary["estimator_rmse"], summary["plan"]
+    facts = []
+    if summary["change"] is not None:
+        before, after = summary["change"]["rmse_before"], summary["change"]["rmse_after"]
+        for name, key, unit in (("position", "position_m", "mm"), ("heading", "theta_rad", "mrad")):
+            text = f"{_number(before[key], 1e3, unit)}  →  {_number(after[key], 1e3, unit)}"
+            facts.append((f"{name} RMSE before → after the change", text))
+    estimate = f"{_number(estimator['position_m'], 1e3, 'mm')}, {_number(estimator['theta_rad'], 1e3, 'mrad')}"
+    facts.append(("RMSE of the pose estimate", estimate))
+    peaks = f"{_number(effort['peak_wheel_rad_s'], 1.0, 'rad/s')}, {_number(effort['peak_duty'], 100.0, '%', 0)}"
+    facts.append(("peak wheel speed, peak duty", peaks))
+    limits = f"{_number(effort['saturated_share'], 100.0, '%', 1)}, {_number(effort['chatter'], 1.0, '', 4)}"
+    facts.append(("time at a limit, chatter index", limits))
+    if plan is not None:
+        facts.append(("path slowed down by", f"{plan['scale']:.2f} (the limits need {plan['needed_scale']:.2f})"))
+    factor = f"{_number(summary['realtime_factor'], 1.0, '×', 0)}, {summary['firmware_version'] or '–'}"
+    return [*facts, ("real-time factor, firmware", factor)]
+
+
+def _draw_facts(axes: Axes, summary: Mapping[str, Any]) -> None:
+    axes.set_axis_off()
+    axes.set_title("In numbers")
+    for row, (name, value) in enumerate(_facts(summary)):
+        height = 0.93 - 0.145 * row
+        axes.text(0.0, height, name, transform=axes.transAxes, color="#555555", va="center")
+        axes.text(1.0, height, value, transform=axes.transAxes, ha="right", va="center")
 
 
 def _armed(samples: NDArray[Any]) -> NDArray[Any]:
@@ -128,7 +161,7 @@ def _limit_to_bulk(axes: Axes, values: NDArray[np.float64]) -> None:
 def _legend(axes: Axes, entries: int) -> None:
     """Above the axes, at the right: it can hide nothing there."""
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=entries, borderaxespad=0.0, handlelength=1.6, columnspacing=1.2
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=entries, borderaxespad=0.1, handlelength=1.5, columnspacing=1.2
     )
 
 

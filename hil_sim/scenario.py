@@ -16,7 +16,8 @@ A scenario is a TOML file::
     [[event]]                     # at_s, or at_progress (share of the path, 0..1), and one of set, command, velocity
     [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
 
-Every mistake in a file is a SchemaError that names file, key, value and what is allowed.
+Every mistake in a scenario is a SchemaError, one in its robot file a RobotFileError; both name file, key, value and what is
+allowed.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from omni_schema import ParameterTable, Robot, SchemaError, load_parameters, load_robot
+from omni_schema import ParameterTable, Robot, SchemaError
 from omni_schema.errors import did_you_mean
 from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
 
 from hil_sim.faults import FAULT_KINDS
-from omniwheel import paths
+from omniwheel.robots import read_robot
 
 UNTIL_DONE: Literal["until_done"] = "until_done"
 MAX_DURATION_S = 3600.0
@@ -178,8 +179,8 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
     refuse_unknown_keys(source, "", document, _SECTIONS)
     head = take_table(source, "scenario", document.get("scenario", {}))
     refuse_unknown_keys(source, "scenario.", head, _HEAD)
-    table = load_parameters(paths.params_path())
-    robot = load_robot(_robot_path(source, _text(source, head, "robot")), table)
+    robot = _robot(source, _text(source, head, "robot"))
+    table = robot.table
     world = dict(take_table(source, "world", document.get("world", {})))
     start_pose = _vector(source, "world.start_pose", world.pop("start_pose", [0.0, 0.0, 0.0]))
     return Scenario(
@@ -220,18 +221,10 @@ def _with_base(path: Path, document: dict[str, Any], seen: tuple[Path, ...]) -> 
     return merged
 
 
-def _robot_path(source: str, name_or_path: str) -> Path:
-    if name_or_path.endswith(".toml") or "/" in name_or_path:
-        path = Path(name_or_path)
-        beside = Path(source).parent / path
-        return beside if not path.is_absolute() and beside.is_file() else path
-    path = paths.robots_dir() / f"{name_or_path}.toml"
-    if not path.is_file():
-        names = sorted(file.stem for file in paths.robots_dir().glob("*.toml"))
-        hint = did_you_mean(name_or_path, names)
-        problem = f"is {name_or_path!r}; no such robot{hint}; there are {', '.join(names)}, or give a .toml file"
-        raise SchemaError(source, "scenario.robot", problem)
-    return path
+def _robot(source: str, name_or_path: str) -> Robot:
+    """Read a robot by name, or by a path that is relative to the scenario file or to the working folder."""
+    beside = Path(source).parent / name_or_path
+    return read_robot(beside if name_or_path.endswith(".toml") and beside.is_file() else name_or_path)
 
 
 def _text(source: str, head: Mapping[str, Any], key: str) -> str:
