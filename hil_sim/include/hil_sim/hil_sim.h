@@ -3,6 +3,7 @@
 #ifndef HIL_SIM_HIL_SIM_H
 #define HIL_SIM_HIL_SIM_H
 
+#include "hil_sim/drv8871.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/random.h"
 #include "hil_sim/runner.h"

@@ -2,6 +2,9 @@
 /**
  * @file pca9685.h
  * Register model of the PCA9685 PWM chip (NXP datasheet rev. 4), fed with the bytes of I2C transactions.
+ *
+ * The chip has no clock here: the 500 us that its oscillator takes to start are not modelled, and outputs follow the registers at once. With
+ * MODE2.OCH = 0 (change on STOP) read them after the last transaction of a batch. EXTCLK stops the outputs: nothing drives that pin.
  */
 #ifndef HIL_SIM_PCA9685_H
 #define HIL_SIM_PCA9685_H
@@ -21,13 +24,13 @@ typedef struct hil_pca9685_t {
 /** Power-up state: asleep, every channel full off. */
 void hil_pca9685_reset(hil_pca9685_t *chip, uint8_t address);
 
-/** One write. @return true if acknowledged (own address, ALLCALL while enabled, or the general call's software reset). */
+/** One write: the register, then its bytes; no bytes at all: the address alone is acknowledged. @return true if acknowledged (own address, ALLCALL while enabled, or the general call's software reset). */
 bool hil_pca9685_write(hil_pca9685_t *chip, uint8_t address, const uint8_t *data, uint32_t length);
 
 /** One read from the register pointer on. @return true if acknowledged. */
 bool hil_pca9685_read(hil_pca9685_t *chip, uint8_t address, uint8_t *data, uint32_t length);
 
-/** Share of the period a channel is high, 0..1; 0 while asleep. Channel outside 0..15: 0. */
+/** Share of the period a channel is high, 0..1; 0 while asleep or while an interrupted PWM waits for RESTART. Channel outside 0..15: 0. */
 double hil_pca9685_duty(const hil_pca9685_t *chip, uint32_t channel);
 
 /** Phase of the channel's rising edge within the period, 0..1. */

@@ -7,9 +7,11 @@
  *
  * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely along p_i.
  *   creep_i = r w_i (1 - s_i) - t_i . (v + wz x p_i)        s_i: imposed slip ratio the encoders cannot see
- *   F_i = C creep_i, limited smoothly to mu N                N = m g / n
- *   J w_i' = K i_i - b w_i - T_c sgn(w_i) - r F_i;   L i_i' = V_i - R i_i - K w_i  (the bridge decides V_i or open circuit)
- *   m v' = sum (F_i t_i + roller drag);   I wz' = sum p_i x (...)
+ *   F_i = C creep_i / sqrt(1 + (C creep_i / (mu N))^2)       limited smoothly to mu N, N = m g / n
+ *   J w_i' = K i_i - b w_i - T_c w_i / sqrt(w_i^2 + w_0^2) - r F_i     w_0 = 0.01 rad/s
+ *   L i_i' = V_i - R i_i - K w_i                             the bridge decides V_i or open circuit
+ *   m v' = sum (F_i t_i - roller drag across t_i);   I wz' = sum d_i F_i
+ *   V_supply = V_battery - R_battery sum (drive_i i_i)
  */
 #ifndef HIL_SIM_WORLD_H
 #define HIL_SIM_WORLD_H
@@ -17,6 +19,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "hil_sim/drv8871.h"
 #include "hil_sim/pca9685.h"
 
 enum {
@@ -116,8 +119,26 @@ typedef struct hil_sensors_t {
     bool link_silent;                         /**< the ground station's messages are lost now */
 } hil_sensors_t;
 
+/** Constants of the motion, derived once. Wheels that the robot doesn't have are weightless: zero in every array. */
+typedef struct hil_plant_t {
+    double radius_m[HIL_MAX_WHEELS];
+    double along_x[HIL_MAX_WHEELS];           /**< t_i in the body frame */
+    double along_y[HIL_MAX_WHEELS];
+    double arm_m[HIL_MAX_WHEELS];             /**< p_i x t_i */
+    double drag_xx;                           /**< roller drag, sum over the wheels [N s/m] */
+    double drag_xy;
+    double drag_yy;
+    double stiffness_N_s_m;
+    double inverse_limit_N;                   /**< 1 / (mu N) */
+    double inverse_mass;
+    double inverse_inertia;
+    double inverse_motor_inertia;
+    double inverse_inductance;
+} hil_plant_t;
+
 typedef struct hil_world_t {
     hil_world_config_t config;
+    hil_plant_t plant;
     uint64_t time_us;
     uint64_t steps;
     double pose[3];                           /**< truth; theta not wrapped */
@@ -125,14 +146,18 @@ typedef struct hil_world_t {
     double wheel_angle_rad[HIL_MAX_WHEELS];
     double wheel_rad_s[HIL_MAX_WHEELS];
     double current_A[HIL_MAX_WHEELS];
-    double voltage_V[HIL_MAX_WHEELS];         /**< mean bridge voltage, wheel direction */
+    double voltage_V[HIL_MAX_WHEELS];         /**< mean bridge voltage, wheel direction; 0 while the winding is open */
     double slip_ratio[HIL_MAX_WHEELS];        /**< imposed */
     double traction_N[HIL_MAX_WHEELS];
     double supply_V;                          /**< under load */
     double in1[HIL_MAX_WHEELS];               /**< share of the period IN1 is high */
     double in2[HIL_MAX_WHEELS];
-    int32_t counts[HIL_MAX_WHEELS];
-    int32_t frozen_counts[HIL_MAX_WHEELS];    /**< for the stuck encoder */
+    hil_drv8871_t bridge[HIL_MAX_WHEELS];
+    int64_t encoder_edges[HIL_MAX_WHEELS];    /**< edges the disc has passed */
+    int32_t counts[HIL_MAX_WHEELS];           /**< the electronics' counter: wraps */
+    uint64_t slip_knot;                       /**< number of the draw before now */
+    double slip_before[HIL_MAX_WHEELS];
+    double slip_after[HIL_MAX_WHEELS];
     hil_pca9685_t chip;
     uint8_t i2c_status;
     uint8_t i2c_read_length;
@@ -146,19 +171,22 @@ typedef struct hil_world_t {
 /** Check and start. @param why out, text of at most `why_size` bytes naming the offending field. */
 hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config, char *why, uint32_t why_size);
 
-/** What the sensors show now (of time world->time_us). A due pose fix is handed out once. */
+/** What the sensors show now (of time world->time_us). At most one due pose fix per call; each is handed out once. */
 void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors);
 
 /**
- * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read).
+ * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read), all or none.
  * @return HIL_ERR_PROTOCOL if the bytes do not parse; the bridges then keep what they have.
  */
 hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length);
 
-/** Set the bridge inputs directly, in PWM steps 0..4096 per wheel, instead of through the chip (in-process runs). */
+/**
+ * Set the bridge inputs directly, in PWM steps 0..4096 per wheel at 1526 Hz, instead of through the chip (in-process runs). I2C faults act
+ * as on the chip: the bridges keep what they have and the next i2c_status says so.
+ */
 void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
 
-/** Advance by one tick. @param step_us e.g. 1000. */
+/** Advance by one tick, in substeps of at most 0.5 ms. @param step_us e.g. 1000. */
 void hil_world_step(hil_world_t *world, uint32_t step_us);
 
 /** Kinetic energy of body and wheels [J], for the energy tests. */

@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: MIT */
+/* Encoders and the pose sensor. */
+#include <math.h>
+
+#include "hil_sim/random.h"
+#include "parts.h"
+
+static int64_t floor_int(double x) {
+    const int64_t whole = (int64_t)x;
+    return whole - ((double)whole > x);
+}
+
+static int32_t count_direction(const hil_world_t *world, uint32_t wheel) {
+    if (hil_world_fault_active(world, HIL_FAULT_ENCODER_STUCK, wheel)) {
+        return 0;
+    }
+    const int32_t direction = world->config.encoder_direction[wheel];
+    return hil_world_fault_active(world, HIL_FAULT_ENCODER_REVERSED, wheel) ? -direction : direction;
+}
+
+void hil_encoders_update(hil_world_t *world) {
+    const double edges_per_rad = world->config.counts_per_revolution / (2.0 * HIL_PI);
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        const int64_t edges = floor_int(world->wheel_angle_rad[i] * edges_per_rad);
+        const int64_t passed = (edges - world->encoder_edges[i]) * count_direction(world, i);
+        world->encoder_edges[i] = edges;
+        /* Unsigned, because a hardware counter wraps. */
+        world->counts[i] = (int32_t)((uint32_t)world->counts[i] + (uint32_t)passed);
+    }
+}
+
+static double wrap_angle(double angle_rad) { return angle_rad - 2.0 * HIL_PI * floor(angle_rad / (2.0 * HIL_PI) + 0.5); }
+
+static void measure(const hil_world_t *world, uint64_t sample, double age_s, double *pose) {
+    const hil_world_config_t *config = &world->config;
+    const double sd[3] = {config->fix_sd_xy_m, config->fix_sd_xy_m, config->fix_sd_theta_rad};
+    for (uint32_t axis = 0; axis < 3; axis++) {
+        const double noise = sd[axis] * hil_normal(config->seed, HIL_STREAM_FIX_X + axis, sample);
+        pose[axis] = world->pose[axis] - age_s * world->twist[axis] + noise;
+    }
+    pose[0] += hil_fault_value(world, HIL_FAULT_POSE_JUMP, 0.0);
+    pose[2] = wrap_angle(pose[2]);
+}
+
+static void queue(hil_world_t *world, const hil_fix_t *fix) {
+    if (world->fix_count == HIL_MAX_FIXES) { /* nobody asked for the oldest: it is lost */
+        world->fix_head = (world->fix_head + 1) % HIL_MAX_FIXES;
+        world->fix_count--;
+    }
+    world->fix[(world->fix_head + world->fix_count) % HIL_MAX_FIXES] = *fix;
+    world->fix_count++;
+}
+
+static bool lost(const hil_world_t *world, uint64_t sample) {
+    const hil_world_config_t *config = &world->config;
+    return hil_world_fault_active(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) ||
+           hil_uniform(config->seed, HIL_STREAM_FIX_DROP, sample) < config->fix_drop_probability;
+}
+
+/* Samples are due at k / rate, which need not fall on a tick: the pose is carried back to that time. */
+void hil_pose_sensor_update(hil_world_t *world) {
+    const hil_world_config_t *config = &world->config;
+    if (config->fix_rate_Hz <= 0.0) {
+        return;
+    }
+    for (;;) {
+        const uint64_t sample = world->fixes_taken;
+        const uint64_t due_us = (uint64_t)((double)sample * 1e6 / config->fix_rate_Hz + 0.5);
+        if (due_us > world->time_us) {
+            return;
+        }
+        world->fixes_taken++;
+        if (!lost(world, sample)) {
+            hil_fix_t fix = {.taken_us = due_us, .arrives_us = due_us + (uint64_t)(config->fix_delay_s * 1e6 + 0.5)};
+            measure(world, sample, 1e-6 * (double)(world->time_us - due_us), fix.pose);
+            queue(world, &fix);
+        }
+    }
+}
