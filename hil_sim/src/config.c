@@ -52,8 +52,7 @@ typedef struct complaint_t {
     uint32_t size;
 } complaint_t;
 
-static hil_result_t refuse(const complaint_t *complaint, const char *name, int32_t index, double value,
-                           const char *allowed) {
+static hil_result_t refuse(const complaint_t *complaint, const char *name, int32_t index, double value, const char *allowed) {
     if (complaint->size > 0) {
         char element[16] = "";
         if (index >= 0) {
@@ -77,8 +76,7 @@ static hil_result_t check_range(const hil_world_config_t *config, const range_t 
     return HIL_OK;
 }
 
-static hil_result_t check_direction(const char *name, const int32_t *direction, uint32_t wheels,
-                                    const complaint_t *complaint) {
+static hil_result_t check_direction(const char *name, const int32_t *direction, uint32_t wheels, const complaint_t *complaint) {
     for (uint32_t i = 0; i < wheels; i++) {
         if (direction[i] != 1 && direction[i] != -1) {
             return refuse(complaint, name, (int32_t)i, direction[i], "1 or -1");

@@ -12,8 +12,8 @@ static const double FULLY_OPEN = 1.0 - 1e-9;
 static double overlap(double in1, double phase1, double in2, double phase2) {
     double lag = phase2 - phase1;
     lag -= floor(lag);
-    const double ahead = fmin(in1 - lag, in2);             /* pulse 2 rises within pulse 1 */
-    const double around = fmin(in1, in2 - (1.0 - lag));    /* pulse 2 reaches into the next pulse 1 */
+    const double ahead = fmin(in1 - lag, in2);          /* pulse 2 rises within pulse 1 */
+    const double around = fmin(in1, in2 - (1.0 - lag)); /* pulse 2 reaches into the next pulse 1 */
     return fmax(ahead, 0.0) + fmax(around, 0.0);
 }
 
@@ -30,7 +30,9 @@ void hil_drv8871_inputs(hil_drv8871_t *bridge, double in1, double phase1, double
     }
 }
 
-bool hil_drv8871_open(const hil_drv8871_t *bridge) { return bridge->coast >= FULLY_OPEN; }
+bool hil_drv8871_open(const hil_drv8871_t *bridge) {
+    return bridge->coast >= FULLY_OPEN;
+}
 
 /* Share of the period in which the diodes conduct after the drive. `side`: sign of the drive. */
 static double diode_share(const hil_drv8871_t *bridge, const hil_winding_t *winding, double supply_V, double side) {

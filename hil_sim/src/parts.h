@@ -16,7 +16,7 @@ typedef struct hil_electrics_t {
     double offset_V[HIL_MAX_WHEELS];
     double closed[HIL_MAX_WHEELS]; /**< 1: the winding is connected, 0: open */
     double battery_V;
-    double drive[HIL_MAX_WHEELS];  /**< share of the motor current that the battery sees */
+    double drive[HIL_MAX_WHEELS]; /**< share of the motor current that the battery sees */
 } hil_electrics_t;
 
 /* config.c */

@@ -65,9 +65,13 @@ static bool addressed(const hil_pca9685_t *chip, uint8_t address) {
     return (mode1 & ALLCALL) != 0 && address == chip->registers[ALLCALLADR] >> 1;
 }
 
-static bool is_led(uint8_t reg) { return reg >= LED0_ON_L && reg <= LED15_OFF_H; }
+static bool is_led(uint8_t reg) {
+    return reg >= LED0_ON_L && reg <= LED15_OFF_H;
+}
 
-static bool is_all_led(uint8_t reg) { return reg >= ALL_LED_ON_L && reg <= ALL_LED_OFF_H; }
+static bool is_all_led(uint8_t reg) {
+    return reg >= ALL_LED_ON_L && reg <= ALL_LED_OFF_H;
+}
 
 static void advance(hil_pca9685_t *chip) {
     if ((chip->registers[MODE1] & AUTO_INCREMENT) == 0) {
@@ -183,7 +187,9 @@ bool hil_pca9685_read(hil_pca9685_t *chip, uint8_t address, uint8_t *data, uint3
     return true;
 }
 
-static uint32_t twelve_bits(const uint8_t *low_high) { return (uint32_t)low_high[0] | (uint32_t)(low_high[1] & 0x0F) << 8; }
+static uint32_t twelve_bits(const uint8_t *low_high) {
+    return (uint32_t)low_high[0] | (uint32_t)(low_high[1] & 0x0F) << 8;
+}
 
 static double programmed_duty(const uint8_t *led) {
     if ((led[3] & FULL) != 0) {

@@ -26,13 +26,13 @@ typedef struct motion_t {
 /* The solved form of (1 - g h A) for one substep. */
 typedef struct solver_t {
     double gh;
-    double current[N];     /* 1 / (1 + g h R / L), 0 for an open winding */
-    double emf;            /* g h K / L */
-    double torque;         /* g h K / J */
-    double speed[N];       /* 1 / diagonal of the wheel's equation */
-    double from_floor[N];  /* g h r c / J */
-    double to_body[N];     /* g h c r (1 - s) / diagonal */
-    double inv_d[3];       /* L D L' of the body's matrix */
+    double current[N];    /* 1 / (1 + g h R / L), 0 for an open winding */
+    double emf;           /* g h K / L */
+    double torque;        /* g h K / J */
+    double speed[N];      /* 1 / diagonal of the wheel's equation */
+    double from_floor[N]; /* g h r c / J */
+    double to_body[N];    /* g h c r (1 - s) / diagonal */
+    double inv_d[3];      /* L D L' of the body's matrix */
     double l10, l20, l21;
     double mass[3];
 } solver_t;
@@ -40,8 +40,8 @@ typedef struct solver_t {
 /* What f leaves behind for A. */
 typedef struct slopes_t {
     double traction_N[N];
-    double traction[N];    /* dF / dcreep */
-    double coulomb[N];     /* dT / dw */
+    double traction[N]; /* dF / dcreep */
+    double coulomb[N];  /* dT / dw */
     double supply_V;
 } slopes_t;
 
@@ -139,8 +139,8 @@ static void factor_body(solver_t *solver, const double *m) {
     solver->inv_d[2] = 1.0 / (m[5] - solver->l20 * m[2] - solver->l21 * left);
 }
 
-static void factor_wheels(solver_t *solver, const hil_world_t *world, const hil_electrics_t *electrics,
-                          const slopes_t *slopes, double *weight) {
+static void factor_wheels(solver_t *solver, const hil_world_t *world, const hil_electrics_t *electrics, const slopes_t *slopes,
+                          double *weight) {
     const hil_world_config_t *config = &world->config;
     const hil_plant_t *plant = &world->plant;
     const double gh = solver->gh;
@@ -168,8 +168,12 @@ static void factor(solver_t *solver, const hil_world_t *world, const hil_electri
     solver->torque = solver->gh * config->motor_constant_N_m_A * plant->inverse_motor_inertia;
     double weight[N];
     factor_wheels(solver, world, electrics, slopes, weight);
-    double m[6] = {config->mass_kg + solver->gh * plant->drag_xx, solver->gh * plant->drag_xy, 0.0,
-                   config->mass_kg + solver->gh * plant->drag_yy, 0.0, config->inertia_kg_m2};
+    double m[6] = {config->mass_kg + solver->gh * plant->drag_xx,
+                   solver->gh * plant->drag_xy,
+                   0.0,
+                   config->mass_kg + solver->gh * plant->drag_yy,
+                   0.0,
+                   config->inertia_kg_m2};
     for (int i = 0; i < N; i++) {
         const double x = plant->along_x[i], y = plant->along_y[i], t = plant->arm_m[i];
         m[0] += weight[i] * x * x;

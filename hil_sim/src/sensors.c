@@ -29,7 +29,9 @@ void hil_encoders_update(hil_world_t *world) {
     }
 }
 
-static double wrap_angle(double angle_rad) { return angle_rad - 2.0 * HIL_PI * floor(angle_rad / (2.0 * HIL_PI) + 0.5); }
+static double wrap_angle(double angle_rad) {
+    return angle_rad - 2.0 * HIL_PI * floor(angle_rad / (2.0 * HIL_PI) + 0.5);
+}
 
 static void measure(const hil_world_t *world, uint64_t sample, double age_s, double *pose) {
     const hil_world_config_t *config = &world->config;

@@ -128,8 +128,8 @@ static void outputs_to_bridges(hil_world_t *world) {
         const uint32_t channel2 = world->config.in2_channel[i];
         world->in1[i] = hil_pca9685_duty(&world->chip, channel1);
         world->in2[i] = hil_pca9685_duty(&world->chip, channel2);
-        hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1),
-                                hil_pca9685_phase(&world->chip, channel2), period_s);
+        hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1), hil_pca9685_phase(&world->chip, channel2),
+                                period_s);
     }
 }
 
@@ -160,7 +160,9 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
     return HIL_OK;
 }
 
-static double share_of_period(uint16_t steps) { return (steps < PWM_STEPS ? steps : PWM_STEPS) / (double)PWM_STEPS; }
+static double share_of_period(uint16_t steps) {
+    return (steps < PWM_STEPS ? steps : PWM_STEPS) / (double)PWM_STEPS;
+}
 
 void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps) {
     world->i2c_status = bus_fault(world);

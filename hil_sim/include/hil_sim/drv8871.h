@@ -14,8 +14,8 @@
 
 /** Shares of a PWM period. */
 typedef struct hil_drv8871_t {
-    double drive;      /**< forward minus reverse, -1..1 */
-    double coast;      /**< both inputs low, 0..1 */
+    double drive; /**< forward minus reverse, -1..1 */
+    double coast; /**< both inputs low, 0..1 */
     double period_s;
 } hil_drv8871_t;
 

@@ -15,10 +15,10 @@
 enum { HIL_PCA9685_CHANNELS = 16 };
 
 typedef struct hil_pca9685_t {
-    uint8_t address;          /**< 7 bit */
+    uint8_t address; /**< 7 bit */
     uint8_t registers[256];
-    uint8_t pointer;          /**< register the next byte goes to */
-    uint32_t ignored_writes;  /**< writes to read-only or locked registers (PRESCALE while awake), TestMode */
+    uint8_t pointer;         /**< register the next byte goes to */
+    uint32_t ignored_writes; /**< writes to read-only or locked registers (PRESCALE while awake), TestMode */
 } hil_pca9685_t;
 
 /** Power-up state: asleep, every channel full off. */

@@ -13,12 +13,12 @@
 /** One row of a run's record. Arrays per wheel have HIL_MAX_WHEELS entries. */
 typedef struct hil_sample_t {
     double time_s;
-    double truth[3];                          /**< pose */
+    double truth[3]; /**< pose */
     double reference[3];
     double estimate[3];
-    double wheel_rad_s[HIL_MAX_WHEELS];       /**< truth */
+    double wheel_rad_s[HIL_MAX_WHEELS]; /**< truth */
     double wheel_reference[HIL_MAX_WHEELS];
-    double duty[HIL_MAX_WHEELS];              /**< mean bridge voltage / supply, from the bridge inputs */
+    double duty[HIL_MAX_WHEELS]; /**< mean bridge voltage / supply, from the bridge inputs */
     double current_A[HIL_MAX_WHEELS];
     double slip_ratio[HIL_MAX_WHEELS];
     double supply_V;
@@ -26,8 +26,8 @@ typedef struct hil_sample_t {
     double duty_scale;
     uint32_t faults;
     uint32_t config_sequence;
-    uint32_t state;                           /**< omni_safety_state_t */
-    uint32_t phase;                           /**< omni_trajectory_phase_t */
+    uint32_t state; /**< omni_safety_state_t */
+    uint32_t phase; /**< omni_trajectory_phase_t */
 } hil_sample_t;
 
 /** Where samples go: every `every`-th tick while there is room. */
@@ -41,36 +41,52 @@ typedef struct hil_record_t {
 /**
  * Run `ticks` ticks of omni_robot_tick in this process: sense, tick, bridge, step. `inputs` carries set-point, heartbeat and the like
  * between calls; its sensor fields are overwritten, its events are cleared after the first tick, and its heartbeat and
- * set-point time stamps follow the clock unless the world's link is silent.
+ * set-point time stamps follow the clock unless the world's link is silent. I2C faults count as driver failures. Numbers for wheels the
+ * robot doesn't have are 0. @param record may be NULL.
  */
-void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs,
-                        uint64_t ticks, hil_record_t *record);
+void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
+                        hil_record_t *record);
 
-enum { HIL_LOCKSTEP_RX = 65536 };
+enum { HIL_LOCKSTEP_RX = 65536, HIL_LOCKSTEP_INPUT = 4096 };
 
-/** One end of a lockstep link. */
+/**
+ * One end of a lockstep link. The caller may change send_fixes, timeout_s, realtime_factor and rx_length between runs.
+ *
+ * Frames. OMNI_* messages carry world x, y, theta as they are. VICON_POSITION_ESTIMATE is NED like all of standard MAVLink: world x is
+ * North, world y West, z up, hence x_ned = x, y_ned = -y, yaw_ned = -theta.
+ */
 typedef struct hil_lockstep_t {
-    int32_t fd;                               /**< open, connected; stays the caller's */
-    uint8_t system_id;                        /**< of this end */
+    int32_t fd;        /**< open, connected; stays the caller's */
+    uint8_t system_id; /**< of this end */
     uint8_t component_id;
-    uint32_t sequence;                        /**< of the next tick */
-    bool send_fixes;                          /**< pose fixes go out as VICON_POSITION_ESTIMATE */
-    double timeout_s;                         /**< wall time to wait for an answer */
-    double realtime_factor;                   /**< 0: as fast as it goes; 1: real time */
-    uint8_t rx[HIL_LOCKSTEP_RX];              /**< every other frame the robot sent, whole, for the caller to take */
+    uint32_t sequence;           /**< of the next tick */
+    bool send_fixes;             /**< pose fixes go out as VICON_POSITION_ESTIMATE */
+    double timeout_s;            /**< wall time to wait for an answer */
+    double realtime_factor;      /**< 0: as fast as it goes; 1: real time */
+    uint8_t rx[HIL_LOCKSTEP_RX]; /**< every other frame the robot sent, whole, for the caller to take */
     uint32_t rx_length;
-    uint32_t bad_frames;                      /**< frames with a wrong checksum */
-    uint32_t reserved[64];                    /**< parser state */
+    uint32_t bad_frames;               /**< frames with a wrong checksum or of an unknown message */
+    uint32_t lost_frames;              /**< frames for which `rx` had no room */
+    uint32_t stale_answers;            /**< answers to ticks of earlier runs that had timed out */
+    uint8_t input[HIL_LOCKSTEP_INPUT]; /**< bytes not yet taken apart */
+    uint32_t input_length;
+    uint8_t frame_sequence; /**< MAVLink's, of the next frame */
+    double pace_factor;     /**< pacing has been anchored for this factor ... */
+    int64_t pace_wall_us;   /**< ... at this wall time ... */
+    uint64_t pace_world_us; /**< ... and this world time */
 } hil_lockstep_t;
 
 void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint8_t component_id);
 
 /**
- * Run up to `ticks` ticks in lockstep: sense, send OMNI_HIL_SENSORS (and a due pose fix before it), wait for OMNI_HIL_ACTUATORS of the same
+ * Run up to `ticks` ticks of OMNI_TICK_US in lockstep: sense, send OMNI_HIL_SENSORS (and a due pose fix before it), wait for OMNI_HIL_ACTUATORS of the same
  * sequence, apply its I2C bytes, step. Frames of other messages are collected in `rx` (the caller empties it by setting
- * rx_length to 0); the run returns early when `rx` is three quarters full. @param done out: ticks run.
+ * rx_length to 0); the run returns early when `rx` is three quarters full. The answer must be the last frame of a tick. While the link is
+ * silent (fault), due fixes are lost.
+ * @param record may be NULL. @param done out: ticks run, also on failure.
+ * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, or HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not parse): the world
+ * then stands before the failed tick's step.
  */
-hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record,
-                              uint64_t *done);
+hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record, uint64_t *done);
 
 #endif

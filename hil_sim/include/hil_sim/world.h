@@ -25,8 +25,8 @@
 enum {
     HIL_MAX_WHEELS = 4,
     HIL_MAX_FAULTS = 16,
-    HIL_MAX_FIXES = 64,       /**< pose fixes on their way */
-    HIL_MAX_I2C = 128,        /**< bytes of the transactions of a tick */
+    HIL_MAX_FIXES = 64, /**< pose fixes on their way */
+    HIL_MAX_I2C = 128,  /**< bytes of the transactions of a tick */
     HIL_MAX_I2C_READ = 8
 };
 
@@ -34,36 +34,36 @@ enum {
 typedef enum hil_result_t {
     HIL_OK = 0,
     HIL_ERR_CONFIG,
-    HIL_ERR_LINK,      /**< the link broke or was closed */
-    HIL_ERR_TIMEOUT,   /**< the robot did not answer in time */
-    HIL_ERR_PROTOCOL   /**< the robot answered something else than asked */
+    HIL_ERR_LINK,    /**< the link broke or was closed */
+    HIL_ERR_TIMEOUT, /**< the robot did not answer in time */
+    HIL_ERR_PROTOCOL /**< the robot answered something else than asked */
 } hil_result_t;
 
 typedef enum hil_fault_kind_t {
     HIL_FAULT_NONE = 0,
-    HIL_FAULT_ENCODER_STUCK,     /**< counter of `wheel` stands still */
-    HIL_FAULT_ENCODER_REVERSED,  /**< counter of `wheel` counts backwards */
-    HIL_FAULT_ENCODER_INVALID,   /**< counter of `wheel` is reported as not valid */
-    HIL_FAULT_I2C_NACK,          /**< the chip acknowledges nothing */
-    HIL_FAULT_I2C_STUCK,         /**< the bus is held low */
-    HIL_FAULT_LINK_SILENCE,      /**< the ground station's messages do not arrive (host-in-the-loop sensors still do) */
-    HIL_FAULT_POSE_LOSS,         /**< no pose fixes */
-    HIL_FAULT_POSE_JUMP,         /**< pose fixes are off by `value` metres in x */
-    HIL_FAULT_BATTERY_SAG,       /**< open-circuit voltage becomes `value` volts */
-    HIL_FAULT_MOTOR_DEAD,        /**< motor of `wheel` is disconnected */
+    HIL_FAULT_ENCODER_STUCK,    /**< counter of `wheel` stands still */
+    HIL_FAULT_ENCODER_REVERSED, /**< counter of `wheel` counts backwards */
+    HIL_FAULT_ENCODER_INVALID,  /**< counter of `wheel` is reported as not valid */
+    HIL_FAULT_I2C_NACK,         /**< the chip acknowledges nothing */
+    HIL_FAULT_I2C_STUCK,        /**< the bus is held low */
+    HIL_FAULT_LINK_SILENCE,     /**< the ground station's messages do not arrive (host-in-the-loop sensors still do) */
+    HIL_FAULT_POSE_LOSS,        /**< no pose fixes */
+    HIL_FAULT_POSE_JUMP,        /**< pose fixes are off by `value` metres in x */
+    HIL_FAULT_BATTERY_SAG,      /**< open-circuit voltage becomes `value` volts */
+    HIL_FAULT_MOTOR_DEAD,       /**< motor of `wheel` is disconnected */
     HIL_FAULT_KIND_COUNT
 } hil_fault_kind_t;
 
 typedef struct hil_fault_t {
-    uint8_t kind;                /**< hil_fault_kind_t */
+    uint8_t kind; /**< hil_fault_kind_t */
     uint8_t wheel;
     double start_s;
-    double stop_s;               /**< exclusive */
+    double stop_s; /**< exclusive */
     double value;
 } hil_fault_t;
 
 typedef struct hil_world_config_t {
-    uint32_t wheels;                          /**< 3 or 4 */
+    uint32_t wheels; /**< 3 or 4 */
     double wheel_radius_m[HIL_MAX_WHEELS];
     double wheel_distance_m[HIL_MAX_WHEELS];
     double wheel_angle_rad[HIL_MAX_WHEELS];
@@ -73,63 +73,63 @@ typedef struct hil_world_config_t {
     double motor_constant_N_m_A;
     double motor_resistance_ohm;
     double motor_inductance_H;
-    double battery_V;                         /**< open circuit */
+    double battery_V; /**< open circuit */
     double battery_resistance_ohm;
     double mass_kg;
     double inertia_kg_m2;
     double friction_coefficient;
     double slip_stiffness_N_s_m;
     double roller_friction_N_s_m;
-    double slip_max;                          /**< imposed slip ratio is drawn from [0, slip_max] */
-    double slip_time_s;                       /**< and changes linearly between draws this far apart */
+    double slip_max;    /**< imposed slip ratio is drawn from [0, slip_max] */
+    double slip_time_s; /**< and changes linearly between draws this far apart */
     int32_t counts_per_revolution;
     int32_t encoder_direction[HIL_MAX_WHEELS];
     int32_t motor_direction[HIL_MAX_WHEELS];
     uint32_t in1_channel[HIL_MAX_WHEELS];
     uint32_t in2_channel[HIL_MAX_WHEELS];
     uint8_t pca9685_address;
-    double fix_rate_Hz;                       /**< 0: no pose sensor */
+    double fix_rate_Hz; /**< 0: no pose sensor */
     double fix_sd_xy_m;
     double fix_sd_theta_rad;
     double fix_delay_s;
     double fix_drop_probability;
-    double start_pose[3];                     /**< x [m], y [m], theta [rad] */
+    double start_pose[3]; /**< x [m], y [m], theta [rad] */
     uint64_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];
 } hil_world_config_t;
 
 typedef struct hil_fix_t {
-    uint64_t taken_us;                        /**< when the sensor saw it */
+    uint64_t taken_us; /**< when the sensor saw it */
     uint64_t arrives_us;
-    double pose[3];                           /**< x, y, theta wrapped to -pi..pi */
+    double pose[3]; /**< x, y, theta wrapped to -pi..pi */
 } hil_fix_t;
 
 /** What the robot's electronics see of the world at one tick. */
 typedef struct hil_sensors_t {
     uint64_t time_us;
     int32_t counts[HIL_MAX_WHEELS];
-    uint8_t counts_valid;                     /**< bit per wheel */
+    uint8_t counts_valid; /**< bit per wheel */
     double battery_V;
-    uint8_t i2c_status;                       /**< bit 0: not acknowledged, bit 1: bus stuck (of the last tick's transactions) */
+    uint8_t i2c_status; /**< bit 0: not acknowledged, bit 1: bus stuck (of the last tick's transactions) */
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
-    bool has_fix;                             /**< a pose fix arrives with this tick */
+    bool has_fix; /**< a pose fix arrives with this tick */
     hil_fix_t fix;
-    bool link_silent;                         /**< the ground station's messages are lost now */
+    bool link_silent; /**< the ground station's messages are lost now */
 } hil_sensors_t;
 
 /** Constants of the motion, derived once. Wheels that the robot doesn't have are weightless: zero in every array. */
 typedef struct hil_plant_t {
     double radius_m[HIL_MAX_WHEELS];
-    double along_x[HIL_MAX_WHEELS];           /**< t_i in the body frame */
+    double along_x[HIL_MAX_WHEELS]; /**< t_i in the body frame */
     double along_y[HIL_MAX_WHEELS];
-    double arm_m[HIL_MAX_WHEELS];             /**< p_i x t_i */
-    double drag_xx;                           /**< roller drag, sum over the wheels [N s/m] */
+    double arm_m[HIL_MAX_WHEELS]; /**< p_i x t_i */
+    double drag_xx;               /**< roller drag, sum over the wheels [N s/m] */
     double drag_xy;
     double drag_yy;
     double stiffness_N_s_m;
-    double inverse_limit_N;                   /**< 1 / (mu N) */
+    double inverse_limit_N; /**< 1 / (mu N) */
     double inverse_mass;
     double inverse_inertia;
     double inverse_motor_inertia;
@@ -141,21 +141,21 @@ typedef struct hil_world_t {
     hil_plant_t plant;
     uint64_t time_us;
     uint64_t steps;
-    double pose[3];                           /**< truth; theta not wrapped */
-    double twist[3];                          /**< truth, world frame */
+    double pose[3];  /**< truth; theta not wrapped */
+    double twist[3]; /**< truth, world frame */
     double wheel_angle_rad[HIL_MAX_WHEELS];
     double wheel_rad_s[HIL_MAX_WHEELS];
     double current_A[HIL_MAX_WHEELS];
-    double voltage_V[HIL_MAX_WHEELS];         /**< mean bridge voltage, wheel direction; 0 while the winding is open */
-    double slip_ratio[HIL_MAX_WHEELS];        /**< imposed */
+    double voltage_V[HIL_MAX_WHEELS];  /**< mean bridge voltage, wheel direction; 0 while the winding is open */
+    double slip_ratio[HIL_MAX_WHEELS]; /**< imposed */
     double traction_N[HIL_MAX_WHEELS];
-    double supply_V;                          /**< under load */
-    double in1[HIL_MAX_WHEELS];               /**< share of the period IN1 is high */
+    double supply_V;            /**< under load */
+    double in1[HIL_MAX_WHEELS]; /**< share of the period IN1 is high */
     double in2[HIL_MAX_WHEELS];
     hil_drv8871_t bridge[HIL_MAX_WHEELS];
-    int64_t encoder_edges[HIL_MAX_WHEELS];    /**< edges the disc has passed */
-    int32_t counts[HIL_MAX_WHEELS];           /**< the electronics' counter: wraps */
-    uint64_t slip_knot;                       /**< number of the draw before now */
+    int64_t encoder_edges[HIL_MAX_WHEELS]; /**< edges the disc has passed */
+    int32_t counts[HIL_MAX_WHEELS];        /**< the electronics' counter: wraps */
+    uint64_t slip_knot;                    /**< number of the draw before now */
     double slip_before[HIL_MAX_WHEELS];
     double slip_after[HIL_MAX_WHEELS];
     hil_pca9685_t chip;

@@ -1,0 +1,77 @@
+/* SPDX-License-Identifier: MIT */
+#include "hil_sim/runner.h"
+#include "omni/bridge.h"
+#include "record.h"
+
+static omni_pose_t to_pose(const double *pose) {
+    return (omni_pose_t){(omni_real_t)pose[0], (omni_real_t)pose[1], (omni_real_t)pose[2]};
+}
+
+static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors, uint32_t wheels) {
+    inputs->time_us = sensors->time_us;
+    for (uint32_t i = 0; i < wheels; i++) {
+        inputs->counts[i] = sensors->counts[i];
+    }
+    inputs->counts_valid = sensors->counts_valid;
+    inputs->battery_V = (omni_real_t)sensors->battery_V;
+    const bool failed = sensors->i2c_status != 0;
+    const uint16_t failures = inputs->driver_failures;
+    inputs->driver_failures = failed ? (uint16_t)(failures + (failures < UINT16_MAX)) : 0;
+    inputs->has_fix = sensors->has_fix && !sensors->link_silent;
+    if (inputs->has_fix) {
+        inputs->fix = (omni_pose_fix_t){.time_us = sensors->fix.taken_us, .pose = to_pose(sensors->fix.pose)};
+    }
+    if (!sensors->link_silent) {
+        inputs->heartbeat_us = sensors->time_us;
+        inputs->setpoint.time_us = sensors->time_us;
+    }
+}
+
+static void drive(hil_world_t *world, const omni_outputs_t *outputs) {
+    uint16_t in1[HIL_MAX_WHEELS];
+    uint16_t in2[HIL_MAX_WHEELS];
+    for (uint32_t i = 0; i < HIL_MAX_WHEELS; i++) {
+        const omni_bridge_counts_t counts = omni_bridge_counts(outputs->duty[i], outputs->drive);
+        in1[i] = counts.in1;
+        in2[i] = counts.in2;
+    }
+    hil_world_bridge(world, in1, in2);
+}
+
+static void copy_pose(double *to, const omni_pose_t *pose) {
+    to[0] = (double)pose->x;
+    to[1] = (double)pose->y;
+    to[2] = (double)pose->theta;
+}
+
+static void record_tick(hil_record_t *record, const hil_world_t *world, const omni_outputs_t *outputs) {
+    hil_sample_t *row = hil_record_row(record, world);
+    if (row == NULL) {
+        return;
+    }
+    copy_pose(row->reference, &outputs->reference.pose);
+    copy_pose(row->estimate, &outputs->pose);
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        row->wheel_reference[i] = (double)outputs->wheel_reference[i];
+    }
+    row->wheel_scale = (double)outputs->wheel_scale;
+    row->duty_scale = (double)outputs->duty_scale;
+    row->faults = outputs->faults;
+    row->config_sequence = outputs->config_sequence;
+    row->state = outputs->state;
+    row->phase = outputs->reference.phase;
+}
+
+void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
+                        hil_record_t *record) {
+    hil_sensors_t sensors;
+    for (uint64_t tick = 0; tick < ticks; tick++) {
+        hil_world_sense(world, &sensors);
+        take_sensors(inputs, &sensors, world->config.wheels);
+        omni_robot_tick(robot, inputs, outputs);
+        inputs->events = 0;
+        drive(world, outputs);
+        record_tick(record, world, outputs);
+        hil_world_step(world, OMNI_TICK_US);
+    }
+}
