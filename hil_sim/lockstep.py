@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.record import SampleBuffer
+from hil_sim.record import Record
 from hil_sim.world import World
 from omniwheel._core import ffi, lib
 from omniwheel.errors import LinkError, LinkLostError, LinkTimeoutError
@@ -22,6 +22,7 @@ from omniwheel.link import FileLink
 WORLD_SYSTEM_ID = 254
 WORLD_COMPONENT_ID = 1
 ANY_WHEEL = 255
+RECORD_ROWS = 1000
 
 
 class LockstepLink:
@@ -36,7 +37,7 @@ class LockstepLink:
         self.ticks = 0
         self._base = base
         self._world = world
-        self._buffer = SampleBuffer()
+        self._record = Record(RECORD_ROWS)
         self._samples: list[NDArray[Any]] = []
         self._done = ffi.new("uint64_t *")
         self._lockstep = ffi.new("hil_lockstep_t *")
@@ -52,7 +53,7 @@ class LockstepLink:
     @property
     def silent(self) -> bool:
         """Whether the ground station's messages get lost now."""
-        return bool(lib.hil_world_fault_active(self._world.struct, lib.HIL_FAULT_LINK_SILENCE, ANY_WHEEL))
+        return bool(lib.hil_world_fault_active(self._world.c, lib.HIL_FAULT_LINK_SILENCE, ANY_WHEEL))
 
     def read(self, timeout_s: float) -> bytes:
         """Return what the robot sent; if there is nothing and time is given, after one more tick."""
@@ -73,26 +74,32 @@ class LockstepLink:
 
     def run(self, ticks: int, between: Callable[[], None] | None = None) -> None:
         """Run ticks and keep their samples; ``between`` is called whenever the robot's messages should be taken."""
-        record = self._buffer.start(ticks)
-        left = ticks
-        while left > 0:
-            result = lib.hil_lockstep_run(self._lockstep, self._world.struct, left, record, self._done)
+        end = self.ticks + ticks
+        while self.ticks < end:
+            if len(self._record) == RECORD_ROWS:
+                self._flush()
+            step = min(end - self.ticks, RECORD_ROWS - len(self._record))
+            result = lib.hil_lockstep_run(self._lockstep, self._world.c, step, self._record.c, self._done)
             self.ticks += int(self._done[0])
-            left -= int(self._done[0])
             if result != lib.HIL_OK:
                 raise self._error(result)
-            if left > 0 and between is not None:
+            if self.ticks < end and between is not None:
                 between()
-        self._samples.append(self._buffer.take())
 
     def take_samples(self) -> NDArray[Any]:
         """Return the samples of all ticks since the last call."""
+        self._flush()
         samples, self._samples = np.concatenate(self._samples), []
         return samples
+
+    def _flush(self) -> None:
+        self._samples.append(self._record.samples.copy())
+        self._record.c.count = 0
 
     def forget_samples(self) -> None:
         """Drop them, for runs without an end."""
         self._samples = []
+        self._record.c.count = 0
 
     def _take(self) -> bytes:
         length = int(self._lockstep.rx_length)

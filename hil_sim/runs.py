@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core
-from hil_sim.record import SampleBuffer
+from hil_sim.record import Record
 from hil_sim.scenario import Event, Scenario
 from hil_sim.timeline import Applied, Played, Progress, RunError, play
-from hil_sim.world import World, world_config
+from hil_sim.world import NO_POSE_SENSOR, World, world_config
 from omniwheel._core import ffi, lib
 
 Measure = TypeVar("Measure")
@@ -29,6 +29,10 @@ EVENTS = {
     "trajectory_start": "OMNI_EVENT_TRAJECTORY_START",
     "trajectory_stop": "OMNI_EVENT_TRAJECTORY_STOP",
 }
+
+
+_WORLD_FIELDS = {"coulomb_friction_N_m": "motor_coulomb_N_m"}
+"""Keys of a scenario's [world] that ``hil_world_config_t`` names differently."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +63,16 @@ class Run:
 
 def new_world(scenario: Scenario) -> World:
     """Return the scenario's world at time zero."""
-    faults = [
-        {"kind": f.kind, "wheel": f.wheel, "start_s": f.start_s, "stop_s": f.stop_s, "value": f.value}
-        for f in scenario.faults
-    ]
+    numbers = {_WORLD_FIELDS.get(name, name): value for name, value in scenario.world.items()}
     return World(
-        world_config(scenario.robot, seed=scenario.seed, start_pose=scenario.start_pose, faults=faults, **scenario.world)
+        world_config(
+            scenario.robot,
+            seed=scenario.seed,
+            pose_sensor=NO_POSE_SENSOR,
+            start_pose=scenario.start_pose,
+            faults=scenario.faults,
+            **numbers,
+        )
     )
 
 
@@ -78,7 +86,6 @@ class InProcessLoop:
         self._robot = ffi.new("omni_robot_t *")
         self._inputs = ffi.new("omni_inputs_t *")
         self._outputs = ffi.new("omni_outputs_t *")
-        self._buffer = SampleBuffer()
         self._ticks = 0
         self._sequence = 0
         self._config = core.robot_config(self.values, self._table, 0)
@@ -94,10 +101,10 @@ class InProcessLoop:
 
     def advance(self, ticks: int) -> NDArray[Any]:
         """Run ticks in C and return their samples."""
-        record = self._buffer.start(ticks)
-        lib.hil_run_in_process(self.world.struct, self._robot, self._inputs, self._outputs, ticks, record)
+        record = Record(ticks)
+        lib.hil_run_in_process(self.world.c, self._robot, self._inputs, self._outputs, ticks, record.c)
         self._ticks += ticks
-        return self._buffer.take()
+        return record.samples
 
     def apply(self, event: Event) -> None:
         """Hand an event to the next tick."""

@@ -33,7 +33,7 @@ from omni_schema import ParameterTable, Robot, SchemaError
 from omni_schema.errors import did_you_mean
 from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
 
-from hil_sim.faults import FAULT_KINDS
+from hil_sim.faults import KINDS, Fault
 from omniwheel.robots import read_robot
 
 UNTIL_DONE: Literal["until_done"] = "until_done"
@@ -94,20 +94,6 @@ class Event:
         if self.velocity is not None:
             return "velocity " + ", ".join(f"{value:g}" for value in self.velocity)
         return str(self.command).replace("_", " ")
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A fault of the world: its name, when it is there (``stop_s`` is exclusive) and what it concerns.
-
-    ``wheel`` counts from 0; ``value`` is in metres (pose_jump) or volts (battery_sag).
-    """
-
-    kind: str
-    start_s: float
-    stop_s: float = math.inf
-    wheel: int = 0
-    value: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -315,9 +301,9 @@ def _event(source: str, key: str, entry: dict[str, Any], table: ParameterTable) 
 def _fault(source: str, key: str, entry: dict[str, Any], wheels: int) -> Fault:
     refuse_unknown_keys(source, f"{key}.", entry, ("kind", "wheel", "start_s", "stop_s", "value"))
     kind = take_text(source, f"{key}.kind", entry.get("kind"))
-    if kind not in FAULT_KINDS:
-        hint = did_you_mean(kind, FAULT_KINDS)
-        raise SchemaError(source, f"{key}.kind", f"is {kind!r}{hint}; allowed are {', '.join(FAULT_KINDS)}")
+    if kind not in KINDS:
+        hint = did_you_mean(kind, KINDS)
+        raise SchemaError(source, f"{key}.kind", f"is {kind!r}{hint}; allowed are {', '.join(KINDS)}")
     for name, kinds in (("wheel", WHEEL_FAULTS), ("value", VALUE_FAULTS)):
         if (name in entry) != (kind in kinds):
             word = "is needed" if kind in kinds else "does not apply"
@@ -325,7 +311,7 @@ def _fault(source: str, key: str, entry: dict[str, Any], wheels: int) -> Fault:
     start_s = _in_range(source, f"{key}.start_s", entry.get("start_s"), 0.0, MAX_DURATION_S)
     stop_s = entry.get("stop_s")
     return Fault(
-        kind=kind,
+        name=kind,
         start_s=start_s,
         stop_s=math.inf if stop_s is None else _in_range(source, f"{key}.stop_s", stop_s, start_s, MAX_DURATION_S),
         wheel=int(_in_range(source, f"{key}.wheel", entry.get("wheel", 1), 1, wheels)) - 1,
