@@ -23,7 +23,7 @@ INK, GREY = "#222222", "#8a8a8a"
 WHEEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 TRUTH, WANTED, HEADING, MARK = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 
-_STYLE: dict[str, Any] = {
+STYLE: dict[str, Any] = {
     "font.size": 10.0,
     "axes.titlesize": 11.5,
     "axes.titleweight": "bold",
@@ -45,7 +45,7 @@ _STYLE: dict[str, Any] = {
 
 def draw_report(summary: Mapping[str, Any], samples: NDArray[Any], path: Path) -> None:
     """Draw the report of a run (its summary and samples, hil_sample_t rows) into a PNG file."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH_PX / DPI, HEIGHT_PX / DPI), dpi=DPI)
         FigureCanvasAgg(figure)
         _head(figure, summary)
