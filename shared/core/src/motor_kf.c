@@ -125,11 +125,17 @@ static void correct_angle(omni_motor_kf_state_t *state, omni_real_t innovation, 
     state->p[2][1] = state->p[1][2];
 }
 
+/* Mean speed over the ticks since the latest valid count. */
+static omni_real_t differenced(const omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
+                               omni_real_t moved_rad) {
+    return moved_rad / (config->step_s * (omni_real_t)(state->missed + 1));
+}
+
 static void step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
                        omni_real_t moved_rad, bool valid) {
     predict_motor(state, config, voltage_V);
     if (valid) {
-        correct_speed(state, moved_rad / config->step_s - state->x[1], config->r_speed);
+        correct_speed(state, differenced(state, config, moved_rad) - state->x[1], config->r_speed);
     }
 }
 
@@ -155,8 +161,13 @@ omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf
         step_angle(state, config, voltage, moved_rad, valid);
         break;
     default:
-        state->x[1] = valid ? moved_rad / config->step_s : state->x[1];
+        state->x[1] = valid ? differenced(state, config, moved_rad) : state->x[1];
         break;
+    }
+    if (valid) {
+        state->missed = 0;
+    } else if (state->missed < UINT16_MAX) {
+        state->missed++;
     }
     return state->x[1];
 }

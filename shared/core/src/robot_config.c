@@ -87,6 +87,8 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     e->p_slip = v[OMNI_PARAM_EKF_P_SLIP] * v[OMNI_PARAM_EKF_P_SLIP];
     e->r_xy = v[OMNI_PARAM_EKF_R_XY] * v[OMNI_PARAM_EKF_R_XY];
     e->r_theta = v[OMNI_PARAM_EKF_R_TH] * v[OMNI_PARAM_EKF_R_TH];
+    const omni_real_t count_m = c->kinematics.radius_m[0] * c->rad_per_count;
+    e->r_null = count_m * count_m / 6.0f; /* both ends of the slot are rounded to a count: 2 / 12 */
     e->gate = v[OMNI_PARAM_EKF_GATE];
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
 }

@@ -33,6 +33,7 @@ typedef struct omni_motor_kf_state_t {
     omni_real_t p[3][3];             /**< error covariance */
     omni_real_t innovation;          /**< of the last step, rad/s (SPEED) or rad (ANGLE) */
     omni_real_t innovation_variance; /**< its predicted variance */
+    uint16_t missed;                 /**< ticks since the latest valid count */
 } omni_motor_kf_state_t;
 
 /** At rest, no current, with the covariance of not knowing better than 1 rad/s and 1 A. */
@@ -41,7 +42,7 @@ void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_confi
 /**
  * One tick: predict with the voltage applied since the last tick, correct with the counts moved since then (Joseph form).
  * @param voltage_V  not finite counts as 0.
- * @param delta_counts  count increment since the last valid one.
+ * @param delta_counts  count increment since the last valid one, over all the ticks in between.
  * @param valid  false: predict only (no trustworthy count this tick; OFF keeps the last speed).
  * @return the wheel speed estimate [rad/s].
  */

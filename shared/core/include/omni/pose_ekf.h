@@ -5,13 +5,14 @@
  * optionally each wheel's slip ratio as a state.
  *
  * State (x, y, theta [, s_1..s_n]): wheel i moves the contact point r phi'_i (1 - s_i), so v_s,i = s_i r phi'_i.
- * Prediction integrates counts with the heading of mid-step. x and y are accumulated with compensation: hours of driving
+ * Prediction integrates counts with the heading of mid-step. The pose is accumulated with compensation: hours of driving
  * lose no precision.
  *
  * A fix taken at t_f arrives at t. Between the two the error moved by Phi(t, t_f), which for planar odometry is known
  * in closed form (1, -dy; 1, dx; 1 and the accumulated slip sensitivity); process noise W gathered since t_f is in P(t) but not in the
- * fix. Hence e(t_f) = H e(t) - Phi_pose^-1 w; gain, innovation covariance and Joseph update follow exactly (docs/derivations/delayed_fix.md)
- * at the cost of one ordinary update, whatever the delay.
+ * fix. With H = Phi_pose^-1 [I, -Phi_ps] and M = P - W:  S = H M H^T + R,  K = M H^T S^-1,
+ * P+ = (I - K H) M (I - K H)^T + K R K^T + W (docs/derivations/delayed_fix.md): exact for fixes that come in the order in
+ * which they were taken. The cost is an ordinary update plus about 100 operations per history slot since t_f.
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
@@ -39,6 +40,8 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t q_theta;         /**< rad^2 per step */
     omni_real_t q_slip;          /**< per step, while the wheel turns */
     omni_real_t p_slip;          /**< initial variance of a slip ratio */
+    omni_real_t r_null;          /**< variance of n^T r phi' summed over a history slot, m^2, from the counts' resolution:
+                                      (r rad_per_count)^2 / 6; 0: four wheels' null direction is not used */
     omni_real_t r_xy;            /**< variance of a fix, m^2 */
     omni_real_t r_theta;         /**< rad^2 */
     omni_real_t gate;            /**< NIS above this is refused; 0: no gate */
@@ -46,31 +49,38 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t step_s;
 } omni_pose_ekf_config_t;
 
-/** What moved during one history slot. */
+/** What moved during one history slot, seen from the heading at its start. */
 typedef struct omni_ekf_slot_t {
-    omni_real_t dx;                                     /**< world displacement, m */
-    omni_real_t dy;
-    omni_real_t dtheta;
-    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];       /**< pose change per unit of slip ratio, at slot end */
+    omni_real_t move[OMNI_AXES];                        /**< dx, dy [m], dtheta [rad] with the slip ratios below */
+    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];       /**< d move / d s_i */
+    omni_real_t slip[OMNI_MAX_WHEELS];                  /**< slip ratios that `move` was computed with */
+    omni_real_t noise[OMNI_MAX_WHEELS];                 /**< variance each slip ratio gathered */
+    omni_real_t steps;                                  /**< nominal steps in the slot */
+    uint32_t duration_us;
 } omni_ekf_slot_t;
 
 typedef struct omni_pose_ekf_state_t {
     omni_pose_t pose;                                   /**< estimate; theta in [-pi, pi) */
-    omni_real_t carry[2];                               /**< compensation of the x and y sums */
-    omni_real_t slip[OMNI_MAX_WHEELS];                  /**< slip ratios s_i */
+    omni_real_t carry[OMNI_AXES];                       /**< what rounding has kept from `pose` so far */
+    omni_real_t slip[OMNI_MAX_WHEELS];                  /**< slip ratios s_i, -0.5..0.5 */
     omni_real_t p[OMNI_EKF_STATES][OMNI_EKF_STATES];    /**< covariance; unused wheels' rows are zero */
     omni_ekf_slot_t history[OMNI_EKF_HISTORY];
+    omni_real_t wheel_m[OMNI_MAX_WHEELS];               /**< r phi of each wheel in the slot being filled */
+    omni_real_t slot_cosine;                            /**< of the heading at the start of the slot being filled */
+    omni_real_t slot_sine;
     uint16_t newest;                                    /**< slot being filled */
     uint8_t filled;                                     /**< complete slots held */
     uint8_t slot_tick;                                  /**< ticks in the slot being filled */
-    uint64_t time_us;                                   /**< of the estimate */
-    omni_real_t nis;                                    /**< normalised innovation squared of the last fix */
-    omni_real_t innovation[OMNI_AXES];
+    uint8_t mode;                                       /**< mode of the last tick; another one restarts the slip states */
+    uint64_t time_us;                                   /**< of the estimate; 0: no tick yet */
+    omni_real_t nis;                                    /**< normalised innovation squared of the last fix that could be used */
+    omni_real_t innovation[OMNI_AXES];                  /**< its innovation: m, m, rad */
     uint32_t accepted;                                  /**< fixes used */
     uint32_t refused;                                   /**< fixes gated out, too old, from the future, or not finite */
     uint32_t restarts;
-    uint16_t refused_in_row;
+    uint16_t refused_in_row;                            /**< gated out in a row */
     uint64_t last_fix_us;                               /**< arrival of the last accepted fix; 0: none yet */
+    uint64_t last_taken_us;                             /**< when the last accepted fix was taken; 0: none yet */
 } omni_pose_ekf_state_t;
 
 /** Start at `pose` with standard deviations sd_xy [m], sd_theta [rad]. */
@@ -78,16 +88,18 @@ void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
                          omni_real_t sd_xy, omni_real_t sd_theta);
 
 /**
- * One tick of motion. @param wheel_delta_rad angle each wheel turned since the last tick, OMNI_MAX_WHEELS entries.
- * With four wheels and mode slip, n^T r phi' = n^T v_s corrects the slip ratios too.
+ * One tick of motion. @param wheel_delta_rad angle each wheel turned since the last tick, OMNI_MAX_WHEELS entries; a tick with
+ * a value that isn't finite counts as no motion. @param time_us robot clock; a longer step brings proportionally more noise.
+ * With four wheels and mode slip, n^T r phi' = n^T v_s corrects the slip ratios once per history slot.
  */
 void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                            const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint64_t time_us);
 
 /**
- * Use a fix, late or not.
- * @return OMNI_OK used; OMNI_ERR_RANGE gated out; OMNI_ERR_TIME older than the history or from the future (> 5 ms);
- *         OMNI_ERR_NOT_FINITE. Nothing but the counters changes when a fix is refused.
+ * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.
+ * @return OMNI_OK used; OMNI_ERR_RANGE gated out; OMNI_ERR_TIME older than the history, not newer than the last used one, or
+ *         from the future (> 5 ms), or no tick yet; OMNI_ERR_NOT_FINITE; OMNI_ERR_LOCKED in mode odometry, which ignores fixes.
+ *         Nothing but counters and diagnostics (nis, innovation) changes when a fix is refused.
  */
 omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                     const omni_kinematics_t *k, const omni_pose_fix_t *fix);

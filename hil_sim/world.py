@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: MIT
+"""The simulated world for Python: built from a robot file, stepped by hand or handed to a runner."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_sim.faults import MAX_FAULTS, Fault
+from omni_schema import Robot
+from omniwheel._core import ffi, lib
+
+PCA9685_ADDRESS = 0x40
+TICK_US: int = lib.OMNI_TICK_US
+
+_MOTOR_FIELDS = {
+    "motor_inertia_kg_m2": "inertia_kg_m2",
+    "motor_viscous_N_m_s": "viscous_friction_N_m_s",
+    "motor_constant_N_m_A": "constant_N_m_A",
+    "motor_resistance_ohm": "resistance_ohm",
+    "motor_inductance_H": "inductance_H",
+    "battery_V": "supply_V",
+}
+_SIMULATION_FIELDS = {
+    "mass_kg": "mass_kg",
+    "inertia_kg_m2": "inertia_kg_m2",
+    "motor_coulomb_N_m": "coulomb_friction_N_m",
+    "friction_coefficient": "friction_coefficient",
+    "slip_stiffness_N_s_m": "slip_stiffness_N_s_m",
+    "roller_friction_N_s_m": "roller_friction_N_s_m",
+    "battery_resistance_ohm": "battery_resistance_ohm",
+}
+
+
+class WorldError(ValueError):
+    """The world cannot be built; the message names the field, its value and what is allowed."""
+
+
+@dataclass(frozen=True)
+class PoseSensor:
+    """A motion-capture system: rate [Hz] (0: none), noise [m, rad], delay [s] and share of fixes that get lost."""
+
+    rate_Hz: float = 50.0  # noqa: N815
+    sd_xy_m: float = 0.005
+    sd_theta_rad: float = 0.005
+    delay_s: float = 0.02
+    drop_probability: float = 0.0
+
+
+NO_POSE_SENSOR = PoseSensor(rate_Hz=0.0)
+
+
+def _section_number(robot: Robot, section: str, values: Any, key: str) -> float:
+    value = values.get(key)
+    if not isinstance(value, (int, float)):
+        raise WorldError(f"{robot.source}: {section}.{key} is {value!r}; the simulated world needs a number there")
+    return float(value)
+
+
+def _per_wheel(values: Any, wheels: int) -> list[Any]:
+    """One value per wheel from a list or from one number for all."""
+    return list(values) if isinstance(values, (list, tuple)) else [values] * wheels
+
+
+def _fill_wheels(config: Any, robot: Robot) -> None:
+    angles = [math.radians(angle) for angle in robot.geometry["wheel_angle_deg"]]
+    columns = {
+        "wheel_radius_m": robot.geometry["wheel_radius_m"],
+        "wheel_distance_m": robot.geometry["wheel_distance_m"],
+        "wheel_angle_rad": angles,
+        "encoder_direction": robot.encoder["direction"],
+        "motor_direction": robot.motor["direction"],
+        "in1_channel": robot.wiring["in1_channel"],
+        "in2_channel": robot.wiring["in2_channel"],
+    }
+    for name, values in columns.items():
+        field = getattr(config, name)
+        for wheel, value in enumerate(_per_wheel(values, robot.wheels)):
+            field[wheel] = value
+
+
+def _fill_pose_sensor(config: Any, sensor: PoseSensor) -> None:
+    config.fix_rate_Hz = sensor.rate_Hz
+    config.fix_sd_xy_m = sensor.sd_xy_m
+    config.fix_sd_theta_rad = sensor.sd_theta_rad
+    config.fix_delay_s = sensor.delay_s
+    config.fix_drop_probability = sensor.drop_probability
+
+
+def _fill_faults(config: Any, faults: Sequence[Fault]) -> None:
+    if len(faults) > MAX_FAULTS:
+        raise WorldError(f"{len(faults)} faults are too many; at most {MAX_FAULTS} are allowed")
+    config.fault_count = len(faults)
+    for slot, fault in zip(config.fault, faults, strict=False):
+        slot.kind = fault.kind
+        slot.wheel = fault.wheel
+        slot.start_s = fault.start_s
+        slot.stop_s = fault.stop_s
+        slot.value = fault.value
+
+
+def world_config(
+    robot: Robot,
+    *,
+    seed: int = 1,
+    slip_max: float = 0.0,
+    slip_time_s: float = 0.5,
+    pose_sensor: PoseSensor = PoseSensor(),
+    start_pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    faults: Sequence[Fault] = (),
+    **overrides: float,
+) -> Any:
+    """Return a new ``hil_world_config_t *`` for this robot; change its fields freely, :class:`World` checks them.
+
+    ``slip_max`` is the largest imposed slip ratio, drawn anew every ``slip_time_s``; ``start_pose`` is x [m], y [m],
+    theta [rad]; ``overrides`` are plain number fields of ``hil_world_config_t`` by name. Raises WorldError.
+    """
+    config = ffi.new("hil_world_config_t *")
+    config.wheels = robot.wheels
+    config.counts_per_revolution = int(robot.encoder["counts_per_revolution"])
+    config.pca9685_address = PCA9685_ADDRESS
+    _fill_wheels(config, robot)
+    for field, key in _MOTOR_FIELDS.items():
+        setattr(config, field, _section_number(robot, "motor", robot.motor, key))
+    for field, key in _SIMULATION_FIELDS.items():
+        setattr(config, field, _section_number(robot, "simulation", robot.simulation, key))
+    config.seed = seed
+    config.slip_max = slip_max
+    config.slip_time_s = slip_time_s
+    config.start_pose = start_pose
+    _fill_pose_sensor(config, pose_sensor)
+    _fill_faults(config, faults)
+    for field, value in overrides.items():
+        if field not in dir(config):
+            raise WorldError(f"{field} is no field of the world; see hil_world_config_t in world.h")
+        setattr(config, field, value)
+    return config
+
+
+class World:
+    """One simulated world. :attr:`c` is the ``hil_world_t *`` that the runners take; all its fields are readable."""
+
+    def __init__(self, config: Any) -> None:
+        self.c: Any = ffi.new("hil_world_t *")
+        self._sensors = ffi.new("hil_sensors_t *")
+        why = ffi.new("char[]", 160)
+        if lib.hil_world_init(self.c, config, why, len(why)) != lib.HIL_OK:
+            raise WorldError(ffi.string(why).decode())
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels."""
+        return int(self.c.config.wheels)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time [s]."""
+        return float(self.c.time_us) * 1e-6
+
+    @property
+    def truth(self) -> npt.NDArray[np.float64]:
+        """True pose x [m], y [m], theta [rad, not wrapped]."""
+        return np.array(list(self.c.pose))
+
+    @property
+    def twist(self) -> npt.NDArray[np.float64]:
+        """True velocity in the world frame [m/s, m/s, rad/s]."""
+        return np.array(list(self.c.twist))
+
+    @property
+    def wheel_rad_s(self) -> npt.NDArray[np.float64]:
+        """True wheel speeds [rad/s]."""
+        return np.array(list(self.c.wheel_rad_s)[: self.wheels])
+
+    def sense(self) -> Any:
+        """Return what the sensors show now, a ``hil_sensors_t`` that the next call overwrites."""
+        lib.hil_world_sense(self.c, self._sensors)
+        return self._sensors[0]
+
+    def i2c(self, transactions: bytes) -> None:
+        """Apply I2C transactions, coded as in OMNI_HIL_ACTUATORS; raises ValueError if they do not parse."""
+        if lib.hil_world_i2c(self.c, transactions, len(transactions)) != lib.HIL_OK:
+            raise ValueError("the bytes are no I2C transactions; each is: address, count, bytes, count to read")
+
+    def set_duty(self, duty: Sequence[float]) -> None:
+        """Set the bridges to drive-brake with these duties, -1..1 in each motor's own direction."""
+        steps = lib.OMNI_PWM_STEPS
+        low = [round(steps * min(abs(d), 1.0)) for d in duty]
+        in1 = [steps if d >= 0 else steps - n for d, n in zip(duty, low, strict=True)]
+        in2 = [steps - n if d >= 0 else steps for d, n in zip(duty, low, strict=True)]
+        self.set_bridges(in1, in2)
+
+    def set_bridges(self, in1_steps: Sequence[int], in2_steps: Sequence[int]) -> None:
+        """Set how long IN1 and IN2 of each wheel are high, 0..4096 steps of the PWM period."""
+        padding = [0] * (lib.HIL_MAX_WHEELS - len(in1_steps))
+        first = ffi.new("uint16_t[]", [*in1_steps, *padding])
+        second = ffi.new("uint16_t[]", [*in2_steps, *padding])
+        lib.hil_world_bridge(self.c, first, second)
+
+    def step(self, ticks: int = 1, step_us: int = TICK_US) -> None:
+        """Advance by some ticks."""
+        for _ in range(ticks):
+            lib.hil_world_step(self.c, step_us)

@@ -1,0 +1,270 @@
+/* SPDX-License-Identifier: MIT */
+#include <string.h>
+
+#include "omni/math.h"
+#include "pose_ekf_internal.h"
+
+enum { FUTURE_US = 5000 };
+
+/* Smallest variance taken for a fix (1 um, 1 urad): keeps the innovation covariance invertible. */
+static const omni_real_t least_variance = 1e-12f;
+
+typedef omni_real_t state_matrix_t[OMNI_EKF_STATES][OMNI_EKF_STATES];
+typedef omni_real_t wide_matrix_t[OMNI_AXES][OMNI_EKF_STATES];
+
+/* One fix on its way into the estimate. */
+typedef struct update_t {
+    uint8_t slips;
+    uint8_t states;
+    uint32_t age_us;
+    omni_ekf_window_t window;
+    omni_real_t r[OMNI_AXES]; /* variances of the fix */
+    omni_real_t innovation[OMNI_AXES];
+    wide_matrix_t h;                          /* Phi_pose^-1 [I, -Phi_ps] */
+    state_matrix_t m;                         /* M = P - W */
+    wide_matrix_t hm;                         /* H M */
+    omni_real_t factor[OMNI_AXES][OMNI_AXES]; /* Cholesky factor of S */
+} update_t;
+
+static void fill_h(update_t *u) {
+    const omni_real_t dx = u->window.move[0];
+    const omni_real_t dy = u->window.move[1];
+    u->h[0][0] = 1.0f;
+    u->h[0][2] = dy;
+    u->h[1][1] = 1.0f;
+    u->h[1][2] = -dx;
+    u->h[2][2] = 1.0f;
+    for (uint8_t i = 0; i < u->slips; ++i) {
+        const omni_real_t turned = u->window.gain[2][i];
+        u->h[0][OMNI_AXES + i] = -u->window.gain[0][i] - dy * turned;
+        u->h[1][OMNI_AXES + i] = -u->window.gain[1][i] + dx * turned;
+        u->h[2][OMNI_AXES + i] = -turned;
+    }
+}
+
+static void fill_m(update_t *u, const omni_pose_ekf_state_t *state) {
+    for (uint8_t a = 0; a < u->states; ++a) {
+        for (uint8_t b = 0; b < u->states; ++b) {
+            u->m[a][b] = state->p[a][b] - u->window.noise[a][b];
+        }
+    }
+    for (int row = 0; row < OMNI_AXES; ++row) {
+        for (uint8_t b = 0; b < u->states; ++b) {
+            omni_real_t sum = 0.0f;
+            for (uint8_t a = 0; a < u->states; ++a) {
+                sum += u->h[row][a] * u->m[a][b];
+            }
+            u->hm[row][b] = sum;
+        }
+    }
+}
+
+/* S = H M H^T + R = L L^T. @return false if S is not positive definite. */
+static bool factor_s(update_t *u) {
+    for (int i = 0; i < OMNI_AXES; ++i) {
+        for (int j = 0; j <= i; ++j) {
+            omni_real_t sum = i == j ? u->r[i] : 0.0f;
+            for (uint8_t a = 0; a < u->states; ++a) {
+                sum += u->hm[i][a] * u->h[j][a];
+            }
+            for (int c = 0; c < j; ++c) {
+                sum -= u->factor[i][c] * u->factor[j][c];
+            }
+            if (i == j && !(sum > 0.0f)) {
+                return false;
+            }
+            u->factor[i][j] = i == j ? omni_sqrtf(sum) : sum / u->factor[j][j];
+        }
+    }
+    return true;
+}
+
+/* v = L^-1 v. */
+static void forward_substitute(const update_t *u, omni_real_t *v) {
+    for (int i = 0; i < OMNI_AXES; ++i) {
+        for (int c = 0; c < i; ++c) {
+            v[i] -= u->factor[i][c] * v[c];
+        }
+        v[i] /= u->factor[i][i];
+    }
+}
+
+/* v = L^-T v. */
+static void back_substitute(const update_t *u, omni_real_t *v) {
+    for (int i = OMNI_AXES - 1; i >= 0; --i) {
+        for (int c = i + 1; c < OMNI_AXES; ++c) {
+            v[i] -= u->factor[c][i] * v[c];
+        }
+        v[i] /= u->factor[i][i];
+    }
+}
+
+static omni_real_t normalised_square(const update_t *u) {
+    omni_real_t v[OMNI_AXES] = {u->innovation[0], u->innovation[1], u->innovation[2]};
+    forward_substitute(u, v);
+    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+}
+
+/* Row a of K = (H M)^T S^-1 (eq. 66). */
+static void gain_row(const update_t *u, uint8_t a, omni_real_t *row) {
+    for (int i = 0; i < OMNI_AXES; ++i) {
+        row[i] = u->hm[i][a];
+    }
+    forward_substitute(u, row);
+    back_substitute(u, row);
+}
+
+/* (I - K H) M for one row a, given row a of K. */
+static void shrink_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row) {
+    for (uint8_t b = 0; b < u->states; ++b) {
+        row[b] = u->m[a][b] - gain[0] * u->hm[0][b] - gain[1] * u->hm[1][b] - gain[2] * u->hm[2][b];
+    }
+}
+
+/* Joseph form of eq. 67: P = (I - K H) M (I - K H)^T + K R K^T + W. */
+static void use(const update_t *u, omni_pose_ekf_state_t *state) {
+    omni_real_t gain[OMNI_EKF_STATES][OMNI_AXES];
+    omni_real_t delta[OMNI_EKF_STATES] = {0};
+    for (uint8_t a = 0; a < u->states; ++a) {
+        gain_row(u, a, gain[a]);
+        for (int i = 0; i < OMNI_AXES; ++i) {
+            delta[a] += gain[a][i] * u->innovation[i];
+        }
+    }
+    for (uint8_t a = 0; a < u->states; ++a) {
+        omni_real_t row[OMNI_EKF_STATES] = {0};
+        omni_real_t left[OMNI_AXES];
+        shrink_row(u, a, gain[a], row);
+        for (int i = 0; i < OMNI_AXES; ++i) {
+            left[i] = gain[a][i] * u->r[i];
+            for (uint8_t c = 0; c < u->states; ++c) {
+                left[i] -= row[c] * u->h[i][c];
+            }
+        }
+        for (uint8_t b = a; b < u->states; ++b) {
+            state->p[a][b] =
+                row[b] + left[0] * gain[b][0] + left[1] * gain[b][1] + left[2] * gain[b][2] + u->window.noise[a][b];
+        }
+    }
+    for (uint8_t a = 1; a < u->states; ++a) {
+        for (uint8_t b = 0; b < a; ++b) {
+            state->p[a][b] = state->p[b][a];
+        }
+    }
+    omni_ekf_shift(state, delta, u->slips);
+}
+
+static void fill_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
+    const omni_real_t *move = u->window.move;
+    u->innovation[0] = (fix->pose.x - state->pose.x) + (move[0] - state->carry[0]);
+    u->innovation[1] = (fix->pose.y - state->pose.y) + (move[1] - state->carry[1]);
+    u->innovation[2] = omni_wrap_pi((fix->pose.theta - state->pose.theta) + (move[2] - state->carry[2]));
+}
+
+/* The pose at the time of the fix becomes the fix, and the motion since turns with it. */
+static void jump(const update_t *u, omni_pose_ekf_state_t *state) {
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(u->innovation[2], &sine, &cosine);
+    const omni_real_t dx = u->window.move[0];
+    const omni_real_t dy = u->window.move[1];
+    const omni_real_t delta[OMNI_EKF_STATES] = {u->innovation[0] + (cosine - 1.0f) * dx - sine * dy,
+                                                u->innovation[1] + sine * dx + (cosine - 1.0f) * dy, u->innovation[2]};
+    omni_ekf_shift(state, delta, u->slips);
+}
+
+/* The estimate contradicts too many fixes in a row: take over this one, carried to now; slips start anew. */
+static void restart(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k, const omni_pose_fix_t *fix,
+                    omni_pose_ekf_state_t *state) {
+    omni_ekf_restart_slips(state, config, u->slips);
+    omni_ekf_history_rebase(state, u->slips);
+    (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
+    fill_innovation(u, state, fix);
+    jump(u, state);
+    (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
+    const omni_real_t phi[OMNI_AXES][OMNI_AXES] = {
+        {1.0f, 0.0f, -u->window.move[1]}, {0.0f, 1.0f, u->window.move[0]}, {0.0f, 0.0f, 1.0f}};
+    for (int a = 0; a < OMNI_AXES; ++a) {
+        for (int b = 0; b < OMNI_AXES; ++b) {
+            state->p[a][b] = u->window.noise[a][b];
+            for (int i = 0; i < OMNI_AXES; ++i) {
+                state->p[a][b] += phi[a][i] * u->r[i] * phi[b][i];
+            }
+        }
+    }
+    ++state->restarts;
+}
+
+static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
+    const omni_real_t variance = sd > 0.0f ? sd * sd : configured;
+    return variance > least_variance ? variance : least_variance;
+}
+
+/* Fill everything up to the Cholesky factor. */
+static omni_result_t prepare(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                             const omni_kinematics_t *k, const omni_pose_fix_t *fix) {
+    if (!omni_ekf_history_window(state, config, k, u->age_us, &u->window)) {
+        return OMNI_ERR_TIME;
+    }
+    u->slips = omni_ekf_slips(config, k);
+    u->states = (uint8_t)(OMNI_AXES + u->slips);
+    u->r[0] = variance_of(fix->sd_xy, config->r_xy);
+    u->r[1] = u->r[0];
+    u->r[2] = variance_of(fix->sd_theta, config->r_theta);
+    fill_innovation(u, state, fix);
+    fill_h(u);
+    fill_m(u, state);
+    return factor_s(u) ? OMNI_OK : OMNI_ERR_RANGE;
+}
+
+/* Age of the fix, or why its time cannot be used. */
+static omni_result_t age_of(const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix, uint32_t *age_us) {
+    const uint64_t now = state->time_us; /* 0: no tick yet, nothing to compare with */
+    const uint64_t taken = fix->time_us < now ? fix->time_us : now;
+    if (now == 0 || fix->time_us > now + FUTURE_US || now - taken > UINT32_MAX ||
+        (state->last_taken_us != 0 && taken <= state->last_taken_us)) {
+        return OMNI_ERR_TIME;
+    }
+    *age_us = (uint32_t)(now - taken);
+    return OMNI_OK;
+}
+
+static omni_result_t refuse(omni_pose_ekf_state_t *state, omni_result_t why) {
+    ++state->refused;
+    return why;
+}
+
+omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                    const omni_kinematics_t *k, const omni_pose_fix_t *fix) {
+    update_t u;
+    memset(&u, 0, sizeof u);
+    if (config->mode == OMNI_EKF_MODE_ODOMETRY) {
+        return OMNI_ERR_LOCKED;
+    }
+    if (!omni_pose_is_finite(&fix->pose) || !omni_is_finite(fix->sd_xy) || !omni_is_finite(fix->sd_theta)) {
+        return refuse(state, OMNI_ERR_NOT_FINITE);
+    }
+    omni_result_t result = age_of(state, fix, &u.age_us);
+    if (result == OMNI_OK) {
+        result = prepare(&u, state, config, k, fix);
+    }
+    if (result != OMNI_OK) {
+        return refuse(state, result);
+    }
+    memcpy(state->innovation, u.innovation, sizeof state->innovation);
+    state->nis = normalised_square(&u);
+    if (config->gate > 0.0f && !(state->nis <= config->gate)) {
+        ++state->refused_in_row;
+        if (state->refused_in_row < config->gate_restart) {
+            return refuse(state, OMNI_ERR_RANGE);
+        }
+        restart(&u, config, k, fix, state);
+    } else {
+        use(&u, state);
+    }
+    ++state->accepted;
+    state->refused_in_row = 0;
+    state->last_fix_us = state->time_us;
+    state->last_taken_us = state->time_us - u.age_us;
+    return OMNI_OK;
+}
