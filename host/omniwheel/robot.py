@@ -14,6 +14,7 @@ from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import LinkTimeoutError, OmniError
+from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link
 from omniwheel.parameters import Parameters, checked_value
@@ -22,7 +23,6 @@ from omniwheel.setpoints import finite, pose_fix_message, pose_target, velocity_
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import TelemetryT, decode
 from omniwheel.texts import TextLog
-from omniwheel.version import RobotVersion, version_from_message
 
 DEFAULT_TIMEOUT_S = 5.0
 FORCE = 21196.0
@@ -182,10 +182,13 @@ class Robot:
         """Ask for a world pose, with the world twist along it if it moves. To be repeated like :meth:`set_velocity`."""
         self.send(pose_target(self.connection, Pose(x, y, theta), feed_forward))
 
-    def drive_velocity(self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body") -> None:
-        """Keep a velocity for ``duration_s``, then ask for zero."""
+    def drive_velocity(
+        self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body", stop: bool = True
+    ) -> None:
+        """Keep a velocity for ``duration_s``, then ask for zero unless ``stop`` is False."""
         self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
-        self.set_velocity(0.0, 0.0, 0.0, frame=frame)
+        if stop:
+            self.set_velocity(0.0, 0.0, 0.0, frame=frame)
 
     def drive_pose(self, x: float, y: float, theta: float, duration_s: float) -> None:
         """Keep asking for one world pose for ``duration_s``."""
