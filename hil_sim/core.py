@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from omni_schema import ParameterTable
-
 from omniwheel._core import ffi, lib
 
 TICK_US = 1000

@@ -63,6 +63,10 @@ class LockstepLink:
             data = self._take()
         return data
 
+    def drop_received(self) -> None:
+        """Drop what the robot sent, for runs that nobody listens to."""
+        self._lockstep.rx_length = 0
+
     def write(self, data: bytes) -> None:
         """Send to the robot; it arrives before the next tick's sensors."""
         if not self.silent:
@@ -114,5 +118,7 @@ class LockstepLink:
             return LinkTimeoutError(message, hint="is it in host-in-the-loop, and nothing else connected to this link?")
         if result == lib.HIL_ERR_PROTOCOL:
             message = f"the robot's answer does not fit the tick it was asked for, {after}"
-            return LinkError(message, hint="do firmware and this package have the same version? `omni doctor` shows both")
+            return LinkError(
+                message, hint="do firmware and this package have the same version? `omni doctor` shows both"
+            )
         return LinkLostError(f"the robot closed the link {after}", hint="did the firmware end or restart?")

@@ -23,7 +23,7 @@ INK, GREY = "#222222", "#8a8a8a"
 WHEEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 TRUTH, WANTED, HEADING, MARK = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.size": 10.0,
     "axes.titlesize": 11.5,
     "axes.titleweight": "bold",
@@ -63,7 +63,7 @@ def draw_report(summary: Mapping[str, Any], samples: NDArray[Any], path: Path) -
         _draw_wheel_speeds(right[2], samples, wheels, float(summary["parameters"]["LIM_WHEEL"]))
         _draw_duties(right[3], samples, wheels)
         for axes in right:
-            _mark_events(axes, summary)
+            _mark_events(axes, summary, named=axes is right[0])
             axes.tick_params(labelbottom=axes is right[-1])
         right[-1].set_xlabel("time [s]")
         figure.align_ylabels(right)
@@ -92,7 +92,9 @@ def _draw_path(axes: Axes, samples: NDArray[Any]) -> None:
     driven = samples[(samples["phase"] >= PHASE_PATH) & (samples["state"] == 2)]
     shown = driven if len(driven) else samples
     path = samples[on_path(samples)]
-    axes.plot(*shown["reference"][:, :2].T, color=WANTED, linewidth=4.5, alpha=0.55, label="wanted", solid_capstyle="round")
+    axes.plot(
+        *shown["reference"][:, :2].T, color=WANTED, linewidth=4.5, alpha=0.55, label="wanted", solid_capstyle="round"
+    )
     axes.plot(*samples["truth"][:, :2].T, color=TRUTH, linewidth=1.1, label="driven (truth)")
     axes.plot(*samples["truth"][0, :2], "o", color=INK, markersize=7, label="start", zorder=4)
     if len(path):
@@ -161,7 +163,12 @@ def _limit_to_bulk(axes: Axes, values: NDArray[np.float64]) -> None:
 def _legend(axes: Axes, entries: int) -> None:
     """Above the axes, at the right: it can hide nothing there."""
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=entries, borderaxespad=0.1, handlelength=1.5, columnspacing=1.2
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=entries,
+        borderaxespad=0.1,
+        handlelength=1.5,
+        columnspacing=1.2,
     )
 
 
@@ -185,7 +192,13 @@ def _draw_heading_error(axes: Axes, samples: NDArray[Any]) -> None:
 
 def _draw_wheel_speeds(axes: Axes, samples: NDArray[Any], wheels: int, limit: float) -> None:
     for i in range(wheels):
-        axes.plot(samples["time_s"], samples["wheel_rad_s"][:, i], color=WHEEL_COLOURS[i], linewidth=0.8, label=f"wheel {i + 1}")
+        axes.plot(
+            samples["time_s"],
+            samples["wheel_rad_s"][:, i],
+            color=WHEEL_COLOURS[i],
+            linewidth=0.8,
+            label=f"wheel {i + 1}",
+        )
     for sign in (-1.0, 1.0):
         axes.axhline(sign * limit, color=MARK, linewidth=1.0, linestyle="--", label="limit" if sign > 0 else None)
     axes.set(ylabel="speed [rad/s]", title="Wheel speeds", ylim=(-1.2 * limit, 1.2 * limit))
@@ -194,14 +207,16 @@ def _draw_wheel_speeds(axes: Axes, samples: NDArray[Any], wheels: int, limit: fl
 
 def _draw_duties(axes: Axes, samples: NDArray[Any], wheels: int) -> None:
     for i in range(wheels):
-        axes.plot(samples["time_s"], samples["duty"][:, i], color=WHEEL_COLOURS[i], linewidth=0.6, label=f"motor {i + 1}")
+        axes.plot(
+            samples["time_s"], samples["duty"][:, i], color=WHEEL_COLOURS[i], linewidth=0.6, label=f"motor {i + 1}"
+        )
     for sign in (-1.0, 1.0):
         axes.axhline(sign, color=MARK, linewidth=1.0, linestyle="--", label="limit" if sign > 0 else None)
     axes.set(ylabel="duty [1]", title="Motor duties", ylim=(-1.15, 1.15))
     _legend(axes, wheels + 1)
 
 
-def _mark_events(axes: Axes, summary: Mapping[str, Any]) -> None:
+def _mark_events(axes: Axes, summary: Mapping[str, Any], named: bool) -> None:
     """A line where parameters changed; a band where a fault was injected."""
     end = float(summary["duration_s"])
     for fault in summary["injected_faults"]:
@@ -210,8 +225,7 @@ def _mark_events(axes: Axes, summary: Mapping[str, Any]) -> None:
     change = summary["change"]
     if change is not None:
         axes.axvline(change["time_s"], color=INK, linewidth=1.0, linestyle=":")
-        text = change["what"] if axes.get_subplotspec().rowspan.start == 0 else ""
         axes.annotate(
-            text, (change["time_s"], 0.98), xycoords=("data", "axes fraction"), xytext=(4, 0), textcoords="offset points",
+            change["what"] if named else "", (change["time_s"], 0.98), xycoords=("data", "axes fraction"), xytext=(4, 0), textcoords="offset points",
             fontsize=8.5, va="top",
         )  # fmt: skip

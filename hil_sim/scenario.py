@@ -29,11 +29,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from hil_sim.faults import KINDS, Fault
 from omni_schema import ParameterTable, Robot, SchemaError
 from omni_schema.errors import did_you_mean
 from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
-
-from hil_sim.faults import KINDS, Fault
 from omniwheel.robots import read_robot
 
 UNTIL_DONE: Literal["until_done"] = "until_done"
@@ -121,7 +120,9 @@ class Scenario:
         if seed is None:
             return self
         if not 0 <= seed <= MAX_SEED:
-            raise SchemaError(self.source, "scenario.seed", f"is {seed}; allowed is a whole number from 0 to {MAX_SEED}")
+            raise SchemaError(
+                self.source, "scenario.seed", f"is {seed}; allowed is a whole number from 0 to {MAX_SEED}"
+            )
         return replace(self, seed=seed)
 
     def first_setting(self) -> Event | None:
@@ -147,7 +148,9 @@ def find_scenario(name_or_path: str) -> Path:
     if not path.is_file():
         names = scenario_names()
         hint = did_you_mean(name_or_path, names)
-        raise SchemaError(name_or_path, "", f"no such scenario{hint}; there are {', '.join(names)}, or give a .toml file")
+        raise SchemaError(
+            name_or_path, "", f"no such scenario{hint}; there are {', '.join(names)}, or give a .toml file"
+        )
     return path
 
 
@@ -202,7 +205,11 @@ def _with_base(path: Path, document: dict[str, Any], seen: tuple[Path, ...]) -> 
     base = _with_base(base_path, read_toml(base_path), (*seen, path.resolve()))
     merged = dict(base)
     merged.update({key: value for key, value in document.items() if key not in ("scenario", "parameters", "world")})
-    for key, own in (("scenario", head), ("parameters", document.get("parameters", {})), ("world", document.get("world", {}))):
+    for key, own in (
+        ("scenario", head),
+        ("parameters", document.get("parameters", {})),
+        ("world", document.get("world", {})),
+    ):
         merged[key] = {**base.get(key, {}), **take_table(str(path), key, own)}
     return merged
 

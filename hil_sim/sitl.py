@@ -30,8 +30,8 @@ class Sitl:
 
     def advance(self, ticks: int = SLICE_TICKS) -> None:
         """Go on by this many ticks, in real time. Raises LinkError if the firmware ended."""
-        self.link.run(ticks, lambda: self.link.read(0.0) and None)
-        self.link.read(0.0)
+        self.link.run(ticks, self.link.drop_received)
+        self.link.drop_received()
         self.link.forget_samples()
 
 

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from omni_schema import ParameterTable
 
 from hil_sim import core, metrics
 from hil_sim.runs import Run, faults_seen
 from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
+from omniwheel import __version__
+from omni_schema import ParameterTable
 
 SUMMARY_FILE = "summary.json"
 RECORD_FILE = "record.npz"
@@ -65,7 +66,7 @@ def summarize(run: Run) -> dict[str, Any]:
         "world": {**scenario.world, "start_pose": list(scenario.start_pose)},
         "parameters": run.parameters,
     }
-    return _finite(summary)
+    return {key: _finite(value) for key, value in summary.items()}
 
 
 def change(run: Run) -> dict[str, Any] | None:
@@ -133,8 +134,6 @@ def _plan(run: Run) -> dict[str, float] | None:
 
 
 def _versions(table: ParameterTable) -> dict[str, Any]:
-    from omniwheel import __version__
-
     return {
         "omniwheel": __version__,
         "parameter_schema": table.schema_version,

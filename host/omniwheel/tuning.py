@@ -142,7 +142,9 @@ class Experiment:
         status = self._robot.status
         if status.state in ("failsafe", "estop"):
             faults = ", ".join(status.safety.fault_history) if status.safety is not None else "unknown"
-            raise ExperimentError(f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room to move?")
+            raise ExperimentError(
+                f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room to move?"
+            )
 
     def _hold(self, pose: Pose, duration_s: float, *, arm: bool = False) -> list[Tracking]:
         """Ask for a pose for some time and return the tracking from the moment it is the reference."""

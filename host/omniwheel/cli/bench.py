@@ -44,7 +44,9 @@ def _best(kind: str, scenario: Scenario, repeat: int, quiet: bool) -> dict[str, 
     runs = []
     for number in range(repeat):
         with run_progress(f"{NAMES[kind]} ({number + 1}/{repeat})", quiet) as progress:
-            runs.append(run_hil(scenario, progress=progress) if kind == "hil" else run_in_process(scenario, progress=progress))
+            runs.append(
+                run_hil(scenario, progress=progress) if kind == "hil" else run_in_process(scenario, progress=progress)
+            )
     return _figures(kind, max(runs, key=lambda run: run.realtime_factor))
 
 
@@ -64,6 +66,11 @@ def _table(results: dict[str, dict[str, Any]], title: str) -> Table:
     for kind, entry in results.items():
         tick = entry["firmware_tick_us"]
         own = f"{tick['mean']:.1f} mean, {tick['max']:.1f} max" if tick else ""
-        numbers = (f"{entry['realtime_factor']:.1f}", f"≥ {entry['wanted_factor']:g}", f"{entry['tick_ns'] * 1e-3:.2f}", own)
+        numbers = (
+            f"{entry['realtime_factor']:.1f}",
+            f"≥ {entry['wanted_factor']:g}",
+            f"{entry['tick_ns'] * 1e-3:.2f}",
+            own,
+        )
         table.add_row(NAMES[kind], *numbers)
     return table

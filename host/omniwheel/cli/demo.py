@@ -32,7 +32,8 @@ def demo(
     seed: SeedOption = None,
     out: OutOption = DEFAULT_OUT,
     compare: Annotated[
-        bool, typer.Option("--compare/--no-compare", help="Also run the robot's original control law, and without slip.")
+        bool,
+        typer.Option("--compare/--no-compare", help="Also run the robot's original control law, and without slip."),
     ] = True,
     json_wanted: JsonOption = False,
 ) -> None:

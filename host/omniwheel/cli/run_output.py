@@ -109,7 +109,9 @@ def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures |
         ("chatter index", "chatter", 1.0, 4),
     )
     for name, key, factor, digits in effort:
-        table.add_row(name, *("" if figures is None else _cell(figures[key], factor, digits) for _, _, figures in columns))
+        table.add_row(
+            name, *("" if figures is None else _cell(figures[key], factor, digits) for _, _, figures in columns)
+        )
     return table
 
 

@@ -46,7 +46,10 @@ def sim(
     scenario_name: ScenarioArgument = "demo",
     seed: SeedOption = None,
     seeds: Annotated[
-        int, typer.Option("--seeds", min=1, max=MAX_SEEDS, help="Run this many seeds and print mean and standard deviation.")
+        int,
+        typer.Option(
+            "--seeds", min=1, max=MAX_SEEDS, help="Run this many seeds and print mean and standard deviation."
+        ),
     ] = 1,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,

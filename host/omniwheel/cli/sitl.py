@@ -32,11 +32,15 @@ def sitl(
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
     ] = None,
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")] = 5760,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")
+    ] = 5760,
     host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
     link: Annotated[
         list[str] | None,
-        typer.Option("--link", metavar="LINK", help="Instead of --port: tcp:HOST:PORT, pty[:PATH], udp:HOST:PORT; repeatable."),
+        typer.Option(
+            "--link", metavar="LINK", help="Instead of --port: tcp:HOST:PORT, pty[:PATH], udp:HOST:PORT; repeatable."
+        ),
     ] = None,
     storage: Annotated[
         Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
@@ -56,7 +60,9 @@ def sitl(
             if json_wanted:
                 print_json({"ready": True, "links": list(running.urls), "robot": scenario.robot.name})
             else:
-                console.print(f"{scenario.robot.name} is there: connect to [bold]{'[/] or [bold]'.join(running.urls)}[/]")
+                console.print(
+                    f"{scenario.robot.name} is there: connect to [bold]{'[/] or [bold]'.join(running.urls)}[/]"
+                )
                 console.print(f"{scenario.description}. Ctrl-C ends it.")
             while True:
                 running.advance()

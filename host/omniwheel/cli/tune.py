@@ -55,15 +55,22 @@ def tune(
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter to change; repeatable.")
     ] = None,
-    experiment: Annotated[Kind, typer.Option("--experiment", "-e", help="What the robot does before and after.")] = Kind.STEP,
+    experiment: Annotated[
+        Kind, typer.Option("--experiment", "-e", help="What the robot does before and after.")
+    ] = Kind.STEP,
     axis: Annotated[Axis, typer.Option("--axis", help="Direction of the step, in the world.")] = Axis.X,
     size: Annotated[float, typer.Option("--size", min=-3.0, max=3.0, help="Size of the step [m or rad].")] = 0.1,
     duration_s: Annotated[
         float | None,
-        typer.Option("--duration", min=0.2, metavar="S", help="Time to watch a step [3], or allowed for a trajectory [600]."),
+        typer.Option(
+            "--duration", min=0.2, metavar="S", help="Time to watch a step [3], or allowed for a trajectory [600]."
+        ),
     ] = None,
     keep: Annotated[
-        bool | None, typer.Option("--keep/--revert", help="Keep the new values or go back. Default: ask; without a terminal revert.")
+        bool | None,
+        typer.Option(
+            "--keep/--revert", help="Keep the new values or go back. Default: ask; without a terminal revert."
+        ),
     ] = None,
     store: Annotated[bool, typer.Option("--store", help="With --keep: keep them over a restart too.")] = False,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where to draw the picture.")] = Path("tune.png"),
