@@ -42,7 +42,7 @@ def plan_trajectory(config: Any, pose: Any) -> Any:
 
 
 def path_ticks(config: Any, share: float) -> int:
-    """Return how many ticks the configured path takes from its start until ``share`` of it is driven, without lead-in."""
+    """Return how many ticks the configured path takes, lead-in left out, until ``share`` of it is driven."""
     pose = ffi.new("omni_pose_t *")
     plan = plan_trajectory(config, pose)
     plan = plan_trajectory(config, ffi.addressof(plan, "start"))

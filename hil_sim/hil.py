@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Host-in-the-loop runs: the world around the real firmware over a link, in lockstep.
 
-The same scenario and seed give the same bytes on the link: commands are sent at exact ticks, heartbeats by simulated time, and
-the log's time stamps are EPOCH_US plus simulated time. The two times of a tick in OMNI_STATUS are measured by the wall clock;
-they go into the summary and are logged as zero.
+The same scenario and seed give the same bytes on the link: commands are sent at exact ticks, heartbeats by simulated
+time, and the log's time stamps are EPOCH_US plus simulated time. The two times of a tick in OMNI_STATUS are measured
+by the wall clock; they go into the summary and are logged as zero.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A link whose other end lives in simulated time: waiting on it makes the world and the robot go on, tick by tick.
 
-Everything of :mod:`omniwheel` that waits for a robot works over it unchanged and deterministically, because the clock that
-it waits by is the simulation's.
+Everything of :mod:`omniwheel` that waits for a robot works over it unchanged and deterministically, because the clock
+that it waits by is the simulation's.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ RECORD_ROWS = 1000
 class LockstepLink:
     """The link to a robot in host-in-the-loop, with the world that its sensors and motors are in.
 
-    ``timeout_s`` is the wall time the robot has for one tick, ``realtime_factor`` 0 runs as fast as it goes, 1 in real time.
-    While the world's fault link_silence is active, what is written gets lost.
+    ``timeout_s`` is the wall time the robot has for one tick, ``realtime_factor`` 0 runs as fast as it goes, 1 in
+    real time. While the world's fault link_silence is active, what is written gets lost.
     """
 
     def __init__(self, base: FileLink, world: World, *, timeout_s: float = 5.0, realtime_factor: float = 0.0) -> None:

@@ -33,9 +33,9 @@ class Rmse:
 class Effort:
     """How hard the wheels worked on the path.
 
-    ``peak_wheel_rad_s`` is the fastest true wheel speed, ``saturated_share`` the share of samples in which wheel speeds or
-    voltages were cut, ``chatter`` the mean change of a duty from one record to the next divided by the mean duty, both absolute:
-    0 is perfectly steady, 2 is full reversal every time.
+    ``peak_wheel_rad_s`` is the fastest true wheel speed, ``saturated_share`` the share of samples in which wheel
+    speeds or voltages were cut, ``chatter`` the mean change of a duty from one record to the next over the mean duty,
+    both absolute: 0 is perfectly steady, 2 is full reversal every time.
     """
 
     peak_wheel_rad_s: float

@@ -75,12 +75,14 @@ def _number(value: float | None, factor: float, unit: str, digits: int = 2) -> s
 
 
 def _head(figure: Figure, summary: Mapping[str, Any]) -> None:
-    title = f"{summary['scenario'].replace('_', ' ')}  ·  {summary['robot'].replace('_', ' ')}  ·  {summary['controller'].upper()}"
+    names = (summary["scenario"], summary["robot"], summary["controller"].upper())
+    title = "  ·  ".join(name.replace("_", " ") for name in names)
     figure.text(0.055, 0.955, title, fontsize=17, fontweight="bold", va="center")
     rmse, way = summary["rmse"], "real firmware in the loop" if summary["way"] == "hil" else "in process"
     line = (
-        f"RMSE on the path: position {_number(rmse['position_m'], 1e3, 'mm')}, heading {_number(rmse['theta_rad'], 1e3, 'mrad')}"
-        f"   ·   {way}, seed {summary['seed']}, {summary['duration_s']:.1f} s simulated"
+        f"RMSE on the path: position {_number(rmse['position_m'], 1e3, 'mm')}, "
+        f"heading {_number(rmse['theta_rad'], 1e3, 'mrad')}   ·   "
+        f"{way}, seed {summary['seed']}, {summary['duration_s']:.1f} s simulated"
     )
     figure.text(0.055, 0.922, line, fontsize=11, color="#444444", va="center")
     faults = summary["faults"]
@@ -226,6 +228,6 @@ def _mark_events(axes: Axes, summary: Mapping[str, Any], named: bool) -> None:
     if change is not None:
         axes.axvline(change["time_s"], color=INK, linewidth=1.0, linestyle=":")
         axes.annotate(
-            change["what"] if named else "", (change["time_s"], 0.98), xycoords=("data", "axes fraction"), xytext=(4, 0), textcoords="offset points",
-            fontsize=8.5, va="top",
+            change["what"] if named else "", (change["time_s"], 0.98), xycoords=("data", "axes fraction"),
+            xytext=(4, 0), textcoords="offset points", fontsize=8.5, va="top",
         )  # fmt: skip

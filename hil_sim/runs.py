@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Runs of scenarios: the result they all give, and the way without a link, around ``omni_robot_tick`` in this process."""
+"""Runs of scenarios: what they all give, and those without a link, around ``omni_robot_tick`` in this process."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ class Run:
     """What a run leaves: the scenario, the world's record (one row of hil_sample_t per tick), and how it came about.
 
     ``way`` is "in-process" or "hil". ``parameters`` are those the run ended with. ``tick_us`` holds the mean and
-    the longest time of a tick that the firmware measured [us], empty in process. ``wall_s`` is the time that the ticks took.
+    the longest time of a tick that the firmware measured [us], empty in process. ``wall_s`` is the time that the
+    ticks took.
     """
 
     scenario: Scenario
@@ -151,7 +152,7 @@ def run_in_process(scenario: Scenario, seed: int | None = None, progress: Progre
 
 
 def run_seeds(scenario: Scenario, seeds: Iterable[int], measure: Callable[[Run], Measure]) -> Iterator[Measure]:
-    """Run a scenario with several seeds on all processors; yield what ``measure`` says of each, in the order of the seeds."""
+    """Run a scenario with several seeds on all processors; yield what ``measure`` says of each, in their order."""
     with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
         yield from pool.map(lambda seed: measure(run_in_process(scenario, seed)), seeds)
 

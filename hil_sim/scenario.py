@@ -6,8 +6,8 @@ A scenario is a TOML file::
     [scenario]
     name = "demo"                 # a-z 0-9 _
     description = "what it shows"
-    extends = "demo"              # optional: start from another scenario; tables are merged, event and fault lists replaced
-    robot = "three_wheel"         # a robot of the package, or the path of a robot file
+    extends = "demo"              # optional: start from another scenario; tables are merged, event and fault lists
+    replaced robot = "three_wheel"         # a robot of the package, or the path of a robot file
     seed = 1
     duration_s = "until_done"     # seconds, or until the trajectory is done
 
@@ -16,8 +16,8 @@ A scenario is a TOML file::
     [[event]]                     # at_s, or at_progress (share of the path, 0..1), and one of set, command, velocity
     [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
 
-Every mistake in a scenario is a SchemaError, one in its robot file a RobotFileError; both name file, key, value and what is
-allowed.
+Every mistake in a scenario is a SchemaError, one in its robot file a RobotFileError; both name file, key, value and
+what is allowed.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ _HEAD = ("name", "description", "extends", "robot", "seed", "duration_s")
 class Event:
     """Something that is done to the robot at a time [s], or at a share of the path: exactly one of the two is given.
 
-    ``settings`` are parameter values, ``command`` one of COMMANDS, ``velocity`` a body twist (m/s, m/s, rad/s) that is asked
-    for from then on; exactly one of the three is given.
+    ``settings`` are parameter values, ``command`` one of COMMANDS, ``velocity`` a body twist (m/s, m/s, rad/s) that
+    is asked for from then on; exactly one of the three is given.
     """
 
     at_s: float | None = None

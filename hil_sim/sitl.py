@@ -39,7 +39,7 @@ class Sitl:
 def start_sitl(
     scenario: Scenario, links: Sequence[str], *, storage: Path | None = None, realtime_factor: float = 1.0
 ) -> Iterator[Sitl]:
-    """Start firmware with these links and put it into the scenario's world; ``storage`` keeps parameters over restarts."""
+    """Start firmware with these links in the scenario's world; ``storage`` keeps parameters over restarts."""
     parameters = scenario.parameter_values()
     with FirmwareProcess(links=[*links, WORLD_LINK], storage=storage, parameters=parameters) as firmware:
         base = open_link(firmware.urls[-1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a run leaves on disk: a folder with summary.json, the record, the report picture, and over a link the telemetry log."""
+"""What a run leaves on disk: a folder with summary.json, the record, the report, and over a link the telemetry log."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from hil_sim import core, metrics
 from hil_sim.runs import Run, faults_seen
 from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
-from omniwheel import __version__
 from omni_schema import ParameterTable
+from omniwheel import __version__
 
 SUMMARY_FILE = "summary.json"
 RECORD_FILE = "record.npz"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Plays a scenario's events on a closed loop of robot and world, tick by tick: the same way in process and over a link."""
+"""Plays a scenario's events on a closed loop of robot and world, the same way in process and over a link."""
 
 from __future__ import annotations
 

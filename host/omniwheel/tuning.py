@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Experiments with a connected robot and the figures that gains are judged by.
 
-A step experiment asks for a pose a little away and then for the old one again; a trajectory experiment drives the on-board
-trajectory. Both look at OMNI_TRACKING: what the robot believes, not what is true.
+A step experiment asks for a pose a little away and then for the old one again; a trajectory experiment drives the
+on-board trajectory. Both look at OMNI_TRACKING: what the robot believes, not what is true.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class ExperimentError(OmniError):
 
 @dataclass(frozen=True)
 class Trace:
-    """What an experiment saw: times [s, robot clock, from the start], wanted and estimated poses, shape (n, 3) [m, m, rad]."""
+    """What an experiment saw: times from its start [s], wanted and estimated poses, shape (n, 3) [m, m, rad]."""
 
     time_s: FloatArray
     reference: FloatArray
@@ -49,8 +49,8 @@ class Trace:
 class Figures:
     """RMSE of the tracking error (position [m], heading [rad]) and, of a step, how it was answered.
 
-    ``rise_s`` goes from 10 to 90 % of the step, ``overshoot`` is a share of the step, ``settling_s`` is the time after which the
-    answer stays within 5 % of the step; NaN if that never happened or there was no step.
+    ``rise_s`` goes from 10 to 90 % of the step, ``overshoot`` is a share of the step, ``settling_s`` is the time
+    after which the answer stays within 5 % of the step; NaN if that never happened or there was no step.
     """
 
     position_m: float
@@ -65,7 +65,7 @@ class Figures:
 
 
 def step_response(time_s: FloatArray, value: FloatArray, start: float, target: float) -> tuple[float, float, float]:
-    """Return rise time [s], overshoot (share) and settling time [s] of an answer to a step at time 0 from start to target."""
+    """Return rise time [s], overshoot (share) and settling time [s] of the answer to a step at time 0."""
     answer = (value - start) / (target - start)
     above_low, above_high = np.flatnonzero(answer >= _RISE_FROM), np.flatnonzero(answer >= _RISE_TO)
     rise_s = float(time_s[above_high[0]] - time_s[above_low[0]]) if len(above_high) else math.nan
@@ -113,7 +113,7 @@ class Experiment:
         return trace, step_figures(trace, index, here[index], size)
 
     def trajectory(self, timeout_s: float) -> tuple[Trace, Figures]:
-        """Drive the on-board trajectory once and watch its path; ExperimentError if it does not end within ``timeout_s``."""
+        """Drive the on-board trajectory once and watch its path; ExperimentError if that takes over ``timeout_s``."""
         seen: list[Tracking] = []
         self._tracking()
         try:

@@ -37,8 +37,8 @@ def demo(
     ] = True,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Drive a simulated robot with its real firmware: start it as a process, put it host-in-the-loop over MAVLink, arm, track
-    an eight-petal rose while rotating, change a gain half-way, disarm; then compare.
+    """Drive a simulated robot with its real firmware: start it as a process, put it host-in-the-loop over MAVLink,
+    arm, track an eight-petal rose while rotating, change a gain half-way, disarm; then compare.
 
     Leaves a folder with telemetry.tlog, summary.json and report.png. Exit code 1 if the path was not driven to its end.
     """  # noqa: D205

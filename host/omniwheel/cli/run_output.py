@@ -89,7 +89,7 @@ def _cell(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
 
 
 def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures | None]]) -> Table:
-    """Return a table of accuracy and effort: per column a heading, an ``rmse`` and, if it is for all the path, an ``effort``."""
+    """Return a table of accuracy and effort; per column a heading, an ``rmse`` and perhaps an ``effort``."""
     table = Table(title=title, title_style="bold", title_justify="left")
     table.add_column("")
     for heading, _, _ in columns:
@@ -136,6 +136,6 @@ def print_facts(summary: Figures) -> None:
         console.print(f"[red]faults: {', '.join(summary['faults'])}[/]; the robot ended {summary['final_state']}")
     if summary["warnings"]:
         console.print(f"[yellow]warnings: {', '.join(summary['warnings'])}[/]")
-    speed = f"{summary['duration_s']:.1f} s simulated in {summary['wall_s']:.1f} s: {summary['realtime_factor']:.1f} × real time"
+    duration, factor = f"{summary['duration_s']:.1f} s simulated", f"{summary['realtime_factor']:.1f} × real time"
     timing = f"; tick {tick['mean']:.1f} µs mean, {tick['max']:.1f} µs longest" if tick else ""
-    console.print(f"{speed}{timing}")
+    console.print(f"{duration} in {summary['wall_s']:.1f} s: {factor}{timing}")

@@ -77,10 +77,12 @@ def tune(
     timeout_s: TimeoutOption = DEFAULT_TIMEOUT_S,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Drive an experiment with the present gains and with others; show rise time, overshoot, settling and RMSE; keep or revert.
+    """Drive an experiment with the present gains and with others, compare, and keep the new ones or go back.
 
-    The robot moves: a step goes there and back, and needs that much room. Whatever goes wrong, the old values come back and
-    the robot is disarmed.
+    Shown are rise time, overshoot, settling time and RMSE.
+
+    The robot moves: a step goes there and back, and needs that much room. Whatever goes wrong, the old values come
+    back and the robot is disarmed.
     """
     wanted = parse_assignments(assignments or [])
     if not wanted:
