@@ -7,26 +7,35 @@ from dataclasses import dataclass
 
 from omniwheel.dialect import Message
 
-_RELEASE_TYPES = {0: "-dev", 64: "-alpha", 128: "-beta", 192: "-rc", 255: ""}
+_RELEASE = 255
 
 
 @dataclass(frozen=True)
 class RobotVersion:
-    """Firmware version, git revision (first 8 bytes, hex; "" if unknown), hardware id."""
+    """Firmware version, its first 16 hex digits of the git commit ("" if unknown), and the parameter table it has.
+
+    ``dirty`` means built from a changed work tree; ``schema_crc`` is :attr:`omni_schema.ParameterTable.crc` of its table.
+    """
 
     firmware: str
     git_hash: str
-    uid: int
+    dirty: bool
+    schema_version: int
+    schema_crc: int
 
     def __str__(self) -> str:
-        return f"{self.firmware} ({self.git_hash})" if self.git_hash else self.firmware
+        git = f" ({self.git_hash[:8]}{', changed' if self.dirty else ''})" if self.git_hash else ""
+        return self.firmware + git
 
 
 def version_from_message(message: Message) -> RobotVersion:
     """Decode AUTOPILOT_VERSION."""
     number = int(message.flight_sw_version)
-    release = _RELEASE_TYPES.get(number & 0xFF, "")
-    firmware = f"{number >> 24 & 0xFF}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}{release}"
+    commit = bytes(message.flight_custom_version)
     return RobotVersion(
-        firmware, bytes(message.flight_custom_version).rstrip(b"\0").decode("ascii", "replace"), message.uid
+        firmware=f"{number >> 24 & 0xFF}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}",
+        git_hash=commit.hex() if any(commit) else "",
+        dirty=number & 0xFF != _RELEASE,
+        schema_version=int(message.middleware_sw_version),
+        schema_crc=int(message.os_sw_version),
     )

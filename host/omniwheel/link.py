@@ -80,7 +80,7 @@ def parse_url(url: str) -> LinkAddress:
 
 def _parse_network(url: str, kind: str, rest: str) -> LinkAddress:
     host, _, port = rest.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+    if not host or "/" in host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise LinkUrlError(
             f"cannot understand the link {url!r}: a host and a port from 1 to 65535 are needed", hint=_ALLOWED
         )

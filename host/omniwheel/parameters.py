@@ -47,7 +47,8 @@ def checked_value(table: ParameterTable, name: str, value: ParameterValue) -> fl
     try:
         return table[name].parse("", name, value)
     except SchemaError as error:
-        raise ParameterRangeError(f"{name} {error.problem}", hint=table[name].doc) from error
+        problem = error.problem if "allowed" in error.problem else f"is {value!r}; allowed is {table[name].allowed}"
+        raise ParameterRangeError(f"{name} {problem}", hint=table[name].doc) from error
 
 
 class Parameters(MutableMapping[str, float]):

@@ -13,7 +13,7 @@ from omni_schema import ParameterTable, load_parameters
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
-from omniwheel.errors import LinkTimeoutError, OmniError
+from omniwheel.errors import LinkTimeoutError, OmniError, VersionMismatchError
 from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link
@@ -98,11 +98,19 @@ class Robot:
 
     @property
     def version(self) -> RobotVersion:
-        """Firmware version, asked for once. Raises VersionMismatchError if host and robot cannot work together."""
+        """Firmware version, asked for once."""
         if self._version is None:
             message = self.commands.request_message("AUTOPILOT_VERSION", self.timeout_s)
             self._version = version_from_message(message)
         return self._version
+
+    def require_same_parameters(self) -> None:
+        """Raise VersionMismatchError if the robot's parameter table is not the one this package knows."""
+        if self.version.schema_crc != self.table.crc:
+            raise VersionMismatchError(
+                f"the robot's firmware {self.version} has other parameters than this omniwheel",
+                hint="install the same version on both; names, ranges or meanings may differ",
+            )
 
     def telemetry(self, *kinds: type[TelemetryT], timeout_s: float | None = None) -> Iterator[TelemetryT]:
         """Yield telemetry of these kinds (classes of :mod:`omniwheel.telemetry`) as it comes, without end.

@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 
 from omni_schema import SchemaError
 from omniwheel.connection import Recorder
-from omniwheel.errors import LinkUrlError, OmniError
+from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
 from omniwheel.paths import MissingFileError
 from omniwheel.ports import serial_ports
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot, connect
@@ -114,8 +114,16 @@ def link_url(link: str | None) -> str:
 
 
 def open_robot(link: str | None, *, timeout_s: float = DEFAULT_TIMEOUT_S, recorder: Recorder | None = None) -> Robot:
-    """Connect to the robot that the options name."""
-    return connect(link_url(link), timeout_s=timeout_s, recorder=recorder)
+    """Connect to the robot that the options name; warn if its parameters are another version's."""
+    robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder)
+    try:
+        robot.require_same_parameters()
+    except (VersionMismatchError, CommandRefusedError) as error:
+        note(f"[yellow]warning:[/] {escape(str(error))}")
+    except BaseException:
+        robot.close()
+        raise
+    return robot
 
 
 def writable_path(path: Path, what: str) -> Path:
