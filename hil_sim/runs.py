@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core
+from hil_sim.metrics import STATE_ARMED
 from hil_sim.record import Record
 from hil_sim.scenario import Event, Scenario
 from hil_sim.timeline import Applied, Played, Progress, RunError, play
@@ -175,6 +176,8 @@ def finish(
 
 
 def faults_seen(run: Run) -> tuple[list[str], list[str]]:
-    """Return the names of the stop faults and of the warnings that were present at any time of a run."""
-    bits = int(np.bitwise_or.reduce(run.record["faults"])) if len(run.record) else 0
+    """Return the names of the stop faults and of the warnings that were present at any time after arming."""
+    armed = np.flatnonzero(run.record["state"] == STATE_ARMED)
+    since_arming = run.record["faults"][armed[0] :] if len(armed) else run.record["faults"]
+    bits = int(np.bitwise_or.reduce(since_arming)) if len(since_arming) else 0
     return core.fault_names(bits), core.warning_names(bits)
