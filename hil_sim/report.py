@@ -102,7 +102,7 @@ def _draw_path(axes: Axes, samples: NDArray[Any]) -> None:
     if len(path):
         _draw_headings(axes, path)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="x [m]", ylabel="y [m]", title="Path seen from above")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title="Path")
     axes.margins(0.06)
     _legend(axes, 4)
 

@@ -61,7 +61,7 @@ def _figures(kind: str, run: Run) -> dict[str, Any]:
 
 def _table(results: dict[str, dict[str, Any]], title: str) -> Table:
     table = Table(title=title, title_style="bold", title_justify="left")
-    for heading in ("", "× real time", "wanted", "µs per tick", "firmware's own tick [µs]"):
+    for heading in ("", "× real time", "wanted", "µs per tick", "firmware's own tick, µs"):
         table.add_column(heading, justify="right" if heading else "left")
     for kind, entry in results.items():
         tick = entry["firmware_tick_us"]

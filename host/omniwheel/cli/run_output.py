@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -102,7 +103,7 @@ def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures |
     )
     for name, key, factor in accuracy:
         style = "bold" if key in ("position_m", "theta_rad") else None
-        table.add_row(name, *(_cell(rmse[key], factor) for _, rmse, _ in columns), style=style)
+        table.add_row(escape(name), *(_cell(rmse[key], factor) for _, rmse, _ in columns), style=style)
     effort = (
         ("peak wheel speed [rad/s]", "peak_wheel_rad_s", 1.0, 2),
         ("time at a limit [%]", "saturated_share", 100.0, 1),
@@ -110,7 +111,7 @@ def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures |
     )
     for name, key, factor, digits in effort:
         table.add_row(
-            name, *("" if figures is None else _cell(figures[key], factor, digits) for _, _, figures in columns)
+            escape(name), *("" if figures is None else _cell(figures[key], factor, digits) for _, _, figures in columns)
         )
     return table
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from hil_sim import metrics
@@ -106,5 +107,5 @@ def _spread_table(scenario: Scenario, seeds: range, spread: dict[str, Any]) -> T
         table.add_column(heading, justify="left" if not heading else "right")
     for name, key, factor, digits in ROWS:
         entry = spread[key]
-        table.add_row(name, *(f"{entry[part] * factor:.{digits}f}" for part in ("mean", "sd")))
+        table.add_row(escape(name), *(f"{entry[part] * factor:.{digits}f}" for part in ("mean", "sd")))
     return table

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from omniwheel.cli.common import (
@@ -157,5 +158,5 @@ def _table(what: str, figures: tuple[Figures, Figures]) -> Table:
     for name, key, factor, digits in rows:
         values: list[Any] = [entry.as_dict()[key] for entry in figures]
         if not all(value != value for value in values):
-            table.add_row(name, *("–" if value != value else f"{value * factor:.{digits}f}" for value in values))
+            table.add_row(escape(name), *("–" if value != value else f"{value * factor:.{digits}f}" for value in values))
     return table
