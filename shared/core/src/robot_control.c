@@ -30,10 +30,11 @@ static void feed_acceleration(const omni_robot_config_t *c, omni_tick_t *tick) {
     omni_kinematics_inverse(&c->kinematics, &body, NULL, tick->acceleration);
 }
 
-/* Slip ratio s: the contact moves r phi' (1 - s), so phi' = v / (r (1 - s)); eq. 20 and 41 with v_s = s r phi'. */
+/* Slip ratio s: the contact moves r phi' (1 - s), so phi' = v / (r (1 - s)); eq. 20 and 41 with v_s = s r phi'. Only while
+ * fixes keep the estimate honest: without them a wrong ratio would make the very slip that seems to confirm it. */
 static void compensate_slip(const omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP) {
+    if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP || !omni_robot_fix_is_fresh(robot, tick->in->time_us)) {
         return;
     }
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {

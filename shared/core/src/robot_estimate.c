@@ -76,6 +76,11 @@ static void estimate_wheels(omni_robot_t *robot, omni_tick_t *tick, uint8_t vali
     }
 }
 
+bool omni_robot_fix_is_fresh(const omni_robot_t *robot, uint64_t now_us) {
+    const uint64_t last_us = robot->pose_ekf.last_fix_us;
+    return last_us != 0 && (omni_real_t)(now_us - last_us) * 1e-6f <= robot->config->limits.fix_timeout_s;
+}
+
 static void use_fix(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
     omni_pose_ekf_state_t *ekf = &robot->pose_ekf;
@@ -85,8 +90,7 @@ static void use_fix(omni_robot_t *robot, omni_tick_t *tick) {
     if (ekf->refused_in_row > 0) {
         tick->faults |= OMNI_WARN_FIX_REFUSED;
     }
-    const omni_real_t age_s = (omni_real_t)(tick->in->time_us - ekf->last_fix_us) * 1e-6f;
-    if (ekf->last_fix_us != 0 && age_s > c->limits.fix_timeout_s) {
+    if (ekf->last_fix_us != 0 && !omni_robot_fix_is_fresh(robot, tick->in->time_us)) {
         tick->faults |= OMNI_WARN_POSE_STALE;
     }
 }

@@ -22,6 +22,9 @@ typedef struct omni_tick_t {
 /** Time, counts, filters, pose: fills the estimates of `out`. */
 void omni_robot_estimate(omni_robot_t *robot, omni_tick_t *tick);
 
+/** Has a pose fix been accepted within FIX_TIMEOUT? */
+bool omni_robot_fix_is_fresh(const omni_robot_t *robot, uint64_t now_us);
+
 /** Stop faults and warnings from inputs and estimates. */
 void omni_robot_supervise(omni_robot_t *robot, omni_tick_t *tick);
 

@@ -8,19 +8,24 @@ static omni_real_t age_s(const omni_tick_t *tick, uint64_t since_us) {
     return tick->in->time_us > since_us ? (omni_real_t)(tick->in->time_us - since_us) * 1e-6f : 0.0f;
 }
 
-/* A wheel under voltage must turn, and the way it is driven: slower than a tenth of what the voltage gives at rest
- * load, for stall_s, is a stall, a dead or a reversed encoder. */
+/* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
+ * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through; one that stands still
+ * uses up stall_s as time goes by, one that turns the other way at most twice as fast (a reversal of the voltage is legal). */
 static void supervise_wheels(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    const omni_real_t speed_per_V = 1.0f / omni_motor_speed_gain(&c->motor);
-    const uint32_t limit = (uint32_t)(c->limits.stall_s / c->step_s);
+    const omni_real_t tenth_per_V = 0.1f / omni_motor_speed_gain(&c->motor);
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         const omni_real_t voltage = robot->last_voltage_V[i];
-        const omni_real_t along = tick->out->wheel_rad_s[i] * omni_signf(voltage);
-        const bool driven = omni_absf(voltage) >= c->limits.stall_V;
-        const bool turns = along >= 0.1f * omni_absf(voltage) * speed_per_V;
-        robot->stall_ticks[i] = driven && !turns ? robot->stall_ticks[i] + 1 : 0;
-        if (robot->stall_ticks[i] > limit) {
+        if (!(omni_absf(voltage) >= c->limits.stall_V)) {
+            robot->stalled_s[i] = 0.0f;
+            continue;
+        }
+        const omni_real_t elapsed = c->step_s * (omni_real_t)tick->steps;
+        const omni_real_t enough = omni_absf(voltage) * tenth_per_V * elapsed;
+        const omni_real_t moved = (omni_real_t)tick->delta_counts[i] * c->rad_per_count * omni_signf(voltage);
+        const omni_real_t missing = omni_clampf(1.0f - moved / enough, -2.0f, 2.0f);
+        robot->stalled_s[i] = omni_clampf(robot->stalled_s[i] + elapsed * missing, 0.0f, 2.0f * c->limits.stall_s);
+        if (robot->stalled_s[i] > c->limits.stall_s) {
             tick->faults |= OMNI_FAULT_STALL;
         }
     }

@@ -167,7 +167,7 @@ typedef struct omni_robot_t {
     omni_twist_t ramped;                          /**< its rate (world), or the ramped velocity demand (body) */
     omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
     int32_t last_counts[OMNI_MAX_WHEELS];
-    uint32_t stall_ticks[OMNI_MAX_WHEELS];        /**< ticks in a row that look like a stalled or reversed wheel */
+    omni_real_t stalled_s[OMNI_MAX_WHEELS];        /**< how long each wheel has looked stalled or reversed */
     uint32_t encoder_ticks[OMNI_MAX_WHEELS];      /**< ticks in a row without a valid count */
     uint32_t battery_ticks;                       /**< ticks in a row with too little voltage */
     uint64_t armed_since_us;
