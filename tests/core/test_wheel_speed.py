@@ -24,7 +24,9 @@ def speed_gain() -> float:
 
 
 class Loops:
-    def __init__(self, wheels: int = 3, duty_limit: float = 1.0, kp: float = 4.0, ki: float = 120.0, **config: float) -> None:
+    def __init__(
+        self, wheels: int = 3, duty_limit: float = 1.0, kp: float = 4.0, ki: float = 120.0, **config: float
+    ) -> None:
         self.config = ffi.new("omni_wheel_speed_config_t *", {"wheels": wheels, "duty_limit": duty_limit, **config})
         self.config.pid.kp = kp
         self.config.pid.ki = ki

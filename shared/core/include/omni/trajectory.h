@@ -4,8 +4,8 @@
  * Reference paths with exact first and second derivatives, driven by a path clock that starts from rest, may be slowed
  * down to what the wheels can do, and comes to rest.
  *
- * The path p(u) is a function of path time u in [0, duration]; the clock u(t) ramps up with a quintic, runs at rate
- * 1/scale and ramps down. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the robot isn't at the path's start, a
+ * The path p(u) is a function of path time u in [0, duration]; the rate u'(t) of the clock rises with a quintic over
+ * ramp_s, stays at 1/scale and falls likewise. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the robot isn't at the path's start, a
  * quintic lead-in brings it there first.
  *
  * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the tick.
@@ -25,10 +25,12 @@ typedef struct omni_trajectory_config_t {
     uint8_t rotation;             /**< enum omni_trj_rot */
     uint16_t petals;              /**< rose: 1..32. Odd n: r = cos(n f), f in [0, pi]; n = 4m: cos(n/2 f), [0, 2 pi];
                                        else cos(n/4 f), [0, 4 pi] */
-    omni_real_t size_m;
-    omni_real_t period_s;         /**< path time of a lap or leg */
-    omni_real_t laps;             /**< 0: without end */
-    omni_real_t rotation_amplitude_rad;
+    omni_real_t size_m;           /**< radius (rose, circle), length (line, from the origin along x), half width of the random
+                                       points' square, amplitude of x and y in eq. 81 (whose heading stays as printed) */
+    omni_real_t period_s;         /**< path time of a lap; line, waypoints and random points: of a leg */
+    omni_real_t laps;             /**< 0: without end. Line: legs, there and back. Waypoints and random points: rounds; the
+                                       last round ends at the last point, an earlier one goes on to the first */
+    omni_real_t rotation_amplitude_rad; /**< turn per lap (spin), amplitude (sine), half range of the random headings */
     omni_real_t rotation_cycles;  /**< sine periods per lap */
     uint32_t seed;                /**< random points: the same points for the same seed on every machine */
     bool scale;                   /**< slow down to the limits */
@@ -51,12 +53,14 @@ typedef struct omni_trajectory_t {
     omni_waypoints_t waypoints;   /**< given, or drawn for the random points */
     omni_pose_t origin;           /**< pose at plan time */
     omni_pose_t start;            /**< first pose of the path */
+    omni_real_t heading_offset_rad; /**< added to the path's own heading: whole turns, or the heading held */
     omni_real_t lead_in_s;        /**< duration of the lead-in, 0 if none */
     omni_real_t duration_s;       /**< path time; infinity is written as a negative number */
     omni_real_t scale;            /**< clock runs at 1/scale, >= 1 if scaled */
     omni_real_t peak_wheel_rad_s; /**< demanded at scale 1 */
     omni_real_t peak_voltage_V;   /**< demanded at scale 1 */
-    omni_real_t needed_scale;     /**< what the limits need, whether or not it is applied; > scale: infeasible by that factor */
+    omni_real_t needed_scale;     /**< what the limits need, whether or not it is applied, < 1 if they leave room;
+                                       > scale: infeasible by that factor */
 } omni_trajectory_t;
 
 typedef enum omni_trajectory_phase_t {
@@ -67,7 +71,7 @@ typedef enum omni_trajectory_phase_t {
 } omni_trajectory_phase_t;
 
 typedef struct omni_reference_t {
-    omni_pose_t pose;             /**< theta continuous, not wrapped */
+    omni_pose_t pose;             /**< theta continuous within a lap, not wrapped; whole turns are dropped between laps */
     omni_twist_t rate;            /**< world frame */
     omni_twist_t acceleration;    /**< world frame */
     omni_real_t path_time_s;      /**< u */
@@ -75,18 +79,19 @@ typedef struct omni_reference_t {
 } omni_reference_t;
 
 /**
- * Plan. @param waypoints needed for OMNI_TRJ_TYPE_WAYPOINTS, else NULL (a pose each, straight quintic legs of period_s).
- * @param at pose the robot has now; its heading's whole turns are kept (no unwinding).
+ * Plan. @param waypoints needed for OMNI_TRJ_TYPE_WAYPOINTS, else NULL (a pose each, straight quintic legs of period_s, headings
+ * the short way round).
+ * @param at pose the robot has now; its heading's whole turns are kept (no unwinding). Type hold stays there.
  * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration; the plan then holds `at`.
  */
 omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config,
                                    const omni_kinematics_t *k, const omni_waypoints_t *waypoints,
                                    const omni_pose_t *at);
 
-/** Reference `time_s` after the start (>= 0; a double is not needed: up to 10 h keep 1 ms, see .c). */
+/** Reference time_us after the start. Path time is kept in whole nanoseconds, so it stays exact for years. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference);
 
-/** The bare path at path time u: pose and its first and second derivative by u. */
+/** The bare path at path time u >= 0 (clamped to the duration; NaN: 0): pose and its first and second derivative by u. */
 void omni_path_evaluate(const omni_trajectory_t *plan, omni_real_t path_time_s, omni_pose_t *pose, omni_twist_t *first,
                         omni_twist_t *second);
 

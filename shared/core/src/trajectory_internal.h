@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file trajectory_internal.h
+ * Parts of the trajectories that their files share. Not part of the API. Path time is an integer number of nanoseconds, so that
+ * reducing it to a phase is exact however long a path runs.
+ */
+#ifndef OMNI_TRAJECTORY_INTERNAL_H
+#define OMNI_TRAJECTORY_INTERNAL_H
+
+#include "omni/trajectory.h"
+
+enum { OMNI_JET_LENGTH = 4 };
+
+/** "No end" as a path time. */
+#define OMNI_ENDLESS_NS UINT64_MAX
+
+/** A function's value and its first three derivatives. */
+typedef struct omni_jet_t {
+    omni_real_t d[OMNI_JET_LENGTH];
+} omni_jet_t;
+
+/** Where the path clock stands. */
+typedef struct omni_path_clock_t {
+    uint64_t path_ns;        /**< u */
+    omni_real_t rate;        /**< u' */
+    omni_real_t rate_change; /**< u'', 1/s */
+    bool done;
+} omni_path_clock_t;
+
+/** Seconds (0..1e9) as nanoseconds. */
+uint64_t omni_nanoseconds(omni_real_t seconds);
+
+/** ns modulo period_ns as a share of it, 0..1. */
+omni_real_t omni_phase(uint64_t ns, uint64_t period_ns);
+
+/** 10 p^3 - 15 p^4 + 6 p^5 and its derivatives by p; at rest at p = 0 and p = 1. */
+omni_jet_t omni_quintic(omni_real_t p);
+
+/** Path time of a lap: one period, or all legs of a round. */
+uint64_t omni_path_lap_ns(const omni_trajectory_t *plan);
+
+/** Path time of the whole path, or OMNI_ENDLESS_NS. */
+uint64_t omni_path_duration_ns(const omni_trajectory_t *plan);
+
+/** Real time that the path clock takes from start to end at scale plan->scale, or OMNI_ENDLESS_NS. */
+uint64_t omni_path_real_ns(const omni_trajectory_t *plan);
+
+/** The clock time_ns after the path began. */
+omni_path_clock_t omni_path_clock(const omni_trajectory_t *plan, uint64_t time_ns);
+
+/** omni_path_evaluate at an exact path time. */
+void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *pose, omni_twist_t *first,
+                  omni_twist_t *second);
+
+/** Heading by the rotation law (its offset not added), for the jets of x and y at path_ns. */
+omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, uint64_t path_ns, const omni_jet_t *x, const omni_jet_t *y);
+
+/** Phasors of a rose, in half turns per lap: it is the mean of exp(i sum phi) and exp(i difference phi). */
+void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference);
+
+/** Draw the points of the random path, or take the waypoints; headings unwrapped to the short way round. */
+void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given);
+
+/** Rate and acceleration of a pose on the path by the chain rule. */
+void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, const omni_twist_t *second, omni_twist_t *rate,
+                     omni_twist_t *acceleration);
+
+/** Quintic from one pose to another over duration_s, at share p of it. */
+void omni_leg(const omni_pose_t *from, const omni_pose_t *to, omni_real_t duration_s, omni_real_t p, omni_pose_t *pose,
+              omni_twist_t *rate, omni_twist_t *acceleration);
+
+#endif

@@ -1,0 +1,174 @@
+/* SPDX-License-Identifier: MIT */
+#include <string.h>
+
+#include "omni/math.h"
+#include "trajectory_internal.h"
+
+static const omni_real_t two_pi = 6.28318530717958647692f;
+
+omni_jet_t omni_quintic(omni_real_t p) {
+    const omni_real_t q = 1.0f - p;
+    omni_jet_t jet;
+    jet.d[0] = p * p * p * (10.0f + p * (-15.0f + 6.0f * p));
+    jet.d[1] = 30.0f * p * p * q * q;
+    jet.d[2] = 60.0f * p * q * (q - p);
+    jet.d[3] = 60.0f * (1.0f - 6.0f * p * q);
+    return jet;
+}
+
+static bool has_points(const omni_trajectory_t *plan) {
+    return plan->config.type == OMNI_TRJ_TYPE_WAYPOINTS || plan->config.type == OMNI_TRJ_TYPE_RANDOM;
+}
+
+static uint64_t period_ns(const omni_trajectory_t *plan) {
+    const uint64_t ns = omni_nanoseconds(plan->config.period_s);
+    return ns > 0 ? ns : 1;
+}
+
+uint64_t omni_path_lap_ns(const omni_trajectory_t *plan) {
+    return period_ns(plan) * (has_points(plan) ? plan->waypoints.count : 1u);
+}
+
+uint64_t omni_path_duration_ns(const omni_trajectory_t *plan) {
+    if (!(plan->config.laps > 0.0f)) {
+        return OMNI_ENDLESS_NS;
+    }
+    const uint64_t lap_ns = omni_path_lap_ns(plan);
+    const uint32_t whole = (uint32_t)plan->config.laps;
+    const omni_real_t rest = plan->config.laps - (omni_real_t)whole;
+    const uint64_t laps_ns = whole * lap_ns + (uint64_t)(rest * (omni_real_t)lap_ns);
+    /* A tour of n points has n - 1 legs if it does not come back to the first. */
+    const uint64_t back_ns = has_points(plan) ? period_ns(plan) : 0;
+    return laps_ns > back_ns ? laps_ns - back_ns : 0;
+}
+
+/* jet += amplitude sin(2 pi turns), the phase growing at omega. */
+static void add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, omni_real_t omega) {
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(two_pi * turns, &sine, &cosine);
+    jet->d[0] += amplitude * sine;
+    jet->d[1] += amplitude * omega * cosine;
+    jet->d[2] -= amplitude * omega * omega * sine;
+    jet->d[3] -= amplitude * omega * omega * omega * cosine;
+}
+
+/* (x, y) += amplitude exp(i phase), the phase growing by half_turns per period. */
+static void add_phasor(omni_jet_t *x, omni_jet_t *y, omni_real_t amplitude, int32_t half_turns, uint64_t ns, uint64_t lap_ns) {
+    const uint64_t count = (uint64_t)(half_turns < 0 ? -half_turns : half_turns);
+    const omni_real_t sign = half_turns < 0 ? -1.0f : 1.0f;
+    const omni_real_t turns = omni_phase((ns % (2 * lap_ns)) * count, 2 * lap_ns);
+    const omni_real_t omega = 0.5f * two_pi * (omni_real_t)half_turns / ((omni_real_t)lap_ns * 1e-9f);
+    add_sine(x, amplitude, sign * turns + 0.25f, omega);
+    add_sine(y, amplitude, sign * turns, omega);
+}
+
+void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference) {
+    const int32_t bearing = petals % 2 == 1 ? 1 : (petals % 4 == 0 ? 2 : 4);
+    *sum = bearing + petals;
+    *difference = bearing - petals;
+}
+
+/* r = a cos(k f) at bearing f: half the sum of a exp(i (1 + k) f) and a exp(i (1 - k) f). */
+static void rose(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni_jet_t *y) {
+    int32_t sum;
+    int32_t difference;
+    omni_rose_half_turns(plan->config.petals, &sum, &difference);
+    const uint64_t lap_ns = period_ns(plan);
+    add_phasor(x, y, 0.5f * plan->config.size_m, sum, ns, lap_ns);
+    add_phasor(x, y, 0.5f * plan->config.size_m, difference, ns, lap_ns);
+}
+
+/* sin(2 pi u / sine_s) + cos(2 pi u / cosine_s), times the amplitude. */
+static void add_pair(omni_jet_t *jet, omni_real_t amplitude, uint64_t ns, uint32_t sine_s, uint32_t cosine_s) {
+    const uint64_t second_ns = 1000000000u;
+    add_sine(jet, amplitude, omni_phase(ns, sine_s * second_ns), two_pi / (omni_real_t)sine_s);
+    add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f, two_pi / (omni_real_t)cosine_s);
+}
+
+/* eq. 81 */
+static void report(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+    add_pair(x, plan->config.size_m, ns, 12, 14);
+    add_pair(y, plan->config.size_m, ns, 5, 4);
+    add_pair(theta, 0.5f, ns, 16, 8);
+}
+
+/* Share of the leg done, derivatives by path time. */
+static omni_jet_t leg_share(uint64_t ns, uint64_t leg_ns) {
+    omni_jet_t jet = omni_quintic(omni_phase(ns, leg_ns));
+    omni_real_t factor = 1.0f;
+    for (int i = 1; i < OMNI_JET_LENGTH; ++i) {
+        factor /= (omni_real_t)leg_ns * 1e-9f;
+        jet.d[i] *= factor;
+    }
+    return jet;
+}
+
+static omni_jet_t between(omni_real_t from, omni_real_t to, const omni_jet_t *share) {
+    omni_jet_t jet;
+    for (int i = 0; i < OMNI_JET_LENGTH; ++i) {
+        jet.d[i] = (to - from) * share->d[i];
+    }
+    jet.d[0] += from;
+    return jet;
+}
+
+static void line(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x) {
+    const uint64_t leg_ns = period_ns(plan);
+    const omni_jet_t share = leg_share(ns, leg_ns);
+    const bool back = ns / leg_ns % 2 == 1;
+    *x = between(back ? plan->config.size_m : 0.0f, back ? 0.0f : plan->config.size_m, &share);
+}
+
+static void points(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+    const uint64_t leg_ns = period_ns(plan);
+    const omni_jet_t share = leg_share(ns, leg_ns);
+    const uint8_t count = plan->waypoints.count;
+    const omni_pose_t *from = &plan->waypoints.pose[ns / leg_ns % count];
+    const omni_pose_t *to = &plan->waypoints.pose[(ns / leg_ns + 1) % count];
+    *x = between(from->x, to->x, &share);
+    *y = between(from->y, to->y, &share);
+    *theta = between(from->theta, from->theta + omni_wrap_pi(to->theta - from->theta), &share);
+}
+
+void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *pose, omni_twist_t *first,
+                  omni_twist_t *second) {
+    omni_jet_t x = {{0}};
+    omni_jet_t y = {{0}};
+    omni_jet_t theta = {{0}};
+    switch (plan->config.type) {
+    case OMNI_TRJ_TYPE_LINE:
+        line(plan, path_ns, &x);
+        break;
+    case OMNI_TRJ_TYPE_CIRCLE:
+        add_phasor(&x, &y, plan->config.size_m, 2, path_ns, period_ns(plan));
+        break;
+    case OMNI_TRJ_TYPE_ROSE:
+        rose(plan, path_ns, &x, &y);
+        break;
+    case OMNI_TRJ_TYPE_REPORT:
+        report(plan, path_ns, &x, &y, &theta);
+        break;
+    case OMNI_TRJ_TYPE_WAYPOINTS:
+    case OMNI_TRJ_TYPE_RANDOM:
+        points(plan, path_ns, &x, &y, &theta);
+        break;
+    default:
+        x.d[0] = plan->origin.x;
+        y.d[0] = plan->origin.y;
+        break;
+    }
+    if (plan->config.type != OMNI_TRJ_TYPE_REPORT && !has_points(plan)) {
+        theta = omni_path_rotation(plan, path_ns, &x, &y);
+    }
+    *pose = (omni_pose_t){x.d[0], y.d[0], theta.d[0] + plan->heading_offset_rad};
+    *first = (omni_twist_t){x.d[1], y.d[1], theta.d[1]};
+    *second = (omni_twist_t){x.d[2], y.d[2], theta.d[2]};
+}
+
+void omni_path_evaluate(const omni_trajectory_t *plan, omni_real_t path_time_s, omni_pose_t *pose, omni_twist_t *first,
+                        omni_twist_t *second) {
+    const uint64_t duration_ns = omni_path_duration_ns(plan);
+    const uint64_t ns = omni_nanoseconds(omni_clampf(path_time_s, 0.0f, 1e9f));
+    omni_path_at(plan, ns < duration_ns ? ns : duration_ns, pose, first, second);
+}

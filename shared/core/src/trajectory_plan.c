@@ -1,0 +1,261 @@
+/* SPDX-License-Identifier: MIT */
+#include <string.h>
+
+#include "omni/math.h"
+#include "trajectory_internal.h"
+
+enum {
+    SCAN_SAMPLES = 1024, /* per lap at least */
+    CYCLE_SAMPLES = 64,  /* per petal, sine period or leg: peaks are met to 0.1 % */
+    SCAN_SAMPLES_MAX = 131072,
+    SCAN_LAPS = 8, /* where the heading differs from lap to lap */
+    LEG_SAMPLES = 128,
+    RAMP_ROUNDS = 60
+};
+
+/* eq. 81 repeats after the least common multiple of its six periods. */
+static const omni_real_t report_repeats_s = 1680.0f;
+static const omni_real_t two_pi = 6.28318530717958647692f;
+static const omni_real_t near_m = 1e-3f;
+static const omni_real_t near_rad = 1e-3f;
+static const omni_real_t shortest_lead_in_s = 0.2f;
+
+/* What a motion asks of the wheels, at its own speed. */
+typedef struct demand_t {
+    omni_real_t wheel_rad_s;
+    omni_real_t voltage_V;
+    omni_real_t scale; /* smallest time scale within the limits */
+} demand_t;
+
+/* Largest x with |speed_V x + acceleration_V x^2| <= limit for all of [0, x]; its inverse is the scale. */
+static omni_real_t voltage_scale(omni_real_t speed_V, omni_real_t acceleration_V, omni_real_t limit) {
+    const omni_real_t b = omni_absf(speed_V);
+    const omni_real_t a = speed_V < 0.0f ? -acceleration_V : acceleration_V;
+    const omni_real_t peak = b * b + 4.0f * a * limit;
+    if (a >= 0.0f || peak >= 0.0f) {
+        return (b + omni_sqrtf(peak)) / (2.0f * limit);
+    }
+    /* Braking: the sum only reaches the limit on the other side. */
+    return 2.0f * -a / (b + omni_sqrtf(b * b - 4.0f * a * limit));
+}
+
+/* World rate and acceleration at heading theta, as wheel speeds and accelerations. */
+static void to_wheels(const omni_kinematics_t *k, omni_real_t theta, const omni_twist_t *rate, const omni_twist_t *acceleration,
+                      omni_real_t *wheel, omni_real_t *wheel_change) {
+    const omni_twist_t body = omni_twist_to_body(rate, theta);
+    omni_twist_t change = omni_twist_to_body(acceleration, theta);
+    /* (R xi')' = R xi'' + R' xi' */
+    change.vx += body.wz * body.vy;
+    change.vy -= body.wz * body.vx;
+    omni_kinematics_inverse(k, &body, NULL, wheel);
+    omni_kinematics_inverse(k, &change, NULL, wheel_change);
+}
+
+static omni_real_t larger(omni_real_t a, omni_real_t b) {
+    return a > b ? a : b;
+}
+
+static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, const omni_kinematics_t *k, omni_real_t theta,
+                       const omni_twist_t *rate, const omni_twist_t *acceleration) {
+    omni_real_t wheel[OMNI_MAX_WHEELS] = {0};
+    omni_real_t change[OMNI_MAX_WHEELS] = {0};
+    to_wheels(k, theta, rate, acceleration, wheel, change);
+    for (uint8_t i = 0; i < k->wheels; ++i) {
+        const omni_real_t speed_V = c->ff_speed_V_s * wheel[i];
+        const omni_real_t change_V = c->ff_acceleration_V_s2 * change[i];
+        const omni_real_t speed = omni_absf(wheel[i]);
+        demand->wheel_rad_s = larger(demand->wheel_rad_s, speed);
+        demand->voltage_V = larger(demand->voltage_V, omni_absf(speed_V + change_V));
+        demand->scale = larger(demand->scale, speed / (c->margin * c->wheel_limit_rad_s));
+        demand->scale = larger(demand->scale, voltage_scale(speed_V, change_V, c->margin * c->voltage_limit_V));
+    }
+}
+
+/* Does every lap ask the same of the wheels? */
+static bool laps_repeat(const omni_trajectory_config_t *c) {
+    const omni_real_t turns = c->rotation == OMNI_TRJ_ROT_SPIN   ? c->rotation_amplitude_rad / two_pi
+                              : c->rotation == OMNI_TRJ_ROT_SINE ? c->rotation_cycles
+                                                                 : 0.0f;
+    return omni_absf(turns - (omni_real_t)(int32_t)turns) < 1e-5f;
+}
+
+static demand_t scan(const omni_trajectory_t *plan, const omni_kinematics_t *k) {
+    const omni_trajectory_config_t *c = &plan->config;
+    demand_t demand = {0.0f, 0.0f, 0.0f};
+    const uint32_t laps = laps_repeat(c) ? 1 : SCAN_LAPS;
+    const uint64_t duration_ns = omni_path_duration_ns(plan);
+    uint64_t length_ns = omni_path_lap_ns(plan) * laps;
+    omni_real_t samples = (omni_real_t)SCAN_SAMPLES + (omni_real_t)CYCLE_SAMPLES * (omni_real_t)c->petals;
+    samples =
+        (samples + (omni_real_t)CYCLE_SAMPLES * (c->rotation_cycles + (omni_real_t)plan->waypoints.count)) * (omni_real_t)laps;
+    if (c->type == OMNI_TRJ_TYPE_REPORT) {
+        length_ns = omni_nanoseconds(report_repeats_s);
+        samples = report_repeats_s * (omni_real_t)CYCLE_SAMPLES / 4.0f;
+    }
+    const uint32_t count = (uint32_t)omni_clampf(samples, (omni_real_t)SCAN_SAMPLES, (omni_real_t)SCAN_SAMPLES_MAX);
+    length_ns = length_ns < duration_ns ? length_ns : duration_ns;
+    for (uint32_t i = 0; i <= count; ++i) {
+        omni_pose_t pose;
+        omni_twist_t first;
+        omni_twist_t second;
+        omni_path_at(plan, length_ns / count * i, &pose, &first, &second);
+        add_demand(&demand, c, k, pose.theta, &first, &second);
+    }
+    return demand;
+}
+
+/* Voltage asked for while the clock ramps up or down at the plan's scale. */
+static omni_real_t ramp_voltage(const omni_trajectory_t *plan, const omni_kinematics_t *k) {
+    demand_t demand = {0.0f, 0.0f, 0.0f};
+    const uint64_t total_ns = omni_path_real_ns(plan);
+    const uint64_t ramp_ns = omni_nanoseconds(plan->config.ramp_s);
+    const uint64_t step_ns = (ramp_ns < total_ns ? ramp_ns : total_ns) / LEG_SAMPLES;
+    for (uint32_t i = 0; i < 2 * LEG_SAMPLES; ++i) {
+        const bool end = i >= LEG_SAMPLES;
+        if (end && total_ns == OMNI_ENDLESS_NS) {
+            break;
+        }
+        const uint64_t time_ns = end ? total_ns - step_ns * (i + 1 - LEG_SAMPLES) : step_ns * (i + 1);
+        const omni_path_clock_t clock = omni_path_clock(plan, time_ns);
+        omni_pose_t pose;
+        omni_twist_t first;
+        omni_twist_t second;
+        omni_twist_t rate;
+        omni_twist_t acceleration;
+        omni_path_at(plan, clock.path_ns, &pose, &first, &second);
+        omni_path_chain(&clock, &first, &second, &rate, &acceleration);
+        add_demand(&demand, &plan->config, k, pose.theta, &rate, &acceleration);
+    }
+    return demand.voltage_V;
+}
+
+/* Set the scale; the ramps' own acceleration may need a little more than the path. */
+static void set_scale(omni_trajectory_t *plan, const omni_kinematics_t *k) {
+    const demand_t demand = scan(plan, k);
+    plan->peak_wheel_rad_s = demand.wheel_rad_s;
+    plan->peak_voltage_V = demand.voltage_V;
+    plan->needed_scale = demand.scale;
+    plan->scale = larger(demand.scale, 1.0f);
+    const omni_real_t limit = plan->config.margin * plan->config.voltage_limit_V;
+    for (int round = 0; round < RAMP_ROUNDS && ramp_voltage(plan, k) > limit * 1.0001f; ++round) {
+        plan->scale *= 1.05f;
+        plan->needed_scale = plan->scale;
+    }
+    if (!plan->config.scale) {
+        plan->scale = 1.0f;
+    }
+}
+
+static void set_lead_in(omni_trajectory_t *plan, const omni_kinematics_t *k) {
+    const omni_pose_t *from = &plan->origin;
+    const omni_pose_t *to = &plan->start;
+    if (omni_absf(to->x - from->x) <= near_m && omni_absf(to->y - from->y) <= near_m &&
+        omni_absf(to->theta - from->theta) <= near_rad) {
+        return;
+    }
+    demand_t demand = {0.0f, 0.0f, 0.0f};
+    for (int i = 0; i <= LEG_SAMPLES; ++i) {
+        omni_pose_t pose;
+        omni_twist_t rate;
+        omni_twist_t acceleration;
+        omni_leg(from, to, 1.0f, (omni_real_t)i / (omni_real_t)LEG_SAMPLES, &pose, &rate, &acceleration);
+        add_demand(&demand, &plan->config, k, pose.theta, &rate, &acceleration);
+    }
+    plan->lead_in_s = larger(demand.scale, shortest_lead_in_s);
+}
+
+/* Hold `at` for ever; also what is left of a refused plan. */
+static void hold(omni_trajectory_t *plan, const omni_pose_t *at) {
+    memset(plan, 0, sizeof *plan);
+    if (omni_pose_is_finite(at)) {
+        plan->origin = *at;
+    }
+    plan->start = plan->origin;
+    plan->heading_offset_rad = plan->origin.theta;
+    plan->config.type = OMNI_TRJ_TYPE_HOLD;
+    plan->config.period_s = 1.0f;
+    plan->scale = 1.0f;
+    plan->duration_s = -1.0f;
+}
+
+/* Start of the path, its heading within half a turn of the robot's. */
+static void set_start(omni_trajectory_t *plan) {
+    omni_twist_t first;
+    omni_twist_t second;
+    plan->heading_offset_rad = plan->config.type == OMNI_TRJ_TYPE_HOLD ? plan->origin.theta : 0.0f;
+    omni_path_at(plan, 0, &plan->start, &first, &second);
+    const omni_real_t turns = (plan->origin.theta - plan->start.theta) / two_pi;
+    plan->heading_offset_rad += two_pi * (omni_real_t)(int32_t)(turns + (turns < 0.0f ? -0.5f : 0.5f));
+    omni_path_at(plan, 0, &plan->start, &first, &second);
+}
+
+static bool within(omni_real_t value, omni_real_t low, omni_real_t high) {
+    return value >= low && value <= high;
+}
+
+static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
+    const omni_real_t all[] = {c->size_m,
+                               c->period_s,
+                               c->laps,
+                               c->rotation_amplitude_rad,
+                               c->margin,
+                               c->ramp_s,
+                               c->ff_speed_V_s,
+                               c->wheel_limit_rad_s,
+                               c->rotation_cycles,
+                               c->voltage_limit_V,
+                               c->ff_acceleration_V_s2};
+    for (size_t i = 0; i < sizeof all / sizeof all[0]; ++i) {
+        if (!omni_is_finite(all[i])) {
+            return OMNI_ERR_NOT_FINITE;
+        }
+    }
+    const bool path = c->type <= OMNI_TRJ_TYPE_RANDOM && c->rotation <= OMNI_TRJ_ROT_TANGENT && within(c->size_m, 0.0f, 1e4f) &&
+                      within(c->period_s, 1e-3f, 3600.0f) && within(c->laps, 0.0f, 1e4f) &&
+                      within(c->rotation_cycles, 0.0f, 1e3f) && within(c->rotation_amplitude_rad, -1e3f, 1e3f) &&
+                      (c->type != OMNI_TRJ_TYPE_ROSE || (c->petals >= 1 && c->petals <= 32));
+    const bool limits = c->margin > 0.0f && c->margin <= 1.0f && within(c->ramp_s, 0.0f, 3600.0f) &&
+                        c->wheel_limit_rad_s > 0.0f && c->voltage_limit_V > 0.0f && c->ff_speed_V_s >= 0.0f &&
+                        c->ff_acceleration_V_s2 >= 0.0f;
+    return path && limits ? OMNI_OK : OMNI_ERR_RANGE;
+}
+
+static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_waypoints_t *waypoints) {
+    if (c->type != OMNI_TRJ_TYPE_WAYPOINTS) {
+        return OMNI_OK;
+    }
+    if (!waypoints || waypoints->count < 2 || waypoints->count > OMNI_MAX_WAYPOINTS) {
+        return OMNI_ERR_RANGE;
+    }
+    for (uint8_t i = 0; i < waypoints->count; ++i) {
+        if (!omni_pose_is_finite(&waypoints->pose[i])) {
+            return OMNI_ERR_NOT_FINITE;
+        }
+    }
+    return OMNI_OK;
+}
+
+omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config, const omni_kinematics_t *k,
+                                   const omni_waypoints_t *waypoints, const omni_pose_t *at) {
+    hold(plan, at);
+    omni_result_t result = omni_pose_is_finite(at) ? check_numbers(config) : OMNI_ERR_NOT_FINITE;
+    if (result == OMNI_OK) {
+        result = check_points(config, waypoints);
+    }
+    if (result != OMNI_OK) {
+        return result;
+    }
+    plan->config = *config;
+    plan->scale = 1.0f;
+    omni_path_points(plan, waypoints);
+    set_start(plan);
+    const uint64_t duration_ns = omni_path_duration_ns(plan);
+    plan->duration_s = duration_ns == OMNI_ENDLESS_NS ? -1.0f : (omni_real_t)duration_ns * 1e-9f;
+    set_scale(plan, k);
+    set_lead_in(plan, k);
+    if (!omni_is_finite(plan->needed_scale) || plan->needed_scale > 1e6f || plan->lead_in_s > 1e6f) {
+        hold(plan, at);
+        return OMNI_ERR_RANGE;
+    }
+    return OMNI_OK;
+}

@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: MIT */
+#include "omni/math.h"
+#include "trajectory_internal.h"
+
+static const omni_real_t two_pi = 6.28318530717958647692f;
+
+/* Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step. */
+static omni_real_t whole_laps(omni_real_t turns, uint64_t laps) {
+    const omni_real_t unit = 4294967296.0f;
+    const uint64_t per_lap = (uint64_t)(int64_t)(turns * unit);
+    const uint32_t fraction = (uint32_t)(per_lap * laps);
+    return (omni_real_t)(fraction >> 31 ? (int64_t)fraction - 4294967296 : (int64_t)fraction) / unit;
+}
+
+static omni_jet_t spin(omni_real_t turn_rad, uint64_t path_ns, uint64_t lap_ns) {
+    omni_jet_t jet = {{0}};
+    jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + two_pi * whole_laps(turn_rad / two_pi, path_ns / lap_ns);
+    jet.d[1] = turn_rad / ((omni_real_t)lap_ns * 1e-9f);
+    return jet;
+}
+
+static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path_ns, uint64_t lap_ns) {
+    const uint32_t whole = (uint32_t)cycles;
+    const omni_real_t rest = cycles - (omni_real_t)whole;
+    const omni_real_t turns =
+        omni_phase(path_ns % lap_ns * whole, lap_ns) + rest * omni_phase(path_ns, lap_ns) + whole_laps(rest, path_ns / lap_ns);
+    const omni_real_t omega = two_pi * cycles / ((omni_real_t)lap_ns * 1e-9f);
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(two_pi * turns, &sine, &cosine);
+    return (omni_jet_t){{amplitude * sine, amplitude * omega * cosine, -amplitude * omega * omega * sine,
+                         -amplitude * omega * omega * omega * cosine}};
+}
+
+/*
+ * Direction of travel, without jumps. The derivative of a rose is the sum of two phasors; the longer one, exp(i sum phi),
+ * carries the whole turns, the other swings the direction by less than a quarter turn. A lap adds whole turns only.
+ */
+static omni_real_t direction(const omni_trajectory_t *plan, uint64_t path_ns, uint64_t lap_ns) {
+    int32_t sum = 2;
+    int32_t difference = 0;
+    if (plan->config.type == OMNI_TRJ_TYPE_ROSE) {
+        omni_rose_half_turns(plan->config.petals, &sum, &difference);
+    }
+    const omni_real_t ratio = (omni_real_t)difference / (omni_real_t)sum;
+    const uint64_t apart = difference == 0 ? 0 : (uint64_t)(sum - difference);
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(-two_pi * omni_phase(path_ns % (2 * lap_ns) * apart, 2 * lap_ns), &sine, &cosine);
+    return 0.5f * two_pi * ((omni_real_t)sum * omni_phase(path_ns, lap_ns) + 0.5f) +
+           omni_atan2f(ratio * sine, 1.0f + ratio * cosine);
+}
+
+/* theta' = (x' y'' - y' x'') / |v|^2 and its derivative; roses and circles never stand still. */
+static omni_jet_t tangent(const omni_trajectory_t *plan, uint64_t path_ns, uint64_t lap_ns, const omni_jet_t *x,
+                          const omni_jet_t *y) {
+    omni_jet_t jet = {{0}};
+    const omni_real_t speed2 = x->d[1] * x->d[1] + y->d[1] * y->d[1];
+    if (!(speed2 > 0.0f)) {
+        return jet;
+    }
+    const omni_real_t cross = x->d[1] * y->d[2] - y->d[1] * x->d[2];
+    const omni_real_t cross_change = x->d[1] * y->d[3] - y->d[1] * x->d[3];
+    const omni_real_t speed2_change = 2.0f * (x->d[1] * x->d[2] + y->d[1] * y->d[2]);
+    jet.d[0] = direction(plan, path_ns, lap_ns);
+    jet.d[1] = cross / speed2;
+    jet.d[2] = (cross_change - jet.d[1] * speed2_change) / speed2;
+    return jet;
+}
+
+omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, uint64_t path_ns, const omni_jet_t *x, const omni_jet_t *y) {
+    const omni_trajectory_config_t *c = &plan->config;
+    const uint64_t lap_ns = omni_path_lap_ns(plan);
+    if (c->rotation == OMNI_TRJ_ROT_SPIN) {
+        return spin(c->rotation_amplitude_rad, path_ns, lap_ns);
+    }
+    if (c->rotation == OMNI_TRJ_ROT_SINE) {
+        return swing(c->rotation_amplitude_rad, c->rotation_cycles, path_ns, lap_ns);
+    }
+    /* A line is driven back in reverse: at its ends the speed vanishes and the direction is kept. */
+    const bool curved = c->type == OMNI_TRJ_TYPE_CIRCLE || c->type == OMNI_TRJ_TYPE_ROSE;
+    if (c->rotation == OMNI_TRJ_ROT_TANGENT && curved) {
+        return tangent(plan, path_ns, lap_ns, x, y);
+    }
+    return (omni_jet_t){{0}};
+}
