@@ -13,6 +13,8 @@ namespace omni {
 class Clock {
 public:
     virtual uint64_t now_us() = 0;
+    /// Free-running fine counter [ns], for measuring durations only.
+    virtual uint64_t stopwatch_ns() = 0;
 
 protected:
     ~Clock() = default;
@@ -30,20 +32,20 @@ protected:
 
 /// Outcome of the transactions submitted to an I2C bus.
 enum class I2cStatus : uint8_t {
-    idle,      ///< nothing was submitted since the last poll
-    busy,      ///< still on the wire
-    done,      ///< all acknowledged
-    nack,      ///< no acknowledge
-    stuck,     ///< a line is held low
+    idle,  ///< nothing was submitted since the last poll
+    busy,  ///< still on the wire
+    done,  ///< all acknowledged
+    nack,  ///< no acknowledge
+    stuck, ///< a line is held low
 };
 
 /// One I2C transaction: a write, then an optional read after a repeated START.
 struct I2cTransaction {
     static constexpr size_t max_write = 40;
     static constexpr size_t max_read = 8;
-    uint8_t address = 0;       ///< 7 bit
-    uint8_t write_length = 0;  ///< 0..max_write
-    uint8_t read_length = 0;   ///< 0..max_read
+    uint8_t address = 0;      ///< 7 bit
+    uint8_t write_length = 0; ///< 0..max_write
+    uint8_t read_length = 0;  ///< 0..max_read
     uint8_t write[max_write] = {};
 };
 
@@ -71,6 +73,8 @@ public:
     virtual size_t write_space() = 0;
     /// All or nothing. @return false if there was no room.
     virtual bool write(const uint8_t *data, size_t length) = 0;
+    /// Number of the present connection: rises with each new one, 0 while nobody is there. A radio is always connected: 1.
+    virtual uint32_t session() = 0;
 
 protected:
     ~SerialPort() = default;
@@ -107,13 +111,13 @@ struct Board {
     Clock *clock = nullptr;
     Encoders *encoders = nullptr;
     I2cBus *i2c = nullptr;
-    SerialPort *ports[max_ports] = {};  ///< port 0: USB; port 1: radio
+    SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;
     Storage *storage = nullptr;
     Watchdog *watchdog = nullptr;
-    const omni_real_t *robot_values = nullptr;  ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
+    const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
     /// Supply voltage [V], or <= 0 if the board doesn't measure it.
     omni_real_t (*battery_V)() = nullptr;
 };
 
-}  // namespace omni
+} // namespace omni

@@ -1,27 +1,29 @@
 # SPDX-License-Identifier: MIT
-"""The ``omni`` command line."""
+"""The ``omni`` command line: one module per command, thin over the API."""
 
 from __future__ import annotations
 
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from omniwheel import __version__
+from omniwheel.cli import bench, demo, doctor, drive, hil, monitor, params, plot, record, robots, sim, sitl, tune
+from omniwheel.cli.common import OmniGroup, console
 
-console = Console()
 app = typer.Typer(
     name="omni",
+    cls=OmniGroup,
     help="Drive, tune and simulate omni-wheel robots.",
     no_args_is_help=True,
+    rich_markup_mode="rich",
     pretty_exceptions_show_locals=False,
 )
 
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        console.print(f"omniwheel {__version__}", highlight=False)
+        console.print(f"omniwheel {__version__}")
         raise typer.Exit
 
 
@@ -32,6 +34,21 @@ def _options(
     ] = False,
 ) -> None:
     """Drive, tune and simulate omni-wheel robots."""
+
+
+app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
+app.command("sitl", epilog=sitl.EXAMPLES)(sitl.sitl)
+app.command("hil", epilog=hil.EXAMPLES)(hil.hil)
+app.command("sim", epilog=sim.EXAMPLES)(sim.sim)
+app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
+app.command("plot", epilog=plot.EXAMPLES)(plot.plot)
+app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
+app.add_typer(params.app, name="params")
+app.add_typer(drive.app, name="drive")
+app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
+app.command("record", epilog=record.EXAMPLES)(record.record)
+app.add_typer(robots.app, name="robots")
+app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 
 def main() -> None:

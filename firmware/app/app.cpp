@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: MIT
+#include "app/app.h"
+
+#include <algorithm>
+
+#include "app/services.h"
+
+namespace omni {
+namespace {
+
+constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
+constexpr uint32_t overruns_tolerated = 10;
+/// A bus that stays busy this long is not waited for.
+constexpr uint32_t release_limit = 50;
+
+} // namespace
+
+App::App(const Board &board, bool lockstep)
+    : board_(board), shared_(board_), lockstep_(lockstep), parameters_(shared_, *this), telemetry_(shared_),
+      trajectories_(shared_, parameters_), setpoints_(shared_, parameters_), pose_fixes_(shared_, parameters_),
+      status_texts_(shared_), commands_(shared_, parameters_, telemetry_, trajectories_, *this),
+      owner_(lockstep ? Owner::background : Owner::timer) {
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        shared_.links[i].attach(board_.ports[i]);
+        shared_.links[i].set_unlimited(lockstep);
+    }
+    shared_.hil = lockstep;
+    parameters_.boot();
+    restart_control(lockstep ? 0 : board_.clock->now_us());
+}
+
+void App::parameters_changed() {
+    const omni_real_t *values = parameters_.values();
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        shared_.links[i].set_system(static_cast<uint8_t>(values[OMNI_PARAM_SYS_ID]));
+        shared_.links[i].set_budget(values[OMNI_PARAM_LINK1_BUDGET + i]);
+        const float rates[3] = {values[OMNI_PARAM_SR1_STATE + i], values[OMNI_PARAM_SR1_WHEELS + i],
+                                values[OMNI_PARAM_SR1_STATUS + i]};
+        if (!std::equal(rates, rates + 3, rates_[i])) {
+            std::copy(rates, rates + 3, rates_[i]);
+            telemetry_.set_rates(i, values);
+        }
+    }
+}
+
+void App::watch_overrun(TickSensors *sensors) {
+    const bool late = last_tick_us_ != 0 && sensors->time_us - last_tick_us_ > late_us;
+    last_tick_us_ = sensors->time_us;
+    overruns_ += late ? 1 : 0;
+    overruns_in_row_ = late ? overruns_in_row_ + 1 : 0;
+    sensors->overruns = overruns_;
+    sensors->faults = overruns_in_row_ >= overruns_tolerated ? static_cast<uint32_t>(OMNI_FAULT_OVERRUN) : 0u;
+}
+
+void App::tick() {
+    const Owner owner = owner_.load(std::memory_order_acquire);
+    if (owner == Owner::background) {
+        return;
+    }
+    if (owner == Owner::handing_over) {
+        if (shared_.control.release(*board_.i2c) || ++release_attempts_ >= release_limit) {
+            owner_.store(Owner::background, std::memory_order_release);
+        }
+        return;
+    }
+    TickSensors sensors;
+    sensors.time_us = board_.clock->now_us();
+    sensors.counts_valid = board_.encoders->read(sensors.counts);
+    sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
+    watch_overrun(&sensors);
+    shared_.control.tick(sensors, *board_.i2c, *board_.clock);
+}
+
+/// Start over with another clock. Only while no tick runs.
+void App::restart_control(uint64_t now_us) {
+    shared_.control.restart();
+    shared_.control.report.update();
+    shared_.latest = TickReport{};
+    shared_.now_us = now_us;
+    last_tick_us_ = 0;
+    overruns_in_row_ = 0;
+    hil_.restart();
+    telemetry_.restart();
+    trajectories_.restart();
+    setpoints_.restart();
+    pose_fixes_.restart();
+    status_texts_.restart();
+}
+
+void App::update_owner() {
+    if (!shared_.hil && owner_.load(std::memory_order_acquire) == Owner::background) {
+        shared_.hil = true;
+        restart_control(0);
+    }
+}
+
+uint8_t App::switch_hil(bool enable, size_t link) {
+    if (shared_.armed()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: disarm first"));
+        return MAV_RESULT_DENIED;
+    }
+    if (hil_link_ != no_link && hil_link_ != link) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: in use on another link"));
+        return MAV_RESULT_DENIED;
+    }
+    if (!enable && lockstep_) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
+        return MAV_RESULT_DENIED;
+    }
+    if (!enable) {
+        if (shared_.hil) {
+            leave_hil();
+        }
+        return MAV_RESULT_ACCEPTED;
+    }
+    hil_link_ = link;
+    hil_session_ = board_.ports[link]->session();
+    if (shared_.hil) {
+        restart_control(0);
+        return MAV_RESULT_ACCEPTED;
+    }
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        shared_.links[i].set_unlimited(true);
+    }
+    release_attempts_ = 0;
+    owner_.store(Owner::handing_over, std::memory_order_release);
+    return MAV_RESULT_ACCEPTED;
+}
+
+void App::leave_hil() {
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        shared_.links[i].set_unlimited(false);
+    }
+    hil_link_ = no_link;
+    shared_.hil = false;
+    restart_control(board_.clock->now_us()); // disarmed, and the driver begins with everything off
+    owner_.store(Owner::timer, std::memory_order_release);
+}
+
+/// A host that has gone leaves a robot that is disarmed and ready for the next one.
+void App::watch_hil_peer() {
+    if (!shared_.hil || hil_link_ == no_link || board_.ports[hil_link_]->session() == hil_session_) {
+        return;
+    }
+    if (lockstep_) {
+        hil_link_ = no_link;
+        restart_control(0);
+    } else {
+        leave_hil();
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its link was closed"));
+    }
+}
+
+void App::take_report() {
+    if (shared_.control.report.update()) {
+        shared_.latest = shared_.control.report.reading();
+    }
+    shared_.latest.outputs.faults &= ~static_cast<uint32_t>(OMNI_WARN_SETPOINT);
+    shared_.latest.outputs.faults |= setpoints_.refused() ? static_cast<uint32_t>(OMNI_WARN_SETPOINT) : 0u;
+}
+
+void App::hil_tick(const Frame &frame, size_t link) {
+    if (!shared_.hil || (hil_link_ != no_link && hil_link_ != link)) {
+        return;
+    }
+    hil_link_ = link;
+    hil_session_ = board_.ports[link]->session();
+    flush(); // what this tick reports must not depend on how the host's bytes were cut into packets
+    TickSensors sensors;
+    hil_.take(frame, &sensors);
+    shared_.now_us = sensors.time_us;
+    shared_.control.tick(sensors, hil_.bus, *board_.clock);
+    take_report();
+    serve();
+    hil_.answer(shared_, link);
+}
+
+bool App::dispatch_motion(const Frame &frame) {
+    switch (frame.id) {
+    case MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
+        setpoints_.on_position_target(frame);
+        return true;
+    case MAVLINK_MSG_ID_MANUAL_CONTROL:
+        setpoints_.on_manual_control(frame);
+        return true;
+    case MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE:
+        pose_fixes_.on_vicon(frame);
+        return true;
+    case MAVLINK_MSG_ID_ATT_POS_MOCAP:
+        pose_fixes_.on_mocap(frame);
+        return true;
+    case MAVLINK_MSG_ID_OMNI_POSE_FIX:
+        pose_fixes_.on_compact(frame);
+        return true;
+    case MAVLINK_MSG_ID_HEARTBEAT:
+        shared_.heartbeat();
+        return true;
+    default:
+        return false;
+    }
+}
+
+void App::dispatch(const Frame &frame, const Sender &sender) {
+    switch (frame.id) {
+    case MAVLINK_MSG_ID_OMNI_HIL_SENSORS:
+        hil_tick(frame, sender.link);
+        break;
+    case MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
+        parameters_.on_request_list(sender);
+        break;
+    case MAVLINK_MSG_ID_PARAM_REQUEST_READ:
+        parameters_.on_request_read(frame, sender);
+        break;
+    case MAVLINK_MSG_ID_PARAM_SET:
+        parameters_.on_set(frame, sender);
+        break;
+    case MAVLINK_MSG_ID_COMMAND_LONG:
+        commands_.on_command_long(frame, sender);
+        break;
+    case MAVLINK_MSG_ID_COMMAND_INT:
+        commands_.on_command_int(frame, sender);
+        break;
+    case MAVLINK_MSG_ID_SET_MODE:
+        commands_.on_set_mode(frame);
+        break;
+    case MAVLINK_MSG_ID_REQUEST_DATA_STREAM:
+        telemetry_.on_request_data_stream(frame, sender);
+        break;
+    default:
+        if (!dispatch_motion(frame)) {
+            serve_small_protocols(shared_, frame, sender);
+        }
+        break;
+    }
+}
+
+void App::greet(size_t link) {
+    parameters_.stop_list(link);
+    telemetry_.set_rates(link, parameters_.values());
+    telemetry_.restart(link);
+    if (!watchdog_said_ && board_.watchdog->caused_reset()) {
+        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
+    }
+    watchdog_said_ = true;
+}
+
+void App::receive(size_t link) {
+    Link &channel = shared_.links[link];
+    if (owner_.load(std::memory_order_acquire) == Owner::handing_over) {
+        return; // what comes next may be meant for host-in-the-loop: it waits a tick
+    }
+    channel.receive(board_.clock->stopwatch_ns());
+    watch_hil_peer();
+    if (channel.connected_anew()) {
+        greet(link);
+    }
+    const auto own = static_cast<uint8_t>(parameters_.values()[OMNI_PARAM_SYS_ID]);
+    Frame frame;
+    while (owner_.load(std::memory_order_acquire) != Owner::handing_over && channel.next(&frame)) {
+        const bool for_us = frame.target_system == 0 || frame.target_system == own;
+        const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
+        if (for_us && for_component && frame.system != own) {
+            dispatch(frame, {link, frame.system, frame.component});
+        }
+    }
+}
+
+void App::serve() {
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        shared_.links[i].refill(shared_.now_us);
+    }
+    status_texts_.serve();
+    telemetry_.serve();
+    parameters_.serve();
+}
+
+void App::flush() {
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        shared_.links[i].flush();
+    }
+}
+
+void App::background() {
+    update_owner();
+    if (!shared_.hil) {
+        shared_.now_us = board_.clock->now_us();
+    }
+    take_report();
+    board_.watchdog->feed();
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        receive(i);
+    }
+    serve();
+    flush();
+}
+
+} // namespace omni

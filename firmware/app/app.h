@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+/// @file app.h  The firmware as a whole: composes the modules, owns the tick and the background loop.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/commands.h"
+#include "app/hil.h"
+#include "app/parameters.h"
+#include "app/pose_fixes.h"
+#include "app/setpoints.h"
+#include "app/shared.h"
+#include "app/status_texts.h"
+#include "app/telemetry.h"
+#include "app/trajectories.h"
+
+namespace omni {
+
+class App final : private ParameterListener, private HilSwitch {
+public:
+    /// @param lockstep host-in-the-loop from the start and always: tick() is never called. @param board must outlive the App.
+    App(const Board &board, bool lockstep);
+
+    /// The control tick, 1 kHz, interrupt context.
+    void tick();
+    /// Serve the links; call as often as possible.
+    void background();
+    /// A reboot was asked for and everything about it has been said.
+    bool reboot_wanted() const { return shared_.reboot; }
+
+private:
+    /// Who runs the control loop: the timer's tick, or (once it has let go) the background with the host in the loop.
+    enum class Owner : uint8_t { timer, handing_over, background };
+    static constexpr size_t no_link = Board::max_ports;
+
+    void parameters_changed() override;
+    uint8_t switch_hil(bool enable, size_t link) override;
+    bool hil_silent() const override { return shared_.hil && !hil_.heard(); }
+
+    void watch_overrun(TickSensors *sensors);
+    void update_owner();
+    void restart_control(uint64_t now_us);
+    void leave_hil();
+    void watch_hil_peer();
+    void receive(size_t link);
+    void greet(size_t link);
+    void dispatch(const Frame &frame, const Sender &sender);
+    bool dispatch_motion(const Frame &frame);
+    void hil_tick(const Frame &frame, size_t link);
+    void serve();
+    void take_report();
+    void flush();
+
+    Board board_;
+    Shared shared_;
+    const bool lockstep_;
+    Hil hil_;
+    Parameters parameters_;
+    Telemetry telemetry_;
+    Trajectories trajectories_;
+    Setpoints setpoints_;
+    PoseFixes pose_fixes_;
+    StatusTexts status_texts_;
+    Commands commands_;
+    std::atomic<Owner> owner_;
+    size_t hil_link_ = no_link;
+    uint32_t hil_session_ = 0;
+    float rates_[Board::max_ports][3] = {};
+    uint64_t last_tick_us_ = 0;
+    uint32_t overruns_ = 0;
+    uint32_t overruns_in_row_ = 0;
+    uint32_t release_attempts_ = 0;
+    bool watchdog_said_ = false;
+};
+
+} // namespace omni

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+/// @file codec.h  MAVLink framing: bytes to frames and back. Checksums and lengths come from the generated dialect.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+namespace omni {
+
+constexpr size_t max_payload = 255;
+constexpr size_t max_frame = 12 + max_payload + 13;
+
+/// One received message, checksum verified.
+struct Frame {
+    uint32_t id = 0;
+    uint8_t system = 0;
+    uint8_t component = 0;
+    uint8_t target_system = 0;         ///< 0: everybody
+    uint8_t target_component = 0;      ///< 0: every component
+    uint8_t payload[max_payload] = {}; ///< zero behind the bytes received (MAVLink 2 trims zeros)
+
+    /// The payload as the generated struct of this message.
+    template <class Message>
+    Message as() const {
+        static_assert(sizeof(Message) <= max_payload + 1, "not a MAVLink payload");
+        Message message{};
+        std::memcpy(&message, payload, sizeof message < max_payload ? sizeof message : max_payload);
+        return message;
+    }
+};
+
+/// Write one MAVLink 2 frame. @param out at least max_frame bytes. @return its length, 0 if the dialect has no such message.
+size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload);
+
+/// Finds frames in a byte stream. After a damaged or false frame it looks again from the next byte on, so nothing that
+/// arrived whole is lost. Reads MAVLink 1 too; a signature is skipped, not checked.
+class FrameParser {
+public:
+    /// Where new bytes go. @param room out: how many fit, at least 1 after next() has returned false.
+    uint8_t *space(size_t *room);
+    void received(size_t count) { end_ += count; }
+    /// Take the next whole frame. @return false when more bytes are needed.
+    bool next(Frame *frame);
+    /// True while the beginning of a frame is held.
+    bool waiting() const { return end_ > begin_; }
+    /// The line went silent within a frame: its beginning was false.
+    void give_up_frame();
+    /// Forget everything (new connection).
+    void reset() { begin_ = end_ = 0; }
+    /// Bytes thrown away and frames with a wrong checksum, since boot.
+    uint32_t errors() const { return errors_; }
+
+private:
+    enum class Match { incomplete, no, frame, foreign };
+    Match match(Frame *frame, size_t *length) const;
+
+    uint8_t buffer_[2 * max_frame] = {};
+    size_t begin_ = 0;
+    size_t end_ = 0;
+    uint32_t errors_ = 0;
+};
+
+} // namespace omni

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT
+#include "app/commands.h"
+
+#include "app/core.h"
+#include "app/reports.h"
+
+namespace omni {
+namespace {
+
+/// Command numbers that pymavlink's common.xml knows, under short names.
+enum : uint16_t {
+    cmd_do_set_mode = MAV_CMD_DO_SET_MODE,
+    cmd_terminate = MAV_CMD_DO_FLIGHTTERMINATION,
+    cmd_storage = MAV_CMD_PREFLIGHT_STORAGE,
+    cmd_reboot = MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+    cmd_arm = MAV_CMD_COMPONENT_ARM_DISARM,
+    cmd_interval = MAV_CMD_SET_MESSAGE_INTERVAL,
+    cmd_request_message = MAV_CMD_REQUEST_MESSAGE,
+    cmd_capabilities = MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+};
+
+uint8_t queued(bool done) {
+    return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
+}
+
+} // namespace
+
+void Commands::on_command_long(const Frame &frame, const Sender &sender) {
+    const auto message = frame.as<mavlink_command_long_t>();
+    handle({message.command, {message.param1, message.param2, message.param3, message.param4}, sender});
+}
+
+void Commands::on_command_int(const Frame &frame, const Sender &sender) {
+    const auto message = frame.as<mavlink_command_int_t>();
+    handle({message.command, {message.param1, message.param2, message.param3, message.param4}, sender});
+}
+
+void Commands::on_set_mode(const Frame &frame) {
+    set_mode(static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode));
+}
+
+void Commands::handle(const Command &command) {
+    mavlink_command_ack_t ack{};
+    ack.command = command.id;
+    ack.result = run(command);
+    ack.target_system = command.sender.system;
+    ack.target_component = command.sender.component;
+    shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);
+}
+
+uint8_t Commands::run(const Command &command) {
+    const float *p = command.param;
+    switch (command.id) {
+    case cmd_arm:
+        return arm_disarm(p[0]);
+    case cmd_do_set_mode:
+        return set_mode(p[1]);
+    case cmd_terminate:
+        return p[0] > 0.5f ? estop() : static_cast<uint8_t>(MAV_RESULT_DENIED);
+    case cmd_storage:
+        return parameters_.storage_command(p[0]);
+    case cmd_reboot:
+        return reboot(p[0]);
+    case cmd_interval:
+        return telemetry_.set_interval(command.sender.link, p[0], p[1], parameters_.values());
+    case cmd_request_message:
+        return request_message(command.sender.link, p[0]);
+    case cmd_capabilities:
+        return request_message(command.sender.link, MAVLINK_MSG_ID_AUTOPILOT_VERSION);
+    default:
+        return run_own(command);
+    }
+}
+
+uint8_t Commands::run_own(const Command &command) {
+    const float *p = command.param;
+    switch (command.id) {
+    case MAV_CMD_OMNI_TRAJECTORY_START:
+        return trajectories_.start(p[0], p[1]);
+    case MAV_CMD_OMNI_TRAJECTORY_STOP:
+        return trajectories_.stop();
+    case MAV_CMD_OMNI_HIL:
+        return hil_.switch_hil(p[0] > 0.5f, command.sender.link);
+    case MAV_CMD_OMNI_SET_POSE:
+        return set_pose({p[0], p[1], p[2]});
+    case MAV_CMD_OMNI_WAYPOINT:
+        return trajectories_.set_waypoint(p[0], {p[1], p[2], p[3]});
+    case MAV_CMD_OMNI_ESTOP:
+        return p[0] > 0.5f ? estop() : clear_estop();
+    default:
+        return MAV_RESULT_UNSUPPORTED;
+    }
+}
+
+uint8_t Commands::arm_disarm(float wanted) {
+    if (wanted == 1.0f) {
+        return arm();
+    }
+    return wanted == 0.0f ? disarm() : static_cast<uint8_t>(MAV_RESULT_DENIED);
+}
+
+uint8_t Commands::arm() {
+    const uint8_t state = shared_.latest.outputs.state;
+    if (state == OMNI_STATE_ARMED) {
+        return MAV_RESULT_ACCEPTED;
+    }
+    if (hil_.hil_silent()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: no OMNI_HIL_SENSORS yet"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    if (state != OMNI_STATE_DISARMED) {
+        const char *name = omni_safety_state_name(static_cast<omni_safety_state_t>(state));
+        const char *way_out = state == OMNI_STATE_ESTOP ? " (release it first)" : " (disarm first)";
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: ").add(name).add(way_out));
+        return MAV_RESULT_DENIED;
+    }
+    const uint32_t faults = shared_.latest.arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
+    if (faults != 0) {
+        shared_.say(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", faults));
+        return MAV_RESULT_DENIED;
+    }
+    // Whoever arms is there: the command counts as a heartbeat.
+    if (!shared_.heartbeat() || !shared_.control.request_event(OMNI_EVENT_ARM)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    trajectories_.on_arm();
+    return MAV_RESULT_ACCEPTED;
+}
+
+/// Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
+uint8_t Commands::disarm() {
+    trajectories_.on_disarm();
+    shared_.control.plans.withdraw();
+    return queued(shared_.control.request_event(OMNI_EVENT_DISARM));
+}
+
+uint8_t Commands::estop() {
+    trajectories_.on_disarm();
+    shared_.control.plans.withdraw();
+    return queued(shared_.control.request_event(OMNI_EVENT_ESTOP));
+}
+
+uint8_t Commands::clear_estop() {
+    if (shared_.armed()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
+        return MAV_RESULT_DENIED;
+    }
+    return queued(shared_.control.request_event(OMNI_EVENT_ESTOP_CLEAR));
+}
+
+uint8_t Commands::set_mode(float mode) {
+    if (mode == static_cast<float>(OMNI_MODE_HOLD)) {
+        return trajectories_.stop();
+    }
+    if (mode == static_cast<float>(OMNI_MODE_TRAJECTORY)) {
+        return trajectories_.start(-1.0f, -1.0f);
+    }
+    shared_.say(MAV_SEVERITY_NOTICE, Text().add("mode follows the set-points: hold 0, trajectory 3"));
+    return MAV_RESULT_DENIED;
+}
+
+uint8_t Commands::set_pose(const omni_pose_t &pose) {
+    const float limit = parameters_.config().limits.position_m;
+    if (shared_.armed()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("pose not set: disarm first"));
+        return MAV_RESULT_DENIED;
+    }
+    if (!omni_pose_is_finite(&pose) || omni_absf(pose.x) > limit || omni_absf(pose.y) > limit) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("pose not set: not finite or beyond LIM_POS"));
+        return MAV_RESULT_DENIED;
+    }
+    Request request;
+    request.kind = Request::Kind::set_pose;
+    request.pose = {pose.x, pose.y, omni_wrap_pi(pose.theta)};
+    return queued(shared_.control.request(request));
+}
+
+uint8_t Commands::reboot(float what) {
+    if (what != 1.0f) {
+        return MAV_RESULT_UNSUPPORTED;
+    }
+    if (shared_.armed()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("reboot refused: disarm first"));
+        return MAV_RESULT_DENIED;
+    }
+    shared_.reboot = true;
+    return MAV_RESULT_ACCEPTED;
+}
+
+uint8_t Commands::request_message(size_t link, float id) {
+    if (!(id >= 0.0f && id < 16777216.0f)) {
+        return MAV_RESULT_DENIED;
+    }
+    const auto wanted = static_cast<uint32_t>(id);
+    if (wanted == MAVLINK_MSG_ID_AUTOPILOT_VERSION) {
+        return queued(report_version(shared_, shared_.links[link], Priority::reply, true));
+    }
+    return telemetry_.send_once(link, wanted) ? MAV_RESULT_ACCEPTED : MAV_RESULT_UNSUPPORTED;
+}
+
+} // namespace omni

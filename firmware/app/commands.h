@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+/// @file commands.h  COMMAND_LONG, COMMAND_INT and SET_MODE. Every command is acknowledged; an unknown one as UNSUPPORTED.
+#pragma once
+
+#include "app/parameters.h"
+#include "app/shared.h"
+#include "app/telemetry.h"
+#include "app/trajectories.h"
+
+namespace omni {
+
+/// Enters and leaves host-in-the-loop; the application is one.
+class HilSwitch {
+public:
+    /// @return MAV_RESULT
+    virtual uint8_t switch_hil(bool enable, size_t link) = 0;
+    /// Host-in-the-loop without a sensor message yet.
+    virtual bool hil_silent() const = 0;
+
+protected:
+    ~HilSwitch() = default;
+};
+
+class Commands {
+public:
+    Commands(Shared &shared, Parameters &parameters, Telemetry &telemetry, Trajectories &trajectories, HilSwitch &hil)
+        : shared_(shared), parameters_(parameters), telemetry_(telemetry), trajectories_(trajectories), hil_(hil) {}
+
+    void on_command_long(const Frame &frame, const Sender &sender);
+    void on_command_int(const Frame &frame, const Sender &sender);
+    void on_set_mode(const Frame &frame);
+
+private:
+    struct Command {
+        uint16_t id = 0;
+        float param[4] = {};
+        Sender sender;
+    };
+    void handle(const Command &command);
+    uint8_t run(const Command &command);
+    uint8_t run_own(const Command &command);
+    uint8_t arm_disarm(float wanted);
+    uint8_t arm();
+    uint8_t disarm();
+    uint8_t estop();
+    uint8_t clear_estop();
+    uint8_t set_mode(float mode);
+    uint8_t set_pose(const omni_pose_t &pose);
+    uint8_t reboot(float what);
+    uint8_t request_message(size_t link, float id);
+
+    Shared &shared_;
+    Parameters &parameters_;
+    Telemetry &telemetry_;
+    Trajectories &trajectories_;
+    HilSwitch &hil_;
+};
+
+} // namespace omni

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: MIT
+#include "app/control_loop.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace omni {
+
+bool ControlLoop::request_event(uint32_t events) {
+    Request request;
+    request.kind = Request::Kind::event;
+    request.event = events;
+    return requests_.push(request);
+}
+
+void ControlLoop::restart() {
+    while (requests_.front() != nullptr) {
+        requests_.drop();
+    }
+    plans.withdraw();
+    if (const RobotSetup *latest = setups.take()) {
+        setup_ = latest;
+    }
+    inputs_ = {};
+    outputs_ = {};
+    driver_.restart();
+    driver_.set_wiring(setup_->wiring);
+    driver_was_ready_ = false;
+    ticks_ = 0;
+    omni_robot_init(&robot_, &setup_->config);
+}
+
+bool ControlLoop::apply(const Request &request) {
+    switch (request.kind) {
+    case Request::Kind::event:
+        if ((request.event & OMNI_EVENT_ARM) != 0 && outputs_.state != OMNI_STATE_ARMED) {
+            inputs_.setpoint.kind = OMNI_SETPOINT_NONE; // what moved the robot before its last disarm does not start again
+        }
+        if ((request.event & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
+            inputs_.setpoint.kind = OMNI_SETPOINT_NONE;
+        }
+        inputs_.events |= request.event;
+        return true;
+    case Request::Kind::setpoint:
+        inputs_.setpoint = request.setpoint;
+        return true;
+    case Request::Kind::fix:
+        if (inputs_.has_fix) {
+            return false; // one per tick; the next one waits
+        }
+        inputs_.has_fix = true;
+        inputs_.fix = request.fix;
+        return true;
+    case Request::Kind::heartbeat:
+        inputs_.heartbeat_us = request.time_us;
+        return true;
+    case Request::Kind::set_pose:
+        inputs_.pose = request.pose;
+        inputs_.events |= OMNI_EVENT_SET_POSE;
+        return true;
+    }
+    return true;
+}
+
+void ControlLoop::take_requests() {
+    inputs_.events = 0;
+    inputs_.has_fix = false;
+    for (const Request *request = requests_.front(); request != nullptr && apply(*request); request = requests_.front()) {
+        requests_.drop();
+    }
+}
+
+void ControlLoop::take_plan() {
+    if (const omni_trajectory_t *plan = plans.take()) {
+        inputs_.trajectory = plan;
+        inputs_.events = (inputs_.events | OMNI_EVENT_TRAJECTORY_START) & ~static_cast<uint32_t>(OMNI_EVENT_TRAJECTORY_STOP);
+        inputs_.setpoint.kind = OMNI_SETPOINT_TRAJECTORY;
+        inputs_.setpoint.time_us = inputs_.time_us;
+    }
+}
+
+void ControlLoop::drive(I2cBus &bus, uint64_t now_us) {
+    omni_bridge_counts_t bridge[OMNI_MAX_WHEELS];
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        bridge[i] = omni_bridge_counts(outputs_.duty[i], outputs_.drive);
+    }
+    driver_.drive(bus, now_us, bridge);
+    driver_was_ready_ = driver_was_ready_ || driver_.ready();
+}
+
+void ControlLoop::measure(uint64_t duration_ns) {
+    window_sum_ns_ += duration_ns;
+    window_max_ns_ = std::max(window_max_ns_, duration_ns);
+    if (++window_count_ == window_ticks) {
+        tick_us_mean_ = static_cast<float>(window_sum_ns_) * 1e-3f / static_cast<float>(window_ticks);
+        tick_us_max_ = static_cast<float>(window_max_ns_) * 1e-3f;
+        window_count_ = 0;
+        window_sum_ns_ = 0;
+        window_max_ns_ = 0;
+    }
+}
+
+void ControlLoop::publish(const TickSensors &sensors) {
+    TickReport &out = report.writing();
+    out.outputs = outputs_;
+    out.arming_faults = omni_robot_arming_faults(&robot_, &outputs_);
+    out.ticks = ticks_;
+    out.overruns = sensors.overruns;
+    out.i2c_errors = driver_.errors();
+    out.battery_V = sensors.battery_V;
+    out.tick_us_mean = tick_us_mean_;
+    out.tick_us_max = tick_us_max_;
+    std::memcpy(out.counts, sensors.counts, sizeof out.counts);
+    report.publish();
+}
+
+void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch) {
+    const uint64_t begin_ns = stopwatch.stopwatch_ns();
+    inputs_.time_us = sensors.time_us;
+    if (const RobotSetup *latest = setups.take()) {
+        setup_ = latest;
+        omni_robot_set_config(&robot_, &setup_->config);
+        driver_.set_wiring(setup_->wiring);
+    }
+    take_requests();
+    take_plan();
+    std::memcpy(inputs_.counts, sensors.counts, sizeof inputs_.counts);
+    inputs_.counts_valid = sensors.counts_valid;
+    inputs_.battery_V = sensors.battery_V;
+    driver_.poll(bus);
+    inputs_.driver_failures = driver_.failures();
+    // Until the chip has been set up for the first time nothing could stop a motor: no arming.
+    inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
+    omni_robot_tick(&robot_, &inputs_, &outputs_);
+    drive(bus, sensors.time_us);
+    ++ticks_;
+    publish(sensors);
+    measure(stopwatch.stopwatch_ns() - begin_ns);
+}
+
+} // namespace omni

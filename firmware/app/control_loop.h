@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: MIT
+/// @file control_loop.h  The tick's side of the firmware: control core, motor driver, and what they are told and tell.
+///
+/// tick() runs in interrupt context. Everything goes in through request(), setups and plans, and comes out through report.
+#pragma once
+
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/core.h"
+#include "app/pca9685.h"
+#include "app/snapshot.h"
+
+namespace omni {
+
+/// What a parameter set becomes for the tick.
+struct RobotSetup {
+    omni_robot_config_t config{};
+    Wiring wiring;
+};
+
+/// One thing the background asks of the tick. They are done in order.
+struct Request {
+    enum class Kind : uint8_t { event, setpoint, fix, heartbeat, set_pose };
+    Kind kind = Kind::event;
+    uint32_t event = 0;   ///< omni_event_t bits
+    uint64_t time_us = 0; ///< heartbeat: arrival
+    omni_setpoint_t setpoint{};
+    omni_pose_fix_t fix{};
+    omni_pose_t pose{};
+};
+
+/// What the sensors say at one tick.
+struct TickSensors {
+    uint64_t time_us = 0; ///< robot clock
+    int32_t counts[OMNI_MAX_WHEELS] = {};
+    uint8_t counts_valid = 0;
+    float battery_V = 0.0f; ///< <= 0: not measured
+    uint32_t faults = 0;    ///< OMNI_FAULT_OVERRUN
+    uint32_t overruns = 0;  ///< ticks that missed their time since boot
+};
+
+/// What the background gets to know of a tick.
+struct TickReport {
+    omni_outputs_t outputs{};
+    uint32_t arming_faults = OMNI_FAULT_CONFIG; ///< 0: arming is possible
+    uint32_t ticks = 0;
+    uint32_t overruns = 0;
+    uint32_t i2c_errors = 0;
+    float battery_V = 0.0f;    ///< as measured
+    float tick_us_mean = 0.0f; ///< of the last complete window of ticks
+    float tick_us_max = 0.0f;
+    int32_t counts[OMNI_MAX_WHEELS] = {};
+};
+
+class ControlLoop {
+public:
+    /// Start over: core, driver, requests; the latest setup stays. Only while no tick can run.
+    void restart();
+    /// Background: queue a request. @return false if the queue is full (nothing is done then).
+    bool request(const Request &request) { return requests_.push(request); }
+    bool request_event(uint32_t events);
+
+    /// @param stopwatch for measuring how long the tick takes.
+    void tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch);
+    /// Leave the outputs of this bus off. @return false if the bus is busy.
+    bool release(I2cBus &bus) { return driver_.all_off(bus); }
+
+    Handover<RobotSetup> setups;
+    Handover<omni_trajectory_t> plans;
+    Snapshot<TickReport> report;
+
+private:
+    void take_requests();
+    void take_plan();
+    bool apply(const Request &request);
+    void drive(I2cBus &bus, uint64_t now_us);
+    void measure(uint64_t duration_ns);
+    void publish(const TickSensors &sensors);
+
+    static constexpr uint32_t window_ticks = 1000;
+    const RobotSetup *setup_ = nullptr;
+    omni_robot_t robot_{};
+    omni_inputs_t inputs_{};
+    omni_outputs_t outputs_{};
+    Pca9685 driver_;
+    bool driver_was_ready_ = false;
+    Queue<Request, 32> requests_;
+    uint32_t ticks_ = 0;
+    uint32_t window_count_ = 0;
+    uint64_t window_sum_ns_ = 0;
+    uint64_t window_max_ns_ = 0;
+    float tick_us_mean_ = 0.0f;
+    float tick_us_max_ = 0.0f;
+};
+
+} // namespace omni

@@ -1,0 +1,7 @@
+// SPDX-License-Identifier: MIT
+/// @file core.h  The control core, seen from C++.
+#pragma once
+
+extern "C" {
+#include "omni/omni.h"
+}

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: MIT
+#include "app/hil.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace omni {
+
+bool HilBus::submit(const I2cTransaction *batch, size_t count) {
+    size_t length = 0;
+    for (size_t i = 0; i < count; ++i) {
+        length += 3u + batch[i].write_length;
+    }
+    if (submitted_ || length > capacity) {
+        return false;
+    }
+    length_ = 0;
+    for (size_t i = 0; i < count; ++i) {
+        const I2cTransaction &transaction = batch[i];
+        bytes_[length_++] = transaction.address;
+        bytes_[length_++] = transaction.write_length;
+        std::memcpy(bytes_ + length_, transaction.write, transaction.write_length);
+        length_ = static_cast<uint8_t>(length_ + transaction.write_length);
+        bytes_[length_++] = transaction.read_length;
+    }
+    submitted_ = true;
+    return true;
+}
+
+I2cStatus HilBus::poll(uint8_t *read) {
+    std::memcpy(read, read_, sizeof read_);
+    const I2cStatus status = status_;
+    status_ = I2cStatus::idle;
+    return status;
+}
+
+void HilBus::restart() {
+    length_ = 0;
+    submitted_ = false;
+    status_ = I2cStatus::idle;
+}
+
+void HilBus::answer(uint8_t status, const uint8_t *read) {
+    if (!submitted_) {
+        return;
+    }
+    submitted_ = false;
+    status_ = (status & 2) != 0 ? I2cStatus::stuck : ((status & 1) != 0 ? I2cStatus::nack : I2cStatus::done);
+    std::memcpy(read_, read, sizeof read_);
+}
+
+uint8_t HilBus::take(uint8_t *out) {
+    const uint8_t length = length_;
+    std::memcpy(out, bytes_, length);
+    length_ = 0;
+    return length;
+}
+
+void Hil::restart() {
+    bus.restart();
+    heard_ = false;
+}
+
+void Hil::take(const Frame &frame, TickSensors *sensors) {
+    const auto message = frame.as<mavlink_omni_hil_sensors_t>();
+    sequence_ = message.sequence;
+    heard_ = true;
+    sensors->time_us = message.time_us;
+    std::memcpy(sensors->counts, message.counts, sizeof sensors->counts);
+    sensors->counts_valid = message.counts_valid;
+    sensors->battery_V = message.battery_voltage;
+    bus.answer(message.i2c_status, message.i2c_read);
+}
+
+void Hil::answer(Shared &shared, size_t link) {
+    const omni_outputs_t &out = shared.latest.outputs;
+    mavlink_omni_hil_actuators_t message{};
+    message.time_us = out.time_us;
+    message.sequence = sequence_;
+    message.reference[0] = out.reference.pose.x;
+    message.reference[1] = out.reference.pose.y;
+    message.reference[2] = out.reference.pose.theta;
+    message.pose[0] = out.pose.x;
+    message.pose[1] = out.pose.y;
+    message.pose[2] = out.pose.theta;
+    std::copy(out.wheel_reference, out.wheel_reference + OMNI_MAX_WHEELS, message.wheel_reference);
+    message.wheel_scale = out.wheel_scale;
+    message.duty_scale = out.duty_scale;
+    message.faults = out.faults;
+    message.config_sequence = out.config_sequence;
+    message.state = out.state;
+    message.phase = out.reference.phase;
+    message.i2c_length = bus.take(message.i2c);
+    shared.links[link].send(MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS, message, Priority::reply);
+}
+
+} // namespace omni

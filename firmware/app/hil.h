@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: MIT
+/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus whose bytes go to OMNI_HIL_ACTUATORS.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/shared.h"
+
+namespace omni {
+
+/// Captures what the driver puts on the bus in a tick; how it went comes with the next tick's sensors.
+class HilBus final : public I2cBus {
+public:
+    bool submit(const I2cTransaction *batch, size_t count) override;
+    I2cStatus poll(uint8_t *read) override;
+    void recover() override {} ///< the world frees its bus by itself
+
+    void restart();
+    /// The world's verdict on the last tick's transactions. @param status bit 0: not acknowledged, bit 1: stuck.
+    void answer(uint8_t status, const uint8_t *read);
+    /// Move this tick's bytes out. @param out capacity of OMNI_HIL_ACTUATORS.i2c. @return their count.
+    uint8_t take(uint8_t *out);
+
+private:
+    static constexpr size_t capacity = 128;
+    uint8_t bytes_[capacity] = {};
+    uint8_t length_ = 0;
+    bool submitted_ = false;
+    I2cStatus status_ = I2cStatus::idle;
+    uint8_t read_[I2cTransaction::max_read] = {};
+};
+
+/// One host in the loop.
+class Hil {
+public:
+    HilBus bus;
+
+    void restart();
+    /// Take the sensors of one tick. A time that does not advance is the control core's to judge.
+    void take(const Frame &frame, TickSensors *sensors);
+    /// Answer the tick just run, as the last frame on the host's link.
+    void answer(Shared &shared, size_t link);
+    /// Sensors have come since the restart.
+    bool heard() const { return heard_; }
+
+private:
+    bool heard_ = false;
+    uint32_t sequence_ = 0;
+};
+
+} // namespace omni

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+#include "app/param_store.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace omni {
+namespace {
+
+constexpr uint32_t magic = 0x32504D4F; // "OMP2"
+constexpr size_t at_schema = 4;
+constexpr size_t at_sequence = 8;
+constexpr size_t at_count = 12;
+constexpr size_t header_length = 16;
+constexpr size_t entry_length = 6;
+constexpr size_t crc_length = 4;
+
+/// CRC-32 (IEEE 802.3, reflected).
+uint32_t crc32(const uint8_t *bytes, size_t length) {
+    uint32_t crc = 0xFFFFFFFFu;
+    for (size_t i = 0; i < length; ++i) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; ++bit) {
+            crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xEDB88320u : 0);
+        }
+    }
+    return ~crc;
+}
+
+void put(uint8_t *at, uint32_t value) {
+    std::memcpy(at, &value, sizeof value);
+}
+
+uint32_t get(const uint8_t *at) {
+    uint32_t value = 0;
+    std::memcpy(&value, at, sizeof value);
+    return value;
+}
+
+} // namespace
+
+size_t ParamStore::slot_size() {
+    return std::min(storage_.size() / 2, max_slot);
+}
+
+/// Reads the slot into buffer_ and checks it.
+ParamStore::Slot ParamStore::inspect(size_t number) {
+    Slot slot;
+    const size_t size = slot_size();
+    if (size < header_length + crc_length || !storage_.read(number * size, buffer_, size)) {
+        return slot;
+    }
+    const size_t count = get(buffer_ + at_count);
+    if (get(buffer_) != magic || count > (size - header_length - crc_length) / entry_length) {
+        return slot;
+    }
+    const size_t length = header_length + count * entry_length;
+    slot.valid = get(buffer_ + length) == crc32(buffer_, length);
+    slot.sequence = get(buffer_ + at_sequence);
+    return slot;
+}
+
+/// @return number of the valid slot written last, or -1.
+int ParamStore::newest() {
+    const Slot first = inspect(0);
+    const Slot second = inspect(1);
+    if (first.valid && second.valid) {
+        return static_cast<int32_t>(second.sequence - first.sequence) > 0 ? 1 : 0;
+    }
+    return second.valid ? 1 : (first.valid ? 0 : -1);
+}
+
+StoreResult ParamStore::load(omni_real_t *values) {
+    const int slot = newest();
+    if (slot < 0 || !inspect(static_cast<size_t>(slot)).valid) {
+        return StoreResult::empty;
+    }
+    if (get(buffer_ + at_schema) != omni_param_schema_crc) {
+        return StoreResult::foreign;
+    }
+    const size_t count = get(buffer_ + at_count);
+    for (size_t i = 0; i < count; ++i) {
+        const uint8_t *entry = buffer_ + header_length + i * entry_length;
+        const size_t index = static_cast<size_t>(entry[0] | entry[1] << 8);
+        if (index < OMNI_PARAM_COUNT) {
+            std::memcpy(&values[index], entry + 2, sizeof values[index]);
+        }
+    }
+    return StoreResult::ok;
+}
+
+/// @return length of the slot's content in buffer_, 0 if it does not fit.
+size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_values, uint32_t sequence) {
+    const size_t room = slot_size() - crc_length;
+    size_t length = header_length;
+    uint32_t count = 0;
+    for (size_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
+        if (std::memcmp(&values[i], &robot_values[i], sizeof values[i]) == 0) {
+            continue;
+        }
+        if (length + entry_length > room) {
+            return 0;
+        }
+        buffer_[length] = static_cast<uint8_t>(i);
+        buffer_[length + 1] = static_cast<uint8_t>(i >> 8);
+        std::memcpy(buffer_ + length + 2, &values[i], sizeof values[i]);
+        length += entry_length;
+        ++count;
+    }
+    put(buffer_, magic);
+    put(buffer_ + at_schema, omni_param_schema_crc);
+    put(buffer_ + at_sequence, sequence);
+    put(buffer_ + at_count, count);
+    put(buffer_ + length, crc32(buffer_, length));
+    return length + crc_length;
+}
+
+StoreResult ParamStore::save(const omni_real_t *values, const omni_real_t *robot_values) {
+    if (slot_size() < header_length + crc_length) {
+        return StoreResult::failed;
+    }
+    const int last = newest();
+    const uint32_t sequence = last < 0 ? 1 : inspect(static_cast<size_t>(last)).sequence + 1;
+    const size_t target = last == 0 ? 1 : 0;
+    const size_t length = compose(values, robot_values, sequence);
+    if (length == 0) {
+        return StoreResult::full;
+    }
+    if (!storage_.write(target * slot_size(), buffer_, length)) {
+        return StoreResult::failed;
+    }
+    const Slot written = inspect(target);
+    return written.valid && written.sequence == sequence ? StoreResult::ok : StoreResult::failed;
+}
+
+} // namespace omni

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: MIT
+#include "app/parameters.h"
+
+#include <cstring>
+
+namespace omni {
+namespace {
+
+Wiring wiring_of(const omni_real_t *values) {
+    Wiring wiring;
+    wiring.wheels = static_cast<uint8_t>(values[OMNI_PARAM_WHEELS]);
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        wiring.in1[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN1_CH + i]);
+        wiring.in2[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN2_CH + i]);
+    }
+    return wiring;
+}
+
+Text named(int32_t index) {
+    Text text;
+    text.add(omni_param_table[index].name);
+    return text;
+}
+
+const char *problem_at_boot(StoreResult result) {
+    return result == StoreResult::foreign ? "stored parameters are another version's: not used"
+                                          : "stored parameters are not valid: not used";
+}
+
+/// Frame length of a PARAM_VALUE.
+constexpr size_t param_value_frame = 37;
+
+} // namespace
+
+/// Make `values` the working set if a configuration can be built from them; nothing changes otherwise.
+bool Parameters::adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why) {
+    RobotSetup &setup = shared_.control.setups.scratch();
+    *bad_index = -1;
+    *why = omni_robot_config(&setup.config, values, bad_index);
+    if (*why != OMNI_OK) {
+        return false;
+    }
+    setup.config.sequence = ++sequence_;
+    setup.wiring = wiring_of(values);
+    config_ = setup.config;
+    std::memmove(values_, values, sizeof values_);
+    shared_.control.setups.publish();
+    listener_.parameters_changed();
+    return true;
+}
+
+void Parameters::boot() {
+    omni_real_t values[OMNI_PARAM_COUNT];
+    std::memcpy(values, shared_.board.robot_values, sizeof values);
+    int32_t bad = -1;
+    omni_result_t why = OMNI_OK;
+    boot_result_ = store_.load(values);
+    if (boot_result_ == StoreResult::ok && !adopt(values, &bad, &why)) {
+        boot_result_ = StoreResult::failed;
+    }
+    if (boot_result_ != StoreResult::ok && !adopt(shared_.board.robot_values, &bad, &why)) {
+        // A board hands over checked values; the table's defaults are the way out if it did not.
+        omni_params_defaults(values);
+        adopt(values, &bad, &why);
+    }
+}
+
+bool Parameters::send_value(size_t link, int32_t index, Priority priority) {
+    mavlink_param_value_t message{};
+    const char *name = omni_param_table[index].name;
+    std::memcpy(message.param_id, name, strnlen(name, sizeof message.param_id));
+    message.param_value = values_[index];
+    message.param_type = MAV_PARAM_TYPE_REAL32;
+    message.param_count = OMNI_PARAM_COUNT;
+    message.param_index = static_cast<uint16_t>(index);
+    return shared_.links[link].send(MAVLINK_MSG_ID_PARAM_VALUE, message, priority);
+}
+
+int32_t Parameters::index_of(const char *name, int32_t index) const {
+    if (index >= 0) {
+        return index < OMNI_PARAM_COUNT ? index : -1;
+    }
+    return omni_param_find(name);
+}
+
+void Parameters::on_request_list(const Sender &sender) {
+    list_next_[sender.link] = 0;
+}
+
+void Parameters::stop_list(size_t link) {
+    list_next_[link] = OMNI_PARAM_COUNT;
+}
+
+void Parameters::on_request_read(const Frame &frame, const Sender &sender) {
+    const auto message = frame.as<mavlink_param_request_read_t>();
+    const int32_t index = index_of(message.param_id, message.param_index);
+    if (index >= 0) {
+        send_value(sender.link, index, Priority::reply);
+        return;
+    }
+    char name[OMNI_PARAM_NAME_LEN + 1] = {};
+    std::memcpy(name, message.param_id, OMNI_PARAM_NAME_LEN);
+    shared_.say(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name[0] != 0 ? name : "index").add(": unknown"));
+}
+
+void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t blamed) {
+    Text text = named(index);
+    const omni_param_info_t &info = omni_param_table[index];
+    text.add(" ").add(value).add(" refused: ");
+    if (why == OMNI_ERR_LOCKED) {
+        text.add("disarm first");
+    } else if (why == OMNI_ERR_NOT_FINITE) {
+        text.add("not a number");
+    } else if (blamed == index && (value < info.minimum || value > info.maximum)) {
+        text.add(info.minimum).add("..").add(info.maximum);
+    } else if (blamed == index && info.kind == OMNI_PARAM_INT && value != static_cast<float>(static_cast<int32_t>(value))) {
+        text.add("whole numbers only");
+    } else if (blamed >= 0 && blamed != index) {
+        text.add("clashes with ").add(omni_param_table[blamed].name);
+    } else {
+        text.add("does not fit the others");
+    }
+    shared_.say(MAV_SEVERITY_WARNING, text);
+}
+
+void Parameters::on_set(const Frame &frame, const Sender &sender) {
+    const auto message = frame.as<mavlink_param_set_t>();
+    const int32_t index = omni_param_find(message.param_id);
+    if (index < 0) {
+        char name[OMNI_PARAM_NAME_LEN + 1] = {};
+        std::memcpy(name, message.param_id, OMNI_PARAM_NAME_LEN);
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name).add(": unknown"));
+        return;
+    }
+    const float value = message.param_value;
+    omni_result_t why = omni_param_check(index, value, shared_.armed());
+    int32_t blamed = index;
+    if (message.param_type != MAV_PARAM_TYPE_REAL32) {
+        shared_.say(MAV_SEVERITY_WARNING, named(index).add(" refused: send it as REAL32"));
+    } else if (why != OMNI_OK) {
+        refuse(index, value, why, blamed);
+    } else {
+        omni_real_t values[OMNI_PARAM_COUNT];
+        std::memcpy(values, values_, sizeof values);
+        values[index] = value;
+        if (!adopt(values, &blamed, &why)) {
+            refuse(index, value, why, blamed);
+        }
+    }
+    for (size_t link = 0; link < shared_.board.port_count; ++link) {
+        send_value(link, index, link == sender.link ? Priority::reply : Priority::telemetry);
+    }
+}
+
+bool Parameters::adopt_or_say(const omni_real_t *values) {
+    int32_t bad = -1;
+    omni_result_t why = OMNI_OK;
+    if (adopt(values, &bad, &why)) {
+        return true;
+    }
+    shared_.say(MAV_SEVERITY_ERROR, Text().add("refused because of ").add(bad >= 0 ? omni_param_table[bad].name : "their sum"));
+    return false;
+}
+
+uint8_t Parameters::load() {
+    omni_real_t values[OMNI_PARAM_COUNT];
+    std::memcpy(values, shared_.board.robot_values, sizeof values);
+    const StoreResult result = store_.load(values);
+    if (result == StoreResult::foreign) {
+        shared_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
+        return MAV_RESULT_FAILED;
+    }
+    if (result == StoreResult::empty) {
+        shared_.say(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
+    }
+    return adopt_or_say(values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
+}
+
+uint8_t Parameters::save() {
+    const StoreResult result = store_.save(values_, shared_.board.robot_values);
+    if (result == StoreResult::ok) {
+        shared_.say(MAV_SEVERITY_INFO, Text().add("parameters stored"));
+        return MAV_RESULT_ACCEPTED;
+    }
+    shared_.say(MAV_SEVERITY_ERROR, Text().add(result == StoreResult::full ? "too many parameters differ: nothing stored"
+                                                                           : "the memory failed: nothing stored"));
+    return MAV_RESULT_FAILED;
+}
+
+uint8_t Parameters::storage_command(float action) {
+    if (shared_.armed()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("parameter storage refused: disarm first"));
+        return MAV_RESULT_DENIED;
+    }
+    if (action == 0.0f) {
+        return load();
+    }
+    if (action == 1.0f) {
+        return save();
+    }
+    if (action == 2.0f) {
+        return adopt_or_say(shared_.board.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
+    }
+    return MAV_RESULT_UNSUPPORTED;
+}
+
+void Parameters::serve() {
+    for (size_t link = 0; link < shared_.board.port_count; ++link) {
+        int32_t &next = list_next_[link];
+        while (next < OMNI_PARAM_COUNT && shared_.links[link].admits(Priority::bulk, param_value_frame) &&
+               send_value(link, next, Priority::bulk)) {
+            ++next;
+        }
+    }
+    if (!boot_said_ && shared_.links[0].connected()) {
+        boot_said_ = true;
+        if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
+            shared_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
+        }
+    }
+}
+
+} // namespace omni

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+/// @file parameters.h  The working parameter set and MAVLink's parameter protocol. Every parameter travels as REAL32.
+#pragma once
+
+#include <cstdint>
+
+#include "app/param_store.h"
+#include "app/shared.h"
+
+namespace omni {
+
+/// A change of configuration that other modules follow (link budgets, rates, system id).
+class ParameterListener {
+public:
+    virtual void parameters_changed() = 0;
+
+protected:
+    ~ParameterListener() = default;
+};
+
+class Parameters {
+public:
+    Parameters(Shared &shared, ParameterListener &listener)
+        : shared_(shared), listener_(listener), store_(*shared.board.storage) {}
+
+    /// Robot's own values, then what is stored. What cannot be used is said once a link is there, and not used.
+    void boot();
+
+    void on_request_list(const Sender &sender);
+    /// Whoever asked on this link has gone.
+    void stop_list(size_t link);
+    void on_request_read(const Frame &frame, const Sender &sender);
+    void on_set(const Frame &frame, const Sender &sender);
+    /// MAV_CMD_PREFLIGHT_STORAGE. @param action 0 load, 1 store, 2 back to the robot's own values (in use, not stored).
+    /// @return MAV_RESULT
+    uint8_t storage_command(float action);
+    /// Send what is left of the lists that were asked for, as far as the links take it.
+    void serve();
+
+    const omni_real_t *values() const { return values_; }
+    /// Configuration of the working set, for the background's own use.
+    const omni_robot_config_t &config() const { return config_; }
+
+private:
+    bool adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why);
+    bool adopt_or_say(const omni_real_t *values);
+    uint8_t load();
+    uint8_t save();
+    void refuse(int32_t index, float value, omni_result_t why, int32_t blamed);
+    bool send_value(size_t link, int32_t index, Priority priority);
+    int32_t index_of(const char *name, int32_t index) const;
+
+    Shared &shared_;
+    ParameterListener &listener_;
+    ParamStore store_;
+    omni_real_t values_[OMNI_PARAM_COUNT] = {};
+    omni_robot_config_t config_{};
+    uint16_t sequence_ = 0;
+    int32_t list_next_[Board::max_ports] = {OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT};
+    StoreResult boot_result_ = StoreResult::empty;
+    bool boot_said_ = false;
+};
+
+} // namespace omni

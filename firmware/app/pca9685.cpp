@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: MIT
+#include "app/pca9685.h"
+
+#include <algorithm>
+#include <initializer_list>
+
+namespace omni {
+namespace {
+
+constexpr uint8_t reg_mode1 = 0x00;
+constexpr uint8_t reg_mode2 = 0x01;
+constexpr uint8_t reg_led0 = 0x06;
+constexpr uint8_t reg_all_led_off_high = 0xFD;
+constexpr uint8_t reg_prescale = 0xFE;
+constexpr uint8_t mode1_sleep = 0x30; ///< auto-increment, asleep
+constexpr uint8_t mode1_awake = 0x20; ///< auto-increment
+constexpr uint8_t mode2_outdrv = 0x04;
+constexpr uint8_t prescale_1526_Hz = 3;
+constexpr uint8_t full = 0x10; ///< bit 4 of ON_H or OFF_H
+constexpr uint64_t oscillator_start_us = 500;
+constexpr uint16_t health_interval = 64; ///< updates between two looks at MODE1
+constexpr uint8_t busy_limit = 5;        ///< ticks after which a busy bus counts as stuck
+
+I2cTransaction write_of(std::initializer_list<uint8_t> bytes) {
+    I2cTransaction transaction;
+    transaction.address = Pca9685::address;
+    transaction.write_length = static_cast<uint8_t>(bytes.size());
+    std::copy(bytes.begin(), bytes.end(), transaction.write);
+    return transaction;
+}
+
+/// ON_L, ON_H, OFF_L, OFF_H of a channel that is high for `count` of 4096 steps.
+void encode_channel(uint8_t *bytes, uint16_t count) {
+    const bool always = count >= OMNI_PWM_STEPS;
+    const bool never = count == 0;
+    bytes[0] = 0;
+    bytes[1] = always ? full : 0;
+    bytes[2] = always || never ? 0 : static_cast<uint8_t>(count);
+    bytes[3] = never ? full : (always ? 0 : static_cast<uint8_t>(count >> 8));
+}
+
+} // namespace
+
+bool operator==(const Wiring &a, const Wiring &b) {
+    return a.wheels == b.wheels && std::equal(a.in1, a.in1 + a.wheels, b.in1) && std::equal(a.in2, a.in2 + a.wheels, b.in2);
+}
+
+void Pca9685::restart() {
+    phase_ = Phase::off;
+    in_flight_ = false;
+    health_asked_ = false;
+    suspicious_ = false;
+    busy_ticks_ = 0;
+    failures_ = 0;
+    since_health_ = 0;
+}
+
+void Pca9685::set_wiring(const Wiring &wiring) {
+    if (!(wiring == wiring_)) {
+        wiring_ = wiring;
+        phase_ = Phase::off; // channels that are no longer ours must not stay on
+    }
+}
+
+void Pca9685::succeeded(const uint8_t *read) {
+    failures_ = 0;
+    if (health_asked_) {
+        suspicious_ = false;
+        since_health_ = 0;
+        if (phase_ == Phase::ready && read[0] != mode1_awake) {
+            phase_ = Phase::off; // it lost its power in between
+            return;
+        }
+    }
+    if (phase_ == Phase::off) {
+        phase_ = Phase::configure;
+    } else if (phase_ == Phase::configure) {
+        phase_ = Phase::wake;
+    } else if (phase_ == Phase::wake) {
+        phase_ = Phase::settle;
+    }
+}
+
+void Pca9685::failed(I2cBus &bus, bool stuck) {
+    ++errors_;
+    failures_ = static_cast<uint16_t>(std::min(failures_ + 1, 0xFFFF));
+    suspicious_ = true;
+    if (phase_ != Phase::ready) {
+        phase_ = Phase::off;
+    }
+    if (stuck) {
+        bus.recover();
+    }
+}
+
+void Pca9685::poll(I2cBus &bus) {
+    uint8_t read[I2cTransaction::max_read] = {};
+    const I2cStatus status = bus.poll(read);
+    if (!in_flight_) {
+        return;
+    }
+    if (status == I2cStatus::busy && ++busy_ticks_ < busy_limit) {
+        return;
+    }
+    in_flight_ = false;
+    if (status == I2cStatus::done) {
+        succeeded(read);
+    } else {
+        failed(bus, status != I2cStatus::nack);
+    }
+    busy_ticks_ = 0;
+    health_asked_ = false;
+}
+
+size_t Pca9685::update_batch(I2cTransaction *batch, const omni_bridge_counts_t *bridge) {
+    uint16_t counts[channels];
+    std::fill(counts, counts + channels, uint16_t{0xFFFF}); // not ours
+    for (size_t i = 0; i < wiring_.wheels; ++i) {
+        counts[wiring_.in1[i] % channels] = bridge[i].in1;
+        counts[wiring_.in2[i] % channels] = bridge[i].in2;
+    }
+    size_t used = 0;
+    for (uint8_t channel = 0; channel < channels; ++channel) {
+        if (counts[channel] == 0xFFFF) {
+            continue;
+        }
+        const bool joined = channel > 0 && counts[channel - 1] != 0xFFFF;
+        if (!joined) {
+            batch[used++] = write_of({static_cast<uint8_t>(reg_led0 + 4 * channel)});
+        }
+        I2cTransaction &burst = batch[used - 1];
+        encode_channel(burst.write + burst.write_length, counts[channel]);
+        burst.write_length = static_cast<uint8_t>(burst.write_length + 4);
+    }
+    health_asked_ = suspicious_ || ++since_health_ >= health_interval;
+    if (health_asked_) {
+        batch[used] = write_of({reg_mode1});
+        batch[used++].read_length = 1;
+    }
+    return used;
+}
+
+size_t Pca9685::next_batch(I2cTransaction *batch, uint64_t now_us, const omni_bridge_counts_t *bridge) {
+    switch (phase_) {
+    case Phase::off:
+        batch[0] = write_of({reg_all_led_off_high, full});
+        return 1;
+    case Phase::configure:
+        batch[0] = write_of({reg_mode1, mode1_sleep});
+        batch[1] = write_of({reg_prescale, prescale_1526_Hz});
+        batch[2] = write_of({reg_mode2, mode2_outdrv});
+        return 3;
+    case Phase::wake:
+        batch[0] = write_of({reg_mode1, mode1_awake});
+        awake_us_ = now_us;
+        return 1;
+    case Phase::settle:
+        if (now_us - awake_us_ < oscillator_start_us) {
+            return 0;
+        }
+        phase_ = Phase::ready;
+        return update_batch(batch, bridge);
+    case Phase::ready:
+        return update_batch(batch, bridge);
+    }
+    return 0;
+}
+
+void Pca9685::drive(I2cBus &bus, uint64_t now_us, const omni_bridge_counts_t *bridge) {
+    if (in_flight_) {
+        return; // the last update is still on the wire; this one's successor replaces it
+    }
+    I2cTransaction batch[channels / 2 + 1];
+    const size_t count = next_batch(batch, now_us, bridge);
+    if (count == 0) {
+        return;
+    }
+    in_flight_ = true;
+    if (!bus.submit(batch, count)) {
+        in_flight_ = false;
+        failed(bus, true);
+    }
+}
+
+bool Pca9685::all_off(I2cBus &bus) {
+    restart();
+    const I2cTransaction off = write_of({reg_all_led_off_high, full});
+    return bus.submit(&off, 1);
+}
+
+} // namespace omni

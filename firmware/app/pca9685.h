@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+/// @file pca9685.h  Driver of the PWM chip that feeds the H-bridges (NXP PCA9685 datasheet rev. 4).
+///
+/// Start: ALL_LED off first (the chip keeps driving through a reboot of ours), then sleep, prescaler, totem-pole outputs that
+/// change together on STOP, wake, 500 us for the oscillator. After that one batch per tick: every channel in use, adjacent
+/// channels joined to one auto-increment burst. ON and OFF counts are never equal: ends of the range use the full bits.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/core.h"
+#include "omni/types.h"
+
+namespace omni {
+
+/// PWM channels of each wheel's bridge inputs.
+struct Wiring {
+    uint8_t wheels = 0; ///< 3 or 4
+    uint8_t in1[OMNI_MAX_WHEELS] = {};
+    uint8_t in2[OMNI_MAX_WHEELS] = {};
+};
+
+bool operator==(const Wiring &a, const Wiring &b);
+
+class Pca9685 {
+public:
+    static constexpr uint8_t address = 0x40;
+    static constexpr uint8_t channels = 16;
+
+    /// Begin again with the power-up sequence.
+    void restart();
+    void set_wiring(const Wiring &wiring);
+    /// Once per tick, before the control step: see how the last batch went.
+    void poll(I2cBus &bus);
+    /// Once per tick, after the control step: send the next batch. @param bridge one entry per wheel.
+    void drive(I2cBus &bus, uint64_t now_us, const omni_bridge_counts_t *bridge);
+    /// Switch all outputs off. @return false if the bus is busy: call again.
+    bool all_off(I2cBus &bus);
+
+    /// The power-up sequence is complete.
+    bool ready() const { return phase_ == Phase::ready; }
+    /// Updates that failed in a row.
+    uint16_t failures() const { return failures_; }
+    /// Failed batches since boot.
+    uint32_t errors() const { return errors_; }
+
+private:
+    enum class Phase : uint8_t { off, configure, wake, settle, ready };
+
+    size_t next_batch(I2cTransaction *batch, uint64_t now_us, const omni_bridge_counts_t *bridge);
+    size_t update_batch(I2cTransaction *batch, const omni_bridge_counts_t *bridge);
+    void succeeded(const uint8_t *read);
+    void failed(I2cBus &bus, bool stuck);
+
+    Wiring wiring_;
+    Phase phase_ = Phase::off;
+    bool in_flight_ = false;
+    bool health_asked_ = false; ///< the batch in flight reads MODE1 back
+    bool suspicious_ = false;   ///< a batch failed since MODE1 was last read back
+    uint8_t busy_ticks_ = 0;
+    uint16_t failures_ = 0;
+    uint16_t since_health_ = 0; ///< updates since MODE1 was last read back
+    uint32_t errors_ = 0;
+    uint64_t awake_us_ = 0;
+};
+
+} // namespace omni

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+#include "app/pose_fixes.h"
+
+#include "app/core.h"
+#include "app/frames.h"
+
+namespace omni {
+namespace {
+
+constexpr uint64_t oldest_us = 250'000;
+constexpr uint64_t ahead_us = 5'000;
+constexpr uint64_t text_interval_us = 1'000'000;
+
+/// Standard deviation from a variance; 0 (take the configured one) if the sender gave none.
+float deviation(float variance) {
+    return omni_is_finite(variance) && variance > 0.0f ? omni_sqrtf(variance) : 0.0f;
+}
+
+} // namespace
+
+uint64_t PoseFixes::time_of(uint64_t stamp_us) const {
+    const uint64_t now = shared_.now_us;
+    if (stamp_us != 0 && stamp_us <= now + ahead_us && stamp_us + oldest_us >= now) {
+        return stamp_us;
+    }
+    const auto delay_us = static_cast<uint64_t>(parameters_.values()[OMNI_PARAM_FIX_DELAY] * 1e6f);
+    return now > delay_us ? now - delay_us : 0;
+}
+
+/// @param covariance row-major upper triangle of 6 x 6 (x, y, yaw are elements 0, 6, 20), or nullptr.
+void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance) {
+    if (!omni_pose_is_finite(&world)) {
+        if (said_us_ == 0 || shared_.now_us < said_us_ || shared_.now_us - said_us_ >= text_interval_us) {
+            said_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
+            shared_.say(MAV_SEVERITY_WARNING, Text().add("pose fix refused: not finite"));
+        }
+        return;
+    }
+    Request request;
+    request.kind = Request::Kind::fix;
+    request.fix.time_us = time_of(stamp_us);
+    request.fix.pose = {world.x, world.y, omni_wrap_pi(world.theta)};
+    if (covariance != nullptr) {
+        const float x = deviation(covariance[0]);
+        const float y = deviation(covariance[6]);
+        request.fix.sd_xy = x > y ? x : y;
+        request.fix.sd_theta = deviation(covariance[20]);
+    }
+    shared_.control.request(request); // a full queue drops the fix: the next one comes soon
+}
+
+void PoseFixes::on_vicon(const Frame &frame) {
+    const auto message = frame.as<mavlink_vicon_position_estimate_t>();
+    accept(flip_frame(omni_pose_t{message.x, message.y, message.yaw}), message.usec, message.covariance);
+}
+
+void PoseFixes::on_mocap(const Frame &frame) {
+    const auto message = frame.as<mavlink_att_pos_mocap_t>();
+    const float *q = message.q; // w, x, y, z
+    const float yaw = omni_atan2f(2.0f * (q[0] * q[3] + q[1] * q[2]), 1.0f - 2.0f * (q[2] * q[2] + q[3] * q[3]));
+    accept(flip_frame(omni_pose_t{message.x, message.y, yaw}), message.time_usec, message.covariance);
+}
+
+void PoseFixes::on_compact(const Frame &frame) {
+    const auto message = frame.as<mavlink_omni_pose_fix_t>();
+    const omni_pose_t pose = {static_cast<float>(message.x_mm) * 1e-3f, static_cast<float>(message.y_mm) * 1e-3f,
+                              static_cast<float>(message.theta_mrad10) * 1e-4f};
+    accept(pose, static_cast<uint64_t>(message.time_boot_ms) * 1000, nullptr);
+}
+
+} // namespace omni

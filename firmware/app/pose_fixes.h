@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+/// @file pose_fixes.h  Poses measured outside the robot: VICON_POSITION_ESTIMATE, ATT_POS_MOCAP, OMNI_POSE_FIX.
+///
+/// A time stamp that lies within the last 0.25 s of the robot's clock is believed; any other (Unix time, say) is
+/// replaced by now - FIX_DELAY.
+#pragma once
+
+#include "app/parameters.h"
+#include "app/shared.h"
+
+namespace omni {
+
+class PoseFixes {
+public:
+    PoseFixes(Shared &shared, const Parameters &parameters) : shared_(shared), parameters_(parameters) {}
+
+    void on_vicon(const Frame &frame);
+    void on_mocap(const Frame &frame);
+    void on_compact(const Frame &frame);
+    void restart() { said_us_ = 0; }
+
+private:
+    void accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance);
+    uint64_t time_of(uint64_t stamp_us) const;
+
+    Shared &shared_;
+    const Parameters &parameters_;
+    uint64_t said_us_ = 0;
+};
+
+} // namespace omni

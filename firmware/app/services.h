@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: MIT
+/// @file services.h  Small protocol services that ground stations expect of everybody: time sync, ping, no missions, no files.
+#pragma once
+
+#include "app/shared.h"
+
+namespace omni {
+
+/// @return false if the message is not one of theirs.
+bool serve_small_protocols(Shared &shared, const Frame &frame, const Sender &sender);
+
+} // namespace omni

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: MIT
+#include "app/setpoints.h"
+
+#include "app/core.h"
+#include "app/frames.h"
+
+namespace omni {
+namespace {
+
+constexpr uint64_t text_interval_us = 1'000'000;
+/// A limit sent as the nearest float must pass.
+constexpr float rounding = 1.00001f;
+
+constexpr unsigned ignore_position = POSITION_TARGET_TYPEMASK_X_IGNORE | POSITION_TARGET_TYPEMASK_Y_IGNORE;
+constexpr unsigned ignore_velocity = POSITION_TARGET_TYPEMASK_VX_IGNORE | POSITION_TARGET_TYPEMASK_VY_IGNORE;
+constexpr unsigned ignore_yaw = POSITION_TARGET_TYPEMASK_YAW_IGNORE;
+constexpr unsigned ignore_yaw_rate = POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE;
+
+/// MANUAL_CONTROL axis as -1..1; INT16_MAX means there is no such axis.
+float axis(int16_t value) {
+    return value == INT16_MAX ? 0.0f : omni_clampf(static_cast<float>(value) * 0.001f, -1.0f, 1.0f);
+}
+
+} // namespace
+
+void Setpoints::restart() {
+    refused_ = false;
+    said_us_ = 0;
+}
+
+void Setpoints::accept(omni_setpoint_t setpoint) {
+    Request request;
+    request.kind = Request::Kind::setpoint;
+    request.setpoint = setpoint;
+    request.setpoint.time_us = shared_.now_us;
+    refused_ = !shared_.control.request(request);
+}
+
+void Setpoints::refuse(const char *why) {
+    refused_ = true;
+    if (said_us_ == 0 || shared_.now_us < said_us_ || shared_.now_us - said_us_ >= text_interval_us) {
+        said_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("set-point refused: ").add(why));
+    }
+}
+
+const char *Setpoints::check_twist(const omni_twist_t &twist) const {
+    const omni_limits_t &limits = parameters_.config().limits;
+    if (!omni_twist_is_finite(&twist)) {
+        return "velocity is not finite";
+    }
+    const float speed = omni_sqrtf(twist.vx * twist.vx + twist.vy * twist.vy);
+    if (speed > limits.speed_m_s * rounding) {
+        return "speed beyond LIM_V";
+    }
+    return omni_absf(twist.wz) > limits.turn_rad_s * rounding ? "turn rate beyond LIM_W" : nullptr;
+}
+
+/// @return nullptr, or why it is refused.
+const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const {
+    const unsigned mask = message.type_mask;
+    if (message.coordinate_frame != MAV_FRAME_LOCAL_NED) {
+        return "a pose needs frame LOCAL_NED";
+    }
+    if ((mask & ignore_position) != 0) {
+        return "x and y belong together";
+    }
+    const omni_pose_t held = flip_frame(shared_.latest.outputs.reference.pose);
+    const omni_pose_t ned = {message.x, message.y, (mask & ignore_yaw) != 0 ? held.theta : message.yaw};
+    omni_twist_t rate = {0.0f, 0.0f, 0.0f};
+    if ((mask & ignore_velocity) == 0) {
+        rate.vx = message.vx;
+        rate.vy = message.vy;
+    }
+    if ((mask & ignore_yaw_rate) == 0) {
+        rate.wz = message.yaw_rate;
+    }
+    if (!omni_pose_is_finite(&ned)) {
+        return "pose is not finite";
+    }
+    const float limit = parameters_.config().limits.position_m;
+    if (omni_absf(ned.x) > limit || omni_absf(ned.y) > limit) {
+        return "position beyond LIM_POS";
+    }
+    setpoint->kind = OMNI_SETPOINT_POSE;
+    setpoint->pose = flip_frame(ned);
+    setpoint->twist = flip_frame(rate);
+    return check_twist(rate);
+}
+
+const char *Setpoints::velocity_target(const mavlink_set_position_target_local_ned_t &message,
+                                       omni_setpoint_t *setpoint) const {
+    const unsigned mask = message.type_mask;
+    if ((mask & ignore_velocity) == ignore_velocity && (mask & ignore_yaw_rate) != 0) {
+        return "the mask ignores everything";
+    }
+    if ((mask & ignore_yaw) == 0) {
+        return "a yaw angle needs a position";
+    }
+    const bool body = message.coordinate_frame == MAV_FRAME_BODY_FRD || message.coordinate_frame == MAV_FRAME_BODY_NED;
+    if (!body && message.coordinate_frame != MAV_FRAME_LOCAL_NED) {
+        return "frame must be 1, 8 or 12";
+    }
+    omni_twist_t twist = {0.0f, 0.0f, 0.0f};
+    twist.vx = (mask & POSITION_TARGET_TYPEMASK_VX_IGNORE) != 0 ? 0.0f : message.vx;
+    twist.vy = (mask & POSITION_TARGET_TYPEMASK_VY_IGNORE) != 0 ? 0.0f : message.vy;
+    twist.wz = (mask & ignore_yaw_rate) != 0 ? 0.0f : message.yaw_rate;
+    setpoint->kind = body ? OMNI_SETPOINT_VELOCITY_BODY : OMNI_SETPOINT_VELOCITY_WORLD;
+    setpoint->twist = flip_frame(twist);
+    return check_twist(twist);
+}
+
+void Setpoints::on_position_target(const Frame &frame) {
+    const auto message = frame.as<mavlink_set_position_target_local_ned_t>();
+    omni_setpoint_t setpoint{};
+    const bool position = (message.type_mask & ignore_position) != ignore_position;
+    const char *why = position ? pose_target(message, &setpoint) : velocity_target(message, &setpoint);
+    if (why == nullptr) {
+        accept(setpoint);
+    } else {
+        refuse(why);
+    }
+}
+
+/// Sticks as joystick tools send them: x forward, y right, r to the right (clockwise).
+void Setpoints::on_manual_control(const Frame &frame) {
+    const auto message = frame.as<mavlink_manual_control_t>();
+    const omni_limits_t &limits = parameters_.config().limits;
+    omni_twist_t stick = {axis(message.x), axis(message.y), axis(message.r)};
+    const float length = omni_sqrtf(stick.vx * stick.vx + stick.vy * stick.vy);
+    const float scale = limits.speed_m_s / (length > 1.0f ? length : 1.0f);
+    stick.vx *= scale;
+    stick.vy *= scale;
+    stick.wz *= limits.turn_rad_s;
+    omni_setpoint_t setpoint{};
+    setpoint.kind = OMNI_SETPOINT_VELOCITY_BODY;
+    setpoint.twist = flip_frame(stick);
+    accept(setpoint);
+}
+
+} // namespace omni

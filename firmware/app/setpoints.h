@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+/// @file setpoints.h  Streamed set-points from the link: SET_POSITION_TARGET_LOCAL_NED and MANUAL_CONTROL.
+///
+/// One that is not finite, beyond the limits or not expressible is refused as a whole; the robot goes on with the last one until
+/// that is too old (SAFE_CMD_TO).
+#pragma once
+
+#include "app/parameters.h"
+#include "app/shared.h"
+
+namespace omni {
+
+class Setpoints {
+public:
+    Setpoints(Shared &shared, const Parameters &parameters) : shared_(shared), parameters_(parameters) {}
+
+    void on_position_target(const Frame &frame);
+    void on_manual_control(const Frame &frame);
+    /// The latest set-point was refused.
+    bool refused() const { return refused_; }
+    void restart();
+
+private:
+    void accept(omni_setpoint_t setpoint);
+    void refuse(const char *why);
+    const char *pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
+    const char *velocity_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
+    const char *check_twist(const omni_twist_t &twist) const;
+
+    Shared &shared_;
+    const Parameters &parameters_;
+    bool refused_ = false;
+    uint64_t said_us_ = 0; ///< 0: not yet
+};
+
+} // namespace omni

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#include "app/shared.h"
+
+#include "app/core.h"
+
+namespace omni {
+
+bool Shared::heartbeat() {
+    Request request;
+    request.kind = Request::Kind::heartbeat;
+    request.time_us = now_us > 0 ? now_us : 1; // 0 means none yet
+    return control.request(request);
+}
+
+void Shared::say(uint8_t severity, const Text &text) {
+    mavlink_statustext_t message{};
+    message.severity = severity;
+    std::memcpy(message.text, text.data(), text.length());
+    send_all(MAVLINK_MSG_ID_STATUSTEXT, message, Priority::text);
+}
+
+Text fault_text(const char *prefix, uint32_t faults) {
+    Text text;
+    text.add(prefix);
+    const char *separator = "";
+    for (uint32_t bit = 1; bit != 0; bit <<= 1) {
+        if ((faults & bit) != 0) {
+            text.add(separator).add(omni_fault_name(bit));
+            separator = ", ";
+        }
+    }
+    return text;
+}
+
+} // namespace omni

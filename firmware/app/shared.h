@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+/// @file shared.h  What the background's modules have in common: links, the way to the tick, what the last tick said.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/control_loop.h"
+#include "app/link.h"
+#include "app/mavlink_types.h"
+#include "app/text.h"
+
+namespace omni {
+
+/// Who sent a message, and where the answer goes.
+struct Sender {
+    size_t link = 0;
+    uint8_t system = 0;
+    uint8_t component = 0;
+};
+
+struct Shared {
+    explicit Shared(const Board &b) : board(b) {}
+
+    const Board &board;
+    Link links[Board::max_ports];
+    ControlLoop control;
+    TickReport latest;   ///< of the last tick, refreshed once per background pass
+    uint64_t now_us = 0; ///< robot clock of this pass: the board's, or the simulated one
+    bool hil = false;    ///< host-in-the-loop
+    bool reboot = false; ///< asked for
+
+    uint32_t now_ms() const { return static_cast<uint32_t>(now_us / 1000); }
+    /// Motors may move, or would but for a fault: what is locked while armed is locked now.
+    bool armed() const { return latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE; }
+    /// A ground station gave a sign of life. @return false if the tick could not be told.
+    bool heartbeat();
+    /// Send a STATUSTEXT on every link. @param severity MAV_SEVERITY.
+    void say(uint8_t severity, const Text &text);
+    /// Send a message on every link.
+    template <class Message>
+    void send_all(uint32_t id, const Message &message, Priority priority) {
+        for (size_t i = 0; i < board.port_count; ++i) {
+            links[i].send(id, message, priority);
+        }
+    }
+    template <class Message>
+    bool reply(const Sender &to, uint32_t id, const Message &message) {
+        return links[to.link].send(id, message, Priority::reply);
+    }
+};
+
+/// Names of all fault bits in `faults`, joined by ", ".
+Text fault_text(const char *prefix, uint32_t faults);
+
+} // namespace omni

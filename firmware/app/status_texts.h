@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: MIT
+/// @file status_texts.h  Says what changes: safety state, faults, end of a trajectory.
+#pragma once
+
+#include "app/shared.h"
+
+namespace omni {
+
+class StatusTexts {
+public:
+    explicit StatusTexts(Shared &shared) : shared_(shared) {}
+    /// Compare the latest tick with what was said last.
+    void serve();
+    void restart();
+
+private:
+    void say_state(uint8_t state);
+
+    Shared &shared_;
+    uint8_t state_ = OMNI_STATE_INIT;
+    uint8_t phase_ = OMNI_PHASE_NONE;
+    uint32_t history_ = 0;
+};
+
+} // namespace omni

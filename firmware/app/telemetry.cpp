@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: MIT
+#include "app/telemetry.h"
+
+#include <initializer_list>
+
+#include "app/reports.h"
+
+namespace omni {
+namespace {
+
+enum Group : uint8_t { group_always, group_state, group_wheels, group_status };
+
+struct Stream {
+    uint32_t id;
+    Group group;
+    ReportFunction report;
+};
+
+/// In order of importance: under a tight budget the first ones get it.
+constexpr Stream streams[Telemetry::stream_count] = {
+    {MAVLINK_MSG_ID_HEARTBEAT, group_always, report_heartbeat},
+    {MAVLINK_MSG_ID_SYS_STATUS, group_status, report_sys_status},
+    {MAVLINK_MSG_ID_OMNI_STATUS, group_status, report_omni_status},
+    {MAVLINK_MSG_ID_LOCAL_POSITION_NED, group_state, report_local_position},
+    {MAVLINK_MSG_ID_ATTITUDE, group_state, report_attitude},
+    {MAVLINK_MSG_ID_OMNI_TRACKING, group_state, report_tracking},
+    {MAVLINK_MSG_ID_OMNI_WHEELS, group_wheels, report_wheels},
+    {MAVLINK_MSG_ID_OMNI_CONTROL, group_wheels, report_control},
+    {MAVLINK_MSG_ID_BATTERY_STATUS, group_status, report_battery},
+    {MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, group_state, report_position_target},
+    {MAVLINK_MSG_ID_ODOMETRY, group_state, report_odometry},
+};
+
+constexpr float min_interval_us = 1000.0f;
+constexpr float max_interval_us = 4.0e9f;
+
+/// @return stream number, or stream_count if no stream sends this message.
+size_t find_stream(uint32_t id) {
+    size_t i = 0;
+    while (i < Telemetry::stream_count && streams[i].id != id) {
+        ++i;
+    }
+    return i;
+}
+
+uint32_t interval_of(float rate_Hz) {
+    return rate_Hz > 0.0f ? static_cast<uint32_t>(1.0e6f / rate_Hz + 0.5f) : 0;
+}
+
+/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second.
+float boot_rate(size_t link, uint8_t group, const omni_real_t *values) {
+    switch (group) {
+    case group_state:
+        return values[OMNI_PARAM_SR1_STATE + link];
+    case group_wheels:
+        return values[OMNI_PARAM_SR1_WHEELS + link];
+    case group_status:
+        return values[OMNI_PARAM_SR1_STATUS + link];
+    default:
+        return 1.0f;
+    }
+}
+
+bool is_valid_id(float id) {
+    return id >= 0.0f && id < 16777216.0f;
+}
+
+} // namespace
+
+void Telemetry::set_group(size_t link, uint8_t group, float rate_Hz) {
+    for (size_t i = 0; i < stream_count; ++i) {
+        if (streams[i].group == group) {
+            due_[link][i].interval_us = interval_of(rate_Hz);
+        }
+    }
+}
+
+void Telemetry::set_rates(size_t link, const omni_real_t *values) {
+    for (const uint8_t group : {group_always, group_state, group_wheels, group_status}) {
+        set_group(link, group, boot_rate(link, group, values));
+    }
+}
+
+uint8_t Telemetry::set_interval(size_t link, float id, float interval_us, const omni_real_t *values) {
+    const size_t stream = is_valid_id(id) ? find_stream(static_cast<uint32_t>(id)) : stream_count;
+    if (stream == stream_count) {
+        return MAV_RESULT_UNSUPPORTED;
+    }
+    Due &due = due_[link][stream];
+    if (interval_us == 0.0f) {
+        due.interval_us = interval_of(boot_rate(link, streams[stream].group, values));
+    } else if (interval_us == -1.0f) {
+        due.interval_us = 0;
+    } else if (interval_us >= min_interval_us && interval_us <= max_interval_us) {
+        due.interval_us = static_cast<uint32_t>(interval_us);
+    } else {
+        return MAV_RESULT_DENIED;
+    }
+    due.next_us = shared_.now_us;
+    return MAV_RESULT_ACCEPTED;
+}
+
+bool Telemetry::send_once(size_t link, uint32_t id) {
+    const size_t stream = find_stream(id);
+    if (stream == stream_count) {
+        return false;
+    }
+    streams[stream].report(shared_, shared_.links[link], Priority::reply, true);
+    return true;
+}
+
+void Telemetry::on_request_data_stream(const Frame &frame, const Sender &sender) {
+    const auto message = frame.as<mavlink_request_data_stream_t>();
+    constexpr uint8_t all = 0;
+    constexpr uint8_t extended_status = 2;
+    constexpr uint8_t position = 6;
+    constexpr uint8_t extra1 = 10;
+    const uint8_t wanted = message.req_stream_id;
+    const float rate = message.start_stop != 0 ? static_cast<float>(message.req_message_rate) : 0.0f;
+    if (rate > 1000.0f) {
+        return;
+    }
+    if (wanted == all || wanted == position) {
+        set_group(sender.link, group_state, rate);
+    }
+    if (wanted == all || wanted == extra1) {
+        set_group(sender.link, group_wheels, rate);
+    }
+    if (wanted == all || wanted == extended_status) {
+        set_group(sender.link, group_status, rate);
+    }
+}
+
+void Telemetry::serve() {
+    for (size_t link = 0; link < shared_.board.port_count; ++link) {
+        if (!shared_.links[link].connected()) {
+            continue;
+        }
+        for (size_t i = 0; i < stream_count; ++i) {
+            Due &due = due_[link][i];
+            if (due.interval_us == 0 || shared_.now_us < due.next_us) {
+                continue;
+            }
+            due.next_us += due.interval_us;
+            if (due.next_us <= shared_.now_us) {
+                due.next_us = shared_.now_us + due.interval_us;
+            }
+            streams[i].report(shared_, shared_.links[link], Priority::telemetry, false);
+        }
+    }
+}
+
+void Telemetry::restart(size_t link) {
+    for (Due &due : due_[link]) {
+        due.next_us = shared_.now_us;
+    }
+}
+
+void Telemetry::restart() {
+    for (size_t link = 0; link < Board::max_ports; ++link) {
+        restart(link);
+    }
+}
+
+} // namespace omni

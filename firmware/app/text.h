@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+/// @file text.h  Short texts for STATUSTEXT, built without a heap and without printf.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace omni {
+
+/// Text of at most 50 characters (one STATUSTEXT); more is cut.
+class Text {
+public:
+    static constexpr size_t capacity = 50;
+
+    Text &add(const char *text) {
+        while (*text != '\0' && length_ < capacity) {
+            buffer_[length_++] = *text++;
+        }
+        return *this;
+    }
+    Text &add(uint32_t number) {
+        char digits[11];
+        size_t at = sizeof digits;
+        digits[--at] = '\0';
+        do {
+            digits[--at] = static_cast<char>('0' + number % 10);
+            number /= 10;
+        } while (number != 0);
+        return add(digits + at);
+    }
+    /// With up to four decimals; huge, tiny and non-finite values are named instead.
+    Text &add(float value) {
+        if (!(value == value)) {
+            return add("NaN");
+        }
+        if (value < 0.0f) {
+            add("-");
+            value = -value;
+        }
+        if (value >= 4.0e5f) {
+            return add(value > 3.4e38f ? "infinity" : ">= 400000");
+        }
+        const auto scaled = static_cast<uint32_t>(value * 10000.0f + 0.5f);
+        add(scaled / 10000);
+        uint32_t rest = scaled % 10000;
+        if (rest != 0) {
+            add(".");
+            for (uint32_t place = 1000; rest != 0; place /= 10) {
+                add(rest / place);
+                rest %= place;
+            }
+        } else if (scaled == 0 && value > 0.0f) {
+            add(".0000");
+        }
+        return *this;
+    }
+    const char *data() const { return buffer_; }
+    size_t length() const { return length_; }
+
+private:
+    char buffer_[capacity + 1] = {};
+    size_t length_ = 0;
+};
+
+} // namespace omni

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+/// @file trajectories.h  On-board trajectories by command: plans in the background, hands the plan to the tick.
+#pragma once
+
+#include "app/parameters.h"
+#include "app/shared.h"
+
+namespace omni {
+
+class Trajectories {
+public:
+    Trajectories(Shared &shared, const Parameters &parameters) : shared_(shared), parameters_(parameters) {}
+
+    /// MAV_CMD_OMNI_TRAJECTORY_START. @param type TRJ_TYPE or -1, @param laps or -1: the parameter's. @return MAV_RESULT
+    uint8_t start(float type, float laps);
+    uint8_t stop();
+    /// MAV_CMD_OMNI_WAYPOINT
+    uint8_t set_waypoint(float number, const omni_pose_t &pose);
+    /// Arming: a path asked for while disarmed is planned anew from where the robot stands now, and starts.
+    void on_arm();
+    void on_disarm() { waiting_ = false; }
+    void restart() { waiting_ = false; }
+
+private:
+    uint8_t plan();
+
+    Shared &shared_;
+    const Parameters &parameters_;
+    omni_waypoints_t waypoints_{};
+    float type_ = -1.0f;
+    float laps_ = -1.0f;
+    bool waiting_ = false; ///< starts with arming
+};
+
+} // namespace omni

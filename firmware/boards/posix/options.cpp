@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: MIT
+#include "boards/posix/options.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "app/core.h"
+#include "omni/version_gen.h"
+
+namespace omni {
+namespace {
+
+constexpr int usage_error = 2;
+
+void print_help() {
+    std::puts("usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
+              "\n"
+              "The robot's firmware as a process of this computer.\n"
+              "\n"
+              "  --robot NAME     built-in robot: its geometry, motors and gains (default: the first one)\n"
+              "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
+              "                   --robot it changes single values\n"
+              "  --link LINK      where MAVLink is spoken, up to four times (default tcp:127.0.0.1:5760)\n"
+              "                     tcp:HOST:PORT   listen there, port 0 picks a free one\n"
+              "                     udp:HOST:PORT   send there, receive the answers\n"
+              "                     pty[:SYMLINK]   a pseudo-terminal, like a USB serial port\n"
+              "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
+              "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+              "  --version, --help\n"
+              "\n"
+              "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
+              "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments or a link that cannot be opened.\n"
+              "\n"
+              "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
+}
+
+void complain_about_robot(const char *name) {
+    std::fprintf(stderr, "omni-firmware: --robot '%s': no such robot; there are:", name);
+    for (int32_t i = 0; i < omni_robot_preset_count; ++i) {
+        std::fprintf(stderr, " %s", omni_robot_presets[i].name);
+    }
+    std::fputc('\n', stderr);
+}
+
+bool use_robot(const char *name, omni_real_t *values) {
+    const int32_t index = omni_robot_preset_find(name);
+    if (index < 0) {
+        complain_about_robot(name);
+        return false;
+    }
+    std::memcpy(values, omni_robot_presets[index].values, OMNI_PARAM_COUNT * sizeof *values);
+    return true;
+}
+
+/// Cut `text` at a comment and strip blanks.
+char *strip(char *text) {
+    text[std::strcspn(text, "#\r\n")] = '\0';
+    text += std::strspn(text, " \t");
+    size_t length = std::strlen(text);
+    while (length > 0 && (text[length - 1] == ' ' || text[length - 1] == '\t')) {
+        text[--length] = '\0';
+    }
+    return text;
+}
+
+bool take_line(const char *path, int number, char *line, omni_real_t *values) {
+    char *name = strip(line);
+    if (*name == '\0') {
+        return true;
+    }
+    char *equals = std::strchr(name, '=');
+    if (equals == nullptr) {
+        std::fprintf(stderr, "omni-firmware: %s:%d: '%s': NAME=VALUE is needed\n", path, number, name);
+        return false;
+    }
+    *equals = '\0';
+    name = strip(name);
+    const char *text = strip(equals + 1);
+    const int32_t index = std::strlen(name) <= OMNI_PARAM_NAME_LEN ? omni_param_find(name) : -1;
+    if (index < 0) {
+        std::fprintf(stderr, "omni-firmware: %s:%d: %s: there is no such parameter\n", path, number, name);
+        return false;
+    }
+    char *end = nullptr;
+    const float value = std::strtof(text, &end);
+    const omni_param_info_t &info = omni_param_table[index];
+    if (end == text || *end != '\0' || omni_param_check(index, value, false) != OMNI_OK) {
+        const char *kind = info.kind == OMNI_PARAM_INT ? "a whole number" : "a number";
+        std::fprintf(stderr, "omni-firmware: %s:%d: %s = '%s': %s from %g to %g is needed%s%s\n", path, number, info.name, text,
+                     kind, static_cast<double>(info.minimum), static_cast<double>(info.maximum),
+                     *info.unit != '\0' ? ", in " : "", info.unit);
+        return false;
+    }
+    values[index] = value;
+    return true;
+}
+
+bool use_params_file(const char *path, omni_real_t *values) {
+    std::FILE *file = std::fopen(path, "r");
+    if (file == nullptr) {
+        std::fprintf(stderr, "omni-firmware: --params %s: %s\n", path, std::strerror(errno));
+        return false;
+    }
+    char line[256];
+    int number = 0;
+    bool good = true;
+    while (good && std::fgets(line, sizeof line, file) != nullptr) {
+        ++number;
+        if (std::strchr(line, '\n') == nullptr && std::strlen(line) + 1 == sizeof line) {
+            std::fprintf(stderr, "omni-firmware: %s:%d: line too long\n", path, number);
+            good = false;
+        } else {
+            good = take_line(path, number, line, values);
+        }
+    }
+    std::fclose(file);
+    return good;
+}
+
+/// The values fit each other.
+bool check_robot(const omni_real_t *values) {
+    static omni_robot_config_t config;
+    int32_t bad = -1;
+    if (omni_robot_config(&config, values, &bad) == OMNI_OK) {
+        return true;
+    }
+    if (bad >= 0) {
+        std::fprintf(stderr, "omni-firmware: parameter %s = %g does not fit the others\n", omni_param_table[bad].name,
+                     static_cast<double>(values[bad]));
+    } else {
+        std::fputs("omni-firmware: these parameters make no robot: check WHEELS and the W*_ANGLE\n", stderr);
+    }
+    return false;
+}
+
+bool add_link(const char *link, Options *options) {
+    if (options->link_count == Board::max_ports) {
+        std::fprintf(stderr, "omni-firmware: at most %zu links\n", Board::max_ports);
+        return false;
+    }
+    options->links[options->link_count++] = link;
+    return true;
+}
+
+bool take_option(const char *name, const char *value, Options *options) {
+    if (std::strcmp(name, "--robot") == 0) {
+        return use_robot(value, options->values);
+    }
+    if (std::strcmp(name, "--params") == 0) {
+        return use_params_file(value, options->values);
+    }
+    if (std::strcmp(name, "--link") == 0) {
+        return add_link(value, options);
+    }
+    if (std::strcmp(name, "--storage") == 0) {
+        options->storage = value;
+        return true;
+    }
+    std::fprintf(stderr, "omni-firmware: unknown option '%s'; see --help\n", name);
+    return false;
+}
+
+} // namespace
+
+bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
+    *exit_code = usage_error;
+    std::memcpy(options->values, omni_robot_presets[0].values, sizeof options->values);
+    for (int i = 1; i < argc; ++i) {
+        const char *name = argv[i];
+        if (std::strcmp(name, "--help") == 0 || std::strcmp(name, "--version") == 0) {
+            *exit_code = 0;
+            if (name[2] == 'h') {
+                print_help();
+            } else {
+                std::printf("omni-firmware %s (%s%s)\n", OMNI_VERSION_STRING, OMNI_GIT_HASH_STRING,
+                            OMNI_GIT_DIRTY != 0 ? ", dirty" : "");
+            }
+            return false;
+        }
+        if (std::strcmp(name, "--lockstep") == 0) {
+            options->lockstep = true;
+            continue;
+        }
+        if (i + 1 == argc) {
+            std::fprintf(stderr, "omni-firmware: '%s' is unknown or needs a value; see --help\n", name);
+            return false;
+        }
+        if (!take_option(name, argv[++i], options)) {
+            return false;
+        }
+    }
+    if (options->link_count == 0) {
+        options->links[options->link_count++] = "tcp:127.0.0.1:5760";
+    }
+    return check_robot(options->values);
+}
+
+} // namespace omni

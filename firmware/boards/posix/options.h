@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+/// @file options.h  Command line of the firmware process.
+#pragma once
+
+#include <cstddef>
+
+#include "app/board.h"
+#include "app/core.h"
+
+namespace omni {
+
+struct Options {
+    const char *links[Board::max_ports] = {};
+    size_t link_count = 0;
+    const char *storage = nullptr;
+    bool lockstep = false;
+    omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters
+};
+
+/// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been explained).
+bool parse_options(int argc, char **argv, Options *options, int *exit_code);
+
+} // namespace omni

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+/// @file parts.h  The PC board's clock, storage, watchdog, and stand-ins for the hardware a PC does not have.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+
+namespace omni {
+
+/// Robot time that main() moves on tick by tick, so that a PC that was busy for a while runs the missed ticks at their due
+/// times instead of seeing time jump.
+class PosixClock final : public Clock {
+public:
+    uint64_t now_us() override { return now_us_; }
+    uint64_t stopwatch_ns() override;
+    void set(uint64_t now_us) { now_us_ = now_us; }
+
+private:
+    uint64_t now_us_ = 0;
+};
+
+/// Non-volatile memory in a file, or in memory only. Every write goes to the disk before it counts.
+class FileStorage final : public Storage {
+public:
+    /// @param path nullptr: forgotten at the end. @return false after saying why on standard error.
+    bool open(const char *path);
+    void close_file();
+    size_t size() override { return sizeof bytes_; }
+    bool read(size_t offset, uint8_t *data, size_t length) override;
+    bool write(size_t offset, const uint8_t *data, size_t length) override;
+
+private:
+    uint8_t bytes_[2048] = {};
+    int fd_ = -1;
+};
+
+/// Nothing to bite; a reset is main()'s business.
+class NoWatchdog final : public Watchdog {
+public:
+    void feed() override {}
+    bool caused_reset() override { return false; }
+    void reset() override {}
+};
+
+/// Wheels that stand still.
+class NoEncoders final : public Encoders {
+public:
+    uint8_t read(int32_t *counts) override;
+};
+
+/// A chip that acknowledges everything, keeps what is written and gives it back. No motor hangs on it.
+class NoMotorsBus final : public I2cBus {
+public:
+    bool submit(const I2cTransaction *batch, size_t count) override;
+    I2cStatus poll(uint8_t *read) override;
+    void recover() override {}
+
+private:
+    uint8_t registers_[256] = {};
+    uint8_t read_ = 0;
+    bool submitted_ = false;
+};
+
+} // namespace omni

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: MIT
+/// @file ports.h  Byte links of the PC board: TCP server, UDP, pseudo-terminal. Non-blocking.
+#pragma once
+
+#include <poll.h>
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+
+namespace omni {
+
+/// A port with file descriptors to wait for. Sending is buffered, so that one write() takes all of a background pass.
+class PosixPort : public SerialPort {
+public:
+    static constexpr size_t max_fds = 2;
+
+    /// Open from what follows the scheme of a link's URL. @return false after saying why on standard error.
+    virtual bool open(const char *address) = 0;
+    virtual void close_port() = 0;
+    /// What to wait for. @return how many entries were filled.
+    virtual size_t wait_for(struct pollfd *fds) = 0;
+    /// Accept or refuse connections, send what waits.
+    virtual void service() = 0;
+    /// URL under which a ground station reaches this port.
+    const char *url() const { return url_; }
+
+    size_t read(uint8_t *data, size_t capacity) override;
+    size_t write_space() override { return session_ != 0 ? sizeof out_ - pending_ : 0; }
+    bool write(const uint8_t *data, size_t length) override;
+    uint32_t session() override { return session_; }
+
+protected:
+    ~PosixPort() = default;
+    void connected(int fd);
+    /// The other end has gone.
+    virtual void disconnected() = 0;
+    void push();
+    short wanted_events() const;
+
+    char url_[192] = {};
+    int fd_ = -1; ///< connection
+    uint32_t session_ = 0;
+    uint32_t sessions_ = 0;
+    size_t pending_ = 0;
+    uint8_t out_[65536];
+};
+
+class TcpPort final : public PosixPort {
+public:
+    bool open(const char *address) override;
+    void close_port() override;
+    size_t wait_for(struct pollfd *fds) override;
+    void service() override;
+
+private:
+    void disconnected() override;
+    int listener_ = -1;
+};
+
+class UdpPort final : public PosixPort {
+public:
+    bool open(const char *address) override;
+    void close_port() override;
+    size_t wait_for(struct pollfd *fds) override;
+    void service() override { push(); }
+
+private:
+    void disconnected() override {} ///< nobody at the other end yet: keep trying
+};
+
+class PtyPort final : public PosixPort {
+public:
+    bool open(const char *address) override;
+    void close_port() override;
+    size_t wait_for(struct pollfd *fds) override;
+    void service() override { push(); }
+
+private:
+    void disconnected() override {} ///< we hold the other side open ourselves
+    int other_side_ = -1;
+    char symlink_[160] = {};
+};
+
+/// Split HOST:PORT. @return false after saying why on standard error.
+bool split_address(const char *address, char *host, size_t host_size, const char **port);
+
+} // namespace omni

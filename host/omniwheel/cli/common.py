@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: MIT
+"""What the commands share: consoles, options, errors and exit codes, JSON output, connecting."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from typer.core import TyperGroup
+
+from omni_schema import SchemaError
+from omniwheel.connection import Recorder
+from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
+from omniwheel.paths import MissingFileError
+from omniwheel.ports import serial_ports
+from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot, connect
+
+BAD_INPUT = 2
+FAILED = 1
+INTERRUPTED = 130
+_JSON_WANTED = "omniwheel.json"
+
+console = Console(highlight=False)
+error_console = Console(stderr=True, highlight=False)
+
+
+class OmniGroup(TyperGroup):
+    """Turns expected errors into one line and a hint on standard error, and into an exit code: no tracebacks."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except OmniError as error:
+            raise _reported(ctx, error, error.hint, error.exit_code) from error
+        except SchemaError as error:
+            raise _reported(ctx, error, "correct the file and try again", BAD_INPUT) from error
+        except MissingFileError as error:
+            raise _reported(ctx, error, "", FAILED) from error
+        except KeyboardInterrupt:
+            error_console.print("interrupted", style="yellow")
+            raise typer.Exit(INTERRUPTED) from None
+
+
+def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -> typer.Exit:
+    error_console.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
+    if hint:
+        error_console.print(f"[dim]hint:[/] {escape(hint)}", soft_wrap=True)
+    if ctx.meta.get(_JSON_WANTED):
+        print_json({"error": {"type": type(error).__name__, "message": str(error), "hint": hint}})
+    return typer.Exit(exit_code)
+
+
+def _note_json(ctx: typer.Context, wanted: bool) -> bool:
+    ctx.meta[_JSON_WANTED] = wanted
+    return wanted
+
+
+LinkOption = Annotated[
+    str | None,
+    typer.Option(
+        "--link",
+        "-l",
+        envvar="OMNI_LINK",
+        metavar="URL",
+        help="Robot: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one Teensy.",
+        show_default=False,
+    ),
+]
+TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for answers.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", callback=_note_json, help="Print one JSON object on standard output and nothing else.")
+]
+
+
+def examples(*lines: str) -> str:
+    """Return the epilog that shows ``lines`` as examples under a command's help."""
+    return "[bold]Examples[/]\n\n" + "\n\n".join(f"  [cyan]{escape(line)}[/]" for line in lines)
+
+
+def print_json(value: Any) -> None:
+    """Print one JSON object; numbers that JSON has no form for become null."""
+    typer.echo(json.dumps(_finite(value), indent=2, default=str, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def note(text: str, *, quiet: bool = False) -> None:
+    """Print a line for the user on standard error, so that it never mixes with results."""
+    if not quiet:
+        error_console.print(text)
+
+
+def link_url(link: str | None) -> str:
+    """Return the link to use; without one, the only port that looks like a Teensy."""
+    if link:
+        return link
+    found = [port.device for port in serial_ports() if port.guess == "teensy"]
+    if len(found) == 1:
+        return found[0]
+    what = f"{len(found)} Teensys are connected: {', '.join(found)}" if found else "no Teensy is connected"
+    raise LinkUrlError(f"which robot? {what}", hint="give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760")
+
+
+def open_robot(link: str | None, *, timeout_s: float = DEFAULT_TIMEOUT_S, recorder: Recorder | None = None) -> Robot:
+    """Connect to the robot that the options name; warn if its parameters are another version's."""
+    robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder)
+    try:
+        robot.require_same_parameters()
+    except (VersionMismatchError, CommandRefusedError) as error:
+        note(f"[yellow]warning:[/] {escape(str(error))}")
+    except BaseException:
+        robot.close()
+        raise
+    return robot
+
+
+def writable_path(path: Path, what: str) -> Path:
+    """Return ``path`` if a file can be made there; a usage error otherwise."""
+    if path.is_dir() or not path.parent.is_dir():
+        raise typer.BadParameter(f"{path}: {what} needs the name of a file in a folder that exists")
+    return path
+
+
+def parse_assignments(words: list[str]) -> dict[str, float | str]:
+    """Read NAME=VALUE words; a value is a number or the name of an enum's value."""
+    values: dict[str, float | str] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if not equals or not name or not text.strip():
+            raise typer.BadParameter(f"{word!r} is not NAME=VALUE")
+        values[name.strip().upper()] = _number_or_word(text.strip())
+    return values
+
+
+def _number_or_word(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text.lower()

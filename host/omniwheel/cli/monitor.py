@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: MIT
+"""``omni monitor``: what the robot says, live."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Annotated, Any
+
+import typer
+from rich.console import Group, RenderableType
+from rich.live import Live
+from rich.markup import escape
+from rich.panel import Panel
+from rich.table import Table
+
+from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, open_robot, print_json
+from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
+from omniwheel.status import RobotStatus
+
+EXAMPLES = examples("omni monitor --link tcp:127.0.0.1:5760", "omni monitor --once --json")
+_REFRESH_S = 0.1
+_SILENT_S = 2.5
+_STATE_STYLES = {"armed": "bold green", "disarmed": "cyan", "failsafe": "bold red", "estop": "bold red"}
+_WARNING_SEVERITY = 4
+_SHOWN_TEXTS = 4
+
+
+def monitor(
+    once: Annotated[bool, typer.Option("--once", help="Print one snapshot and end.")] = False,
+    link: LinkOption = None,
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    as_json: JsonOption = False,
+) -> None:
+    """Show state, pose, wheels and faults of a robot until Ctrl-C. --json implies --once."""
+    with open_robot(link, timeout_s=timeout) as robot:
+        if once or as_json:
+            status = robot.wait_until(_is_filled, timeout, "heard completely (heartbeat, pose, wheels, status)")
+            if as_json:
+                print_json(status_as_dict(status))
+            else:
+                console.print(view(robot))
+            return
+        with Live(view(robot), console=console, screen=False, auto_refresh=False) as live:
+            try:
+                while True:
+                    robot.pump(_REFRESH_S)
+                    live.update(view(robot), refresh=True)
+            except KeyboardInterrupt:
+                return
+
+
+def _is_filled(status: RobotStatus) -> bool:
+    parts = (status.heartbeat, status.tracking, status.wheels, status.safety)
+    return all(part is not None for part in parts)
+
+
+def status_as_dict(status: RobotStatus) -> dict[str, Any]:
+    """Return a snapshot as plain values for JSON."""
+    named = {"pose": status.tracking.pose._asdict()} if status.tracking is not None else {}
+    head = {"state": status.state, "armed": status.armed, "mode": status.mode, "faults": status.faults}
+    return {**head, **named, **asdict(status)}
+
+
+def view(robot: Robot) -> RenderableType:
+    """Return the live view."""
+    status = robot.status
+    return Panel(
+        Group(_head(status), _pose_table(status), _wheel_table(status), _loop_line(status), _texts(robot)),
+        title=f"[bold]omni monitor[/]  {escape(robot.url)}",
+        title_align="left",
+        border_style="dim",
+    )
+
+
+def _head(status: RobotStatus) -> str:
+    style = _STATE_STYLES.get(status.state, "yellow")
+    silent = status.heartbeat_age_s > _SILENT_S
+    link = f"[bold red]silent for {status.heartbeat_age_s:.0f} s[/]" if silent else "[green]link fine[/]"
+    hil = "  [magenta]host-in-the-loop[/]" if status.heartbeat is not None and status.heartbeat.hil else ""
+    faults = ", ".join(name.replace("_", " ") for name in status.faults)
+    shown = f"[bold red]{faults}[/]" if faults else "[dim]no faults[/]"
+    volts = status.battery.voltage_V if status.battery is not None else math.nan
+    supply = "" if math.isnan(volts) else f"  {volts:.1f} V"
+    return f"[{style}]{status.state}[/]  mode {status.mode}{hil}  {link}{supply}  {shown}"
+
+
+def _table(*titles: str) -> Table:
+    table = Table(box=None, header_style="bold dim", pad_edge=False, padding=(0, 2))
+    for column, title in enumerate(titles):
+        table.add_column(title, justify="left" if column == 0 else "right")
+    return table
+
+
+def _pose_table(status: RobotStatus) -> RenderableType:
+    tracking = status.tracking
+    if tracking is None:
+        return "[dim]no pose yet[/]"
+    table = _table("pose", "x [m]", "y [m]", "theta [rad]", "")
+    table.add_row("estimate", *(f"{value:.4f}" for value in tracking.pose), "")
+    table.add_row("reference", *(f"{value:.4f}" for value in tracking.reference), f"phase {tracking.phase}")
+    table.add_row("sd", *(f"{value:.4f}" for value in tracking.pose_sd), f"{tracking.path_time_s:.1f} s")
+    return table
+
+
+def _wheel_table(status: RobotStatus) -> RenderableType:
+    wheels = status.wheels
+    if wheels is None:
+        return "[dim]no wheels yet[/]"
+    table = _table("wheel", "1", "2", "3", "4")
+    rows = (
+        ("speed [rad/s]", wheels.speed_rad_s),
+        ("wanted [rad/s]", wheels.reference_rad_s),
+        ("duty", wheels.duty),
+        ("current [A]", wheels.current_A),
+        ("slip [m/s]", wheels.slip_m_s),
+    )
+    for title, values in rows:
+        table.add_row(title, *(f"{value:.3f}" for value in values))
+    return table
+
+
+def _loop_line(status: RobotStatus) -> str:
+    loop = status.safety
+    if loop is None:
+        return "[dim]no loop statistics yet[/]"
+    return (
+        f"[dim]tick {loop.tick_us_mean:.1f} µs (max {loop.tick_us_max:.1f})  overruns {loop.overruns}  "
+        f"I2C errors {loop.i2c_errors}  rx errors {loop.rx_errors}  dropped {loop.tx_dropped}[/]"
+    )
+
+
+def _texts(robot: Robot) -> str:
+    lines = []
+    for text in robot.texts.all[-_SHOWN_TEXTS:]:
+        style = "yellow" if text.severity <= _WARNING_SEVERITY else "dim"
+        lines.append(f"[{style}]{escape(text.text)}[/]")
+    return "\n".join(lines)

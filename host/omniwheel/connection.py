@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: MIT
+"""MAVLink 2 over a link: frames in and out, heartbeats, recording, waiting. No threads: the caller pumps.
+
+Time is whatever ``clock`` says. With the wall clock a pump waits for bytes; with a simulated link, whose ``read``
+advances the simulation, the same code runs deterministically.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from omniwheel.dialect import Message, mavlink
+from omniwheel.link import Link
+
+GROUND_STATION_ID = 255
+GROUND_COMPONENT_ID = 190
+HEARTBEAT_PERIOD_S = 1.0
+_MAVLINK2_MAGIC = 0xFD
+_POLL_S = 0.1
+
+Listener = Callable[[Message], None]
+Recorder = Callable[[bytes], None]
+
+
+class _Output:
+    """The file that pymavlink writes frames to."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def write(self, frame: bytes) -> None:
+        self._connection.write_frame(bytes(frame))
+
+
+class Connection:
+    """One end of a MAVLink conversation.
+
+    ``recorder`` gets every whole frame of either direction. ``rx_bytes`` and ``rx_bad_bytes`` count what came and what
+    was no MAVLink 2, to tell silence from a wrong baud rate.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        system_id: int = GROUND_STATION_ID,
+        component_id: int = GROUND_COMPONENT_ID,
+        heartbeat: bool = True,
+        recorder: Recorder | None = None,
+    ) -> None:
+        self.link = link
+        self.clock = clock
+        self.recorder = recorder
+        self.target_system = 0
+        self.target_component = 0
+        self.rx_bytes = 0
+        self.rx_bad_bytes = 0
+        self._codec: Any = mavlink.MAVLink(_Output(self), system_id, component_id)
+        self._codec.robust_parsing = True
+        self._listeners: list[Listener] = []
+        self._next_heartbeat_s = clock() if heartbeat else float("inf")
+
+    def add_listener(self, listener: Listener) -> Callable[[], None]:
+        """Call ``listener`` with every message from the robot; the returned function ends that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def send(self, message: Message) -> None:
+        """Send one message."""
+        self._codec.send(message)
+
+    def write_frame(self, frame: bytes) -> None:
+        """Send and record one whole frame."""
+        self.link.write(frame)
+        if self.recorder is not None:
+            self.recorder(frame)
+
+    def poll(self, timeout_s: float) -> list[Message]:
+        """Send a due heartbeat, read the link once, hand out and return what the robot sent."""
+        now = self.clock()
+        if now >= self._next_heartbeat_s:
+            self._next_heartbeat_s = max(self._next_heartbeat_s + HEARTBEAT_PERIOD_S, now)
+            self._send_heartbeat()
+        data = self.link.read(max(0.0, min(timeout_s, _POLL_S, self._next_heartbeat_s - now)))
+        return self.feed(data) if data else []
+
+    def feed(self, data: bytes) -> list[Message]:
+        """Take bytes that were read elsewhere, as if the link had delivered them."""
+        self.rx_bytes += len(data)
+        received = []
+        for message in self._codec.parse_buffer(data) or ():
+            frame = message.get_msgbuf()
+            if message.get_type() == "BAD_DATA" or frame[0] != _MAVLINK2_MAGIC:
+                self.rx_bad_bytes += len(frame)
+                continue
+            if self.recorder is not None:
+                self.recorder(bytes(frame))
+            if self.target_system in (0, message.get_srcSystem()):
+                received.append(message)
+                self._hand_out(message)
+        return received
+
+    def _hand_out(self, message: Message) -> None:
+        for listener in tuple(self._listeners):
+            listener(message)
+
+    def pump(self, duration_s: float) -> None:
+        """Serve the link for ``duration_s`` of the connection's clock."""
+        end = self.clock() + duration_s
+        while True:
+            left = end - self.clock()
+            self.poll(left)
+            if left <= 0.0:
+                return
+
+    def wait(self, wanted: Callable[[Message], bool], timeout_s: float) -> Message | None:
+        """Serve the link until a message satisfies ``wanted``; return it, or None after ``timeout_s``."""
+        end = self.clock() + timeout_s
+        while True:
+            left = end - self.clock()
+            found = first(self.poll(left), wanted)
+            if found is not None or left <= 0.0:
+                return found
+
+    def close(self) -> None:
+        """Close the link."""
+        self.link.close()
+
+    def _send_heartbeat(self) -> None:
+        self.send(
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+            )
+        )
+
+
+def first(messages: Iterable[Message], wanted: Callable[[Message], bool]) -> Message | None:
+    """Return the first message that satisfies ``wanted``."""
+    return next((message for message in messages if wanted(message)), None)

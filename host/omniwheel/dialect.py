@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""The generated MAVLink dialect ``omni``, importable as an ordinary pymavlink dialect.
+
+Importing this module makes ``pymavlink.dialects.v20.omni`` available; :func:`install` tells mavutil to use it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import Any, Protocol
+
+from omniwheel.paths import dialect_dir
+
+os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads it when it is imported
+_v20 = importlib.import_module("pymavlink.dialects.v20")
+
+
+class Message(Protocol):
+    """A message of the dialect; its fields are attributes, named as in the XML."""
+
+    def get_type(self) -> str:
+        """Return the message's name."""
+        ...
+
+    def get_msgbuf(self) -> bytearray:
+        """Return the frame as it was on the wire."""
+        ...
+
+    def get_srcSystem(self) -> int:  # noqa: N802 - pymavlink's name
+        """Return the sender's system id."""
+        ...
+
+    def get_srcComponent(self) -> int:  # noqa: N802 - pymavlink's name
+        """Return the sender's component id."""
+        ...
+
+    def __getattr__(self, name: str) -> Any: ...
+
+
+def _load() -> Any:
+    folder = str(dialect_dir())
+    if folder not in _v20.__path__:
+        _v20.__path__.append(folder)
+    return importlib.import_module("pymavlink.dialects.v20.omni")
+
+
+mavlink: Any = _load()
+"""The dialect module: message classes, enums and constants, as pymavlink generates them."""
+
+
+def install() -> None:
+    """Make pymavlink's own ``mavutil`` use the dialect, for programs that work with mavutil directly."""
+    mavutil = importlib.import_module("pymavlink.mavutil")
+    mavutil.set_dialect("omni")
+
+
+def enum_name(enum: str, value: int, prefix: str = "") -> str:
+    """Return the name of an enum's value without ``prefix``, or the number as text if it has none."""
+    entry = mavlink.enums[enum].get(value)
+    return str(entry.name).removeprefix(prefix) if entry is not None else str(value)

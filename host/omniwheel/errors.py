@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: MIT
+"""Every exception of this package, in one tree.
+
+::
+
+    OmniError
+    ├── LinkError                     the connection itself
+    │   ├── LinkUrlError              the link URL cannot be understood            (bad input)
+    │   ├── LinkOpenError             port or address cannot be opened
+    │   ├── LinkLostError             the other end went away
+    │   └── LinkTimeoutError          no answer in time
+    ├── ParameterError
+    │   ├── UnknownParameterError     no such name; says which one is close        (bad input, a KeyError)
+    │   ├── ParameterRangeError       the value is not allowed; says what is       (bad input, a ValueError)
+    │   ├── ParameterFileError        a parameter file cannot be read              (bad input)
+    │   └── ParameterRefusedError     the robot kept its old value; says why
+    ├── SetpointError                 a set-point or argument that is no number    (bad input, a ValueError)
+    ├── CommandRefusedError           the robot answered a command with a refusal; says why
+    │   └── ArmingRefusedError
+    ├── FirmwareError                 the PC firmware program
+    │   ├── FirmwareNotFoundError     it is not installed
+    │   └── FirmwareStartError        it ended or did not get ready
+    ├── RobotFileError                a robot file is missing or malformed         (bad input)
+    └── VersionMismatchError          robot and host speak different versions
+
+``str(error)`` is one line that says what happened; ``error.hint`` says what to do about it, or is "".
+The command line ends with ``error.exit_code``: 2 for bad input, 1 otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+
+class OmniError(Exception):
+    """Base of everything this package raises on purpose."""
+
+    exit_code: ClassVar[int] = 1
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class LinkError(OmniError):
+    """The connection to the robot."""
+
+
+class LinkUrlError(LinkError, ValueError):
+    """A link URL that cannot be understood."""
+
+    exit_code = 2
+
+
+class LinkOpenError(LinkError):
+    """A port or address that cannot be opened."""
+
+
+class LinkLostError(LinkError):
+    """The other end closed the connection or the port disappeared."""
+
+
+class LinkTimeoutError(LinkError, TimeoutError):
+    """No answer in time."""
+
+
+class ParameterError(OmniError):
+    """Something about a parameter."""
+
+
+class UnknownParameterError(ParameterError, KeyError):
+    """There is no parameter of this name."""
+
+    exit_code = 2
+
+
+class ParameterRangeError(ParameterError, ValueError):
+    """A value outside what params.toml allows; nothing was sent."""
+
+    exit_code = 2
+
+
+class ParameterFileError(ParameterError, ValueError):
+    """A parameter file that cannot be read or written."""
+
+    exit_code = 2
+
+
+class ParameterRefusedError(ParameterError):
+    """The robot did not take a value: ``wanted`` was asked for, ``kept`` is in force, ``reasons`` are its own words."""
+
+    def __init__(self, name: str, wanted: float, kept: float, reasons: Sequence[str]) -> None:
+        why = "; ".join(reasons) or "it gave no reason"
+        super().__init__(f"the robot refused {name} = {wanted:.7g} and keeps {kept:.7g}: {why}")
+        self.name = name
+        self.wanted = wanted
+        self.kept = kept
+        self.reasons = tuple(reasons)
+
+
+class SetpointError(OmniError, ValueError):
+    """A set-point or argument that is not a finite number; nothing was sent."""
+
+    exit_code = 2
+
+
+class CommandRefusedError(OmniError):
+    """The robot answered a command with something else than ACCEPTED.
+
+    ``result`` is the name of the MAV_RESULT without prefix ("DENIED"), ``reasons`` the robot's status texts.
+    """
+
+    what = "the robot refused"
+
+    def __init__(self, command: str, result: str, reasons: Sequence[str] = (), *, hint: str = "") -> None:
+        why = "; ".join(reasons) or "it gave no reason"
+        super().__init__(f"{self.what} {command} ({result.lower().replace('_', ' ')}): {why}", hint=hint)
+        self.command = command
+        self.result = result
+        self.reasons = tuple(reasons)
+
+
+class ArmingRefusedError(CommandRefusedError):
+    """The robot did not arm."""
+
+
+class FirmwareError(OmniError):
+    """The PC firmware program."""
+
+
+class FirmwareNotFoundError(FirmwareError):
+    """The PC firmware program is not part of this installation."""
+
+
+class FirmwareStartError(FirmwareError):
+    """The PC firmware program ended before it was ready, or did not get ready."""
+
+
+class RobotFileError(OmniError, ValueError):
+    """A robot file that is missing, malformed or out of range."""
+
+    exit_code = 2
+
+
+class VersionMismatchError(OmniError):
+    """The robot's firmware and this package do not fit together."""

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+"""What the robot says about its firmware (AUTOPILOT_VERSION)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniwheel.dialect import Message
+
+_RELEASE = 255
+
+
+@dataclass(frozen=True)
+class RobotVersion:
+    """Firmware version, its first 16 hex digits of the git commit ("" if unknown), and the parameter table it has.
+
+    ``dirty`` means built from a changed work tree; ``schema_crc`` is its table's :attr:`omni_schema.ParameterTable.crc`.
+    """
+
+    firmware: str
+    git_hash: str
+    dirty: bool
+    schema_version: int
+    schema_crc: int
+
+    def __str__(self) -> str:
+        git = f" ({self.git_hash[:8]}{', changed' if self.dirty else ''})" if self.git_hash else ""
+        return self.firmware + git
+
+
+def version_from_message(message: Message) -> RobotVersion:
+    """Decode AUTOPILOT_VERSION."""
+    number = int(message.flight_sw_version)
+    commit = bytes(message.flight_custom_version)
+    return RobotVersion(
+        firmware=f"{number >> 24 & 0xFF}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}",
+        git_hash=commit.hex() if any(commit) else "",
+        dirty=number & 0xFF != _RELEASE,
+        schema_version=int(message.middleware_sw_version),
+        schema_crc=int(message.os_sw_version),
+    )

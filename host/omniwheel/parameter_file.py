@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""Parameter files: one TOML table ``[parameters]``, one line per parameter, its meaning as a comment."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
+from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_table
+from omniwheel.errors import ParameterFileError
+
+
+def format_value(parameter: Parameter | None, value: float) -> str:
+    """Return the shortest text that gives the same float32 back; an enum's value by its name."""
+    if parameter is not None:
+        names = [name for name, number in parameter.values.items() if number == value]
+        if names:
+            return names[0]
+    if value.is_integer() and abs(value) < 1e9:
+        return str(int(value))
+    return next((text for text in (f"{value:.7g}", f"{value:.8g}") if _same_float32(text, value)), f"{value:.9g}")
+
+
+def _same_float32(text: str, value: float) -> bool:
+    return as_float32(float(text)) == as_float32(value)
+
+
+def write(path: Path | str, values: Mapping[str, float], table: ParameterTable) -> None:
+    """Write ``values``; an existing file is replaced only once the new one is whole."""
+    lines = ["# Parameters of an Omniwheel robot; `omni params load FILE` sets them.", "", "[parameters]"]
+    lines += [_line(table.get(name), name, value) for name, value in values.items()]
+    target = Path(path)
+    partial = target.with_name(target.name + ".part")
+    try:
+        partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        os.replace(partial, target)
+    except OSError as error:
+        raise ParameterFileError(
+            f"cannot write {target}: {error.strerror}", hint="check folder and permissions"
+        ) from error
+
+
+def _line(parameter: Parameter | None, name: str, value: float) -> str:
+    text = format_value(parameter, value)
+    if parameter is None:
+        return f"{name} = {text}"
+    quoted = f'"{text}"' if text in parameter.values else text
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    return f"{f'{name} = {quoted}':<32} # {parameter.doc}{unit}"
+
+
+def read(path: Path | str, table: ParameterTable) -> dict[str, float]:
+    """Read and check a parameter file. Raises ParameterFileError that names file, key, value and what is allowed."""
+    source = str(path)
+    try:
+        document = read_toml(Path(path))
+        refuse_unknown_keys(source, "", document, ("parameters",))
+        section = take_table(source, "parameters", document.get("parameters"))
+        return {name: table.find(source, name, name).parse(source, name, value) for name, value in section.items()}
+    except SchemaError as error:
+        hint = "`omni params save FILE` writes a file of the right form"
+        raise ParameterFileError(str(error), hint=hint) from error

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: MIT
+"""The robot's parameters as a mapping from name to value, over MAVLink's parameter protocol.
+
+Values are floats in the unit that params.toml gives; the robot keeps a float32, so reading back may differ in the
+eighth digit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from pathlib import Path
+
+from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
+from omni_schema.errors import did_you_mean
+from omniwheel import parameter_file
+from omniwheel.connection import Connection
+from omniwheel.dialect import Message, mavlink
+from omniwheel.errors import (
+    LinkTimeoutError,
+    ParameterError,
+    ParameterRangeError,
+    ParameterRefusedError,
+    UnknownParameterError,
+)
+from omniwheel.texts import TextLog
+
+REPLY_TIMEOUT_S = 1.5
+TRIES = 4
+QUIET_S = 0.7
+WINDOW = 8
+NOT_AN_INDEX = -1
+
+Progress = Callable[[int, int], None]
+ParameterValue = float | str | bool
+
+
+def unknown_parameter(name: str, known: Mapping[str, object]) -> UnknownParameterError:
+    """Return the error for a name that is not in ``known``, with the closest one that is."""
+    message = f"there is no parameter {name}{did_you_mean(name, known)}"
+    return UnknownParameterError(message, hint="`omni params list` shows all")
+
+
+def checked_value(table: ParameterTable, name: str, value: ParameterValue) -> float:
+    """Turn a number or the name of an enum's value into the float32 that is sent, or say why it is not allowed."""
+    if name not in table:
+        raise unknown_parameter(name, table)
+    try:
+        return table[name].parse("", name, value)
+    except SchemaError as error:
+        problem = error.problem if "allowed" in error.problem else f"is {value!r}; allowed is {table[name].allowed}"
+        raise ParameterRangeError(f"{name} {problem}", hint=table[name].doc) from error
+
+
+class Parameters(MutableMapping[str, float]):
+    """The parameters of a connected robot.
+
+    Reading uses a cache, which every PARAM_VALUE of the robot refreshes; names not seen yet are asked for. Setting
+    checks the range here first, sends, and returns when the robot has confirmed the very value. Iterating downloads
+    all first.
+    """
+
+    def __init__(self, connection: Connection, table: ParameterTable, texts: TextLog) -> None:
+        self.table = table
+        self._connection = connection
+        self._texts = texts
+        self._names: dict[int, str] = {}
+        self._by_name: dict[str, float] = {}
+        self._count = 0
+        connection.add_listener(self._take)
+
+    # ---- the mapping
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self._by_name:
+            if name not in self.table and not self.complete:
+                self.download()
+            self._require_known(name)
+            return self.read(name)
+        return self._by_name[name]
+
+    def __setitem__(self, name: str, value: ParameterValue) -> None:
+        self._set(name, self.check(name, value))
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError(
+            f"a robot's parameter cannot be deleted: {name}; reset_parameters() restores the robot file's values"
+        )
+
+    def __iter__(self) -> Iterator[str]:
+        self._complete()
+        return iter([self._names[index] for index in sorted(self._names)])
+
+    def __len__(self) -> int:
+        self._complete()
+        return self._count
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._by_name or name in self.table
+
+    @property
+    def complete(self) -> bool:
+        """Whether every parameter of the robot is in the cache."""
+        return 0 < self._count == len(self._names)
+
+    def info(self, name: str) -> Parameter | None:
+        """Return what params.toml says about a parameter, None if this package does not know it."""
+        return self.table.get(name)
+
+    def forget(self) -> None:
+        """Empty the cache, for instance after the robot restarted."""
+        self._names.clear()
+        self._by_name.clear()
+        self._count = 0
+
+    # ---- reading
+
+    def read(self, name: str) -> float:
+        """Ask the robot for one value now. Raises LinkTimeoutError."""
+        request = self._request(name.encode(), NOT_AN_INDEX)
+        self._ask(request, name)
+        return self._by_name[name]
+
+    def download(self, progress: Progress | None = None) -> dict[str, float]:
+        """Fetch all parameters afresh; lost ones are asked for again.
+
+        ``progress`` is called with (received, total). Raises LinkTimeoutError if the robot stops answering.
+        """
+        self.forget()
+        target = self._target()
+        self._connection.send(mavlink.MAVLink_param_request_list_message(*target))
+        silent = 0
+        while not self.complete:
+            if self._listen(progress):
+                silent = 0
+                continue
+            silent += 1
+            if silent >= TRIES:
+                raise self._download_error()
+            self._ask_for_missing()
+        return dict(self._by_name)
+
+    def _listen(self, progress: Progress | None) -> bool:
+        """Take PARAM_VALUEs until all are there or none comes for a while; return whether there were new ones."""
+        before = len(self._names)
+        quiet = QUIET_S if before else REPLY_TIMEOUT_S
+        while not self.complete and self._connection.wait(_is_parameter, quiet) is not None:
+            if progress is not None:
+                progress(len(self._names), self._count)
+        return len(self._names) > before
+
+    def _ask_for_missing(self) -> None:
+        if not self._count:
+            self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
+            return
+        missing = [index for index in range(self._count) if index not in self._names]
+        for index in missing[:WINDOW]:
+            self._connection.send(self._request(b"", index))
+
+    def _download_error(self) -> LinkTimeoutError:
+        if not self._count:
+            return LinkTimeoutError("the robot does not answer the request for its parameters")
+        return LinkTimeoutError(
+            f"the robot stopped answering after {len(self._names)} of {self._count} parameters",
+            hint="a slow radio? lower the telemetry rates (SRn_STATE, SRn_WHEELS) of that link",
+        )
+
+    # ---- writing
+
+    def check(self, name: str, value: ParameterValue) -> float:
+        """Return ``value`` as it would be sent; raise UnknownParameterError or ParameterRangeError."""
+        if name not in self.table:
+            self._require_known(name)
+            return as_float32(float(value))
+        return checked_value(self.table, name, value)
+
+    def set_many(self, values: Mapping[str, ParameterValue]) -> None:
+        """Set several parameters, all or none.
+
+        All are checked before any is sent. Some combinations are only valid together, so a refused value is tried again
+        after the others; if one stays refused, those already set get their old values back and ParameterRefusedError
+        is raised.
+        """
+        wanted = {name: self.check(name, value) for name, value in values.items()}
+        old = {name: self[name] for name in wanted}
+        todo = {name: value for name, value in wanted.items() if value != old[name]}
+        try:
+            self._set_in_any_order(todo)
+        except ParameterError:
+            self._set_back({name: old[name] for name in todo if self._by_name.get(name) != old[name]})
+            raise
+
+    def _set_in_any_order(self, todo: dict[str, float]) -> None:
+        while todo:
+            refused: dict[str, float] = {}
+            problem: ParameterRefusedError | None = None
+            for name, value in todo.items():
+                try:
+                    self._set(name, value)
+                except ParameterRefusedError as error:
+                    refused[name] = value
+                    problem = problem or error
+            if problem is not None and len(refused) == len(todo):
+                raise problem
+            todo = refused
+
+    def _set_back(self, old: dict[str, float]) -> None:
+        try:
+            self._set_in_any_order(old)
+        except ParameterRefusedError as error:
+            raise ParameterError(
+                f"some parameters could not be set back: {error}", hint="compare with `omni params diff`"
+            ) from error
+
+    def _set(self, name: str, value: float) -> None:
+        mark = self._texts.mark()
+        message = mavlink.MAVLink_param_set_message(
+            *self._target(), name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
+        )
+        self._ask(message, name)
+        kept = self._by_name[name]
+        if kept != value:
+            raise ParameterRefusedError(name, value, kept, self._texts.reasons_since(mark))
+
+    # ---- files
+
+    def save(self, path: Path | str) -> None:
+        """Write all parameters to a TOML file that :meth:`load` reads."""
+        parameter_file.write(path, dict(self.items()), self.table)
+
+    def load(self, path: Path | str) -> dict[str, tuple[float, float]]:
+        """Set every parameter of a file, all or none; return those that changed as {name: (before, after)}."""
+        wanted = parameter_file.read(path, self.table)
+        changes = self.diff(wanted)
+        self.set_many({name: after for name, (_, after) in changes.items()})
+        return changes
+
+    def diff(self, other: Mapping[str, ParameterValue]) -> dict[str, tuple[float, float]]:
+        """Return {name: (robot's value, other's value)} for the parameters of ``other`` that differ."""
+        self._complete()
+        wanted = {name: self.check(name, value) for name, value in other.items()}
+        return {name: (self[name], value) for name, value in wanted.items() if self[name] != value}
+
+    # ---- the wire
+
+    def _take(self, message: Message) -> None:
+        if not _is_parameter(message):
+            return
+        name = _name_of(message)
+        self._by_name[name] = float(message.param_value)
+        if message.param_index < message.param_count:
+            self._count = message.param_count
+            self._names[message.param_index] = name
+
+    def _ask(self, message: Message, name: str) -> None:
+        for _ in range(TRIES):
+            self._connection.send(message)
+            answer = self._connection.wait(lambda m: _is_parameter(m) and _name_of(m) == name, REPLY_TIMEOUT_S)
+            if answer is not None:
+                return
+        raise LinkTimeoutError(f"the robot does not answer about {name}", hint="does its firmware know this parameter?")
+
+    def _request(self, name: bytes, index: int) -> Message:
+        request: Message = mavlink.MAVLink_param_request_read_message(*self._target(), name, index)
+        return request
+
+    def _target(self) -> tuple[int, int]:
+        return self._connection.target_system, self._connection.target_component
+
+    def _complete(self) -> None:
+        if not self.complete:
+            self.download()
+
+    def _require_known(self, name: str) -> None:
+        if name not in self.table and name not in self._by_name:
+            raise unknown_parameter(name, {**self.table, **self._by_name})
+
+
+def _is_parameter(message: Message) -> bool:
+    return message.get_type() == "PARAM_VALUE"
+
+
+def _name_of(message: Message) -> str:
+    return str(message.param_id).rstrip("\0")

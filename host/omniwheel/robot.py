@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: MIT
+"""A connected robot: :func:`connect` and :class:`Robot`."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from types import TracebackType
+
+from omni_schema import ParameterTable, load_parameters
+from omniwheel.commands import Commander, message_id
+from omniwheel.connection import Connection, Recorder
+from omniwheel.dialect import Message, mavlink
+from omniwheel.errors import LinkTimeoutError, OmniError, VersionMismatchError
+from omniwheel.firmware_version import RobotVersion, version_from_message
+from omniwheel.frames import Pose, Twist
+from omniwheel.link import Link, open_link
+from omniwheel.parameters import Parameters, checked_value
+from omniwheel.paths import params_path
+from omniwheel.setpoints import finite, pose_fix_message, pose_target, velocity_target
+from omniwheel.status import RobotStatus, StatusBoard
+from omniwheel.telemetry import TelemetryT, decode
+from omniwheel.texts import TextLog
+
+DEFAULT_TIMEOUT_S = 5.0
+FORCE = 21196.0
+"""Param 2 of the arm/disarm command that MAVLink defines as "do it anyway"."""
+SETPOINT_PERIOD_S = 0.05
+_DISARM_TIMEOUT_S = 1.0
+_BUFFERED = 10000
+_AS_PARAMETER = -1.0
+_STORE, _RESTORE, _RESET = 1, 0, 2
+_ROBOT_TYPES_IGNORED = ("MAV_TYPE_GCS", "MAV_TYPE_ONBOARD_CONTROLLER", "MAV_TYPE_ADSB")
+
+
+class Robot:
+    """A robot on the other end of a link; get one from :func:`connect` and use it as a context manager.
+
+    Nothing runs in the background: every method that waits serves the link meanwhile (reads, keeps :attr:`status`
+    fresh, sends the 1 Hz heartbeat), and a program that only computes calls :meth:`pump` at least once a second. If it
+    stops doing so, the robot's link-loss stop takes over, which is what one wants of a program that hangs. On leaving
+    the context the robot is disarmed if this object armed it.
+
+    Poses are world x [m], y [m], theta [rad] counter-clockwise. All waits end with LinkTimeoutError at the latest.
+    """
+
+    def __init__(self, connection: Connection, *, table: ParameterTable, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
+        self.connection = connection
+        self.timeout_s = timeout_s
+        self.table = table
+        self.texts = TextLog(connection)
+        self.parameters = Parameters(connection, table, self.texts)
+        self.commands = Commander(connection, self.texts)
+        self._board = StatusBoard(connection)
+        self._armed_here = False
+        self._version: RobotVersion | None = None
+
+    # ---- connection
+
+    def __enter__(self) -> Robot:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Disarm if this object armed the robot, then close the link."""
+        try:
+            if self._armed_here:
+                with suppress(OmniError):
+                    self.disarm()
+        finally:
+            self.connection.close()
+
+    def pump(self, duration_s: float = 0.0) -> None:
+        """Serve the link for ``duration_s`` of the link's clock; 0 takes what is there."""
+        self.connection.pump(duration_s)
+
+    def send(self, message: Message) -> None:
+        """Send any MAVLink message of the dialect (:data:`omniwheel.dialect.mavlink`)."""
+        self.connection.send(message)
+
+    @property
+    def url(self) -> str:
+        """The link."""
+        return self.connection.link.url
+
+    # ---- what the robot says
+
+    @property
+    def status(self) -> RobotStatus:
+        """The latest of everything, as a snapshot; see :meth:`pump`."""
+        return self._board.snapshot()
+
+    @property
+    def version(self) -> RobotVersion:
+        """Firmware version, asked for once."""
+        if self._version is None:
+            message = self.commands.request_message("AUTOPILOT_VERSION", self.timeout_s)
+            self._version = version_from_message(message)
+        return self._version
+
+    def require_same_parameters(self) -> None:
+        """Raise VersionMismatchError if the robot's parameter table is not the one this package knows."""
+        if self.version.schema_crc != self.table.crc:
+            raise VersionMismatchError(
+                f"the robot's firmware {self.version} has other parameters than this omniwheel",
+                hint="install the same version on both; names, ranges or meanings may differ",
+            )
+
+    def telemetry(self, *kinds: type[TelemetryT], timeout_s: float | None = None) -> Iterator[TelemetryT]:
+        """Yield telemetry of these kinds (classes of :mod:`omniwheel.telemetry`) as it comes, without end.
+
+        What arrives while the loop's body calls other methods is kept. Raises LinkTimeoutError if nothing comes for
+        ``timeout_s`` (default: the connection's).
+        """
+        for message in self.messages(*(kind.message for kind in kinds), timeout_s=timeout_s):
+            for kind in kinds:
+                decoded = decode(kind, message)
+                if decoded is not None:
+                    yield decoded
+
+    def messages(self, *names: str, timeout_s: float | None = None) -> Iterator[Message]:
+        """Yield MAVLink messages by name as they come; the raw side of :meth:`telemetry`."""
+        limit = self.timeout_s if timeout_s is None else timeout_s
+        waiting: deque[Message] = deque(maxlen=_BUFFERED)
+        remove = self.connection.add_listener(lambda m: waiting.append(m) if m.get_type() in names else None)
+        try:
+            while True:
+                if not waiting and self.connection.wait(lambda _: bool(waiting), limit) is None:
+                    raise LinkTimeoutError(
+                        f"no {' or '.join(names)} from the robot for {limit:g} s",
+                        hint="is this message switched off? set_message_interval(name, hz) switches it on",
+                    )
+                yield waiting.popleft()
+        finally:
+            remove()
+
+    def wait_for(self, kind: type[TelemetryT], timeout_s: float | None = None) -> TelemetryT:
+        """Return the next telemetry of one kind."""
+        return next(self.telemetry(kind, timeout_s=timeout_s))
+
+    def wait_until(self, condition: Callable[[RobotStatus], bool], timeout_s: float, what: str) -> RobotStatus:
+        """Serve the link until ``condition(status)`` holds; LinkTimeoutError names ``what`` was waited for."""
+        if not condition(self.status) and self.connection.wait(lambda _: condition(self.status), timeout_s) is None:
+            raise LinkTimeoutError(f"the robot was not {what} within {timeout_s:g} s")
+        return self.status
+
+    def set_message_interval(self, name: str, rate_hz: float | None) -> None:
+        """Set the rate of a message on this link: 0 switches it off, None restores the rate at boot."""
+        interval_us = 0.0 if rate_hz is None else -1.0 if rate_hz == 0 else 1e6 / finite("rate_hz", rate_hz)
+        number = float(message_id(name))
+        self.commands.send(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_us, what=f"to set the rate of {name}")
+
+    # ---- arming and stopping
+
+    def arm(self) -> None:
+        """Power the motors. Raises ArmingRefusedError with the robot's reasons."""
+        self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
+        self._armed_here = True
+
+    def disarm(self) -> None:
+        """Power the motors off; always possible."""
+        self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, FORCE, what="to disarm")
+        self._armed_here = False
+
+    def estop(self) -> None:
+        """Emergency stop, latched until :meth:`estop_clear`."""
+        self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 1.0, what="to stop at once")
+        self._armed_here = False
+
+    def estop_clear(self) -> None:
+        """Release the emergency stop; the robot is then disarmed."""
+        self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 0.0, what="to release the emergency stop")
+
+    # ---- set-points
+
+    def set_velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
+        """Ask for a velocity [m/s, m/s, rad/s] in the ``body`` or ``world`` frame.
+
+        To be repeated faster than SAFE_CMD_TO (0.5 s by default), or the robot stops; :meth:`drive_velocity` does that.
+        """
+        self.send(velocity_target(self.connection, Twist(vx, vy, wz), frame))
+
+    def set_pose(self, x: float, y: float, theta: float, *, feed_forward: Twist | None = None) -> None:
+        """Ask for a world pose, with the world twist along it if it moves. To be repeated like :meth:`set_velocity`."""
+        self.send(pose_target(self.connection, Pose(x, y, theta), feed_forward))
+
+    def drive_velocity(
+        self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body", stop: bool = True
+    ) -> None:
+        """Keep a velocity for ``duration_s``, then ask for zero unless ``stop`` is False."""
+        self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
+        if stop:
+            self.set_velocity(0.0, 0.0, 0.0, frame=frame)
+
+    def drive_pose(self, x: float, y: float, theta: float, duration_s: float) -> None:
+        """Keep asking for one world pose for ``duration_s``."""
+        self._repeat(lambda: self.set_pose(x, y, theta), duration_s)
+
+    def _repeat(self, action: Callable[[], None], duration_s: float) -> None:
+        end = self.connection.clock() + finite("duration_s", duration_s)
+        while self.connection.clock() < end:
+            action()
+            self.pump(min(SETPOINT_PERIOD_S, max(0.0, end - self.connection.clock())))
+
+    def send_pose_fix(self, x: float, y: float, theta: float, time_us: int = 0) -> None:
+        """Send a measured world pose, as from motion capture; ``time_us`` in the robot's clock, 0: unknown."""
+        self.send(pose_fix_message(Pose(x, y, theta), time_us))
+
+    def set_pose_estimate(self, x: float, y: float, theta: float) -> None:
+        """Restart the pose estimate here; only while disarmed."""
+        values = [finite(name, value) for name, value in (("x", x), ("y", y), ("theta", theta))]
+        self.commands.send(mavlink.MAV_CMD_OMNI_SET_POSE, *values, what="to set the pose estimate")
+
+    # ---- on-board trajectory
+
+    def start_trajectory(self, type: str | int | None = None, laps: float | None = None) -> None:  # noqa: A002
+        """Plan the path that the TRJ_* parameters describe and follow it; while disarmed, from arming on.
+
+        ``type`` (a name of TRJ_TYPE, like "rose") and ``laps`` take the place of the parameters for this once.
+        """
+        number = _AS_PARAMETER if type is None else checked_value(self.table, "TRJ_TYPE", type)
+        count = _AS_PARAMETER if laps is None else checked_value(self.table, "TRJ_LAPS", laps)
+        self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, number, count, what="to start the trajectory")
+
+    def stop_trajectory(self) -> None:
+        """Leave the trajectory and hold the pose."""
+        self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP, what="to stop the trajectory")
+
+    def set_waypoints(self, poses: Sequence[tuple[float, float, float]]) -> None:
+        """Replace the waypoints of the trajectory type "waypoints": world poses, at most 32."""
+        points = [[finite(f"waypoint {n}", value) for value in pose] for n, pose in enumerate(poses)]
+        for number, point in enumerate(points):
+            self.commands.send(mavlink.MAV_CMD_OMNI_WAYPOINT, float(number), *point, what=f"to set waypoint {number}")
+
+    # ---- parameters' storage, reboot, host-in-the-loop
+
+    def store(self) -> None:
+        """Write the parameters to non-volatile memory; only while disarmed."""
+        self._storage(_STORE, "to store the parameters")
+
+    def restore(self) -> None:
+        """Read the parameters back from non-volatile memory."""
+        self._storage(_RESTORE, "to restore the stored parameters")
+
+    def reset_parameters(self) -> None:
+        """Set all parameters to the robot file's values (not stored until :meth:`store`)."""
+        self._storage(_RESET, "to reset the parameters")
+
+    def _storage(self, action: int, what: str) -> None:
+        self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
+        self.parameters.forget()
+
+    def reboot(self) -> None:
+        """Restart the firmware; refused while armed."""
+        self.commands.send(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0, what="to reboot")
+
+    def enter_hil(self) -> None:
+        """Enter host-in-the-loop; only while disarmed. From now on the robot ticks once per OMNI_HIL_SENSORS."""
+        self.commands.send(mavlink.MAV_CMD_OMNI_HIL, 1.0, what="to enter host-in-the-loop")
+
+    def leave_hil(self) -> None:
+        """Leave host-in-the-loop."""
+        self.commands.send(mavlink.MAV_CMD_OMNI_HIL, 0.0, what="to leave host-in-the-loop")
+
+
+def connect(
+    url: str | Link,
+    *,
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    system_id: int | None = None,
+    heartbeat: bool = True,
+    clock: Callable[[], float] = time.monotonic,
+    recorder: Recorder | None = None,
+) -> Robot:
+    """Connect to a robot and wait for its heartbeat.
+
+    ``url`` is a link URL (:mod:`omniwheel.link`) or a link of one's own; ``system_id`` picks a robot where several
+    share a link; ``recorder`` gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`). Without
+    ``heartbeat`` the robot does not count this program as a ground station. Raises LinkUrlError, LinkOpenError,
+    LinkLostError, LinkTimeoutError.
+    """
+    link: Link = open_link(url, timeout_s=timeout_s) if isinstance(url, str) else url
+    connection = Connection(link, clock=clock, heartbeat=heartbeat, recorder=recorder)
+    try:
+        robot = Robot(connection, table=load_parameters(params_path()), timeout_s=timeout_s)
+        _await_robot(connection, system_id, timeout_s)
+    except BaseException:
+        connection.close()
+        raise
+    return robot
+
+
+def _await_robot(connection: Connection, system_id: int | None, timeout_s: float) -> None:
+    found = connection.wait(lambda m: _is_robot(m) and system_id in (None, m.get_srcSystem()), timeout_s)
+    if found is None:
+        raise _no_heartbeat(connection, system_id, timeout_s)
+    connection.target_system = found.get_srcSystem()
+    connection.target_component = found.get_srcComponent()
+
+
+def _is_robot(message: Message) -> bool:
+    if message.get_type() != "HEARTBEAT" or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+        return False
+    return message.type not in [getattr(mavlink, name) for name in _ROBOT_TYPES_IGNORED]
+
+
+def _no_heartbeat(connection: Connection, system_id: int | None, timeout_s: float) -> LinkTimeoutError:
+    url = connection.link.url
+    if connection.rx_bytes == 0:
+        message = f"nothing came from {url} within {timeout_s:g} s"
+        return LinkTimeoutError(message, hint="is the robot switched on, and this the right port?")
+    if connection.rx_bad_bytes * 2 > connection.rx_bytes:
+        message = f"what comes from {url} is not MAVLink 2 ({connection.rx_bytes} bytes in {timeout_s:g} s)"
+        return LinkTimeoutError(message, hint="wrong baud rate, or another device? give the rate as PORT,BAUD")
+    who = "a robot" if system_id is None else f"a robot with system id {system_id}"
+    return LinkTimeoutError(f"{url} speaks MAVLink, but no heartbeat of {who} came within {timeout_s:g} s")

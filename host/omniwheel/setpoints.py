@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT
+"""Set-points and pose fixes as MAVLink messages; a number that is not finite is refused before it is sent."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from omniwheel.connection import Connection
+from omniwheel.dialect import Message, mavlink
+from omniwheel.errors import SetpointError
+from omniwheel.frames import Pose, Twist, flip
+
+_M = mavlink
+_IGNORE_POSITION = _M.POSITION_TARGET_TYPEMASK_X_IGNORE | _M.POSITION_TARGET_TYPEMASK_Y_IGNORE
+_IGNORE_Z = _M.POSITION_TARGET_TYPEMASK_Z_IGNORE | _M.POSITION_TARGET_TYPEMASK_VZ_IGNORE
+_IGNORE_VELOCITY = _M.POSITION_TARGET_TYPEMASK_VX_IGNORE | _M.POSITION_TARGET_TYPEMASK_VY_IGNORE
+_IGNORE_ACCELERATION = (
+    _M.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | _M.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | _M.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+)
+_IGNORE_YAW = _M.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+_IGNORE_YAW_RATE = _M.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+_FRAMES = {"body": _M.MAV_FRAME_BODY_FRD, "world": _M.MAV_FRAME_LOCAL_NED}
+_UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
+
+
+def finite(name: str, value: float) -> float:
+    """Return ``value``; raise SetpointError if it is not a finite number."""
+    if not math.isfinite(value):
+        raise SetpointError(f"{name} is {value}; a finite number is needed")
+    return float(value)
+
+
+def _all_finite(values: Any) -> None:
+    for name, value in values._asdict().items():
+        finite(name, value)
+
+
+def velocity_target(connection: Connection, twist: Twist, frame: str) -> Message:
+    """Return the set-point of a velocity in the frame "body" or "world"."""
+    if frame not in _FRAMES:
+        raise SetpointError(f"the frame is {frame!r}; allowed are {', '.join(_FRAMES)}")
+    _all_finite(twist)
+    mask = _IGNORE_POSITION | _IGNORE_Z | _IGNORE_ACCELERATION | _IGNORE_YAW
+    return _target(connection, _FRAMES[frame], mask, Pose(0.0, 0.0, 0.0), twist)
+
+
+def pose_target(connection: Connection, pose: Pose, feed_forward: Twist | None) -> Message:
+    """Return the set-point of a world pose, with a feed-forward world twist if there is one."""
+    _all_finite(pose)
+    mask = _IGNORE_Z | _IGNORE_ACCELERATION
+    if feed_forward is None:
+        mask |= _IGNORE_VELOCITY | _IGNORE_YAW_RATE
+    else:
+        _all_finite(feed_forward)
+    return _target(connection, _M.MAV_FRAME_LOCAL_NED, mask, pose, feed_forward or Twist(0.0, 0.0, 0.0))
+
+
+def _target(connection: Connection, frame: int, mask: int, pose: Pose, twist: Twist) -> Message:
+    x, y, yaw = flip(*pose)
+    vx, vy, yaw_rate = flip(*twist)
+    who = (connection.target_system, connection.target_component)
+    message: Message = _M.MAVLink_set_position_target_local_ned_message(
+        0, *who, frame, mask, x, y, 0.0, vx, vy, 0.0, 0.0, 0.0, 0.0, yaw, yaw_rate
+    )
+    return message
+
+
+def pose_fix_message(pose: Pose, time_us: int) -> Message:
+    """Return a pose fix as VICON_POSITION_ESTIMATE."""
+    _all_finite(pose)
+    x, y, yaw = flip(*pose)
+    message: Message = _M.MAVLink_vicon_position_estimate_message(
+        time_us, x, y, 0.0, 0.0, 0.0, yaw, _UNKNOWN_COVARIANCE
+    )
+    return message

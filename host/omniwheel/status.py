@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: MIT
+"""The latest of everything a robot says, gathered into one snapshot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniwheel.connection import Connection
+from omniwheel.dialect import Message
+from omniwheel.telemetry import (
+    Battery,
+    Control,
+    Heartbeat,
+    Status,
+    StatusText,
+    Telemetry,
+    TelemetryT,
+    Tracking,
+    Wheels,
+    decode,
+)
+
+_KINDS: tuple[type[Telemetry], ...] = (Heartbeat, Tracking, Wheels, Control, Status, Battery, StatusText)
+
+
+@dataclass(frozen=True)
+class RobotStatus:
+    """What the robot said last; None where it has not said anything yet.
+
+    ``heartbeat_age_s`` is the time since the last heartbeat on the connection's clock, infinite before the first.
+    """
+
+    heartbeat_age_s: float
+    heartbeat: Heartbeat | None
+    tracking: Tracking | None
+    wheels: Wheels | None
+    control: Control | None
+    safety: Status | None
+    battery: Battery | None
+    text: StatusText | None
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors are powered."""
+        return self.heartbeat is not None and self.heartbeat.armed
+
+    @property
+    def mode(self) -> str:
+        """What moves the robot: hold, pose, velocity, trajectory, duty; "unknown" before the first heartbeat."""
+        return self.heartbeat.mode if self.heartbeat is not None else "unknown"
+
+    @property
+    def state(self) -> str:
+        """Safety state: init, disarmed, armed, failsafe, estop; "unknown" before the first status message."""
+        return self.safety.state if self.safety is not None else "unknown"
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Names of the present faults and warnings."""
+        return self.safety.faults if self.safety is not None else ()
+
+
+class StatusBoard:
+    """Listens to a connection and keeps the last of each kind of telemetry."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._latest: dict[str, Message] = {}
+        self._heartbeat_s = float("-inf")
+        self._names = {kind.message for kind in _KINDS}
+        connection.add_listener(self._take)
+
+    def _take(self, message: Message) -> None:
+        name = message.get_type()
+        if name in self._names:
+            self._latest[name] = message
+        if name == Heartbeat.message:
+            self._heartbeat_s = self._connection.clock()
+
+    def _last(self, kind: type[TelemetryT]) -> TelemetryT | None:
+        message = self._latest.get(kind.message)
+        return None if message is None else decode(kind, message)
+
+    def snapshot(self) -> RobotStatus:
+        """Return the present state of knowledge."""
+        return RobotStatus(
+            heartbeat_age_s=self._connection.clock() - self._heartbeat_s,
+            heartbeat=self._last(Heartbeat),
+            tracking=self._last(Tracking),
+            wheels=self._last(Wheels),
+            control=self._last(Control),
+            safety=self._last(Status),
+            battery=self._last(Battery),
+            text=self._last(StatusText),
+        )

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: MIT
+"""The commands through Typer's runner and as processes: output, exit codes, errors."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from omniwheel import FirmwareProcess, connect
+from omniwheel.cli import app
+from omniwheel.telemetry import Heartbeat
+from typer.testing import CliRunner
+
+runner = CliRunner()
+COMMANDS = [
+    ["params", "list"], ["params", "get"], ["params", "set"], ["params", "save"], ["params", "load"], ["params", "diff"],
+    ["params", "reset"], ["monitor"], ["record"], ["drive", "velocity"], ["drive", "pose"], ["drive", "trajectory"],
+    ["drive", "keys"], ["robots", "show"], ["robots", "check"], ["robots", "new"], ["doctor"],
+]  # fmt: skip
+
+
+def run(*words: str, code: int = 0) -> Any:
+    result = runner.invoke(app, list(words))
+    assert result.exit_code == code, (result.output, result.stderr, result.exception)
+    return result
+
+
+def run_json(*words: str, code: int = 0) -> Any:
+    return json.loads(run(*words, "--json", code=code).stdout)
+
+
+def omni(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from omniwheel.cli import main; main()", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, **options)
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_command_has_help_with_examples(words: list[str]) -> None:
+    text = run(*words, "--help").output
+    assert "Examples" in text
+    assert f"omni {' '.join(words)}" in text
+
+
+def test_params_set_get_and_diff(url: str) -> None:
+    changes = run_json("params", "set", "isMc_lam_xy=15.5", "CTL_MODE=pid", "--link", url)
+    assert changes["ISMC_LAM_XY"] == {"before": 12.0, "after": 15.5}
+    assert run_json("params", "get", "ISMC_LAM_XY", "CTL_MODE", "--link", url) == {"ISMC_LAM_XY": 15.5, "CTL_MODE": 4.0}
+    assert "pid" in run("params", "get", "CTL_MODE", "--link", url).stdout
+    differences = run_json("params", "diff", "--link", url, code=1)
+    assert differences["ISMC_LAM_XY"] == {"robot": 15.5, "default": 12.0}
+
+
+def test_params_list_shows_all_or_those_asked_for(url: str) -> None:
+    everything = run_json("params", "list", "--link", url)
+    assert everything["WHEEL_RADIUS"]["unit"] == "m"
+    assert len(everything) > 100
+    table = run("params", "list", "ismc_lam", "--link", url).stdout
+    assert "ISMC_LAM_XY" in table
+    assert "1/s" in table
+    assert "WHEELS" not in table
+
+
+def test_params_save_load_and_reset(url: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    run("params", "set", "ISMC_LAM_XY=15", "--link", url)
+    assert run_json("params", "save", str(file), "--link", url)["file"] == str(file)
+    assert run_json("params", "reset", "--link", url)["ISMC_LAM_XY"] == {"before": 15.0, "after": 12.0}
+    assert run_json("params", "load", str(file), "--link", url) == {"ISMC_LAM_XY": {"before": 12.0, "after": 15.0}}
+    assert run_json("params", "diff", str(file), "--link", url) == {}
+    run("params", "reset", "ISMC_LAM_XY", "--link", url)
+    assert run_json("params", "get", "ISMC_LAM_XY", "--link", url) == {"ISMC_LAM_XY": 12.0}
+
+
+def test_a_value_out_of_range_is_bad_input_and_needs_no_robot() -> None:
+    result = run("params", "set", "ISMC_LAM_XY=1000", code=2)
+    assert "from 0 to 200" in result.stderr
+    assert run_json("params", "set", "ISMC_LAM_XY=nan", code=2)["error"]["type"] == "ParameterRangeError"
+
+
+@pytest.mark.parametrize("words", [["ISMC_LAM_XY"], ["=1"], ["ISMC_LAM_XY="]])
+def test_an_assignment_that_is_none_is_bad_input(words: list[str]) -> None:
+    assert "NAME=VALUE" in run("params", "set", *words, code=2).stderr
+
+
+def test_an_unknown_parameter_is_bad_input_with_a_suggestion() -> None:
+    assert "did you mean ISMC_LAM_XY" in run("params", "set", "ISMC_LAM_YX=1", code=2).stderr
+
+
+def test_a_refused_parameter_is_exit_code_1_with_the_robots_reason(firmware: FirmwareProcess) -> None:
+    with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as both:
+        with connect(both.urls[0]) as pilot:
+            pilot.arm()
+            next(beat for beat in pilot.telemetry(Heartbeat) if beat.armed)
+            process = subprocess.Popen(
+                [sys.executable, "-c", "from omniwheel.cli import main; main()"]
+                + ["params", "set", "WHEELS=4", "--link", both.urls[1]],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            )  # fmt: skip
+            while process.poll() is None:
+                pilot.pump(0.05)
+            output, errors = process.communicate()
+    assert process.returncode == 1
+    assert output == ""
+    assert "disarm first" in errors
+    assert "Traceback" not in errors
+
+
+def test_no_robot_at_the_port_ends_with_one_line_and_a_hint() -> None:
+    result = omni("params", "list", "--link", "tcp:127.0.0.1:1")
+    assert result.returncode == 1
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["error", "hint"]
+    assert "refused" in lines[0]
+
+
+def test_json_errors_are_one_object_on_standard_output() -> None:
+    result = omni("monitor", "--json", "--link", "tcp:127.0.0.1:1")
+    assert result.returncode == 1
+    assert json.loads(result.stdout)["error"]["type"] == "LinkOpenError"
+
+
+@pytest.mark.parametrize("link", ["nonsense:1", "tcp:host", "/dev/ttyACM0,fast"])
+def test_a_link_that_is_none_is_bad_input(link: str) -> None:
+    assert "allowed are" in run("monitor", "--link", link, code=2).stderr
+
+
+def test_without_a_link_the_user_is_told_how_to_give_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("omniwheel.cli.common.serial_ports", list)
+    monkeypatch.delenv("OMNI_LINK", raising=False)
+    assert "--link" in run("monitor", code=2).stderr
+
+
+def test_the_environment_can_name_the_link(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMNI_LINK", url)
+    assert run_json("params", "get", "WHEELS") == {"WHEELS": 3.0}
+
+
+def test_monitor_once(url: str) -> None:
+    status = run_json("monitor", "--once", "--link", url)
+    assert (status["state"], status["armed"], status["mode"]) == ("disarmed", False, "hold")
+    assert set(status["pose"]) == {"x", "y", "theta"}
+    assert "disarmed" in run("monitor", "--once", "--link", url).stdout
+
+
+def test_record_writes_a_log_that_pymavlink_reads(url: str, tmp_path: Path) -> None:
+    from omniwheel.dialect import install
+    from pymavlink import mavutil
+
+    out = tmp_path / "run.tlog"
+    result = run_json("record", str(out), "--duration", "1.5", "--link", url)
+    assert result["frames"] > 10
+    install()
+    log = mavutil.mavlink_connection(str(out))
+    kinds = set()
+    while (message := log.recv_match()) is not None:
+        kinds.add(message.get_type())
+    assert {"HEARTBEAT", "OMNI_TRACKING", "LOCAL_POSITION_NED"} <= kinds
+    assert "exists already" in run("record", str(out), "--link", url, code=2).stderr
+
+
+def test_drive_velocity_disarms_at_the_end(url: str) -> None:
+    result = run_json("drive", "velocity", "0", "0", "0", "--for", "0.3", "--link", url)
+    assert set(result["pose"]) == {"x", "y", "theta"}
+    assert run_json("monitor", "--link", url)["state"] == "disarmed"
+
+
+def test_drive_pose_to_where_it_is_arrives(url: str) -> None:
+    assert run_json("drive", "pose", "0", "0", "0", "--for", "3", "--link", url)["arrived"] is True
+
+
+def test_an_unknown_trajectory_is_refused_and_the_robot_disarmed(url: str) -> None:
+    result = run("drive", "trajectory", "rosee", "--link", url, code=2)
+    assert "did you mean rose" in result.stderr
+    assert run_json("monitor", "--link", url)["state"] == "disarmed"
+
+
+def test_ctrl_c_disarms(tmp_path: Path) -> None:
+    with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as firmware:
+        process = subprocess.Popen(
+            [sys.executable, "-c", "from omniwheel.cli import main; main()"]
+            + ["drive", "velocity", "0", "0", "0", "--for", "60", "--link", firmware.urls[0]],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        with connect(firmware.urls[1], timeout_s=20.0) as watcher:
+            watcher.set_message_interval("HEARTBEAT", 20.0)
+            next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=20.0) if beat.armed)
+            os.kill(process.pid, signal.SIGINT)
+            next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=20.0) if not beat.armed)
+            _, errors = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "disarmed" in errors
+    assert "Traceback" not in errors
+
+
+def test_keys_need_a_terminal() -> None:
+    result = omni("drive", "keys", "--link", "tcp:127.0.0.1:1", stdin=subprocess.DEVNULL)
+    assert result.returncode == 2
+    assert "terminal" in result.stderr
+
+
+def test_robots_are_listed_shown_and_checked(robot_file: Path) -> None:
+    assert {robot["name"] for robot in run_json("robots")["robots"]} == {"three_wheel", "four_wheel"}
+    assert run_json("robots", "show", "three_wheel")["parameters"]["WHEELS"] == 3.0
+    assert "WHEEL_RADIUS" in run("robots", "show", "four_wheel").stdout
+    assert "fine" in run("robots", "check", str(robot_file)).stdout
+
+
+def test_a_new_robot_file_is_a_copy_under_another_name(tmp_path: Path) -> None:
+    file = Path(run_json("robots", "new", "mine", "--from", "four_wheel", "--folder", str(tmp_path))["file"])
+    assert run_json("robots", "show", str(file))["name"] == "mine"
+    assert run_json("robots", "show", str(file))["wheels"] == 4
+    assert "exists already" in run("robots", "new", "mine", "--folder", str(tmp_path), code=2).stderr
+    assert "cannot be a robot's name" in run("robots", "new", "My Robot", code=2).stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("wheel_radius_m = 0.0508", "wheel_radius_m = 5.0", ["geometry.wheel_radius_m", "5.0", "0.5"]),
+        ("wheel_radius_m", "wheel_raduis_m", ["wheel_raduis_m", "did you mean"]),
+        ("wheels = 3", "wheels = 5", ["geometry.wheels", "5", "from 3 to 4"]),
+        ("[geometry]", "[geometry", ["not valid TOML"]),
+    ],
+)
+def test_a_bad_robot_file_names_the_key_the_value_and_what_is_allowed(
+    robot_file: Path, old: str, new: str, words: list[str]
+) -> None:
+    robot_file.write_text(robot_file.read_text().replace(old, new, 1))
+    errors = run("robots", "check", str(robot_file), code=2).stderr
+    assert all(word in errors for word in [*words, "mine.toml"])
+
+
+def test_doctor_finds_everything_that_is_required() -> None:
+    report = run_json("doctor")
+    assert report["ok"] is True
+    checks = {check["name"]: check for check in report["checks"]}
+    assert checks["PC firmware"]["ok"] is True
+    assert "MAVProxy" in checks
+
+
+def test_doctor_fails_when_something_required_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    from omniwheel.paths import MissingFileError
+
+    def missing() -> Path:
+        raise MissingFileError("the PC firmware not found")
+
+    monkeypatch.setattr("omniwheel.cli.doctor.firmware_path", missing)
+    assert run_json("doctor", code=1)["ok"] is False
+
+
+def test_the_version_is_printed() -> None:
+    assert run("--version").stdout.startswith("omniwheel ")

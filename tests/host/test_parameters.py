@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: MIT
+"""The parameter protocol against a robot made of Python, with and without loss, in simulated time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from omni_schema import as_float32
+from omniwheel import Robot, connect
+from omniwheel.errors import (
+    LinkTimeoutError,
+    ParameterFileError,
+    ParameterRangeError,
+    ParameterRefusedError,
+    UnknownParameterError,
+)
+
+
+def test_download_gives_every_parameter_in_the_robots_order(fake: Any, robot: Robot) -> None:
+    seen: list[tuple[int, int]] = []
+    values = robot.parameters.download(lambda done, total: seen.append((done, total)))
+    assert values == pytest.approx(fake.values)
+    assert list(robot.parameters) == list(fake.values)
+    assert len(robot.parameters) == len(fake.values)
+    assert seen[-1] == (len(fake.values), len(fake.values))
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_download_survives_loss(fake_robot: Callable[..., Any], loss: float, seed: int) -> None:
+    fake = fake_robot(loss=loss, seed=seed)
+    with connect(fake, clock=fake.clock, timeout_s=60.0) as robot:
+        assert robot.parameters.download() == pytest.approx(fake.values)
+
+
+def test_a_robot_that_falls_silent_ends_the_download(fake: Any, robot: Robot) -> None:
+    fake.silent = True
+    with pytest.raises(LinkTimeoutError, match="does not answer"):
+        robot.parameters.download()
+
+
+def test_setting_returns_with_the_robots_confirmation(fake: Any, robot: Robot) -> None:
+    robot.parameters["ISMC_LAM_XY"] = 15.1
+    assert fake.values["ISMC_LAM_XY"] == as_float32(15.1) == robot.parameters["ISMC_LAM_XY"]
+
+
+def test_enum_values_can_be_named(fake: Any, robot: Robot) -> None:
+    robot.parameters.set_many({"CTL_MODE": "pid", "TRJ_SCALE": 0})
+    assert (fake.values["CTL_MODE"], fake.values["TRJ_SCALE"]) == (4.0, 0.0)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, 200.001, 1e300])
+def test_a_value_out_of_range_is_not_even_sent(fake: Any, robot: Robot, value: float) -> None:
+    with pytest.raises(ParameterRangeError, match=r"ISMC_LAM_XY.*from 0 to 200"):
+        robot.parameters["ISMC_LAM_XY"] = value
+    assert not [m for m in fake.received if m.get_type() == "PARAM_SET"]
+
+
+def test_an_unknown_name_comes_with_the_closest_known_one(robot: Robot) -> None:
+    with pytest.raises(UnknownParameterError, match="did you mean ISMC_LAM_XY"):
+        robot.parameters["ISMC_LAM_YX"] = 1.0
+    with pytest.raises(KeyError):
+        robot.parameters["NO_SUCH"]
+
+
+def test_a_refusal_carries_the_robots_words_and_changes_nothing(fake: Any, robot: Robot) -> None:
+    fake.refusals["WHEELS"] = "WHEELS refused: disarm first"
+    with pytest.raises(ParameterRefusedError, match="disarm first") as caught:
+        robot.parameters["WHEELS"] = 4
+    assert (caught.value.wanted, caught.value.kept) == (4.0, 3.0)
+    assert robot.parameters["WHEELS"] == 3.0
+
+
+def test_set_many_sets_all_or_none(fake: Any, robot: Robot) -> None:
+    before = dict(fake.values)
+    fake.refusals["WHEELS"] = "no"
+    with pytest.raises(ParameterRefusedError):
+        robot.parameters.set_many({"ISMC_LAM_XY": 1.0, "WHEELS": 4, "ISMC_LAM_TH": 2.0})
+    assert fake.values == before
+    with pytest.raises(ParameterRangeError):
+        robot.parameters.set_many({"ISMC_LAM_XY": 1.0, "ISMC_LAM_TH": -2.0})
+    assert fake.values == before
+
+
+def test_set_many_tries_again_what_needs_another_value_first(fake: Any, robot: Robot) -> None:
+    set_value = fake._set
+
+    def needs_four_wheels(name: str, value: float) -> None:
+        fake.refusals = {"W4_ANGLE": "only with 4 wheels"} if fake.values["WHEELS"] != 4 else {}
+        set_value(name, value)
+
+    fake._set = needs_four_wheels
+    robot.parameters.set_many({"W4_ANGLE": 90.0, "WHEELS": 4})
+    assert (fake.values["W4_ANGLE"], fake.values["WHEELS"]) == (90.0, 4.0)
+
+
+def test_a_lost_confirmation_is_asked_for_again(fake_robot: Callable[..., Any]) -> None:
+    fake = fake_robot(loss=0.4, seed=5)
+    with connect(fake, clock=fake.clock, timeout_s=60.0) as robot:
+        for value in (1.0, 2.0, 3.0, 4.0):
+            robot.parameters["FL_KP_XY"] = value
+            assert fake.values["FL_KP_XY"] == value
+
+
+def test_parameters_cannot_be_deleted(robot: Robot) -> None:
+    with pytest.raises(TypeError, match="reset_parameters"):
+        del robot.parameters["WHEELS"]
+
+
+def test_a_saved_file_loads_to_the_same_bits(fake: Any, robot: Robot, tmp_path: Path) -> None:
+    file = tmp_path / "p.toml"
+    robot.parameters.set_many({"ISMC_LAM_XY": 0.1, "KF_Q_W": 1 / 3, "CTL_MODE": "pid"})
+    robot.parameters.save(file)
+    saved = dict(fake.values)
+    robot.parameters.set_many({"ISMC_LAM_XY": 5, "KF_Q_W": 2, "CTL_MODE": "ismc"})
+    changes = robot.parameters.load(file)
+    assert set(changes) == {"ISMC_LAM_XY", "KF_Q_W", "CTL_MODE"}
+    assert fake.values == saved
+    assert robot.parameters.load(file) == {}
+    assert 'CTL_MODE = "pid"' in file.read_text()
+
+
+def test_diff_lists_what_differs(robot: Robot) -> None:
+    assert robot.parameters.diff({"ISMC_LAM_XY": 15.0, "WHEELS": 3}) == {"ISMC_LAM_XY": (12.0, 15.0)}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[parameters]\nISMC_LAM_XZ = 1\n", ["ISMC_LAM_XZ", "did you mean"]),
+        ("[parameters]\nISMC_LAM_XY = 1000\n", ["ISMC_LAM_XY", "1000", "from 0 to 200"]),
+        ("[parameters]\nISMC_LAM_XY = nan\n", ["ISMC_LAM_XY", "nan"]),
+        ('[parameters]\nCTL_MODE = "pidd"\n', ["CTL_MODE", "did you mean pid"]),
+        ("ISMC_LAM_XY = 1\n", ["ISMC_LAM_XY", "unknown key"]),
+        ("[parameters\n", ["not valid TOML"]),
+    ],
+)
+def test_a_bad_file_changes_nothing_and_says_where(
+    fake: Any, robot: Robot, tmp_path: Path, text: str, words: list[str]
+) -> None:
+    file = tmp_path / "bad.toml"
+    file.write_text(text)
+    before = dict(fake.values)
+    with pytest.raises(ParameterFileError) as caught:
+        robot.parameters.load(file)
+    assert all(word in str(caught.value) for word in [*words, "bad.toml"])
+    assert fake.values == before
+
+
+def test_a_missing_file_is_named(robot: Robot, tmp_path: Path) -> None:
+    with pytest.raises(ParameterFileError, match=r"nowhere\.toml: no such file"):
+        robot.parameters.load(tmp_path / "nowhere.toml")
