@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """An extended Kalman filter of the pose in float64 that keeps everything and replays: what the core is held against.
 
-It shares no code and no matrices with the core: the kinematics come from the contact points' velocities, late fixes from
-going back to when they were taken and predicting anew.
+It shares no code and no matrices with the core: the kinematics come from the contact points' velocities, and late fixes
+from going back to when they were taken and predicting anew.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def drive(wheels: int, ticks: int, seed: int, speed: float = 3.0) -> Array:
 
 def assert_same(ekf: Ekf, other: Any, mean_sd: float, relative: float) -> None:
     sd = np.sqrt(np.diag(other.p))
-    error = ekf.x - other.x
+    error: Array = ekf.x - other.x
     error[2] = reference.wrap(error[2])
     assert np.abs(error / sd).max() <= mean_sd
     assert np.abs((ekf.p - other.p) / np.outer(sd, sd)).max() <= relative

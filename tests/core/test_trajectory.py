@@ -98,7 +98,7 @@ class Plan:
         lib.omni_trajectory_evaluate(self.c, time_us, reference)
         return reference
 
-    def sample(self, times_us: Array) -> tuple[Array, Array, Array, Array]:
+    def sample(self, times_us: NDArray[Any]) -> tuple[Array, Array, Array, Array]:
         """Return pose, rate, acceleration (n x 3) and phase at integer times."""
         rows = []
         for t in times_us:
