@@ -104,10 +104,9 @@ size_t TcpPort::wait_for(pollfd *fds) {
     return fd_ >= 0 ? 2 : 1;
 }
 
-void TcpPort::service() {
+void TcpPort::service(const pollfd *fds) {
     push();
-    pollfd waiting = {listener_, POLLIN, 0};
-    if (poll(&waiting, 1, 0) <= 0) {
+    if ((fds[0].revents & POLLIN) == 0) {
         return;
     }
     const int fd = accept(listener_, nullptr, nullptr);
