@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.integrate import solve_ivp
+
 from hil_sim.world import World
 from omni_schema import Robot
-from scipy.integrate import solve_ivp
 
 Array = npt.NDArray[np.float64]
 
@@ -69,9 +70,7 @@ class Reference:
             current_rate[i] = (duty[i] * supply - drop) / motor["inductance_H"]
         acceleration = force[:2] / sim["mass_kg"]
         turn_rate = moment[2:] / sim["inertia_kg_m2"]
-        return np.concatenate(
-            [s["velocity"], s["turn"], acceleration, turn_rate, s["speed"], wheel_acc, current_rate]
-        )
+        return np.concatenate([s["velocity"], s["turn"], acceleration, turn_rate, s["speed"], wheel_acc, current_rate])
 
 
 def duties(wheels: int, seed: int) -> list[Array]:
