@@ -45,7 +45,7 @@ class WorldError(ValueError):
 class PoseSensor:
     """A motion-capture system: rate [Hz] (0: none), noise [m, rad], delay [s] and share of fixes that get lost."""
 
-    rate_Hz: float = 50.0  # noqa: N815
+    rate_Hz: float = 50.0
     sd_xy_m: float = 0.005
     sd_theta_rad: float = 0.005
     delay_s: float = 0.02

@@ -13,7 +13,7 @@
 static const double GRAVITY_m_s2 = 9.80665;
 static const double ROSENBROCK_GAMMA = 0.29289321881345254;
 static const double COULOMB_WIDTH_rad_s = 0.01;
-static const double SUBSTEP_MAX_s = 0.5e-3;
+static const double SUBSTEP_MAX_s = 0.25e-3;
 
 enum { N = HIL_MAX_WHEELS };
 

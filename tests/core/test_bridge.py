@@ -20,7 +20,7 @@ def counts(duty: float, drive: bool = True) -> tuple[int, int]:
 
 
 def mean_duty(in1: int, in2: int) -> float:
-    """Return the mean output voltage over the supply by the DRV8871's truth table: 10 forward, 01 reverse, 11 brake, both from phase 0."""
+    """Return mean output voltage over supply: 10 is forward, 01 reverse, both rise together."""
     forward = max(in1 - in2, 0)
     reverse = max(in2 - in1, 0)
     return (forward - reverse) / STEPS

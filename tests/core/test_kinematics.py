@@ -127,7 +127,9 @@ def test_inverse_then_forward_gives_the_twist_back(layout: Layout, body: tuple[f
     wheel = inverse(k, body)
     np.testing.assert_allclose(wheel, layout.b @ body / layout.radius, rtol=1e-5, atol=1e-4)
     size = np.abs(body).max() + 1e-3
-    np.testing.assert_allclose(forward(k, list(wheel)), body, rtol=0, atol=2e-5 * size / min(layout.distance.min(), 1.0))
+    np.testing.assert_allclose(
+        forward(k, list(wheel)), body, rtol=0, atol=2e-5 * size / min(layout.distance.min(), 1.0)
+    )
 
 
 @given(layouts(), twists, st.lists(st.floats(-0.25, 0.25, width=32), min_size=4, max_size=4))

@@ -154,9 +154,7 @@ def test_no_precision_is_lost_after_a_billion_counts() -> None:
     fresh, travelled = Filter(ANGLE), Filter(ANGLE)
     for _ in range(100000):
         travelled.step(12.0, 10000)
-    results = np.array(
-        [(fresh.step(v, int(d)), travelled.step(v, int(d))) for v, d in zip(volts, deltas, strict=True)]
-    )
+    results = np.array([(fresh.step(v, int(d)), travelled.step(v, int(d))) for v, d in zip(volts, deltas, strict=True)])
     assert travelled.x[0] == pytest.approx(fresh.x[0], abs=0.01 * RAD_PER_COUNT)
     np.testing.assert_allclose(results[-500:, 0], results[-500:, 1], rtol=1e-4)
 

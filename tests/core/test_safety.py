@@ -44,7 +44,7 @@ def expected(current: str, happened: str) -> str:
     return current
 
 
-@pytest.mark.parametrize(("current", "happened"), itertools.product(STATES, EVENTS))
+@pytest.mark.parametrize(("current", "happened"), list(itertools.product(STATES, EVENTS)))
 def test_every_state_with_every_event(current: str, happened: str) -> None:
     assert lib.omni_safety_next(state(current), event(happened)) == state(expected(current, happened))
 

@@ -24,7 +24,9 @@ def speed_gain() -> float:
 
 
 class Loops:
-    def __init__(self, wheels: int = 3, duty_limit: float = 1.0, kp: float = 4.0, ki: float = 120.0, **config: float) -> None:
+    def __init__(
+        self, wheels: int = 3, duty_limit: float = 1.0, kp: float = 4.0, ki: float = 120.0, **config: float
+    ) -> None:
         self.config = ffi.new("omni_wheel_speed_config_t *", {"wheels": wheels, "duty_limit": duty_limit, **config})
         self.config.pid.kp = kp
         self.config.pid.ki = ki
@@ -76,7 +78,8 @@ def test_duty_keeps_limit_and_direction(
     reference: list[float], measured: list[float], wheels: int, limit: float, supply: float
 ) -> None:
     loops = Loops(wheels, limit, ff_speed_V_s=3.6)
-    wanted = np.array([3.6 * r + 4.12 * (r - m) for r, m in zip(reference, measured, strict=True)])
+    error = np.array(reference) - measured
+    wanted = 3.6 * np.array(reference) + 4.0 * error + np.clip(0.12 * error, -8.0, 8.0)
     factor = loops.step(reference, measured, supply=supply)
     duty = np.array(list(loops.duty))
     assert 0 < factor <= 1

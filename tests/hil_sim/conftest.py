@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
 from omni_schema import Robot, load_parameters, load_robot
 

@@ -186,7 +186,7 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
  */
 void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
 
-/** Advance by one tick, in substeps of at most 0.5 ms. @param step_us e.g. 1000. */
+/** Advance by one tick, in substeps of at most 0.25 ms. @param step_us e.g. 1000. */
 void hil_world_step(hil_world_t *world, uint32_t step_us);
 
 /** Kinetic energy of body and wheels [J], for the energy tests. */

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from omniwheel import __version__
-from omniwheel.cli import doctor, drive, monitor, params, record, robots
+from omniwheel.cli import bench, demo, doctor, drive, hil, monitor, params, plot, record, robots, sim, sitl, tune
 from omniwheel.cli.common import OmniGroup, console
 
 app = typer.Typer(
@@ -36,6 +36,13 @@ def _options(
     """Drive, tune and simulate omni-wheel robots."""
 
 
+app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
+app.command("sitl", epilog=sitl.EXAMPLES)(sitl.sitl)
+app.command("hil", epilog=hil.EXAMPLES)(hil.hil)
+app.command("sim", epilog=sim.EXAMPLES)(sim.sim)
+app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
+app.command("plot", epilog=plot.EXAMPLES)(plot.plot)
+app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.add_typer(params.app, name="params")
 app.add_typer(drive.app, name="drive")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)

@@ -66,7 +66,8 @@ static omni_real_t continuous(const omni_motor_config_t *motor, omni_real_t step
 static void exponential_minus_one(model_t m, omni_real_t norm) {
     int squarings = 0;
     omni_real_t scale = 1.0f;
-    for (; norm * scale > 0.5f; scale *= 0.5f) {
+    while (norm * scale > 0.5f) {
+        scale *= 0.5f;
         squarings++;
     }
     const model_t zero = {{0.0f}};

@@ -196,17 +196,25 @@ static void spread(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *c
     p[2][1] = p[1][2];
 }
 
-/* Four wheels: n^T (r phi) = n^T (s r phi) over the slot is a scalar measurement of the slip ratios (section 1 of the map). */
+/*
+ * Four wheels: n^T (r phi) = n^T (s r phi) over the slot is a scalar measurement of the slip ratios. Its sensitivity takes
+ * the wheels' motion without its null component: the counts' rounding there is in the innovation already, and if it were in
+ * the gain too, the product would not average out and all ratios would creep towards 1.
+ */
 static void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                      uint8_t slips) {
     const uint8_t states = (uint8_t)(OMNI_AXES + slips);
     omni_real_t h[OMNI_MAX_WHEELS];
     omni_real_t ph[OMNI_EKF_STATES] = {0};
-    omni_real_t innovation = 0.0f;
+    omni_real_t residual = 0.0f;
+    for (uint8_t i = 0; i < slips; ++i) {
+        residual += k->null[i] * state->wheel_m[i];
+    }
+    omni_real_t innovation = residual;
     omni_real_t variance = config->r_null;
     for (uint8_t i = 0; i < slips; ++i) {
-        h[i] = k->null[i] * state->wheel_m[i];
-        innovation += h[i] * (1.0f - state->slip[i]);
+        h[i] = k->null[i] * (state->wheel_m[i] - k->null[i] * residual);
+        innovation -= h[i] * state->slip[i];
         for (uint8_t a = 0; a < states; ++a) {
             ph[a] += state->p[a][OMNI_AXES + i] * h[i];
         }
@@ -241,7 +249,7 @@ void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_con
     elapse(state, config, time_us, &motion);
     move_body(state, k, turned, slips, &motion);
     for (uint8_t i = 0; i < slips; ++i) {
-        const bool known = state->p[OMNI_AXES + i][OMNI_AXES + i] < slip_limit * slip_limit;
+        const bool known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
         motion.noise[i] = turned[i] != 0.0f && known ? config->q_slip * motion.steps : 0.0f;
         state->wheel_m[i] += k->radius_m[i] * turned[i];
     }

@@ -14,20 +14,20 @@
 #include "omni/types.h"
 
 typedef struct omni_kinematics_config_t {
-    uint8_t wheels;                            /**< 3 or 4 */
-    omni_real_t radius_m[OMNI_MAX_WHEELS];     /**< effective rolling radius r_i, > 0 */
-    omni_real_t distance_m[OMNI_MAX_WHEELS];   /**< centre to contact point l_i, > 0 */
-    omni_real_t angle_rad[OMNI_MAX_WHEELS];    /**< bearing alpha_i, |alpha_i| <= 1e6 */
+    uint8_t wheels;                          /**< 3 or 4 */
+    omni_real_t radius_m[OMNI_MAX_WHEELS];   /**< effective rolling radius r_i, > 0 */
+    omni_real_t distance_m[OMNI_MAX_WHEELS]; /**< centre to contact point l_i, > 0 */
+    omni_real_t angle_rad[OMNI_MAX_WHEELS];  /**< bearing alpha_i, |alpha_i| <= 1e6 */
 } omni_kinematics_config_t;
 
 /** Constant matrices of one robot; read only after init. */
 typedef struct omni_kinematics_t {
     uint8_t wheels;
-    bool has_null;                                   /**< four wheels: `null` is valid */
+    bool has_null; /**< four wheels: `null` is valid */
     omni_real_t radius_m[OMNI_MAX_WHEELS];
-    omni_real_t b[OMNI_MAX_WHEELS][OMNI_AXES];       /**< B in the body frame, row per wheel */
-    omni_real_t b_pinv[OMNI_AXES][OMNI_MAX_WHEELS];  /**< B+ */
-    omni_real_t null[OMNI_MAX_WHEELS];               /**< unit null vector n of B^T, first component >= 0 */
+    omni_real_t b[OMNI_MAX_WHEELS][OMNI_AXES];      /**< B in the body frame, row per wheel */
+    omni_real_t b_pinv[OMNI_AXES][OMNI_MAX_WHEELS]; /**< B+ */
+    omni_real_t null[OMNI_MAX_WHEELS];              /**< unit null vector n of B^T, first component >= 0 */
 } omni_kinematics_t;
 
 /**

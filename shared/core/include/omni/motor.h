@@ -9,11 +9,11 @@
 #include "omni/types.h"
 
 typedef struct omni_motor_config_t {
-    omni_real_t inertia_kg_m2;        /**< J > 0 */
-    omni_real_t viscous_N_m_s;        /**< b >= 0 */
-    omni_real_t constant_N_m_A;       /**< K > 0, torque and back-EMF */
-    omni_real_t resistance_ohm;       /**< R > 0 */
-    omni_real_t inductance_H;         /**< L > 0 */
+    omni_real_t inertia_kg_m2;  /**< J > 0 */
+    omni_real_t viscous_N_m_s;  /**< b >= 0 */
+    omni_real_t constant_N_m_A; /**< K > 0, torque and back-EMF */
+    omni_real_t resistance_ohm; /**< R > 0 */
+    omni_real_t inductance_H;   /**< L > 0 */
 } omni_motor_config_t;
 
 /** Exact zero-order-hold discretisation over one step; state x = (angle [rad], w [rad/s], i [A]), input V. */

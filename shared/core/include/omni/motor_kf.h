@@ -18,14 +18,14 @@
 #include "omni/types.h"
 
 typedef struct omni_motor_kf_config_t {
-    uint8_t mode;                    /**< enum omni_kf_mode */
-    omni_motor_discrete_t model;     /**< discretised for step_s */
-    omni_real_t step_s;              /**< tick period T */
-    omni_real_t rad_per_count;       /**< 2 pi / counts per revolution */
-    omni_real_t q_speed;             /**< variance added to w per step, (rad/s)^2 */
-    omni_real_t q_current;           /**< variance added to i per step, A^2 */
-    omni_real_t r_speed;             /**< variance of a differenced speed, (rad/s)^2 */
-    omni_real_t r_angle;             /**< variance of a measured angle, rad^2 */
+    uint8_t mode;                /**< enum omni_kf_mode */
+    omni_motor_discrete_t model; /**< discretised for step_s */
+    omni_real_t step_s;          /**< tick period T */
+    omni_real_t rad_per_count;   /**< 2 pi / counts per revolution */
+    omni_real_t q_speed;         /**< variance added to w per step, (rad/s)^2 */
+    omni_real_t q_current;       /**< variance added to i per step, A^2 */
+    omni_real_t r_speed;         /**< variance of a differenced speed, (rad/s)^2 */
+    omni_real_t r_angle;         /**< variance of a measured angle, rad^2 */
 } omni_motor_kf_config_t;
 
 typedef struct omni_motor_kf_state_t {

@@ -9,16 +9,16 @@ typedef struct omni_pid_config_t {
     omni_real_t kp;
     omni_real_t ki;
     omni_real_t kd;
-    omni_real_t derivative_time_s;  /**< time constant of the derivative's first-order filter, > 0 */
-    omni_real_t integral_limit;     /**< limit of the integral term, in output units, >= 0 */
-    omni_real_t step_s;             /**< > 0 */
+    omni_real_t derivative_time_s; /**< time constant of the derivative's first-order filter, > 0 */
+    omni_real_t integral_limit;    /**< limit of the integral term, in output units, >= 0 */
+    omni_real_t step_s;            /**< > 0 */
 } omni_pid_config_t;
 
 typedef struct omni_pid_state_t {
-    omni_real_t integral;           /**< integral term, output units */
-    omni_real_t derivative;         /**< filtered rate of the measurement, measurement units per second */
+    omni_real_t integral;   /**< integral term, output units */
+    omni_real_t derivative; /**< filtered rate of the measurement, measurement units per second */
     omni_real_t last_measurement;
-    bool primed;                    /**< last_measurement is valid */
+    bool primed; /**< last_measurement is valid */
 } omni_pid_state_t;
 
 void omni_pid_reset(omni_pid_state_t *state);

@@ -11,11 +11,11 @@
 
 typedef struct omni_wheel_speed_config_t {
     uint8_t wheels;
-    omni_pid_config_t pid;           /**< output in V */
-    omni_real_t ff_speed_V_s;        /**< V per rad/s */
-    omni_real_t ff_acceleration_V_s2;/**< V per rad/s^2 */
-    omni_real_t ff_static_V;         /**< Coulomb friction, in the wanted direction; fades below 0.05 rad/s */
-    omni_real_t duty_limit;          /**< 0..1 */
+    omni_pid_config_t pid;            /**< output in V */
+    omni_real_t ff_speed_V_s;         /**< V per rad/s */
+    omni_real_t ff_acceleration_V_s2; /**< V per rad/s^2 */
+    omni_real_t ff_static_V;          /**< Coulomb friction, in the wanted direction; fades below 0.05 rad/s */
+    omni_real_t duty_limit;           /**< 0..1 */
 } omni_wheel_speed_config_t;
 
 typedef struct omni_wheel_speed_state_t {
@@ -32,8 +32,7 @@ void omni_wheel_speed_reset(omni_wheel_speed_state_t *state);
  *         anything isn't finite (the loops' states then stay as they were).
  */
 omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wheel_speed_config_t *config,
-                                  const omni_real_t *reference, const omni_real_t *acceleration,
-                                  const omni_real_t *measured, omni_real_t supply_V, omni_real_t *duty,
-                                  omni_real_t *voltage_V);
+                                  const omni_real_t *reference, const omni_real_t *acceleration, const omni_real_t *measured,
+                                  omni_real_t supply_V, omni_real_t *duty, omni_real_t *voltage_V);
 
 #endif

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: MIT
+"""The control core as the simulations use it: parameter sets, plans and names. All control stays in C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from omni_schema import ParameterTable
+from omniwheel._core import ffi, lib
+
+TICK_US = 1000
+
+
+class CoreError(ValueError):
+    """The core refuses a parameter set; the message names the parameter."""
+
+
+def robot_config(values: Mapping[str, float], table: ParameterTable, sequence: int) -> Any:
+    """Return a new ``omni_robot_config_t`` for a complete parameter set; raise CoreError if the core refuses it."""
+    array = ffi.new("omni_real_t[]", [values[parameter.name] for parameter in table.parameters])
+    config = ffi.new("omni_robot_config_t *")
+    bad_index = ffi.new("int32_t *", -1)
+    if lib.omni_robot_config(config, array, bad_index) != lib.OMNI_OK:
+        if bad_index[0] < 0:
+            raise CoreError("the parameters do not fit together; check the geometry and the motor model")
+        parameter = table.parameters[bad_index[0]]
+        raise CoreError(f"{parameter.name} = {values[parameter.name]:g} cannot be used; allowed is {parameter.allowed}")
+    config.sequence = sequence & 0xFFFF
+    return config
+
+
+def plan_trajectory(config: Any, pose: Any) -> Any:
+    """Return a new ``omni_trajectory_t`` from ``pose`` (omni_pose_t *); raise CoreError if it cannot be planned."""
+    plan = ffi.new("omni_trajectory_t *")
+    result = lib.omni_trajectory_plan(
+        plan, ffi.addressof(config, "trajectory"), ffi.addressof(config, "kinematics"), ffi.NULL, pose
+    )
+    if result != lib.OMNI_OK:
+        raise CoreError("the trajectory cannot be planned; check the TRJ_ parameters")
+    return plan
+
+
+def path_ticks(config: Any, share: float) -> int:
+    """Return how many ticks the configured path takes, lead-in left out, until ``share`` of it is driven."""
+    pose = ffi.new("omni_pose_t *")
+    plan = plan_trajectory(config, pose)
+    plan = plan_trajectory(config, ffi.addressof(plan, "start"))
+    if plan.duration_s < 0.0:
+        raise CoreError("the trajectory has no end (TRJ_LAPS = 0): give times in seconds and a duration")
+    reference = ffi.new("omni_reference_t *")
+
+    def driven(ticks: int) -> bool:
+        lib.omni_trajectory_evaluate(plan, ticks * TICK_US, reference)
+        return bool(reference.phase == lib.OMNI_PHASE_DONE or reference.path_time_s >= share * plan.duration_s)
+
+    low, high = 0, 1
+    while not driven(high):
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if driven(middle) else (middle, high)
+    return high
+
+
+def plan_summary(values: Mapping[str, float], table: ParameterTable) -> dict[str, float]:
+    """Return what the planner says of the configured path: scale, needed scale, peak demands at scale 1."""
+    config = robot_config(values, table, 0)
+    plan = plan_trajectory(config, ffi.new("omni_pose_t *"))
+    return {
+        "duration_s": float(plan.duration_s * plan.scale),
+        "scale": float(plan.scale),
+        "needed_scale": float(plan.needed_scale),
+        "peak_wheel_rad_s": float(plan.peak_wheel_rad_s),
+        "peak_voltage_V": float(plan.peak_voltage_V),
+    }
+
+
+def _bit_names(bits: int, mask: int) -> list[str]:
+    return [ffi.string(lib.omni_fault_name(1 << i)).decode() for i in range(32) if bits & mask & (1 << i)]
+
+
+def fault_names(bits: int) -> list[str]:
+    """Return the names of the stop faults in a fault field."""
+    return _bit_names(bits, lib.OMNI_FAULT_STOP_MASK)
+
+
+def warning_names(bits: int) -> list[str]:
+    """Return the names of the warnings in a fault field."""
+    return _bit_names(bits, lib.OMNI_WARN_MASK)
+
+
+def state_name(state: int) -> str:
+    """Return the name of a safety state."""
+    return str(ffi.string(lib.omni_safety_state_name(state)).decode())

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: MIT
+"""Host-in-the-loop runs: the world around the real firmware over a link, in lockstep.
+
+The same scenario and seed give the same log, byte for byte: commands are sent at exact ticks, heartbeats by simulated
+time, and time stamps are EPOCH_US plus simulated time. How long the firmware's ticks took by the wall clock, it is asked now
+and then; the answers go into the summary and not into the log.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import omniwheel
+from hil_sim import core
+from hil_sim.lockstep import LockstepLink
+from hil_sim.runs import Run, finish, new_world
+from hil_sim.scenario import Event, Scenario
+from hil_sim.summary import TLOG_FILE
+from hil_sim.timeline import Progress, RunError, play
+from omniwheel.connection import Connection
+from omniwheel.dialect import Message, mavlink
+from omniwheel.firmware_process import FirmwareProcess
+from omniwheel.link import FileLink, open_link
+from omniwheel.robot import Robot
+from omniwheel.telemetry import Status, decode
+from omniwheel.tlog import TlogWriter
+
+EPOCH_US = 1_704_067_200_000_000
+"""2024-01-01 00:00 UTC: where simulated time starts in a log."""
+
+SERVICE_TICKS = 10
+"""Heartbeats are sent and messages taken this often."""
+VELOCITY_TICKS = 100
+"""A velocity is asked for again this often, well within SAFE_CMD_TO."""
+
+MEASURE_TICKS = 5000
+"""The firmware is asked for the times of its ticks this often."""
+
+_ID_BYTES = slice(7, 10)
+_STATUS_ID = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
+
+
+class HilLoop:
+    """The world and the firmware over a lockstep link."""
+
+    def __init__(self, scenario: Scenario, base: FileLink) -> None:
+        self._table = scenario.robot.table
+        self.values = scenario.parameter_values()
+        self.link = LockstepLink(base, new_world(scenario))
+        self.measured: list[Status] = []
+        connection = Connection(self.link, clock=self.link.clock_s)
+        connection.target_system = int(self.values["SYS_ID"])
+        connection.target_component = mavlink.MAV_COMP_ID_AUTOPILOT1
+        connection.add_listener(self._take_status)
+        self.robot = Robot(connection, table=self._table)
+        self._velocity: tuple[float, float, float] | None = None
+        self._start_pose = scenario.start_pose
+        self._next_measurement = MEASURE_TICKS
+
+    @property
+    def ticks(self) -> int:
+        """Ticks run so far."""
+        return self.link.ticks
+
+    def advance(self, ticks: int) -> NDArray[Any]:
+        """Run ticks and return the samples since the last call."""
+        end = self.link.ticks + ticks
+        while self.link.ticks < end:
+            self.robot.pump()
+            if self.link.ticks >= self._next_measurement and not self.link.silent:
+                self._measure()
+            if self._velocity is not None and self.link.ticks % VELOCITY_TICKS < SERVICE_TICKS:
+                self.robot.set_velocity(*self._velocity)
+            stop = (self.link.ticks // SERVICE_TICKS + 1) * SERVICE_TICKS
+            self.link.run(max(min(stop, end) - self.link.ticks, 0), self.robot.pump)
+        return self.link.take_samples()
+
+    def apply(self, event: Event) -> None:
+        """Send what the event says and wait, in simulated time, for the robot's confirmation."""
+        if self.link.silent:
+            return
+        if event.settings is not None:
+            self.values.update(event.settings)
+            self.robot.parameters.set_many(dict(event.settings))
+        elif event.velocity is not None:
+            self._velocity = event.velocity
+            self.robot.set_velocity(*event.velocity)
+        else:
+            self._command(str(event.command))
+
+    def path_ticks(self, share: float) -> int:
+        """Return the ticks from the path's start until this share of it is driven."""
+        return core.path_ticks(core.robot_config(self.values, self._table, 0), share)
+
+    def place(self) -> None:
+        """Tell the robot where it stands."""
+        self.robot.set_pose_estimate(*self._start_pose)
+
+    def _command(self, command: str) -> None:
+        if command in ("trajectory_start", "trajectory_stop", "estop", "disarm"):
+            self._velocity = None
+        commands = {
+            "arm": self.robot.arm,
+            "disarm": self.robot.disarm,
+            "estop": self.robot.estop,
+            "trajectory_start": self.robot.start_trajectory,
+            "trajectory_stop": self.robot.stop_trajectory,
+        }
+        commands[command]()
+
+    def _measure(self) -> None:
+        """Ask how long ticks take, past the log."""
+        self._next_measurement += MEASURE_TICKS
+        connection = self.robot.connection
+        recorder = connection.recorder
+        if recorder is not None:
+            record = recorder
+            connection.recorder = lambda frame: None if frame[_ID_BYTES] == _STATUS_ID else record(frame)
+        try:
+            self.robot.commands.request_message(Status.message, self.robot.timeout_s)
+        finally:
+            connection.recorder = recorder
+
+    def _take_status(self, message: Message) -> None:
+        status = decode(Status, message)
+        if status is not None and status.tick_us_max > 0.0:
+            self.measured.append(status)
+
+
+def run_hil(
+    scenario: Scenario,
+    link: str | None = None,
+    *,
+    seed: int | None = None,
+    out_dir: Path | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Run a scenario with real firmware: the one behind ``link``, or a firmware process of its own.
+
+    With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
+    run and its own ones back afterwards; nothing is stored on it.
+    """
+    scenario = scenario.with_seed(seed)
+    with ExitStack() as stack:
+        base = stack.enter_context(_own_firmware(scenario) if link is None else _linked_firmware(scenario, link))
+        loop = HilLoop(scenario, base)
+        if out_dir is not None:
+            log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
+            loop.robot.connection.recorder = stack.enter_context(log).write
+        return _run(scenario, loop, progress)
+
+
+def _run(scenario: Scenario, loop: HilLoop, progress: Progress | None) -> Run:
+    start = time.perf_counter()
+    loop.link.run(1)
+    loop.place()
+    played = play(scenario, loop, progress)
+    wall_s = time.perf_counter() - start
+    silent = loop.link.silent
+    version = "" if silent else str(loop.robot.version)
+    parameters = loop.values if silent else dict(loop.robot.parameters)
+    run = finish(scenario, "hil", played, wall_s, parameters, version)
+    texts = tuple(text.text for text in loop.robot.texts.all)
+    return replace(run, tick_us=_tick_times(loop.measured), messages=texts)
+
+
+def _tick_times(statuses: list[Status]) -> dict[str, float]:
+    if not statuses:
+        return {}
+    return {
+        "mean": float(np.mean([status.tick_us_mean for status in statuses])),
+        "max": max(status.tick_us_max for status in statuses),
+    }
+
+
+@contextmanager
+def _own_firmware(scenario: Scenario) -> Iterator[FileLink]:
+    with FirmwareProcess(parameters=scenario.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as firmware:
+        base = open_link(firmware.urls[0])
+        try:
+            yield base
+        finally:
+            base.close()
+
+
+@contextmanager
+def _linked_firmware(scenario: Scenario, url: str) -> Iterator[FileLink]:
+    base = open_link(url)
+    with omniwheel.connect(base) as robot:
+        wanted = scenario.parameter_values()
+        wanted["SYS_ID"] = robot.parameters["SYS_ID"]
+        before = dict(robot.parameters)
+        changed = {name: value for name, value in wanted.items() if before.get(name) != value}
+        robot.parameters.set_many(changed)
+        robot.enter_hil()
+        try:
+            yield base
+        finally:
+            robot.leave_hil()
+            robot.parameters.set_many({name: before[name] for name in changed})
+
+
+__all__ = ["EPOCH_US", "HilLoop", "RunError", "run_hil"]

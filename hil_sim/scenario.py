@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: MIT
+"""Scenario files: one experiment with one robot in one world, written down so that it can be repeated.
+
+A scenario is a TOML file::
+
+    [scenario]
+    name = "demo"                 # a-z 0-9 _
+    description = "what it shows"
+    extends = "demo"              # optional: start from another scenario; tables are merged, event and fault lists
+    replaced robot = "three_wheel"         # a robot of the package, or the path of a robot file
+    seed = 1
+    duration_s = "until_done"     # seconds, or until the trajectory is done
+
+    [parameters]                  # set before arming, over the robot file
+    [world]                       # see WORLD_NUMBERS; numbers of the robot file's [simulation] may be replaced here
+    [[event]]                     # at_s, or at_progress (share of the path, 0..1), and one of set, command, velocity
+    [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
+
+Every mistake in a scenario is a SchemaError, one in its robot file a RobotFileError; both name file, key, value and
+what is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from hil_sim.faults import KINDS, Fault
+from omni_schema import ParameterTable, Robot, SchemaError
+from omni_schema.errors import did_you_mean
+from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
+from omniwheel.robots import read_robot
+
+UNTIL_DONE: Literal["until_done"] = "until_done"
+MAX_DURATION_S = 3600.0
+MAX_SEED = 2**63 - 1
+COMMANDS = ("arm", "disarm", "estop", "trajectory_start", "trajectory_stop")
+WHEEL_FAULTS = frozenset({"encoder_stuck", "encoder_reversed", "encoder_invalid", "motor_dead"})
+VALUE_FAULTS = frozenset({"pose_jump", "battery_sag"})
+
+_BIG = 1e6
+WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
+    "slip_max": (0.0, 0.9),
+    "slip_time_s": (1e-3, _BIG),
+    "fix_rate_Hz": (0.0, 1000.0),
+    "fix_sd_xy_m": (0.0, 10.0),
+    "fix_sd_theta_rad": (0.0, 3.0),
+    "fix_delay_s": (0.0, 1.0),
+    "fix_drop_probability": (0.0, 1.0),
+    "battery_V": (0.0, 60.0),
+    "battery_resistance_ohm": (0.0, _BIG),
+    "mass_kg": (1e-3, _BIG),
+    "inertia_kg_m2": (1e-6, _BIG),
+    "coulomb_friction_N_m": (0.0, _BIG),
+    "friction_coefficient": (1e-3, 100.0),
+    "slip_stiffness_N_s_m": (1.0, _BIG),
+    "roller_friction_N_s_m": (0.0, _BIG),
+    "motor_inertia_kg_m2": (1e-7, 10.0),
+    "motor_viscous_N_m_s": (0.0, 100.0),
+    "motor_constant_N_m_A": (1e-4, 100.0),
+    "motor_resistance_ohm": (1e-3, 1000.0),
+    "motor_inductance_H": (1e-6, 1.0),
+}
+"""Numbers allowed in ``[world]`` and their ranges; units are in the names."""
+
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
+_SECTIONS = ("scenario", "parameters", "world", "event", "fault")
+_HEAD = ("name", "description", "extends", "robot", "seed", "duration_s")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that is done to the robot at a time [s], or at a share of the path: exactly one of the two is given.
+
+    ``settings`` are parameter values, ``command`` one of COMMANDS, ``velocity`` a body twist (m/s, m/s, rad/s) that
+    is asked for from then on; exactly one of the three is given.
+    """
+
+    at_s: float | None = None
+    at_progress: float | None = None
+    settings: Mapping[str, float] | None = None
+    command: str | None = None
+    velocity: tuple[float, float, float] | None = None
+
+    def describe(self) -> str:
+        """Return the event in a few words, for tables and plots."""
+        if self.settings is not None:
+            return ", ".join(f"{name} = {value:g}" for name, value in self.settings.items())
+        if self.velocity is not None:
+            return "velocity " + ", ".join(f"{value:g}" for value in self.velocity)
+        return str(self.command).replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A checked scenario. ``duration_s`` None means until the trajectory is done."""
+
+    source: str
+    name: str
+    description: str
+    robot: Robot
+    seed: int
+    duration_s: float | None
+    parameters: Mapping[str, float]
+    world: Mapping[str, float]
+    start_pose: tuple[float, float, float]
+    events: tuple[Event, ...]
+    faults: tuple[Fault, ...]
+
+    def parameter_values(self) -> dict[str, float]:
+        """Return every parameter the run starts with: defaults, robot file, scenario."""
+        return {**self.robot.parameter_values(), **self.parameters}
+
+    def with_seed(self, seed: int | None) -> Scenario:
+        """Return the same scenario with another seed; None keeps its own."""
+        if seed is None:
+            return self
+        if not 0 <= seed <= MAX_SEED:
+            raise SchemaError(
+                self.source, "scenario.seed", f"is {seed}; allowed is a whole number from 0 to {MAX_SEED}"
+            )
+        return replace(self, seed=seed)
+
+    def first_setting(self) -> Event | None:
+        """Return the first event that changes parameters, the one that before and after are told apart by."""
+        return next((event for event in self.events if event.settings is not None), None)
+
+
+def scenario_dir() -> Path:
+    """Return the folder of the scenarios that come with the package."""
+    return Path(__file__).resolve().parent / "scenarios"
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    return sorted(path.stem for path in scenario_dir().glob("*.toml"))
+
+
+def find_scenario(name_or_path: str) -> Path:
+    """Return the file of a packaged scenario, or the path itself if it is one; SchemaError if there is none."""
+    if name_or_path.endswith(".toml") or "/" in name_or_path:
+        return Path(name_or_path)
+    path = scenario_dir() / f"{name_or_path}.toml"
+    if not path.is_file():
+        names = scenario_names()
+        hint = did_you_mean(name_or_path, names)
+        raise SchemaError(
+            name_or_path, "", f"no such scenario{hint}; there are {', '.join(names)}, or give a .toml file"
+        )
+    return path
+
+
+def load_scenario(name_or_path: str | Path, robot: str | None = None) -> Scenario:
+    """Read and check a scenario; ``robot`` replaces the file's robot."""
+    path = find_scenario(str(name_or_path))
+    document = _with_base(path, read_toml(path), ())
+    if robot is not None:
+        document["scenario"] = {**take_table(str(path), "scenario", document.get("scenario", {})), "robot": robot}
+    return parse_scenario(document, str(path))
+
+
+def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
+    """Build a scenario from a parsed document (``extends`` already resolved); ``source`` names it in errors."""
+    refuse_unknown_keys(source, "", document, _SECTIONS)
+    head = take_table(source, "scenario", document.get("scenario", {}))
+    refuse_unknown_keys(source, "scenario.", head, _HEAD)
+    robot = _robot(source, _text(source, head, "robot"))
+    table = robot.table
+    world = dict(take_table(source, "world", document.get("world", {})))
+    start_pose = _vector(source, "world.start_pose", world.pop("start_pose", [0.0, 0.0, 0.0]))
+    return Scenario(
+        source=source,
+        name=_name(source, head),
+        description=_text(source, head, "description"),
+        robot=robot,
+        seed=_seed(source, head.get("seed", 1)),
+        duration_s=_duration(source, head.get("duration_s", UNTIL_DONE)),
+        parameters=_parameters(source, "parameters", document.get("parameters", {}), table),
+        world=_world(source, world),
+        start_pose=start_pose,
+        events=tuple(
+            _event(source, f"event[{i + 1}]", entry, table)
+            for i, entry in enumerate(_entries(source, "event", document.get("event", [])))
+        ),
+        faults=tuple(
+            _fault(source, f"fault[{i + 1}]", entry, robot.wheels)
+            for i, entry in enumerate(_entries(source, "fault", document.get("fault", [])))
+        ),
+    )
+
+
+def _with_base(path: Path, document: dict[str, Any], seen: tuple[Path, ...]) -> dict[str, Any]:
+    head = dict(take_table(str(path), "scenario", document.get("scenario", {})))
+    base_name = head.pop("extends", None)
+    if base_name is None:
+        return document
+    base_text = take_text(str(path), "scenario.extends", base_name)
+    base_path = find_scenario(base_text if "/" not in base_text else str(path.parent / base_text))
+    if base_path.resolve() in (*seen, path.resolve()):
+        raise SchemaError(str(path), "scenario.extends", f"is {base_text!r}, which leads back to this file")
+    base = _with_base(base_path, read_toml(base_path), (*seen, path.resolve()))
+    merged = dict(base)
+    merged.update({key: value for key, value in document.items() if key not in ("scenario", "parameters", "world")})
+    for key, own in (
+        ("scenario", head),
+        ("parameters", document.get("parameters", {})),
+        ("world", document.get("world", {})),
+    ):
+        merged[key] = {**base.get(key, {}), **take_table(str(path), key, own)}
+    return merged
+
+
+def _robot(source: str, name_or_path: str) -> Robot:
+    """Read a robot by name, or by a path that is relative to the scenario file or to the working folder."""
+    beside = Path(source).parent / name_or_path
+    return read_robot(beside if name_or_path.endswith(".toml") and beside.is_file() else name_or_path)
+
+
+def _text(source: str, head: Mapping[str, Any], key: str) -> str:
+    if key not in head:
+        raise SchemaError(source, f"scenario.{key}", "is missing; a string is needed here")
+    return take_text(source, f"scenario.{key}", head[key])
+
+
+def _name(source: str, head: Mapping[str, Any]) -> str:
+    name = _text(source, head, "name")
+    if not _NAME.fullmatch(name):
+        raise SchemaError(source, "scenario.name", f"is {name!r}; allowed is a letter, then up to 63 of a-z 0-9 _")
+    return name
+
+
+def _seed(source: str, value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_SEED:
+        raise SchemaError(source, "scenario.seed", f"is {value!r}; allowed is a whole number from 0 to {MAX_SEED}")
+    return value
+
+
+def _duration(source: str, value: object) -> float | None:
+    if value == UNTIL_DONE:
+        return None
+    allowed = f'allowed is "{UNTIL_DONE}" or seconds from 0.1 to {MAX_DURATION_S:g}'
+    if isinstance(value, str):
+        raise SchemaError(source, "scenario.duration_s", f"is {value!r}; {allowed}")
+    return _in_range(source, "scenario.duration_s", value, 0.1, MAX_DURATION_S)
+
+
+def _in_range(source: str, key: str, value: object, low: float, high: float) -> float:
+    number = take_number(source, key, value)
+    if not low <= number <= high:
+        raise SchemaError(source, key, f"is {number:g}; allowed is a number from {low:g} to {high:g}")
+    return number
+
+
+def _vector(source: str, key: str, value: object) -> tuple[float, float, float]:
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
+        raise SchemaError(source, key, f"is {value!r}; a list of three numbers is needed here")
+    x, y, theta = (take_number(source, f"{key}[{i + 1}]", item) for i, item in enumerate(value))
+    return x, y, theta
+
+
+def _parameters(source: str, key: str, value: object, table: ParameterTable) -> dict[str, float]:
+    values = {}
+    for name, given in take_table(source, key, value).items():
+        values[name] = table.find(source, f"{key}.{name}", name).parse(source, f"{key}.{name}", given)
+    return values
+
+
+def _world(source: str, world: Mapping[str, Any]) -> dict[str, float]:
+    refuse_unknown_keys(source, "world.", world, (*WORLD_NUMBERS, "start_pose"))
+    return {name: _in_range(source, f"world.{name}", value, *WORLD_NUMBERS[name]) for name, value in world.items()}
+
+
+def _entries(source: str, key: str, value: object) -> list[dict[str, Any]]:
+    if not isinstance(value, list):
+        raise SchemaError(source, key, f"is {value!r}; write each as a table [[{key}]]")
+    return [take_table(source, f"{key}[{i + 1}]", entry) for i, entry in enumerate(value)]
+
+
+def _exactly_one(source: str, key: str, entry: Mapping[str, Any], names: Sequence[str]) -> str:
+    given = [name for name in names if name in entry]
+    if len(given) != 1:
+        raise SchemaError(source, key, f"has {' and '.join(given) or 'none'} of {', '.join(names)}; give exactly one")
+    return given[0]
+
+
+def _event(source: str, key: str, entry: dict[str, Any], table: ParameterTable) -> Event:
+    refuse_unknown_keys(source, f"{key}.", entry, ("at_s", "at_progress", "set", "command", "velocity"))
+    when = _exactly_one(source, key, entry, ("at_s", "at_progress"))
+    limit = MAX_DURATION_S if when == "at_s" else 1.0
+    moment = _in_range(source, f"{key}.{when}", entry[when], 0.0, limit)
+    at_s, at_progress = (moment, None) if when == "at_s" else (None, moment)
+    what = _exactly_one(source, key, entry, ("set", "command", "velocity"))
+    if what == "set":
+        return Event(at_s, at_progress, settings=_parameters(source, f"{key}.set", entry["set"], table))
+    if what == "velocity":
+        return Event(at_s, at_progress, velocity=_vector(source, f"{key}.velocity", entry["velocity"]))
+    command = take_text(source, f"{key}.command", entry["command"])
+    if command not in COMMANDS:
+        hint = did_you_mean(command, COMMANDS)
+        raise SchemaError(source, f"{key}.command", f"is {command!r}{hint}; allowed are {', '.join(COMMANDS)}")
+    return Event(at_s, at_progress, command=command)
+
+
+def _fault(source: str, key: str, entry: dict[str, Any], wheels: int) -> Fault:
+    refuse_unknown_keys(source, f"{key}.", entry, ("kind", "wheel", "start_s", "stop_s", "value"))
+    kind = take_text(source, f"{key}.kind", entry.get("kind"))
+    if kind not in KINDS:
+        hint = did_you_mean(kind, KINDS)
+        raise SchemaError(source, f"{key}.kind", f"is {kind!r}{hint}; allowed are {', '.join(KINDS)}")
+    for name, kinds in (("wheel", WHEEL_FAULTS), ("value", VALUE_FAULTS)):
+        if (name in entry) != (kind in kinds):
+            word = "is needed" if kind in kinds else "does not apply"
+            raise SchemaError(source, f"{key}.{name}", f"{word} for {kind}")
+    start_s = _in_range(source, f"{key}.start_s", entry.get("start_s"), 0.0, MAX_DURATION_S)
+    stop_s = entry.get("stop_s")
+    return Fault(
+        name=kind,
+        start_s=start_s,
+        stop_s=math.inf if stop_s is None else _in_range(source, f"{key}.stop_s", stop_s, start_s, MAX_DURATION_S),
+        wheel=int(_in_range(source, f"{key}.wheel", entry.get("wheel", 1), 1, wheels)) - 1,
+        value=_in_range(source, f"{key}.value", entry.get("value", 0.0), -_BIG, _BIG),
+    )

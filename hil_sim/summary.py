@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: MIT
+"""What a run leaves on disk: a folder with summary.json, the record, the report, and over a link the telemetry log."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim import core, metrics
+from hil_sim.runs import Run, faults_seen
+from hil_sim.scenario import Scenario
+from hil_sim.timeline import Applied
+from omni_schema import ParameterTable
+from omniwheel import __version__
+
+SUMMARY_FILE = "summary.json"
+RECORD_FILE = "record.npz"
+REPORT_FILE = "report.png"
+TLOG_FILE = "telemetry.tlog"
+STORED_EVERY = 10
+"""Every so many ticks a sample is stored; numbers are computed from all of them."""
+
+WALL_TIME_KEYS = ("wall_s", "realtime_factor", "tick_us")
+"""The entries of a summary that differ between two runs with the same seed."""
+
+
+def summarize(run: Run) -> dict[str, Any]:
+    """Return everything that is known of a run as plain data for JSON; units are in the names, RMSE as in metrics."""
+    scenario = run.scenario
+    table = scenario.robot.table
+    stops, warnings = faults_seen(run)
+    summary: dict[str, Any] = {
+        "scenario": scenario.name,
+        "description": scenario.description,
+        "way": run.way,
+        "robot": scenario.robot.name,
+        "controller": enum_name(table, "CTL_MODE", run.parameters),
+        "trajectory": enum_name(table, "TRJ_TYPE", run.parameters),
+        "plan": _plan(run),
+        "seed": scenario.seed,
+        "ticks": run.ticks,
+        "duration_s": run.ticks * 1e-3,
+        "completed": run.done,
+        "final_state": core.state_name(int(run.record["state"][-1])),
+        "rmse": metrics.as_dict(metrics.tracking_rmse(run.record)),
+        "estimator_rmse": metrics.as_dict(metrics.estimator_rmse(run.record)),
+        "effort": metrics.as_dict(metrics.effort(run.record, scenario.robot.wheels)),
+        "change": change(run),
+        "events": [{"time_s": entry.time_s, "what": entry.event.describe()} for entry in run.applied],
+        "faults": stops,
+        "warnings": warnings,
+        "injected_faults": [{**asdict(f), "stop_s": f.stop_s, "wheel": f.wheel + 1} for f in scenario.faults],
+        "messages": list(run.messages),
+        "wall_s": run.wall_s,
+        "realtime_factor": run.realtime_factor,
+        "tick_us": run.tick_us,
+        "firmware_version": run.firmware_version,
+        "versions": _versions(table),
+        "world": {**scenario.world, "start_pose": list(scenario.start_pose)},
+        "parameters": run.parameters,
+    }
+    return {key: _finite(value) for key, value in summary.items()}
+
+
+def change(run: Run) -> dict[str, Any] | None:
+    """Return what the first change of parameters was and the accuracy before and after it, None without a change."""
+    entry = first_change(run)
+    if entry is None:
+        return None
+    return {
+        "time_s": entry.time_s,
+        "what": entry.event.describe(),
+        "rmse_before": metrics.as_dict(metrics.tracking_rmse(run.record, stop_s=entry.time_s)),
+        "rmse_after": metrics.as_dict(metrics.tracking_rmse(run.record, start_s=entry.time_s)),
+    }
+
+
+def first_change(run: Run) -> Applied | None:
+    """Return the first event of the run that changed parameters."""
+    return next((entry for entry in run.applied if entry.event.settings is not None), None)
+
+
+def enum_name(table: ParameterTable, parameter: str, values: Mapping[str, float]) -> str:
+    """Return the name of an enum parameter's value."""
+    number = int(values[parameter])
+    return next(name for name, value in table[parameter].values.items() if value == number)
+
+
+def new_run_folder(root: Path, scenario: Scenario) -> Path:
+    """Create and return a folder for the run below ``root``; an existing one is never touched."""
+    stem = f"{scenario.name}-seed{scenario.seed}"
+    for number in range(1, 100_000):
+        folder = root / (stem if number == 1 else f"{stem}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise FileExistsError(f"{root} is full of runs of {stem}; remove some")
+
+
+def save_run(run: Run, summary: Mapping[str, Any], folder: Path) -> None:
+    """Write summary.json and the record; report.png is report.draw_report's."""
+    write_json(folder / SUMMARY_FILE, summary)
+    np.savez_compressed(folder / RECORD_FILE, samples=run.record[::STORED_EVERY])
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write plain data as JSON, for people to read too."""
+    path.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:
+    """Return summary and stored samples of a run folder. Raises FileNotFoundError or ValueError that names the file."""
+    try:
+        summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{folder / SUMMARY_FILE} is not JSON: {error}") from error
+    with np.load(folder / RECORD_FILE) as stored:
+        return summary, stored["samples"]
+
+
+def _plan(run: Run) -> dict[str, float] | None:
+    if not any(entry.event.command == "trajectory_start" for entry in run.applied):
+        return None
+    return core.plan_summary(run.scenario.parameter_values(), run.scenario.robot.table)
+
+
+def _versions(table: ParameterTable) -> dict[str, Any]:
+    return {
+        "omniwheel": __version__,
+        "parameter_schema": table.schema_version,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Replace what JSON has no number for (NaN, infinity) by null."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: MIT
+"""``omni hil``: a scenario with real firmware in the loop."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hil_sim.hil import run_hil
+from hil_sim.scenario import load_scenario
+from omniwheel.cli.common import JsonOption, examples, note, print_json
+from omniwheel.cli.run_output import (
+    DEFAULT_OUT,
+    OutOption,
+    ScenarioArgument,
+    SeedOption,
+    finished,
+    make_folder,
+    print_run,
+    run_progress,
+    scenario_help,
+)
+
+EXAMPLES = examples(
+    "omni hil",
+    "omni hil fault_encoder_stuck",
+    "omni hil my_scenario.toml --seed 3 --json",
+    "omni hil --link /dev/ttyACM0          # a Teensy, its motors unplugged",
+)
+
+
+def hil(
+    scenario_name: ScenarioArgument = "demo",
+    link: Annotated[
+        str | None,
+        typer.Option("--link", "-l", metavar="URL", help="Firmware to use. Default: a firmware process of its own."),
+    ] = None,
+    seed: SeedOption = None,
+    out: OutOption = DEFAULT_OUT,
+    json_wanted: JsonOption = False,
+) -> None:
+    """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
+    scenario = load_scenario(scenario_name).with_seed(seed)
+    folder = make_folder(out, scenario)
+    note(scenario.description, quiet=json_wanted)
+    with run_progress(scenario.name, json_wanted) as progress:
+        run = run_hil(scenario, link, out_dir=folder, progress=progress)
+    summary = finished(run, folder)
+    if json_wanted:
+        print_json({**summary, "folder": str(folder)})
+    else:
+        print_run(summary, folder)
+
+
+hil.__doc__ = f"{hil.__doc__}\n\n{scenario_help()}"

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: MIT
+"""``omni plot``: draw a run's report again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil_sim.report import draw_report
+from hil_sim.summary import REPORT_FILE, load_run
+from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.run_output import RunFolderError
+
+EXAMPLES = examples("omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --out demo.png")
+
+
+def plot(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Where to draw. [default: the run's report.png]")
+    ] = None,
+    json_wanted: JsonOption = False,
+) -> None:
+    """Draw the report of a finished run from its stored record."""
+    try:
+        summary, samples = load_run(run)
+    except (OSError, ValueError, KeyError) as error:
+        hint = "give the folder of a run, as printed by omni demo, hil and sim"
+        raise RunFolderError(f"{run} is not a run: {error}", hint=hint) from error
+    target = writable_path(out, "the picture") if out is not None else run / REPORT_FILE
+    draw_report(summary, samples, target)
+    if json_wanted:
+        print_json({"report": str(target)})
+    else:
+        console.print(str(target))

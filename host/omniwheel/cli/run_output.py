@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""What the commands that run scenarios share: options, progress, run folders and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from hil_sim import timeline
+from hil_sim.report import draw_report
+from hil_sim.runs import Run
+from hil_sim.scenario import MAX_SEED, Scenario, scenario_names
+from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
+from omniwheel.cli.common import console, error_console
+from omniwheel.errors import OmniError
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A scenario of the package, or a .toml file.", show_default=True)
+]
+SeedOption = Annotated[
+    int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. [default: the scenario's]")
+]
+OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the run's folder is made.")]
+DEFAULT_OUT = Path("runs")
+
+Figures = Mapping[str, Any]
+_MM, _MRAD = 1e3, 1e3
+
+
+class RunFolderError(OmniError):
+    """A run folder cannot be made or read."""
+
+    exit_code = 2
+
+
+def scenario_help() -> str:
+    """Return the line that names the scenarios of the package."""
+    return f"Scenarios: {', '.join(scenario_names())}."
+
+
+@contextmanager
+def run_progress(title: str, quiet: bool) -> Iterator[timeline.Progress]:
+    """Show how far a run is, on standard error; yields the callback that a run takes."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=36),
+        TextColumn("{task.fields[simulated]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=error_console, transient=True, disable=quiet) as progress:
+        task = progress.add_task(title, total=None, simulated="")
+
+        def show(time_s: float, end_s: float | None) -> None:
+            progress.update(task, completed=time_s, total=end_s, simulated=f"{time_s:5.1f} s simulated")
+
+        yield show
+
+
+def make_folder(out: Path, scenario: Scenario) -> Path:
+    """Make a new run folder; RunFolderError says why it cannot be made."""
+    try:
+        return new_run_folder(out, scenario)
+    except OSError as error:
+        hint = "choose another folder with --out"
+        raise RunFolderError(f"cannot make a run folder in {out}: {error.strerror or error}", hint=hint) from error
+
+
+def store(run: Run, summary: dict[str, Any], folder: Path) -> None:
+    """Write the run's files and note the folder in its summary."""
+    save_run(run, summary, folder)
+    draw_report(summary, run.record, folder / REPORT_FILE)
+
+
+def finished(run: Run, folder: Path) -> dict[str, Any]:
+    """Summarise and store a run; return the summary."""
+    summary = summarize(run)
+    store(run, summary, folder)
+    return summary
+
+
+def _cell(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
+    return "–" if value is None else f"{value * factor:.{digits}f}"
+
+
+def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures | None]]) -> Table:
+    """Return a table of accuracy and effort; per column a heading, an ``rmse`` and perhaps an ``effort``."""
+    table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("", no_wrap=True)
+    for heading, _, _ in columns:
+        table.add_column(heading, justify="right")
+    accuracy = (
+        ("position RMSE [mm]", "position_m", _MM),
+        ("x RMSE [mm]", "x_m", _MM),
+        ("y RMSE [mm]", "y_m", _MM),
+        ("heading RMSE [mrad]", "theta_rad", _MRAD),
+    )
+    for name, key, factor in accuracy:
+        style = "bold" if key in ("position_m", "theta_rad") else None
+        table.add_row(escape(name), *(_cell(rmse[key], factor) for _, rmse, _ in columns), style=style)
+    effort = (
+        ("peak wheel speed [rad/s]", "peak_wheel_rad_s", 1.0, 2),
+        ("time at a limit [%]", "saturated_share", 100.0, 1),
+        ("chatter index", "chatter", 1.0, 4),
+    )
+    for name, key, factor, digits in effort:
+        table.add_row(
+            escape(name), *("" if figures is None else _cell(figures[key], factor, digits) for _, _, figures in columns)
+        )
+    return table
+
+
+def print_run(summary: Figures, folder: Path) -> None:
+    """Print a run's table and what else is worth knowing."""
+    columns: list[tuple[str, Figures, Figures | None]] = []
+    change = summary["change"]
+    if change is not None:
+        columns += [("before", change["rmse_before"], None), ("after", change["rmse_after"], None)]
+    columns.append(("whole path", summary["rmse"], summary["effort"]))
+    console.print(comparison_table(f"{summary['scenario']}: {summary['description']}", columns))
+    print_facts(summary)
+    console.print(f"\n[bold]{folder}[/]")
+
+
+def print_facts(summary: Figures) -> None:
+    """Print how a run came about: change, faults, speed, timing."""
+    change, tick = summary["change"], summary["tick_us"]
+    if change is not None:
+        console.print(f"changed at {change['time_s']:.2f} s: {change['what']}")
+    if summary["faults"]:
+        console.print(f"[red]faults: {', '.join(summary['faults'])}[/]; the robot ended {summary['final_state']}")
+    if summary["warnings"]:
+        console.print(f"[yellow]warnings: {', '.join(summary['warnings'])}[/]")
+    duration, factor = f"{summary['duration_s']:.1f} s simulated", f"{summary['realtime_factor']:.1f} × real time"
+    timing = f"; tick {tick['mean']:.1f} µs mean, {tick['max']:.1f} µs longest" if tick else ""
+    console.print(f"{duration} in {summary['wall_s']:.1f} s: {factor}{timing}")
