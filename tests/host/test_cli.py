@@ -104,11 +104,7 @@ def test_a_refused_parameter_is_exit_code_1_with_the_robots_reason() -> None:
     with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as both, connect(both.urls[0]) as pilot:
         pilot.arm()
         next(beat for beat in pilot.telemetry(Heartbeat) if beat.armed)
-        process = subprocess.Popen(
-            [sys.executable, "-c", "from omniwheel.cli import main; main()"]
-            + ["params", "set", "WHEELS=4", "--link", both.urls[1]],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+        process = start("params", "set", "WHEELS=4", "--link", both.urls[1])
         while process.poll() is None:
             pilot.pump(0.05)
         output, errors = process.communicate()
