@@ -2,8 +2,8 @@
 """Host-in-the-loop runs: the world around the real firmware over a link, in lockstep.
 
 The same scenario and seed give the same log, byte for byte: commands are sent at exact ticks, heartbeats by simulated
-time, and time stamps are EPOCH_US plus simulated time. How long the firmware's ticks took by the wall clock, it is asked now
-and then; the answers go into the summary and not into the log.
+time, and time stamps are EPOCH_US plus simulated time. How long the firmware's ticks took by the wall clock, it is
+asked now and then; the answers go into the summary and not into the log.
 """
 
 from __future__ import annotations
@@ -160,8 +160,6 @@ def run_hil(
 
 def _run(scenario: Scenario, loop: HilLoop, progress: Progress | None) -> Run:
     start = time.perf_counter()
-    loop.link.run(1)
-    loop.place()
     played = play(scenario, loop, progress)
     wall_s = time.perf_counter() - start
     silent = loop.link.silent

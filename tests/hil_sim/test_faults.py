@@ -125,12 +125,12 @@ def test_pose_loss(make_world: Any) -> None:
 def test_pose_jump(make_world: Any) -> None:
     sensor = PoseSensor(rate_Hz=100, delay_s=0.0, sd_xy_m=0.0, sd_theta_rad=0.0)
     world = make_world(pose_sensor=sensor, faults=[Fault("pose_jump", 0.01, 0.02, value=0.7)])
-    xs = []
+    poses: list[list[float]] = []
     for _ in range(30):
         sensors = world.sense()
-        xs += [list(sensors.fix.pose)] if sensors.has_fix else []
+        poses += [list(sensors.fix.pose)] if sensors.has_fix else []
         world.step()
-    assert np.allclose(xs, [[0, 0, 0], [0.7, 0, 0], [0, 0, 0]])
+    assert np.allclose(np.array(poses), np.array([[0, 0, 0], [0.7, 0, 0], [0, 0, 0]]))
 
 
 def test_battery_sag(make_world: Any) -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +39,8 @@ class Reference:
         return dict(zip(["position", "heading", "velocity", "turn", "angle", "speed", "current"], split, strict=True))
 
     def __call__(self, t: float, y: Array, duty: Array) -> Array:
-        robot, motor, sim = self.robot, self.robot.motor, self.robot.simulation
+        robot, motor = self.robot, self.robot.motor
+        sim: Mapping[str, Any] = robot.simulation
         s = self.unpack(y)
         n = robot.wheels
         grip_limit = sim["friction_coefficient"] * sim["mass_kg"] * 9.80665 / n
