@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Host-in-the-loop runs: the world around the real firmware over a link, in lockstep.
 
-The same scenario and seed give the same bytes on the link: commands are sent at exact ticks, heartbeats by simulated
-time, and the log's time stamps are EPOCH_US plus simulated time. The two times of a tick in OMNI_STATUS are measured
-by the wall clock; they go into the summary and are logged as zero.
+The same scenario and seed give the same log, byte for byte: commands are sent at exact ticks, heartbeats by simulated
+time, and time stamps are EPOCH_US plus simulated time. How long the firmware's ticks took by the wall clock, it is
+asked now and then; the answers go into the summary and not into the log.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -41,25 +41,29 @@ SERVICE_TICKS = 10
 VELOCITY_TICKS = 100
 """A velocity is asked for again this often, well within SAFE_CMD_TO."""
 
+MEASURE_TICKS = 5000
+"""The firmware is asked for the times of its ticks this often."""
+
 _ID_BYTES = slice(7, 10)
+_STATUS_ID = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
 
 
 class HilLoop:
     """The world and the firmware over a lockstep link."""
 
-    def __init__(self, scenario: Scenario, base: FileLink, recorder: Callable[[bytes], None] | None = None) -> None:
+    def __init__(self, scenario: Scenario, base: FileLink) -> None:
         self._table = scenario.robot.table
         self.values = scenario.parameter_values()
         self.link = LockstepLink(base, new_world(scenario))
-        self.tick_us: list[Status] = []
-        connection = Connection(self.link, clock=self.link.clock_s, recorder=recorder)
+        self.measured: list[Status] = []
+        connection = Connection(self.link, clock=self.link.clock_s)
         connection.target_system = int(self.values["SYS_ID"])
         connection.target_component = mavlink.MAV_COMP_ID_AUTOPILOT1
         connection.add_listener(self._take_status)
         self.robot = Robot(connection, table=self._table)
         self._velocity: tuple[float, float, float] | None = None
         self._start_pose = scenario.start_pose
-        self._placed = False
+        self._next_measurement = MEASURE_TICKS
 
     @property
     def ticks(self) -> int:
@@ -71,10 +75,12 @@ class HilLoop:
         end = self.link.ticks + ticks
         while self.link.ticks < end:
             self.robot.pump()
+            if self.link.ticks >= self._next_measurement and not self.link.silent:
+                self._measure()
             if self._velocity is not None and self.link.ticks % VELOCITY_TICKS < SERVICE_TICKS:
                 self.robot.set_velocity(*self._velocity)
             stop = (self.link.ticks // SERVICE_TICKS + 1) * SERVICE_TICKS
-            self.link.run(min(stop, end) - self.link.ticks, self.robot.pump)
+            self.link.run(max(min(stop, end) - self.link.ticks, 0), self.robot.pump)
         return self.link.take_samples()
 
     def apply(self, event: Event) -> None:
@@ -110,30 +116,23 @@ class HilLoop:
         }
         commands[command]()
 
+    def _measure(self) -> None:
+        """Ask how long ticks take, past the log."""
+        self._next_measurement += MEASURE_TICKS
+        connection = self.robot.connection
+        recorder = connection.recorder
+        if recorder is not None:
+            record = recorder
+            connection.recorder = lambda frame: None if frame[_ID_BYTES] == _STATUS_ID else record(frame)
+        try:
+            self.robot.commands.request_message(Status.message, self.robot.timeout_s)
+        finally:
+            connection.recorder = recorder
+
     def _take_status(self, message: Message) -> None:
         status = decode(Status, message)
-        if status is not None:
-            self.tick_us.append(status)
-
-
-class _Log:
-    """Records frames with simulated time, without the wall-clock times in OMNI_STATUS."""
-
-    def __init__(self, path: Path) -> None:
-        self.clock_s: Callable[[], float] = lambda: 0.0
-        self.writer = TlogWriter(path, lambda: EPOCH_US + round(self.clock_s() * 1e6))
-        self._codec = mavlink.MAVLink(None)
-        self._status_id = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
-
-    def __call__(self, frame: bytes) -> None:
-        self.writer.write(self._without_wall_time(frame) if frame[_ID_BYTES] == self._status_id else frame)
-
-    def _without_wall_time(self, frame: bytes) -> bytes:
-        message = self._codec.decode(bytearray(frame))
-        message.tick_us_mean = message.tick_us_max = 0.0
-        sender = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
-        sender.seq = message.get_seq()
-        return bytes(message.pack(sender))
+        if status is not None and status.tick_us_max > 0.0:
+            self.measured.append(status)
 
 
 def run_hil(
@@ -152,19 +151,15 @@ def run_hil(
     scenario = scenario.with_seed(seed)
     with ExitStack() as stack:
         base = stack.enter_context(_own_firmware(scenario) if link is None else _linked_firmware(scenario, link))
-        log = None if out_dir is None else _Log(out_dir / TLOG_FILE)
-        if log is not None:
-            stack.enter_context(log.writer)
-        loop = HilLoop(scenario, base, log)
-        if log is not None:
-            log.clock_s = loop.link.clock_s
+        loop = HilLoop(scenario, base)
+        if out_dir is not None:
+            log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
+            loop.robot.connection.recorder = stack.enter_context(log).write
         return _run(scenario, loop, progress)
 
 
 def _run(scenario: Scenario, loop: HilLoop, progress: Progress | None) -> Run:
     start = time.perf_counter()
-    loop.link.run(1)
-    loop.place()
     played = play(scenario, loop, progress)
     wall_s = time.perf_counter() - start
     silent = loop.link.silent
@@ -172,7 +167,7 @@ def _run(scenario: Scenario, loop: HilLoop, progress: Progress | None) -> Run:
     parameters = loop.values if silent else dict(loop.robot.parameters)
     run = finish(scenario, "hil", played, wall_s, parameters, version)
     texts = tuple(text.text for text in loop.robot.texts.all)
-    return replace(run, tick_us=_tick_times(loop.tick_us), messages=texts)
+    return replace(run, tick_us=_tick_times(loop.measured), messages=texts)
 
 
 def _tick_times(statuses: list[Status]) -> dict[str, float]:

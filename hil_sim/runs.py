@@ -93,8 +93,7 @@ class InProcessLoop:
         self._config = core.robot_config(self.values, self._table, 0)
         self._plan: Any = None
         lib.omni_robot_init(self._robot, self._config)
-        self._inputs.pose.x, self._inputs.pose.y, self._inputs.pose.theta = scenario.start_pose
-        self._inputs.events = lib.OMNI_EVENT_SET_POSE
+        self._start_pose = scenario.start_pose
 
     @property
     def ticks(self) -> int:
@@ -107,6 +106,11 @@ class InProcessLoop:
         lib.hil_run_in_process(self.world.c, self._robot, self._inputs, self._outputs, ticks, record.c)
         self._ticks += ticks
         return record.samples
+
+    def place(self) -> None:
+        """Restart the pose estimate where the robot stands."""
+        self._inputs.pose.x, self._inputs.pose.y, self._inputs.pose.theta = self._start_pose
+        self._inputs.events |= lib.OMNI_EVENT_SET_POSE
 
     def apply(self, event: Event) -> None:
         """Hand an event to the next tick."""

@@ -42,6 +42,9 @@ class Loop(Protocol):
     def advance(self, ticks: int) -> NDArray[Any]:
         """Run this many ticks and return their samples."""
 
+    def place(self) -> None:
+        """Tell the robot where it stands."""
+
     def apply(self, event: Event) -> None:
         """Do to the robot what the event says, before the next tick; RunError if the robot refuses."""
 
@@ -151,7 +154,8 @@ class _Timeline:
 def play(scenario: Scenario, loop: Loop, progress: Progress | None = None) -> Played:
     """Run the scenario to its end, disarm, and return what happened."""
     timeline = _Timeline(scenario, loop)
-    chunks = []
+    chunks = [loop.advance(1)]
+    loop.place()
     while loop.ticks < timeline.end():
         timeline.apply_due()
         chunks.append(loop.advance(max(timeline.next_stop() - loop.ticks, 1)))

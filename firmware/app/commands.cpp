@@ -19,6 +19,13 @@ enum : uint16_t {
     cmd_capabilities = MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
 };
 
+/// Before the first tick, or while the motor driver's first setup is under way without any error.
+bool starting_up(const TickReport &latest) {
+    const uint32_t others = latest.arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
+    const bool driver_not_yet = others == OMNI_FAULT_DRIVER && latest.i2c_errors == 0;
+    return latest.outputs.state == OMNI_STATE_INIT || driver_not_yet;
+}
+
 uint8_t queued(bool done) {
     return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
 }
@@ -106,6 +113,10 @@ uint8_t Commands::arm() {
     }
     if (hil_.hil_silent()) {
         shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: no OMNI_HIL_SENSORS yet"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    if (starting_up(shared_.latest)) {
+        shared_.say(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: starting up"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (state != OMNI_STATE_DISARMED) {

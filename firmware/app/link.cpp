@@ -36,6 +36,8 @@ void Link::receive(uint64_t idle_ns) {
         new_session_ = session != 0;
         parser_.reset();
         pending_ = 0;
+        tokens_ = burst_of(budget_);
+        bulk_tokens_ = burst_of(0.5f * budget_);
     }
     size_t room = 0;
     uint8_t *space = parser_.space(&room);

@@ -95,7 +95,7 @@ size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_v
     size_t length = header_length;
     uint32_t count = 0;
     for (size_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
-        if (std::memcmp(&values[i], &robot_values[i], sizeof values[i]) == 0) {
+        if (values[i] == robot_values[i]) {
             continue;
         }
         if (length + entry_length > room) {

@@ -28,7 +28,7 @@ void Setpoints::restart() {
     said_us_ = 0;
 }
 
-void Setpoints::accept(omni_setpoint_t setpoint) {
+void Setpoints::accept(const omni_setpoint_t &setpoint) {
     Request request;
     request.kind = Request::Kind::setpoint;
     request.setpoint = setpoint;

@@ -21,7 +21,7 @@ public:
     void restart();
 
 private:
-    void accept(omni_setpoint_t setpoint);
+    void accept(const omni_setpoint_t &setpoint);
     void refuse(const char *why);
     const char *pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
     const char *velocity_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;

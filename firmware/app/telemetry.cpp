@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/telemetry.h"
 
+#include <cmath>
 #include <initializer_list>
 
 #include "app/reports.h"
@@ -44,7 +45,7 @@ size_t find_stream(uint32_t id) {
 }
 
 uint32_t interval_of(float rate_Hz) {
-    return rate_Hz > 0.0f ? static_cast<uint32_t>(1.0e6f / rate_Hz + 0.5f) : 0;
+    return rate_Hz > 0.0f ? static_cast<uint32_t>(std::lround(1.0e6f / rate_Hz)) : 0;
 }
 
 /// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second.

@@ -2,8 +2,10 @@
 /// @file text.h  Short texts for STATUSTEXT, built without a heap and without printf.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 
 namespace omni {
 
@@ -40,14 +42,16 @@ public:
         if (value >= 4.0e5f) {
             return add(value > 3.4e38f ? "infinity" : ">= 400000");
         }
-        const auto scaled = static_cast<uint32_t>(value * 10000.0f + 0.5f);
+        const auto scaled = static_cast<uint32_t>(std::lround(value * 10000.0f));
         add(scaled / 10000);
         uint32_t rest = scaled % 10000;
         if (rest != 0) {
             add(".");
-            for (uint32_t place = 1000; rest != 0; place /= 10) {
-                add(rest / place);
-                rest %= place;
+            for (const uint32_t place : {1000u, 100u, 10u, 1u}) {
+                if (rest != 0) {
+                    add(rest / place);
+                    rest %= place;
+                }
             }
         } else if (scaled == 0 && value > 0.0f) {
             add(".0000");

@@ -44,18 +44,11 @@ def own_declarations(preprocessed: str, include_dirs: list[Path]) -> str:
     return _STATIC_ASSERT.sub("", text)
 
 
-def weak_references(ffi: FFI) -> str:
-    """Return pragmas that let the extension load although a declared function or table is not defined yet."""
-    kinds = ("function ", "variable ", "constant ")
-    names = [key.split(" ", 1)[1] for key in ffi._parser._declarations if key.startswith(kinds)]
-    return "\n".join(f"#pragma weak {name}" for name in names)
-
-
 def extension_source(compiler: str, header: Path, include_dirs: list[Path], out: Path) -> None:
     """Write the extension's C source to ``out``."""
     ffi = FFI()
     ffi.cdef(own_declarations(preprocess(compiler, header, include_dirs), include_dirs))
-    ffi.set_source(MODULE, f'#include "{header.name}"\n{weak_references(ffi)}\n')
+    ffi.set_source(MODULE, f'#include "{header.name}"\n')
     out.parent.mkdir(parents=True, exist_ok=True)
     ffi.emit_c_code(str(out))
 

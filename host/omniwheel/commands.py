@@ -10,6 +10,8 @@ from omniwheel.texts import TextLog
 
 ACK_TIMEOUT_S = 1.0
 TRIES = 4
+BUSY_TIMEOUT_S = 2.0
+BUSY_PERIOD_S = 0.05
 PARAMS = 7
 
 
@@ -27,7 +29,7 @@ class Commander:
         LinkTimeoutError.
         """
         mark = self._texts.mark()
-        ack = self._acknowledged(command, [*params, *[0.0] * (PARAMS - len(params))])
+        ack = self._settled(command, [*params, *[0.0] * (PARAMS - len(params))])
         if ack is None:
             raise LinkTimeoutError(f"the robot does not answer the command {what}")
         if ack.result != mavlink.MAV_RESULT_ACCEPTED:
@@ -35,6 +37,16 @@ class Commander:
             arming = command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and bool(params and params[0])
             refusal = ArmingRefusedError if arming else CommandRefusedError
             raise refusal(what, result, self._texts.reasons_since(mark))
+
+    def _settled(self, command: int, params: list[float]) -> Message | None:
+        """Return the acknowledgement; "temporarily rejected", as while it starts up, is tried again for a while."""
+        end = self._connection.clock() + BUSY_TIMEOUT_S
+        while True:
+            ack = self._acknowledged(command, params)
+            busy = ack is not None and ack.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+            if not busy or self._connection.clock() >= end:
+                return ack
+            self._connection.pump(BUSY_PERIOD_S)
 
     def _acknowledged(self, command: int, params: list[float]) -> Message | None:
         for confirmation in range(TRIES):

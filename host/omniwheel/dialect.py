@@ -27,11 +27,11 @@ class Message(Protocol):
         """Return the frame as it was on the wire."""
         ...
 
-    def get_srcSystem(self) -> int:  # noqa: N802 - pymavlink's name
+    def get_srcSystem(self) -> int:
         """Return the sender's system id."""
         ...
 
-    def get_srcComponent(self) -> int:  # noqa: N802 - pymavlink's name
+    def get_srcComponent(self) -> int:
         """Return the sender's component id."""
         ...
 

@@ -14,7 +14,7 @@ _RELEASE = 255
 class RobotVersion:
     """Firmware version, its first 16 hex digits of the git commit ("" if unknown), and the parameter table it has.
 
-    ``dirty`` means built from a changed work tree; ``schema_crc`` is its table's :attr:`omni_schema.ParameterTable.crc`.
+    ``dirty`` means built from a changed work tree; ``schema_crc`` is the ``crc`` of its ``omni_schema.ParameterTable``.
     """
 
     firmware: str

@@ -64,7 +64,7 @@ class Wheels(Telemetry):
     speed_rad_s: Wheels4
     reference_rad_s: Wheels4
     duty: Wheels4
-    current_A: Wheels4  # noqa: N815 - the unit
+    current_A: Wheels4
     slip_m_s: Wheels4
     wheel_scale: float
     duty_scale: float
@@ -124,7 +124,7 @@ class Battery(Telemetry):
     """Supply voltage, nan if it is not measured."""
 
     message = "SYS_STATUS"
-    voltage_V: float  # noqa: N815 - the unit
+    voltage_V: float
 
 
 @dataclass(frozen=True)

@@ -98,14 +98,24 @@ class Plan:
         lib.omni_trajectory_evaluate(self.c, time_us, reference)
         return reference
 
-    def sample(self, times_us: Array) -> tuple[Array, Array, Array, Array]:
+    def sample(self, times_us: NDArray[Any]) -> tuple[Array, Array, Array, Array]:
         """Return pose, rate, acceleration (n x 3) and phase at integer times."""
         rows = []
         for t in times_us:
             r = self.at_us(int(t))
             rows.append(
-                [r.pose.x, r.pose.y, r.pose.theta, r.rate.vx, r.rate.vy, r.rate.wz]
-                + [r.acceleration.vx, r.acceleration.vy, r.acceleration.wz, r.phase]
+                [
+                    r.pose.x,
+                    r.pose.y,
+                    r.pose.theta,
+                    r.rate.vx,
+                    r.rate.vy,
+                    r.rate.wz,
+                    r.acceleration.vx,
+                    r.acceleration.vy,
+                    r.acceleration.wz,
+                    r.phase,
+                ]
             )
         table = np.array(rows)
         return table[:, :3], table[:, 3:6], table[:, 6:9], table[:, 9]
@@ -125,7 +135,7 @@ class Plan:
 
 
 def wheel_motion(poses: Array, rates: Array, accelerations: Array) -> tuple[Array, Array]:
-    """Return wheel speeds and accelerations from velocities of the contact points, independent of the core's matrices."""
+    """Return wheel speeds and accelerations from the contact points' velocities, without the core's matrices."""
     speeds, changes = [], []
     for bearing in BEARINGS:
         angle = poses[:, 2] + bearing

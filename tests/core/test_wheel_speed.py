@@ -78,7 +78,8 @@ def test_duty_keeps_limit_and_direction(
     reference: list[float], measured: list[float], wheels: int, limit: float, supply: float
 ) -> None:
     loops = Loops(wheels, limit, ff_speed_V_s=3.6)
-    wanted = np.array([3.6 * r + 4.12 * (r - m) for r, m in zip(reference, measured, strict=True)])
+    error = np.array(reference) - measured
+    wanted = 3.6 * np.array(reference) + 4.0 * error + np.clip(0.12 * error, -8.0, 8.0)
     factor = loops.step(reference, measured, supply=supply)
     duty = np.array(list(loops.duty))
     assert 0 < factor <= 1

@@ -49,7 +49,7 @@ def test_the_compiled_presets_are_the_robot_files() -> None:
         assert list(presets[robot.name].values) == list(robot.parameter_values().values())
 
 
-@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
+@given(st.floats(-(2.0**120), 2.0**120, width=32))  # the schema reader refuses what a float cannot hold
 def test_float_literals_keep_every_bit(value: float) -> None:
     literal = float_literal(value)
     assert literal.endswith("f")

@@ -12,15 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
+
 from omniwheel import FirmwareProcess, connect
 from omniwheel.cli import app
 from omniwheel.telemetry import Heartbeat
-from typer.testing import CliRunner
 
 runner = CliRunner()
 COMMANDS = [
-    ["params", "list"], ["params", "get"], ["params", "set"], ["params", "save"], ["params", "load"], ["params", "diff"],
-    ["params", "reset"], ["monitor"], ["record"], ["drive", "velocity"], ["drive", "pose"], ["drive", "trajectory"],
+    ["params", "list"], ["params", "get"], ["params", "set"], ["params", "save"], ["params", "load"],
+    ["params", "diff"], ["params", "reset"], ["monitor"], ["record"], ["drive", "velocity"],
+    ["drive", "pose"], ["drive", "trajectory"],
     ["drive", "keys"], ["robots", "show"], ["robots", "check"], ["robots", "new"], ["doctor"],
 ]  # fmt: skip
 
@@ -35,9 +37,15 @@ def run_json(*words: str, code: int = 0) -> Any:
     return json.loads(run(*words, "--json", code=code).stdout)
 
 
+OMNI = [sys.executable, "-c", "from omniwheel.cli import main; main()"]
+
+
 def omni(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", "from omniwheel.cli import main; main()", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, **options)
+    return subprocess.run([*OMNI, *words], capture_output=True, text=True, timeout=60, check=False, **options)
+
+
+def start(*words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen([*OMNI, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
@@ -92,19 +100,14 @@ def test_an_unknown_parameter_is_bad_input_with_a_suggestion() -> None:
     assert "did you mean ISMC_LAM_XY" in run("params", "set", "ISMC_LAM_YX=1", code=2).stderr
 
 
-def test_a_refused_parameter_is_exit_code_1_with_the_robots_reason(firmware: FirmwareProcess) -> None:
-    with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as both:
-        with connect(both.urls[0]) as pilot:
-            pilot.arm()
-            next(beat for beat in pilot.telemetry(Heartbeat) if beat.armed)
-            process = subprocess.Popen(
-                [sys.executable, "-c", "from omniwheel.cli import main; main()"]
-                + ["params", "set", "WHEELS=4", "--link", both.urls[1]],
-                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            )  # fmt: skip
-            while process.poll() is None:
-                pilot.pump(0.05)
-            output, errors = process.communicate()
+def test_a_refused_parameter_is_exit_code_1_with_the_robots_reason() -> None:
+    with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as both, connect(both.urls[0]) as pilot:
+        pilot.arm()
+        next(beat for beat in pilot.telemetry(Heartbeat) if beat.armed)
+        process = start("params", "set", "WHEELS=4", "--link", both.urls[1])
+        while process.poll() is None:
+            pilot.pump(0.05)
+        output, errors = process.communicate()
     assert process.returncode == 1
     assert output == ""
     assert "disarm first" in errors
@@ -150,8 +153,9 @@ def test_monitor_once(url: str) -> None:
 
 
 def test_record_writes_a_log_that_pymavlink_reads(url: str, tmp_path: Path) -> None:
-    from omniwheel.dialect import install
     from pymavlink import mavutil
+
+    from omniwheel.dialect import install
 
     out = tmp_path / "run.tlog"
     result = run_json("record", str(out), "--duration", "1.5", "--link", url)
@@ -181,13 +185,9 @@ def test_an_unknown_trajectory_is_refused_and_the_robot_disarmed(url: str) -> No
     assert run_json("monitor", "--link", url)["state"] == "disarmed"
 
 
-def test_ctrl_c_disarms(tmp_path: Path) -> None:
+def test_ctrl_c_disarms() -> None:
     with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as firmware:
-        process = subprocess.Popen(
-            [sys.executable, "-c", "from omniwheel.cli import main; main()"]
-            + ["drive", "velocity", "0", "0", "0", "--for", "60", "--link", firmware.urls[0]],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+        process = start("drive", "velocity", "0", "0", "0", "--for", "60", "--link", firmware.urls[0])
         with connect(firmware.urls[1], timeout_s=20.0) as watcher:
             watcher.set_message_interval("HEARTBEAT", 20.0)
             next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=20.0) if beat.armed)

@@ -10,6 +10,7 @@ import stat
 from pathlib import Path
 
 import pytest
+
 from omniwheel import FirmwareProcess, Robot, connect
 from omniwheel.errors import (
     ArmingRefusedError,
@@ -34,13 +35,12 @@ def test_the_firmware_serves_over_tcp_and_a_pseudo_terminal_at_once() -> None:
 
 
 def test_the_robot_file_and_overrides_reach_the_firmware() -> None:
-    with FirmwareProcess("four_wheel", parameters={"ISMC_LAM_XY": 7.0, "CTL_MODE": "pid"}) as firmware:
-        with connect(firmware.urls[0]) as robot:
-            assert robot.parameters["ISMC_LAM_XY"] == 7.0
-            assert robot.parameters["CTL_MODE"] == 4.0
-            expected = firmware.robot.parameter_values()
-            assert robot.parameters["WHEELS"] == 4.0
-            assert robot.parameters["WHEEL_DIST"] == expected["WHEEL_DIST"]
+    process = FirmwareProcess("four_wheel", parameters={"ISMC_LAM_XY": 7.0, "CTL_MODE": "pid"})
+    with process as firmware, connect(firmware.urls[0]) as robot:
+        assert robot.parameters["ISMC_LAM_XY"] == 7.0
+        assert robot.parameters["CTL_MODE"] == 4.0
+        assert robot.parameters["WHEELS"] == 4.0
+        assert robot.parameters["WHEEL_DIST"] == firmware.robot.parameter_values()["WHEEL_DIST"]
 
 
 def test_the_version_and_the_parameter_table_agree(url: str) -> None:
@@ -168,9 +168,9 @@ def test_an_unknown_robot_comes_with_the_known_ones() -> None:
 
 
 def test_two_robots_run_at_once(robot_file: Path) -> None:
-    with FirmwareProcess("four_wheel") as four, FirmwareProcess(robot_file) as mine:
-        with connect(four.urls[0]) as one, connect(mine.urls[0]) as two:
-            assert (one.parameters["WHEELS"], two.parameters["WHEELS"]) == (4.0, 3.0)
+    four_wheel, mine = FirmwareProcess("four_wheel"), FirmwareProcess(robot_file)
+    with four_wheel, mine, connect(four_wheel.urls[0]) as one, connect(mine.urls[0]) as two:
+        assert (one.parameters["WHEELS"], two.parameters["WHEELS"]) == (4.0, 3.0)
 
 
 def test_a_hung_program_is_stopped_by_the_robots_link_loss(firmware: FirmwareProcess) -> None:

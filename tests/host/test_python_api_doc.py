@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from omniwheel import connect
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "python-api.md"

@@ -128,6 +128,17 @@ def test_a_command_without_answer_times_out(fake: Any, robot: Robot) -> None:
         robot.estop()
 
 
+def test_a_robot_that_is_busy_is_asked_again(fake: Any, robot: Robot) -> None:
+    fake.command_results[ARM] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    with pytest.raises(ArmingRefusedError, match="temporarily rejected"):
+        robot.arm()
+    refused = len(fake.commands())
+    assert refused > 5
+    fake.command_results.clear()
+    robot.arm()
+    assert len(fake.commands()) == refused + 1
+
+
 def test_unsupported_commands_are_refusals(fake: Any, robot: Robot) -> None:
     fake.command_results[mavlink.MAV_CMD_OMNI_HIL] = mavlink.MAV_RESULT_UNSUPPORTED
     with pytest.raises(CommandRefusedError, match="unsupported"):

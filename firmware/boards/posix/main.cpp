@@ -145,14 +145,16 @@ void Process::wait(int timeout_ms) {
     pollfd fds[1 + PosixPort::max_fds * Board::max_ports];
     fds[0] = {wake_pipe[0], POLLIN, 0};
     size_t count = 1;
+    size_t first[Board::max_ports] = {};
     for (size_t i = 0; i < board_.port_count; ++i) {
+        first[i] = count;
         count += ports_[i]->wait_for(fds + count);
     }
     if (poll(fds, static_cast<nfds_t>(count), timeout_ms) <= 0) {
         return;
     }
     for (size_t i = 0; i < board_.port_count; ++i) {
-        ports_[i]->service();
+        ports_[i]->service(fds + first[i]);
     }
 }
 

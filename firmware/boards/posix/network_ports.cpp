@@ -104,10 +104,11 @@ size_t TcpPort::wait_for(pollfd *fds) {
     return fd_ >= 0 ? 2 : 1;
 }
 
-void TcpPort::service() {
+void TcpPort::service(const pollfd *fds) {
     push();
-    pollfd waiting = {listener_, POLLIN, 0};
-    if (poll(&waiting, 1, 0) <= 0) {
+    // A client whose last bytes or end are still to be read goes first: the newcomer may be its successor.
+    const bool occupied = fd_ >= 0 && fds[1].revents != 0;
+    if ((fds[0].revents & POLLIN) == 0 || occupied) {
         return;
     }
     const int fd = accept(listener_, nullptr, nullptr);

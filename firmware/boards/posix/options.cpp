@@ -13,13 +13,14 @@ namespace omni {
 namespace {
 
 constexpr int usage_error = 2;
+constexpr const char *default_robot = "three_wheel";
 
 void print_help() {
     std::puts("usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
               "\n"
               "The robot's firmware as a process of this computer.\n"
               "\n"
-              "  --robot NAME     built-in robot: its geometry, motors and gains (default: the first one)\n"
+              "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
               "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
               "                   --robot it changes single values\n"
               "  --link LINK      where MAVLink is spoken, up to four times (default tcp:127.0.0.1:5760)\n"
@@ -166,7 +167,9 @@ bool take_option(const char *name, const char *value, Options *options) {
 
 bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
     *exit_code = usage_error;
-    std::memcpy(options->values, omni_robot_presets[0].values, sizeof options->values);
+    if (!use_robot(default_robot, options->values)) {
+        return false;
+    }
     for (int i = 1; i < argc; ++i) {
         const char *name = argv[i];
         if (std::strcmp(name, "--help") == 0 || std::strcmp(name, "--version") == 0) {

@@ -21,8 +21,8 @@ public:
     virtual void close_port() = 0;
     /// What to wait for. @return how many entries were filled.
     virtual size_t wait_for(struct pollfd *fds) = 0;
-    /// Accept or refuse connections, send what waits.
-    virtual void service() = 0;
+    /// Accept or refuse connections, send what waits. @param fds what wait_for() filled, after poll().
+    virtual void service(const struct pollfd *fds) = 0;
     /// URL under which a ground station reaches this port.
     const char *url() const { return url_; }
 
@@ -52,7 +52,7 @@ public:
     bool open(const char *address) override;
     void close_port() override;
     size_t wait_for(struct pollfd *fds) override;
-    void service() override;
+    void service(const struct pollfd *fds) override;
 
 private:
     void disconnected() override;
@@ -64,7 +64,7 @@ public:
     bool open(const char *address) override;
     void close_port() override;
     size_t wait_for(struct pollfd *fds) override;
-    void service() override { push(); }
+    void service(const struct pollfd *) override { push(); }
 
 private:
     void disconnected() override {} ///< nobody at the other end yet: keep trying
@@ -75,7 +75,7 @@ public:
     bool open(const char *address) override;
     void close_port() override;
     size_t wait_for(struct pollfd *fds) override;
-    void service() override { push(); }
+    void service(const struct pollfd *) override { push(); }
 
 private:
     void disconnected() override {} ///< we hold the other side open ourselves

@@ -70,11 +70,13 @@ def _print(summary: dict[str, Any], folder: Path) -> None:
     change = summary["change"]
     columns = []
     if change is not None:
-        columns += [("before the\ngain change", change["rmse_before"], None), ("after it", change["rmse_after"], None)]
-    columns.append(("whole path", summary["rmse"], summary["effort"]))
-    headings = {"original_law": "original law,\nsame world", "no_slip": "no slip, dead\nreckoning only"}
+        columns += [("before", change["rmse_before"], None), ("after", change["rmse_after"], None)]
+    columns.append(("all", summary["rmse"], summary["effort"]))
+    headings = {"original_law": "original law", "no_slip": "no slip"}
     columns += [(headings[name], entry["rmse"], entry["effort"]) for name, entry in summary["comparison"].items()]
     console.print(comparison_table(f"Eight-petal rose, {summary['robot']}, {summary['controller'].upper()}", columns))
+    if summary["comparison"]:
+        console.print("original law: the same world under the robot's first firmware; no slip: on dead reckoning alone")
     for entry in summary["comparison"].values():
         if not entry["completed"]:
             console.print(f"[yellow]{entry['description']}: stopped before the end ({', '.join(entry['faults'])})[/]")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich import box
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -91,8 +92,8 @@ def _cell(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
 
 def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures | None]]) -> Table:
     """Return a table of accuracy and effort; per column a heading, an ``rmse`` and perhaps an ``effort``."""
-    table = Table(title=title, title_style="bold", title_justify="left")
-    table.add_column("")
+    table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("", no_wrap=True)
     for heading, _, _ in columns:
         table.add_column(heading, justify="right")
     accuracy = (

@@ -158,5 +158,7 @@ def _table(what: str, figures: tuple[Figures, Figures]) -> Table:
     for name, key, factor, digits in rows:
         values: list[Any] = [entry.as_dict()[key] for entry in figures]
         if not all(value != value for value in values):
-            table.add_row(escape(name), *("–" if value != value else f"{value * factor:.{digits}f}" for value in values))
+            table.add_row(
+                escape(name), *("–" if value != value else f"{value * factor:.{digits}f}" for value in values)
+            )
     return table

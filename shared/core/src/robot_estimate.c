@@ -76,9 +76,14 @@ static void estimate_wheels(omni_robot_t *robot, omni_tick_t *tick, uint8_t vali
     }
 }
 
+omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us) {
+    const uint64_t age_us = now_us > since_us ? now_us - since_us : 0;
+    return (omni_real_t)(uint32_t)(age_us < UINT32_MAX ? age_us : UINT32_MAX) * 1e-6f;
+}
+
 bool omni_robot_fix_is_fresh(const omni_robot_t *robot, uint64_t now_us) {
     const uint64_t last_us = robot->pose_ekf.last_fix_us;
-    return last_us != 0 && (omni_real_t)(now_us - last_us) * 1e-6f <= robot->config->limits.fix_timeout_s;
+    return last_us != 0 && omni_robot_age_s(now_us, last_us) <= robot->config->limits.fix_timeout_s;
 }
 
 static void use_fix(omni_robot_t *robot, omni_tick_t *tick) {

@@ -22,6 +22,9 @@ typedef struct omni_tick_t {
 /** Time, counts, filters, pose: fills the estimates of `out`. */
 void omni_robot_estimate(omni_robot_t *robot, omni_tick_t *tick);
 
+/** Seconds from `since_us` to `now_us`; 0 for a stamp from the future, at most 4295 s. */
+omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us);
+
 /** Has a pose fix been accepted within FIX_TIMEOUT? */
 bool omni_robot_fix_is_fresh(const omni_robot_t *robot, uint64_t now_us);
 

@@ -51,7 +51,7 @@ static void govern_pose(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
     const omni_setpoint_t *setpoint = &tick->in->setpoint;
     omni_pose_t *pose = &robot->governed;
-    const omni_real_t age = (omni_real_t)(tick->in->time_us - setpoint->time_us) * 1e-6f;
+    const omni_real_t age = omni_robot_age_s(tick->in->time_us, setpoint->time_us);
     const omni_real_t dx = setpoint->pose.x + setpoint->twist.vx * age - pose->x;
     const omni_real_t dy = setpoint->pose.y + setpoint->twist.vy * age - pose->y;
     const omni_real_t dtheta = omni_wrap_pi(setpoint->pose.theta + setpoint->twist.wz * age - pose->theta);

@@ -3,11 +3,6 @@
 
 #include "omni/math.h"
 
-/* Seconds from `since_us` to now; a stamp from the future counts as fresh. */
-static omni_real_t age_s(const omni_tick_t *tick, uint64_t since_us) {
-    return tick->in->time_us > since_us ? (omni_real_t)(tick->in->time_us - since_us) * 1e-6f : 0.0f;
-}
-
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
  * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through; one that stands still
  * uses up stall_s as time goes by, one that turns the other way at most twice as fast (a reversal of the voltage is legal). */
@@ -44,7 +39,7 @@ static void supervise_supply(omni_robot_t *robot, omni_tick_t *tick) {
 
 static void supervise_link(const omni_robot_t *robot, omni_tick_t *tick) {
     const omni_limits_t *limits = &robot->config->limits;
-    if (tick->in->heartbeat_us == 0 || age_s(tick, tick->in->heartbeat_us) > limits->link_timeout_s) {
+    if (tick->in->heartbeat_us == 0 || omni_robot_age_s(tick->in->time_us, tick->in->heartbeat_us) > limits->link_timeout_s) {
         tick->faults |= OMNI_FAULT_LINK_LOSS;
     }
 }
@@ -70,7 +65,7 @@ static void supervise_setpoint(const omni_robot_t *robot, omni_tick_t *tick) {
     if (!setpoint_is_finite(setpoint) || setpoint->kind > OMNI_SETPOINT_DUTY) {
         tick->faults |= OMNI_FAULT_NOT_FINITE;
         tick->kind = OMNI_SETPOINT_NONE;
-    } else if (is_streamed(tick->kind) && age_s(tick, setpoint->time_us) > limits->command_timeout_s) {
+    } else if (is_streamed(tick->kind) && omni_robot_age_s(tick->in->time_us, setpoint->time_us) > limits->command_timeout_s) {
         if (robot->state == OMNI_STATE_ARMED && setpoint->time_us >= robot->armed_since_us) {
             tick->faults |= OMNI_FAULT_COMMAND_LOSS;
         }

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: MIT
+"""A firmware process and a bare MAVLink client for it: what the tests here share."""
+
+from __future__ import annotations
+
+import json
+import math
+import select
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from omniwheel.paths import dialect_dir, firmware_path
+
+WAIT_S = 10.0
+GCS = 255
+REAL32 = 9
+ALL_WHEELS = 0b1111
+PCA9685 = 0x40
+COUNTS_PER_RAD = 10000 / math.tau  # three_wheel.toml
+
+
+def load_dialect() -> ModuleType:
+    """Return the generated Python dialect."""
+    folder = str(dialect_dir())
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    return import_module("omni")
+
+
+mav = load_dialect()
+
+
+@dataclass
+class Firmware:
+    """A running firmware process and where it listens."""
+
+    process: subprocess.Popen[str]
+    links: list[str]
+
+    def address(self, link: int = 0) -> tuple[str, int]:
+        """Return host and port of a TCP link."""
+        _, host, port = self.links[link].split(":")
+        return host, int(port)
+
+
+@contextmanager
+def firmware(*arguments: str, links: Sequence[str] = ("tcp:127.0.0.1:0",)) -> Iterator[Firmware]:
+    """Run omni-firmware and end it at the end, whatever happens."""
+    options = [text for link in links for text in ("--link", link)]
+    process = subprocess.Popen(
+        [str(firmware_path()), *options, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    try:
+        line = process.stdout.readline()
+        if not line:
+            raise AssertionError(f"the firmware did not start: {process.communicate()[1]}")
+        yield Firmware(process, json.loads(line)["links"])
+    finally:
+        process.terminate()
+        process.communicate(timeout=WAIT_S)
+
+
+@dataclass
+class Tick:
+    """What one lockstep tick answered."""
+
+    actuators: Any
+    others: list[Any]
+
+    @property
+    def i2c(self) -> list[tuple[int, bytes, int]]:
+        """The tick's I2C transactions: address, bytes written, count of bytes read."""
+        return list(split_i2c(bytes(self.actuators.i2c[: self.actuators.i2c_length])))
+
+
+def split_i2c(data: bytes) -> Iterator[tuple[int, bytes, int]]:
+    """Split the coding of OMNI_HIL_ACTUATORS.i2c."""
+    at = 0
+    while at < len(data):
+        address, count = data[at], data[at + 1]
+        yield address, data[at + 2 : at + 2 + count], data[at + 2 + count]
+        at += 3 + count
+
+
+@dataclass
+class Client:
+    """A ground station of a few lines. In lockstep it is the world too."""
+
+    socket: socket.socket
+    inbox: list[Any] = field(default_factory=list)
+    time_us: int = 0
+    sequence: int = 0
+    registers: bytearray = field(default_factory=lambda: bytearray(256))
+    read: bytes = b""
+    angles: list[float] = field(default_factory=lambda: [0.0] * 4)
+
+    def __post_init__(self) -> None:
+        self.mav = mav.MAVLink(self, srcSystem=GCS, srcComponent=190)
+        self.mav.robust_parsing = True
+
+    def write(self, data: bytes) -> None:
+        """Send raw bytes (pymavlink calls this too)."""
+        self.socket.sendall(data)
+
+    def pump(self, timeout_s: float = WAIT_S) -> bool:
+        """Take what has arrived. Return False after a silent time-out."""
+        if not select.select([self.socket], [], [], timeout_s)[0]:
+            return False
+        data = self.socket.recv(65536)
+        if not data:
+            raise ConnectionError("the firmware closed the connection")
+        for message in self.mav.parse_buffer(data) or []:
+            self.inbox.append(message)
+        return True
+
+    def wait(self, *types: str, **fields: Any) -> Any:
+        """Return the next message of one of the types with these field values; earlier others stay in the inbox."""
+        while True:
+            for i, message in enumerate(self.inbox):
+                values = message.to_dict()
+                if message.get_type() in types and all(values[k] == v for k, v in fields.items()):
+                    return self.inbox.pop(i)
+            if not self.pump():
+                seen = [m.get_type() for m in self.inbox]
+                raise AssertionError(f"no {types} with {fields}; got {seen}")
+
+    def command(self, command: int, *parameters: float) -> int:
+        """Send COMMAND_LONG and return the result of its acknowledgement."""
+        padded = [*parameters, *[0.0] * (7 - len(parameters))]
+        self.mav.command_long_send(1, 1, command, 0, *padded)
+        return int(self.wait("COMMAND_ACK", command=command).result)
+
+    def heartbeat(self) -> None:
+        """Show that a ground station is there."""
+        self.mav.heartbeat_send(mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+
+    def get(self, name: str) -> float:
+        """Read a parameter."""
+        self.mav.param_request_read_send(1, 1, name.encode(), -1)
+        return float(self.wait("PARAM_VALUE", param_id=name).param_value)
+
+    def set(self, name: str, value: float, kind: int = REAL32) -> float:
+        """Set a parameter and return the value that the robot answers."""
+        self.mav.param_set_send(1, 1, name.encode(), value, kind)
+        return float(self.wait("PARAM_VALUE", param_id=name).param_value)
+
+    def texts(self) -> list[str]:
+        """Take the status texts out of the inbox."""
+        texts = [m.text for m in self.inbox if m.get_type() == "STATUSTEXT"]
+        self.inbox = [m for m in self.inbox if m.get_type() != "STATUSTEXT"]
+        return texts
+
+    def tick(
+        self,
+        *,
+        counts: Sequence[int] | None = None,
+        valid: int = ALL_WHEELS,
+        battery_v: float = 12.0,
+        nack: bool = False,
+        step_us: int = 1000,
+    ) -> Tick:
+        """Run one lockstep tick: the chip keeps what is written; without ``counts`` the wheels do as they are told."""
+        self.time_us += step_us
+        self.sequence += 1
+        read = self.read.ljust(8, b"\0")
+        turned = [int(angle * COUNTS_PER_RAD) for angle in self.angles] if counts is None else list(counts)
+        self.mav.omni_hil_sensors_send(
+            self.time_us, self.sequence, turned, battery_v, valid, int(nack), len(self.read), list(read)
+        )
+        actuators = self.wait("OMNI_HIL_ACTUATORS", sequence=self.sequence)
+        others, self.inbox = self.inbox, []
+        tick = Tick(actuators, others)
+        self._store(tick)
+        wanted = actuators.wheel_reference
+        self.angles = [a + w * step_us * 1e-6 for a, w in zip(self.angles, wanted, strict=True)]
+        return tick
+
+    def _store(self, tick: Tick) -> None:
+        self.read = b""
+        for address, data, count in tick.i2c:
+            assert address == PCA9685
+            for offset, byte in enumerate(data[1:]):
+                self.registers[data[0] + offset] = byte
+            if count:
+                self.read = bytes(self.registers[data[0] : data[0] + count])
+
+    def ticks(self, count: int, **sensors: Any) -> list[Tick]:
+        """Run several ticks."""
+        return [self.tick(**sensors) for _ in range(count)]
+
+    def armed(self) -> Client:
+        """Bring a fresh robot in lockstep to the armed state."""
+        self.heartbeat()
+        self.ticks(20)
+        assert self.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_ACCEPTED
+        assert self.tick().actuators.state == 2
+        return self
+
+    def channel(self, number: int) -> int:
+        """Return for how many of 4096 steps a PWM channel is high."""
+        at = 6 + 4 * number
+        _, on_high, off_low, off_high = self.registers[at : at + 4]
+        if off_high & 0x10:
+            return 0
+        return 4096 if on_high & 0x10 else off_low | off_high << 8
+
+
+def connect(robot: Firmware, link: int = 0) -> Client:
+    """Connect to a TCP link."""
+    connection = socket.create_connection(robot.address(link), timeout=WAIT_S)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return Client(connection)
+
+
+@contextmanager
+def lockstep_robot(*arguments: str) -> Iterator[Client]:
+    """Run a firmware in lockstep and a client for it."""
+    with firmware("--lockstep", *arguments) as robot:
+        client = connect(robot)
+        try:
+            yield client
+        finally:
+            client.socket.close()
+
+
+def storage_arguments(path: Path) -> tuple[str, str]:
+    """Return the options that keep stored parameters in a file."""
+    return "--storage", str(path)

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: MIT
+"""Commands, arming, stops and set-points, in lockstep."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from tests.firmware.client import ALL_WHEELS, Client, mav
+
+ARM = mav.MAV_CMD_COMPONENT_ARM_DISARM
+DISARMED, ARMED, FAILSAFE, ESTOP = 1, 2, 3, 4
+BODY_FRD = 12
+LOCAL_NED = 1
+VELOCITY_ONLY = 0b0101_1100_0111  # everything but vx, vy, vz and the yaw rate is ignored
+POSITION_YAW = 0b1001_1111_1000
+
+
+def send_velocity(robot: Client, vx: float, vy: float, yaw_rate: float, frame: int = BODY_FRD) -> None:
+    robot.mav.set_position_target_local_ned_send(
+        0, 1, 1, frame, VELOCITY_ONLY, 0, 0, 0, vx, vy, 0, 0, 0, 0, 0, yaw_rate
+    )
+
+
+def send_pose(robot: Client, x: float, y: float, yaw: float) -> None:
+    robot.mav.set_position_target_local_ned_send(0, 1, 1, LOCAL_NED, POSITION_YAW, x, y, 0, 0, 0, 0, 0, 0, 0, yaw, 0)
+
+
+def wheels(tick: Any) -> list[float]:
+    return list(tick.actuators.wheel_reference[:3])
+
+
+def test_unknown_commands_are_unsupported_and_every_command_is_answered(robot: Client) -> None:
+    assert robot.command(31000) == mav.MAV_RESULT_UNSUPPORTED
+    robot.mav.command_int_send(1, 1, 0, 22, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    assert robot.wait("COMMAND_ACK", command=22).result == mav.MAV_RESULT_UNSUPPORTED
+
+
+def test_commands_for_another_system_are_not_answered(robot: Client) -> None:
+    robot.mav.command_long_send(9, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0)
+    robot.mav.command_long_send(1, 1, 31000, 0, 0, 0, 0, 0, 0, 0, 0)
+    assert robot.wait("COMMAND_ACK").command == 31000
+
+
+def test_arming_needs_a_tick_and_a_healthy_driver(robot: Client) -> None:
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    assert any("OMNI_HIL_SENSORS" in text for text in robot.texts())
+    robot.tick()
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_DENIED
+    assert any(text.startswith("cannot arm: ") and "driver" in text for text in robot.texts())
+    robot.armed()
+
+
+def test_arming_with_a_dead_encoder_names_it(robot: Client) -> None:
+    robot.heartbeat()
+    robot.ticks(100, valid=ALL_WHEELS & ~1)
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_DENIED
+    assert any("encoder" in text for text in robot.texts())
+
+
+def test_disarming_always_works(robot: Client) -> None:
+    assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    robot.armed()
+    assert robot.command(ARM, 0, 21196) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == DISARMED
+
+
+def test_emergency_stop_is_latched_until_released(robot: Client) -> None:
+    robot.armed()
+    assert robot.command(mav.MAV_CMD_OMNI_ESTOP, 1) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == ESTOP
+    assert all(robot.channel(c) == 0 for c in (2, 3, 8, 9, 13, 14))
+    assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == ESTOP
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_DENIED
+    assert robot.command(mav.MAV_CMD_OMNI_ESTOP, 0) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == DISARMED
+    assert robot.command(mav.MAV_CMD_DO_FLIGHTTERMINATION, 1) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == ESTOP
+
+
+def test_silence_of_the_ground_station_stops_the_motors(robot: Client) -> None:
+    robot.armed()
+    ticks = robot.ticks(3200)
+    assert ticks[2000].actuators.state == ARMED
+    assert ticks[-1].actuators.state == FAILSAFE
+    texts = [m.text for t in ticks for m in t.others if m.get_type() == "STATUSTEXT"]
+    assert "failsafe: link loss" in texts
+    assert all(robot.channel(c) == 0 for c in (2, 3, 8, 9, 13, 14))
+
+
+def test_set_points_that_stop_coming_stop_the_motors(robot: Client) -> None:
+    robot.armed()
+    send_velocity(robot, 0.05, 0, 0)
+    ticks = robot.ticks(600)
+    assert ticks[300].actuators.state == ARMED
+    assert ticks[-1].actuators.state == FAILSAFE
+
+
+def test_body_velocity_drives_the_wheels_in_our_frame(robot: Client) -> None:
+    robot.armed()
+    send_velocity(robot, 0, 0, -0.2)  # FRD: counter-clockwise
+    assert all(w > 0 for w in wheels(robot.ticks(300)[-1]))
+
+
+def test_manual_control_turns_right_with_the_stick(robot: Client) -> None:
+    robot.armed()
+    robot.mav.manual_control_send(1, 0, 0, 0, 200, 0)
+    assert all(w < 0 for w in wheels(robot.ticks(300)[-1]))
+
+
+def test_a_pose_set_point_is_approached(robot: Client) -> None:
+    robot.armed()
+    send_pose(robot, 0.1, -0.2, 0.3)
+    robot.ticks(200)
+    reference = robot.tick().actuators.reference
+    assert 0 < reference[0] <= 0.1
+    assert 0 < reference[1] <= 0.2  # East is our -y
+    assert -0.3 <= reference[2] < 0
+
+
+@pytest.mark.parametrize(
+    ("velocity", "why"),
+    [
+        ((math.nan, 0, 0), "not finite"),
+        ((0, math.inf, 0), "not finite"),
+        ((99.0, 0, 0), "LIM_V"),
+        ((0, 0, 99.0), "LIM_W"),
+    ],
+)
+def test_a_bad_set_point_is_refused_and_moves_nothing(
+    robot: Client, velocity: tuple[float, float, float], why: str
+) -> None:
+    robot.armed()
+    send_velocity(robot, *velocity)
+    ticks = robot.ticks(100)
+    texts = [m.text for t in ticks for m in t.others if m.get_type() == "STATUSTEXT"]
+    assert [why in text for text in texts] == [True]
+    assert ticks[-1].actuators.faults & (1 << 18)
+    assert wheels(ticks[-1]) == pytest.approx([0, 0, 0], abs=1e-6)
+
+
+def test_refusals_are_said_once_a_second(robot: Client) -> None:
+    robot.armed()
+    texts = []
+    for _ in range(1500):
+        send_pose(robot, math.nan, 0, 0)
+        texts += [m.text for m in robot.tick().others if m.get_type() == "STATUSTEXT"]
+    assert 1 <= sum("set-point refused" in text for text in texts) <= 2
+
+
+def test_a_trajectory_asked_for_while_disarmed_starts_with_arming(robot: Client) -> None:
+    robot.heartbeat()
+    robot.ticks(20)
+    assert robot.command(mav.MAV_CMD_OMNI_TRAJECTORY_START, -1, -1) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.phase == 0
+    robot.armed()
+    assert robot.tick().actuators.phase in (1, 2)
+    assert robot.command(mav.MAV_CMD_OMNI_TRAJECTORY_STOP) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.phase == 0
+    robot.command(ARM, 0)
+    robot.tick()
+    robot.armed()
+    assert robot.tick().actuators.phase == 0
+
+
+def test_waypoints_have_no_gaps(robot: Client) -> None:
+    waypoint = mav.MAV_CMD_OMNI_WAYPOINT
+    start = mav.MAV_CMD_OMNI_TRAJECTORY_START
+    robot.armed()
+    assert robot.command(start, 1, -1) == mav.MAV_RESULT_DENIED
+    assert robot.command(waypoint, 0, 0, 0, 0) == mav.MAV_RESULT_ACCEPTED
+    assert robot.command(waypoint, 2, 1, 0, 0) == mav.MAV_RESULT_DENIED
+    assert robot.command(waypoint, 1, math.nan, 0, 0) == mav.MAV_RESULT_DENIED
+    assert robot.command(waypoint, 1, 0.2, 0, 0) == mav.MAV_RESULT_ACCEPTED
+    assert robot.command(start, 1, 1) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.phase in (1, 2)
+
+
+def test_the_pose_estimate_is_set_while_disarmed_only(robot: Client) -> None:
+    set_pose = mav.MAV_CMD_OMNI_SET_POSE
+    robot.ticks(5)
+    assert robot.command(set_pose, 0.5, -0.25, 1.0) == mav.MAV_RESULT_ACCEPTED
+    assert list(robot.tick().actuators.pose) == pytest.approx([0.5, -0.25, 1.0], abs=1e-5)
+    assert robot.command(set_pose, math.nan, 0, 0) == mav.MAV_RESULT_DENIED
+    assert robot.armed().command(set_pose, 0, 0, 0) == mav.MAV_RESULT_DENIED
+
+
+def test_a_vicon_fix_pulls_the_estimate_towards_it(robot: Client) -> None:
+    robot.ticks(100)
+    robot.mav.vicon_position_estimate_send(robot.time_us, 0.004, -0.003, 0, 0, 0, -0.002)
+    pose = robot.ticks(2)[-1].actuators.pose
+    assert 0 < pose[0] < 0.004
+    assert 0 < pose[1] < 0.003
+    assert 0 < pose[2] < 0.002

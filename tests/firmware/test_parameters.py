@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: MIT
+"""The parameter protocol and what survives a power cut."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from omni_schema import load_parameters
+from omniwheel.paths import params_path
+from tests.firmware.client import Client, lockstep_robot, mav, storage_arguments
+
+STORAGE = mav.MAV_CMD_PREFLIGHT_STORAGE
+LOAD, SAVE, RESET = 0, 1, 2
+
+
+def test_the_list_has_every_parameter_once_with_its_index(robot: Client) -> None:
+    table = load_parameters(params_path())
+    robot.mav.param_request_list_send(1, 1)
+    names = {}
+    for _ in table.parameters:
+        message = robot.wait("PARAM_VALUE")
+        assert message.param_count == len(table.parameters)
+        assert message.param_type == mav.MAV_PARAM_TYPE_REAL32
+        names[message.param_index] = message.param_id
+    assert names == {p.index: p.name for p in table.parameters}
+
+
+def test_reading_by_index_and_by_name_agree(robot: Client) -> None:
+    by_name = robot.get("ISMC_LAM_XY")
+    robot.mav.param_request_read_send(1, 1, b"", 0)
+    assert robot.wait("PARAM_VALUE", param_index=0).param_id == "SYS_ID"
+    assert by_name == load_parameters(params_path()).defaults()["ISMC_LAM_XY"]
+
+
+def test_a_gain_set_over_the_link_takes_effect_in_the_next_tick(robot: Client) -> None:
+    before = robot.tick().actuators.config_sequence
+    assert robot.set("ISMC_LAM_XY", 7.5) == 7.5
+    assert robot.tick().actuators.config_sequence == before + 1
+    assert robot.set("ISMC_LAM_XY", 8.5) == 8.5
+    assert robot.set("ISMC_K_XY", 0.5) == 0.5
+    assert robot.tick().actuators.config_sequence == before + 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "why"),
+    [
+        ("ISMC_LAM_XY", math.nan, "not a number"),
+        ("ISMC_LAM_XY", math.inf, "not a number"),
+        ("ISMC_LAM_XY", -1.0, "0..200"),
+        ("ISMC_LAM_XY", 201.0, "0..200"),
+        ("TRJ_PETALS", 2.5, "whole numbers"),
+        ("W1_ENC_DIR", 0.0, "refused"),
+        ("W1_IN1_CH", 8.0, "refused"),  # the channel of the same wheel's IN2
+    ],
+)
+def test_a_refused_value_is_answered_with_the_old_one(robot: Client, name: str, value: float, why: str) -> None:
+    before = robot.get(name)
+    sequence = robot.tick().actuators.config_sequence
+    assert robot.set(name, value) == before
+    assert any(name in text and why in text for text in robot.texts())
+    assert robot.get(name) == before
+    assert robot.tick().actuators.config_sequence == sequence
+
+
+def test_another_type_than_real32_is_refused(robot: Client) -> None:
+    before = robot.get("TRJ_PETALS")
+    assert robot.set("TRJ_PETALS", 5.0, mav.MAV_PARAM_TYPE_INT32) == before
+    assert any("REAL32" in text for text in robot.texts())
+
+
+def test_an_unknown_name_changes_nothing_and_is_said(robot: Client) -> None:
+    robot.mav.param_set_send(1, 1, b"NO_SUCH_THING", 1.0, mav.MAV_PARAM_TYPE_REAL32)
+    assert "NO_SUCH_THING" in robot.wait("STATUSTEXT").text
+
+
+def test_geometry_is_locked_while_armed_and_gains_are_not(robot: Client) -> None:
+    robot.armed()
+    radius = robot.get("WHEEL_RADIUS")
+    assert robot.set("WHEEL_RADIUS", 0.06) == radius
+    assert any("disarm first" in text for text in robot.texts())
+    assert robot.set("ISMC_LAM_XY", 7.0) == 7.0
+
+
+def test_storing_while_armed_is_refused(robot: Client) -> None:
+    assert robot.armed().command(STORAGE, SAVE) == mav.MAV_RESULT_DENIED
+
+
+def test_the_system_id_changes_with_its_parameter(robot: Client) -> None:
+    robot.mav.param_set_send(1, 1, b"SYS_ID", 7.0, mav.MAV_PARAM_TYPE_REAL32)
+    assert robot.wait("PARAM_VALUE", param_id="SYS_ID").get_srcSystem() == 7
+
+
+def test_stored_parameters_come_back_and_reset_forgets_them_in_use_only(tmp_path: Path) -> None:
+    storage = storage_arguments(tmp_path / "eeprom")
+    with lockstep_robot(*storage) as robot:
+        default = robot.get("ISMC_LAM_XY")
+        robot.set("ISMC_LAM_XY", 7.5)
+        assert robot.command(STORAGE, SAVE) == mav.MAV_RESULT_ACCEPTED
+        robot.set("ISMC_LAM_XY", 9.5)
+    with lockstep_robot(*storage) as robot:
+        assert robot.get("ISMC_LAM_XY") == 7.5
+        assert robot.command(STORAGE, RESET) == mav.MAV_RESULT_ACCEPTED
+        assert robot.get("ISMC_LAM_XY") == default
+        assert robot.command(STORAGE, LOAD) == mav.MAV_RESULT_ACCEPTED
+        assert robot.get("ISMC_LAM_XY") == 7.5
+
+
+def test_a_power_cut_at_any_byte_leaves_the_old_or_the_new_set(tmp_path: Path) -> None:
+    path = tmp_path / "eeprom"
+    storage = storage_arguments(path)
+    images = []
+    with lockstep_robot(*storage) as robot:
+        for gain in (5.0, 6.0, 7.0):
+            robot.set("ISMC_LAM_XY", gain)
+            robot.set("ISMC_LAM_TH", gain)
+            assert robot.command(STORAGE, SAVE) == mav.MAV_RESULT_ACCEPTED
+            images.append(path.read_bytes())
+    for old, new, gains in ((images[0], images[1], (5.0, 6.0)), (images[1], images[2], (6.0, 7.0))):
+        changed = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b]
+        seen = set()
+        for cut in range(changed[0], changed[-1] + 2):
+            path.write_bytes(new[:cut] + old[cut:])
+            with lockstep_robot(*storage) as robot:
+                pair = (robot.get("ISMC_LAM_XY"), robot.get("ISMC_LAM_TH"))
+            assert pair in {(g, g) for g in gains}, f"cut at byte {cut}"
+            seen.add(pair[0])
+        assert seen == set(gains)
+
+
+def test_nonsense_in_the_memory_is_not_used(tmp_path: Path) -> None:
+    path = tmp_path / "eeprom"
+    path.write_bytes(bytes(range(256)) * 8)
+    with lockstep_robot(*storage_arguments(path)) as robot:
+        assert robot.get("ISMC_LAM_XY") == load_parameters(params_path()).defaults()["ISMC_LAM_XY"]

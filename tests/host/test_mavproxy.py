@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: MIT
+"""The real, unmodified MAVProxy as a user runs it: it needs to know nothing of this project."""
+
+from __future__ import annotations
+
+import os
+import re
+import selectors
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+
+import pytest
+
+from omniwheel import FirmwareProcess
+from omniwheel.robots import parameter_table
+
+PROGRAM = Path(sys.executable).parent / "mavproxy.py"
+PATIENCE_S = 60.0
+
+
+class MavProxy:
+    """MAVProxy with its terminal on pipes."""
+
+    def __init__(self, url: str, folder: Path) -> None:
+        self.output = ""
+        self.log = folder / "mav.tlog"
+        self._seen = 0
+        self._started_s = time.monotonic()
+        self._process = subprocess.Popen(
+            [sys.executable, "-u", str(PROGRAM), f"--master={url}", "--mav20", f"--state-basedir={folder}",
+             f"--logfile={self.log}"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=folder,
+            env={**os.environ, "HOME": str(folder)},
+        )  # fmt: skip
+
+    def enter(self, line: str) -> None:
+        """Type a command."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{line}\n".encode())
+        self._process.stdin.flush()
+
+    def expect(self, pattern: str) -> re.Match[str]:
+        """Wait for output after the last match that matches ``pattern``."""
+        assert self._process.stdout is not None
+        end = time.monotonic() + PATIENCE_S
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._process.stdout, selectors.EVENT_READ)
+            while not (match := re.compile(pattern).search(self.output, self._seen)):
+                if not selector.select(end - time.monotonic()):
+                    pytest.fail(f"MAVProxy did not print {pattern!r}; it printed:\n{self.output}")
+                piece = os.read(self._process.stdout.fileno(), 65536)
+                if not piece:
+                    pytest.fail(f"MAVProxy ended before it printed {pattern!r}:\n{self.output}")
+                self.output += piece.decode(errors="replace")
+        self._seen = match.end()
+        return match
+
+    def fetch(self, name: str) -> float:
+        """Have a parameter read back from the robot; `param set` itself returns before the robot has it."""
+        self.enter(f"param fetch {name}")
+        return float(self.expect(rf"{name} = ([-+.\d]+)").group(1))
+
+    @property
+    def has_patience(self) -> bool:
+        """Whether there is time left to try again."""
+        return time.monotonic() < self._started_s + PATIENCE_S
+
+    def __enter__(self) -> MavProxy:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@pytest.fixture
+def proxy(tmp_path: Path) -> Iterator[MavProxy]:
+    with FirmwareProcess("three_wheel") as firmware, MavProxy(firmware.urls[0], tmp_path) as proxy:
+        yield proxy
+
+
+@pytest.mark.mavproxy
+def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy) -> None:
+    count = len(parameter_table())
+    proxy.expect(rf"Received {count} parameters")
+
+    proxy.enter("param show ISMC_LAM_XY")
+    proxy.expect(r"ISMC_LAM_XY +12\.0")
+    proxy.enter("param set ISMC_LAM_XY 15")
+    while proxy.fetch("ISMC_LAM_XY") != 15.0:
+        assert proxy.has_patience, "the parameter was not set"
+
+    proxy.enter("arm throttle")
+    proxy.expect("COMPONENT_ARM_DISARM: ACCEPTED")
+    proxy.expect("ARMED")
+    proxy.enter("watch LOCAL_POSITION_NED")
+    proxy.expect(r"LOCAL_POSITION_NED \{time_boot_ms : \d+, x : -?0\.0")
+    proxy.enter("disarm")
+    proxy.expect("DISARMED")
