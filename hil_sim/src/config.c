@@ -154,7 +154,9 @@ static hil_result_t check_faults(const hil_world_config_t *config, const complai
 }
 
 hil_result_t hil_config_check(const hil_world_config_t *config, char *why, uint32_t why_size) {
-    const complaint_t complaint = {why, why_size};
+    complaint_t complaint;
+    complaint.why = why;
+    complaint.size = why_size;
     if (config->wheels != 3 && config->wheels != 4) {
         return refuse(&complaint, "wheels", -1, config->wheels, "3 or 4");
     }

@@ -202,7 +202,7 @@ static double programmed_duty(const uint8_t *led) {
 }
 
 static const uint8_t *channel_registers(const hil_pca9685_t *chip, uint32_t channel) {
-    return chip->registers + LED0_ON_L + CHANNEL_REGISTERS * channel;
+    return chip->registers + LED0_ON_L + (size_t)CHANNEL_REGISTERS * channel;
 }
 
 double hil_pca9685_duty(const hil_pca9685_t *chip, uint32_t channel) {

@@ -289,7 +289,7 @@ void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double
     const double substep_s = step_s / substeps;
     double cos_sin[2] = {cos(world->pose[2]), sin(world->pose[2])};
     motion_t y;
-    slopes_t slopes;
+    slopes_t slopes = {{0.0}, {0.0}, {0.0}, 0.0};
     load(world, &y, cos_sin);
     for (int n = 0; n < substeps; n++) {
         const motion_t before = y;

@@ -45,7 +45,7 @@ class Geometry:
     @property
     def inverse(self) -> Array:
         """Return body motion per contact motion, 3 x n."""
-        return np.linalg.pinv(self.matrix)
+        return np.asarray(np.linalg.pinv(self.matrix), np.float64)
 
 
 def rotation(angle: float) -> Array:

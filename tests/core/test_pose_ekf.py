@@ -141,7 +141,7 @@ def test_equals_filterpy_without_delay(wheels: int, mode: int) -> None:
 
     class Ours(ExtendedKalmanFilter):  # type: ignore[misc]
         def predict_x(self, u: Any = 0) -> None:
-            self.x = reference.move(GEOMETRY[wheels], self.x, u)
+            self.x: Array = reference.move(GEOMETRY[wheels], self.x, u)
 
     kf = Ours(n, 3)
     kf.x = np.zeros(n)

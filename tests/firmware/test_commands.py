@@ -48,6 +48,9 @@ def test_arming_needs_a_tick_and_a_healthy_driver(robot: Client) -> None:
     assert robot.command(ARM, 1) == mav.MAV_RESULT_TEMPORARILY_REJECTED
     assert any("OMNI_HIL_SENSORS" in text for text in robot.texts())
     robot.tick()
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    assert any("starting up" in text for text in robot.texts())
+    robot.ticks(20, nack=True)
     assert robot.command(ARM, 1) == mav.MAV_RESULT_DENIED
     assert any(text.startswith("cannot arm: ") and "driver" in text for text in robot.texts())
     robot.armed()

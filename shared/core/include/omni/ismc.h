@@ -26,17 +26,17 @@ typedef struct omni_ismc_config_t {
 } omni_ismc_config_t;
 
 typedef struct omni_ismc_state_t {
-    omni_real_t integral[OMNI_AXES];       /**< integral of e */
-    omni_real_t twisting[OMNI_AXES];       /**< super-twisting's w, dimensionless, -1..1 */
+    omni_real_t integral[OMNI_AXES]; /**< integral of e */
+    omni_real_t twisting[OMNI_AXES]; /**< super-twisting's w, dimensionless, -1..1 */
 } omni_ismc_state_t;
 
 /** Internal terms of a position controller, for telemetry; every entry per axis x, y, theta. */
 typedef struct omni_control_terms_t {
     omni_real_t error[OMNI_AXES];
     omni_real_t integral[OMNI_AXES];
-    omni_real_t surface[OMNI_AXES];        /**< s (ISMC), else 0 */
-    omni_real_t equivalent[OMNI_AXES];     /**< continuous part of the wanted world twist */
-    omni_real_t switching[OMNI_AXES];      /**< switching (ISMC) or integral + derivative (PID) part */
+    omni_real_t surface[OMNI_AXES];    /**< s (ISMC), else 0 */
+    omni_real_t equivalent[OMNI_AXES]; /**< continuous part of the wanted world twist */
+    omni_real_t switching[OMNI_AXES];  /**< switching (ISMC) or integral + derivative (PID) part */
 } omni_control_terms_t;
 
 void omni_ismc_reset(omni_ismc_state_t *state);

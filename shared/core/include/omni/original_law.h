@@ -16,14 +16,14 @@
 enum { OMNI_ORIGINAL_WINDOW = 100 };
 
 typedef struct omni_original_config_t {
-    omni_real_t lambda;          /**< 14 */
-    omni_real_t k;               /**< 0.01 */
-    omni_real_t motor_p;         /**< 10 V s/rad */
-    omni_real_t motor_i;         /**< 30 */
-    omni_real_t wheel_limit;     /**< 4 rad/s */
+    omni_real_t lambda;      /**< 14 */
+    omni_real_t k;           /**< 0.01 */
+    omni_real_t motor_p;     /**< 10 V s/rad */
+    omni_real_t motor_i;     /**< 30 */
+    omni_real_t wheel_limit; /**< 4 rad/s */
     omni_real_t rad_per_count;
-    uint16_t period_ticks;       /**< ticks per 20 ms period */
-    omni_real_t period_s;        /**< 0.02 */
+    uint16_t period_ticks; /**< ticks per 20 ms period */
+    omni_real_t period_s;  /**< 0.02 */
 } omni_original_config_t;
 
 typedef struct omni_original_state_t {

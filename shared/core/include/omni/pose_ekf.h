@@ -23,64 +23,64 @@
 
 enum {
     OMNI_EKF_STATES = OMNI_AXES + OMNI_MAX_WHEELS,
-    OMNI_EKF_HISTORY = 64,       /**< slots of the motion history */
-    OMNI_EKF_SLOT_TICKS = 4      /**< ticks per slot: 256 ticks of reach */
+    OMNI_EKF_HISTORY = 64,  /**< slots of the motion history */
+    OMNI_EKF_SLOT_TICKS = 4 /**< ticks per slot: 256 ticks of reach */
 };
 
 typedef struct omni_pose_fix_t {
-    uint64_t time_us;            /**< when it was taken, robot clock */
+    uint64_t time_us; /**< when it was taken, robot clock */
     omni_pose_t pose;
-    omni_real_t sd_xy;           /**< standard deviation, m; 0 takes the configured one */
-    omni_real_t sd_theta;        /**< standard deviation, rad; 0 takes the configured one */
+    omni_real_t sd_xy;    /**< standard deviation, m; 0 takes the configured one */
+    omni_real_t sd_theta; /**< standard deviation, rad; 0 takes the configured one */
 } omni_pose_fix_t;
 
 typedef struct omni_pose_ekf_config_t {
-    uint8_t mode;                /**< enum omni_ekf_mode: odometry ignores fixes */
-    omni_real_t q_xy;            /**< variance added to x and y per step, m^2 */
-    omni_real_t q_theta;         /**< rad^2 per step */
-    omni_real_t q_slip;          /**< per step, while the wheel turns and its ratio is known better than p_slip */
-    omni_real_t p_slip;          /**< initial variance of a slip ratio, and the most that q_slip lets it grow to */
-    omni_real_t r_null;          /**< variance of n^T r phi' summed over a history slot, m^2, from the counts' resolution:
+    uint8_t mode;          /**< enum omni_ekf_mode: odometry ignores fixes */
+    omni_real_t q_xy;      /**< variance added to x and y per step, m^2 */
+    omni_real_t q_theta;   /**< rad^2 per step */
+    omni_real_t q_slip;    /**< per step, while the wheel turns and its ratio is known better than p_slip */
+    omni_real_t p_slip;    /**< initial variance of a slip ratio, and the most that q_slip lets it grow to */
+    omni_real_t r_null;    /**< variance of n^T r phi' summed over a history slot, m^2, from the counts' resolution:
                                       (r rad_per_count)^2 / 6; 0: four wheels' null direction is not used */
-    omni_real_t r_xy;            /**< variance of a fix, m^2 */
-    omni_real_t r_theta;         /**< rad^2 */
-    omni_real_t gate;            /**< NIS above this is refused; 0: no gate */
-    uint16_t gate_restart;       /**< refused fixes in a row after which the estimate restarts */
+    omni_real_t r_xy;      /**< variance of a fix, m^2 */
+    omni_real_t r_theta;   /**< rad^2 */
+    omni_real_t gate;      /**< NIS above this is refused; 0: no gate */
+    uint16_t gate_restart; /**< refused fixes in a row after which the estimate restarts */
     omni_real_t step_s;
 } omni_pose_ekf_config_t;
 
 /** What moved during one history slot, seen from the heading at its start. */
 typedef struct omni_ekf_slot_t {
-    omni_real_t move[OMNI_AXES];                        /**< dx, dy [m], dtheta [rad] with the slip ratios below */
-    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];       /**< d move / d s_i */
-    omni_real_t slip[OMNI_MAX_WHEELS];                  /**< slip ratios that `move` was computed with */
-    omni_real_t noise[OMNI_MAX_WHEELS];                 /**< variance each slip ratio gathered */
-    omni_real_t steps;                                  /**< nominal steps in the slot */
+    omni_real_t move[OMNI_AXES];                  /**< dx, dy [m], dtheta [rad] with the slip ratios below */
+    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS]; /**< d move / d s_i */
+    omni_real_t slip[OMNI_MAX_WHEELS];            /**< slip ratios that `move` was computed with */
+    omni_real_t noise[OMNI_MAX_WHEELS];           /**< variance each slip ratio gathered */
+    omni_real_t steps;                            /**< nominal steps in the slot */
     uint32_t duration_us;
 } omni_ekf_slot_t;
 
 typedef struct omni_pose_ekf_state_t {
-    omni_pose_t pose;                                   /**< estimate; theta in [-pi, pi) */
-    omni_real_t carry[OMNI_AXES];                       /**< what rounding has kept from `pose` so far */
-    omni_real_t slip[OMNI_MAX_WHEELS];                  /**< slip ratios s_i, -0.5..0.5 */
-    omni_real_t p[OMNI_EKF_STATES][OMNI_EKF_STATES];    /**< covariance; unused wheels' rows are zero */
+    omni_pose_t pose;                                /**< estimate; theta in [-pi, pi) */
+    omni_real_t carry[OMNI_AXES];                    /**< what rounding has kept from `pose` so far */
+    omni_real_t slip[OMNI_MAX_WHEELS];               /**< slip ratios s_i, -0.5..0.5 */
+    omni_real_t p[OMNI_EKF_STATES][OMNI_EKF_STATES]; /**< covariance; unused wheels' rows are zero */
     omni_ekf_slot_t history[OMNI_EKF_HISTORY];
-    omni_real_t wheel_m[OMNI_MAX_WHEELS];               /**< r phi of each wheel in the slot being filled */
-    omni_real_t slot_cosine;                            /**< of the heading at the start of the slot being filled */
+    omni_real_t wheel_m[OMNI_MAX_WHEELS]; /**< r phi of each wheel in the slot being filled */
+    omni_real_t slot_cosine;              /**< of the heading at the start of the slot being filled */
     omni_real_t slot_sine;
-    uint16_t newest;                                    /**< slot being filled */
-    uint8_t filled;                                     /**< complete slots held */
-    uint8_t slot_tick;                                  /**< ticks in the slot being filled */
-    uint8_t mode;                                       /**< mode of the last tick; another one restarts the slip states */
-    uint64_t time_us;                                   /**< of the estimate; 0: no tick yet */
-    omni_real_t nis;                                    /**< normalised innovation squared of the last fix that could be used */
-    omni_real_t innovation[OMNI_AXES];                  /**< its innovation: m, m, rad */
-    uint32_t accepted;                                  /**< fixes used */
-    uint32_t refused;                                   /**< fixes gated out, too old, from the future, or not finite */
+    uint16_t newest;                   /**< slot being filled */
+    uint8_t filled;                    /**< complete slots held */
+    uint8_t slot_tick;                 /**< ticks in the slot being filled */
+    uint8_t mode;                      /**< mode of the last tick; another one restarts the slip states */
+    uint64_t time_us;                  /**< of the estimate; 0: no tick yet */
+    omni_real_t nis;                   /**< normalised innovation squared of the last fix that could be used */
+    omni_real_t innovation[OMNI_AXES]; /**< its innovation: m, m, rad */
+    uint32_t accepted;                 /**< fixes used */
+    uint32_t refused;                  /**< fixes gated out, too old, from the future, or not finite */
     uint32_t restarts;
-    uint16_t refused_in_row;                            /**< gated out in a row */
-    uint64_t last_fix_us;                               /**< arrival of the last accepted fix; 0: none yet */
-    uint64_t last_taken_us;                             /**< when the last accepted fix was taken; 0: none yet */
+    uint16_t refused_in_row; /**< gated out in a row */
+    uint64_t last_fix_us;    /**< arrival of the last accepted fix; 0: none yet */
+    uint64_t last_taken_us;  /**< when the last accepted fix was taken; 0: none yet */
 } omni_pose_ekf_state_t;
 
 /** Start at `pose` with standard deviations sd_xy [m], sd_theta [rad]. */
@@ -92,8 +92,8 @@ void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
  * a value that isn't finite counts as no motion. @param time_us robot clock; a longer step brings proportionally more noise.
  * With four wheels and mode slip, n^T r phi' = n^T v_s corrects the slip ratios once per history slot.
  */
-void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                           const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint64_t time_us);
+void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                           const omni_real_t *wheel_delta_rad, uint64_t time_us);
 
 /**
  * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.

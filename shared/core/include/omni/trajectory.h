@@ -21,45 +21,45 @@
 enum { OMNI_MAX_WAYPOINTS = 32 };
 
 typedef struct omni_trajectory_config_t {
-    uint8_t type;                 /**< enum omni_trj_type */
-    uint8_t rotation;             /**< enum omni_trj_rot */
-    uint16_t petals;              /**< rose: 1..32. Odd n: r = cos(n f), f in [0, pi]; n = 4m: cos(n/2 f), [0, 2 pi];
+    uint8_t type;         /**< enum omni_trj_type */
+    uint8_t rotation;     /**< enum omni_trj_rot */
+    uint16_t petals;      /**< rose: 1..32. Odd n: r = cos(n f), f in [0, pi]; n = 4m: cos(n/2 f), [0, 2 pi];
                                        else cos(n/4 f), [0, 4 pi] */
-    omni_real_t size_m;           /**< radius (rose, circle), length (line, from the origin along x), half width of the random
+    omni_real_t size_m;   /**< radius (rose, circle), length (line, from the origin along x), half width of the random
                                        points' square, amplitude of x and y in eq. 81 (whose heading stays as printed) */
-    omni_real_t period_s;         /**< path time of a lap; line, waypoints and random points: of a leg */
-    omni_real_t laps;             /**< 0: without end. Line: legs, there and back. Waypoints and random points: rounds; the
+    omni_real_t period_s; /**< path time of a lap; line, waypoints and random points: of a leg */
+    omni_real_t laps;     /**< 0: without end. Line: legs, there and back. Waypoints and random points: rounds; the
                                        last round ends at the last point, an earlier one goes on to the first */
     omni_real_t rotation_amplitude_rad; /**< turn per lap (spin), amplitude (sine), half range of the random headings */
-    omni_real_t rotation_cycles;  /**< sine periods per lap */
-    uint32_t seed;                /**< random points: the same points for the same seed on every machine */
-    bool scale;                   /**< slow down to the limits */
-    omni_real_t margin;           /**< share of the limits that may be used */
+    omni_real_t rotation_cycles;        /**< sine periods per lap */
+    uint32_t seed;                      /**< random points: the same points for the same seed on every machine */
+    bool scale;                         /**< slow down to the limits */
+    omni_real_t margin;                 /**< share of the limits that may be used */
     omni_real_t ramp_s;
     omni_real_t wheel_limit_rad_s;
     omni_real_t voltage_limit_V;
-    omni_real_t ff_speed_V_s;     /**< motor: V per rad/s, for the voltage limit */
+    omni_real_t ff_speed_V_s; /**< motor: V per rad/s, for the voltage limit */
     omni_real_t ff_acceleration_V_s2;
 } omni_trajectory_config_t;
 
 typedef struct omni_waypoints_t {
-    uint8_t count;                /**< 2..OMNI_MAX_WAYPOINTS */
+    uint8_t count; /**< 2..OMNI_MAX_WAYPOINTS */
     omni_pose_t pose[OMNI_MAX_WAYPOINTS];
 } omni_waypoints_t;
 
 /** A planned path; constant after planning. */
 typedef struct omni_trajectory_t {
     omni_trajectory_config_t config;
-    omni_waypoints_t waypoints;   /**< given, or drawn for the random points */
-    omni_pose_t origin;           /**< pose at plan time */
-    omni_pose_t start;            /**< first pose of the path */
+    omni_waypoints_t waypoints;     /**< given, or drawn for the random points */
+    omni_pose_t origin;             /**< pose at plan time */
+    omni_pose_t start;              /**< first pose of the path */
     omni_real_t heading_offset_rad; /**< added to the path's own heading: whole turns, or the heading held */
-    omni_real_t lead_in_s;        /**< duration of the lead-in, 0 if none */
-    omni_real_t duration_s;       /**< path time; infinity is written as a negative number */
-    omni_real_t scale;            /**< clock runs at 1/scale, >= 1 if scaled */
-    omni_real_t peak_wheel_rad_s; /**< demanded at scale 1 */
-    omni_real_t peak_voltage_V;   /**< demanded at scale 1 */
-    omni_real_t needed_scale;     /**< what the limits need, whether or not it is applied, < 1 if they leave room;
+    omni_real_t lead_in_s;          /**< duration of the lead-in, 0 if none */
+    omni_real_t duration_s;         /**< path time; infinity is written as a negative number */
+    omni_real_t scale;              /**< clock runs at 1/scale, >= 1 if scaled */
+    omni_real_t peak_wheel_rad_s;   /**< demanded at scale 1 */
+    omni_real_t peak_voltage_V;     /**< demanded at scale 1 */
+    omni_real_t needed_scale;       /**< what the limits need, whether or not it is applied, < 1 if they leave room;
                                        > scale: infeasible by that factor */
 } omni_trajectory_t;
 
@@ -71,11 +71,11 @@ typedef enum omni_trajectory_phase_t {
 } omni_trajectory_phase_t;
 
 typedef struct omni_reference_t {
-    omni_pose_t pose;             /**< theta continuous within a lap, not wrapped; whole turns are dropped between laps */
-    omni_twist_t rate;            /**< world frame */
-    omni_twist_t acceleration;    /**< world frame */
-    omni_real_t path_time_s;      /**< u */
-    uint8_t phase;                /**< omni_trajectory_phase_t */
+    omni_pose_t pose;          /**< theta continuous within a lap, not wrapped; whole turns are dropped between laps */
+    omni_twist_t rate;         /**< world frame */
+    omni_twist_t acceleration; /**< world frame */
+    omni_real_t path_time_s;   /**< u */
+    uint8_t phase;             /**< omni_trajectory_phase_t */
 } omni_reference_t;
 
 /**
@@ -84,9 +84,8 @@ typedef struct omni_reference_t {
  * @param at pose the robot has now; its heading's whole turns are kept (no unwinding). Type hold stays there.
  * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration; the plan then holds `at`.
  */
-omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config,
-                                   const omni_kinematics_t *k, const omni_waypoints_t *waypoints,
-                                   const omni_pose_t *at);
+omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config, const omni_kinematics_t *k,
+                                   const omni_waypoints_t *waypoints, const omni_pose_t *at);
 
 /** Reference time_us after the start. Path time is kept in whole nanoseconds, so it stays exact for years. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference);
