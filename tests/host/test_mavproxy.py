@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import selectors
@@ -15,7 +16,6 @@ from types import TracebackType
 
 import pytest
 
-from omniwheel import FirmwareProcess
 from omniwheel.robots import parameter_table
 
 PROGRAM = Path(sys.executable).parent / "mavproxy.py"
@@ -80,8 +80,21 @@ class MavProxy:
 
 
 @pytest.fixture
-def proxy(tmp_path: Path) -> Iterator[MavProxy]:
-    with FirmwareProcess("three_wheel") as firmware, MavProxy(firmware.urls[0], tmp_path) as proxy:
+def sitl(tmp_path: Path) -> Iterator[str]:
+    """Run `omni sitl` as a user does and give its URL."""
+    command = [str(Path(sys.executable).with_name("omni")), "sitl", "--port", "0", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+        try:
+            assert process.stdout is not None
+            yield json.loads(process.stdout.readline())["links"][0]
+        finally:
+            process.terminate()
+            process.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def proxy(sitl: str, tmp_path: Path) -> Iterator[MavProxy]:
+    with MavProxy(sitl, tmp_path) as proxy:
         yield proxy
 
 
@@ -100,6 +113,7 @@ def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy)
     proxy.expect("COMPONENT_ARM_DISARM: ACCEPTED")
     proxy.expect("ARMED")
     proxy.enter("watch LOCAL_POSITION_NED")
-    proxy.expect(r"LOCAL_POSITION_NED \{time_boot_ms : \d+, x : -?0\.0")
+    proxy.expect(r"LOCAL_POSITION_NED \{time_boot_ms : \d+, x : -?\d")
     proxy.enter("disarm")
     proxy.expect("DISARMED")
+    assert "fence breach" not in proxy.output
