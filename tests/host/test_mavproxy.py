@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import selectors
@@ -77,19 +76,6 @@ class MavProxy:
     ) -> None:
         self._process.kill()
         self._process.communicate()
-
-
-@pytest.fixture
-def sitl(tmp_path: Path) -> Iterator[str]:
-    """Run `omni sitl` as a user does and give its URL."""
-    command = [str(Path(sys.executable).with_name("omni")), "sitl", "--port", "0", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["links"][0]
-        finally:
-            process.terminate()
-            process.wait(PATIENCE_S)
 
 
 @pytest.fixture
