@@ -45,8 +45,8 @@ demo: $(VENV)/stamp-install
 test: setup
 	$(BIN)/python -m pytest $(ARGS)
 
-bench: setup
-	$(BIN)/python -m tests.bench $(ARGS)
+bench: $(VENV)/stamp-install
+	$(BIN)/omni bench $(ARGS)
 
 wheel: $(VENV)/stamp-tools
 	$(PIP) wheel --no-build-isolation --no-deps -w dist .
