@@ -253,6 +253,7 @@ void App::receive(size_t link) {
     watch_hil_peer();
     if (channel.connected_anew()) {
         greet(link);
+        serve();
     }
     const auto own = static_cast<uint8_t>(parameters_.values()[OMNI_PARAM_SYS_ID]);
     Frame frame;
@@ -261,6 +262,9 @@ void App::receive(size_t link) {
         const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
         if (for_us && for_component && frame.system != own) {
             dispatch(frame, {link, frame.system, frame.component});
+            if (shared_.hil && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
+                serve(); // what is sent must depend on the frames, not on how often background() is called
+            }
         }
     }
 }
@@ -290,7 +294,9 @@ void App::background() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         receive(i);
     }
-    serve();
+    if (!shared_.hil || hil_link_ == no_link) {
+        serve(); // once the world's time runs, every frame and every tick does
+    }
     flush();
 }
 

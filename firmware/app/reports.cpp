@@ -94,12 +94,13 @@ bool report_sys_status(const Shared &shared, Link &link, Priority priority, bool
     const uint32_t motors = MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS;
     const uint32_t battery = MAV_SYS_STATUS_SENSOR_BATTERY;
     const uint32_t pose = MAV_SYS_STATUS_SENSOR_VISION_POSITION;
+    const uint32_t no_fence = MAV_SYS_STATUS_GEOFENCE; // MAVProxy announces a breach if an absent fence is not healthy
     mavlink_sys_status_t message{};
     message.onboard_control_sensors_present = encoders | motors | battery | pose;
     message.onboard_control_sensors_enabled = encoders | motors | only_if(shared.latest.battery_V > 0.0f, battery) |
                                               only_if(shared.latest.outputs.fixes_accepted > 0, pose);
     message.onboard_control_sensors_health =
-        only_if((faults & OMNI_FAULT_ENCODER) == 0, encoders) | only_if((faults & OMNI_FAULT_DRIVER) == 0, motors) |
+        no_fence | only_if((faults & OMNI_FAULT_ENCODER) == 0, encoders) | only_if((faults & OMNI_FAULT_DRIVER) == 0, motors) |
         only_if((faults & OMNI_FAULT_BATTERY) == 0, battery) | only_if((faults & OMNI_WARN_POSE_STALE) == 0, pose);
     message.voltage_battery = millivolts(shared.latest.battery_V);
     message.current_battery = -1;

@@ -30,7 +30,7 @@ public:
         } while (number != 0);
         return add(digits + at);
     }
-    /// With up to four decimals; huge, tiny and non-finite values are named instead.
+    /// With up to four decimals below 100000; huge and non-finite values are named instead.
     Text &add(float value) {
         if (!(value == value)) {
             return add("NaN");
@@ -39,8 +39,11 @@ public:
             add("-");
             value = -value;
         }
-        if (value >= 4.0e5f) {
-            return add(value > 3.4e38f ? "infinity" : ">= 400000");
+        if (value >= 4.0e9f) {
+            return add(value > 3.4e38f ? "infinity" : "huge");
+        }
+        if (value >= 1.0e5f) {
+            return add(static_cast<uint32_t>(value));
         }
         const auto scaled = static_cast<uint32_t>(std::lround(value * 10000.0f));
         add(scaled / 10000);

@@ -1,4 +1,4 @@
 /* SPDX-License-Identifier: MIT
  * Everything that Python sees of the C code: the public headers of the control core and of the simulated world. */
-#include "omni/omni.h"
 #include "hil_sim/hil_sim.h"
+#include "omni/omni.h"

@@ -23,6 +23,11 @@ def format_value(parameter: Parameter | None, value: float) -> str:
     return next((text for text in (f"{value:.7g}", f"{value:.8g}") if _same_float32(text, value)), f"{value:.9g}")
 
 
+def shortest(value: float) -> float:
+    """Return the float with the fewest digits that is the same float32, for people and JSON: 0.1, not 0.100000001."""
+    return float(format_value(None, value))
+
+
 def _same_float32(text: str, value: float) -> bool:
     return as_float32(float(text)) == as_float32(value)
 

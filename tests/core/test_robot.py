@@ -414,8 +414,8 @@ def test_nothing_that_comes_in_breaks_the_promise_of_what_goes_out(data: st.Data
     clean.robot, clean.time_us = bench.robot, bench.time_us
     clean.inputs.battery_V = 12.0
     lib.omni_robot_set_config(clean.robot, clean.config)
-    out = clean.tick(lib.OMNI_EVENT_ESTOP_CLEAR | lib.OMNI_EVENT_DISARM)
-    out = clean.tick(lib.OMNI_EVENT_DISARM, count=20)
+    clean.tick(lib.OMNI_EVENT_ESTOP_CLEAR | lib.OMNI_EVENT_DISARM)
+    clean.tick(lib.OMNI_EVENT_DISARM, count=20)
     assert clean.tick(lib.OMNI_EVENT_ARM).state == lib.OMNI_STATE_ARMED, "whatever happened, the robot recovers"
 
 

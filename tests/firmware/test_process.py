@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -119,6 +120,7 @@ def test_a_pseudo_terminal_carries_mavlink(tmp_path: Path) -> None:
         parser = mav.MAVLink(None)
         beat = None
         while beat is None:
+            assert select.select([terminal], [], [], WAIT_S)[0], "no heartbeat on the pseudo-terminal"
             messages = parser.parse_buffer(os.read(terminal, 4096)) or []
             beat = next((m for m in messages if m.get_type() == "HEARTBEAT"), None)
         os.close(terminal)

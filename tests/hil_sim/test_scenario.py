@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from hil_sim.scenario import MAX_SEED, Event, Fault, load_scenario, parse_scenario, scenario_names
+from hil_sim.faults import Fault
+from hil_sim.scenario import MAX_SEED, Event, load_scenario, parse_scenario, scenario_names
 from omni_schema import SchemaError
 from omniwheel.errors import RobotFileError
 
@@ -43,8 +44,15 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         scenario={**HEAD, "seed": 7, "duration_s": 3},
         parameters={"CTL_MODE": "pid", "TRJ_SCALE": False},
         world={"slip_max": 0.05, "start_pose": [1, 2, 0.5]},
-        event=[{"at_s": 0.5, "command": "arm"}, {"at_progress": 0.25, "set": {"WS_P": 5}}, {"at_s": 1, "velocity": [0.1, 0, 0]}],
-        fault=[{"kind": "encoder_stuck", "wheel": 2, "start_s": 1.0}, {"kind": "battery_sag", "start_s": 0, "value": 8}],
+        event=[
+            {"at_s": 0.5, "command": "arm"},
+            {"at_progress": 0.25, "set": {"WS_P": 5}},
+            {"at_s": 1, "velocity": [0.1, 0, 0]},
+        ],
+        fault=[
+            {"kind": "encoder_stuck", "wheel": 2, "start_s": 1.0},
+            {"kind": "battery_sag", "start_s": 0, "value": 8},
+        ],
     )
     assert (scenario.seed, scenario.duration_s) == (7, 3.0)
     assert scenario.parameters == {"CTL_MODE": 4.0, "TRJ_SCALE": 0.0}
@@ -98,7 +106,7 @@ def test_a_mistake_is_named_with_file_key_and_what_is_allowed(parts: dict[str, A
 
 
 def test_an_unknown_robot_is_named() -> None:
-    with pytest.raises(RobotFileError, match="three_whel.*did you mean three_wheel"):
+    with pytest.raises(RobotFileError, match=r"three_whel.*did you mean three_wheel"):
         parse(scenario={**HEAD, "robot": "three_whel"})
 
 
@@ -110,14 +118,15 @@ def test_an_unknown_scenario_is_named() -> None:
 def test_a_file_that_is_no_toml_is_named(tmp_path: Path) -> None:
     file = tmp_path / "bad.toml"
     file.write_text("[scenario\n")
-    with pytest.raises(SchemaError, match="bad.toml.*not valid TOML"):
+    with pytest.raises(SchemaError, match=r"bad.toml.*not valid TOML"):
         load_scenario(file)
 
 
 def test_a_scenario_extends_another(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(
-        '[scenario]\nname = "mine"\ndescription = "d"\nextends = "demo"\n[parameters]\nWS_P = 3.0\n[world]\nslip_max = 0.2\n'
+        '[scenario]\nname = "mine"\ndescription = "d"\nextends = "demo"\n'
+        "[parameters]\nWS_P = 3.0\n[world]\nslip_max = 0.2\n"
     )
     mine, demo = load_scenario(file), load_scenario("demo")
     assert mine.parameters == {**demo.parameters, "WS_P": 3.0}

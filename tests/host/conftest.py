@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import json
 import random
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -154,3 +157,16 @@ def robot_file(tmp_path: Path) -> Path:
     from omniwheel.robots import new_robot_file
 
     return new_robot_file("mine", "three_wheel", tmp_path)
+
+
+@pytest.fixture
+def sitl(tmp_path: Path) -> Iterator[str]:
+    """Run `omni sitl` as a user does and give its URL."""
+    command = [str(Path(sys.executable).with_name("omni")), "sitl", "--port", "0", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+        try:
+            assert process.stdout is not None
+            yield json.loads(process.stdout.readline())["links"][0]
+        finally:
+            process.terminate()
+            process.wait(60.0)

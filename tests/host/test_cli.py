@@ -64,6 +64,11 @@ def test_params_set_get_and_diff(url: str) -> None:
     assert differences["ISMC_LAM_XY"] == {"robot": 15.5, "default": 12.0}
 
 
+def test_json_shows_numbers_as_people_write_them(url: str) -> None:
+    text = run("params", "set", "TRJ_SIZE=0.1", "--json", "--link", url).stdout
+    assert json.loads(text) == {"TRJ_SIZE": {"before": 0.5, "after": 0.1}}
+
+
 def test_params_list_shows_all_or_those_asked_for(url: str) -> None:
     everything = run_json("params", "list", "--link", url)
     assert everything["WHEEL_RADIUS"]["unit"] == "m"
@@ -149,7 +154,8 @@ def test_monitor_once(url: str) -> None:
     status = run_json("monitor", "--once", "--link", url)
     assert (status["state"], status["armed"], status["mode"]) == ("disarmed", False, "hold")
     assert set(status["pose"]) == {"x", "y", "theta"}
-    assert "disarmed" in run("monitor", "--once", "--link", url).stdout
+    shown = run("monitor", "--once", "--link", url).stdout
+    assert all(text in shown for text in ("disarmed", "x [m]", "theta [rad]", "speed [rad/s]", "slip [m/s]"))
 
 
 def test_record_writes_a_log_that_pymavlink_reads(url: str, tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ from types import TracebackType
 
 import pytest
 
-from omniwheel import FirmwareProcess
 from omniwheel.robots import parameter_table
 
 PROGRAM = Path(sys.executable).parent / "mavproxy.py"
@@ -80,8 +79,8 @@ class MavProxy:
 
 
 @pytest.fixture
-def proxy(tmp_path: Path) -> Iterator[MavProxy]:
-    with FirmwareProcess("three_wheel") as firmware, MavProxy(firmware.urls[0], tmp_path) as proxy:
+def proxy(sitl: str, tmp_path: Path) -> Iterator[MavProxy]:
+    with MavProxy(sitl, tmp_path) as proxy:
         yield proxy
 
 
@@ -100,6 +99,7 @@ def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy)
     proxy.expect("COMPONENT_ARM_DISARM: ACCEPTED")
     proxy.expect("ARMED")
     proxy.enter("watch LOCAL_POSITION_NED")
-    proxy.expect(r"LOCAL_POSITION_NED \{time_boot_ms : \d+, x : -?0\.0")
+    proxy.expect(r"LOCAL_POSITION_NED \{time_boot_ms : \d+, x : -?\d")
     proxy.enter("disarm")
     proxy.expect("DISARMED")
+    assert "fence breach" not in proxy.output

@@ -83,9 +83,12 @@ def examples(*lines: str) -> str:
     return "[bold]Examples[/]\n\n" + "\n\n".join(f"  [cyan]{escape(line)}[/]" for line in lines)
 
 
-def print_json(value: Any) -> None:
-    """Print one JSON object; numbers that JSON has no form for become null."""
-    typer.echo(json.dumps(_finite(value), indent=2, default=str, allow_nan=False))
+def print_json(value: Any, *, one_line: bool = False) -> None:
+    """Print one JSON object; numbers that JSON has no form for become null.
+
+    ``one_line`` is for commands that go on running: a program reads a line and knows that it has all of it.
+    """
+    typer.echo(json.dumps(_finite(value), indent=None if one_line else 2, default=str, allow_nan=False))
 
 
 def _finite(value: Any) -> Any:

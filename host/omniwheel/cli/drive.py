@@ -32,8 +32,8 @@ _SETTLED_M = 0.005
 _SETTLED_RAD = 0.02
 
 DurationOption = Annotated[float, typer.Option("--for", min=0.0, metavar="S", help="How long to drive.")]
-SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="Speed of the arrow keys [m/s].")]
-TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e [rad/s].")]
+SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="Speed of the arrow keys \\[m/s].")]
+TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
 
 class StoppedError(OmniError):
@@ -79,9 +79,9 @@ def _result(robot: Robot, as_json: bool, **more: Any) -> None:
 
 @app.command("velocity", epilog=examples("omni drive velocity 0.1 0 0 --for 2", "omni drive velocity -- 0 -0.1 0.5"))
 def velocity(
-    vx: Annotated[float, typer.Argument(help="Forward [m/s].")],
-    vy: Annotated[float, typer.Argument(help="To the left [m/s].")],
-    wz: Annotated[float, typer.Argument(help="Counter-clockwise [rad/s].")],
+    vx: Annotated[float, typer.Argument(help="Forward \\[m/s].")],
+    vy: Annotated[float, typer.Argument(help="To the left \\[m/s].")],
+    wz: Annotated[float, typer.Argument(help="Counter-clockwise \\[rad/s].")],
     duration: DurationOption = 1.0,
     world: Annotated[
         bool, typer.Option("--world", help="Velocities in the world frame instead of the body's.")
@@ -100,9 +100,9 @@ def velocity(
 
 @app.command("pose", epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose --for 10 -- -0.5 0 0"))
 def pose(
-    x: Annotated[float, typer.Argument(help="World x [m].")],
-    y: Annotated[float, typer.Argument(help="World y [m].")],
-    theta: Annotated[float, typer.Argument(help="World theta [rad], counter-clockwise.")],
+    x: Annotated[float, typer.Argument(help="World x \\[m].")],
+    y: Annotated[float, typer.Argument(help="World y \\[m].")],
+    theta: Annotated[float, typer.Argument(help="World theta \\[rad], counter-clockwise.")],
     duration: DurationOption = 5.0,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,

@@ -88,7 +88,7 @@ def _head(status: RobotStatus) -> str:
 def _table(*titles: str) -> Table:
     table = Table(box=None, header_style="bold dim", pad_edge=False, padding=(0, 2))
     for column, title in enumerate(titles):
-        table.add_column(title, justify="left" if column == 0 else "right")
+        table.add_column(escape(title), justify="left" if column == 0 else "right")
     return table
 
 
@@ -116,7 +116,7 @@ def _wheel_table(status: RobotStatus) -> RenderableType:
         ("slip [m/s]", wheels.slip_m_s),
     )
     for title, values in rows:
-        table.add_row(title, *(f"{value:.3f}" for value in values))
+        table.add_row(escape(title), *(f"{value:.3f}" for value in values))
     return table
 
 

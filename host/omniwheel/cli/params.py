@@ -28,7 +28,7 @@ from omniwheel.cli.common import (
     writable_path,
 )
 from omniwheel.errors import UnknownParameterError
-from omniwheel.parameter_file import format_value
+from omniwheel.parameter_file import format_value, shortest
 from omniwheel.parameters import Parameters, checked_value
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.robots import parameter_table
@@ -49,15 +49,15 @@ def _download(robot: Robot, quiet: bool) -> dict[str, float]:
 def _described(parameters: Parameters, name: str, value: float) -> dict[str, Any]:
     info = parameters.info(name)
     known = {} if info is None else _description(info)
-    return {"value": value, **known}
+    return {"value": shortest(value), **known}
 
 
 def _description(info: Parameter) -> dict[str, Any]:
     return {
         "unit": info.unit,
-        "min": info.minimum,
-        "max": info.maximum,
-        "default": info.default,
+        "min": shortest(info.minimum),
+        "max": shortest(info.maximum),
+        "default": shortest(info.default),
         "values": dict(info.values),
         "doc": info.doc,
     }
@@ -92,7 +92,7 @@ def _table(parameters: Parameters, values: Mapping[str, float]) -> Table:
 
 def _print_changes(parameters: Parameters, changes: Changes, before: str, after: str, as_json: bool) -> None:
     if as_json:
-        print_json({name: {before: old, after: new} for name, (old, new) in changes.items()})
+        print_json({name: {before: shortest(old), after: shortest(new)} for name, (old, new) in changes.items()})
         return
     if not changes:
         console.print("no difference")
@@ -134,7 +134,7 @@ def get(
     with open_robot(link, timeout_s=timeout) as robot:
         values = {name.upper(): robot.parameters[name.upper()] for name in names}
         if as_json:
-            print_json(values)
+            print_json({name: shortest(value) for name, value in values.items()})
             return
         for name, value in values.items():
             console.print(f"[cyan]{name}[/] = {format_value(robot.parameters.info(name), value)}")

@@ -58,7 +58,8 @@ def sitl(
     try:
         with start_sitl(scenario, links, storage=storage) as running:
             if json_wanted:
-                print_json({"ready": True, "links": list(running.urls), "robot": scenario.robot.name})
+                ready = {"ready": True, "links": list(running.urls), "robot": scenario.robot.name}
+                print_json(ready, one_line=True)
             else:
                 console.print(
                     f"{scenario.robot.name} is there: connect to [bold]{'[/] or [bold]'.join(running.urls)}[/]"

@@ -11,7 +11,7 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
     memset(robot, 0, sizeof *robot);
     robot->config = config;
     robot->state = OMNI_STATE_INIT;
-    for (uint8_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         omni_motor_kf_reset(&robot->motor_kf[i], &config->motor_kf);
     }
     omni_pose_ekf_reset(&robot->pose_ekf, &config->pose_ekf, &origin, omni_sqrtf(config->pose_ekf.r_xy),
@@ -31,7 +31,7 @@ void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *confi
 static void seal(omni_robot_t *robot, omni_tick_t *tick) {
     omni_outputs_t *out = tick->out;
     bool finite = true;
-    for (uint8_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         finite = finite && omni_is_finite(out->duty[i]);
     }
     if (!finite) {
@@ -40,7 +40,7 @@ static void seal(omni_robot_t *robot, omni_tick_t *tick) {
         robot->state = omni_safety_next(robot->state, OMNI_SAFETY_FAULT);
     }
     out->drive = finite && robot->state == OMNI_STATE_ARMED;
-    for (uint8_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         const omni_real_t duty = out->drive ? omni_clampf(out->duty[i], -1.0f, 1.0f) : 0.0f;
         out->voltage_V[i] = duty * out->supply_V;
         robot->last_voltage_V[i] = out->voltage_V[i];

@@ -113,7 +113,7 @@ static void report_estimate(const omni_robot_t *robot, omni_tick_t *tick) {
     out->pose = ekf->pose;
     out->rate = omni_twist_to_world(&body, ekf->pose.theta);
     out->slip_residual_m_s = omni_kinematics_slip_residual(&c->kinematics, out->wheel_rad_s);
-    for (uint8_t axis = 0; axis < OMNI_AXES; ++axis) {
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
         out->pose_sd[axis] = omni_sqrtf(ekf->p[axis][axis]);
     }
     out->nis = ekf->nis;

@@ -10,20 +10,20 @@
 #include "omni/params_gen.h"
 #include "omni/types.h"
 
-enum { OMNI_PARAM_NAME_LEN = 16 };  /**< MAVLink: 16 characters, not terminated when full */
+enum { OMNI_PARAM_NAME_LEN = 16 }; /**< MAVLink: 16 characters, not terminated when full */
 
 typedef enum omni_param_kind_t {
     OMNI_PARAM_REAL = 0,
-    OMNI_PARAM_INT,   /**< whole numbers only; bools and enums too */
+    OMNI_PARAM_INT, /**< whole numbers only; bools and enums too */
 } omni_param_kind_t;
 
 typedef struct omni_param_info_t {
-    const char *name;             /**< <= 16 characters */
+    const char *name; /**< <= 16 characters */
     const char *unit;
     omni_real_t minimum;
     omni_real_t maximum;
-    omni_real_t initial;          /**< default */
-    uint8_t kind;                 /**< omni_param_kind_t */
+    omni_real_t initial; /**< default */
+    uint8_t kind;        /**< omni_param_kind_t */
     uint8_t locked_while_armed;
 } omni_param_info_t;
 

@@ -23,10 +23,10 @@
 #include "omni/wheel_speed.h"
 
 enum {
-    OMNI_TICK_US = 1000,          /**< nominal tick period */
-    OMNI_TICK_JUMP_US = 10000,    /**< a step longer than this raises OMNI_FAULT_TIME */
-    OMNI_ENCODER_TICKS = 3,       /**< impossible or missing counts in a row that raise OMNI_FAULT_ENCODER */
-    OMNI_BATTERY_TICKS = 50       /**< low readings in a row that raise OMNI_FAULT_BATTERY */
+    OMNI_TICK_US = 1000,       /**< nominal tick period */
+    OMNI_TICK_JUMP_US = 10000, /**< a step longer than this raises OMNI_FAULT_TIME */
+    OMNI_ENCODER_TICKS = 3,    /**< impossible or missing counts in a row that raise OMNI_FAULT_ENCODER */
+    OMNI_BATTERY_TICKS = 50    /**< low readings in a row that raise OMNI_FAULT_BATTERY */
 };
 
 typedef struct omni_limits_t {
@@ -35,7 +35,7 @@ typedef struct omni_limits_t {
     omni_real_t turn_rad_s;
     omni_real_t acceleration_m_s2;
     omni_real_t position_m;
-    omni_real_t reference_share;                  /**< share of wheel_rad_s a governed reference may use */
+    omni_real_t reference_share; /**< share of wheel_rad_s a governed reference may use */
     omni_real_t command_timeout_s;
     omni_real_t link_timeout_s;
     omni_real_t fix_timeout_s;
@@ -60,13 +60,13 @@ typedef struct omni_robot_config_t {
     omni_wheel_speed_config_t wheel_speed;
     omni_trajectory_config_t trajectory;
     omni_limits_t limits;
-    uint8_t controller;                           /**< enum omni_ctl_mode */
-    int8_t encoder_direction[OMNI_MAX_WHEELS];    /**< -1 or 1 */
-    int8_t motor_direction[OMNI_MAX_WHEELS];      /**< -1 or 1 */
+    uint8_t controller;                        /**< enum omni_ctl_mode */
+    int8_t encoder_direction[OMNI_MAX_WHEELS]; /**< -1 or 1 */
+    int8_t motor_direction[OMNI_MAX_WHEELS];   /**< -1 or 1 */
     omni_real_t rad_per_count;
-    omni_real_t slip_feed;                        /**< 0..1 share of the slip estimate fed forward */
+    omni_real_t slip_feed; /**< 0..1 share of the slip estimate fed forward */
     omni_real_t step_s;
-    uint16_t sequence;                            /**< caller's number of this set; telemetry repeats it */
+    uint16_t sequence; /**< caller's number of this set; telemetry repeats it */
 } omni_robot_config_t;
 
 /**
@@ -77,17 +77,17 @@ typedef struct omni_robot_config_t {
 omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index);
 
 typedef enum omni_setpoint_kind_t {
-    OMNI_SETPOINT_NONE = 0,       /**< hold the pose (zero wheel speed if CTL_MODE is none) */
-    OMNI_SETPOINT_POSE,           /**< world pose and its rate; approached within the limits of speed and acceleration */
+    OMNI_SETPOINT_NONE = 0, /**< hold the pose (zero wheel speed if CTL_MODE is none) */
+    OMNI_SETPOINT_POSE,     /**< world pose and its rate; approached within the limits of speed and acceleration */
     OMNI_SETPOINT_VELOCITY_BODY,
     OMNI_SETPOINT_VELOCITY_WORLD,
-    OMNI_SETPOINT_TRAJECTORY,     /**< the plan given with OMNI_EVENT_TRAJECTORY_START */
-    OMNI_SETPOINT_DUTY            /**< open loop, per wheel, for bring-up and identification */
+    OMNI_SETPOINT_TRAJECTORY, /**< the plan given with OMNI_EVENT_TRAJECTORY_START */
+    OMNI_SETPOINT_DUTY        /**< open loop, per wheel, for bring-up and identification */
 } omni_setpoint_kind_t;
 
 typedef struct omni_setpoint_t {
-    uint8_t kind;                       /**< omni_setpoint_kind_t */
-    uint64_t time_us;                   /**< when it arrived; ages against command_timeout_s (not for TRAJECTORY) */
+    uint8_t kind;     /**< omni_setpoint_kind_t */
+    uint64_t time_us; /**< when it arrived; ages against command_timeout_s (not for TRAJECTORY) */
     omni_pose_t pose;
     omni_twist_t twist;
     omni_real_t duty[OMNI_MAX_WHEELS];
@@ -98,37 +98,37 @@ typedef enum omni_event_t {
     OMNI_EVENT_DISARM = 1 << 1,
     OMNI_EVENT_ESTOP = 1 << 2,
     OMNI_EVENT_ESTOP_CLEAR = 1 << 3,
-    OMNI_EVENT_TRAJECTORY_START = 1 << 4,   /**< follow inputs.trajectory from this tick on */
-    OMNI_EVENT_TRAJECTORY_STOP = 1 << 5,    /**< hold the pose of this tick */
-    OMNI_EVENT_SET_POSE = 1 << 6            /**< restart the pose estimate at inputs.pose */
+    OMNI_EVENT_TRAJECTORY_START = 1 << 4, /**< follow inputs.trajectory from this tick on */
+    OMNI_EVENT_TRAJECTORY_STOP = 1 << 5,  /**< hold the pose of this tick */
+    OMNI_EVENT_SET_POSE = 1 << 6          /**< restart the pose estimate at inputs.pose */
 } omni_event_t;
 
 /** What one tick is told. */
 typedef struct omni_inputs_t {
-    uint64_t time_us;                        /**< robot clock, monotonic */
-    int32_t counts[OMNI_MAX_WHEELS];         /**< raw encoder counters, may wrap */
-    uint8_t counts_valid;                    /**< bit per wheel */
+    uint64_t time_us;                /**< robot clock, monotonic */
+    int32_t counts[OMNI_MAX_WHEELS]; /**< raw encoder counters, may wrap */
+    uint8_t counts_valid;            /**< bit per wheel */
     bool has_fix;
     omni_pose_fix_t fix;
-    omni_real_t battery_V;                   /**< <= 0: not measured */
-    uint32_t events;                         /**< omni_event_t bits, for this tick only */
-    uint32_t faults;                         /**< stop faults seen outside the core (OMNI_FAULT_OVERRUN, ...) */
-    omni_setpoint_t setpoint;                /**< the latest */
-    uint64_t heartbeat_us;                   /**< arrival of the latest ground-station heartbeat; 0: none yet */
-    uint16_t driver_failures;                /**< failed motor-driver updates in a row */
-    const omni_trajectory_t *trajectory;     /**< must stay valid and constant while followed */
-    omni_pose_t pose;                        /**< for OMNI_EVENT_SET_POSE */
+    omni_real_t battery_V;               /**< <= 0: not measured */
+    uint32_t events;                     /**< omni_event_t bits, for this tick only */
+    uint32_t faults;                     /**< stop faults seen outside the core (OMNI_FAULT_OVERRUN, ...) */
+    omni_setpoint_t setpoint;            /**< the latest */
+    uint64_t heartbeat_us;               /**< arrival of the latest ground-station heartbeat; 0: none yet */
+    uint16_t driver_failures;            /**< failed motor-driver updates in a row */
+    const omni_trajectory_t *trajectory; /**< must stay valid and constant while followed */
+    omni_pose_t pose;                    /**< for OMNI_EVENT_SET_POSE */
 } omni_inputs_t;
 
 /** What one tick decided and knows. */
 typedef struct omni_outputs_t {
     uint64_t time_us;
-    uint8_t state;                                /**< omni_safety_state_t */
-    bool drive;                                   /**< motors may be powered; false: switch the bridges off */
-    uint8_t controller;                           /**< enum omni_ctl_mode in use */
-    uint8_t setpoint_kind;                        /**< in use */
-    uint32_t faults;                              /**< omni_fault_t bits present now */
-    uint32_t fault_history;                       /**< stop faults since arming */
+    uint8_t state;          /**< omni_safety_state_t */
+    bool drive;             /**< motors may be powered; false: switch the bridges off */
+    uint8_t controller;     /**< enum omni_ctl_mode in use */
+    uint8_t setpoint_kind;  /**< in use */
+    uint32_t faults;        /**< omni_fault_t bits present now */
+    uint32_t fault_history; /**< stop faults since arming */
     uint16_t config_sequence;
     omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1 in the motor's own direction; 0 unless `drive` */
     omni_real_t voltage_V[OMNI_MAX_WHEELS];       /**< in the wheel's direction */
@@ -140,10 +140,10 @@ typedef struct omni_outputs_t {
     omni_real_t pose_sd[OMNI_AXES];
     omni_reference_t reference;
     omni_control_terms_t terms;
-    omni_real_t slip_m_s[OMNI_MAX_WHEELS];        /**< estimated v_s */
+    omni_real_t slip_m_s[OMNI_MAX_WHEELS]; /**< estimated v_s */
     omni_real_t slip_residual_m_s;
-    omni_real_t wheel_scale;                      /**< factor the wheel speeds were cut by, 1: none */
-    omni_real_t duty_scale;                       /**< factor the voltages were cut by, 1: none */
+    omni_real_t wheel_scale; /**< factor the wheel speeds were cut by, 1: none */
+    omni_real_t duty_scale;  /**< factor the voltages were cut by, 1: none */
     omni_real_t supply_V;
     omni_real_t nis;
     uint32_t fixes_accepted;
@@ -163,20 +163,20 @@ typedef struct omni_robot_t {
     uint64_t last_time_us;
     uint64_t trajectory_start_us;
     const omni_trajectory_t *trajectory;
-    omni_pose_t governed;                         /**< reference on its way to a pose set-point; the pose held otherwise */
-    omni_twist_t ramped;                          /**< its rate (world), or the ramped velocity demand (body) */
+    omni_pose_t governed; /**< reference on its way to a pose set-point; the pose held otherwise */
+    omni_twist_t ramped;  /**< its rate (world), or the ramped velocity demand (body) */
     omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
     int32_t last_counts[OMNI_MAX_WHEELS];
-    omni_real_t stalled_s[OMNI_MAX_WHEELS];        /**< how long each wheel has looked stalled or reversed */
-    uint32_t encoder_ticks[OMNI_MAX_WHEELS];      /**< ticks in a row without a valid count */
-    uint32_t battery_ticks;                       /**< ticks in a row with too little voltage */
+    omni_real_t stalled_s[OMNI_MAX_WHEELS];  /**< how long each wheel has looked stalled or reversed */
+    uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
+    uint32_t battery_ticks;                  /**< ticks in a row with too little voltage */
     uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;
-    uint8_t last_kind;                            /**< set-point kind of the last tick */
-    bool primed;                                  /**< last_* hold a first sample */
-    bool saturated;                               /**< the last tick cut wheel speeds or duties */
-    bool off_track;                               /**< the last tick's pose error was beyond the limit */
+    uint8_t last_kind; /**< set-point kind of the last tick */
+    bool primed;       /**< last_* hold a first sample */
+    bool saturated;    /**< the last tick cut wheel speeds or duties */
+    bool off_track;    /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 
 /** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */

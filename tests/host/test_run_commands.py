@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: MIT
+"""The commands that run things: tune and drive on a live robot, sim, plot and bench on this computer."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from omniwheel import connect
+from omniwheel.cli import app
+
+
+def omni(*arguments: object, code: int = 0) -> str:
+    """Run a command and return its standard output."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == code, result.output
+    return result.stdout
+
+
+def omni_json(*arguments: object, code: int = 0) -> Any:
+    """Run a command with --json; whatever else stood on standard output would break the parser."""
+    return json.loads(omni(*arguments, "--json", code=code))
+
+
+def parameter(url: str, name: str) -> float:
+    with connect(url) as robot:
+        return robot.parameters[name]
+
+
+STEP = ("--size", "0.05", "--duration", "1.5")
+
+
+def test_tune_compares_and_goes_back(sitl: str, tmp_path: Path) -> None:
+    before = parameter(sitl, "WS_P")
+    picture = tmp_path / "tune.png"
+    told = omni_json("tune", "--link", sitl, "--set", "WS_P=6", *STEP, "--revert", "--out", picture)
+    assert told["old"] == {"WS_P": before}
+    assert told["new"] == {"WS_P": 6.0}
+    for side in ("before", "after"):
+        assert 0.0 < told[side]["rise_s"] < 1.5
+        assert 0.0 < told[side]["position_m"] < 0.01
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert parameter(sitl, "WS_P") == before
+    with connect(sitl) as robot:
+        assert not robot.status.armed
+
+
+def test_tune_keeps_what_it_is_told_to_keep(sitl: str, tmp_path: Path) -> None:
+    told = omni_json("tune", "--link", sitl, "--set", "WS_P=5", *STEP, "--keep", "--out", tmp_path / "tune.png")
+    assert told["kept"] is True
+    assert parameter(sitl, "WS_P") == 5.0
+
+
+@pytest.mark.parametrize("setting", ["WS_P=nan", "WS_P=1e9", "WSP=4", "WS_P", "WHEELS=3.5"])
+def test_tune_refuses_bad_values_before_anything_moves(sitl: str, tmp_path: Path, setting: str) -> None:
+    omni("tune", "--link", sitl, "--set", setting, "--revert", "--out", tmp_path / "tune.png", code=2)
+    with connect(sitl) as robot:
+        assert not robot.status.armed
+    assert not (tmp_path / "tune.png").exists()
+
+
+def test_a_pose_is_driven_to(sitl: str) -> None:
+    omni("drive", "pose", 0.05, 0.05, 0.1, "--link", sitl)
+    told = omni_json("monitor", "--once", "--link", sitl)
+    pose = told["pose"] if "pose" in told else told["estimate"]
+    x, y, theta = pose.values() if isinstance(pose, dict) else pose
+    assert (x, y, theta) == pytest.approx((0.05, 0.05, 0.1), abs=0.01)
+
+
+def test_sim_leaves_a_run_that_plot_draws_again(tmp_path: Path) -> None:
+    told = omni_json("sim", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
+    assert told["seed"] == 4
+    assert told["way"] == "in-process"
+    (run,) = tmp_path.iterdir()
+    (run / "report.png").unlink()
+    omni("plot", run)
+    assert (run / "report.png").stat().st_size > 10_000
+
+
+def test_sim_over_seeds_gives_mean_and_deviation() -> None:
+    told = omni_json("sim", "fault_pose_loss", "--seeds", 3)
+    assert len(told["seeds"]) == 3
+    assert told["figures"]["position_m"]["mean"] > 0.0
+    assert told["figures"]["position_m"]["sd"] > 0.0
+
+
+def test_bench_measures_both_loops() -> None:
+    results = omni_json("bench", "--seconds", 1, "--repeat", 1)["results"]
+    assert all(results[way]["realtime_factor"] > 0.0 for way in ("hil", "in_process"))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("sim", "nope"), ("hil", "nope"), ("plot", "nowhere"), ("sitl", "--robot", "nope"), ("sim", "--seed", -1)],
+)
+def test_what_is_not_there_is_bad_input(command: tuple[object, ...]) -> None:
+    omni(*command, code=2)
