@@ -19,6 +19,7 @@ from hil_sim.runs import Run, faults_seen, run_in_process, run_seeds
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, load_run, new_run_folder, save_run, summarize
 from hil_sim.timeline import RunError
+from omniwheel import FirmwareProcess, connect
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ArmingRefusedError, LinkError, ParameterRefusedError
 
@@ -173,6 +174,16 @@ def test_a_robot_that_may_not_arm_says_why() -> None:
 def test_nobody_at_the_link_is_a_clear_error() -> None:
     with pytest.raises(LinkError, match="cannot open"):
         run_hil(short("demo"), "tcp:127.0.0.1:1")
+
+
+def test_firmware_behind_a_link_gets_its_own_parameters_back() -> None:
+    with FirmwareProcess(parameters={"WS_P": 7.0}) as firmware:
+        done = run_hil(short("demo", 2.0), firmware.urls[0])
+        assert done.parameters["WS_P"] == done.scenario.parameter_values()["WS_P"] != 7.0
+        assert metrics.tracking_rmse(done.record).position_m < 0.003
+        with connect(firmware.urls[0]) as robot:
+            assert robot.parameters["WS_P"] == 7.0
+            assert not robot.status.armed
 
 
 @pytest.mark.parametrize("way", ["in-process", "hil"])
