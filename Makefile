@@ -12,7 +12,7 @@ BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt p
                   \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' \
                   -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
 C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[ch]' -o -name '*.[ch]pp')
-PYTHON_DIRS := host hil_sim shared/generate tests
+PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests
 
 .PHONY: help setup demo test lint format bench sanitize core-checks wheel clean
 help:
