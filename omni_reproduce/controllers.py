@@ -129,10 +129,10 @@ def _rows(names: Names, tables: Mapping[str, NDArray[np.float64]], robot: str, s
 
 def _about(seeds: int) -> str:
     return (
-        f"Mean over the paths of each path's figure; the deviation is that between seeds ({seeds}). Default gains, slip of up "
-        "to 5 % that encoders cannot see, pose fixes at 50 Hz with 2 mm and 2 mrad of noise, 20 ms late. *Chatter* is the "
-        "mean change of a duty from one millisecond to the next over the mean duty. Position RMSE [mm] / heading RMSE "
-        "[mrad] of each path:"
+        f"Mean over the paths of each path's figure; the deviation is that between seeds ({seeds}). Default gains, slip "
+        "of up to 5 % that encoders cannot see, pose fixes at 50 Hz with 2 mm and 2 mrad of noise, 20 ms late. "
+        "*Chatter* is the mean change of a duty from one millisecond to the next over the mean duty. Position RMSE [mm] "
+        "/ heading RMSE [mrad] of each path:"
     )
 
 

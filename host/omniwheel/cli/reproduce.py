@@ -104,7 +104,8 @@ def _facts(quick: bool, seeds: int | None) -> str:
     number = f", {seeds} seeds each" if seeds is not None else ""
     return (
         f"Made by `omni reproduce` of omniwheel {__version__}, {how}{number}. Every number is computed by the run that "
-        "printed it; published figures are quoted beside it. *Limit* is the theoretical bound of the quantity where there is one."
+        "printed it; published figures are quoted beside it. *Limit* is the theoretical bound of the quantity where "
+        "there is one."
     )
 
 
