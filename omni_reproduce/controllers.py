@@ -129,10 +129,10 @@ def _rows(names: Names, tables: Mapping[str, NDArray[np.float64]], robot: str, s
 
 def _about(seeds: int) -> str:
     return (
-        f"Mean over the paths of each path's figure; the deviation is that between seeds ({seeds}). Default gains, slip "
-        "of up to 5 % that encoders cannot see, pose fixes at 50 Hz with 2 mm and 2 mrad of noise, 20 ms late. "
-        "*Chatter* is the mean change of a duty from one millisecond to the next over the mean duty. Position RMSE [mm] "
-        "/ heading RMSE [mrad] of each path:"
+        f"Mean over the paths of each path's figure; the deviation is that between seeds ({seeds}). Default gains, "
+        "slip of up to 5 % that encoders cannot see, pose fixes at 50 Hz with 2 mm and 2 mrad of noise, 20 ms late. "
+        "*Chatter* is the mean change of a duty from one millisecond to the next over the mean duty. "
+        "Position RMSE [mm] / heading RMSE [mrad] of each path:"
     )
 
 
@@ -153,7 +153,8 @@ def draw(names: Names, position_m: NDArray[np.float64], path: Path) -> None:
         figure = Figure(figsize=(13.0, 1.6 + 0.42 * position_m.shape[0] * position_m.shape[1]), dpi=120)
         FigureCanvasAgg(figure)
         all_axes = figure.subplots(position_m.shape[0], 1, squeeze=False, sharex=True)[:, 0]
-        norm = LogNorm(max(MM * float(np.nanmin(position_m)), 0.01), MM * float(np.nanmax(position_m)))
+        low, high = max(MM * float(np.nanmin(position_m)), 0.01), MM * float(np.nanmax(position_m))
+        norm = LogNorm(low, high)
         for axes, robot, values in zip(all_axes, names[0], MM * position_m, strict=True):
             image = axes.imshow(values, cmap="cividis", norm=norm, aspect="auto")
             axes.grid(False)
@@ -165,7 +166,7 @@ def draw(names: Names, position_m: NDArray[np.float64], path: Path) -> None:
                 axes.text(j, i, f"{value:.2f}", ha="center", va="center", color="white" if dark else "#111111")
         figure.tight_layout(rect=(0.0, 0.0, 0.93, 1.0))
         bar = figure.add_axes((0.94, 0.12, 0.012, 0.76))
-        ticks = [tick for tick in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if norm.vmin <= tick <= norm.vmax]
+        ticks = [tick for tick in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if low <= tick <= high]
         colours = figure.colorbar(image, cax=bar, ticks=ticks, format="%g", label="position RMSE [mm]")
         colours.minorticks_off()
         figure.savefig(path, metadata={"Software": None})

@@ -43,9 +43,7 @@ class Experiment:
         return run(context)
 
 
-EXPERIMENTS: tuple[Experiment, ...] = (
-    Experiment("controllers", "Every controller on every path", "controllers"),
-)
+EXPERIMENTS: tuple[Experiment, ...] = (Experiment("controllers", "Every controller on every path", "controllers"),)
 
 
 def targets() -> list[str]:

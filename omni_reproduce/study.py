@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 from omni_reproduce.experiment import Context, Result, Row
@@ -32,7 +33,7 @@ def run_all(experiments: Sequence[Experiment], context: Context, progress: Progr
     """Run the experiments in their order. What one of them refuses does not stop the others."""
     outcomes = []
     for number, experiment in enumerate(experiments):
-        own = replace(context, progress=lambda share, number=number: progress(number, share))
+        own = replace(context, progress=partial(progress, number))
         outcomes.append(_run(experiment, own))
         progress(number, 1.0)
     return outcomes
