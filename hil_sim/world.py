@@ -19,8 +19,9 @@ from omniwheel._core import ffi, lib
 PCA9685_ADDRESS = 0x40
 TICK_US: int = lib.OMNI_TICK_US
 
+DEFAULT_PLANT = "full"
 PLANTS = {
-    "full": lib.HIL_PLANT_FULL,
+    DEFAULT_PLANT: lib.HIL_PLANT_FULL,
     "kinematic": lib.HIL_PLANT_KINEMATIC,
     "kinematic+motors": lib.HIL_PLANT_KINEMATIC_MOTORS,
     "slip": lib.HIL_PLANT_SLIP,
@@ -46,7 +47,7 @@ _SIMULATION_FIELDS = {
     "battery_resistance_ohm": "battery_resistance_ohm",
 }
 _LINEAR_FIELDS = ("linear_viscous", "linear_coulomb")
-"""Optional in [simulation]: three numbers each, along body x, y and about z; without them, from the motors' friction."""
+"""Optional in [simulation]: three numbers each, along body x, y, about z; without them, from the motors' friction."""
 _FROM_THE_MOTORS = (-1.0, -1.0, -1.0)
 
 
@@ -137,7 +138,7 @@ def _fill_faults(config: Any, faults: Sequence[Fault]) -> None:
 def world_config(
     robot: Robot,
     *,
-    plant: str = "full",
+    plant: str = DEFAULT_PLANT,
     seed: int = 1,
     slip_max: float = 0.0,
     slip_speed_max_m_s: float = 0.0,
@@ -215,19 +216,28 @@ class World:
 
     @property
     def slip_speed(self) -> npt.NDArray[np.float64]:
-        """Slip speeds that are imposed on the wheels [m/s]: a wheel rolls by r w minus this."""
+        """Slip speeds imposed on the wheels in the next step [m/s]: a wheel moves the robot by r w minus this."""
         return np.array(list(self.c.slip_speed_m_s)[: self.wheels])
 
     def drive_speed(self, wheel_rad_s: Sequence[float] | npt.NDArray[np.float64]) -> None:
-        """Give the wheels these speeds [rad/s] until the bridges are set again; plant kinematic. Raises ValueError."""
+        """Give the wheels these speeds [rad/s]; plant kinematic only.
+
+        Holds until the bridges are set again. Raises ValueError.
+        """
         self._drive(lib.hil_world_drive_speed, "speeds", wheel_rad_s)
 
     def drive_voltage(self, volts: Sequence[float] | npt.NDArray[np.float64]) -> None:
-        """Put these voltages [V] on the windings until the bridges are set again. Raises ValueError."""
+        """Put these voltages [V] on the windings.
+
+        Holds until the bridges are set again. Raises ValueError.
+        """
         self._drive(lib.hil_world_drive_voltage, "voltages", volts)
 
     def drive_torque(self, torque_N_m: Sequence[float] | npt.NDArray[np.float64]) -> None:
-        """Put these torques [N m] on the wheels until the bridges are set again; plants full, slip, linear. Raises ValueError."""
+        """Put these torques [N m] on the wheels; not on the two kinematic plants.
+
+        Holds until the bridges are set again. Raises ValueError.
+        """
         self._drive(lib.hil_world_drive_torque, "torques", torque_N_m)
 
     def _drive(self, source: Any, what: str, values: Sequence[float] | npt.NDArray[np.float64]) -> None:

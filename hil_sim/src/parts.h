@@ -48,7 +48,10 @@ void hil_pose_sensor_update(hil_world_t *world);
 
 /* slip.c */
 void hil_slip_init(hil_world_t *world);
+/** Slip ratios of a time. */
 void hil_slip_update(hil_world_t *world, double time_s);
+/** Slip speeds of the step that begins now. */
+void hil_slip_hold(hil_world_t *world);
 
 /** Value of an active fault of this kind, or `otherwise`. */
 double hil_fault_value(const hil_world_t *world, uint8_t kind, double otherwise);

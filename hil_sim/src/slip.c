@@ -30,7 +30,11 @@ void hil_slip_init(hil_world_t *world) {
     hil_slip_update(world, 0.0);
 }
 
-static void update_ratios(hil_world_t *world, double position) {
+void hil_slip_update(hil_world_t *world, double time_s) {
+    if (world->config.slip_max <= 0.0) {
+        return;
+    }
+    const double position = time_s / world->config.slip_time_s;
     const uint64_t knot = (uint64_t)position;
     if (knot != world->slip_knot) {
         draw_knots(world, knot);
@@ -41,12 +45,10 @@ static void update_ratios(hil_world_t *world, double position) {
     }
 }
 
-void hil_slip_update(hil_world_t *world, double time_s) {
-    const double position = time_s / world->config.slip_time_s;
-    if (world->config.slip_max > 0.0) {
-        update_ratios(world, position);
-    }
-    if (world->config.slip_speed_max_m_s > 0.0 && (uint64_t)position != world->slip_speed_knot) {
-        draw_speeds(world, (uint64_t)position);
+void hil_slip_hold(hil_world_t *world) {
+    /* A millionth of an interval, because times given in seconds are rounded. */
+    const uint64_t knot = (uint64_t)(1e-6 * (double)world->time_us / world->config.slip_time_s + 1e-6);
+    if (world->config.slip_speed_max_m_s > 0.0 && knot != world->slip_speed_knot) {
+        draw_speeds(world, knot);
     }
 }

@@ -219,6 +219,7 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     hil_encoders_update(world);
     world->time_us += step_us;
     world->steps++;
+    hil_slip_hold(world);
     hil_pose_sensor_update(world);
 }
 

@@ -188,7 +188,7 @@ typedef struct hil_world_t {
     double current_A[HIL_MAX_WHEELS];
     double voltage_V[HIL_MAX_WHEELS];      /**< mean bridge voltage, wheel direction; 0 while the winding is open */
     double slip_ratio[HIL_MAX_WHEELS];     /**< imposed */
-    double slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step before now */
+    double slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step that begins now */
     double traction_N[HIL_MAX_WHEELS];     /**< 0 on plants without a contact */
     double supply_V;                       /**< under load */
     double in1[HIL_MAX_WHEELS];            /**< share of the period IN1 is high */
