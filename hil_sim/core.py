@@ -8,7 +8,8 @@ from typing import Any
 
 from omni_schema import ParameterTable
 from omniwheel._core import ffi, lib
-from omniwheel.core_config import CoreError, plan_trajectory, robot_config
+from omniwheel.core_config import plan_trajectory, robot_config
+from omniwheel.errors import CoreError
 
 __all__ = [
     "TICK_US",

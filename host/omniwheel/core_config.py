@@ -8,10 +8,7 @@ from typing import Any
 
 from omni_schema import ParameterTable
 from omniwheel._core import ffi, lib
-
-
-class CoreError(ValueError):
-    """The core refuses a parameter set; the message names the parameter."""
+from omniwheel.errors import CoreError
 
 
 def robot_config(values: Mapping[str, float], table: ParameterTable, sequence: int) -> Any:

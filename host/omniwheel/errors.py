@@ -25,6 +25,7 @@
     │   ├── MocapLibraryError         the library that reads it is not installed
     │   └── MocapLostError            it cannot be reached, or went away
     ├── LegacyStopError               the host's control loop stopped the robot by itself
+    ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
     └── VersionMismatchError          robot and host speak different versions
 
@@ -166,6 +167,12 @@ class MocapLostError(MocapError):
 
 class LegacyStopError(OmniError):
     """The control loop on the host stopped the robot by itself; says why."""
+
+
+class CoreError(OmniError, ValueError):
+    """The control core refuses a parameter set; the message names the parameter."""
+
+    exit_code = 2
 
 
 class RobotFileError(OmniError, ValueError):

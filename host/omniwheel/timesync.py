@@ -19,6 +19,8 @@ DRIFT = 1e-4
 """How fast the two clocks may part, s/s: two crystals of 50 ppm."""
 ROBOT_RESOLUTION_S = 1e-3
 """The robot tells the time of its latest tick."""
+RESTART_S = 0.25
+"""No healthy sample is off by this much."""
 _SAMPLES = 32
 _PENDING = 8
 _QUICK_SAMPLES = 8
@@ -41,7 +43,7 @@ class Sample:
 class TimeSync:
     """Keeps asking a connected robot for its time; :meth:`serve` is to be called at least once per ``period_s``.
 
-    A robot that reboots starts its clock anew; the first answer that contradicts the old samples drops them.
+    A robot that reboots starts its clock anew; the first answer that is off by more than RESTART_S drops the old ones.
     """
 
     def __init__(self, connection: Connection, *, period_s: float = 2.0) -> None:
@@ -93,7 +95,7 @@ class TimeSync:
         now_s, sent_s = self._connection.clock(), message.ts1 * 1e-9
         sample = Sample(message.tc1 * 1e-9 - 0.5 * (sent_s + now_s), max(0.0, now_s - sent_s), now_s)
         best = self.best
-        if best is not None and abs(sample.offset_s - best.offset_s) > sample.error_s(now_s) + best.error_s(now_s):
+        if best is not None and abs(sample.offset_s - best.offset_s) > RESTART_S + best.error_s(now_s):
             self._samples.clear()
             self.restarts += 1
         self._samples.append(sample)
