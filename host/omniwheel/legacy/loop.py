@@ -25,6 +25,7 @@ from omniwheel.legacy.pwm_line import STOP, STOP_LINES, PwmRadio
 from omniwheel.mocap.source import MocapSource
 
 SETTLE_S = 1.0
+SAMPLE_COLUMNS = 14
 STANDING = Twist(0.0, 0.0, 0.0)
 _LATE_S = 2.0 * PERIOD_S
 
@@ -44,7 +45,11 @@ class Goal:
 
 @dataclass
 class LegacyRun:
-    """What came of a run. ``samples`` are (time [s], driving 0 or 1, estimate 3, reference 3, error 3, PWM 4)."""
+    """What came of a run.
+
+    ``samples`` has a row for each step that drove: time since the start [s], estimate, reference and error (3 each: m,
+    m, rad), PWM (4). ``pauses`` counts the times that the fixes stayed away, ``late`` the steps that came too late.
+    """
 
     done: bool = False
     fixes: int = 0
@@ -55,8 +60,8 @@ class LegacyRun:
     samples: list[tuple[float, ...]] = field(default_factory=list)
 
     def record(self) -> NDArray[np.float64]:
-        """Return the samples, one row per step, 15 columns."""
-        return np.array(self.samples, dtype=np.float64).reshape(-1, 15)
+        """Return the samples as an array, 14 columns."""
+        return np.array(self.samples, dtype=np.float64).reshape(-1, SAMPLE_COLUMNS)
 
 
 class LegacyLoop:
@@ -143,7 +148,7 @@ class LegacyLoop:
         self._check(command)
         self._offer(command.pwm)
         numbers = (*command.estimate, *command.reference, *command.error, *command.pwm)
-        self.run_data.samples.append((now_s - self.run_data.started_s, 1.0, *numbers))
+        self.run_data.samples.append((now_s - self.run_data.started_s, *numbers))
         self.run_data.done = self._finished(command)
 
     def _offer(self, pwm: tuple[int, int, int, int]) -> None:

@@ -6,6 +6,7 @@ Time is simulated: it goes on while somebody waits in :meth:`SimulatedRobot.read
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 
@@ -105,7 +106,7 @@ class SimulatedRobot:
 
     def read(self, timeout_s: float) -> MocapPose | None:
         """Return the next pose, letting the world go on until it comes."""
-        end_us = int(self.world.c.time_us) + round(timeout_s * 1e6)
+        end_us = int(self.world.c.time_us) + math.ceil(timeout_s * 1e6)
         while True:
             sensors = self.world.sense()
             if sensors.has_fix:
