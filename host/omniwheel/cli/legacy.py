@@ -53,7 +53,8 @@ DelayOption = Annotated[float, typer.Option("--delay", help="From sending PWM un
 DurationOption = Annotated[float, typer.Option("--for", min=0.1, metavar="S", help="Stop then at the latest.")]
 PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw path, errors and PWM.")]
 StartOption = Annotated[
-    tuple[float, float, float], typer.Option("--start", help="Where the simulated robot stands: x, y \\[m], theta \\[rad].")
+    tuple[float, float, float],
+    typer.Option("--start", help="Where the simulated robot stands: x, y \\[m], theta \\[rad]."),
 ]
 DeadBandOption = Annotated[
     float, typer.Option("--dead-band", min=0.0, max=250.0, help="PWM up to which the simulated wheels stand.")
@@ -191,7 +192,8 @@ def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple
     kind = (wanted.source or "").partition(":")[0]
     if kind != "vicon":
         what = f"--source {wanted.source} does not see the robot" if wanted.source else "--source is missing"
-        raise MocapSourceError(f"{what}: a real robot needs real poses", hint="--source vicon:HOST/OBJECT, or --simulate")
+        hint = "--source vicon:HOST/OBJECT, or --simulate"
+        raise MocapSourceError(f"{what}: a real robot needs real poses", hint=hint)
     address = parse_url(wanted.port)
     plain_serial = address.kind == "serial" and "," not in wanted.port
     previous = signal.signal(signal.SIGTERM, _interrupt)

@@ -82,8 +82,10 @@ def share_of(pwm: int, pwm_min: int) -> float:
 
 @dataclass(frozen=True)
 class Command:
-    """What one step decided: PWM per motor, wanted wheel speeds [rad/s], how far they were cut (1: not at all),
-    estimated pose, reference, pose error [m, m, rad].
+    """What one step decided.
+
+    PWM per motor, wanted wheel speeds [rad/s], the factor they were cut by (1: not at all), estimated pose, reference,
+    pose error [m, m, rad].
     """
 
     pwm: PwmLine
@@ -113,9 +115,7 @@ class LegacyController:
     Raises CoreError if the robot does not have four wheels or the parameters cannot be used.
     """
 
-    def __init__(
-        self, robot: Robot, values: Mapping[str, float], settings: LegacySettings = LegacySettings()
-    ) -> None:
+    def __init__(self, robot: Robot, values: Mapping[str, float], settings: LegacySettings = LegacySettings()) -> None:
         if robot.wheels != MOTORS:
             raise CoreError(f"{robot.name} has {robot.wheels} wheels; the legacy robot takes PWM for {MOTORS}")
         table = parameter_table()
@@ -221,9 +221,7 @@ class LegacyController:
         return (0.0,) * MOTORS
 
     def sent(self, pwm: Sequence[int], now_s: float) -> None:
-        """Take note of a line that has gone out: the filter predicts with what the robot was told, not with what was
-        wanted.
-        """
+        """Take note of a line that has gone out: the filter predicts with what the robot was told."""
         shares = [share_of(value, self.settings.pwm_min) for value in self._wheel(pwm)]
         self._sent.append((now_s, tuple(share * self.full_speed_rad_s for share in shares)))
 

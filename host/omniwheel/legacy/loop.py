@@ -89,7 +89,7 @@ class LegacyLoop:
         self._driving = False
 
     def run(self, duration_s: float, progress: Callable[[float, LegacyRun], None] | None = None) -> LegacyRun:
-        """Drive for ``duration_s`` at most. Raises LegacyStopError, MocapError, LinkError; the robot is stopped first."""
+        """Drive for ``duration_s`` at most. Raises LegacyStopError, MocapError, LinkError, the robot being stopped."""
         clock = self._source.clock
         self._controller.last_fix_s = self.run_data.started_s = start_s = clock()
         next_s = start_s
@@ -176,7 +176,7 @@ class LegacyLoop:
             away_m > values["SAFE_ERR_XY"] or abs(command.error[2]) > values["SAFE_ERR_TH"]
         ):
             what = f"{away_m:.2f} m and {abs(command.error[2]):.2f} rad off its path"
-            hint = "are the motors connected in the order of the robot file, and W*_MOT_DIR right? SAFE_ERR_* are the limits"
+            hint = "are the motors in the robot file's order, and W*_MOT_DIR right? SAFE_ERR_* are the limits"
             raise LegacyStopError(f"the robot is {what}", hint=hint)
 
     def _finished(self, command: Command) -> bool:

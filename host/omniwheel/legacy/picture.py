@@ -54,9 +54,7 @@ def _draw_path(axes: Axes, record: NDArray[np.float64], truth: NDArray[np.float6
     axes.legend(loc="lower right", bbox_to_anchor=(1.01, 0.99), ncols=4, columnspacing=1.2, borderpad=0.0)
 
 
-def _draw_errors(
-    position: Axes, heading: Axes, record: NDArray[np.float64], truth: NDArray[np.float64] | None
-) -> None:
+def _draw_errors(position: Axes, heading: Axes, record: NDArray[np.float64], truth: NDArray[np.float64] | None) -> None:
     error = record[:, 7:10] if truth is None else truth - record[:, 4:7]
     whose = "estimate" if truth is None else "truth"
     position.plot(record[:, 0], 1e3 * error[:, 0], color=TRUTH, linewidth=1.1, label="x")
@@ -69,7 +67,7 @@ def _draw_errors(
 
 
 def _draw_pwm(axes: Axes, record: NDArray[np.float64]) -> None:
-    for motor in range(MOTORS):
-        axes.plot(record[:, 0], record[:, 10 + motor], color=WHEEL_COLOURS[motor], linewidth=0.9, label=f"motor {motor + 1}")
-    axes.set(ylabel="PWM", title="What the motors are told", ylim=(-1.08 * FULL_PWM, 1.08 * FULL_PWM))
+    for motor, colour in enumerate(WHEEL_COLOURS[:MOTORS]):
+        axes.plot(record[:, 0], record[:, 10 + motor], color=colour, linewidth=0.9, label=f"motor {motor + 1}")
+    axes.set(ylabel="PWM -255..255", title="PWM", ylim=(-1.08 * FULL_PWM, 1.08 * FULL_PWM))
     axes.legend(loc="lower right", bbox_to_anchor=(1.01, 0.99), ncols=MOTORS, columnspacing=1.2, borderpad=0.0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The four-wheel robot and its cameras, simulated, for those without: a stream of poses and a link for PWM lines in one.
+"""The four-wheel robot and its cameras, simulated: a stream of poses and a radio for PWM lines in one.
 
-Time is simulated: it goes on while somebody waits in :meth:`SimulatedRobot.read`, so that equal runs give equal numbers.
+Time is simulated: it goes on while somebody waits in :meth:`SimulatedRobot.read`, so equal runs give equal numbers.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ from omniwheel.frames import Pose
 from omniwheel.legacy.pwm_line import DEFAULT_BAUD, END, FULL_PWM, MAX_LINE_BYTES, STOP, PwmLine, parse_line
 from omniwheel.mocap.simulated import Cameras
 from omniwheel.mocap.source import MocapPose
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+DEFAULT_CAMERAS = Cameras()
 
 
 class SimulatedArduino:
@@ -65,9 +68,9 @@ class SimulatedRobot:
         self,
         robot: Robot,
         *,
-        start_pose: Pose = Pose(0.0, 0.0, 0.0),
+        start_pose: Pose = ORIGIN,
         seed: int = 1,
-        cameras: Cameras = Cameras(),
+        cameras: Cameras = DEFAULT_CAMERAS,
         baud: float = DEFAULT_BAUD,
         radio_delay_s: float = 0.008,
         dead_band_pwm: float = 0.0,

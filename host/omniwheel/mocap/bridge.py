@@ -2,8 +2,8 @@
 """The bridge: motion-capture poses to a robot as pose fixes, in its own time and within what the radio can carry.
 
 A fix says when it was taken, in the robot's clock, so its age on arrival doesn't matter. What cannot be sent is
-dropped, never queued: the newest pose always goes first. The bridge sends no heartbeats, so it is no ground station, and a
-robot whose ground station falls silent stops although the bridge goes on.
+dropped, never queued: the newest pose always goes first. The bridge sends no heartbeats, so it is no ground station,
+and a robot whose ground station falls silent stops although the bridge goes on.
 """
 
 from __future__ import annotations
@@ -36,8 +36,10 @@ _POLL_S = 0.01
 
 @dataclass(frozen=True)
 class BridgeSettings:
-    """How to send: ``message`` is "compact" or "vicon", ``rate_Hz`` the most that is sent, ``budget_bytes_s`` what all
-    bytes of the bridge together may take (default: half of a 9600-baud radio), ``max_age_s`` the oldest pose sent.
+    """How to send.
+
+    ``message`` is "compact" or "vicon", ``rate_Hz`` the most fixes sent per second, ``budget_bytes_s`` what all bytes
+    of the bridge together may take (default: half of a 9600-baud radio), ``max_age_s`` the oldest pose sent.
     """
 
     message: str = "compact"
@@ -61,8 +63,10 @@ class BridgeSettings:
 
 @dataclass
 class BridgeStatistics:
-    """What became of the poses that came: ``sent``, ``overtaken`` by newer ones while rate or budget made them wait,
-    ``stale`` when their turn came, ``refused`` (not representable). Latencies are from the cameras to the radio.
+    """What became of the poses that came.
+
+    ``sent``; ``overtaken`` by newer ones while rate or budget made them wait; ``stale`` when their turn came;
+    ``refused``, because the message cannot express them. Latencies are from the cameras to the radio.
     """
 
     received: int = 0

@@ -96,7 +96,7 @@ def _number(where: str, column: str, text: str) -> float:
 
 
 class RecordedSource:
-    """Replays a recording in the rhythm of its own stamps: the first pose arrives at once, latencies stay what they were.
+    """Replays a recording in its own rhythm: the first pose arrives at once, latencies stay what they were.
 
     ``clock`` and ``sleep`` may be those of a simulation.
     """

@@ -32,7 +32,8 @@ class Cameras:
         numbers = (self.sd_xy_m, self.sd_theta_rad, self.latency_s)
         good = 0.0 < self.rate_Hz <= 1e4 and all(0.0 <= number < 10.0 for number in numbers)
         if not (good and 0.0 <= self.drop_probability <= 1.0):
-            raise MocapSourceError(f"{self} cannot be simulated", hint="rates above 0 Hz, the rest 0 or above, shares 0..1")
+            hint = "the rate must be above 0 Hz, the rest 0 or above, the share of drop-outs at most 1"
+            raise MocapSourceError(f"{self} cannot be simulated", hint=hint)
 
 
 def circle(time_s: float) -> Pose:

@@ -53,9 +53,7 @@ class ViconStream:
     ``library`` is the module (or one like it), ``clock`` gives the stamps.
     """
 
-    def __init__(
-        self, host: str, subject: str, *, library: Any, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, host: str, subject: str, *, library: Any, clock: Callable[[], float] = time.monotonic) -> None:
         self.host = host
         self.subject = subject
         self.occluded = 0
