@@ -10,7 +10,7 @@ from omni_reproduce.filters import FILTERS, Array, Setting, Study, motor_model, 
 from omni_reproduce.riccati import dead_reckoning_covariance, joint_variances, mean_rms, pose_variances
 
 _BURN_IN_S = 10.0
-_BLOCK_S = 1.0
+_WALK_POINTS = 127
 
 
 def per_axis(pair: Array | tuple[float, float]) -> Array:
@@ -75,9 +75,8 @@ class Limits:
 
     def _walk(self, q: Array) -> Array:
         """Expectation of the RMS error of dead reckoning over the whole run."""
-        block = round(_BLOCK_S / self._setting.step_s)
-        middles = self._poses[block // 2 :: block][: self._setting.steps // block]
-        return np.array([mean_rms(covariance) for covariance in dead_reckoning_covariance(middles, q * block)])
+        covariances = dead_reckoning_covariance(self._poses[1:], q, _WALK_POINTS)
+        return np.array([mean_rms(covariance) for covariance in covariances])
 
 
 def nees(results: NDArray[np.void]) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
-from omni_reproduce.filter_figures import draw_bars, draw_run
+from omni_reproduce.filter_figures import draw_table, draw_run
 from omni_reproduce.filter_limits import Limits
 from omni_reproduce.filters import (
     AXES,
@@ -52,12 +52,12 @@ def run(context: Context) -> Result:
         outcomes.append(_outcome(context, spec, key, done, share))
     rows = [row for outcome in outcomes for row in _rows(spec, outcome)]
     published = spec["published"]
-    bars = context.folder / "table7_bars.png"
-    draw_bars(np.array([published[name] for name in FILTERS]), [o for o in outcomes if o.key in spec["bars"]["settings"]], bars)
+    overview = context.folder / "table7.png"
+    draw_table(np.array([published[name] for name in FILTERS]), [o for o in outcomes if o.key in spec["overview"]["settings"]], overview)
     setting = shortened(read_setting(spec, "published"), spec["experiment"]["figures_s"])
     study = Study(setting)
     pictures = draw_run(study, study.samples(spec["experiment"]["figures_seed"]), context.folder)
-    return Result(tuple(rows), (*pictures, bars), _notes(spec, outcomes))
+    return Result(tuple(rows), (*pictures, overview), _notes(spec, outcomes))
 
 
 def _seeds(context: Context, spec: Mapping[str, Any], key: str) -> int:
@@ -126,7 +126,7 @@ def _agreement(spec: Mapping[str, Any], outcome: Outcome) -> list[str]:
     published = np.array([spec["published"][name] for name in FILTERS])
     mean, sd = outcome.results["rmse"].mean(axis=0), outcome.results["rmse"].std(axis=0)
     off = 100.0 * (mean / published - 1.0)
-    z = (published - mean) / (sd / np.sqrt(_PUBLISHED_RUNS))
+    z = (published - mean) / (sd * np.sqrt(1.0 / _PUBLISHED_RUNS + 1.0 / len(outcome.results)))
     ekfs = [FILTERS.index(name) for name in _EKFS]
     x, theta = pose_noise(outcome.setting, 1.0)
     listed = "; ".join(
@@ -135,7 +135,7 @@ def _agreement(spec: Mapping[str, Any], outcome: Outcome) -> list[str]:
     return [
         f"As the report's code had it, ours against the published: {listed}. The published figures have two digits (± 0.7 %). "
         "Dead reckoning differs by what the mean of a hundred random walks scatters: the published figures lie "
-        f"{', '.join(f'{value:+.1f}' for value in z[:2].ravel())} standard errors (of {_PUBLISHED_RUNS} runs) from ours.",
+        f"{', '.join(f'{value:+.1f}' for value in z[:2].ravel())} standard errors of that difference from ours.",
         "The published EKF is 4 to 6 % worse than KF and EKF in x, y and θ alike. An error of the wheel speeds cannot do that: "
         f"through B⁺ it has {theta / x:.0f} times the variance in θ [rad] that it has in x [m]. Ours shows what it does: "
         f"{100 * (mean[ekfs[0], 2] / mean[ekfs[1], 2] - 1):.1f} % in θ, {100 * (mean[ekfs[0], 0] / mean[ekfs[1], 0] - 1):.1f} % in x.",
