@@ -48,7 +48,9 @@ def inside(values: Array, degrees: float, share: float) -> Array:
     return np.asarray((values >= low) & (values <= high))
 
 
-def _row(spec: Mapping[str, Any], setting: Setting, quantity: str, unit: str, values: Array, key: str, limit: float) -> Row:
+def _row(
+    spec: Mapping[str, Any], setting: Setting, quantity: str, unit: str, values: Array, key: str, limit: float
+) -> Row:
     return Row(
         experiment=NAME,
         setting=setting.title,
@@ -77,8 +79,8 @@ def _rows(
     ]
     if bound is not None:
         rows += [
-            _row(spec, setting, f"{AXES[a]} RMSE, {title}", AXIS_UNITS[a], results["rmse"][:, number, a], "rmse", bound[a])
-            for a in range(len(AXES))
+            _row(spec, setting, f"{axis} RMSE, {title}", unit, results["rmse"][:, number, a], "rmse", bound[a])
+            for a, (axis, unit) in enumerate(zip(AXES, AXIS_UNITS, strict=True))
         ]
     return rows
 
@@ -103,6 +105,6 @@ def _note(spec: Mapping[str, Any], setting: Setting, results: NDArray[np.void], 
         for f in map(FILTERS.index, names)
     )
     return (
-        f"**{setting.title}.** The {100 * share:.0f} % bands are {run_band[0]:.3f} to {run_band[1]:.3f} for the mean NIS of a run and "
-        f"{end_band[0]:.2f} to {end_band[1]:.2f} for the mean NEES of {count} runs. {found}."
+        f"**{setting.title}.** The {100 * share:.0f} % bands are {run_band[0]:.3f} to {run_band[1]:.3f} for the mean "
+        f"NIS of a run and {end_band[0]:.2f} to {end_band[1]:.2f} for the mean NEES of {count} runs. {found}."
     )

@@ -18,6 +18,7 @@ from hil_sim.report import GREY, INK, STYLE
 from omni_reproduce.filters import AXES, AXIS_UNITS, FILTER_TITLES, Array, Setting, Study
 
 _DPI = 120
+_RUN = "four-petal rose in 30 s, as the report's code had it"
 _COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7")
 _DASHES: tuple[Any, ...] = ("-", "-", "-", (0, (4, 2)))
 _PUBLISHED = "#222222"
@@ -87,7 +88,7 @@ def _path_figure(wanted: Array, samples: NDArray[np.void], title: str) -> Figure
     axes = figure.add_subplot()
     curves = [wanted, samples["truth"], *np.moveaxis(samples["estimate"], 1, 0)]
     _lines(axes, [curve[:, 0] for curve in curves], [curve[:, 1] for curve in curves])
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{title}: four-petal rose in 30 s, as the report's code had it")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{title}: {_RUN}")
     axes.set_aspect("equal", adjustable="box")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right center")
     return figure
@@ -98,7 +99,7 @@ def _heading_figure(t: Array, wanted: Array, samples: NDArray[np.void], title: s
     axes = figure.add_subplot()
     curves = [wanted, samples["truth"], *np.moveaxis(samples["estimate"], 1, 0)]
     _lines(axes, [t] * len(curves), [curve[:, 2] for curve in curves])
-    axes.set(xlabel="time [s]", ylabel="θ [rad]", title=f"{title}: four-petal rose in 30 s, as the report's code had it")
+    axes.set(xlabel="time [s]", ylabel="θ [rad]", title=f"{title}: {_RUN}")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right center")
     return figure
 

@@ -26,7 +26,7 @@ def to_body(setting: Setting) -> Array:
 
 
 class Limits:
-    """Limits of one setting along the true path of one seed; ``bound_s`` seconds of it are enough for the Riccati recursions."""
+    """Limits of one setting along the true path of one seed; the Riccati recursions take ``bound_s`` seconds of it."""
 
     def __init__(self, setting: Setting, seed: int, bound_s: float) -> None:
         study = Study(setting)
@@ -80,7 +80,7 @@ class Limits:
 
 
 def nees(results: NDArray[np.void]) -> Array:
-    """Return the normalised estimation error squared of the two EKFs at the end of each run (n, 2), 3 degrees of freedom."""
+    """Return the normalised estimation error squared of the EKFs after each run (n, 2): 3 degrees of freedom."""
     error = results["final_error"][:, FILTERS.index("ekf") :]
     solved = np.linalg.solve(results["final_p"], error[..., None])[..., 0]
     return np.asarray((error * solved).sum(axis=2))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""How well the filters of the study can do at best: covariances along a path, in double precision and without their code.
+"""How well the filters of the study can do at best: covariances along a path, without their code.
 
-Independent of the control core on purpose: nothing here is what the filters themselves compute. Poses are rows x [m], y [m],
-theta [rad]; ``moves`` are the true displacements per step in the world frame.
+Independent of the control core on purpose: nothing here is what the filters themselves compute. Poses are rows
+x [m], y [m], theta [rad]; ``moves`` are the true displacements per step in the world frame.
 """
 
 from __future__ import annotations
@@ -77,10 +77,10 @@ def joint_variances(
 ) -> Array:
     """Return the variances (n, 3) of the best estimate of the pose from wheel speeds and fixes together.
 
-    The state is that of all motors and the pose, (w_1, i_1, .., w_n, i_n, x, y, theta): the joint form of the report's eq. 47,
-    which knows that the errors of the wheel speeds are correlated in time. ``headings`` (n) at mid-step [rad], ``to_body``
-    (3, wheels) from wheel speed [rad/s] to body twist, ``motor`` its A, variances per step and that of a measured speed,
-    ``pose`` variances per step (3) and of a fix (3).
+    The state is that of all motors and the pose, (w_1, i_1, .., w_n, i_n, x, y, theta): the joint form of eq. 47, which
+    knows that the errors of the wheel speeds are correlated in time. ``headings`` (n) at mid-step [rad], ``to_body``
+    (3, wheels) from wheel speed [rad/s] to body twist, ``motor`` its A, variances per step and that of a measured
+    speed, ``pose`` variances per step (3) and of a fix (3).
     """
     a, motor_q, speed_r = motor
     pose_q, fix_r = pose
@@ -115,10 +115,11 @@ def joint_variances(
 
 
 def dead_reckoning_covariance(poses: Array, q: Array, points: int) -> Array:
-    """Return the covariance (3, points, points) of the errors of x, y, theta by dead reckoning, at points spread over the run.
+    """Return the covariance (3, points, points) of the errors of x, y, theta by dead reckoning.
 
-    ``poses`` (n, 3) after each step, ``q`` (3) variances per step. The error of theta is a random walk; x and y have their own, and
-    turn with theta's about where the robot was when it arose: e_x(t) = w_x(t) - sum (y(t) - y(u)) w_theta(u).
+    ``poses`` (n, 3) after each step, ``q`` (3) variances per step; ``points`` of the steps are taken. The error of
+    theta is a random walk; x and y have their own, and turn with theta's about where the robot was when it arose:
+    e_x(t) = w_x(t) - sum (y(t) - y(u)) w_theta(u).
     """
     every = max(1, len(poses) // points)
     index = np.arange(every // 2, len(poses), every)
@@ -152,7 +153,7 @@ def mean_rms(covariance: Array) -> float:
 
 
 def chi_square_band(degrees: float, share: float = 0.95) -> tuple[float, float]:
-    """Return the band that holds ``share`` of a chi-square variable with many degrees of freedom (Wilson and Hilferty)."""
+    """Return the band that holds ``share`` of a chi-square variable (Wilson and Hilferty: for 30 degrees or more)."""
     z = NormalDist().inv_cdf(0.5 + 0.5 * share)
     spread = 2.0 / (9.0 * degrees)
     low, high = (degrees * (1.0 - spread + sign * z * spread**0.5) ** 3 for sign in (-1.0, 1.0))
