@@ -51,7 +51,7 @@ def _save(figure: Figure, path: Path) -> Path:
 
 def draw_run(study: Study, samples: NDArray[np.void], folder: Path) -> list[Path]:
     """Draw fig13.png to fig16.png of one run, samples of SAMPLE; return their paths."""
-    t = np.arange(1, len(samples) + 1) * study.setting.step_s
+    t = np.arange(1, len(samples) + 1, dtype=np.float64) * study.setting.step_s
     wanted = study.poses[1:]
     middle = samples["truth"][np.searchsorted(t, _ZOOM_S)]
     with mpl.rc_context(STYLE):

@@ -59,7 +59,7 @@ class Limits:
         return self._rms(pose_variances(self._moves, self.noise(name == "kf_ekf"), r, late))
 
     def _rms(self, variances: Array) -> Array:
-        return np.sqrt(variances[self._skip :].mean(axis=0))
+        return np.asarray(np.sqrt(variances[self._skip :].mean(axis=0)))
 
     def _joint(self) -> Array:
         setting = self._setting
