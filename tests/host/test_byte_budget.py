@@ -9,11 +9,11 @@ from omniwheel.byte_budget import ByteBudget, MeteredLink
 
 
 @given(
-    st.floats(10.0, 1e5), st.integers(50, 200), st.lists(st.tuples(st.floats(0.0, 0.5), st.integers(1, 50)), max_size=60)
+    st.floats(10.0, 1e5),
+    st.integers(50, 200),
+    st.lists(st.tuples(st.floats(0.0, 0.5), st.integers(1, 50)), max_size=60),
 )
-def test_no_stretch_of_time_gets_more_than_the_budget(
-    rate: float, burst: int, steps: list[tuple[float, int]]
-) -> None:
+def test_no_stretch_of_time_gets_more_than_the_budget(rate: float, burst: int, steps: list[tuple[float, int]]) -> None:
     now = [0.0]
     budget = ByteBudget(rate, burst, lambda: now[0])
     sent: list[tuple[float, int]] = []

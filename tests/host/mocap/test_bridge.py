@@ -99,9 +99,7 @@ def cameras(lab: Lab, **settings: float) -> SimulatedSource:
 
 
 @pytest.mark.parametrize("kind", list(MESSAGES))
-def test_the_robot_follows_late_fixes_because_they_are_stamped_in_its_time(
-    lab: Callable[..., Lab], kind: str
-) -> None:
+def test_the_robot_follows_late_fixes_because_they_are_stamped_in_its_time(lab: Callable[..., Lab], kind: str) -> None:
     here = lab(TRJ_TYPE="circle", TRJ_SIZE=0.2, TRJ_PERIOD=20.0, TRJ_ROT="fixed", EKF_GATE=0.0, FIX_DELAY=0.0)
     source = cameras(here, latency_s=0.08, sd_xy_m=0.0, sd_theta_rad=0.0)
     settings = BridgeSettings(message=kind, rate_Hz=20.0, budget_bytes_s=2000.0)
