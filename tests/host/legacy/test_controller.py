@@ -20,12 +20,13 @@ from omniwheel.mocap.source import MocapPose
 from omniwheel.robots import read_robot
 
 STILL = Twist(0.0, 0.0, 0.0)
+DEFAULTS = LegacySettings()
 ROBOT = read_robot("four_wheel")
 ANGLES = np.radians([45.0, 135.0, 225.0, 315.0])
 RADIUS_M, DISTANCE_M = 0.03175, 0.195
 
 
-def controller(settings: LegacySettings = LegacySettings(), **changes: Any) -> LegacyController:
+def controller(settings: LegacySettings = DEFAULTS, **changes: Any) -> LegacyController:
     return LegacyController(ROBOT, legacy_values(ROBOT, changes), settings)
 
 
@@ -133,8 +134,8 @@ def test_a_jump_is_refused_at_first() -> None:
 
 
 def test_what_cannot_be_run_on_the_host_is_refused() -> None:
+    three = read_robot("three_wheel")
     with pytest.raises(CoreError, match="3 wheels"):
-        three = read_robot("three_wheel")
         LegacyController(three, legacy_values(three))
     for mode in ("none", "original"):
         with pytest.raises(ParameterRangeError, match=f"CTL_MODE = {mode}"):

@@ -24,6 +24,7 @@ from omniwheel.mocap.source import MocapPose
 from omniwheel.robots import read_robot
 
 ROBOT = read_robot("four_wheel")
+DEFAULTS = LegacySettings()
 ORIGIN = Pose(0.0, 0.0, 0.0)
 CIRCLE = {"TRJ_TYPE": "circle", "TRJ_SIZE": 0.3, "TRJ_PERIOD": 25.0}
 CIRCLE_START = Pose(0.3, 0.0, 0.0)
@@ -36,7 +37,7 @@ class Setup:
         self,
         goal: Goal,
         start: Pose,
-        settings: LegacySettings = LegacySettings(),
+        settings: LegacySettings = DEFAULTS,
         changes: dict[str, Any] | None = None,
         **world: Any,
     ) -> None:

@@ -41,10 +41,26 @@ def test_what_is_no_pwm_is_not_sent(values: tuple[Any, ...]) -> None:
         format_line(values)
 
 
-@pytest.mark.parametrize("line", [b"", b"*", b"1,2,3*", b"1,2,3,4", b"1,2,3,4,5*", b"1,2,3,256*", b"1,2,3,x*", b"1,,3,4*",
-                                  b"1,2,3,--4*", b"1,2,3, 4*", b"1,2,3,4**", b"1,2,3,4\n*", b"1,2,3,0255*"])  # fmt: skip
+DAMAGED = (
+    b"",
+    b"*",
+    b"1,2,3*",
+    b"1,2,3,4",
+    b"1,2,3,4,5*",
+    b"1,2,3,256*",
+    b"1,2,3,x*",
+    b"1,,3,4*",
+    b"1,2,3,--4*",
+    b"1,2,3, 4*",
+    b"1,2,3,4**",
+    b"1,2,3,4\n*",
+    b"1,2,3,0255*",
+)
+
+
+@pytest.mark.parametrize("line", DAMAGED)
 def test_a_damaged_line_is_refused(line: bytes) -> None:
-    with pytest.raises(ValueError, match="PWM|pwm"):
+    with pytest.raises(ValueError, match=r"PWM|pwm"):
         parse_line(line)
 
 

@@ -37,11 +37,11 @@ class Lab:
         scenario = replace(scenario, world={**scenario.world, "fix_rate_Hz": 0.0}, start_pose=(0.2, 0.0, 0.0))
         self.world = new_world(scenario)
         base = open_link(url)
-        with_base = connect(base, heartbeat=False)
-        for name, value in parameters.items():
-            with_base.parameters[name] = value
-        with_base.enter_hil()
+        robot = connect(base, heartbeat=False)
+        robot.parameters.set_many(parameters)
+        robot.enter_hil()
         self.link = LockstepLink(base, self.world)
+        self.url = url
         self.history: list[Pose] = []
         self.sent: list[Any] = []
         self._codec = mavlink.MAVLink(None, 9, 9)
@@ -64,10 +64,6 @@ class Lab:
             self.sleep(1e-3)
             data = self.link.read(0.0)
         return data
-
-    @property
-    def url(self) -> str:
-        return self.link.url
 
     def write(self, data: bytes) -> None:
         for message in self._codec.parse_buffer(data) or ():
@@ -209,7 +205,7 @@ class Queue:
     "bad", [{"message": "odometry"}, {"rate_Hz": 0.0}, {"budget_bytes_s": math.inf}, {"max_age_s": math.nan}]
 )
 def test_bad_settings_are_refused(bad: dict[str, Any]) -> None:
-    with pytest.raises(SetpointError, match="needed|allowed"):
+    with pytest.raises(SetpointError, match=r"needed|allowed"):
         BridgeSettings(**bad)
 
 
@@ -224,13 +220,13 @@ def test_a_robot_that_does_not_answer_timesync_is_an_error(fake_robot: Callable[
 def test_the_command_bridges_a_recording_over_a_serial_line(tmp_path: Any) -> None:
     recording = tmp_path / "still.csv"
     run("mocap", "record", str(recording), "--source", "simulated", "--for", "1.5")
-    with FirmwareProcess(links=["tcp:127.0.0.1:0", "pty"], parameters={"EKF_GATE": 0.0}) as process:
-        with connect(process.urls[0]) as watcher:
-            words = ("--source", f"recorded:{recording}", "--link", f"{process.urls[1]},9600", "--json")
-            statistics = json.loads(run("mocap", "bridge", *words).stdout)
-            last = watcher.wait_until(lambda s: s.control is not None and s.control.fixes_accepted > 0, 10.0, "fixed")
-            watcher.pump(0.3)
-            pose = watcher.wait_for(Tracking).pose
+    process = FirmwareProcess(links=["tcp:127.0.0.1:0", "pty"], parameters={"EKF_GATE": 0.0})
+    with process, connect(process.urls[0]) as watcher:
+        words = ("--source", f"recorded:{recording}", "--link", f"{process.urls[1]},9600", "--json")
+        statistics = json.loads(run("mocap", "bridge", *words).stdout)
+        last = watcher.wait_until(lambda s: s.control is not None and s.control.fixes_accepted > 0, 10.0, "fixed")
+        watcher.pump(0.3)
+        pose = watcher.wait_for(Tracking).pose
     assert statistics["sent"] > 5
     assert statistics["refused"] == 0
     assert last.control is not None

@@ -57,7 +57,8 @@ def test_millimetres_become_metres_and_latency_a_time_stamp(library: ModuleType)
     measured = reader.read()
     assert measured is not None
     assert measured.pose == pytest.approx((1.5, -0.25, 2.0))
-    assert (measured.taken_s, measured.arrived_s, measured.frame) == (pytest.approx(99.969), 100.0, 7)
+    assert (measured.arrived_s, measured.frame) == (100.0, 7)
+    assert measured.taken_s == pytest.approx(99.969)
 
 
 @pytest.mark.parametrize("latency", [0.0, -1.0, math.nan, math.inf])
@@ -141,9 +142,9 @@ def test_a_reader_process_that_dies_is_noticed(library: ModuleType) -> None:
     try:
         poses(source, 1)
         source._process.kill()
+        source._process.join(20.0)
         with pytest.raises(MocapLostError, match="ended"):
-            while True:
-                source.read(20.0)
+            poses(source, 100_000)
     finally:
         source.close()
 
