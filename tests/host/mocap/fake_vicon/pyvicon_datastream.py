@@ -61,7 +61,12 @@ def turned(number: int, x_mm: float, y_mm: float, theta: float, latency_s: float
 
 
 def _scripted() -> list[Frame]:
-    """Frames for a process of its own: FAKE_VICON=steady, or lossy (occluded every third, disconnected once)."""
+    """Frames for a process of its own, by FAKE_VICON.
+
+    moving; still (at x = 0.5 m); lossy (moving, occluded every third, disconnected once).
+    """
+    if os.environ.get("FAKE_VICON") == "still":
+        return [turned(n, 500.0, 0.0, 0.0) for n in range(1, 100_000)]
     if os.environ.get("FAKE_VICON") != "lossy":
         return [turned(n, 10.0 * n, -n, 0.01 * n) for n in range(1, 100_000)]
     frames = []

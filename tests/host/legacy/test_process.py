@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: MIT
+"""``omni legacy`` as a process on a serial line, with the library's stand-in for a Vicon: what the robot is left with."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from omniwheel.legacy.pwm_line import STOP, STOP_LINES, parse_line
+
+FAKE = Path(__file__).parents[1] / "mocap" / "fake_vicon"
+WAIT_S = 30.0
+
+
+@contextmanager
+def serial_line() -> Iterator[tuple[int, str]]:
+    """A pseudo-terminal: the robot's end and the name of the computer's port."""
+    robot, port = os.openpty()
+    tty.setraw(port)
+    try:
+        yield robot, os.ttyname(port)
+    finally:
+        os.close(robot)
+        os.close(port)
+
+
+def read_until(robot: int, enough: int) -> bytes:
+    """Read the robot's end until this many bytes have come or the line is silent."""
+    data = b""
+    end_s = time.monotonic() + WAIT_S
+    while len(data) < enough and time.monotonic() < end_s:
+        if select.select([robot], [], [], 0.2)[0]:
+            data += os.read(robot, 4096)
+    return data
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_the_robot_stopped(number: signal.Signals) -> None:
+    words = ["legacy", "pose", "0", "0", "0", "--source", "vicon:vicon.local/robot", "--port"]
+    environment = {**os.environ, "PYTHONPATH": str(FAKE), "FAKE_VICON": "still"}
+    with serial_line() as (robot, port):
+        command = [sys.executable, "-c", "from omniwheel.cli import main; main()", *words, port]
+        with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
+            driving = read_until(robot, 60)
+            process.send_signal(number)
+            _, errors = process.communicate(timeout=WAIT_S)
+        rest = b""
+        while select.select([robot], [], [], 0.2)[0]:
+            rest += os.read(robot, 4096)
+    lines = [parse_line(line + b"*") for line in (driving + rest).split(b"*")[:-1]]
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert "Traceback" not in errors
+    assert any(any(line) for line in lines[:-STOP_LINES])
+    assert lines[-STOP_LINES:] == [STOP] * STOP_LINES
