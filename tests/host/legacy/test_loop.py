@@ -287,9 +287,10 @@ def test_the_command_says_what_is_missing(words: list[str], said: str) -> None:
     assert said in " ".join(run_cli("legacy", "pose", "0", "0", "0", *words, code=2).stderr.split())
 
 
-@pytest.mark.parametrize(
-    "command", [["legacy", "pose"], ["legacy", "trajectory"], ["mocap", "bridge"], ["mocap", "record"]]
-)
+COMMANDS = (["legacy", "motor"], ["legacy", "pose"], ["legacy", "trajectory"], ["mocap", "bridge"], ["mocap", "record"])
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_the_commands_have_help_with_examples(command: list[str]) -> None:
     text = run_cli(*command, "--help").output
     assert "Examples" in text

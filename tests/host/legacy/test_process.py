@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni legacy`` as a process on a serial line, with the library's stand-in for a Vicon: what the robot is left with."""
+"""``omni legacy`` as a process on a serial line, with a stand-in for the Vicon: what the robot is left with."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import select
 import signal
 import subprocess
 import sys
-import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from omniwheel.cli import app
 from omniwheel.legacy.pwm_line import STOP, STOP_LINES, parse_line
 
 FAKE = Path(__file__).parents[1] / "mocap" / "fake_vicon"
@@ -34,14 +35,23 @@ def serial_line() -> Iterator[tuple[int, str]]:
         os.close(port)
 
 
-def read_until(robot: int, enough: int) -> bytes:
-    """Read the robot's end until this many bytes have come or the line is silent."""
+def read_until(robot: int, enough: int, silent_s: float = WAIT_S) -> bytes:
+    """Read the robot's end until this many bytes have come or the line has been silent for a while."""
     data = b""
-    end_s = time.monotonic() + WAIT_S
-    while len(data) < enough and time.monotonic() < end_s:
-        if select.select([robot], [], [], 0.2)[0]:
-            data += os.read(robot, 4096)
+    while len(data) < enough and select.select([robot], [], [], silent_s)[0]:
+        data += os.read(robot, 4096)
     return data
+
+
+def test_one_motor_turns_for_its_time() -> None:
+    with serial_line() as (robot, port):
+        result = CliRunner().invoke(app, ["legacy", "motor", "--port", port, "--for", "0.3", "--", "3", "-80"])
+        data = read_until(robot, 10_000, silent_s=0.2)
+    assert result.exit_code == 0, result.output
+    lines = [parse_line(line + b"*") for line in data.split(b"*")[:-1]]
+    assert lines[0] == (0, 0, -80, 0)
+    assert len(lines) >= 2 + STOP_LINES
+    assert lines[-STOP_LINES:] == [STOP] * STOP_LINES
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -54,9 +64,7 @@ def test_a_signal_leaves_the_robot_stopped(number: signal.Signals) -> None:
             driving = read_until(robot, 60)
             process.send_signal(number)
             _, errors = process.communicate(timeout=WAIT_S)
-        rest = b""
-        while select.select([robot], [], [], 0.2)[0]:
-            rest += os.read(robot, 4096)
+        rest = read_until(robot, 10_000, silent_s=0.2)
     lines = [parse_line(line + b"*") for line in (driving + rest).split(b"*")[:-1]]
     assert process.returncode == 130
     assert "interrupted" in errors
