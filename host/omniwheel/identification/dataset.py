@@ -27,7 +27,7 @@ class Dataset:
     ``pose_time_s`` (m,) [s] rises strictly; may be empty.
     ``pose`` (m, 3) ground truth x [m], y [m], theta [rad]; theta NaN where unreliable.
     ``wheel_angle_rad`` (n, wheels) [rad] accumulated encoder angle at ``time_s``; None if no counts were logged.
-    ``current_A`` (n, wheels) [A] measured motor currents; None if there is no sensor.
+    ``supply_V`` (n,) [V] supply voltage, which tells full duty; None if it was not logged.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Dataset:
     pose_time_s: Array
     pose: Array
     wheel_angle_rad: Array | None = None
-    current_A: Array | None = None
+    supply_V: Array | None = None
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -46,9 +46,10 @@ class Dataset:
         if wheels not in WHEEL_COUNTS:
             raise _error(self, "wheel_rad_s", f"has {wheels} columns; 3 or 4 are needed, one per wheel")
         _columns(self, "voltage_V", rows, wheels)
-        for name in ("wheel_angle_rad", "current_A"):
-            if getattr(self, name) is not None:
-                _columns(self, name, rows, wheels)
+        if self.wheel_angle_rad is not None:
+            _columns(self, "wheel_angle_rad", rows, wheels)
+        if self.supply_V is not None and _array(self, "supply_V").shape != (rows,):
+            raise _error(self, "supply_V", f"has shape {self.supply_V.shape}; one column of {rows} rows is needed")
         _columns(self, "pose", _clock(self, "pose_time_s", 0), 3, nan_columns=(2,))
 
     @property
@@ -73,7 +74,7 @@ class Dataset:
             pose_time_s=self.pose_time_s[poses],
             pose=self.pose[poses],
             wheel_angle_rad=None if self.wheel_angle_rad is None else self.wheel_angle_rad[rows],
-            current_A=None if self.current_A is None else self.current_A[rows],
+            supply_V=None if self.supply_V is None else self.supply_V[rows],
         )
 
 
