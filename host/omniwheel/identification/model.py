@@ -64,22 +64,23 @@ class Layout:
 
 @dataclass(frozen=True)
 class Model:
-    """Axes of motion: C (wheels, axes), g (axes,), and which parameters each axis has."""
+    """Axes of motion: C (wheels, axes), g (axes,), the parameters' names, and which of a run's wheels it describes."""
 
     names: tuple[str, ...]
     rows: Array
     gram: Array
+    columns: tuple[int, ...]
 
     @staticmethod
     def floor(layout: Layout) -> Model:
         """Return the model of a robot that drives."""
         n = len(layout.angle_rad)
-        return Model(FLOOR, layout.rows, np.array([n / 2, n / 2, n]))
+        return Model(FLOOR, layout.rows, np.array([n / 2, n / 2, n]), tuple(range(n)))
 
     @staticmethod
-    def stand() -> Model:
-        """Return the model of one wheel that turns freely."""
-        return Model(STAND, np.ones((1, 1)), np.ones(1))
+    def stand(columns: tuple[int, ...]) -> Model:
+        """Return the model of wheels that turn freely and are all alike; ``columns`` says which ones."""
+        return Model(STAND, np.eye(len(columns)), np.ones(len(columns)), columns)
 
     def gains(self, values: Array) -> tuple[Array, Array, Array]:
         """Return damping e_k (lanes, axes), inertia a_k (lanes, axes) and u_c (lanes, 1) of parameter sets (lanes, p)."""

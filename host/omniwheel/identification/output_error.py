@@ -8,8 +8,8 @@ encoder angles are logged (free of the differencing's delay), else at the rows' 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,21 +31,34 @@ SATURATED_SHARE_MAX = 0.5
 MOVING_rad_s = 0.05
 MIN_MOVING_S = 2.0
 MIN_FIT = 0.5
+IV_STEPS = 2
+COARSE = 5
+"""The first search takes one segment in so many."""
 _STEP = 1e-5
 
 
 @dataclass(frozen=True)
 class Segments:
-    """Pieces of runs, side by side: dt (s, rows), voltage, target and weight (s, rows, wheels), start (s, axes)."""
+    """Pieces of runs, side by side: dt (s, rows), voltages, target and weight (s, rows, wheels), start (s, axes).
+
+    ``instrument_V`` is the duty times one constant supply: it moves as the voltage does and has none of its noise.
+    """
 
     dt_s: Array
     voltage_V: Array
+    instrument_V: Array
     target_rad_s: Array
     weight: Array
     start_rad_s: Array
     time_s: Array
     cluster: NDArray[np.int64]
     means: bool
+
+    def thinned(self, every: int) -> Segments:
+        """Return every so many segments, all of them if there are few."""
+        keep = slice(None, None, every if len(self.dt_s) >= 20 * every else 1)
+        arrays = {k: v[keep] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays)
 
 
 @dataclass(frozen=True)
@@ -77,47 +90,80 @@ class Fit:
 
 
 def identify(runs: Sequence[Dataset], model: Model) -> Fit:
-    """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them."""
+    """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them.
+
+    Output error by least squares, then steps of the instrumental-variable equation Z' r = 0 with Z the model's slope along
+    the noise-free instrument: noise of the measured supply would pass through the model and bias its inertia upwards.
+    """
     _require_enough(runs)
     start = first_guess(runs, model)
-    time_constant_s = float(np.max(start[2:4] / start[0]))
-    segments, saturated = cut(runs, model, time_constant_s)
+    segments, saturated = cut(runs, model, _time_constant_s(start))
     used = segments.weight > 0.0
-    optimize = require_scipy("optimize")
     scale = _scales(start, model)
 
-    def residual(x: Array) -> Array:
-        return (_simulated(model, segments, (x * scale)[None])[0] - segments.target_rad_s)[used]
-
-    def jacobian(x: Array) -> Array:
-        lanes = x * scale + np.vstack((np.zeros(len(x)), _STEP * np.diag(scale)))
-        speeds = _simulated(model, segments, lanes)[:, used]
-        slope: Array = ((speeds[1:] - speeds[0]) / _STEP).T
-        return slope
-
-    bounds = (np.where(np.array(model.names) == "drag_xy_V_s", -np.inf, 1e-9), np.inf)
-    solved = optimize.least_squares(residual, start / scale, jac=jacobian, bounds=bounds, xtol=1e-6, ftol=1e-8)
-    if not solved.success:
-        raise IdentificationError("the fit did not settle", hint="check the log's voltages and wheel directions")
-    slope = jacobian(solved.x)
+    x = _output_error(model, segments.thinned(COARSE), start, scale)
+    for _ in range(IV_STEPS):
+        instrument = _slope(model, segments, x, scale)
+        rest = _residual(model, segments, x, scale)
+        x = np.maximum(x + np.linalg.lstsq(instrument, rest, rcond=None)[0], _lower_bounds(model))
     cluster = np.broadcast_to(segments.cluster[:, None, None], used.shape)[used]
-    covariance, dof = clustered_covariance(slope, solved.fun, _numbered(cluster))
-    estimate = Estimate(model.names, solved.x * scale, covariance * np.outer(scale, scale), dof)
-    fit = Fit(estimate, segments, _simulated(model, segments, estimate.values[None])[0], saturated)
+    covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
+    estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
+    fit = Fit(estimate, segments, _modelled(model, segments, estimate.values), saturated)
     _require_shown(fit)
     return fit
+
+
+def _output_error(model: Model, segments: Segments, start: Array, scale: Array) -> Array:
+    """Return parameters in units of ``scale`` that are close enough for the instrumental-variable steps."""
+    optimize = require_scipy("optimize")
+    solved = optimize.least_squares(
+        lambda x: _residual(model, segments, x, scale),
+        start / scale,
+        jac=lambda x: -_slope(model, segments, x, scale),
+        bounds=(_lower_bounds(model), np.inf),
+        xtol=1e-4,
+        ftol=1e-6,
+        max_nfev=50,
+    )
+    if not solved.success:
+        raise IdentificationError("the fit did not settle", hint="check the log's voltages and wheel directions")
+    return np.asarray(solved.x)
+
+
+def _residual(model: Model, segments: Segments, x: Array, scale: Array) -> Array:
+    return (segments.target_rad_s - _modelled(model, segments, x * scale))[segments.weight > 0.0]
+
+
+def _slope(model: Model, segments: Segments, x: Array, scale: Array) -> Array:
+    """Return the slope of the modelled speeds along the instrument, (used, p)."""
+    lanes = x * scale + np.vstack((np.zeros(len(x)), _STEP * np.diag(scale)))
+    speeds = _simulated(model, segments, segments.instrument_V, lanes)[:, segments.weight > 0.0]
+    return np.asarray((speeds[1:] - speeds[0]).T / _STEP)
+
+
+def _lower_bounds(model: Model) -> Array:
+    """Nothing but the drag, a small difference, may come out negative."""
+    return np.where(np.array(model.names) == "drag_xy_V_s", -np.inf, 1e-9)
+
+
+def _time_constant_s(values: Array) -> float:
+    return float(np.max(values[2:4] / values[0]))
 
 
 def evaluate(runs: Sequence[Dataset], model: Model, estimate: Estimate) -> Fit:
     """Return how known parameters predict other runs: the validation."""
     values = np.array([estimate[name] for name in model.names])
-    time_constant_s = float(np.max(values[2:4] / values[0]))
-    segments, saturated = cut(runs, model, time_constant_s)
-    return Fit(estimate, segments, _simulated(model, segments, values[None])[0], saturated)
+    segments, saturated = cut(runs, model, _time_constant_s(values))
+    return Fit(estimate, segments, _modelled(model, segments, values), saturated)
 
 
-def _simulated(model: Model, segments: Segments, values: Array) -> Array:
-    mean, end = model.simulate(values, segments.dt_s, segments.voltage_V, segments.start_rad_s)
+def _modelled(model: Model, segments: Segments, values: Array) -> Array:
+    return _simulated(model, segments, segments.voltage_V, values[None])[0]
+
+
+def _simulated(model: Model, segments: Segments, voltage_V: Array, values: Array) -> Array:
+    mean, end = model.simulate(values, segments.dt_s, voltage_V, segments.start_rad_s)
     return mean if segments.means else end
 
 
@@ -138,11 +184,11 @@ def first_guess(runs: Sequence[Dataset], model: Model) -> Array:
     """Return starting values from a regression of voltage on speed, sign and change of speed, wheel by wheel."""
     columns, voltages = [], []
     for run in runs:
-        speed = measured_speed(run)
+        speed = measured_speed(run)[:, model.columns]
         change = np.gradient(speed, run.time_s, axis=0)
         known = np.isfinite(speed) & np.isfinite(change) & (np.abs(speed) > MOVING_rad_s)
         columns.append(np.column_stack((speed[known], np.sign(speed[known]), change[known])))
-        voltages.append(run.voltage_V[known])
+        voltages.append(run.voltage_V[:, model.columns][known])
     gain, coulomb, inertia = np.linalg.lstsq(np.vstack(columns), np.concatenate(voltages), rcond=None)[0]
     if gain <= 0.0:
         raise IdentificationError(
@@ -172,7 +218,7 @@ def cut(runs: Sequence[Dataset], model: Model, time_constant_s: float) -> tuple[
     pieces: list[tuple[Array, ...]] = []
     saturated, moving, clusters = 0, 0, 0
     for run in runs:
-        table = _rows(run, means, warm)
+        table = _rows(run, model.columns, warm, means=means)
         full, active = table[5], table[6]
         saturated, moving = saturated + int(np.sum(full & active)), moving + int(np.sum(active))
         last = 0
@@ -183,32 +229,38 @@ def cut(runs: Sequence[Dataset], model: Model, time_constant_s: float) -> tuple[
             weight = table[3][rows].copy()
             weight[:warm] = 0.0
             if np.all(np.isfinite(start)):
-                pieces.append((table[0][rows], table[1][rows], table[2][rows], weight, start, run.time_s[rows], last))
+                columns = (table[0][rows], table[1][rows], _instrument(run)[rows][:, model.columns], table[2][rows])
+                pieces.append((*columns, weight, start, run.time_s[rows], np.array(last)))
         clusters = last + 1
     if not pieces:
         hint = f"with a time constant of {time_constant_s:g} s a run needs at least {(warm + body) * period_s:.1f} s"
         raise IdentificationError("the runs are too short", hint=hint)
-    dt, voltage, target, weights, starts, times, labels = (np.array(column) for column in zip(*pieces, strict=True))
-    segments = Segments(dt, voltage, target, weights, starts, times, labels.astype(np.int64), means)
-    return segments, saturated / max(moving, 1)
+    *columns, labels = (np.array(column) for column in zip(*pieces, strict=True))
+    return Segments(*columns, cluster=labels.astype(np.int64), means=means), saturated / max(moving, 1)
 
 
-def _rows(run: Dataset, means: bool, warm: int) -> tuple[Array, ...]:
+def _instrument(run: Dataset) -> Array:
+    if run.supply_V is None:
+        return run.voltage_V
+    duty: Array = run.voltage_V / run.supply_V[:, None]
+    return duty * float(np.median(run.supply_V))
+
+
+def _rows(run: Dataset, wheels: tuple[int, ...], warm: int, *, means: bool) -> tuple[Array, ...]:
     """Return dt, voltage, target, weight and speed per row, and which rows are at full duty and moving."""
     dt = np.diff(run.time_s)
-    voltage = run.voltage_V[:-1]
-    speed = measured_speed(run)
+    voltage = run.voltage_V[:-1, wheels]
+    speed = measured_speed(run)[:, wheels]
     if means and run.wheel_angle_rad is not None:
-        target = np.diff(run.wheel_angle_rad, axis=0) / dt[:, None]
+        target = np.diff(run.wheel_angle_rad[:, wheels], axis=0) / dt[:, None]
     else:
-        target = run.wheel_rad_s[1:]
+        target = run.wheel_rad_s[1:, wheels]
     full = np.zeros(len(dt), dtype=bool)
     if run.supply_V is not None:
         full = np.any(np.abs(voltage) > FULL_DUTY * np.abs(run.supply_V[:-1, None]), axis=1)
-    recent = np.convolve(full, np.ones(warm + 1), mode="full")[: len(dt)] > 0.5
-    gap = dt > 1.5 * run.period_s
-    recent |= np.convolve(gap, np.ones(warm + 1), mode="full")[: len(dt)] > 0.5
-    weight = (np.isfinite(target) & ~recent[:, None]).astype(np.float64)
+    spoilt = full | (dt > 1.5 * run.period_s)
+    spoilt = np.convolve(spoilt, np.ones(warm + 1), mode="full")[: len(dt)] > 0.5
+    weight = (np.isfinite(target) & ~spoilt[:, None]).astype(np.float64)
     active = np.any(np.abs(speed[:-1]) > MOVING_rad_s, axis=1)
     return dt, voltage, np.nan_to_num(target), weight, speed, full, active
 

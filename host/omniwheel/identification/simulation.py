@@ -66,12 +66,16 @@ class SimulatedRobot:
         return config
 
     def true_values(self) -> dict[str, float]:
-        """Return what an identification should find: the parameters of ``model`` and the robot's own, by name."""
+        """Return what an identification should find: the parameters of ``model`` and the robot's own, by name.
+
+        Radii and distance are effective ones: the drag of the rollers makes translating wheels creep by rho / C.
+        """
         c = self.config(MOTION_CAPTURE, 0)
         n = self.robot.wheels
         radius = float(np.mean(list(c.wheel_radius_m)[:n]))
         ohm_per_constant = c.motor_resistance_ohm / c.motor_constant_N_m_A
         winding = c.motor_inductance_H * c.motor_viscous_N_m_s / c.motor_constant_N_m_A
+        grip = c.slip_stiffness_N_s_m / (c.slip_stiffness_N_s_m + c.roller_friction_N_s_m)
         arm = radius / c.wheel_distance_m[0]
         return {
             "speed_gain_V_s": c.motor_constant_N_m_A + ohm_per_constant * c.motor_viscous_N_m_s,
@@ -87,9 +91,9 @@ class SimulatedRobot:
             "inertia_kg_m2": c.inertia_kg_m2,
             "mass_kg": c.mass_kg,
             "motor_resistance_ohm": c.motor_resistance_ohm,
-            "wheel_radius_m": radius,
-            "wheel_distance_m": c.wheel_distance_m[0],
-            **{f"wheel_{i + 1}_radius_m": c.wheel_radius_m[i] for i in range(n)},
+            "wheel_radius_m": grip * radius,
+            "wheel_distance_m": grip * c.wheel_distance_m[0],
+            **{f"wheel_{i + 1}_radius_m": grip * c.wheel_radius_m[i] for i in range(n)},
         }
 
     def run(self, name: str, duty: Array, *, run: int = 0, on_stand: bool = False, sensor: PoseSensor = MOTION_CAPTURE) -> Dataset:
