@@ -17,7 +17,7 @@ from omniwheel.identification import excitation
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.geometry import calibrate
-from omniwheel.identification.model import Layout, Model
+from omniwheel.identification.model import Layout, Model, layout_of
 from omniwheel.identification.output_error import evaluate, identify, measured_speed
 from omniwheel.identification.physical import Known, physical
 from omniwheel.identification.regression import (
@@ -27,7 +27,7 @@ from omniwheel.identification.regression import (
     least_squares,
     wrapped_by_atan,
 )
-from omniwheel.identification.simulation import SimulatedRobot, layout_of
+from omniwheel.identification.simulation import SimulatedRobot
 from omniwheel.robots import read_robot
 
 Array = NDArray[np.float64]

@@ -43,7 +43,10 @@ class Experiment:
         return run(context)
 
 
-EXPERIMENTS: tuple[Experiment, ...] = (Experiment("controllers", "Every controller on every path", "controllers"),)
+EXPERIMENTS: tuple[Experiment, ...] = (
+    Experiment("table9", "Table 9: model identification", "identification"),
+    Experiment("controllers", "Every controller on every path", "controllers"),
+)
 
 
 def targets() -> list[str]:

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omni_schema import Robot
 from omniwheel.errors import IdentificationError
 
 Array = NDArray[np.float64]
@@ -60,6 +61,13 @@ class Layout:
     def rows(self) -> Array:
         """C (n, 3): wheel speeds are C q."""
         return np.column_stack((-np.sin(self.angle_rad), np.cos(self.angle_rad), np.ones(len(self.angle_rad))))
+
+
+def layout_of(robot: Robot) -> Layout:
+    """Return the nominal layout of a robot file."""
+    geometry = robot.geometry
+    angles = np.radians(np.array(geometry["wheel_angle_deg"], dtype=np.float64))
+    return Layout(float(geometry["wheel_radius_m"]), float(geometry["wheel_distance_m"]), angles)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from hil_sim.world import PoseSensor, World, world_config
 from omni_schema import Robot
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.excitation import PERIOD_S
-from omniwheel.identification.model import Layout
 
 Array = NDArray[np.float64]
 
@@ -123,13 +122,6 @@ class SimulatedRobot:
             wheel_angle_rad=angle,
             supply_V=supply,
         )
-
-
-def layout_of(robot: Robot) -> Layout:
-    """Return the nominal layout of a robot file."""
-    geometry = robot.geometry
-    angles = np.radians(np.array(geometry["wheel_angle_deg"], dtype=np.float64))
-    return Layout(float(geometry["wheel_radius_m"]), float(geometry["wheel_distance_m"]), angles)
 
 
 def _drive(world: World, duty: Array) -> tuple[Array, Array, list[tuple[float, ...]]]:
