@@ -21,6 +21,7 @@
     │   ├── FirmwareNotFoundError     it is not installed
     │   └── FirmwareStartError        it ended or did not get ready
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
+    ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     └── VersionMismatchError          robot and host speak different versions
 
 ``str(error)`` is one line that says what happened; ``error.hint`` says what to do about it, or is "".
@@ -143,6 +144,12 @@ class FirmwareStartError(FirmwareError):
 
 class RobotFileError(OmniError, ValueError):
     """A robot file that is missing, malformed or out of range."""
+
+    exit_code = 2
+
+
+class LogError(OmniError, ValueError):
+    """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
 
     exit_code = 2
 
