@@ -2,6 +2,8 @@
 """Bring a path and a ground truth together: clock offset, rotation, shift, and a mirrored frame; never the scale.
 
 The scale is only measured: a camera whose metre is wrong and wheels that are smaller than thought cannot be told apart.
+Before its first and after its last row the truth is taken to stand still: recordings begin and end at rest, and an offset must
+not become good by leaving out what it cannot explain.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ _COARSE_ROWS = 150
 class Alignment:
     """truth(t + offset_s) = rotation (mirrored path(t)) + shift.
 
-    ``rms_m`` is the distance left between the two and ``overlap`` the share of the path it was taken over;
+    ``rms_m`` is the distance left between the two and ``overlap`` the share of the path within the truth's time;
     ``offset_low_s``, ``offset_high_s`` enclose the offsets whose RMS is within 5 % of the best; ``scale`` is the factor on
     the path that would fit best.
     """
@@ -85,7 +87,7 @@ def align(
 
 
 def truth_at(truth: Truth, time_s: Array) -> Array:
-    """Position of the truth (n, 2) [m] at times of its own clock."""
+    """Position of the truth (n, 2) [m] at times of its own clock; standing still before and after."""
     return np.stack([np.interp(time_s, truth.time_s, truth.xy[:, axis]) for axis in (0, 1)], axis=1)
 
 
@@ -96,19 +98,17 @@ def covered(truth: Truth, time_s: Array) -> np.ndarray[tuple[int], np.dtype[np.b
 
 def _fit(time_s: Array, path: Array, truth: Truth, offset: float) -> tuple[float, float, Array, float, float]:
     """RMS, rotation, shift, best scale and overlap for one clock offset; RMS is infinite with too little overlap."""
-    within = covered(truth, time_s + offset)
-    overlap = float(within.mean())
+    overlap = float(covered(truth, time_s + offset).mean())
     if overlap < LEAST_OVERLAP:
         return np.inf, 0.0, np.zeros(2), 1.0, overlap
-    there = truth_at(truth, time_s[within] + offset)
-    here = path[within]
-    p, q = here - here.mean(axis=0), there - there.mean(axis=0)
+    there = truth_at(truth, time_s + offset)
+    p, q = path - path.mean(axis=0), there - there.mean(axis=0)
     along = float(np.sum(p * q))
     across = float(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]))
     rotation = float(np.arctan2(across, along))
     size = float(np.sum(p**2))
     square = (size + float(np.sum(q**2)) - 2.0 * np.hypot(along, across)) / len(p)
-    shift = there.mean(axis=0) - here.mean(axis=0) @ _turn(rotation).T
+    shift = there.mean(axis=0) - path.mean(axis=0) @ _turn(rotation).T
     scale = float(np.hypot(along, across)) / size if size > 0.0 else 1.0
     return float(np.sqrt(max(square, 0.0))), rotation, np.asarray(shift), scale, overlap
 
