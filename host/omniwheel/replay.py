@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hil_sim.core import CoreError, robot_config
 from omni_schema import Robot
 from omniwheel._core import ffi, lib
-from omniwheel.errors import LogError
+from omniwheel.core_config import robot_config
+from omniwheel.errors import CoreError, LogError
 from omniwheel.logs.alignment import Alignment, covered, truth_at
 from omniwheel.logs.calibration import Calibration
 from omniwheel.logs.log import Array, WheelLog
