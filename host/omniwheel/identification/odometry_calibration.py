@@ -5,6 +5,9 @@ With the heading measured, the path is linear in the effective radius of each wh
 the path that wheel j's turning in one direction would add at r_j = 1 m. Clock offset, rotation and shift of each run are found by
 alignment, then the radii by least squares over all runs, drawn towards their mean where the runs do not excite them, in turn
 until nothing changes. The wheel distance follows from the measured heading and the wheels' common turning.
+
+The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are right for the path
+on a measured heading; as a heading of their own they are not, so that without one a single common radius does better.
 """
 
 from __future__ import annotations
@@ -28,20 +31,22 @@ RIDGE = 0.03
 MAX_ROUNDS = 20
 CONVERGED_M = 1e-6
 TURN_WINDOW_S = 0.5
-LEAST_TURN_RAD = 0.2
+LEAST_TURN_RAD = 0.4
+"""Windows with less turning say more of noise and drift than of the wheel distance."""
 SCALE_LIMITS = (0.8, 1.2)
 """What a robot file allows as a wheel's scale; the rest goes to the calibration."""
 ASSUMED_RESISTANCE_OHM = 2.0
 ASSUMED_INDUCTANCE_H = 1e-3
-NOISE_CANDIDATES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Process noise of the wheel filter that is tried [rad/s^1.5]."""
+NOISE_CANDIDATES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""Process noise of the wheel filter that is tried [rad/s^1.5]; the likelihood has one maximum."""
 
 
 @dataclass(frozen=True)
 class Odometry:
     """One identification: radii (wheels,) [m] by direction, wheel distance [m], the motors' curve, filter noise.
 
-    ``robot`` and ``calibration`` hold the same for the core: together they are what a replay needs.
+    ``robot`` and ``calibration`` hold the same for the core: together they are what a replay needs. ``plain_robot`` and
+    ``plain_calibration`` have one radius for all, ``plain_radius_m``: for dead reckoning without a measured heading.
     """
 
     forward_radius_m: Array
@@ -53,6 +58,9 @@ class Odometry:
     measurement_noise: float
     robot: Robot
     calibration: Calibration
+    plain_radius_m: float
+    plain_robot: Robot
+    plain_calibration: Calibration
 
 
 def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[WheelLog] = ()) -> Odometry:
@@ -70,26 +78,29 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
     unit = Calibration(np.ones(robot.wheels), np.ones(robot.wheels), curve.curve)
     process, measurement = _filter_noise(runs, filtered, unit, curve)
     filtered = _with(filtered, KF_Q_W=process, KF_R_W=measurement)
-    speeds = [replay(log, filtered, unit).wheel_rad_s for log in runs]
-    turned = [_by_direction(log, speed) for log, speed in zip(runs, speeds, strict=True)]
     inverse = body_from_wheels(robot)
-    nominal = robot.parameter_values()["WHEEL_RADIUS"]
-    radii = _fit_radii(runs, [path_basis(log, q, inverse) for log, q in zip(runs, turned, strict=True)], nominal)
-    turns_turned = [_by_direction(log, replay(log, filtered, unit).wheel_rad_s) for log in turns]
-    distance = _wheel_distance((*runs, *turns), (*turned, *turns_turned), inverse, radii)
-    forward, reverse = radii[: robot.wheels], radii[robot.wheels :]
-    known = distance if distance is not None else robot.parameter_values()["WHEEL_DIST"]
-    identified, calibration = _packed(filtered, forward, reverse, known, curve.curve)
+    speeds = [replay(log, filtered, unit).wheel_rad_s for log in (*runs, *turns)]
+    bases = [path_basis(log, _by_direction(log, speed), inverse) for log, speed in zip(runs, speeds, strict=False)]
+    nominal = robot.parameter_values()
+    free = np.eye(2 * robot.wheels)
+    radii, plain = (_fit_radii(runs, bases, nominal["WHEEL_RADIUS"], rows) for rows in (free, np.ones_like(free[:, :1])))
+    distances = [_wheel_distance((*runs, *turns), speeds, inverse, each) for each in (radii, plain)]
+    known = [nominal["WHEEL_DIST"] if distance is None else distance for distance in distances]
+    identified, calibration = _packed(filtered, radii, known[0], curve.curve)
+    plain_robot, plain_calibration = _packed(filtered, plain, known[1], curve.curve)
     return Odometry(
-        forward_radius_m=forward,
-        reverse_radius_m=reverse,
-        wheel_distance_m=known,
-        distance_seen=distance is not None,
+        forward_radius_m=radii[: robot.wheels],
+        reverse_radius_m=radii[robot.wheels :],
+        wheel_distance_m=known[0],
+        distance_seen=distances[0] is not None,
         curve=curve,
         process_noise=process,
         measurement_noise=measurement,
         robot=identified,
         calibration=calibration,
+        plain_radius_m=float(plain[0]),
+        plain_robot=plain_robot,
+        plain_calibration=plain_calibration,
     )
 
 
@@ -127,8 +138,13 @@ def path_basis(log: WheelLog, turned: Array, inverse: Array) -> Array:
 
 def _by_direction(log: WheelLog, speed: Array) -> Array:
     """Wheel angles since the row before (n, 2 wheels) [rad], forward turning first."""
-    angle = speed * (log.period_s * np.maximum(np.round(log.step_s / log.period_s), 1.0))[:, None]
+    angle = speed * _span_s(log)
     return np.concatenate((np.maximum(angle, 0.0), np.minimum(angle, 0.0)), axis=1)
+
+
+def _span_s(log: WheelLog) -> Array:
+    """Time that each row stands for (n, 1) [s]: whole periods."""
+    return (log.period_s * np.maximum(np.round(log.step_s / log.period_s), 1.0))[:, None]
 
 
 def _with(robot: Robot, **values: float) -> Robot:
@@ -165,15 +181,19 @@ def _filter_noise(
         for log in runs:
             run = replay(log, _with(robot, KF_Q_W=candidate, KF_R_W=measurement), calibration)
             cost += float(np.nansum(np.log(run.innovation_variance) + run.innovation**2 / run.innovation_variance))
-        if cost < best_cost:
-            best, best_cost = candidate, cost
+        if cost >= best_cost:
+            break
+        best, best_cost = candidate, cost
     return best, measurement
 
 
-def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: float) -> Array:
-    """Radii (2 wheels,) [m], forward then reverse, by least squares and alignment in turn."""
-    count = bases[0].shape[2]
-    radii = np.full(count, nominal_m)
+def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: float, rows: Array) -> Array:
+    """Radii (2 wheels,) [m], forward then reverse, by least squares and alignment in turn.
+
+    ``rows`` (2 wheels, k) makes the radii of the k unknowns: the unit matrix, or a column of ones for one common radius.
+    """
+    count = rows.shape[1]
+    radii = np.full(len(rows), nominal_m)
     mirrored = [
         align(log.time_s, basis @ radii, log.require_truth(), mirrored=None).mirrored
         for log, basis in zip(runs, bases, strict=True)
@@ -184,12 +204,12 @@ def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: floa
             truth = log.require_truth()
             found = align(log.time_s, basis @ radii, truth, mirrored=flip)
             target = found.to_robot(truth_at(truth, log.time_s + found.offset_s))
-            columns = (basis - basis.mean(axis=0)).reshape(-1, count)
+            columns = ((basis - basis.mean(axis=0)) @ rows).reshape(-1, count)
             wanted = (target - target.mean(axis=0)).reshape(-1)
             normal += columns.T @ columns / len(target)
             right += columns.T @ wanted / len(target)
         spread = np.eye(count) - np.full((count, count), 1.0 / count)
-        new = np.linalg.solve(normal + RIDGE * float(np.trace(normal)) / count * spread, right)
+        new = rows @ np.linalg.solve(normal + RIDGE * float(np.trace(normal)) / count * spread, right)
         if not np.all(new > 0.0):
             raise LogError(
                 "the truth does not follow the wheels: a radius comes out negative",
@@ -202,17 +222,20 @@ def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: floa
 
 
 def _wheel_distance(
-    logs: Sequence[WheelLog], turned: Sequence[Array], inverse: Array, radii: Array
+    logs: Sequence[WheelLog], filtered: Sequence[Array], inverse: Array, radii: Array
 ) -> float | None:
     """Distance [m] at which the wheels' common turning is the measured heading's; None if the robot hardly turned.
 
-    A ratio of sums over the windows in which it did turn: noise of the counts averages out instead of shrinking the slope.
+    From the counts (the filtered speeds where a count is no good): in turns the load is another one than in the runs that the
+    filter's motor model comes from. A ratio of sums over the windows in which the robot did turn, so that the noise of the counts
+    averages out instead of shrinking the slope.
     """
     wheels, heading = 0.0, 0.0
-    wide = np.tile(inverse[2], 2)
-    for log, angles in zip(logs, turned, strict=True):
+    for log, speed in zip(logs, filtered, strict=True):
         rows = max(2, round(TURN_WINDOW_S / log.period_s))
-        rolled = np.concatenate(([0.0], np.cumsum(angles @ (wide * radii))))[1:]
+        counted = np.where(log.good, log.wheel_rad_s, speed) * _span_s(log)
+        radius = np.where(speed >= 0.0, radii[: log.wheels], radii[log.wheels :])
+        rolled = np.cumsum((radius * counted) @ inverse[2])
         starts = np.arange(0, len(log.time_s) - rows, rows)
         turn = log.heading_rad[starts + rows] - log.heading_rad[starts]
         roll = rolled[starts + rows] - rolled[starts]
@@ -225,10 +248,11 @@ def _wheel_distance(
 
 
 def _packed(
-    robot: Robot, forward: Array, reverse: Array, distance_m: float, curve: MotorCurve
+    robot: Robot, radii: Array, distance_m: float, curve: MotorCurve
 ) -> tuple[Robot, Calibration]:
-    """Put the radii into robot file (mean and scale per wheel) and calibration (what is left, by direction)."""
-    radius = float(np.mean((forward, reverse)))
+    """Put the radii (forward, then reverse) into robot file (mean and scale per wheel) and calibration (what is left, by direction)."""
+    forward, reverse = radii[: robot.wheels], radii[robot.wheels :]
+    radius = float(np.mean(radii))
     scale = np.clip(0.5 * (forward + reverse) / radius, *SCALE_LIMITS)
     values = {f"W{wheel + 1}_RSCALE": float(value) for wheel, value in enumerate(scale)}
     packed = _with(robot, WHEEL_RADIUS=radius, WHEEL_DIST=distance_m, **values)
