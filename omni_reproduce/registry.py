@@ -43,7 +43,15 @@ class Experiment:
         return run(context)
 
 
-EXPERIMENTS: tuple[Experiment, ...] = (Experiment("controllers", "Every controller on every path", "controllers"),)
+EXPERIMENTS: tuple[Experiment, ...] = (
+    Experiment(
+        "table7",
+        "Tables 5 and 7, figures 13 to 16: the filters",
+        "table7",
+        ("table5", "fig13", "fig14", "fig15", "fig16"),
+    ),
+    Experiment("controllers", "Every controller on every path", "controllers"),
+)
 
 
 def targets() -> list[str]:
