@@ -14,12 +14,15 @@ from omniwheel.cli import (
     doctor,
     drive,
     hil,
+    identify_logs,
     legacy,
+    logs,
     mocap,
     monitor,
     params,
     plot,
     record,
+    replay,
     reproduce,
     robots,
     sim,
@@ -67,6 +70,9 @@ app.add_typer(legacy.app, name="legacy")
 app.add_typer(mocap.app, name="mocap")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
+app.add_typer(logs.app, name="logs")
+app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
+app.add_typer(identify_logs.app, name="identify")
 app.add_typer(robots.app, name="robots")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 

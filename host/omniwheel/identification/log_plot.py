@@ -56,4 +56,5 @@ def _draw_bars(axes: Axes, study: LogStudy) -> None:
         axes.axhline(median, color=colour, linewidth=1.0, linestyle=":")
         axes.text(len(study.scored) - 0.4, median, f"{median:.0f}", color=GREY, va="bottom", fontsize=9.0)
     axes.set_xticks(range(len(study.scored)), [run.name for run in study.scored])
-    axes.set(ylabel="RMS distance [mm]", title="Distance from the truth (dotted: median)")
+    axes.set_axisbelow(True)
+    axes.set(ylabel="RMS distance [mm]", title="RMS distance (dotted: median)")

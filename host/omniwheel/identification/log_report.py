@@ -14,8 +14,8 @@ from omniwheel.identification.motor_curve import CurveFit
 from omniwheel.logs.log import Array, WheelLog
 from omniwheel.plain import finite
 
-KINDS = ("nominal", "identified", "held_out", "held_out_wheels_only")
-_KIND_NAMES = ("nominal geometry", "all runs", "the other runs", "the other runs, wheels only")
+KINDS = ("nominal", "identified", "held_out", "held_out_wheels_only", "held_out_duty_only")
+_KIND_NAMES = ("nominal geometry", "all runs", "the other runs", "… wheels only", "… duty only")
 
 
 def study_data(study: LogStudy, robot: Robot) -> dict[str, Any]:
@@ -171,12 +171,14 @@ def _trust(study: LogStudy, robot: Robot, runs: Sequence[WheelLog]) -> list[str]
         for word, name in (("forward", "forward_dead_band"), ("backward", "reverse_dead_band"))
         if getattr(whole.curve.curve, name)[wheel] < 2.0 * getattr(whole.curve.sd, name)[wheel]
     ]
+    duty_mm, both_mm = (1e3 * study.median_m(kind) for kind in ("held_out_duty_only", "held_out"))
+    duty_word = f"{duty_mm:.0f} mm in the median, against {both_mm:.0f} mm with them."
     lines = [
         f"- **Counts.** {min(shares):.1f} to {max(shares):.1f} % of them were rejected as spikes. The rest scatter by "
         f"{np.min(whole.curve.noise_rad_s):.1f} to {np.max(whole.curve.noise_rad_s):.1f} rad/s about what the duty explains; one "
         f"count is {rad_per_s:.2f} rad/s. The likelihood of the innovations asks for a wheel filter that "
         f"leans on the motor's model (process noise {whole.process_noise:g} rad/s per √s against "
-        f"{whole.measurement_noise:.1f} rad/s).",
+        f"{whole.measurement_noise:.1f} rad/s). Column \"duty only\" leaves the counts of the run aside altogether: {duty_word}",
         f"- **Size.** The paths fit with {ratio:.2f} of the nominal radius. The logs cannot tell small or slipping wheels from a camera "
         "whose metre is long: radii and wheel distance are in the camera's metres. Their quotient is not touched by that: "
         f"wheel distance over radius is {whole.wheel_distance_m / whole.plain_radius_m:.2f}"
@@ -187,7 +189,7 @@ def _trust(study: LogStudy, robot: Robot, runs: Sequence[WheelLog]) -> list[str]
         "- **By wheel and direction.** The radii take in whatever is repeatable in these runs, a slanted camera too. They hold for motion "
         "of the kind they were identified from; they do not prove that a wheel has two radii.",
         "- **Clock.** The range of an offset is where the RMS stays within 5 % of the best.",
-        "- **Heading.** From the wheels alone the heading is worth less than the IMU's: compare the last two columns.",
+        "- **Heading.** From the wheels alone the heading is worth less than the IMU's: compare with the column \"wheels only\", which has one radius for all.",
         "- **Dead-band.** "
         + (f"Not told from none (below two standard deviations): wheel {', '.join(dead)}." if dead else "Seen everywhere."),
         "- **NIS / dof** well above 1 means that the robot file's pose noise (`EKF_Q_XY`, `EKF_R_XY`) is too small for these data, well "

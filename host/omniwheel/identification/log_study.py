@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,8 @@ class Track:
 
 @dataclass(frozen=True)
 class Scored:
-    """One run: ``nominal`` geometry, ``identified`` from all runs, ``held_out`` from the other runs, and that without heading.
+    """One run: ``nominal`` geometry, ``identified`` from all runs, ``held_out`` from the other runs, that without the
+    heading, and that without the counts (what the duty alone tells).
 
     ``truth`` (n, 2) [m] at the log's times; ``nis`` of the truth used as fixes, ``nis_degrees`` degrees of freedom each.
     """
@@ -48,6 +49,7 @@ class Scored:
     identified: Track
     held_out: Track
     held_out_wheels_only: Track
+    held_out_duty_only: Track
     nis_mean: float
     nis_degrees: int
     rejected_share: float
@@ -116,13 +118,14 @@ def _in_turn(function: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
 
 
 def score(log: WheelLog, nominal: Robot, whole: Odometry, other: Odometry) -> Scored:
-    """Dead-reckon one run in all four ways, and replay it once with its truth as pose fixes."""
+    """Dead-reckon one run in all ways, and replay it once with its truth as pose fixes."""
     held_run, held = dead_reckon(log, other.robot, other.calibration)
     tracks = [
         nominal_replay(log, nominal),
         dead_reckon(log, whole.robot, whole.calibration),
         (held_run, held),
         dead_reckon(log, other.plain_robot, other.plain_calibration, use_heading=False),
+        dead_reckon(replace(log, good=np.zeros_like(log.good)), other.robot, other.calibration),
     ]
     fixes = fixes_from_truth(log, held, FIX_RATE_HZ)
     fixed = replay(log, other.robot, other.calibration, fixes=fixes)
@@ -133,6 +136,7 @@ def score(log: WheelLog, nominal: Robot, whole: Odometry, other: Odometry) -> Sc
         identified=drawn[1],
         held_out=drawn[2],
         held_out_wheels_only=drawn[3],
+        held_out_duty_only=drawn[4],
         nis_mean=float(np.mean(fixed.nis)) if len(fixed.nis) else float("nan"),
         nis_degrees=fixed.nis_degrees,
         rejected_share=float(1.0 - log.good.mean()),
