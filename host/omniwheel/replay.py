@@ -35,9 +35,10 @@ class Fixes:
 class Replay:
     """What the core estimated, one row per row of the log.
 
-    ``pose`` (n, 3) and its standard deviations ``pose_sd`` (n, 3) in m, m, rad from the pose zero; ``wheel_rad_s`` (n, wheels);
-    ``innovation`` (n, wheels) of the wheel filters and its predicted variance, NaN where nothing was measured or the filter
-    is off; ``nis`` (k,) of the fixes that were looked at, with ``nis_degrees`` of freedom each.
+    ``pose`` (n, 3) and its standard deviations ``pose_sd`` (n, 3) in m, m, rad from the pose zero; ``wheel_rad_s``
+    (n, wheels);
+    ``innovation`` (n, wheels) of the wheel filters and its predicted variance, NaN where nothing was measured or the
+    filter is off; ``nis`` (k,) of the fixes that were looked at, with ``nis_degrees`` of freedom each.
     """
 
     time_s: Array
@@ -93,9 +94,9 @@ def replay(
 ) -> Replay:
     """Run a log through the estimators of the robot file, from the pose zero.
 
-    The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. With a calibration the
-    voltages go through the motor's curve and the pose takes the filtered wheel speeds; without one it takes the counts, and
-    the filtered speed where a count is no good, as on the robot. Raises LogError.
+    The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. With a
+    calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds; without one it
+    takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
     """
     check_log_fits(log, robot)
     engine = _Engine(log, robot, calibration)
@@ -166,7 +167,7 @@ class _Engine:
         self.time_us = _START_US + np.round(1e6 * (log.time_s - log.time_s[0])).astype(np.int64)
 
     def _voltages(self, supply_V: float) -> Array:
-        """Voltage since the row before (n, wheels) [V]; with a calibration that of the linear motor as fast as the real one."""
+        """Voltage since the row before (n, wheels) [V]; calibrated: of a linear motor as fast as the real one."""
         if self.calibration is None:
             voltage = self.log.duty * supply_V
         else:

@@ -40,8 +40,8 @@ def identify_logs(
 ) -> None:
     """Identify effective radius per wheel and direction, wheel distance and motor curves from foreign logs.
 
-    Every run is also dead-reckoned with what the other runs say: that is the figure to trust. Writes the robot file, its
-    calibration beside it, and a report that says what can be trusted.
+    Every run is also dead-reckoned with what the other runs say: that is the figure to trust. Writes the robot file,
+    its calibration beside it, and a report that says what can be trusted.
     """
     from omniwheel.identification.log_plot import draw_study
     from omniwheel.identification.log_report import KINDS, study_data, study_report

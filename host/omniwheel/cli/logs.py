@@ -90,7 +90,8 @@ def align_command(
         print_json(asdict(found))
         return
     console.print(
-        f"clock offset {found.offset_s:+.2f} s ({found.offset_low_s:+.2f} to {found.offset_high_s:+.2f} s fit within 5 %)\n"
+        f"clock offset {found.offset_s:+.2f} s ({found.offset_low_s:+.2f} to {found.offset_high_s:+.2f} s fit "
+        f"within 5 %)\n"
         f"rotation {np.degrees(found.rotation_rad):+.1f}°, {'mirrored' if found.mirrored else 'not mirrored'}, "
         f"shift ({found.shift[0]:+.3f}, {found.shift[1]:+.3f}) m\n"
         f"left: {1e3 * found.rms_m:.1f} mm RMS; {100.0 * found.overlap:.0f} % of the path lie within the truth's time\n"

@@ -54,8 +54,9 @@ def replay_command(
 ) -> None:
     """Feed a log's counts tick by tick through the robot's own wheel filters and pose EKF.
 
-    With a truth, says how far the estimate is from it after the best clock offset and rigid alignment. With --fixes the truth,
-    aligned to the dead-reckoned path, also comes in as pose fixes; the mean NIS then says whether the noise figures are right.
+    With a truth, says how far the estimate is from it after the best clock offset and rigid alignment. With --fixes
+    the truth, aligned to the dead-reckoned path, also comes in as pose fixes; the mean NIS then says whether the
+    noise figures are right.
     """
     for path, what in ((plot, "the picture"), (csv, "the table")):
         if path is not None:
@@ -78,7 +79,10 @@ def replay_command(
     if plot is not None:
         draw_replay(run_log, run, fixed, aligned, plot)
     facts = _facts(run_log, run, fixed, aligned)
-    facts |= {"calibration": None if source is None else str(source), "heading_used": run_log.has_heading and not no_heading}
+    facts |= {
+        "calibration": None if source is None else str(source),
+        "heading_used": run_log.has_heading and not no_heading,
+    }
     if as_json:
         print_json(facts)
         return
@@ -110,7 +114,9 @@ def _facts(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Alignment 
 
 
 def _print(facts: dict[str, Any]) -> None:
-    console.print(f"{facts['log']}: {facts['rows']} rows, calibration: {facts['calibration'] or 'none'}", soft_wrap=True)
+    console.print(
+        f"{facts['log']}: {facts['rows']} rows, calibration: {facts['calibration'] or 'none'}", soft_wrap=True
+    )
     x, y, theta = facts["end_pose"]
     by = "the measured heading" if facts["heading_used"] else "wheels only"
     console.print(f"dead reckoning on {by} ends at ({x:+.3f} m, {y:+.3f} m, {theta:+.3f} rad)")
@@ -120,13 +126,14 @@ def _print(facts: dict[str, Any]) -> None:
     low, high = facts["clock_offset_between_s"]
     console.print(
         f"[bold]{1e3 * facts['rms_m']:.1f} mm RMS[/] from the truth after alignment: clock offset "
-        f"{facts['clock_offset_s']:+.2f} s ({low:+.2f} to {high:+.2f}), best scale {facts['best_scale']:.3f} (not applied)"
-        + (", mirrored" if facts["mirrored"] else "")
+        f"{facts['clock_offset_s']:+.2f} s ({low:+.2f} to {high:+.2f}), best scale {facts['best_scale']:.3f} (not "
+        f"applied)" + (", mirrored" if facts["mirrored"] else "")
     )
     fixes = facts.get("fixes")
     if fixes is not None and fixes["nis_mean"] is not None:
         console.print(
-            f"with {fixes['looked_at']} pose fixes: {1e3 * fixes['rms_m']:.1f} mm RMS, mean NIS {fixes['nis_mean']:.2f} for "
+            f"with {fixes['looked_at']} pose fixes: {1e3 * fixes['rms_m']:.1f} mm RMS, mean NIS "
+            f"{fixes['nis_mean']:.2f} for "
             f"{fixes['nis_degrees']} degrees of freedom, {fixes['refused']} refused"
         )
 

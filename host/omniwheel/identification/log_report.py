@@ -78,7 +78,8 @@ def study_report(study: LogStudy, robot: Robot, runs: Sequence[WheelLog], pictur
     lines = [
         f"# Identification of {robot.name} from {len(runs)} runs",
         "",
-        "RMS distance from the truth after the best clock offset and rigid alignment, dead reckoning on the measured heading:",
+        "RMS distance from the truth after the best clock offset and rigid alignment, dead reckoning on the "
+        "measured heading:",
         "",
         *_score_table(study),
         "",
@@ -98,7 +99,9 @@ def study_report(study: LogStudy, robot: Robot, runs: Sequence[WheelLog], pictur
 
 def _score_table(study: LogStudy) -> list[str]:
     lines = [
-        "| Run | " + " | ".join(f"{name} [mm]" for name in _KIND_NAMES) + " | clock offset [s] | best scale | NIS / dof |",
+        "| Run | "
+        + " | ".join(f"{name} [mm]" for name in _KIND_NAMES)
+        + " | clock offset [s] | best scale | NIS / dof |",
         "|---|" + "---:|" * (len(KINDS) + 3),
     ]
     for run in study.scored:
@@ -139,7 +142,8 @@ def _curve_table(title: str, fit: CurveFit) -> list[str]:
     lines = [
         f"{title} (± one standard deviation; – where the duty never went):",
         "",
-        "| Wheel | forward: duty per rad/s [%] | dead-band [%] | backward: duty per rad/s [%] | dead-band [%] | lag [ms] |",
+        "| Wheel | forward: duty per rad/s [%] | dead-band [%] | backward: duty per rad/s [%] | dead-band [%] | lag "
+        "[ms] |",
         "|---|---:|---:|---:|---:|---:|",
     ]
     columns = (
@@ -159,42 +163,66 @@ def _curve_table(title: str, fit: CurveFit) -> list[str]:
 
 
 def _trust(study: LogStudy, robot: Robot, runs: Sequence[WheelLog]) -> list[str]:
-    whole = study.whole
-    nominal = robot.parameter_values()
-    ratio = whole.plain_radius_m / nominal["WHEEL_RADIUS"]
     scales = [run.held_out.alignment.scale for run in study.scored]
+    return [
+        _trust_counts(study, runs),
+        _trust_size(study, robot),
+        f"- **Between runs** the best scale of the left-out path varies from {min(scales):.2f} to "
+        f"{max(scales):.2f}: that "
+        "much is not repeatable, whatever is identified.",
+        "- **By wheel and direction.** The radii take in whatever is repeatable in these runs, a slanted camera "
+        "too. They "
+        "hold for motion of the kind they were identified from; they do not prove that a wheel has two radii.",
+        "- **Clock.** The range of an offset is where the RMS stays within 5 % of the best.",
+        "- **Heading.** `wheels only` leaves the measured heading aside and has one radius for all: radii by direction "
+        "would turn a path that does not turn.",
+        _trust_dead_bands(study, robot),
+        "- **Motor.** Only K (at b = 0) and R J can be seen in a speed; R and L in the robot file are assumed.",
+        "- **NIS / dof** well above 1 means that the robot file's pose noise (`EKF_Q_XY`, `EKF_R_XY`) is too small "
+        "for these "
+        "data, well below 1 too large. It checks the filter with truth aligned afterwards, not the calibration.",
+    ]
+
+
+def _trust_counts(study: LogStudy, runs: Sequence[WheelLog]) -> str:
+    whole = study.whole
     shares = [100.0 * run.rejected_share for run in study.scored]
-    rad_per_s = runs[0].rad_per_count / runs[0].period_s
-    dead = [
+    noise = whole.curve.noise_rad_s
+    count_rad_s = runs[0].rad_per_count / runs[0].period_s
+    without, with_counts = (1e3 * study.median_m(kind) for kind in ("held_out_duty_only", "held_out"))
+    return (
+        f"- **Counts.** {min(shares):.1f} to {max(shares):.1f} % of them were rejected as spikes. The rest scatter by "
+        f"{noise.min():.1f} to {noise.max():.1f} rad/s about what the duty explains; one count per period is "
+        f"{count_rad_s:.2f} rad/s. The likelihood of the innovations asks for a process noise of "
+        f"{whole.process_noise:g} "
+        f"rad/s per √s against {whole.measurement_noise:.1f} rad/s of a measured speed. `duty only` leaves the "
+        f"run's counts "
+        f"aside altogether: {without:.0f} mm in the median, against {with_counts:.0f} mm with them."
+    )
+
+
+def _trust_size(study: LogStudy, robot: Robot) -> str:
+    whole, nominal = study.whole, robot.parameter_values()
+    seen = "" if whole.distance_seen else " (nominal distance: the runs hardly turn)"
+    return (
+        f"- **Size.** The paths fit with {whole.plain_radius_m / nominal['WHEEL_RADIUS']:.2f} of the nominal "
+        f"radius. The logs "
+        "cannot tell small or slipping wheels from a camera whose metre is long: radii and wheel distance are in the "
+        "camera's metres. Their quotient is not touched by that, but takes the IMU's word for the turning: wheel "
+        "distance "
+        f"over radius is {whole.wheel_distance_m / whole.plain_radius_m:.2f}{seen}, nominal "
+        f"{nominal['WHEEL_DIST'] / nominal['WHEEL_RADIUS']:.2f}."
+    )
+
+
+def _trust_dead_bands(study: LogStudy, robot: Robot) -> str:
+    fit = study.whole.curve
+    unseen = [
         f"{wheel + 1} {word}"
         for wheel in range(robot.wheels)
         for word, name in (("forward", "forward_dead_band"), ("backward", "reverse_dead_band"))
-        if getattr(whole.curve.curve, name)[wheel] < 2.0 * getattr(whole.curve.sd, name)[wheel]
+        if not getattr(fit.curve, name)[wheel] >= 2.0 * getattr(fit.sd, name)[wheel]
     ]
-    duty_mm, both_mm = (1e3 * study.median_m(kind) for kind in ("held_out_duty_only", "held_out"))
-    duty_word = f"{duty_mm:.0f} mm in the median, against {both_mm:.0f} mm with them."
-    lines = [
-        f"- **Counts.** {min(shares):.1f} to {max(shares):.1f} % of them were rejected as spikes. The rest scatter by "
-        f"{np.min(whole.curve.noise_rad_s):.1f} to {np.max(whole.curve.noise_rad_s):.1f} rad/s about what the duty explains; one "
-        f"count is {rad_per_s:.2f} rad/s. The likelihood of the innovations asks for a wheel filter that "
-        f"leans on the motor's model (process noise {whole.process_noise:g} rad/s per √s against "
-        f"{whole.measurement_noise:.1f} rad/s). Column \"duty only\" leaves the counts of the run aside altogether: {duty_word}",
-        f"- **Size.** The paths fit with {ratio:.2f} of the nominal radius. The logs cannot tell small or slipping wheels from a camera "
-        "whose metre is long: radii and wheel distance are in the camera's metres. Their quotient is not touched by that: "
-        f"wheel distance over radius is {whole.wheel_distance_m / whole.plain_radius_m:.2f}"
-        + ("" if whole.distance_seen else " (nominal: the runs hardly turn)")
-        + f", nominal {nominal['WHEEL_DIST'] / nominal['WHEEL_RADIUS']:.2f}; it takes the IMU's word for the turning.",
-        f"- **Between runs** the best scale of the left-out path varies from {min(scales):.2f} to {max(scales):.2f}: that much is "
-        "not repeatable, whatever is identified, and it is the larger part of what is left.",
-        "- **By wheel and direction.** The radii take in whatever is repeatable in these runs, a slanted camera too. They hold for motion "
-        "of the kind they were identified from; they do not prove that a wheel has two radii.",
-        "- **Clock.** The range of an offset is where the RMS stays within 5 % of the best.",
-        "- **Heading.** From the wheels alone the heading is worth less than the IMU's: compare with the column \"wheels only\", which has one radius for all.",
-        "- **Dead-band.** "
-        + (f"Not told from none (below two standard deviations): wheel {', '.join(dead)}." if dead else "Seen everywhere."),
-        "- **NIS / dof** well above 1 means that the robot file's pose noise (`EKF_Q_XY`, `EKF_R_XY`) is too small for these data, well "
-        "below 1 too large. It checks the filter with truth aligned afterwards, not the calibration.",
-    ]
-    if whole.curve.curve.time_constant_s.size:
-        lines.append("- **Motor.** Only K (at b = 0) and R J can be seen in a speed; R and L in the robot file are assumed.")
-    return lines
+    if not unseen:
+        return "- **Dead-band.** Seen on every wheel, both ways."
+    return f"- **Dead-band.** Not told from none (below two standard deviations): wheel {', '.join(unseen)}."

@@ -15,7 +15,9 @@ from omniwheel.logs.calibration import calibration_path, save_calibration
 from omniwheel.robots import read_robot
 
 _FILTER = ("KF_MODE", "KF_Q_W", "KF_Q_I", "KF_R_W")
-_HEAD = "# SPDX-License-Identifier: MIT\n# Written by omni identify logs from {source}; its calibration lies beside it.\n\n"
+_HEAD = (
+    "# SPDX-License-Identifier: MIT\n# Written by omni identify logs from {source}; its calibration lies beside it.\n\n"
+)
 
 
 def write_robot_file(found: Odometry, nominal: Path, target: Path) -> tuple[Path, Path]:
@@ -30,6 +32,7 @@ def write_robot_file(found: Odometry, nominal: Path, target: Path) -> tuple[Path
             continue
         section, _, key = parameter.robot_key.partition(".")
         document.setdefault(section, {})[key] = _short(values[parameter.name])
+    document["robot"]["description"] = f"{found.robot.description} (identified from logs)".lstrip()
     scales = [_short(values[f"W{wheel + 1}_RSCALE"]) for wheel in range(found.robot.wheels)]
     document["geometry"]["wheel_radius_scale"] = scales
     document.setdefault("parameters", {}).update({name: _short(values[name]) for name in _FILTER})

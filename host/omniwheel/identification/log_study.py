@@ -38,10 +38,12 @@ class Track:
 
 @dataclass(frozen=True)
 class Scored:
-    """One run: ``nominal`` geometry, ``identified`` from all runs, ``held_out`` from the other runs, that without the
-    heading, and that without the counts (what the duty alone tells).
+    """One run, dead-reckoned in several ways.
 
-    ``truth`` (n, 2) [m] at the log's times; ``nis`` of the truth used as fixes, ``nis_degrees`` degrees of freedom each.
+    With the ``nominal`` geometry; with what was ``identified`` from all runs; with what the other runs say
+    (``held_out``), that also without the heading (one radius for all) and without the counts (what the duty alone
+    tells).
+    ``nis_mean`` of the truth used as fixes, with ``nis_degrees`` degrees of freedom each.
     """
 
     name: str
@@ -57,7 +59,7 @@ class Scored:
 
 @dataclass(frozen=True)
 class LogStudy:
-    """``whole`` from all runs; ``without`` one identification per left-out run; ``scored`` per run; ``lifted`` motor curve."""
+    """``whole`` from all runs, ``without`` per left-out run; ``scored`` runs; motor curve with ``lifted`` wheels."""
 
     whole: Odometry
     without: tuple[Odometry, ...]

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Odometry of a robot from runs beside a ground truth whose clock, frame and scale are its own.
 
-With the heading measured, the path is linear in the effective radius of each wheel and direction: x(t) = sum_j r_j g_j(t), g_j
-the path that wheel j's turning in one direction would add at r_j = 1 m. Clock offset, rotation and shift of each run are found by
-alignment, then the radii by least squares over all runs, drawn towards their mean where the runs do not excite them, in turn
-until nothing changes. The wheel distance follows from the measured heading and the wheels' common turning.
+With the heading measured, the path is linear in the effective radius of each wheel and direction: x(t) = sum_j r_j
+g_j(t), g_j the path that wheel j's turning in one direction would add at r_j = 1 m. Clock offset, rotation and shift
+of each run are found by alignment, then the radii by least squares over all runs, drawn towards their mean where the
+runs do not excite them, in turn until nothing changes. The wheel distance follows from the measured heading and the
+wheels' common turning.
 
-The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are right for the path
-on a measured heading; as a heading of their own they are not, so that without one a single common radius does better.
+The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are
+right for the path on a measured heading; as a heading of their own they are not, so that without one a single common
+radius does better.
 """
 
 from __future__ import annotations
@@ -83,7 +85,9 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
     bases = [path_basis(log, _by_direction(log, speed), inverse) for log, speed in zip(runs, speeds, strict=False)]
     nominal = robot.parameter_values()
     free = np.eye(2 * robot.wheels)
-    radii, plain = (_fit_radii(runs, bases, nominal["WHEEL_RADIUS"], rows) for rows in (free, np.ones_like(free[:, :1])))
+    radii, plain = (
+        _fit_radii(runs, bases, nominal["WHEEL_RADIUS"], rows) for rows in (free, np.ones_like(free[:, :1]))
+    )
     distances = [_wheel_distance((*runs, *turns), speeds, inverse, each) for each in (radii, plain)]
     known = [nominal["WHEEL_DIST"] if distance is None else distance for distance in distances]
     identified, calibration = _packed(filtered, radii, known[0], curve.curve)
@@ -125,7 +129,7 @@ def body_from_wheels(robot: Robot) -> Array:
 
 
 def path_basis(log: WheelLog, turned: Array, inverse: Array) -> Array:
-    """g (n, 2, 2 wheels) [m per m of radius]: paths of each wheel's forward, then reverse turning, on the measured heading."""
+    """Return g (n, 2, 2 wheels) [m per m of radius]: each wheel's forward, then reverse path on the measured heading."""
     heading = log.heading_rad
     middle = 0.5 * (heading + np.concatenate((heading[:1], heading[:-1])))
     cosine, sine = np.cos(middle)[:, None], np.sin(middle)[:, None]
@@ -190,7 +194,8 @@ def _filter_noise(
 def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: float, rows: Array) -> Array:
     """Radii (2 wheels,) [m], forward then reverse, by least squares and alignment in turn.
 
-    ``rows`` (2 wheels, k) makes the radii of the k unknowns: the unit matrix, or a column of ones for one common radius.
+    ``rows`` (2 wheels, k) makes the radii of the k unknowns: the unit matrix, or a column of ones for one common
+    radius.
     """
     count = rows.shape[1]
     radii = np.full(len(rows), nominal_m)
@@ -221,14 +226,12 @@ def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: floa
     return radii
 
 
-def _wheel_distance(
-    logs: Sequence[WheelLog], filtered: Sequence[Array], inverse: Array, radii: Array
-) -> float | None:
+def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse: Array, radii: Array) -> float | None:
     """Distance [m] at which the wheels' common turning is the measured heading's; None if the robot hardly turned.
 
-    From the counts (the filtered speeds where a count is no good): in turns the load is another one than in the runs that the
-    filter's motor model comes from. A ratio of sums over the windows in which the robot did turn, so that the noise of the counts
-    averages out instead of shrinking the slope.
+    From the counts (the filtered speeds where a count is no good): in turns the load is another one than in the runs
+    that the filter's motor model comes from. A ratio of sums over the windows in which the robot did turn, so that
+    the noise of the counts averages out instead of shrinking the slope.
     """
     wheels, heading = 0.0, 0.0
     for log, speed in zip(logs, filtered, strict=True):
@@ -247,14 +250,11 @@ def _wheel_distance(
     return wheels / heading
 
 
-def _packed(
-    robot: Robot, radii: Array, distance_m: float, curve: MotorCurve
-) -> tuple[Robot, Calibration]:
-    """Put the radii (forward, then reverse) into robot file (mean and scale per wheel) and calibration (what is left, by direction)."""
+def _packed(robot: Robot, radii: Array, distance_m: float, curve: MotorCurve) -> tuple[Robot, Calibration]:
+    """Put the radii (forward, then reverse) into robot (per wheel) and calibration (what is left, by direction)."""
     forward, reverse = radii[: robot.wheels], radii[robot.wheels :]
     radius = float(np.mean(radii))
     scale = np.clip(0.5 * (forward + reverse) / radius, *SCALE_LIMITS)
     values = {f"W{wheel + 1}_RSCALE": float(value) for wheel, value in enumerate(scale)}
     packed = _with(robot, WHEEL_RADIUS=radius, WHEEL_DIST=distance_m, **values)
     return packed, Calibration(forward / (radius * scale), reverse / (radius * scale), curve)
-

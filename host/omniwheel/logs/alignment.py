@@ -2,8 +2,8 @@
 """Bring a path and a ground truth together: clock offset, rotation, shift, and a mirrored frame; never the scale.
 
 The scale is only measured: a camera whose metre is wrong and wheels that are smaller than thought cannot be told apart.
-Before its first and after its last row the truth is taken to stand still: recordings begin and end at rest, and an offset must
-not become good by leaving out what it cannot explain.
+Before its first and after its last row the truth is taken to stand still: recordings begin and end at rest, and an
+offset must not become good by leaving out what it cannot explain.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Alignment:
     """truth(t + offset_s) = rotation (mirrored path(t)) + shift.
 
     ``rms_m`` is the distance left between the two and ``overlap`` the share of the path within the truth's time;
-    ``offset_low_s``, ``offset_high_s`` enclose the offsets whose RMS is within 5 % of the best; ``scale`` is the factor on
-    the path that would fit best.
+    ``offset_low_s``, ``offset_high_s`` enclose the offsets whose RMS is within 5 % of the best; ``scale`` is the
+    factor on the path that would fit best.
     """
 
     offset_s: float

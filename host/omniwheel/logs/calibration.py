@@ -25,7 +25,7 @@ _HINT = "let omni identify logs write it"
 
 @dataclass(frozen=True)
 class MotorCurve:
-    """Steady wheel speed over duty, per wheel and direction, and how fast it is reached. Arrays have one entry per wheel.
+    """Steady wheel speed over duty, per wheel and direction, and its lag. Arrays have one entry per wheel.
 
     speed = (|duty| - dead_band) / duty_per_rad_s in the duty's direction, 0 inside the dead-band [rad/s];
     ``time_constant_s`` [s].
@@ -46,7 +46,7 @@ class MotorCurve:
 
 @dataclass(frozen=True)
 class Calibration:
-    """``forward_scale``, ``reverse_scale`` (wheels,): effective radius by direction over the robot file's; the curve."""
+    """``forward_scale``, ``reverse_scale`` (wheels,): effective radius over the robot file's; the motors' curve."""
 
     forward_scale: Array
     reverse_scale: Array

@@ -90,9 +90,12 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         raw = np.stack([_column(path, columns, name, mapping) for name in mapping.duty], axis=1)[keep]
         duty = raw * np.array(mapping.duty_sign) / mapping.duty_full_scale
         if np.any(np.abs(duty) > 1.0):
-            raise LogError(f"{path}: a duty exceeds its full scale", hint=f"correct duty.full_scale in {mapping.source}")
+            raise LogError(
+                f"{path}: a duty exceeds its full scale", hint=f"correct duty.full_scale in {mapping.source}"
+            )
     step = np.concatenate(([mapping.period_s], np.diff(time[keep])))
-    heading, restarts = np.full(len(wheels), np.nan), []
+    heading = np.full(len(wheels), np.nan)
+    restarts: list[int] = []
     if mapping.heading:
         raw_heading = _column(path, columns, mapping.heading, mapping)[keep]
         heading, restarts = unwrap_heading(raw_heading * mapping.heading_unit * mapping.heading_sign, step)

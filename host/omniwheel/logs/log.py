@@ -19,8 +19,9 @@ MIN_ROWS = 20
 
 @dataclass(frozen=True)
 class Truth:
-    """Ground truth on a clock and in a frame of its own: ``time_s`` (m,) rises, ``xy`` (m, 2) [m], ``theta`` (m,) [rad].
+    """Ground truth on a clock and in a frame of its own.
 
+    ``time_s`` (m,) rises, ``xy`` (m, 2) [m], ``theta`` (m,) [rad].
     ``theta`` is NaN where it is unknown or not to be trusted.
     """
 

@@ -36,7 +36,7 @@ WHEEL_UNITS = {
 
 @dataclass(frozen=True)
 class Spikes:
-    """Hampel filter: half window [s], threshold in robust standard deviations; and the fastest possible wheel [rad/s]."""
+    """Hampel filter: half window [s], threshold in robust standard deviations; and the fastest wheel [rad/s]."""
 
     window_s: float = 0.25
     threshold: float = 4.0
