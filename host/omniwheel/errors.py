@@ -20,6 +20,12 @@
     ├── FirmwareError                 the PC firmware program
     │   ├── FirmwareNotFoundError     it is not installed
     │   └── FirmwareStartError        it ended or did not get ready
+    ├── MocapError                    a stream of poses from motion capture
+    │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
+    │   ├── MocapLibraryError         the library that reads it is not installed
+    │   └── MocapLostError            it cannot be reached, or went away
+    ├── LegacyStopError               the host's control loop stopped the robot by itself
+    ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
     └── VersionMismatchError          robot and host speak different versions
 
@@ -139,6 +145,34 @@ class FirmwareNotFoundError(FirmwareError):
 
 class FirmwareStartError(FirmwareError):
     """The PC firmware program ended before it was ready, or did not get ready."""
+
+
+class MocapError(OmniError):
+    """A stream of poses from motion capture."""
+
+
+class MocapSourceError(MocapError, ValueError):
+    """A stream's name, object or file that cannot be understood."""
+
+    exit_code = 2
+
+
+class MocapLibraryError(MocapError):
+    """The library that reads the stream is not installed."""
+
+
+class MocapLostError(MocapError):
+    """The stream cannot be reached, or went away."""
+
+
+class LegacyStopError(OmniError):
+    """The control loop on the host stopped the robot by itself; says why."""
+
+
+class CoreError(OmniError, ValueError):
+    """The control core refuses a parameter set; the message names the parameter."""
+
+    exit_code = 2
 
 
 class RobotFileError(OmniError, ValueError):

@@ -14,6 +14,8 @@ from omniwheel.cli import (
     doctor,
     drive,
     hil,
+    legacy,
+    mocap,
     monitor,
     params,
     plot,
@@ -61,6 +63,8 @@ app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.add_typer(params.app, name="params")
 app.add_typer(drive.app, name="drive")
+app.add_typer(legacy.app, name="legacy")
+app.add_typer(mocap.app, name="mocap")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
 app.add_typer(robots.app, name="robots")
