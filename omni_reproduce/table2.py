@@ -14,7 +14,7 @@ from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.loops import (
     Array, Path, Track, law_of, make_kinematics, make_world, one_step_limit, rmse_rows, share_row, track,
 )  # fmt: skip
-from omni_reproduce.track_figure import draw_tracks
+from omni_reproduce.track_figure import View, draw_tracks
 from omniwheel._core import lib
 
 NAME = "table2"
@@ -87,7 +87,7 @@ def run(context: Context) -> Result:
     rows: list[Row] = []
     for number, (name, setting) in enumerate(spec["setting"].items()):
         part = found[number * len(seeds) : (number + 1) * len(seeds)]
-        published = spec["published"]["rmse"] if name == "published" else None
+        published = spec["published"]["rmse"] if name in ("published", "corrected") else None
         why = f"{_EXPLANATIONS[name]} {_LIMIT}"
         rows += rmse_rows(NAME, setting["title"], np.array([rmse for rmse, _, _ in part]), published, limit, why)
         rows.append(share_row(NAME, setting["title"], "steps at the wheels' limit", [share for _, share, _ in part]))
@@ -97,8 +97,13 @@ def run(context: Context) -> Result:
         )
     picture = context.folder / FIGURE
     tracks = {spec["setting"][name]["title"]: drive(Case(spec, name, head["seed"])) for name in head["drawn"]}
-    draw_tracks(tracks, head["step_s"], picture, "Figure 10: ISMC on the kinematics, eight-petal rose while rotating")
+    draw_tracks(tracks, _view(head["step_s"], spec["path"]["size_m"]), picture)
     return Result(tuple(rows), (picture,), (_note(spec),))
+
+
+def _view(step_s: float, size_m: float) -> View:
+    title = "Figure 10: ISMC on the kinematics, eight-petal rose while rotating"
+    return View(title, step_s, from_s=10.0, until_s=13.0, centre_m=(0.0, size_m - 0.002), half_width_m=0.015)
 
 
 def _note(spec: Mapping[str, Any]) -> str:

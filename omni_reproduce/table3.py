@@ -15,11 +15,13 @@ from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.loops import (
     NO_LIMIT, Array, Path, Track, law_of, make_kinematics, make_world, one_step_limit, rmse_rows, share_row, track,
 )  # fmt: skip
-from omni_reproduce.track_figure import draw_tracks
+from omni_reproduce.track_figure import View, draw_tracks
 from omniwheel._core import ffi, lib
 
 NAME = "table3"
 FIGURE = "fig11.png"
+COMPARED = ("published", "position_first", "ours_slowed")
+"""Settings that stand beside the published figures."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class MotorLoops:
         self._supply_V = supply_V
         self._limits_alone = not spec["keep_direction"]
         self._step_s = step_s
+        self._step_us = round(1e6 * step_s)
         self._state = ffi.new("omni_wheel_speed_state_t *")
         self._config = ffi.new("omni_wheel_speed_config_t *")
         self._config.wheels = wheels
@@ -73,12 +76,11 @@ class MotorLoops:
         factor = lib.omni_wheel_speed_step(
             self._state, self._config, wheels, self._still, self._measured, supply_V, self._duty, self._volts
         )
-        wanted = self._volts[0:count]
-        limit_V = self._supply_V
-        self._applied[0:count] = [min(max(volts, -limit_V), limit_V) for volts in wanted]
+        volts, limit_V = list(self._volts[0:count]), self._supply_V
+        self._applied[0:count] = [min(max(volt, -limit_V), limit_V) for volt in volts] if self._limits_alone else volts
         lib.hil_world_drive_voltage(state, self._applied)
-        lib.hil_world_step(state, round(1e6 * self._step_s))
-        return bool(factor < 1.0) or max(map(abs, wanted)) > limit_V
+        lib.hil_world_step(state, self._step_us)
+        return bool(factor < 1.0) or list(self._applied[0:count]) != volts
 
 
 def motor_of(spec: Mapping[str, Any]) -> Any:
@@ -144,10 +146,12 @@ def turning_limit_rad(spec: Mapping[str, Any]) -> float:
 _EXPLANATIONS = {
     "published": "Motor, λ, K and P are a fit. The path needs {need:.0f} rad/s at the wheels, the motors reach {top:.0f}: "
     "the voltages are at their limit all the time, and the heading can only follow as a triangle.",
-    "supply": "With three times the voltage what is left is P = 10 at 1 kHz: it overshoots between the limits each tick.",
+    "supply": "With three times the voltage what is left is P = 10 at 1 kHz: it jumps between the limits each tick.",
     "slowed": "The path's clock is slowed {scale:.1f} times, and nothing else changed.",
-    "ours": "Better feed-forward does not help where the voltage is missing; the factor common to all wheels keeps the "
-    "direction and gives up speed.",
+    "ours": "Where the voltage is missing, better feed-forward does not help; the factor common to all wheels keeps the "
+    "direction and gives up speed on all axes.",
+    "position_first": "λ_θ = 2: the error of the heading, which no law can avoid, no longer takes the voltage from x and y.",
+    "ours_supply": "With the voltage that the path needs, the same law comes to the one-step limit.",
     "ours_slowed": "The plan knows the motors' limit and slows the clock {scale:.1f} times; model feed-forward instead of P "
     "alone, derivative and heading of the middle of the step, λ T = 0.8, K as (44) asks for inside a boundary layer.",
 }
@@ -165,14 +169,14 @@ def run(context: Context) -> Result:
     rows: list[Row] = []
     for number, (name, setting) in enumerate(spec["setting"].items()):
         part = found[number * len(seeds) : (number + 1) * len(seeds)]
-        published = spec["published"]["rmse"] if name in ("published", "ours_slowed") else None
+        published = spec["published"]["rmse"] if name in COMPARED else None
         limit, why = _limit(spec, name)
         rmse = np.array([rmse for rmse, _ in part])
         rows += rmse_rows(NAME, setting["title"], rmse, published, limit, f"{_explanation(spec, name)} {why}")
         rows.append(share_row(NAME, setting["title"], "steps with a voltage at its limit", [share for _, share in part]))
     picture = context.folder / FIGURE
     tracks = {spec["setting"][name]["title"]: drive(Case(spec, name, head["seed"])) for name in head["drawn"]}
-    draw_tracks(tracks, head["step_s"], picture, "Figure 11: ISMC over motor loops, four-petal rose while rotating")
+    draw_tracks(tracks, _view(head["step_s"], spec["path"]["size_m"]), picture)
     return Result(tuple(rows), (picture,), (_note(spec),))
 
 
@@ -187,6 +191,11 @@ def _limit(spec: Mapping[str, Any], name: str) -> tuple[Sequence[float | None], 
 def _explanation(spec: Mapping[str, Any], name: str) -> str:
     need, scale = path_of(spec, slowed=False).peak_wheel_rad_s, path_of(spec, slowed=True).scale
     return _EXPLANATIONS[name].format(need=need, top=top_speed_rad_s(spec), scale=scale)
+
+
+def _view(step_s: float, size_m: float) -> View:
+    title = "Figure 11: ISMC over motor loops, four-petal rose while rotating"
+    return View(title, step_s, from_s=10.0, until_s=15.0, centre_m=(0.0, size_m - 0.012), half_width_m=0.09)
 
 
 def _note(spec: Mapping[str, Any]) -> str:

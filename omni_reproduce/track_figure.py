@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
@@ -11,49 +12,81 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
+from matplotlib.patches import Rectangle
 
-from hil_sim.report import STYLE, WANTED
+from hil_sim.report import GREY, STYLE, WANTED
 from omni_reproduce.loops import Track
 
 COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#D55E00")
 _MM, _MRAD = 1e3, 1e3
 
 
-def draw_tracks(tracks: Mapping[str, Track], step_s: float, path: Path, title: str) -> None:
-    """Draw runs by their titles into a PNG file; ``step_s`` is the time between their rows."""
+@dataclass(frozen=True)
+class View:
+    """What the picture shows: the time between rows, the window of the errors, and the place looked at closely."""
+
+    title: str
+    step_s: float
+    from_s: float
+    until_s: float
+    centre_m: tuple[float, float]
+    half_width_m: float
+
+
+def draw_tracks(tracks: Mapping[str, Track], view: View, path: Path) -> None:
+    """Draw runs by their titles into a PNG file."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(13.5, 3.9 + 2.4 * len(tracks)), dpi=120)
+        figure = Figure(figsize=(14.0, 9.5), dpi=115)
         FigureCanvasAgg(figure)
-        figure.suptitle(title, x=0.05, ha="left", fontsize=14, fontweight="bold")
-        grid = figure.add_gridspec(
-            2 * len(tracks), 2, left=0.065, right=0.985, top=0.86, bottom=0.075, hspace=0.55, wspace=0.17
-        )
-        _draw_paths(figure.add_subplot(grid[:, 0]), tracks)
+        figure.text(0.05, 0.968, view.title, fontsize=14, fontweight="bold", va="center")
+        halves = figure.add_gridspec(1, 2, left=0.06, right=0.968, top=0.925, bottom=0.06, wspace=0.16)
+        left = halves[0].subgridspec(3, 1, height_ratios=(0.12 * (1 + len(tracks)), 3.4, 1.0), hspace=0.25)
+        whole, close = figure.add_subplot(left[1]), figure.add_subplot(left[2])
+        _draw_paths(whole, tracks)
+        whole.set(xlabel="x [m]", ylabel="y [m]")
+        whole.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), borderaxespad=0.1)
+        _draw_paths(close, tracks, scale=_MM)
+        close.set(xlabel="x [mm]", ylabel="y [mm]", title="In the grey frame")
+        _look_closely(close, whole, view)
+        right = halves[1].subgridspec(len(tracks), 1, hspace=0.33)
         for number, (name, run) in enumerate(tracks.items()):
-            position = figure.add_subplot(grid[2 * number, 1])
-            heading = figure.add_subplot(grid[2 * number + 1, 1], sharex=position)
-            _draw_errors(position, heading, run, step_s, name, COLOURS[number])
+            _draw_errors(figure, right[number], run, view, name, number)
         figure.savefig(path, metadata={"Software": None})
 
 
-def _draw_paths(axes: Axes, tracks: Mapping[str, Track]) -> None:
+def _draw_paths(axes: Axes, tracks: Mapping[str, Track], scale: float = 1.0) -> None:
     first = next(iter(tracks.values()))
-    axes.plot(*first.reference[:, :2].T, color=WANTED, linewidth=5.0, alpha=0.5, label="reference")
+    axes.plot(*(scale * first.reference[:, :2].T), color=WANTED, linewidth=5.0, alpha=0.45, label="reference")
     for number, (name, run) in enumerate(tracks.items()):
-        driven = run.reference + run.error
-        axes.plot(*driven[:, :2].T, color=COLOURS[number], linewidth=1.2, label=name, linestyle=("-", "--")[number % 2])
+        driven = scale * (run.reference + run.error)
+        style = ("-", "--", ":")[number % 3]
+        axes.plot(*driven[:, :2].T, style, color=COLOURS[number], linewidth=1.3, label=name)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="x [m]", ylabel="y [m]")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
 
 
-def _draw_errors(position: Axes, heading: Axes, run: Track, step_s: float, name: str, colour: str) -> None:
-    time_s = step_s * np.arange(len(run.error))
-    position.plot(time_s, _MM * run.error[:, 0], color=colour, linewidth=0.7, label="x")
-    position.plot(time_s, _MM * run.error[:, 1], color=WANTED, linewidth=0.7, alpha=0.8, label="y")
+def _look_closely(close: Axes, whole: Axes, view: View) -> None:
+    """Show a part of the paths, and draw its frame where all of them are shown."""
+    (x, y), half_x = view.centre_m, view.half_width_m
+    half_y = half_x * float(close.bbox.height / close.bbox.width)
+    close.set_xlim(_MM * (x - half_x), _MM * (x + half_x))
+    close.set_ylim(_MM * (y - half_y), _MM * (y + half_y))
+    whole.add_patch(Rectangle((x - half_x, y - half_y), 2 * half_x, 2 * half_y, fill=False, edgecolor=GREY, zorder=5))
+
+
+def _draw_errors(figure: Figure, place: SubplotSpec, run: Track, view: View, name: str, number: int) -> None:
+    pair = place.subgridspec(2, 1, hspace=0.12)
+    position = figure.add_subplot(pair[0])
+    heading = figure.add_subplot(pair[1], sharex=position)
+    rows = slice(round(view.from_s / view.step_s), round(view.until_s / view.step_s))
+    time_s, error = view.step_s * np.arange(len(run.error))[rows], run.error[rows]
+    position.plot(time_s, _MM * error[:, 0], color=COLOURS[number], linewidth=1.0, label="x")
+    position.plot(time_s, _MM * error[:, 1], color=WANTED, linewidth=1.0, label="y")
     position.set_title(name, fontsize=10)
     position.set(ylabel="error [mm]")
-    position.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, borderaxespad=0.1, handlelength=1.2)
+    position.legend(loc="center left", bbox_to_anchor=(0.995, 0.5), borderaxespad=0.0, handlelength=0.8, handletextpad=0.3)
     position.tick_params(labelbottom=False)
-    heading.plot(time_s, _MRAD * run.error[:, 2], color=colour, linewidth=0.7)
-    heading.set(ylabel="θ error [mrad]", xlabel="time [s]")
+    heading.plot(time_s, _MRAD * error[:, 2], color=COLOURS[number], linewidth=1.0)
+    heading.set(ylabel="θ [mrad]")
+    heading.set_xlabel("time [s]", labelpad=1.0)
+    figure.align_ylabels([position, heading])
