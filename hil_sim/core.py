@@ -8,37 +8,22 @@ from typing import Any
 
 from omni_schema import ParameterTable
 from omniwheel._core import ffi, lib
+from omniwheel.core_config import plan_trajectory, robot_config
+from omniwheel.errors import CoreError
+
+__all__ = [
+    "TICK_US",
+    "CoreError",
+    "fault_names",
+    "path_ticks",
+    "plan_summary",
+    "plan_trajectory",
+    "robot_config",
+    "state_name",
+    "warning_names",
+]
 
 TICK_US = 1000
-
-
-class CoreError(ValueError):
-    """The core refuses a parameter set; the message names the parameter."""
-
-
-def robot_config(values: Mapping[str, float], table: ParameterTable, sequence: int) -> Any:
-    """Return a new ``omni_robot_config_t`` for a complete parameter set; raise CoreError if the core refuses it."""
-    array = ffi.new("omni_real_t[]", [values[parameter.name] for parameter in table.parameters])
-    config = ffi.new("omni_robot_config_t *")
-    bad_index = ffi.new("int32_t *", -1)
-    if lib.omni_robot_config(config, array, bad_index) != lib.OMNI_OK:
-        if bad_index[0] < 0:
-            raise CoreError("the parameters do not fit together; check the geometry and the motor model")
-        parameter = table.parameters[bad_index[0]]
-        raise CoreError(f"{parameter.name} = {values[parameter.name]:g} cannot be used; allowed is {parameter.allowed}")
-    config.sequence = sequence & 0xFFFF
-    return config
-
-
-def plan_trajectory(config: Any, pose: Any) -> Any:
-    """Return a new ``omni_trajectory_t`` from ``pose`` (omni_pose_t *); raise CoreError if it cannot be planned."""
-    plan = ffi.new("omni_trajectory_t *")
-    result = lib.omni_trajectory_plan(
-        plan, ffi.addressof(config, "trajectory"), ffi.addressof(config, "kinematics"), ffi.NULL, pose
-    )
-    if result != lib.OMNI_OK:
-        raise CoreError("the trajectory cannot be planned; check the TRJ_ parameters")
-    return plan
 
 
 def path_ticks(config: Any, share: float) -> int:

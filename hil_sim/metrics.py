@@ -33,13 +33,15 @@ class Rmse:
 class Effort:
     """How hard the wheels worked on the path.
 
-    ``peak_wheel_rad_s`` is the fastest true wheel speed, ``saturated_share`` the share of samples in which wheel
-    speeds or voltages were cut, ``chatter`` the mean change of a duty from one record to the next over the mean duty,
-    both absolute: 0 is perfectly steady, 2 is full reversal every time.
+    ``peak_wheel_rad_s`` is the fastest true wheel speed, ``rms_duty`` the root mean square of all duties,
+    ``saturated_share`` the share of samples in which wheel speeds or voltages were cut, ``chatter`` the mean change of
+    a duty from one record to the next over the mean duty, both absolute: 0 is perfectly steady, 2 is full reversal
+    every time.
     """
 
     peak_wheel_rad_s: float
     peak_duty: float
+    rms_duty: float
     saturated_share: float
     chatter: float
 
@@ -86,7 +88,7 @@ def effort(record: NDArray[Any], wheels: int) -> Effort:
     """Return peaks, saturation and chatter on the path for the first ``wheels`` wheels."""
     path = record[on_path(record)]
     if len(path) < 2:
-        return Effort(np.nan, np.nan, np.nan, np.nan)
+        return Effort(np.nan, np.nan, np.nan, np.nan, np.nan)
     duty = path["duty"][:, :wheels]
     cut = (path["wheel_scale"] < 1.0) | (path["duty_scale"] < 1.0)
     mean_duty = float(np.mean(np.abs(duty)))
@@ -94,6 +96,7 @@ def effort(record: NDArray[Any], wheels: int) -> Effort:
     return Effort(
         peak_wheel_rad_s=float(np.max(np.abs(path["wheel_rad_s"][:, :wheels]))),
         peak_duty=float(np.max(np.abs(duty))),
+        rms_duty=float(np.sqrt(np.mean(duty**2))),
         saturated_share=float(np.mean(cut)),
         chatter=mean_change / mean_duty if mean_duty > 0.0 else 0.0,
     )

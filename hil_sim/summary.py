@@ -19,6 +19,7 @@ from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
 from omni_schema import ParameterTable
 from omniwheel import __version__
+from omniwheel.plain import finite
 
 SUMMARY_FILE = "summary.json"
 RECORD_FILE = "record.npz"
@@ -63,10 +64,10 @@ def summarize(run: Run) -> dict[str, Any]:
         "tick_us": run.tick_us,
         "firmware_version": run.firmware_version,
         "versions": _versions(table),
-        "world": {**scenario.world, "start_pose": list(scenario.start_pose)},
+        "world": {"plant": scenario.plant, **scenario.world, "start_pose": list(scenario.start_pose)},
         "parameters": run.parameters,
     }
-    return {key: _finite(value) for key, value in summary.items()}
+    return {key: finite(value) for key, value in summary.items()}
 
 
 def change(run: Run) -> dict[str, Any] | None:
@@ -140,14 +141,3 @@ def _versions(table: ParameterTable) -> dict[str, Any]:
         "python": platform.python_version(),
         "numpy": np.__version__,
     }
-
-
-def _finite(value: Any) -> Any:
-    """Replace what JSON has no number for (NaN, infinity) by null."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

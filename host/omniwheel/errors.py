@@ -20,7 +20,17 @@
     ├── FirmwareError                 the PC firmware program
     │   ├── FirmwareNotFoundError     it is not installed
     │   └── FirmwareStartError        it ended or did not get ready
+    ├── MocapError                    a stream of poses from motion capture
+    │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
+    │   ├── MocapLibraryError         the library that reads it is not installed
+    │   └── MocapLostError            it cannot be reached, or went away
+    ├── LegacyStopError               the host's control loop stopped the robot by itself
+    ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
+    ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
+    ├── IdentificationError           the data cannot show what was asked for; says what is missing
+    ├── MissingPackageError           a command needs an optional package that is not installed
+    ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     └── VersionMismatchError          robot and host speak different versions
 
 ``str(error)`` is one line that says what happened; ``error.hint`` says what to do about it, or is "".
@@ -141,10 +151,58 @@ class FirmwareStartError(FirmwareError):
     """The PC firmware program ended before it was ready, or did not get ready."""
 
 
+class MocapError(OmniError):
+    """A stream of poses from motion capture."""
+
+
+class MocapSourceError(MocapError, ValueError):
+    """A stream's name, object or file that cannot be understood."""
+
+    exit_code = 2
+
+
+class MocapLibraryError(MocapError):
+    """The library that reads the stream is not installed."""
+
+
+class MocapLostError(MocapError):
+    """The stream cannot be reached, or went away."""
+
+
+class LegacyStopError(OmniError):
+    """The control loop on the host stopped the robot by itself; says why."""
+
+
+class CoreError(OmniError, ValueError):
+    """The control core refuses a parameter set; the message names the parameter."""
+
+    exit_code = 2
+
+
 class RobotFileError(OmniError, ValueError):
     """A robot file that is missing, malformed or out of range."""
 
     exit_code = 2
+
+
+class LogError(OmniError, ValueError):
+    """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
+
+    exit_code = 2
+
+
+class DatasetError(OmniError, ValueError):
+    """Measured data that is no valid dataset: wrong shape, not finite, time that does not rise."""
+
+    exit_code = 2
+
+
+class IdentificationError(OmniError):
+    """The data cannot show what was asked for: too short, not excited, saturated."""
+
+
+class MissingPackageError(OmniError):
+    """A command needs an optional package that is not installed."""
 
 
 class VersionMismatchError(OmniError):

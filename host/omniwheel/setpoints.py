@@ -26,6 +26,8 @@ _IGNORE_YAW = _M.POSITION_TARGET_TYPEMASK_YAW_IGNORE
 _IGNORE_YAW_RATE = _M.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 _FRAMES = {"body": _M.MAV_FRAME_BODY_FRD, "world": _M.MAV_FRAME_LOCAL_NED}
 _UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
+_INT16_MAX = 32767
+_MAX_TIME_MS = 2**32 - 1
 
 
 def finite(name: str, value: float) -> float:
@@ -91,4 +93,15 @@ def pose_fix_message(pose: Pose, time_us: int) -> Message:
     message: Message = _M.MAVLink_vicon_position_estimate_message(
         time_us, x, y, 0.0, 0.0, 0.0, yaw, _UNKNOWN_COVARIANCE
     )
+    return message
+
+
+def compact_fix_message(pose: Pose, time_us: int) -> Message:
+    """Return a pose fix as OMNI_POSE_FIX: millimetres, 0.1 mrad, milliseconds; SetpointError beyond 32.767 m."""
+    _all_finite(pose)
+    x_mm, y_mm = round(pose.x * 1e3), round(pose.y * 1e3)
+    if max(abs(x_mm), abs(y_mm)) > _INT16_MAX:
+        raise SetpointError(f"x = {pose.x:g} m, y = {pose.y:g} m: a compact pose fix reaches 32.767 m at most")
+    theta = round(math.remainder(pose.theta, math.tau) * 1e4)
+    message: Message = _M.MAVLink_omni_pose_fix_message(min(round(time_us / 1e3), _MAX_TIME_MS), x_mm, y_mm, theta)
     return message

@@ -28,7 +28,8 @@ COMMANDS = [
 
 
 def run(*words: str, code: int = 0) -> Any:
-    result = runner.invoke(app, list(words))
+    # Wide enough that no message is broken into lines, however long the paths in it are.
+    result = runner.invoke(app, list(words), env={"COLUMNS": "400"})
     assert result.exit_code == code, (result.output, result.stderr, result.exception)
     return result
 
@@ -263,3 +264,26 @@ def test_doctor_fails_when_something_required_is_missing(monkeypatch: pytest.Mon
 
 def test_the_version_is_printed() -> None:
     assert run("--version").stdout.startswith("omniwheel ")
+
+
+def test_reproduce_lists_what_there_is_and_refuses_what_there_is_not() -> None:
+    listed = run("reproduce", "--list").stdout
+    assert "controllers" in listed
+    assert "did you mean" in run("reproduce", "controlers", code=2).stderr
+    assert "shows no data" in run("reproduce", "fig9", code=2).stderr
+
+
+def test_reproduce_says_what_an_experiment_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from omni_reproduce.experiment import Context, Result, Row
+    from omni_reproduce.registry import Experiment
+
+    def found(self: Experiment, context: Context) -> Result:
+        return Result((Row(self.name, "ours", "x RMSE", "m", 0.001, 1e-5, 3, 0.002, explanation="Because."),))
+
+    monkeypatch.setattr(Experiment, "run", found)
+    everything = run_json("reproduce", "controllers", "--out", str(tmp_path))
+    row = everything["rows"][0]
+    assert (row["experiment"], row["published"], row["ours"], row["seeds"]) == ("controllers", 0.002, 0.001, 3)
+    shown = run("reproduce", "controllers", "--out", str(tmp_path)).stdout
+    assert all(text in shown for text in ("x RMSE [m]", "0.00200", "0.00100 ± 0.00001", "0.50", "[1] Because."))
+    assert "Because." in (tmp_path / "reproduce-2" / "report.html").read_text(encoding="utf-8")

@@ -8,7 +8,28 @@ from typing import Annotated
 import typer
 
 from omniwheel import __version__
-from omniwheel.cli import bench, demo, doctor, drive, hil, monitor, params, plot, record, robots, sim, sitl, tune
+from omniwheel.cli import (
+    bench,
+    demo,
+    doctor,
+    drive,
+    hil,
+    identify,
+    identify_logs,
+    legacy,
+    logs,
+    mocap,
+    monitor,
+    params,
+    plot,
+    record,
+    replay,
+    reproduce,
+    robots,
+    sim,
+    sitl,
+    tune,
+)
 from omniwheel.cli.common import OmniGroup, console
 
 app = typer.Typer(
@@ -42,12 +63,19 @@ app.command("hil", epilog=hil.EXAMPLES)(hil.hil)
 app.command("sim", epilog=sim.EXAMPLES)(sim.sim)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("plot", epilog=plot.EXAMPLES)(plot.plot)
+app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.add_typer(params.app, name="params")
 app.add_typer(drive.app, name="drive")
+app.add_typer(legacy.app, name="legacy")
+app.add_typer(mocap.app, name="mocap")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
+app.add_typer(logs.app, name="logs")
+app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
+identify.app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
+app.add_typer(identify.app, name="identify")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 

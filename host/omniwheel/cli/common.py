@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +16,7 @@ from omni_schema import SchemaError
 from omniwheel.connection import Recorder
 from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
 from omniwheel.paths import MissingFileError
+from omniwheel.plain import finite
 from omniwheel.ports import serial_ports
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot, connect
 
@@ -88,15 +88,7 @@ def print_json(value: Any, *, one_line: bool = False) -> None:
 
     ``one_line`` is for commands that go on running: a program reads a line and knows that it has all of it.
     """
-    typer.echo(json.dumps(_finite(value), indent=None if one_line else 2, default=str, allow_nan=False))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    typer.echo(json.dumps(finite(value), indent=None if one_line else 2, default=str, allow_nan=False))
 
 
 def note(text: str, *, quiet: bool = False) -> None:

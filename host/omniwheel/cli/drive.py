@@ -9,7 +9,9 @@ from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from omniwheel.cli import legacy
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -25,7 +27,24 @@ from omniwheel.errors import OmniError
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.telemetry import Tracking
 
-app = typer.Typer(help="Move the robot; it is disarmed at the end and on Ctrl-C.", no_args_is_help=True)
+LEGACY = "--legacy"
+
+
+class DriveGroup(TyperGroup):
+    """``omni drive --legacy ...`` is ``omni legacy ...``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the group's words."""
+        return super().parse_args(ctx, ["legacy", *args[1:]] if args[:1] == [LEGACY] else args)
+
+
+app = typer.Typer(
+    cls=DriveGroup,
+    help="Move the robot; it is disarmed at the end and on Ctrl-C. With --legacy first: the original four-wheel robot, "
+    "with the controller on this computer (see omni legacy).",
+    no_args_is_help=True,
+)
+app.add_typer(legacy.app, name="legacy", hidden=True)
 
 _SLICE_S = 0.25
 _SETTLED_M = 0.005

@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: MIT
+"""``omni legacy`` (and ``omni drive --legacy``): the controller on the host, PWM lines to the robot."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.markup import escape
+from rich.table import Table
+
+from hil_sim.scenario import MAX_SEED
+from omni_schema import Robot
+from omniwheel.cli.common import JsonOption, console, examples, note, parse_assignments, print_json, writable_path
+from omniwheel.errors import LinkUrlError, MocapSourceError
+from omniwheel.frames import Pose
+from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettings, legacy_values
+from omniwheel.legacy.loop import SETTLE_S, Goal, LegacyLoop, LegacyRun
+from omniwheel.legacy.pwm_line import DEFAULT_BAUD, FULL_PWM, MOTORS, STOP_LINES, PwmRadio
+from omniwheel.link import Link, open_link, parse_url
+from omniwheel.mocap.source import MocapSource, open_source
+from omniwheel.robots import read_robot
+
+app = typer.Typer(
+    help="Drive the original four-wheel robot: the controller runs here, the robot gets pwm1,pwm2,pwm3,pwm4*.",
+    no_args_is_help=True,
+)
+_SETTLED_FROM = 0.25
+
+RobotOption = Annotated[str, typer.Option("--robot", metavar="NAME|FILE", help="Geometry, motors and gains.")]
+SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and cameras are simulated; no hardware.")]
+PortOption = Annotated[
+    str | None, typer.Option("--port", metavar="URL", help="The XBee: /dev/ttyUSB0, COM3 or tcp:HOST:PORT.")
+]
+BaudOption = Annotated[int, typer.Option("--baud", min=1200, help="Baud rate of the XBee.")]
+SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="Poses: vicon:HOST/OBJECT.")]
+ParamOption = Annotated[
+    list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Change a parameter; repeatable.")
+]
+PwmMinOption = Annotated[int, typer.Option("--pwm-min", help="PWM below which the wheels stand; compensated.")]
+FullSpeedOption = Annotated[
+    float | None, typer.Option("--full-speed", help="Wheel speed at PWM 255 \\[rad/s]. \\[default: the robot file's]")
+]
+DelayOption = Annotated[float, typer.Option("--delay", help="From sending PWM until the wheels follow \\[s].")]
+DurationOption = Annotated[float, typer.Option("--for", min=0.1, metavar="S", help="Stop then at the latest.")]
+PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw path, errors and PWM.")]
+StartOption = Annotated[
+    tuple[float, float, float],
+    typer.Option("--start", help="Where the simulated robot stands: x, y \\[m], theta \\[rad]."),
+]
+DeadBandOption = Annotated[
+    float, typer.Option("--dead-band", min=0.0, max=250.0, help="PWM up to which the simulated wheels stand.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the simulation.")]
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The options of a run."""
+
+    robot: str
+    simulate: bool
+    port: str | None
+    baud: int
+    source: str | None
+    param: list[str] | None
+    settings: LegacySettings
+    plot: Path | None
+    start: tuple[float, float, float]
+    dead_band: float
+    seed: int
+    duration_s: float
+    as_json: bool
+
+
+@app.command(
+    "pose",
+    epilog=examples(
+        "omni legacy pose 0 0 0 --simulate --start 1.2 -0.8 1",
+        "omni legacy pose 0 0 0 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot --pwm-min 60",
+    ),
+)
+def pose(
+    x: Annotated[float, typer.Argument(help="World x \\[m].")],
+    y: Annotated[float, typer.Argument(help="World y \\[m].")],
+    theta: Annotated[float, typer.Argument(help="World theta \\[rad], counter-clockwise.")],
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", min=0.0, help="End once this close for a second \\[m]; 0: hold the pose.")
+    ] = 0.01,
+    robot: RobotOption = "four_wheel",
+    simulate: SimulateOption = False,
+    port: PortOption = None,
+    baud: BaudOption = DEFAULT_BAUD,
+    source: SourceOption = None,
+    param: ParamOption = None,
+    pwm_min: PwmMinOption = 0,
+    full_speed: FullSpeedOption = None,
+    delay: DelayOption = LegacySettings.delay_s,
+    duration: DurationOption = 60.0,
+    plot: PlotOption = None,
+    start: StartOption = (1.2, -0.8, 1.0),
+    dead_band: DeadBandOption = 0.0,
+    seed: SeedOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Go to a world pose and stay there. Exit code 1: not there in time."""
+    settings = LegacySettings(full_speed, pwm_min, delay)
+    wanted = _Wanted(
+        robot, simulate, port, baud, source, param, settings, plot, start, dead_band, seed, duration, as_json
+    )
+    run = _run(wanted, Goal(Pose(x, y, theta), tolerance), {})
+    if not run.done and tolerance > 0.0:
+        note(f"not within {tolerance * 1e3:g} mm after {duration:g} s")
+        raise typer.Exit(1)
+
+
+@app.command(
+    "trajectory",
+    epilog=examples(
+        "omni legacy trajectory rose --simulate",
+        "omni legacy trajectory circle -p TRJ_SIZE=0.3 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot",
+    ),
+)
+def trajectory(
+    type_name: Annotated[str, typer.Argument(metavar="TYPE", help="line, circle, rose, report, random")] = "rose",
+    robot: RobotOption = "four_wheel",
+    simulate: SimulateOption = False,
+    port: PortOption = None,
+    baud: BaudOption = DEFAULT_BAUD,
+    source: SourceOption = None,
+    param: ParamOption = None,
+    pwm_min: PwmMinOption = 0,
+    full_speed: FullSpeedOption = None,
+    delay: DelayOption = LegacySettings.delay_s,
+    duration: DurationOption = 600.0,
+    plot: PlotOption = None,
+    start: StartOption = (0.5, 0.0, 0.0),
+    dead_band: DeadBandOption = 0.0,
+    seed: SeedOption = 1,
+    as_json: JsonOption = False,
+) -> None:
+    """Follow the path that the TRJ_* parameters describe. Exit code 1: not driven to its end."""
+    settings = LegacySettings(full_speed, pwm_min, delay)
+    wanted = _Wanted(
+        robot, simulate, port, baud, source, param, settings, plot, start, dead_band, seed, duration, as_json
+    )
+    run = _run(wanted, Goal(), {"TRJ_TYPE": type_name})
+    if not run.done:
+        note(f"the path is not finished after {duration:g} s")
+        raise typer.Exit(1)
+
+
+@app.command(
+    "motor",
+    epilog=examples("omni legacy motor 1 120 --port /dev/ttyUSB0", "omni legacy motor --port COM3 --for 2 -- 3 -80"),
+)
+def motor(
+    number: Annotated[int, typer.Argument(min=1, max=MOTORS, help="Which motor: its place in the line.")],
+    pwm: Annotated[int, typer.Argument(min=-FULL_PWM, max=FULL_PWM, help="PWM.")],
+    port: Annotated[str, typer.Option("--port", metavar="URL", help="The XBee: /dev/ttyUSB0, COM3, tcp:HOST:PORT.")],
+    baud: BaudOption = DEFAULT_BAUD,
+    duration: Annotated[float, typer.Option("--for", min=0.1, max=60.0, metavar="S", help="How long.")] = 1.0,
+) -> None:
+    """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
+    line = tuple(pwm if place == number else 0 for place in range(1, MOTORS + 1))
+    with _signals_stop(), _radio_link(port, baud) as link:
+        radio = PwmRadio(link, time.monotonic, baud=baud)
+        end_s = time.monotonic() + duration
+        try:
+            while time.monotonic() < end_s:
+                radio.offer(line)
+                time.sleep(PERIOD_S)
+        finally:
+            for _ in range(STOP_LINES):
+                radio.stop()
+                time.sleep(PERIOD_S)
+    note(
+        f"motor {number} had PWM {pwm}. Positive must turn the robot counter-clockwise; if not: W{number}_MOT_DIR = -1"
+    )
+
+
+def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> LegacyRun:
+    if wanted.plot is not None:
+        writable_path(wanted.plot, "--plot")
+    robot = read_robot(wanted.robot)
+    values = legacy_values(robot, {**changes, **parse_assignments(wanted.param or [])})
+    controller = LegacyController(robot, values, wanted.settings)
+    truth: list[NDArray[np.float64]] = []
+    with _hardware(wanted, robot, truth) as (source, link, watch):
+        radio = PwmRadio(link, source.clock, baud=wanted.baud)
+        loop = LegacyLoop(controller, source, radio, goal)
+        note("driving; Ctrl-C stops the robot", quiet=wanted.as_json)
+        run = loop.run(wanted.duration_s, watch)
+        seconds = source.clock() - run.started_s
+    record, true_poses = run.record(), np.array(truth) if truth else None
+    _show(run, radio, seconds, record, true_poses, wanted, goal.pose is None)
+    if wanted.plot is not None and len(record):
+        from omniwheel.legacy.picture import draw_legacy_run
+
+        draw_legacy_run(record, true_poses, f"{robot.name}, controller on the host at 50 Hz", wanted.plot)
+        note(f"{wanted.plot}", quiet=wanted.as_json)
+    return run
+
+
+@contextmanager
+def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple[MocapSource, Link, Any]]:
+    """Open poses and radio, real or simulated, and what is called at each step."""
+    if wanted.simulate:
+        yield _simulation(wanted, robot, truth)
+        return
+    if not wanted.port:
+        raise LinkUrlError("which radio? --port is missing", hint="e.g. --port /dev/ttyUSB0; --simulate needs none")
+    kind = (wanted.source or "").partition(":")[0]
+    if kind != "vicon":
+        what = f"--source {wanted.source} does not see the robot" if wanted.source else "--source is missing"
+        hint = "--source vicon:HOST/OBJECT, or --simulate"
+        raise MocapSourceError(f"{what}: a real robot needs real poses", hint=hint)
+    with _signals_stop():
+        source = open_source(str(wanted.source))
+        try:
+            with _radio_link(wanted.port, wanted.baud) as link:
+                yield source, link, None
+        finally:
+            source.close()
+
+
+@contextmanager
+def _radio_link(port: str, baud: int) -> Iterator[Link]:
+    """Open the radio; ``baud`` is for serial ports that do not name theirs."""
+    plain_serial = parse_url(port).kind == "serial" and "," not in port
+    link = open_link(f"{port},{baud}" if plain_serial else port)
+    try:
+        yield link
+    finally:
+        link.close()
+
+
+@contextmanager
+def _signals_stop() -> Iterator[None]:
+    """SIGTERM ends the block as Ctrl-C does, so that the robot is stopped on the way out."""
+    previous = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapSource, Link, Any]:
+    from omniwheel.legacy.simulated_robot import SimulatedLink, SimulatedRobot
+
+    simulated = SimulatedRobot(
+        robot,
+        start_pose=Pose(*wanted.start),
+        seed=wanted.seed,
+        baud=wanted.baud,
+        dead_band_pwm=wanted.dead_band,
+    )
+
+    def watch(_time_s: float, run: LegacyRun) -> None:
+        if len(run.samples) > len(truth):
+            truth.append(simulated.world.truth)
+
+    return simulated, SimulatedLink(simulated), watch
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _rms(error: NDArray[np.float64], moving: bool) -> dict[str, float]:
+    """RMS of a pose error: of a path after its first quarter, of a pose over the last second. m, m, rad."""
+    first = int(_SETTLED_FROM * len(error)) if moving else max(0, len(error) - round(SETTLE_S / PERIOD_S))
+    turn = np.arctan2(np.sin(error[:, 2]), np.cos(error[:, 2]))
+    x, y, theta = np.sqrt(np.mean(np.square(np.column_stack([error[:, :2], turn])[first:]), axis=0))
+    return {"x_m": float(x), "y_m": float(y), "theta_rad": float(theta)}
+
+
+def _show(
+    run: LegacyRun,
+    radio: PwmRadio,
+    seconds: float,
+    record: NDArray[np.float64],
+    truth: NDArray[np.float64] | None,
+    wanted: _Wanted,
+    moving: bool,
+) -> None:
+    figures: dict[str, dict[str, float]] = {}
+    if len(record):
+        figures["estimate"] = _rms(record[:, 7:10], moving)
+        if truth is not None:
+            figures["truth"] = _rms(truth[: len(record)] - record[: len(truth), 4:7], moving)
+    radio_numbers = {
+        "lines": radio.lines,
+        "lines_per_s": radio.lines / seconds,
+        "bytes_per_s": radio.bytes / seconds,
+        "unchanged": radio.unchanged,
+        "held_back": radio.held_back,
+    }
+    counts = {"fixes": run.fixes, "refused": run.refused, "pauses": run.pauses, "late_steps": run.late}
+    if wanted.as_json:
+        print_json({"done": run.done, "duration_s": seconds, "error": figures, "radio": radio_numbers, **counts})
+        return
+    table = Table(title=f"{seconds:.1f} s, {'done' if run.done else 'not done'}", title_justify="left")
+    window = "after the first quarter" if moving else "last second"
+    table.add_column(f"RMS error, {window}")
+    for heading in ("x [mm]", "y [mm]", "theta [mrad]"):
+        table.add_column(escape(heading), justify="right")
+    for name, numbers in figures.items():
+        table.add_row(name, *(f"{1e3 * value:.1f}" for value in numbers.values()))
+    console.print(table)
+    console.print(
+        f"radio: {radio.lines} lines, {radio.lines / seconds:.1f} per s, {radio.bytes / seconds:.0f} B/s; "
+        f"{radio.unchanged} unchanged ones skipped, {radio.held_back} held back for lack of room"
+    )
+    console.print(f"poses: {run.fixes} used, {run.refused} refused, {run.pauses} pauses; {run.late} late steps")

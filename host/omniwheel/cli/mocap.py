@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""``omni mocap``: motion-capture poses to a robot, or into a file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omniwheel.cli.common import (
+    JsonOption,
+    LinkOption,
+    TimeoutOption,
+    console,
+    examples,
+    link_url,
+    note,
+    print_json,
+    writable_path,
+)
+from omniwheel.mocap.bridge import MESSAGES, Bridge, BridgeSettings, BridgeStatistics
+from omniwheel.mocap.recorded import RecordingWriter
+from omniwheel.mocap.source import MocapSource, open_source
+from omniwheel.robot import DEFAULT_TIMEOUT_S
+
+app = typer.Typer(help="Send motion-capture poses to a robot, or record them.", no_args_is_help=True)
+_SLICE_S = 0.25
+
+SourceOption = Annotated[
+    str, typer.Option("--source", metavar="STREAM", help="vicon:HOST/OBJECT, recorded:FILE or simulated.")
+]
+DurationOption = Annotated[
+    float, typer.Option("--for", min=0.0, metavar="S", help="Default: until Ctrl-C or the end.", show_default=False)
+]
+
+
+@app.command(
+    "bridge",
+    epilog=examples(
+        "omni mocap bridge --source vicon:192.168.1.10/robot --link /dev/ttyUSB0,9600",
+        "omni mocap bridge --source recorded:lap.csv --as vicon --rate 50 --budget 100000 --link /dev/ttyACM0",
+        "omni mocap bridge --source simulated --link tcp:127.0.0.1:5760 --for 10",
+    ),
+)
+def bridge(
+    source: SourceOption,
+    message: Annotated[
+        str, typer.Option("--as", metavar="KIND", help=f"Message to send: {' or '.join(MESSAGES)}.")
+    ] = BridgeSettings.message,
+    rate: Annotated[float, typer.Option("--rate", help="Most fixes per second.")] = BridgeSettings.rate_Hz,
+    budget: Annotated[
+        float, typer.Option("--budget", help="Bytes per second the bridge may send; the default is half of 9600 baud.")
+    ] = BridgeSettings.budget_bytes_s,
+    max_age: Annotated[
+        float, typer.Option("--max-age", help="Poses older than this are not sent \\[s].")
+    ] = BridgeSettings.max_age_s,
+    duration: DurationOption = math.inf,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulated stream.")] = 1,
+    link: LinkOption = None,
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    as_json: JsonOption = False,
+) -> None:
+    """Send poses to a robot as pose fixes, stamped in its own time, within the radio's budget."""
+    settings = BridgeSettings(message, rate, budget, max_age)
+    url = link_url(link)
+    stream = open_source(source, seed=seed, timeout_s=timeout)
+    try:
+        with Bridge(stream, url, settings, timeout_s=timeout) as running:
+            if settings.possible_rate_Hz < rate:
+                note(f"{budget:g} B/s carry {settings.possible_rate_Hz:.1f} of {rate:g} fixes/s", quiet=as_json)
+            note(f"{stream.name} → {url}; Ctrl-C ends", quiet=as_json)
+            try:
+                running.run(duration, None if as_json else _progress)
+            except KeyboardInterrupt:
+                note("", quiet=as_json)
+            statistics = running.report()
+    finally:
+        stream.close()
+    if as_json:
+        print_json(statistics.as_dict())
+    else:
+        console.print(_line(statistics))
+
+
+def _progress(statistics: BridgeStatistics) -> None:
+    note(_line(statistics))
+
+
+def _line(s: BridgeStatistics) -> str:
+    """The statistics in one line."""
+    rate = s.sent / s.duration_s if s.duration_s > 0.0 else 0.0
+    load = s.bytes_sent / s.duration_s if s.duration_s > 0.0 else 0.0
+    latency = "–" if math.isnan(s.latency_mean_s) else f"{1e3 * s.latency_mean_s:.0f} ms"
+    return (
+        f"{s.received} poses, {s.sent} sent ({rate:.1f}/s, {load:.0f} B/s), {s.overtaken} overtaken, {s.stale} stale, "
+        f"{s.refused} refused; latency {latency}; robot's clock {s.offset_s:+.3f} s "
+        f"± {1e3 * s.offset_error_s:.0f} ms, round trip {1e3 * s.round_trip_s:.0f} ms"
+    )
+
+
+@app.command(
+    "record",
+    epilog=examples(
+        "omni mocap record lap.csv --source vicon:192.168.1.10/robot",
+        "omni mocap record test.csv --source simulated --for 10",
+    ),
+)
+def record(
+    out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="One pose per line.")],
+    source: SourceOption,
+    duration: DurationOption = math.inf,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulated stream.")] = 1,
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    as_json: JsonOption = False,
+) -> None:
+    """Record a stream of poses; --source recorded:FILE replays it."""
+    writable_path(out, "record")
+    if out.exists() and not force:
+        raise typer.BadParameter(f"{out} exists already; choose another name or give --force")
+    stream = open_source(source, seed=seed, timeout_s=timeout)
+    try:
+        with RecordingWriter(out) as writer:
+            note(f"recording {stream.name} to {out}; Ctrl-C ends", quiet=as_json)
+            try:
+                _copy(stream, writer, duration)
+            except KeyboardInterrupt:
+                note("", quiet=as_json)
+    finally:
+        stream.close()
+    note(f"{writer.poses} poses in {out}", quiet=as_json)
+    if as_json:
+        print_json({"file": str(out), "poses": writer.poses})
+
+
+def _copy(stream: MocapSource, writer: RecordingWriter, duration_s: float) -> None:
+    end_s = stream.clock() + duration_s
+    while (left_s := end_s - stream.clock()) > 0.0 and not stream.ended:
+        measured = stream.read(min(left_s, _SLICE_S))
+        if measured is not None:
+            writer.write(measured)

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: MIT
+"""Poses from motion capture: Vicon, recorded and simulated streams, and the bridge that sends them to a robot."""
+
+from omniwheel.mocap.bridge import Bridge, BridgeSettings, BridgeStatistics
+from omniwheel.mocap.source import MocapPose, MocapSource, newest, open_source
+
+__all__ = ["Bridge", "BridgeSettings", "BridgeStatistics", "MocapPose", "MocapSource", "newest", "open_source"]

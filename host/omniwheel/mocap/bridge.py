@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: MIT
+"""The bridge: motion-capture poses to a robot as pose fixes, in its own time and within what the radio can carry.
+
+A fix says when it was taken, in the robot's clock, so its age on arrival doesn't matter. What cannot be sent is
+dropped, never queued: the newest pose always goes first. The bridge sends no heartbeats, so it is no ground station,
+and a robot whose ground station falls silent stops although the bridge goes on.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+from omniwheel.byte_budget import BITS_PER_BYTE, ByteBudget, MeteredLink
+from omniwheel.dialect import Message
+from omniwheel.errors import LinkTimeoutError, SetpointError
+from omniwheel.frames import Pose
+from omniwheel.link import Link, open_link
+from omniwheel.mocap.source import MocapPose, MocapSource, newest
+from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot, connect
+from omniwheel.setpoints import compact_fix_message, pose_fix_message
+from omniwheel.timesync import TimeSync
+
+MESSAGES: dict[str, Callable[[Pose, int], Message]] = {"compact": compact_fix_message, "vicon": pose_fix_message}
+FRAME_BYTES = {"compact": 22, "vicon": 48}
+"""Largest frame of each kind without signature [bytes]."""
+RADIO_BAUD = 9600
+RADIO_SHARE = 0.5
+"""Share of a radio that fixes may take; commands and telemetry need the rest."""
+OVERHEAD_BYTES = 64
+"""What may go out at once beside a fix: a TIMESYNC request and a command."""
+_POLL_S = 0.01
+
+
+@dataclass(frozen=True)
+class BridgeSettings:
+    """How to send.
+
+    ``message`` is "compact" or "vicon", ``rate_Hz`` the most fixes sent per second, ``budget_bytes_s`` what all bytes
+    of the bridge together may take (default: half of a 9600-baud radio), ``max_age_s`` the oldest pose sent.
+    """
+
+    message: str = "compact"
+    rate_Hz: float = 20.0
+    budget_bytes_s: float = RADIO_SHARE * RADIO_BAUD / BITS_PER_BYTE
+    max_age_s: float = 0.2
+
+    def __post_init__(self) -> None:
+        if self.message not in MESSAGES:
+            raise SetpointError(f"the message is {self.message!r}; allowed are {', '.join(MESSAGES)}")
+        for name in ("rate_Hz", "budget_bytes_s", "max_age_s"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise SetpointError(f"{name} is {value}; a number above 0 is needed")
+
+    @property
+    def possible_rate_Hz(self) -> float:
+        """The rate that the budget allows."""
+        return min(self.rate_Hz, self.budget_bytes_s / FRAME_BYTES[self.message])
+
+
+@dataclass
+class BridgeStatistics:
+    """What became of the poses that came.
+
+    ``sent``; ``overtaken`` by newer ones while rate or budget made them wait; ``stale`` when their turn came;
+    ``refused``, because the message cannot express them. Latencies are from the cameras to the radio.
+    """
+
+    received: int = 0
+    sent: int = 0
+    overtaken: int = 0
+    stale: int = 0
+    refused: int = 0
+    bytes_sent: int = 0
+    duration_s: float = 0.0
+    latency_mean_s: float = math.nan
+    latency_max_s: float = 0.0
+    offset_s: float = math.nan
+    offset_error_s: float = math.nan
+    round_trip_s: float = math.nan
+    clock_restarts: int = 0
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the numbers by name."""
+        return asdict(self)
+
+
+class Bridge:
+    """Sends the poses of ``source`` to the robot on ``link``, which it owns from then on. A context manager.
+
+    ``source`` and ``clock`` must tell the same time. Raises what :func:`omniwheel.connect` raises, and
+    LinkTimeoutError if the robot does not answer TIMESYNC.
+    """
+
+    def __init__(
+        self,
+        source: MocapSource,
+        link: str | Link,
+        settings: BridgeSettings = BridgeSettings(),
+        *,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.settings = settings
+        self.statistics = BridgeStatistics()
+        self._source = source
+        self._clock = clock
+        self._frame_bytes = FRAME_BYTES[settings.message]
+        self._budget = ByteBudget(settings.budget_bytes_s, self._frame_bytes + OVERHEAD_BYTES, clock)
+        base = open_link(link, timeout_s=timeout_s) if isinstance(link, str) else link
+        self._link = MeteredLink(base, self._budget)
+        self.robot: Robot = connect(self._link, timeout_s=timeout_s, heartbeat=False, clock=clock)
+        self._sync = TimeSync(self.robot.connection)
+        self._waiting: MocapPose | None = None
+        self._latency_sum_s = 0.0
+        self._wait_for_clock(timeout_s)
+        self._start_s = self._next_s = clock()
+
+    def __enter__(self) -> Bridge:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the link; the source stays the caller's."""
+        self.robot.close()
+
+    def _wait_for_clock(self, timeout_s: float) -> None:
+        end_s = self._clock() + timeout_s
+        while not self._sync.synchronised:
+            self._sync.serve()
+            self.robot.connection.poll(_POLL_S)
+            if self._clock() > end_s:
+                self.close()
+                raise LinkTimeoutError(
+                    f"the robot does not answer TIMESYNC within {timeout_s:g} s",
+                    hint="does the radio carry both directions, and is nothing else using all of it?",
+                )
+
+    def run(self, duration_s: float, progress: Callable[[BridgeStatistics], None] | None = None) -> BridgeStatistics:
+        """Serve for ``duration_s`` or until the source ends; ``progress`` is called about once per second."""
+        end_s = self._clock() + duration_s
+        report_s = self._clock() + 1.0
+        while (now_s := self._clock()) < end_s and not (self._source.ended and self._waiting is None):
+            self.step(min(_POLL_S, end_s - now_s))
+            if progress is not None and now_s >= report_s:
+                report_s += 1.0
+                progress(self.report())
+        return self.report()
+
+    def step(self, timeout_s: float) -> None:
+        """Take what the source has within ``timeout_s``, send what may be sent, listen to the robot."""
+        pose, overtaken = newest(self._source, timeout_s)
+        self.robot.connection.poll(0.0)
+        self._sync.serve()
+        if pose is not None:
+            self.statistics.received += 1 + overtaken
+            self.statistics.overtaken += overtaken + (self._waiting is not None)
+            self._waiting = pose
+        if self._waiting is not None:
+            self._send_if_possible(self._waiting)
+
+    def _send_if_possible(self, measured: MocapPose) -> None:
+        now_s = self._clock()
+        if now_s - measured.taken_s > self.settings.max_age_s:
+            self.statistics.stale += 1
+            self._waiting = None
+        elif now_s >= self._next_s and self._budget.admits(self._frame_bytes):
+            self._waiting = None
+            self._next_s = max(self._next_s + 1.0 / self.settings.rate_Hz, now_s)
+            self._send(measured, now_s)
+
+    def _send(self, measured: MocapPose, now_s: float) -> None:
+        time_us = max(1, self._sync.robot_time_us(measured.taken_s))
+        try:
+            message = MESSAGES[self.settings.message](measured.pose, time_us)
+        except SetpointError:
+            self.statistics.refused += 1
+            return
+        self.robot.send(message)
+        latency_s = now_s - measured.taken_s
+        self.statistics.sent += 1
+        self._latency_sum_s += latency_s
+        self.statistics.latency_max_s = max(self.statistics.latency_max_s, latency_s)
+
+    def report(self) -> BridgeStatistics:
+        """Return the statistics, brought up to date."""
+        s, best = self.statistics, self._sync.best
+        s.bytes_sent = self._link.bytes_written
+        s.duration_s = self._clock() - self._start_s
+        s.latency_mean_s = self._latency_sum_s / s.sent if s.sent else math.nan
+        s.clock_restarts = self._sync.restarts
+        if best is not None:
+            s.offset_s, s.round_trip_s, s.offset_error_s = best.offset_s, best.round_trip_s, best.error_s(self._clock())
+        return s

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""Recorded streams: a CSV file with one pose per line, written by ``omni mocap record`` and replayed as it was.
+
+Columns, in this order and with this header: ``taken_s, arrived_s`` (seconds on one clock of the recording, any
+origin), ``frame`` (the stream's frame number), ``x_m, y_m, theta_rad`` (world, theta counter-clockwise). Lines are in
+the order of arrival.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+
+from omniwheel.errors import MocapSourceError
+from omniwheel.frames import Pose
+from omniwheel.mocap.source import MocapPose
+
+COLUMNS = ("taken_s", "arrived_s", "frame", "x_m", "y_m", "theta_rad")
+_HINT = f"the first line must be {','.join(COLUMNS)}; `omni mocap record` writes such files"
+
+
+class RecordingWriter:
+    """Writes a recording; a context manager. An existing file is replaced."""
+
+    def __init__(self, path: Path) -> None:
+        self.poses = 0
+        try:
+            self._file = path.open("w", encoding="ascii", newline="")
+        except OSError as error:
+            raise MocapSourceError(f"cannot write {path}: {error.strerror}", hint="check folder and rights") from error
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        self._writer.writerow(COLUMNS)
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def write(self, measured: MocapPose) -> None:
+        """Append one pose, micrometres and microseconds exact."""
+        times = (f"{measured.taken_s:.6f}", f"{measured.arrived_s:.6f}", measured.frame)
+        self._writer.writerow((*times, *(f"{value:.6f}" for value in measured.pose)))
+        self.poses += 1
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._file.close()
+
+
+def read_recording(path: Path) -> list[MocapPose]:
+    """Return the poses of a recording. MocapSourceError names file, line, column and what is wrong."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = csv.reader(file)
+            header = next(rows, [])
+            if tuple(word.strip() for word in header) != COLUMNS:
+                raise MocapSourceError(f"{path}:1: these are not the columns of a recording", hint=_HINT)
+            poses = list(_poses(path, rows))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise MocapSourceError(f"cannot read {path}: {reason}", hint=_HINT) from error
+    if not poses:
+        raise MocapSourceError(f"{path}: there is no pose in this recording", hint=_HINT)
+    return poses
+
+
+def _poses(path: Path, rows: Iterator[list[str]]) -> Iterator[MocapPose]:
+    last_s = -math.inf
+    for number, row in enumerate(rows, start=2):
+        where = f"{path}:{number}"
+        if len(row) != len(COLUMNS):
+            raise MocapSourceError(f"{where}: {len(row)} columns instead of {len(COLUMNS)}", hint=_HINT)
+        taken_s, arrived_s, frame, x, y, theta = (_number(where, *pair) for pair in zip(COLUMNS, row, strict=True))
+        if arrived_s < last_s or taken_s > arrived_s:
+            what = "comes before the line above it" if arrived_s < last_s else "is before taken_s"
+            raise MocapSourceError(f"{where}: arrived_s = {arrived_s} {what}", hint="sort the file by arrived_s")
+        last_s = arrived_s
+        yield MocapPose(Pose(x, y, math.remainder(theta, math.tau)), taken_s, arrived_s, int(frame))
+
+
+def _number(where: str, column: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise MocapSourceError(f"{where}: {column} is {text!r}; a finite number is needed", hint=_HINT)
+    return value
+
+
+class RecordedSource:
+    """Replays a recording in its own rhythm: the first pose arrives at once, latencies stay what they were.
+
+    ``clock`` and ``sleep`` may be those of a simulation.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.name = f"recorded:{path}"
+        self._poses = read_recording(path)
+        self._clock = clock
+        self._sleep = sleep
+        self._next = 0
+        self._shift_s = clock() - self._poses[0].arrived_s
+
+    def clock(self) -> float:
+        """Return the present time [s]."""
+        return self._clock()
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last pose has been handed out."""
+        return self._next == len(self._poses)
+
+    def read(self, timeout_s: float) -> MocapPose | None:
+        """Return the next pose when its time has come."""
+        left_s = math.inf if self.ended else self._poses[self._next].arrived_s + self._shift_s - self._clock()
+        if left_s > 0.0 and timeout_s > 0.0:
+            self._sleep(min(left_s, timeout_s))
+        if left_s > timeout_s:
+            return None
+        recorded = self._poses[self._next]
+        self._next += 1
+        arrived_s = recorded.arrived_s + self._shift_s
+        return MocapPose(recorded.pose, recorded.taken_s + self._shift_s, arrived_s, recorded.frame)
+
+    def close(self) -> None:
+        """Nothing to close."""

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT
+"""Vicon DataStream, through the library ``pyvicon-datastream`` (the extra ``vicon``).
+
+Vicon gives millimetres, a quaternion, and for each frame the latency since the cameras saw it [s].
+The library's ``get_frame`` waits for up to a second while it holds Python's interpreter lock, in which time no thread
+of the process could stop a robot. :class:`ViconSource` therefore keeps it in a process of its own.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import multiprocessing
+import signal
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection as Pipe
+from typing import Any
+
+from omniwheel.errors import MocapError, MocapLibraryError, MocapLostError, MocapSourceError
+from omniwheel.frames import Pose
+from omniwheel.mocap.source import DEFAULT_TIMEOUT_S, MocapPose
+
+LIBRARY = "pyvicon_datastream"
+RETRY_S = 1.0
+_MM = 1e-3
+_STARTING_S = 10.0
+_SUBJECTS_SHOWN = 20
+
+
+def load_library() -> Any:
+    """Return the library; MocapLibraryError if it is not installed or its native part does not load."""
+    try:
+        return importlib.import_module(LIBRARY)
+    except ImportError as error:
+        hint = "pip install 'omniwheel[vicon]' (compiles Vicon's SDK: needs a C++ compiler and the internet)"
+        raise MocapLibraryError(f"the Vicon library {LIBRARY} is not usable here: {error}", hint=hint) from error
+
+
+def heading(quaternion: Sequence[float]) -> float:
+    """Return the turn about z [rad, -pi..pi] of a quaternion (w, x, y, z); NaN if it has no direction."""
+    w, x, y, z = (float(value) for value in quaternion)
+    norm2 = w * w + x * x + y * y + z * z
+    if not (math.isfinite(norm2) and norm2 > 0.0):
+        return math.nan
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+class ViconStream:
+    """The library as a stream of poses, in this process: :meth:`read` blocks for up to a second.
+
+    ``library`` is the module (or one like it), ``clock`` gives the stamps.
+    """
+
+    def __init__(self, host: str, subject: str, *, library: Any, clock: Callable[[], float] = time.monotonic) -> None:
+        self.host = host
+        self.subject = subject
+        self.occluded = 0
+        self.connections = 0
+        self._library = library
+        self._clock = clock
+        self._client = library.PyViconDatastream()
+        self._segment: str | None = None
+        self._last_frame: int | None = None
+
+    def connect(self) -> None:
+        """Connect and ask for the segments, each frame pushed as it comes, x forward, y left, z up."""
+        v = self._library
+        result = self._client.connect(self.host)
+        if result not in (v.Result.Success, v.Result.ClientAlreadyConnected):
+            hint = "is Tracker or Nexus running there, and port 801 reachable?"
+            raise MocapLostError(f"no Vicon DataStream at {self.host}: {result.name}", hint=hint)
+        steps = (
+            self._client.enable_segment_data(),
+            self._client.set_stream_mode(v.StreamMode.ServerPush),
+            self._client.set_axis_mapping(v.Direction.Forward, v.Direction.Left, v.Direction.Up),
+        )
+        if any(step != v.Result.Success for step in steps):
+            names = ", ".join(step.name for step in steps)
+            raise MocapLostError(f"the Vicon server {self.host} refuses what a robot needs: {names}")
+        self.connections += 1
+        self._segment = None
+
+    def read(self) -> MocapPose | None:
+        """Return the next frame's pose; None if the object is occluded or no frame came. Raises MocapLostError."""
+        result = self._client.get_frame()
+        if result == self._library.Result.NotConnected:
+            raise MocapLostError(f"the Vicon server {self.host} closed the stream")
+        if result != self._library.Result.Success:
+            return None
+        arrived_s = self._clock()
+        frame = int(self._client.get_frame_number())
+        if frame == self._last_frame:
+            return None
+        self._last_frame = frame
+        pose = self._pose()
+        if pose is None:
+            self.occluded += 1
+            return None
+        return MocapPose(pose, arrived_s - self._latency_s(), arrived_s, frame)
+
+    def _latency_s(self) -> float:
+        latency_s = float(self._client.get_latency_total())
+        return latency_s if math.isfinite(latency_s) and latency_s > 0.0 else 0.0
+
+    def _pose(self) -> Pose | None:
+        segment = self._root_segment()
+        position = self._client.get_segment_global_translation(self.subject, segment)
+        rotation = self._client.get_segment_global_quaternion(self.subject, segment)
+        if position is None or rotation is None:
+            return None
+        pose = Pose(float(position[0]) * _MM, float(position[1]) * _MM, heading(rotation))
+        return pose if all(math.isfinite(value) for value in pose) else None
+
+    def _root_segment(self) -> str:
+        if self._segment is None:
+            name = self._client.get_subject_root_segment_name(self.subject)
+            if name is None:
+                raise self._unknown_subject()
+            self._segment = str(name)
+        return self._segment
+
+    def _unknown_subject(self) -> MocapSourceError:
+        count = min(int(self._client.get_subject_count()), _SUBJECTS_SHOWN)
+        names = [str(self._client.get_subject_name(index)) for index in range(count)]
+        hint = f"it has {', '.join(names)}" if names else "it has no objects: enable one in Tracker"
+        return MocapSourceError(f"the Vicon server {self.host} has no object {self.subject!r}", hint=hint)
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._client.disconnect()
+
+
+class ViconSource:
+    """A Vicon stream as a :class:`~omniwheel.mocap.source.MocapSource`; connects again by itself when it was lost.
+
+    Starts a process, so a program that uses it needs the usual ``if __name__ == "__main__":``. Raises
+    MocapLibraryError, MocapSourceError (no such object) or MocapLostError (not reachable within ``timeout_s``).
+    """
+
+    def __init__(self, host: str, subject: str, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
+        self.name = f"vicon:{host}/{subject}"
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe(duplex=False)
+        self._process = context.Process(target=_serve, args=(theirs, host, subject), daemon=True)
+        self._process.start()
+        theirs.close()
+        try:
+            if not self._pipe.poll(_STARTING_S + timeout_s):
+                raise MocapLostError(f"{self.name} did not answer within {timeout_s:g} s", hint="is the host right?")
+            self._take()
+        except BaseException:
+            self.close()
+            raise
+
+    def clock(self) -> float:
+        """Return the present time [s]: the monotonic clock, which all processes share."""
+        return time.monotonic()
+
+    @property
+    def ended(self) -> bool:
+        """Never: a lost stream is connected to again."""
+        return False
+
+    def read(self, timeout_s: float) -> MocapPose | None:
+        """Return the next pose. Raises MocapSourceError if the object is gone, MocapLostError if the reader ended."""
+        return self._take() if self._pipe.poll(max(0.0, timeout_s)) else None
+
+    def _take(self) -> MocapPose | None:
+        try:
+            said: MocapPose | MocapError | None = self._pipe.recv()
+        except (EOFError, OSError) as error:
+            raise MocapLostError(f"the process that reads {self.name} ended", hint="start again") from error
+        if isinstance(said, MocapError):
+            raise said
+        return said
+
+    def close(self) -> None:
+        """End the reader."""
+        self._pipe.close()
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(3.0)
+
+
+def _serve(pipe: Pipe, host: str, subject: str) -> None:
+    """Read the stream into ``pipe`` for as long as the parent lives: None once connected, then poses, or an error."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which still has a robot to stop
+    with suppress(BrokenPipeError):
+        try:
+            stream = ViconStream(host, subject, library=load_library())
+            stream.connect()
+            pipe.send(None)
+            _forward(pipe, stream)
+        except MocapError as error:
+            pipe.send(error)
+
+
+def _forward(pipe: Pipe, stream: ViconStream) -> None:
+    parent = multiprocessing.parent_process()
+    while parent is None or parent.is_alive():
+        try:
+            pose = stream.read()
+            if pose is not None:
+                pipe.send(pose)
+        except MocapLostError:
+            _reconnect(stream)
+
+
+def _reconnect(stream: ViconStream) -> None:
+    time.sleep(RETRY_S)
+    with suppress(MocapLostError):
+        stream.connect()

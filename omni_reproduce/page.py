@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""The page to put beside the report: Markdown, and the same as HTML, with the pictures next to it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from markdown_it import MarkdownIt
+
+from omni_reproduce.experiment import Row
+from omni_reproduce.numbers import mean_and_sd, number, ratio
+from omni_reproduce.study import Outcome, row_dict
+
+MARKDOWN_FILE = "report.md"
+HTML_FILE = "report.html"
+JSON_FILE = "rows.json"
+
+HEADINGS = ("setting", "quantity", "unit", "published", "ours", "seeds", "limit", "ours / published", "")
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
+h1, h2 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid #ccc; padding-top: 1.5rem; }
+table { border-collapse: collapse; font-size: 13.5px; }
+th, td { padding: .2rem .7rem; border-bottom: 1px solid #e4e4e4; }
+th { text-align: left; } td:nth-child(n+4):nth-child(-n+8) { text-align: right; white-space: nowrap; }
+img { max-width: 100%; } code { background: #f3f3f3; padding: 0 .2rem; }
+"""
+
+
+def footnotes(rows: Sequence[Row]) -> tuple[list[str], list[str]]:
+    """Return each row's footnote mark ("" for none) and the explanations, equal ones once."""
+    texts: list[str] = []
+    marks = []
+    for row in rows:
+        if row.explanation and row.explanation not in texts:
+            texts.append(row.explanation)
+        marks.append(f"[{texts.index(row.explanation) + 1}]" if row.explanation else "")
+    return marks, texts
+
+
+def cells(row: Row, mark: str) -> tuple[str, ...]:
+    """Return a row's texts, under HEADINGS."""
+    return (
+        row.setting,
+        row.quantity,
+        row.unit,
+        mean_and_sd(row.published, row.published_sd),
+        mean_and_sd(row.ours, row.sd),
+        str(row.seeds) if row.seeds else "",
+        number(row.limit) if row.limit is not None else "",
+        ratio(row) if row.published is not None else "",
+        mark,
+    )
+
+
+def markdown(outcomes: Sequence[Outcome], facts: str) -> str:
+    """Return the page as Markdown; ``facts`` says how it came about."""
+    lines = ["# The report, reproduced", "", facts, ""]
+    for outcome in outcomes:
+        lines += _section(outcome)
+    return "\n".join(lines) + "\n"
+
+
+def _section(outcome: Outcome) -> list[str]:
+    lines = [f"## {outcome.experiment.title}", ""]
+    if outcome.error:
+        lines += [f"**Not run:** {outcome.error}. {outcome.hint}", ""]
+    for note in outcome.result.notes:
+        lines += [note, ""]
+    rows = outcome.result.rows
+    if rows:
+        marks, texts = footnotes(rows)
+        lines += ["| " + " | ".join(HEADINGS) + " |", "|" + "---|" * len(HEADINGS)]
+        for row, mark in zip(rows, marks, strict=True):
+            lines.append("| " + " | ".join(_cell(text) for text in cells(row, mark)) + " |")
+        lines.append("")
+        lines += [f"{i}. {text}" for i, text in enumerate(texts, start=1)]
+        lines.append("")
+    for figure in outcome.result.figures:
+        lines += [f"![{figure.stem}]({figure.name})", ""]
+    return lines
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def html(text: str) -> str:
+    """Return a Markdown page as one HTML page."""
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    title = escape(text.splitlines()[0].lstrip("# "))
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f"<style>{_STYLE}</style></head>\n<body>\n{body}</body></html>\n"
+    )
+
+
+def data(outcomes: Sequence[Outcome], about: dict[str, Any]) -> dict[str, Any]:
+    """Return everything as plain data: how it came about, the experiments, and all rows in one list."""
+    experiments = [
+        {
+            "name": outcome.experiment.name,
+            "title": outcome.experiment.title,
+            "seconds": outcome.seconds,
+            "error": outcome.error or None,
+            "figures": [figure.name for figure in outcome.result.figures],
+        }
+        for outcome in outcomes
+    ]
+    rows = [row_dict(row) for outcome in outcomes for row in outcome.result.rows]
+    return {**about, "experiments": experiments, "rows": rows}
+
+
+def write(folder: Path, outcomes: Sequence[Outcome], facts: str, everything: dict[str, Any]) -> None:
+    """Write the page, as Markdown and as HTML, and the rows as JSON."""
+    text = markdown(outcomes, facts)
+    (folder / MARKDOWN_FILE).write_text(text, encoding="utf-8")
+    (folder / HTML_FILE).write_text(html(text), encoding="utf-8")
+    (folder / JSON_FILE).write_text(json.dumps(everything, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT
+from pathlib import Path
+
+import pytest
+
+from hil_sim import metrics
+from omni_reproduce import controllers
+from omni_reproduce.experiment import Context, read_spec
+
+SPEC = read_spec("controllers")
+
+
+def case(robot: str, controller: str, path: str) -> controllers.Case:
+    settings = {**SPEC["controller"][controller], **SPEC["path"][path]}
+    return controllers.Case(robot, controller, path, settings, SPEC["experiment"]["scenario"], seed=2)
+
+
+@pytest.mark.parametrize("robot", SPEC["experiment"]["robots"])
+@pytest.mark.parametrize("controller", list(SPEC["controller"]))
+def test_every_controller_drives_every_robot_stably(robot: str, controller: str) -> None:
+    for path in ("line", "circle"):
+        found = controllers.measure(case(robot, controller, path))
+        assert found["completed"] == 1.0
+        assert found["position_m"] < 0.02
+        assert found["theta_rad"] < 0.03
+
+
+def test_a_run_without_an_end_counts_from_when_it_has_settled() -> None:
+    found = controllers.measure(case("three_wheel", "P", "hold"))
+    assert found["completed"] == 1.0
+    assert 0.0 < found["position_m"] < 0.005
+
+
+def test_rows_are_means_over_paths_and_the_picture_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fake(case: controllers.Case) -> dict[str, float]:
+        value = 0.001 * (1 + list(SPEC["path"]).index(case.path)) + 1e-4 * case.seed
+        keys = (*metrics.as_dict(metrics.Rmse(0.0, 0.0, 0.0, 0.0)), "estimate_m", "estimate_rad")
+        return dict.fromkeys((*keys, "rms_duty", "saturated_share", "chatter", "completed"), value)
+
+    monkeypatch.setattr(controllers, "measure", fake)
+    result = controllers.run(Context(tmp_path, seeds=2, workers=1))
+    paths = len(SPEC["path"])
+    row = next(row for row in result.rows if row.quantity == "position RMSE")
+    assert row.ours == pytest.approx((paths + 1) / 2 + 0.15)
+    assert row.sd == pytest.approx(0.1 / 2**0.5)
+    assert row.seeds == 2
+    assert all(figure.is_file() for figure in result.figures)
