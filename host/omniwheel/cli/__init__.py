@@ -14,7 +14,7 @@ from omniwheel.cli import (
     doctor,
     drive,
     hil,
-    identify_logs,
+    identify,
     legacy,
     logs,
     mocap,
@@ -72,8 +72,8 @@ app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
 app.add_typer(logs.app, name="logs")
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
-app.add_typer(identify_logs.app, name="identify")
 app.add_typer(robots.app, name="robots")
+app.add_typer(identify.app, name="identify")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 

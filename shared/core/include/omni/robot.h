@@ -146,10 +146,13 @@ typedef struct omni_outputs_t {
     omni_real_t pose_sd[OMNI_AXES];
     omni_reference_t reference;
     omni_control_terms_t terms;
+    /** k - |B+ (v_s - v_s_hat)| of condition 44 per world axis [m/s, m/s, rad/s], with 3 sigma of the slip ratios' estimate as the error;
+     *  0 unless the ISMC is tracking. */
+    omni_real_t ismc_margin[OMNI_AXES];
     omni_real_t slip_m_s[OMNI_MAX_WHEELS]; /**< estimated v_s */
     omni_real_t slip_residual_m_s;
-    omni_real_t wheel_scale; /**< factor the wheel speeds were cut by, 1: none */
-    omni_real_t duty_scale;  /**< factor the voltages were cut by, 1: none */
+    omni_real_t wheel_scale; /**< factor the wheel speeds (direct torque: by the runaway protection) were cut by, 1: none */
+    omni_real_t duty_scale;  /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
     omni_real_t supply_V;
     omni_real_t nis;
     uint32_t fixes_accepted;
@@ -181,12 +184,14 @@ typedef struct omni_robot_t {
     omni_real_t stalled_s[OMNI_MAX_WHEELS];  /**< how long each wheel has looked stalled or reversed */
     uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
     uint32_t battery_ticks;                  /**< ticks in a row with too little voltage */
+    omni_real_t uncovered_s;                 /**< how long condition 44 has been violated */
     uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;
     uint8_t last_kind; /**< set-point kind of the last tick */
     bool primed;       /**< last_* hold a first sample */
     bool saturated;    /**< the last tick cut wheel speeds or duties */
+    bool uncovered;    /**< condition 44 counts as violated */
     bool off_track;    /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 
