@@ -69,6 +69,7 @@ def new_world(scenario: Scenario) -> World:
     return World(
         world_config(
             scenario.robot,
+            plant=scenario.plant,
             seed=scenario.seed,
             pose_sensor=NO_POSE_SENSOR,
             start_pose=scenario.start_pose,

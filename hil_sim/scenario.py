@@ -13,6 +13,7 @@ A scenario is a TOML file::
 
     [parameters]                  # set before arming, over the robot file
     [world]                       # see WORLD_NUMBERS; numbers of the robot file's [simulation] may be replaced here
+    plant = "full"                # what stands in for the robot: one of PLANTS
     [[event]]                     # at_s, or at_progress (share of the path, 0..1), and one of set, command, velocity
     [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
 
@@ -30,6 +31,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hil_sim.faults import KINDS, Fault
+from hil_sim.world import DEFAULT_PLANT, PLANTS
 from omni_schema import ParameterTable, Robot, SchemaError
 from omni_schema.errors import did_you_mean
 from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
@@ -45,6 +47,7 @@ VALUE_FAULTS = frozenset({"pose_jump", "battery_sag"})
 _BIG = 1e6
 WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
     "slip_max": (0.0, 0.9),
+    "slip_speed_max_m_s": (0.0, 10.0),
     "slip_time_s": (1e-3, _BIG),
     "fix_rate_Hz": (0.0, 1000.0),
     "fix_sd_xy_m": (0.0, 10.0),
@@ -110,6 +113,7 @@ class Scenario:
     start_pose: tuple[float, float, float]
     events: tuple[Event, ...]
     faults: tuple[Fault, ...]
+    plant: str = DEFAULT_PLANT
 
     def parameter_values(self) -> dict[str, float]:
         """Return every parameter the run starts with: defaults, robot file, scenario."""
@@ -124,6 +128,10 @@ class Scenario:
                 self.source, "scenario.seed", f"is {seed}; allowed is a whole number from 0 to {MAX_SEED}"
             )
         return replace(self, seed=seed)
+
+    def with_plant(self, plant: str | None) -> Scenario:
+        """Return the same scenario with another plant; None keeps its own."""
+        return self if plant is None else replace(self, plant=_plant(self.source, plant))
 
     def first_setting(self) -> Event | None:
         """Return the first event that changes parameters, the one that before and after are told apart by."""
@@ -171,6 +179,7 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
     robot = _robot(source, _text(source, head, "robot"))
     table = robot.table
     world = dict(take_table(source, "world", document.get("world", {})))
+    plant = _plant(source, world.pop("plant", DEFAULT_PLANT))
     start_pose = _vector(source, "world.start_pose", world.pop("start_pose", [0.0, 0.0, 0.0]))
     return Scenario(
         source=source,
@@ -190,6 +199,7 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
             _fault(source, f"fault[{i + 1}]", entry, robot.wheels)
             for i, entry in enumerate(_entries(source, "fault", document.get("fault", [])))
         ),
+        plant=plant,
     )
 
 
@@ -269,8 +279,16 @@ def _parameters(source: str, key: str, value: object, table: ParameterTable) -> 
     return values
 
 
+def _plant(source: str, value: object) -> str:
+    name = take_text(source, "world.plant", value)
+    if name not in PLANTS:
+        hint = did_you_mean(name, PLANTS)
+        raise SchemaError(source, "world.plant", f"is {name!r}{hint}; allowed are {', '.join(PLANTS)}")
+    return name
+
+
 def _world(source: str, world: Mapping[str, Any]) -> dict[str, float]:
-    refuse_unknown_keys(source, "world.", world, (*WORLD_NUMBERS, "start_pose"))
+    refuse_unknown_keys(source, "world.", world, (*WORLD_NUMBERS, "plant", "start_pose"))
     return {name: _in_range(source, f"world.{name}", value, *WORLD_NUMBERS[name]) for name, value in world.items()}
 
 

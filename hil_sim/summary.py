@@ -64,7 +64,7 @@ def summarize(run: Run) -> dict[str, Any]:
         "tick_us": run.tick_us,
         "firmware_version": run.firmware_version,
         "versions": _versions(table),
-        "world": {**scenario.world, "start_pose": list(scenario.start_pose)},
+        "world": {"plant": scenario.plant, **scenario.world, "start_pose": list(scenario.start_pose)},
         "parameters": run.parameters,
     }
     return {key: finite(value) for key, value in summary.items()}

@@ -13,10 +13,21 @@ import numpy.typing as npt
 
 from hil_sim.faults import MAX_FAULTS, Fault
 from omni_schema import Robot
+from omni_schema.errors import did_you_mean
 from omniwheel._core import ffi, lib
 
 PCA9685_ADDRESS = 0x40
 TICK_US: int = lib.OMNI_TICK_US
+
+DEFAULT_PLANT = "full"
+PLANTS = {
+    DEFAULT_PLANT: lib.HIL_PLANT_FULL,
+    "kinematic": lib.HIL_PLANT_KINEMATIC,
+    "kinematic+motors": lib.HIL_PLANT_KINEMATIC_MOTORS,
+    "slip": lib.HIL_PLANT_SLIP,
+    "linear": lib.HIL_PLANT_LINEAR,
+}
+"""What can stand in for the robot; ``hil_plant_kind_t`` in world.h says what each is."""
 
 _MOTOR_FIELDS = {
     "motor_inertia_kg_m2": "inertia_kg_m2",
@@ -35,6 +46,9 @@ _SIMULATION_FIELDS = {
     "roller_friction_N_s_m": "roller_friction_N_s_m",
     "battery_resistance_ohm": "battery_resistance_ohm",
 }
+_LINEAR_FIELDS = ("linear_viscous", "linear_coulomb")
+"""Optional in [simulation]: three numbers each, along body x, y, about z; without them, from the motors' friction."""
+_FROM_THE_MOTORS = (-1.0, -1.0, -1.0)
 
 
 class WorldError(ValueError):
@@ -84,6 +98,23 @@ def _fill_wheels(config: Any, robot: Robot) -> None:
             field[wheel] = value
 
 
+def _fill_linear(config: Any, robot: Robot) -> None:
+    for name in _LINEAR_FIELDS:
+        values = robot.simulation.get(name, _FROM_THE_MOTORS)
+        if isinstance(values, float) or len(values) != 3:
+            raise WorldError(
+                f"{robot.source}: simulation.{name} is {values!r}; three numbers are needed: along x, y, about z"
+            )
+        setattr(config, name, values)
+
+
+def plant_number(name: str) -> int:
+    """Return the ``hil_plant_kind_t`` of a plant's name; WorldError if there is none of that name."""
+    if name not in PLANTS:
+        raise WorldError(f"plant is {name!r}{did_you_mean(name, PLANTS)}; allowed are {', '.join(PLANTS)}")
+    return int(PLANTS[name])
+
+
 def _fill_pose_sensor(config: Any, sensor: PoseSensor) -> None:
     config.fix_rate_Hz = sensor.rate_Hz
     config.fix_sd_xy_m = sensor.sd_xy_m
@@ -107,8 +138,10 @@ def _fill_faults(config: Any, faults: Sequence[Fault]) -> None:
 def world_config(
     robot: Robot,
     *,
+    plant: str = DEFAULT_PLANT,
     seed: int = 1,
     slip_max: float = 0.0,
+    slip_speed_max_m_s: float = 0.0,
     slip_time_s: float = 0.5,
     pose_sensor: PoseSensor = PoseSensor(),
     start_pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -117,8 +150,9 @@ def world_config(
 ) -> Any:
     """Return a new ``hil_world_config_t *`` for this robot; change its fields freely, :class:`World` checks them.
 
-    ``slip_max`` is the largest imposed slip ratio, drawn anew every ``slip_time_s``; ``start_pose`` is x [m], y [m],
-    theta [rad]; ``overrides`` are plain number fields of ``hil_world_config_t`` by name. Raises WorldError.
+    ``plant`` is one of :data:`PLANTS`. ``slip_max`` is the largest imposed slip ratio, ``slip_speed_max_m_s`` the
+    largest imposed slip speed of a wheel in either direction, both drawn anew every ``slip_time_s``; ``start_pose`` is
+    x [m], y [m], theta [rad]; ``overrides`` are number fields of ``hil_world_config_t`` by name. Raises WorldError.
     """
     config = ffi.new("hil_world_config_t *")
     config.wheels = robot.wheels
@@ -129,8 +163,11 @@ def world_config(
         setattr(config, field, _section_number(robot, "motor", robot.motor, key))
     for field, key in _SIMULATION_FIELDS.items():
         setattr(config, field, _section_number(robot, "simulation", robot.simulation, key))
+    _fill_linear(config, robot)
+    config.plant = plant_number(plant)
     config.seed = seed
     config.slip_max = slip_max
+    config.slip_speed_max_m_s = slip_speed_max_m_s
     config.slip_time_s = slip_time_s
     config.start_pose = start_pose
     _fill_pose_sensor(config, pose_sensor)
@@ -176,6 +213,39 @@ class World:
     def wheel_rad_s(self) -> npt.NDArray[np.float64]:
         """True wheel speeds [rad/s]."""
         return np.array(list(self.c.wheel_rad_s)[: self.wheels])
+
+    @property
+    def slip_speed(self) -> npt.NDArray[np.float64]:
+        """Slip speeds imposed on the wheels in the next step [m/s]: a wheel moves the robot by r w minus this."""
+        return np.array(list(self.c.slip_speed_m_s)[: self.wheels])
+
+    def drive_speed(self, wheel_rad_s: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        """Give the wheels these speeds [rad/s]; plant kinematic only.
+
+        Holds until the bridges are set again. Raises ValueError.
+        """
+        self._drive(lib.hil_world_drive_speed, "speeds", wheel_rad_s)
+
+    def drive_voltage(self, volts: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        """Put these voltages [V] on the windings.
+
+        Holds until the bridges are set again. Raises ValueError.
+        """
+        self._drive(lib.hil_world_drive_voltage, "voltages", volts)
+
+    def drive_torque(self, torque_N_m: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        """Put these torques [N m] on the wheels; not on the two kinematic plants.
+
+        Holds until the bridges are set again. Raises ValueError.
+        """
+        self._drive(lib.hil_world_drive_torque, "torques", torque_N_m)
+
+    def _drive(self, source: Any, what: str, values: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        if len(values) != self.wheels:
+            raise ValueError(f"{len(values)} {what} for {self.wheels} wheels; give one per wheel")
+        if source(self.c, ffi.new("double[]", [float(value) for value in values])) != lib.HIL_OK:
+            plant = next(name for name, number in PLANTS.items() if number == self.c.config.plant)
+            raise ValueError(f"{what} {list(values)} are not all finite, or the plant {plant} does not take {what}")
 
     def sense(self) -> Any:
         """Return what the sensors show now, a ``hil_sensors_t`` that the next call overwrites."""

@@ -187,6 +187,7 @@ bool report_control(const Shared &shared, Link &link, Priority priority, bool) {
     copy(message.surface, out.terms.surface);
     copy(message.equivalent, out.terms.equivalent);
     copy(message.switching, out.terms.switching);
+    copy(message.ismc_margin, out.ismc_margin);
     message.nis = out.nis;
     message.fixes_accepted = out.fixes_accepted;
     message.fixes_refused = out.fixes_refused;

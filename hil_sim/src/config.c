@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "parts.h"
+#include "spd3.h"
 
 /* Allowed range of a field: one number, `count` numbers, or one per wheel (count 0). */
 typedef struct range_t {
@@ -39,6 +40,9 @@ static const range_t RANGES[] = {
     {FIELD(roller_friction_N_s_m), 1, 0.0, 1e6, "0 or more"},
     {FIELD(slip_max), 1, 0.0, 0.99, "0..0.99"},
     {FIELD(slip_time_s), 1, 1e-6, 1e6, "at least 0.000001"},
+    {FIELD(slip_speed_max_m_s), 1, 0.0, 1e3, "0 or more"},
+    {FIELD(linear_viscous), 3, -1.0, 1e6, "0 or more, or -1: from the motors"},
+    {FIELD(linear_coulomb), 3, -1.0, 1e6, "0 or more, or -1: from the motors"},
     {FIELD(fix_rate_Hz), 1, 0.0, 1e4, "0 (no pose sensor) .. 10000"},
     {FIELD(fix_sd_xy_m), 1, 0.0, 1e3, "0 or more"},
     {FIELD(fix_sd_theta_rad), 1, 0.0, 1e3, "0 or more"},
@@ -71,6 +75,27 @@ static hil_result_t check_range(const hil_world_config_t *config, const range_t 
         /* Written so that NaN is refused. */
         if (!(value >= range->minimum && value <= range->maximum)) {
             return refuse(complaint, range->name, range->count == 1 ? -1 : (int32_t)i, value, range->allowed);
+        }
+    }
+    return HIL_OK;
+}
+
+/* The report's models get the body's velocity from rolling: the wheels' contacts must determine it. */
+static hil_result_t check_plant(const hil_world_config_t *config, const complaint_t *complaint) {
+    if (config->plant >= HIL_PLANT_KIND_COUNT) {
+        return refuse(complaint, "plant", -1, config->plant, "a number of hil_plant_kind_t");
+    }
+    double rolling[6] = {0.0};
+    for (uint32_t i = 0; i < config->wheels; i++) {
+        const double angle_rad = config->wheel_angle_rad[i];
+        hil_spd3_add(rolling, 1.0, -sin(angle_rad), cos(angle_rad), config->wheel_distance_m[i] / config->wheel_distance_m[0]);
+    }
+    hil_spd3_t factors;
+    hil_spd3_factor(&factors, rolling);
+    for (int n = 0; n < 3 && config->plant != HIL_PLANT_FULL; n++) {
+        if (!(factors.inv_d[n] > 0.0 && factors.inv_d[n] < 1e6)) {
+            return refuse(complaint, "wheel_angle_rad", 0, config->wheel_angle_rad[0],
+                          "wheels that together move the body in every direction");
         }
     }
     return HIL_OK;
@@ -169,6 +194,9 @@ hil_result_t hil_config_check(const hil_world_config_t *config, char *why, uint3
     if (config->fix_delay_s * config->fix_rate_Hz > HIL_MAX_FIXES - 1) {
         return refuse(&complaint, "fix_delay_s", -1, config->fix_delay_s, "at most 63 fixes on their way at once");
     }
-    const hil_result_t result = check_wiring(config, &complaint);
+    hil_result_t result = check_plant(config, &complaint);
+    if (result == HIL_OK) {
+        result = check_wiring(config, &complaint);
+    }
     return result == HIL_OK ? check_faults(config, &complaint) : result;
 }

@@ -36,12 +36,25 @@ static void drive_winding(const hil_world_t *world, uint32_t wheel, hil_electric
     }
 }
 
+/* A torque is a current that the winding can't change; speeds pass the motors by. */
+static void ideal_source(hil_world_t *world, uint32_t wheel, hil_electrics_t *electrics, double *end_A) {
+    if (world->source == HIL_SOURCE_VOLTAGE) {
+        electrics->closed[wheel] = 1.0;
+        electrics->offset_V[wheel] = world->driven[wheel];
+    } else if (world->source == HIL_SOURCE_TORQUE) {
+        world->current_A[wheel] = world->driven[wheel] / world->config.motor_constant_N_m_A;
+        *end_A = world->current_A[wheel];
+    }
+}
+
 void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double step_s, double *open_end_A) {
     *electrics = (hil_electrics_t){.battery_V = hil_fault_value(world, HIL_FAULT_BATTERY_SAG, world->config.battery_V)};
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         if (hil_world_fault_active(world, HIL_FAULT_MOTOR_DEAD, i)) {
             world->current_A[i] = 0.0;
             open_end_A[i] = 0.0;
+        } else if (world->source != HIL_SOURCE_BRIDGES) {
+            ideal_source(world, i, electrics, &open_end_A[i]);
         } else if (hil_drv8871_open(&world->bridge[i])) {
             open_winding(world, i, step_s, &open_end_A[i]);
         } else {

@@ -8,7 +8,14 @@
 static const double HIL_PI = 3.14159265358979323846;
 
 /* Random streams of a run; those per wheel take HIL_MAX_WHEELS numbers from their start. */
-enum { HIL_STREAM_SLIP = 0, HIL_STREAM_FIX_X = 16, HIL_STREAM_FIX_Y, HIL_STREAM_FIX_THETA, HIL_STREAM_FIX_DROP };
+enum {
+    HIL_STREAM_SLIP = 0,
+    HIL_STREAM_SLIP_SPEED = 4,
+    HIL_STREAM_FIX_X = 16,
+    HIL_STREAM_FIX_Y,
+    HIL_STREAM_FIX_THETA,
+    HIL_STREAM_FIX_DROP
+};
 
 /** How the electrics act on the motion during a step: V_i = gain_i * supply + offset_i, or a current that the winding can't change. */
 typedef struct hil_electrics_t {
@@ -24,6 +31,10 @@ hil_result_t hil_config_check(const hil_world_config_t *config, char *why, uint3
 
 /* plant.c */
 void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config);
+/** Can this plant be driven by this source? */
+bool hil_plant_takes(uint32_t plant, uint32_t source);
+/** Drive the wheels by this source from now on. */
+void hil_plant_source(hil_world_t *world, uint32_t source);
 void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
 
 /* motors.c */
@@ -37,7 +48,10 @@ void hil_pose_sensor_update(hil_world_t *world);
 
 /* slip.c */
 void hil_slip_init(hil_world_t *world);
+/** Slip ratios of a time. */
 void hil_slip_update(hil_world_t *world, double time_s);
+/** Slip speeds of the step that begins now. */
+void hil_slip_hold(hil_world_t *world);
 
 /** Value of an active fault of this kind, or `otherwise`. */
 double hil_fault_value(const hil_world_t *world, uint8_t kind, double otherwise);

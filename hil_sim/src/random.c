@@ -5,7 +5,7 @@
 
 static const double TWO_PI = 6.28318530717958647692;
 
-enum { ROUNDS = 10, KIND_UNIFORM = 0, KIND_NORMAL = 1 };
+enum { ROUNDS = 10, KIND_UNIFORM = 0, KIND_NORMAL = 1, KIND_NORMAL4 = 2 };
 
 void hil_philox(const uint32_t *key, const uint32_t *counter, uint32_t *out) {
     uint32_t c0 = counter[0], c1 = counter[1], c2 = counter[2], c3 = counter[3];
@@ -49,4 +49,20 @@ double hil_normal(uint64_t seed, uint32_t stream, uint64_t index) {
     draw(seed, stream, index, KIND_NORMAL, word);
     const double radius = sqrt(-2.0 * log(1.0 - unit_interval(word[0], word[1])));
     return radius * cos(TWO_PI * unit_interval(word[2], word[3]));
+}
+
+/* The middle of one of 2^32 cells of (0, 1): 32 bits, and never 0. */
+static double cell_middle(uint32_t word) {
+    return ((double)word + 0.5) * 0x1p-32;
+}
+
+void hil_normal4(uint64_t seed, uint32_t stream, uint64_t index, double *out) {
+    uint32_t word[4];
+    draw(seed, stream, index, KIND_NORMAL4, word);
+    for (int pair = 0; pair < 4; pair += 2) {
+        const double radius = sqrt(-2.0 * log(cell_middle(word[pair])));
+        const double angle = TWO_PI * cell_middle(word[pair + 1]);
+        out[pair] = radius * cos(angle);
+        out[pair + 1] = radius * sin(angle);
+    }
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Imposed slip: a random ratio per wheel, drawn at evenly spaced knots and linear between. */
+/* Imposed slip: per wheel a random ratio, drawn at evenly spaced knots and linear between, and a random speed, held from draw to draw. */
 #include "hil_sim/random.h"
 #include "parts.h"
 
@@ -15,8 +15,18 @@ static void draw_knots(hil_world_t *world, uint64_t knot) {
     }
 }
 
+static void draw_speeds(hil_world_t *world, uint64_t knot) {
+    const hil_world_config_t *config = &world->config;
+    world->slip_speed_knot = knot;
+    for (uint32_t i = 0; i < config->wheels; i++) {
+        const double share = 2.0 * hil_uniform(config->seed, HIL_STREAM_SLIP_SPEED + i, knot) - 1.0;
+        world->slip_speed_m_s[i] = config->slip_speed_max_m_s * share;
+    }
+}
+
 void hil_slip_init(hil_world_t *world) {
     draw_knots(world, 0);
+    draw_speeds(world, 0);
     hil_slip_update(world, 0.0);
 }
 
@@ -32,5 +42,13 @@ void hil_slip_update(hil_world_t *world, double time_s) {
     const double share = position - (double)knot;
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         world->slip_ratio[i] = world->slip_before[i] + share * (world->slip_after[i] - world->slip_before[i]);
+    }
+}
+
+void hil_slip_hold(hil_world_t *world) {
+    /* A millionth of an interval, because times given in seconds are rounded. */
+    const uint64_t knot = (uint64_t)(1e-6 * (double)world->time_us / world->config.slip_time_s + 1e-6);
+    if (world->config.slip_speed_max_m_s > 0.0 && knot != world->slip_speed_knot) {
+        draw_speeds(world, knot);
     }
 }

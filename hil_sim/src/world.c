@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "hil_sim/world.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "parts.h"
@@ -122,6 +123,7 @@ static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
 }
 
 static void outputs_to_bridges(hil_world_t *world) {
+    hil_plant_source(world, HIL_SOURCE_BRIDGES);
     const double period_s = 1.0 / hil_pca9685_frequency_Hz(&world->chip);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const uint32_t channel1 = world->config.in1_channel[i];
@@ -169,11 +171,38 @@ void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint1
     if (world->i2c_status != 0) {
         return;
     }
+    hil_plant_source(world, HIL_SOURCE_BRIDGES);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         world->in1[i] = share_of_period(in1_steps[i]);
         world->in2[i] = share_of_period(in2_steps[i]);
         hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
     }
+}
+
+static hil_result_t drive(hil_world_t *world, uint32_t source, const double *values) {
+    if (!hil_plant_takes(world->config.plant, source)) {
+        return HIL_ERR_CONFIG;
+    }
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        if (!isfinite(values[i])) {
+            return HIL_ERR_CONFIG;
+        }
+    }
+    hil_plant_source(world, source);
+    memcpy(world->driven, values, world->config.wheels * sizeof values[0]);
+    return HIL_OK;
+}
+
+hil_result_t hil_world_drive_speed(hil_world_t *world, const double *wheel_rad_s) {
+    return drive(world, HIL_SOURCE_SPEED, wheel_rad_s);
+}
+
+hil_result_t hil_world_drive_voltage(hil_world_t *world, const double *volts) {
+    return drive(world, HIL_SOURCE_VOLTAGE, volts);
+}
+
+hil_result_t hil_world_drive_torque(hil_world_t *world, const double *torque_N_m) {
+    return drive(world, HIL_SOURCE_TORQUE, torque_N_m);
 }
 
 void hil_world_step(hil_world_t *world, uint32_t step_us) {
@@ -190,6 +219,7 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     hil_encoders_update(world);
     world->time_us += step_us;
     world->steps++;
+    hil_slip_hold(world);
     hil_pose_sensor_update(world);
 }
 

@@ -72,7 +72,11 @@ class Wheels(Telemetry):
 
 @dataclass(frozen=True)
 class Control(Telemetry):
-    """Internal terms of the position controller, x, y, theta; ``config_sequence`` rises with every parameter change."""
+    """Internal terms of the position controller, x, y, theta; ``config_sequence`` rises with every parameter change.
+
+    ``ismc_margin`` is k minus the slip error that may be there (condition 44; m/s, m/s, rad/s), 0 unless the ISMC
+    tracks.
+    """
 
     message = "OMNI_CONTROL"
     time_s: float
@@ -81,6 +85,7 @@ class Control(Telemetry):
     surface: Axes3
     equivalent: Axes3
     switching: Axes3
+    ismc_margin: Axes3
     nis: float
     fixes_accepted: int
     fixes_refused: int
@@ -200,6 +205,7 @@ def _control(m: Message) -> Control:
         surface=_axes(m.surface),
         equivalent=_axes(m.equivalent),
         switching=_axes(m.switching),
+        ismc_margin=_axes(m.ismc_margin),
         nis=m.nis,
         fixes_accepted=m.fixes_accepted,
         fixes_refused=m.fixes_refused,

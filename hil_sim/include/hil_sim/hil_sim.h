@@ -4,6 +4,7 @@
 #define HIL_SIM_HIL_SIM_H
 
 #include "hil_sim/drv8871.h"
+#include "hil_sim/filter_study.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/random.h"
 #include "hil_sim/runner.h"

@@ -18,4 +18,7 @@ double hil_uniform(uint64_t seed, uint32_t stream, uint64_t index);
 /** Standard normal (Box-Muller). */
 double hil_normal(uint64_t seed, uint32_t stream, uint64_t index);
 
+/** Four independent standard normals from one Philox block, within 6.7 standard deviations: for loops that draw many. */
+void hil_normal4(uint64_t seed, uint32_t stream, uint64_t index, double *out);
+
 #endif

@@ -6,12 +6,14 @@
  * force per wheel), never from the controller's matrices, so that an error there shows here.
  *
  * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely along p_i.
- *   creep_i = r w_i (1 - s_i) - t_i . (v + wz x p_i)        s_i: imposed slip ratio the encoders cannot see
+ *   creep_i = r w_i (1 - s_i) - u_i - t_i . (v + wz x p_i)  s_i: imposed slip ratio, u_i: imposed slip speed; encoders see neither
  *   F_i = C creep_i / sqrt(1 + (C creep_i / (mu N))^2)       limited smoothly to mu N, N = m g / n
  *   J w_i' = K i_i - b w_i - T_c w_i / sqrt(w_i^2 + w_0^2) - r F_i     w_0 = 0.01 rad/s
  *   L i_i' = V_i - R i_i - K w_i                             the bridge decides V_i or open circuit
  *   m v' = sum (F_i t_i - roller drag across t_i);   I wz' = sum d_i F_i
  *   V_supply = V_battery - R_battery sum (drive_i i_i)
+ * That is the plant `full`. The report's models are plants too (hil_plant_kind_t): they leave out what the report leaves out, and
+ * everything else of the world (sensors, faults, bridges) stays the same. docs/derivations/slip_space.md derives them.
  */
 #ifndef HIL_SIM_WORLD_H
 #define HIL_SIM_WORLD_H
@@ -38,6 +40,26 @@ typedef enum hil_result_t {
     HIL_ERR_TIMEOUT, /**< the robot did not answer in time */
     HIL_ERR_PROTOCOL /**< the robot answered something else than asked */
 } hil_result_t;
+
+/** What moves when the motors are driven. Equation numbers are the report's. */
+typedef enum hil_plant_kind_t {
+    HIL_PLANT_FULL = 0, /**< everything above */
+    HIL_PLANT_KINEMATIC, /**< (15)-(23): wheels have the motor's steady speed V / (K + R b / K) at once; rolling in least squares */
+    HIL_PLANT_KINEMATIC_MOTORS, /**< (24)-(27) with Coulomb friction, no load from the floor; then (15)-(23) */
+    HIL_PLANT_SLIP,   /**< (6), (7): `full` without roller drag, Coulomb friction, battery resistance; driven torques act on a
+                                     wheel without bearing friction */
+    HIL_PLANT_LINEAR, /**< (14), body frame: rolling wheels, linear_viscous, linear_coulomb, no inductance, no Coriolis terms. The
+                                     wheels' inertia, which (14) leaves out, adds to the mass */
+    HIL_PLANT_KIND_COUNT
+} hil_plant_kind_t;
+
+/** What drives the wheels. */
+typedef enum hil_source_t {
+    HIL_SOURCE_BRIDGES = 0, /**< battery, bridges, motors */
+    HIL_SOURCE_SPEED,       /**< wheel speeds as asked for */
+    HIL_SOURCE_VOLTAGE,     /**< ideal voltage sources at the windings */
+    HIL_SOURCE_TORQUE       /**< torques at the wheels in place of the motors' K i */
+} hil_source_t;
 
 typedef enum hil_fault_kind_t {
     HIL_FAULT_NONE = 0,
@@ -80,8 +102,13 @@ typedef struct hil_world_config_t {
     double friction_coefficient;
     double slip_stiffness_N_s_m;
     double roller_friction_N_s_m;
-    double slip_max;    /**< imposed slip ratio is drawn from [0, slip_max] */
-    double slip_time_s; /**< and changes linearly between draws this far apart */
+    double slip_max;           /**< imposed slip ratio is drawn from [0, slip_max] */
+    double slip_time_s;        /**< and changes linearly between draws this far apart */
+    double slip_speed_max_m_s; /**< imposed slip speed is drawn from [-max, max] every slip_time_s and held */
+    uint32_t plant;            /**< hil_plant_kind_t */
+    double linear_viscous
+        [3]; /**< plant `linear`: B_v, B_vn [N s/m], B_w [N m s]; -1: from the motors' friction and the roller drag */
+    double linear_coulomb[3]; /**< plant `linear`: C_v, C_vn [N], C_w [N m]; -1: from the motors' Coulomb friction */
     int32_t counts_per_revolution;
     int32_t encoder_direction[HIL_MAX_WHEELS];
     int32_t motor_direction[HIL_MAX_WHEELS];
@@ -119,6 +146,12 @@ typedef struct hil_sensors_t {
     bool link_silent; /**< the ground station's messages are lost now */
 } hil_sensors_t;
 
+/** A symmetric positive definite 3 x 3 matrix as L D L'. */
+typedef struct hil_spd3_t {
+    double inv_d[3];
+    double l10, l20, l21;
+} hil_spd3_t;
+
 /** Constants of the motion, derived once. Wheels that the robot doesn't have are weightless: zero in every array. */
 typedef struct hil_plant_t {
     double radius_m[HIL_MAX_WHEELS];
@@ -134,6 +167,13 @@ typedef struct hil_plant_t {
     double inverse_inertia;
     double inverse_motor_inertia;
     double inverse_inductance;
+    double viscous_N_m_s; /**< of a wheel */
+    double coulomb_N_m;
+    double battery_resistance_ohm;
+    hil_spd3_t rolling;       /**< sum over the wheels of the square of (along_x, along_y, arm) */
+    double linear_viscous[3]; /**< plant `linear`: along body x, y, about z */
+    double linear_coulomb[3];
+    double coulomb_width[3]; /**< speed [m/s, m/s, rad/s] below which Coulomb friction fades */
 } hil_plant_t;
 
 typedef struct hil_world_t {
@@ -146,18 +186,22 @@ typedef struct hil_world_t {
     double wheel_angle_rad[HIL_MAX_WHEELS];
     double wheel_rad_s[HIL_MAX_WHEELS];
     double current_A[HIL_MAX_WHEELS];
-    double voltage_V[HIL_MAX_WHEELS];  /**< mean bridge voltage, wheel direction; 0 while the winding is open */
-    double slip_ratio[HIL_MAX_WHEELS]; /**< imposed */
-    double traction_N[HIL_MAX_WHEELS];
-    double supply_V;            /**< under load */
-    double in1[HIL_MAX_WHEELS]; /**< share of the period IN1 is high */
+    double voltage_V[HIL_MAX_WHEELS];      /**< mean bridge voltage, wheel direction; 0 while the winding is open */
+    double slip_ratio[HIL_MAX_WHEELS];     /**< imposed */
+    double slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step that begins now */
+    double traction_N[HIL_MAX_WHEELS];     /**< 0 on plants without a contact */
+    double supply_V;                       /**< under load */
+    double in1[HIL_MAX_WHEELS];            /**< share of the period IN1 is high */
     double in2[HIL_MAX_WHEELS];
     hil_drv8871_t bridge[HIL_MAX_WHEELS];
+    uint32_t source;                       /**< hil_source_t */
+    double driven[HIL_MAX_WHEELS];         /**< what the source asks for [rad/s, V or N m] */
     int64_t encoder_edges[HIL_MAX_WHEELS]; /**< edges the disc has passed */
     int32_t counts[HIL_MAX_WHEELS];        /**< the electronics' counter: wraps */
     uint64_t slip_knot;                    /**< number of the draw before now */
     double slip_before[HIL_MAX_WHEELS];
     double slip_after[HIL_MAX_WHEELS];
+    uint64_t slip_speed_knot;
     hil_pca9685_t chip;
     uint8_t i2c_status;
     uint8_t i2c_read_length;
@@ -185,6 +229,18 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
  * as on the chip: the bridges keep what they have and the next i2c_status says so.
  */
 void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
+
+/**
+ * For studies: give the wheels these speeds [rad/s], one per wheel, in place of bridges and motors until the bridges are set again.
+ * @return HIL_ERR_CONFIG, nothing changed, if one is not finite or the plant is not kinematic.
+ */
+hil_result_t hil_world_drive_speed(hil_world_t *world, const double *wheel_rad_s);
+
+/** The same with ideal voltage sources [V] at the windings, positive: counter-clockwise; no battery, no limit. On every plant. */
+hil_result_t hil_world_drive_voltage(hil_world_t *world, const double *volts);
+
+/** The same with torques [N m] at the wheels in place of the motors' K i. On the plants full, slip and linear. */
+hil_result_t hil_world_drive_torque(hil_world_t *world, const double *torque_N_m);
 
 /** Advance by one tick, in substeps of at most 0.25 ms. @param step_us e.g. 1000. */
 void hil_world_step(hil_world_t *world, uint32_t step_us);

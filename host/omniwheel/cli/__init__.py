@@ -14,6 +14,7 @@ from omniwheel.cli import (
     doctor,
     drive,
     hil,
+    identify,
     legacy,
     mocap,
     monitor,
@@ -68,6 +69,7 @@ app.add_typer(mocap.app, name="mocap")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
 app.add_typer(robots.app, name="robots")
+app.add_typer(identify.app, name="identify")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 

@@ -10,12 +10,13 @@ import typer
 
 from hil_sim.hil import run_hil
 from hil_sim.runs import run_in_process
-from hil_sim.scenario import load_scenario
+from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.summary import summarize
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, note, print_json
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     OutOption,
+    PlantOption,
     SeedOption,
     comparison_table,
     make_folder,
@@ -30,6 +31,7 @@ COMPARED = ("original_law", "no_slip")
 
 def demo(
     seed: SeedOption = None,
+    plant: PlantOption = None,
     out: OutOption = DEFAULT_OUT,
     compare: Annotated[
         bool,
@@ -42,13 +44,13 @@ def demo(
 
     Leaves a folder with telemetry.tlog, summary.json and report.png. Exit code 1 if the path was not driven to its end.
     """  # noqa: D205
-    scenario = load_scenario("demo").with_seed(seed)
+    scenario = load_scenario("demo").with_seed(seed).with_plant(plant)
     folder = make_folder(out, scenario)
     note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
     with run_progress("firmware in the loop", json_wanted) as progress:
         run = run_hil(scenario, out_dir=folder, progress=progress)
     summary = summarize(run)
-    summary["comparison"] = {name: _compared(name, scenario.seed, json_wanted) for name in COMPARED} if compare else {}
+    summary["comparison"] = {name: _compared(name, scenario, json_wanted) for name in COMPARED} if compare else {}
     store(run, summary, folder)
     if json_wanted:
         print_json({**summary, "folder": str(folder)})
@@ -58,10 +60,10 @@ def demo(
         raise typer.Exit(FAILED)
 
 
-def _compared(name: str, seed: int, quiet: bool) -> dict[str, Any]:
-    scenario = load_scenario(name)
+def _compared(name: str, shown: Scenario, quiet: bool) -> dict[str, Any]:
+    scenario = load_scenario(name).with_plant(shown.plant)
     with run_progress(name.replace("_", " "), quiet) as progress:
-        summary = summarize(run_in_process(scenario, seed, progress))
+        summary = summarize(run_in_process(scenario, shown.seed, progress))
     kept = ("description", "way", "completed", "rmse", "estimator_rmse", "effort", "faults", "realtime_factor")
     return {key: summary[key] for key in kept}
 

@@ -13,6 +13,7 @@ from omniwheel.cli.common import JsonOption, examples, note, print_json
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     OutOption,
+    PlantOption,
     ScenarioArgument,
     SeedOption,
     finished,
@@ -37,11 +38,12 @@ def hil(
         typer.Option("--link", "-l", metavar="URL", help="Firmware to use. Default: a firmware process of its own."),
     ] = None,
     seed: SeedOption = None,
+    plant: PlantOption = None,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
-    scenario = load_scenario(scenario_name).with_seed(seed)
+    scenario = load_scenario(scenario_name).with_seed(seed).with_plant(plant)
     folder = make_folder(out, scenario)
     note(scenario.description, quiet=json_wanted)
     with run_progress(scenario.name, json_wanted) as progress:

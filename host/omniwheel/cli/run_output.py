@@ -19,6 +19,8 @@ from hil_sim.report import draw_report
 from hil_sim.runs import Run
 from hil_sim.scenario import MAX_SEED, Scenario, scenario_names
 from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
+from hil_sim.world import PLANTS
+from omni_schema.errors import did_you_mean
 from omniwheel.cli.common import console, error_console
 from omniwheel.errors import OmniError
 
@@ -27,6 +29,23 @@ ScenarioArgument = Annotated[
 ]
 SeedOption = Annotated[
     int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. [default: the scenario's]")
+]
+
+
+def _known_plant(name: str | None) -> str | None:
+    if name is not None and name not in PLANTS:
+        raise typer.BadParameter(f"{name!r} is no plant{did_you_mean(name, PLANTS)}; allowed are {', '.join(PLANTS)}")
+    return name
+
+
+PlantOption = Annotated[
+    str | None,
+    typer.Option(
+        "--plant",
+        metavar="|".join(PLANTS),
+        callback=_known_plant,
+        help="What stands in for the robot: the full physics or a model of the report. [default: the scenario's]",
+    ),
 ]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the run's folder is made.")]
 DEFAULT_OUT = Path("runs")

@@ -16,6 +16,7 @@ from omniwheel.cli.common import JsonOption, console, error_console, examples, n
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     OutOption,
+    PlantOption,
     ScenarioArgument,
     SeedOption,
     finished,
@@ -26,7 +27,10 @@ from omniwheel.cli.run_output import (
 )
 
 EXAMPLES = examples(
-    "omni sim", "omni sim four_wheel --seed 3", "omni sim demo --seeds 20", "omni sim original_law --seeds 20 --json"
+    "omni sim",
+    "omni sim four_wheel --seed 3 --plant slip",
+    "omni sim demo --seeds 20",
+    "omni sim original_law --seeds 20 --json",
 )
 MAX_SEEDS = 100_000
 
@@ -52,11 +56,12 @@ def sim(
             "--seeds", min=1, max=MAX_SEEDS, help="Run this many seeds and print mean and standard deviation."
         ),
     ] = 1,
+    plant: PlantOption = None,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario in this process: the same world and the same control core, without firmware and link."""
-    scenario = load_scenario(scenario_name).with_seed(seed)
+    scenario = load_scenario(scenario_name).with_seed(seed).with_plant(plant)
     if seeds > 1:
         _many(scenario, seeds, json_wanted)
         return

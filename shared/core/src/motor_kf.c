@@ -132,10 +132,10 @@ static omni_real_t differenced(const omni_motor_kf_state_t *state, const omni_mo
 }
 
 static void step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
-                       omni_real_t moved_rad, bool valid) {
+                       omni_real_t speed_rad_s, bool valid) {
     predict_motor(state, config, voltage_V);
     if (valid) {
-        correct_speed(state, differenced(state, config, moved_rad) - state->x[1], config->r_speed);
+        correct_speed(state, speed_rad_s - state->x[1], config->r_speed);
     }
 }
 
@@ -149,13 +149,21 @@ static void step_angle(omni_motor_kf_state_t *state, const omni_motor_kf_config_
     }
 }
 
+static void note_validity(omni_motor_kf_state_t *state, bool valid) {
+    if (valid) {
+        state->missed = 0;
+    } else if (state->missed < UINT16_MAX) {
+        state->missed++;
+    }
+}
+
 omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
                                int32_t delta_counts, bool valid) {
     const omni_real_t voltage = omni_is_finite(voltage_V) ? voltage_V : 0.0f;
     const omni_real_t moved_rad = (omni_real_t)delta_counts * config->rad_per_count;
     switch (config->mode) {
     case OMNI_KF_MODE_SPEED:
-        step_speed(state, config, voltage, moved_rad, valid);
+        step_speed(state, config, voltage, differenced(state, config, moved_rad), valid);
         break;
     case OMNI_KF_MODE_ANGLE:
         step_angle(state, config, voltage, moved_rad, valid);
@@ -164,10 +172,14 @@ omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf
         state->x[1] = valid ? differenced(state, config, moved_rad) : state->x[1];
         break;
     }
-    if (valid) {
-        state->missed = 0;
-    } else if (state->missed < UINT16_MAX) {
-        state->missed++;
-    }
+    note_validity(state, valid);
+    return state->x[1];
+}
+
+omni_real_t omni_motor_kf_step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
+                                     omni_real_t speed_rad_s) {
+    const bool valid = omni_is_finite(speed_rad_s);
+    step_speed(state, config, omni_is_finite(voltage_V) ? voltage_V : 0.0f, speed_rad_s, valid);
+    note_validity(state, valid);
     return state->x[1];
 }

@@ -1,20 +1,41 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
+#include <string.h>
+
 #include "omni/math.h"
 #include "omni/saturation.h"
 
-/* Pose error to wanted world twist, by the controller in use. */
-static omni_twist_t position_controller(omni_robot_t *robot, omni_tick_t *tick) {
+/* Pose error to wanted body twist or, in direct torque control, to torques, by the controller in use. */
+static void step_position_controller(omni_robot_t *robot, const omni_outputs_t *out) {
     const omni_robot_config_t *c = robot->config;
-    omni_outputs_t *out = tick->out;
     const omni_reference_t *reference = &out->reference;
-    if (c->controller == OMNI_CTL_MODE_ISMC) {
-        return omni_ismc_step(&robot->ismc, &c->ismc, &out->pose, &reference->pose, &reference->rate, robot->saturated,
-                              &out->terms);
+    omni_control_terms_t *terms = &robot->held_terms;
+    omni_twist_t world;
+    if (c->controller == OMNI_CTL_MODE_TORQUE) {
+        robot->held_scale = omni_direct_torque_step(&c->torque, &c->kinematics, &out->pose, &out->rate, reference,
+                                                    robot->held_torque_N_m, terms);
+        return;
     }
-    return omni_fl_step(&robot->fl, &c->fl, &out->pose, &out->rate, &reference->pose, &reference->rate, robot->saturated,
-                        &out->terms);
+    if (c->controller == OMNI_CTL_MODE_ISMC) {
+        world = omni_ismc_step(&robot->ismc, &c->ismc, &out->pose, &reference->pose, &reference->rate, robot->saturated, terms);
+    } else {
+        world = omni_fl_step(&robot->fl, &c->fl, &out->pose, &out->rate, &reference->pose, &reference->rate, robot->saturated,
+                             terms);
+    }
+    robot->held_twist = omni_twist_to_body(&world, out->pose.theta);
+}
+
+/* The position controller steps every CTL_PERIOD ticks; what it wants of the wheels is held in between. */
+static void position_controller(omni_robot_t *robot, omni_tick_t *tick) {
+    if (robot->control_ticks == 0) {
+        step_position_controller(robot, tick->out);
+    }
+    ++robot->control_ticks;
+    if (robot->control_ticks >= robot->config->control_period) {
+        robot->control_ticks = 0;
+    }
+    tick->out->terms = robot->held_terms;
 }
 
 /* Wheel acceleration of the reference, from its exact second derivative: phi'' = B (R xi'' + R' xi') / r. */
@@ -48,8 +69,8 @@ static void wheel_references(omni_robot_t *robot, omni_tick_t *tick) {
     omni_outputs_t *out = tick->out;
     omni_twist_t body = tick->body_rate;
     if (tick->position_loop) {
-        const omni_twist_t world = position_controller(robot, tick);
-        body = omni_twist_to_body(&world, out->pose.theta);
+        position_controller(robot, tick);
+        body = robot->held_twist;
     }
     omni_kinematics_inverse(&c->kinematics, &body, NULL, tick->body_wheel);
     compensate_slip(robot, tick);
@@ -79,6 +100,42 @@ static void original_law(omni_robot_t *robot, omni_tick_t *tick) {
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         out->voltage_V[i] = out->duty[i] * out->supply_V;
     }
+}
+
+/* Duties that give the torques at the wheels' speed. Where the supply does not suffice only the torques shrink, by one factor for
+ * all wheels (eq. 30); the share that makes up for the motors' own back-EMF and friction stays. @return that factor. */
+static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t *torque_N_m, omni_outputs_t *out) {
+    const omni_real_t per_V = 1.0f / out->supply_V;
+    const omni_real_t limit = c->wheel_speed.duty_limit;
+    omni_real_t push[OMNI_MAX_WHEELS] = {0};
+    omni_real_t keep[OMNI_MAX_WHEELS] = {0};
+    omni_real_t factor = 1.0f;
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        push[i] = omni_torque_curve_duty(&c->torque_curve, torque_N_m[i]) * c->limits.supply_nominal_V * per_V;
+        keep[i] = omni_clampf(c->torque_emf * omni_motor_speed_gain(&c->motor) * out->wheel_rad_s[i] * per_V, -limit, limit);
+        const omni_real_t room = limit - omni_signf(push[i]) * keep[i];
+        const omni_real_t wanted = omni_absf(push[i]);
+        factor = wanted * factor > room ? room / wanted : factor;
+    }
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        out->duty[i] = omni_clampf(keep[i] + factor * push[i], -limit, limit);
+        out->voltage_V[i] = out->duty[i] * out->supply_V;
+    }
+    return factor;
+}
+
+/* Direct torque control commands voltages itself. What the floor does below the wheels the robot cannot see; the reference's speed
+ * stands for it in the runaway protection. */
+static void torque_control(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    omni_outputs_t *out = tick->out;
+    omni_real_t torque_N_m[OMNI_MAX_WHEELS];
+    position_controller(robot, tick);
+    memcpy(torque_N_m, robot->held_torque_N_m, sizeof torque_N_m);
+    const omni_twist_t floor = omni_twist_to_body(&out->reference.rate, out->pose.theta);
+    omni_kinematics_inverse(&c->kinematics, &floor, NULL, out->wheel_reference);
+    out->wheel_scale = omni_direct_torque_protect(&c->torque, &c->kinematics, &floor, out->wheel_rad_s, torque_N_m);
+    out->duty_scale = robot->held_scale * torque_duties(c, torque_N_m, out);
 }
 
 static void open_loop(const omni_robot_config_t *c, omni_tick_t *tick) {
@@ -111,10 +168,15 @@ void omni_robot_control(omni_robot_t *robot, omni_tick_t *tick) {
         omni_fl_reset(&robot->fl);
         omni_original_reset(&robot->original);
     }
+    if (c->controller != robot->last_controller || !tick->position_loop) {
+        robot->control_ticks = 0;
+    }
     if (tick->kind == OMNI_SETPOINT_DUTY) {
         open_loop(c, tick);
     } else if (c->controller == OMNI_CTL_MODE_ORIGINAL && tick->position_loop) {
         original_law(robot, tick);
+    } else if (c->controller == OMNI_CTL_MODE_TORQUE && tick->position_loop) {
+        torque_control(robot, tick);
     } else {
         wheel_references(robot, tick);
     }

@@ -103,6 +103,7 @@ static void reset_controllers(omni_robot_t *robot) {
     omni_fl_reset(&robot->fl);
     omni_original_reset(&robot->original);
     omni_wheel_speed_reset(&robot->wheel_speed);
+    robot->control_ticks = 0;
     robot->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
 }
 

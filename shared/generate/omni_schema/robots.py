@@ -29,6 +29,7 @@ SECTIONS = (
     "parameters",
     "simulation",
 )
+KEYED_SECTIONS = ("geometry", "encoder", "motor", "wiring", "simulation")
 WHEELS_KEY = "geometry.wheels"
 ENCODER_PINS_KEY = "wiring.encoder_pins"
 
@@ -122,13 +123,15 @@ def _wheel_count(source: str, sections: dict[str, dict[str, Any]], table: Parame
 
 
 def _refuse_unknown_section_keys(source: str, sections: dict[str, dict[str, Any]], table: ParameterTable) -> None:
-    known: dict[str, list[str]] = {name: [] for name in ("geometry", "encoder", "motor", "wiring")}
+    known: dict[str, list[str]] = {name: [] for name in KEYED_SECTIONS}
     for key in [*_parameters_by_key(table), ENCODER_PINS_KEY]:
         section, _, leaf = key.partition(".")
         if section not in known:
             raise SchemaError(table.source, key, f"robot_key must start with one of {list(known)}")
         known[section].append(leaf)
     for section, leaves in known.items():
+        if section == "simulation":
+            continue  # the world reads more of it than the robot does
         refuse_unknown_keys(source, f"{section}.", sections[section], leaves)
 
 

@@ -35,8 +35,8 @@ typedef struct omni_control_terms_t {
     omni_real_t error[OMNI_AXES];
     omni_real_t integral[OMNI_AXES];
     omni_real_t surface[OMNI_AXES];    /**< s (ISMC), else 0 */
-    omni_real_t equivalent[OMNI_AXES]; /**< continuous part of the wanted world twist */
-    omni_real_t switching[OMNI_AXES];  /**< switching (ISMC) or integral + derivative (PID) part */
+    omni_real_t equivalent[OMNI_AXES]; /**< continuous part of the wanted world twist (direct torque: acceleration) */
+    omni_real_t switching[OMNI_AXES];  /**< switching (ISMC), integral + derivative (PID), derivative (direct torque) part */
 } omni_control_terms_t;
 
 void omni_ismc_reset(omni_ismc_state_t *state);

@@ -49,4 +49,13 @@ void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_confi
 omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
                                int32_t delta_counts, bool valid);
 
+/**
+ * One tick of mode SPEED with a speed that was measured as such, whatever config->mode says.
+ * @param voltage_V  not finite counts as 0.
+ * @param speed_rad_s  not finite: predict only.
+ * @return the wheel speed estimate [rad/s].
+ */
+omni_real_t omni_motor_kf_step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
+                                     omni_real_t speed_rad_s);
+
 #endif

@@ -4,6 +4,7 @@
 #define OMNI_OMNI_H
 
 #include "omni/bridge.h"
+#include "omni/direct_torque.h"
 #include "omni/feedback_linearization.h"
 #include "omni/ismc.h"
 #include "omni/kinematics.h"
@@ -17,6 +18,7 @@
 #include "omni/robot.h"
 #include "omni/safety.h"
 #include "omni/saturation.h"
+#include "omni/torque_curve.h"
 #include "omni/trajectory.h"
 #include "omni/types.h"
 #include "omni/wheel_speed.h"

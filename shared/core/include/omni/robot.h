@@ -9,6 +9,7 @@
 #ifndef OMNI_ROBOT_H
 #define OMNI_ROBOT_H
 
+#include "omni/direct_torque.h"
 #include "omni/feedback_linearization.h"
 #include "omni/ismc.h"
 #include "omni/kinematics.h"
@@ -18,6 +19,7 @@
 #include "omni/params.h"
 #include "omni/pose_ekf.h"
 #include "omni/safety.h"
+#include "omni/torque_curve.h"
 #include "omni/trajectory.h"
 #include "omni/types.h"
 #include "omni/wheel_speed.h"
@@ -56,15 +58,19 @@ typedef struct omni_robot_config_t {
     omni_pose_ekf_config_t pose_ekf;
     omni_ismc_config_t ismc;
     omni_fl_config_t fl;
+    omni_direct_torque_config_t torque;
+    omni_torque_curve_t torque_curve;
     omni_original_config_t original;
     omni_wheel_speed_config_t wheel_speed;
     omni_trajectory_config_t trajectory;
     omni_limits_t limits;
     uint8_t controller;                        /**< enum omni_ctl_mode */
+    uint8_t control_period;                    /**< ticks from one step of the position controller to the next, >= 1 */
     int8_t encoder_direction[OMNI_MAX_WHEELS]; /**< -1 or 1 */
     int8_t motor_direction[OMNI_MAX_WHEELS];   /**< -1 or 1 */
     omni_real_t rad_per_count;
-    omni_real_t slip_feed; /**< 0..1 share of the slip estimate fed forward */
+    omni_real_t slip_feed;  /**< 0..1 share of the slip estimate fed forward */
+    omni_real_t torque_emf; /**< 0..1 share of back-EMF and viscous friction made up for in direct torque control */
     omni_real_t step_s;
     uint16_t sequence; /**< caller's number of this set; telemetry repeats it */
 } omni_robot_config_t;
@@ -140,10 +146,13 @@ typedef struct omni_outputs_t {
     omni_real_t pose_sd[OMNI_AXES];
     omni_reference_t reference;
     omni_control_terms_t terms;
+    /** k - |B+ (v_s - v_s_hat)| of condition 44 per world axis [m/s, m/s, rad/s], with 3 sigma of the slip ratios' estimate as the error;
+     *  0 unless the ISMC is tracking. */
+    omni_real_t ismc_margin[OMNI_AXES];
     omni_real_t slip_m_s[OMNI_MAX_WHEELS]; /**< estimated v_s */
     omni_real_t slip_residual_m_s;
-    omni_real_t wheel_scale; /**< factor the wheel speeds were cut by, 1: none */
-    omni_real_t duty_scale;  /**< factor the voltages were cut by, 1: none */
+    omni_real_t wheel_scale; /**< factor the wheel speeds (direct torque: by the runaway protection) were cut by, 1: none */
+    omni_real_t duty_scale;  /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
     omni_real_t supply_V;
     omni_real_t nis;
     uint32_t fixes_accepted;
@@ -159,6 +168,11 @@ typedef struct omni_robot_t {
     omni_fl_state_t fl;
     omni_original_state_t original;
     omni_wheel_speed_state_t wheel_speed;
+    uint8_t control_ticks;                        /**< ticks since the position controller's last step began its period */
+    omni_control_terms_t held_terms;              /**< of that step, in force until the next */
+    omni_twist_t held_twist;                      /**< its wanted body twist */
+    omni_real_t held_torque_N_m[OMNI_MAX_WHEELS]; /**< or its torques */
+    omni_real_t held_scale;                       /**< what eq. 30 left of them */
     omni_safety_state_t state;
     uint64_t last_time_us;
     uint64_t trajectory_start_us;
@@ -170,12 +184,14 @@ typedef struct omni_robot_t {
     omni_real_t stalled_s[OMNI_MAX_WHEELS];  /**< how long each wheel has looked stalled or reversed */
     uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
     uint32_t battery_ticks;                  /**< ticks in a row with too little voltage */
+    omni_real_t uncovered_s;                 /**< how long condition 44 has been violated */
     uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;
     uint8_t last_kind; /**< set-point kind of the last tick */
     bool primed;       /**< last_* hold a first sample */
     bool saturated;    /**< the last tick cut wheel speeds or duties */
+    bool uncovered;    /**< condition 44 counts as violated */
     bool off_track;    /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 

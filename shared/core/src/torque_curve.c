@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: MIT */
+#include "omni/torque_curve.h"
+
+#include "omni/math.h"
+
+enum { KNOTS = OMNI_CURVE_POINTS + 3 };
+
+/* Share of tau_max over which the dead-band is crossed. */
+static const omni_real_t crossing = 0.01f;
+
+typedef struct knot_t {
+    omni_real_t share; /* of tau_max */
+    omni_real_t duty;
+} knot_t;
+
+/* Origin, end of the dead-band on the first straight, the points, full duty. */
+static void knots(const omni_torque_curve_t *curve, knot_t knot[KNOTS]) {
+    const omni_real_t spacing = 1.0f / (omni_real_t)(OMNI_CURVE_POINTS + 1);
+    knot[0] = (knot_t){0.0f, 0.0f};
+    knot[1] = (knot_t){crossing, curve->dead_duty + (curve->duty[0] - curve->dead_duty) * crossing / spacing};
+    for (int i = 0; i < OMNI_CURVE_POINTS; ++i) {
+        knot[i + 2].share = spacing * (omni_real_t)(i + 1);
+        knot[i + 2].duty = curve->duty[i];
+    }
+    knot[KNOTS - 1] = (knot_t){1.0f, 1.0f};
+}
+
+bool omni_torque_curve_is_valid(const omni_torque_curve_t *curve, int32_t *bad_point) {
+    omni_real_t before = curve->dead_duty;
+    for (int32_t i = 0; i <= OMNI_CURVE_POINTS; ++i) {
+        const omni_real_t duty = i < OMNI_CURVE_POINTS ? curve->duty[i] : 1.0f;
+        if (!(duty > before) || !(before >= 0.0f)) {
+            if (bad_point != NULL) {
+                *bad_point = i;
+            }
+            return false;
+        }
+        before = duty;
+    }
+    return true;
+}
+
+omni_real_t omni_torque_curve_duty(const omni_torque_curve_t *curve, omni_real_t torque_N_m) {
+    knot_t knot[KNOTS];
+    const omni_real_t share = omni_absf(torque_N_m) / curve->torque_max_N_m;
+    if (!omni_is_finite(share)) {
+        return share > 0.0f ? omni_signf(torque_N_m) : 0.0f;
+    }
+    knots(curve, knot);
+    for (int i = 1; i < KNOTS; ++i) {
+        if (share <= knot[i].share) {
+            const omni_real_t way = (share - knot[i - 1].share) / (knot[i].share - knot[i - 1].share);
+            return omni_signf(torque_N_m) * (knot[i - 1].duty + way * (knot[i].duty - knot[i - 1].duty));
+        }
+    }
+    return omni_signf(torque_N_m);
+}
+
+omni_real_t omni_torque_curve_torque(const omni_torque_curve_t *curve, omni_real_t duty) {
+    knot_t knot[KNOTS];
+    const omni_real_t magnitude = omni_absf(duty);
+    knots(curve, knot);
+    for (int i = 1; i < KNOTS; ++i) {
+        if (magnitude <= knot[i].duty) {
+            const omni_real_t way = (magnitude - knot[i - 1].duty) / (knot[i].duty - knot[i - 1].duty);
+            return omni_signf(duty) * curve->torque_max_N_m * (knot[i - 1].share + way * (knot[i].share - knot[i - 1].share));
+        }
+    }
+    return omni_signf(duty) * curve->torque_max_N_m;
+}
