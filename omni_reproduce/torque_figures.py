@@ -43,11 +43,11 @@ def _path_axes(figure: Figure, title: str) -> Axes:
 def draw_rose(trace: Trace, settled_s: float, folder: Path) -> list[Path]:
     """Draw fig5.png, the path, and fig6.png, the errors over time."""
     with mpl.rc_context(STYLE):
-        path = _figure(7.6, 6.0)
+        path = _figure(6.6, 6.6)
         axes = _path_axes(path, "Six-petal rose, direct torque control at 50 Hz")
         axes.plot(trace.reference[:, 0], trace.reference[:, 1], color=GREY, lw=3.0, alpha=0.6, label="reference")
         axes.plot(trace.pose[:, 0], trace.pose[:, 1], color=_X, lw=1.2, label="robot, from the origin")
-        path.legend(loc="outside right upper")
+        path.legend(loc="outside lower center", ncols=2)
         errors = _figure(9.0, 5.6)
         upper, lower = errors.subplots(2, 1, sharex=True)
         _draw_errors(upper, trace, 0.0)
@@ -71,13 +71,13 @@ def draw_points(traces: Mapping[str, Trace], goals: Array, every_s: float, folde
     """Draw fig7.png, the path of the first run, and fig8.png, the distance to the point over time of all."""
     first = next(iter(traces.values()))
     with mpl.rc_context(STYLE):
-        path = _figure(7.6, 6.0)
-        axes = _path_axes(path, "Random points, one every 5 s")
+        path = _figure(7.4, 6.0)
+        axes = _path_axes(path, f"Random points, one every {every_s:g} s, report's gains")
         axes.plot(first.pose[:, 0], first.pose[:, 1], color=_X, lw=1.2, label="robot, from the origin")
         axes.plot(goals[:, 0], goals[:, 1], "o", color=_Y, ms=8, label="points")
         for number, goal in enumerate(goals, start=1):
             axes.annotate(str(number), goal[:2], xytext=(8, 6), textcoords="offset points", color=INK)
-        path.legend(loc="outside right upper")
+        path.legend(loc="outside lower center", ncols=2)
         errors = _figure(9.0, 6.2)
         panels = errors.subplots(2, 1, sharex=True)
         for (title, trace), colour, dashes in zip(traces.items(), _LAWS, _DASHES, strict=False):
