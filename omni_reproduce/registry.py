@@ -50,6 +50,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         "table7",
         ("table5", "fig13", "fig14", "fig15", "fig16"),
     ),
+    Experiment("consistency", "Consistency of the pose filters with exact models", "consistency"),
     Experiment("controllers", "Every controller on every path", "controllers"),
 )
 
