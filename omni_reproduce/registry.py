@@ -57,13 +57,9 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         "table7",
         ("table5", "fig13", "fig14", "fig15", "fig16"),
     ),
-<<<<<<< HEAD
-    Experiment("consistency", "Consistency of the pose filters with exact models", "consistency"),
-=======
     Experiment("consistency", "Whether the pose filter knows how good it is", "consistency"),
     Experiment("table9", "Tables 8 and 9: model identification", "identification", ("table8",)),
     Experiment("real_logs", "Logs of a real robot", "real_logs"),
->>>>>>> main
     Experiment("controllers", "Every controller on every path", "controllers"),
 )
 
