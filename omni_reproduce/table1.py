@@ -26,7 +26,7 @@ _CM = 100.0
 
 @dataclass(frozen=True)
 class Case:
-    """One try: the experiment's file, the name of the controller, the share of the dead-band it compensates, the seed."""
+    """One try: the experiment's file, the controller's name, the share of the dead-band compensated, the seed."""
 
     spec: Mapping[str, Any]
     controller: str
@@ -67,13 +67,13 @@ def stop_radius_m(spec: Mapping[str, Any], controller: str, compensation: float)
     """
     gains = spec["controller"][controller]
     missing_m_s = (1.0 - compensation) * dead_speed_m_s(spec["robot"]) - gains["ki"] * gains["integral_limit"]
-    return max(missing_m_s / gains["kp"], 0.0)
+    return float(max(missing_m_s / gains["kp"], 0.0))
 
 
 class Drive:
     """The host's side of the report's robot: controller, kinematics, and the PWM of each motor.
 
-    PWM is proportional to the wanted wheel speed, all cut by one factor at full scale; compensated, the dead-band is added.
+    PWM is proportional to the wanted wheel speed, all cut by one factor at full scale; compensation adds to it.
     """
 
     def __init__(self, case: Case, kinematics: Any) -> None:
@@ -123,7 +123,9 @@ class Drive:
         moved = (now.x - before.x, now.y - before.y, lib.omni_wrap_pi(now.theta - before.theta))
         started, self._started = self._started, True
         self._last[0] = self._pose[0]
-        return (moved[0] / self._step_s, moved[1] / self._step_s, moved[2] / self._step_s) if started else (0.0, 0.0, 0.0)
+        return (
+            (moved[0] / self._step_s, moved[1] / self._step_s, moved[2] / self._step_s) if started else (0.0, 0.0, 0.0)
+        )
 
 
 def start_pose(spec: Mapping[str, Any], seed: int) -> tuple[float, float, float]:
@@ -158,21 +160,27 @@ def measure(case: Case) -> Array:
 
 
 _EXPLANATIONS = {
-    "P": "The robot stops where no motor gets more than the dead-band: the smaller the gain, the farther away. The limit "
-    "is that distance in the worst direction for the wheels; in other directions it is up to √2 times that.",
-    "PD": "With the derivative against lag and delay the gain can be {gain:.1f} times that of P, which makes the distance "
-    "as much smaller.",
+    "P": "The robot stops where no motor gets more than the dead-band: the smaller the gain, the farther away. The "
+    "limit is that distance in the worst direction for the wheels; in others it is up to √2 times that, and a robot that "
+    "coasts gets nearer.",
+    "PD": "With the derivative against lag and delay the gain can be {gain:.1f} times that of P, which makes the "
+    "distance as much smaller.",
     "PID": "The integral, limited to {share:.0f} % of the dead-band, takes the rest.",
-    "PID as printed (38), no limit": "Without a limit the integral of a try that starts metres away swings the robot to and "
-    "fro, long after: what the report calls oscillations.",
+    "PID as printed (38), no limit": "Without a limit the integral of a try that starts metres away swings the robot "
+    "to and fro, long after: what the report calls oscillations.",
 }
 _COMPENSATED = (
     "The dead-band is added to every PWM in the wanted direction (the static feed-forward of the core's wheel loops), "
     "with the same gains: a dead-band that is known costs no accuracy."
 )
 _PARTLY = (
-    "A dead-band known to 10 % stops the robot at the limit, a tenth of the distance. This world's friction is smooth "
-    "within 0.01 rad/s: below the dead-band the robot creeps the rest of the way in seconds, which stiction would not allow."
+    "A dead-band known to {miss:.0f} % stops the robot at the limit, that share of the distance. This world's friction is smooth "
+    "within 0.01 rad/s: below the dead-band the robot creeps the rest of the way in seconds, which stiction would not "
+    "allow."
+)
+_DEVIATION = (
+    "Only start, heading and the noise of the poses differ between tries; the report's floor, battery and motors did "
+    "too."
 )
 
 
@@ -227,17 +235,14 @@ def _group_rows(title: str, final_cm: Array, size: int, mean: float, sd: float) 
 def _how(compensation: float) -> str:
     if compensation == 0.0:
         return "dead-band as it is"
-    return "dead-band compensated" if compensation == 1.0 else f"{100 * compensation:.0f} % of the dead-band compensated"
-
-
-_DEVIATION = (
-    "Only start, heading and the noise of the poses differ between tries; the report's floor, battery and motors did too."
-)
+    return (
+        "dead-band compensated" if compensation == 1.0 else f"{100 * compensation:.0f} % of the dead-band compensated"
+    )
 
 
 def _explanation(spec: Mapping[str, Any], name: str, compensation: float) -> str:
     if compensation > 0.0:
-        return _COMPENSATED if compensation == 1.0 else _PARTLY
+        return _COMPENSATED if compensation == 1.0 else _PARTLY.format(miss=100.0 * abs(1.0 - compensation))
     all_gains = spec["controller"]
     gains = all_gains[name]
     share = 100.0 * gains["ki"] * gains["integral_limit"] / dead_speed_m_s(spec["robot"])
@@ -246,13 +251,13 @@ def _explanation(spec: Mapping[str, Any], name: str, compensation: float) -> str
 
 def _note(spec: Mapping[str, Any], tries: int) -> str:
     head, robot, pose = spec["experiment"], spec["robot"], spec["pose"]
+    near, far = head["distance_m"]
     return (
-        f"{tries} tries per controller of {head['duration_s']:.0f} s from {head['distance_m'][0]:.0f} to "
-        f"{head['distance_m'][1]:.0f} m away, any heading, {1 / head['step_s']:.0f} Hz; poses {1e3 * pose['delay_s']:.0f} ms "
-        f"late with {1e3 * pose['sd_xy_m']} mm of noise. One robot for all: full speed {robot['full_speed_rad_s']:.0f} rad/s "
-        f"at {robot['supply_V']:.0f} V, lag {robot['lag_s']} s, friction that takes PWM {robot['dead_pwm']} of "
-        f"{robot['pwm_steps']}. Robot and gains are a fit with many solutions: what the table needs is a dead-band, and a "
-        "gain that lag and delay keep small."
+        f"{tries} tries per controller of {head['duration_s']:.0f} s from {near:.0f} to {far:.0f} m away, any heading, "
+        f"{1 / head['step_s']:.0f} Hz; poses {1e3 * pose['delay_s']:.0f} ms late with {1e3 * pose['sd_xy_m']} mm of "
+        f"noise. One robot for all: full speed {robot['full_speed_rad_s']:.0f} rad/s at {robot['supply_V']:.0f} V, lag "
+        f"{robot['lag_s']} s, friction that takes PWM {robot['dead_pwm']} of {robot['pwm_steps']}. Robot and gains are "
+        "a fit with many solutions: what the table needs is a dead-band, and a gain that lag and delay keep small."
     )
 
 
