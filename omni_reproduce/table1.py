@@ -161,8 +161,8 @@ def measure(case: Case) -> Array:
 
 _EXPLANATIONS = {
     "P": "The robot stops where no motor gets more than the dead-band: the smaller the gain, the farther away. The "
-    "limit is that distance in the worst direction for the wheels; in others it is up to √2 times that, and a robot that "
-    "coasts gets nearer.",
+    "limit is that distance in the worst direction for the wheels; in others it is up to √2 times that, and a robot "
+    "that coasts gets nearer.",
     "PD": "With the derivative against lag and delay the gain can be {gain:.1f} times that of P, which makes the "
     "distance as much smaller.",
     "PID": "The integral, limited to {share:.0f} % of the dead-band, takes the rest.",
@@ -174,9 +174,9 @@ _COMPENSATED = (
     "with the same gains: a dead-band that is known costs no accuracy."
 )
 _PARTLY = (
-    "A dead-band known to {miss:.0f} % stops the robot at the limit, that share of the distance. This world's friction is smooth "
-    "within 0.01 rad/s: below the dead-band the robot creeps the rest of the way in seconds, which stiction would not "
-    "allow."
+    "A dead-band known to {miss:.0f} % stops the robot at the limit, that share of the distance. This world's friction "
+    "is smooth within 0.01 rad/s: below the dead-band the robot creeps the rest of the way in seconds, which stiction "
+    "would not allow."
 )
 _DEVIATION = (
     "Only start, heading and the noise of the poses differ between tries; the report's floor, battery and motors did "
