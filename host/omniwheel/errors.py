@@ -30,6 +30,7 @@
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
     ├── MissingPackageError           a command needs an optional package that is not installed
+    ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     └── VersionMismatchError          robot and host speak different versions
 
 ``str(error)`` is one line that says what happened; ``error.hint`` says what to do about it, or is "".
@@ -180,6 +181,12 @@ class CoreError(OmniError, ValueError):
 
 class RobotFileError(OmniError, ValueError):
     """A robot file that is missing, malformed or out of range."""
+
+    exit_code = 2
+
+
+class LogError(OmniError, ValueError):
+    """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
 
     exit_code = 2
 

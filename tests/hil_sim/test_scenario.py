@@ -82,6 +82,9 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         ({"parameters": {"ISMC_LAM_XY": 1e9}}, ("parameters.ISMC_LAM_XY", "200")),
         ({"parameters": {"CTL_MODE": "ismcc"}}, ("parameters.CTL_MODE", "did you mean ismc")),
         ({"world": {"slip_maximum": 0.1}}, ("world.slip_maximum", "did you mean slip_max")),
+        ({"world": {"plant": "slipp"}}, ("world.plant", "did you mean slip", "kinematic+motors")),
+        ({"world": {"plant": 3}}, ("world.plant", "3")),
+        ({"world": {"slip_speed_max_m_s": -0.1}}, ("world.slip_speed_max_m_s", "-0.1")),
         ({"world": {"slip_max": 1.5}}, ("world.slip_max", "1.5", "0.9")),
         ({"world": {"slip_max": math.nan}}, ("world.slip_max", "nan")),
         ({"world": {"start_pose": [0, 0]}}, ("world.start_pose", "three numbers")),
@@ -161,3 +164,18 @@ def test_an_event_describes_itself() -> None:
     assert Event(at_s=0.0, settings={"WS_P": 5.0}).describe() == "WS_P = 5"
     assert Event(at_s=0.0, velocity=(0.1, 0.0, -1.0)).describe() == "velocity 0.1, 0, -1"
     assert Event(at_s=0.0, duty=(0.1, 0.0, -1.0)).describe() == "duty 0.1, 0, -1"
+
+
+def test_the_plant_is_the_full_one_unless_another_is_named() -> None:
+    demo = load_scenario("demo")
+    assert demo.plant == "full"
+    assert demo.with_plant(None) is demo
+    assert demo.with_plant("kinematic+motors").plant == "kinematic+motors"
+    with pytest.raises(SchemaError, match=r"world\.plant"):
+        demo.with_plant("magic")
+
+
+def test_a_scenario_names_its_plant(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('[scenario]\nname = "mine"\nextends = "demo"\n[world]\nplant = "slip"\n')
+    assert load_scenario(path).plant == "slip"

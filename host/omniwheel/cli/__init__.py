@@ -15,12 +15,15 @@ from omniwheel.cli import (
     drive,
     hil,
     identify,
+    identify_logs,
     legacy,
+    logs,
     mocap,
     monitor,
     params,
     plot,
     record,
+    replay,
     reproduce,
     robots,
     sim,
@@ -68,7 +71,10 @@ app.add_typer(legacy.app, name="legacy")
 app.add_typer(mocap.app, name="mocap")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
+app.add_typer(logs.app, name="logs")
+app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
+identify.app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 app.add_typer(identify.app, name="identify")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
