@@ -51,7 +51,10 @@ def changes(found: Odometry) -> Changes:
     return {
         "geometry.wheel_radius_m": (values["WHEEL_RADIUS"], seen),
         "geometry.wheel_radius_scale": (scales, "identified; by direction in the calibration"),
-        "geometry.wheel_distance_m": (values["WHEEL_DIST"], seen if found.distance_seen else "nominal: never seen to turn"),
+        "geometry.wheel_distance_m": (
+            values["WHEEL_DIST"],
+            seen if found.distance_seen else "nominal: never seen to turn",
+        ),
         **{f"motor.{key}": (values[name], said) for key, (name, said) in _MOTOR.items()},
         **{f"parameters.{name}": (values[name], "identified") for name in _FILTER},
     }
