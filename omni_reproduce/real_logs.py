@@ -49,8 +49,8 @@ def run(context: Context) -> Result:
     folder = data_folder(spec)
     paths = sorted(folder.glob(settings["runs"]))
     if not paths:
-        variable = settings["folder_variable"]
-        return Result((), notes=(f"Not run: no logs. Set `{variable}` to the folder that holds `{settings['runs']}`.",))
+        missing = f"Not run: no logs. Set {settings['folder_variable']} to the folder that holds {settings['runs']}."
+        return Result((Row(NAME, "not run", "RMS distance, median of the runs", "m", None, explanation=missing),))
     robot = read_robot(ROBOT_FOLDER / "robot.toml")
     runs = read_logs(paths[: settings["quick_runs"]] if context.quick else paths)
     turns, lifted = (read_logs(sorted(folder.glob(settings[key]))) for key in ("turns", "lifted"))
@@ -93,7 +93,9 @@ def _rows(study: LogStudy, robot: Robot) -> list[Row]:
         ("effective wheel distance", whole.wheel_distance_m, half["distance"], robot.parameter_values()["WHEEL_DIST"]),
     )
     for quantity, value, width, nominal in measured:
-        told = f"In the camera's metres; ± {1e3 * float(width):.1f} mm (95 %, {count} runs); nominal {1e3 * nominal:.0f} mm."
+        told = (
+            f"In the camera's metres; ± {1e3 * float(width):.1f} mm (95 %, {count} runs), nominal {1e3 * nominal:.0f}."
+        )
         rows.append(Row(NAME, "identified on all runs", quantity, "m", value, explanation=told))
     return rows
 

@@ -22,7 +22,7 @@ _MOTOR = {
 
 
 def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path, Path]:
-    """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; never overwrites a file."""
+    """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; overwrites nothing."""
     if target.suffix != ".toml":
         raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
     text = find_robot_file(nominal).read_text(encoding="utf-8")
