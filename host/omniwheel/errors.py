@@ -27,6 +27,7 @@
     ├── LegacyStopError               the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
+    ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
     ├── MissingPackageError           a command needs an optional package that is not installed
@@ -180,6 +181,12 @@ class CoreError(OmniError, ValueError):
 
 class RobotFileError(OmniError, ValueError):
     """A robot file that is missing, malformed or out of range."""
+
+    exit_code = 2
+
+
+class LogError(OmniError, ValueError):
+    """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
 
     exit_code = 2
 

@@ -31,7 +31,9 @@ SATURATED_SHARE_MAX = 0.5
 MOVING_rad_s = 0.05
 MIN_MOVING_S = 2.0
 MIN_FIT = 0.5
-IV_STEPS = 2
+IV_STEPS_MAX = 20
+SETTLED = 2e-3
+"""Steps end when no parameter moves by more than this share of itself."""
 COARSE = 5
 """The first search takes one segment in so many."""
 _STEP = 1e-5
@@ -102,10 +104,13 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
     scale = _scales(start, model)
 
     x = _output_error(model, segments.thinned(COARSE), start, scale)
-    for _ in range(IV_STEPS):
+    for _ in range(IV_STEPS_MAX):
         instrument = _slope(model, segments, x, scale)
         rest = _residual(model, segments, x, scale)
-        x = np.maximum(x + np.linalg.lstsq(instrument, rest, rcond=None)[0], _lower_bounds(model))
+        step = np.linalg.lstsq(instrument, rest, rcond=None)[0]
+        x = np.maximum(x + step, _lower_bounds(model))
+        if np.max(np.abs(step)) < SETTLED:
+            break
     cluster = np.broadcast_to(segments.cluster[:, None, None], used.shape)[used]
     covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
     estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
@@ -240,6 +245,7 @@ def cut(runs: Sequence[Dataset], model: Model, time_constant_s: float) -> tuple[
 
 
 def _instrument(run: Dataset) -> Array:
+    """Return the duty times one constant supply (n, wheels) [V]; the voltage itself if no supply was logged."""
     if run.supply_V is None:
         return run.voltage_V
     duty: Array = run.voltage_V / run.supply_V[:, None]
