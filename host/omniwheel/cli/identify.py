@@ -38,19 +38,25 @@ from omniwheel.robot import DEFAULT_TIMEOUT_S
 from omniwheel.robots import read_robot
 from omniwheel.tlog import TlogWriter
 
-app = typer.Typer(help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True)
+app = typer.Typer(
+    help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True
+)
 
 app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 
 RobotOption = Annotated[
-    str, typer.Option("--robot", "-r", metavar="ROBOT", help="Robot or file whose layout it has; the new file is its copy.")
+    str,
+    typer.Option("--robot", "-r", metavar="ROBOT", help="Robot or file whose layout it has; the new file is its copy."),
 ]
 MassOption = Annotated[
-    float | None, typer.Option("--mass", metavar="KG", help="Weighed mass. Default: the robot file's.", show_default=False)
+    float | None,
+    typer.Option("--mass", metavar="KG", help="Weighed mass. Default: the robot file's.", show_default=False),
 ]
 ResistanceOption = Annotated[
     float | None,
-    typer.Option("--resistance", metavar="OHM", help="Measured winding. Default: the robot file's.", show_default=False),
+    typer.Option(
+        "--resistance", metavar="OHM", help="Measured winding. Default: the robot file's.", show_default=False
+    ),
 ]
 ConstantOption = Annotated[
     float | None,
@@ -63,7 +69,9 @@ ConstantOption = Annotated[
 ]
 StandOption = Annotated[
     Path | None,
-    typer.Option("--stand", metavar="LOG", help="Log of voltage steps with the wheels off the floor.", show_default=False),
+    typer.Option(
+        "--stand", metavar="LOG", help="Log of voltage steps with the wheels off the floor.", show_default=False
+    ),
 ]
 ValidateOption = Annotated[
     list[Path] | None,
@@ -156,11 +164,14 @@ def live(
 
 
 @app.command(
-    "simulate", epilog=examples("omni identify simulate --seed 3 --name found", "omni identify simulate four_wheel --json")
+    "simulate",
+    epilog=examples("omni identify simulate --seed 3 --name found", "omni identify simulate four_wheel --json"),
 )
 def simulate(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="Robot or file to vary.")] = "three_wheel",
-    seed: Annotated[int, typer.Option("--seed", min=0, max=2**31, help="Decides the true parameters and all noise.")] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, max=2**31, help="Decides the true parameters and all noise.")
+    ] = 1,
     duration: Annotated[
         float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
     ] = excitation.DURATION_S,
@@ -168,7 +179,7 @@ def simulate(
     folder: FolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
-    """Try it without a robot: a simulated one with parameters drawn by chance is identified, and compared with the truth."""
+    """Try it without a robot: identify a simulated one with parameters drawn by chance, and compare with the truth."""
     base = read_robot(robot)
     simulated = SimulatedRobot.random(base, seed)
     angles = layout_of(base).angle_rad
@@ -210,7 +221,9 @@ def _file_number(base: RobotFile, section: str, key: str, option: str) -> float:
 def _finish_stand(motors: MotorSteps, as_json: bool) -> None:
     estimate = motors.together.estimate
     if as_json:
-        values = {name: {"value": estimate[name], "half_width_95": estimate.half_width(name)} for name in estimate.names}
+        values = {
+            name: {"value": estimate[name], "half_width_95": estimate.half_width(name)} for name in estimate.names
+        }
         print_json({"parameters": values, "dead_bands": [vars(band) for band in motors.dead_bands]})
         return
     for name in estimate.names:
@@ -250,7 +263,9 @@ def _finish(
     console.print(f"\n[bold]{path}[/]  check it with: omni robots check {path}")
 
 
-def _each(found: Identification, truth: dict[str, float] | None, take: Callable[[str, float, float, float | None], None]) -> None:
+def _each(
+    found: Identification, truth: dict[str, float] | None, take: Callable[[str, float, float, float | None], None]
+) -> None:
     for estimate in found.estimates():
         for name in estimate.names:
             take(name, estimate[name], estimate.half_width(name), None if truth is None else truth[name])
@@ -260,7 +275,11 @@ def _table(found: Identification, truth: dict[str, float] | None) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     titles = ("parameter", "value", "± 95 %", "truth", "") if truth is not None else ("parameter", "value", "± 95 %")
     for title in titles:
-        table.add_column(title, style="cyan" if title == "parameter" else "", justify="left" if title in ("parameter", "") else "right")
+        table.add_column(
+            title,
+            style="cyan" if title == "parameter" else "",
+            justify="left" if title in ("parameter", "") else "right",
+        )
 
     def add(name: str, value: float, half_width: float, true: float | None) -> None:
         cells = [name, f"{value:.5g}", f"{half_width:.2g}"]

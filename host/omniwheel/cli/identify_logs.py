@@ -72,4 +72,3 @@ def identify_logs(
         console.print(f"{kind.replace('_', ' '):24} {1e3 * study.median_m(kind):6.0f} mm RMS in the median")
     for name, path in files.items():
         console.print(f"[dim]{name:12}[/] {path}", soft_wrap=True)
-

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Drives a connected robot through Appendix D's runs, or through steps on a stand, and records what identification needs."""
+"""Drives a connected robot through Appendix D's runs, or steps on a stand, and records what identification needs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ RECORDED = ("OMNI_SAMPLE", "VICON_POSITION_ESTIMATE")
 def excite(robot: Robot, profiles: Mapping[str, Array], tell: Callable[[str], None]) -> Dataset:
     """Put duties (rows of PERIOD_S, wheels) on the motors, one table after the other; disarm at the end.
 
-    Open loop, as in Appendix D: nothing holds the robot on a path. Raises IdentificationError if the robot stops itself.
+    Open loop, as in Appendix D: nothing holds the robot on a path. Raises IdentificationError if the robot stops
+    itself.
     """
     seen: list[Message] = []
     parameters = {name: robot.parameters[name] for name in _needed(int(robot.parameters["WHEELS"]))}
@@ -54,4 +55,6 @@ def _play(robot: Robot, duty: Array) -> None:
         status = robot.status
         if status.state in ("failsafe", "estop"):
             faults = ", ".join(status.safety.fault_history) if status.safety is not None else "unknown"
-            raise IdentificationError(f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room?")
+            raise IdentificationError(
+                f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room?"
+            )

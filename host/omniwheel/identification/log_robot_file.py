@@ -22,7 +22,7 @@ _MOTOR = {
 
 
 def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path, Path]:
-    """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; never overwrites a file."""
+    """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; overwrites nothing."""
     if target.suffix != ".toml":
         raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
     text = find_robot_file(nominal).read_text(encoding="utf-8")
@@ -51,7 +51,10 @@ def changes(found: Odometry) -> Changes:
     return {
         "geometry.wheel_radius_m": (values["WHEEL_RADIUS"], seen),
         "geometry.wheel_radius_scale": (scales, "identified; by direction in the calibration"),
-        "geometry.wheel_distance_m": (values["WHEEL_DIST"], seen if found.distance_seen else "nominal: never seen to turn"),
+        "geometry.wheel_distance_m": (
+            values["WHEEL_DIST"],
+            seen if found.distance_seen else "nominal: never seen to turn",
+        ),
         **{f"motor.{key}": (values[name], said) for key, (name, said) in _MOTOR.items()},
         **{f"parameters.{name}": (values[name], "identified") for name in _FILTER},
     }
