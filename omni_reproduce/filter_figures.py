@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Figures 13 to 16: one run on the rose with all filter combinations; and the table as bars."""
+"""Figures 13 to 16: one run on the rose with all filter combinations; and the table at a glance."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil_sim.report import GREY, INK, STYLE
-from omni_reproduce.filters import AXES, FILTER_TITLES, Array, Setting, Study
+from omni_reproduce.filters import AXES, AXIS_UNITS, FILTER_TITLES, Array, Setting, Study
 
 _DPI = 120
+_RUN = "four-petal rose in 30 s, as the report's code had it"
 _COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7")
 _DASHES: tuple[Any, ...] = ("-", "-", "-", (0, (4, 2)))
 _PUBLISHED = "#222222"
-_SETTING_COLOURS = ("#0072B2", "#56B4E9", "#009E73")
-_ZOOM_S, _ZOOM_M, _ZOOM_WINDOW_S = 24.0, 0.05, 0.5
+_SETTING_COLOURS, _MARKERS = ("#0072B2", "#E69F00", "#009E73"), ("o", "s", "^")
+_ZOOM_S, _ZOOM_M, _ZOOM_WINDOW_S = 24.0, 0.08, 0.5
 
 
-class BarGroup(Protocol):
-    """What the bars need of a setting's outcome."""
+class Outcome(Protocol):
+    """What the overview needs of a setting's outcome."""
 
     @property
     def setting(self) -> Setting:
@@ -50,7 +51,7 @@ def _save(figure: Figure, path: Path) -> Path:
 
 def draw_run(study: Study, samples: NDArray[np.void], folder: Path) -> list[Path]:
     """Draw fig13.png to fig16.png of one run, samples of SAMPLE; return their paths."""
-    t = np.arange(1, len(samples) + 1) * study.setting.step_s
+    t = np.arange(1, len(samples) + 1, dtype=np.float64) * study.setting.step_s
     wanted = study.poses[1:]
     middle = samples["truth"][np.searchsorted(t, _ZOOM_S)]
     with mpl.rc_context(STYLE):
@@ -87,7 +88,7 @@ def _path_figure(wanted: Array, samples: NDArray[np.void], title: str) -> Figure
     axes = figure.add_subplot()
     curves = [wanted, samples["truth"], *np.moveaxis(samples["estimate"], 1, 0)]
     _lines(axes, [curve[:, 0] for curve in curves], [curve[:, 1] for curve in curves])
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{title}: four-petal rose in 30 s, as the report's code had it")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{title}: {_RUN}")
     axes.set_aspect("equal", adjustable="box")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right center")
     return figure
@@ -98,33 +99,34 @@ def _heading_figure(t: Array, wanted: Array, samples: NDArray[np.void], title: s
     axes = figure.add_subplot()
     curves = [wanted, samples["truth"], *np.moveaxis(samples["estimate"], 1, 0)]
     _lines(axes, [t] * len(curves), [curve[:, 2] for curve in curves])
-    axes.set(xlabel="time [s]", ylabel="θ [rad]", title=f"{title}: four-petal rose in 30 s, as the report's code had it")
+    axes.set(xlabel="time [s]", ylabel="θ [rad]", title=f"{title}: {_RUN}")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right center")
     return figure
 
 
-def draw_bars(published: Array, groups: Sequence[BarGroup], path: Path) -> None:
-    """Draw the table: a panel per axis; ``published`` (4, 3) beside each group's mean, whiskers of one standard deviation."""
+def draw_table(published: Array, groups: Sequence[Outcome], path: Path) -> None:
+    """Draw the table: a panel per axis; ``published`` (4, 3) beside each setting's mean with one standard deviation."""
     with mpl.rc_context(STYLE):
         figure = _figure(11.0, 4.6)
         panels = figure.subplots(1, 3, sharey=False)
         places = np.arange(len(FILTER_TITLES))
-        width = 0.8 / (len(groups) + 1)
+        apart = 0.7 / (len(groups) + 1)
         for axis, axes in enumerate(panels):
-            axes.bar(places - 0.4 + 0.5 * width, published[:, axis], width, color=_PUBLISHED, label="published")
-            for number, group in enumerate(groups):
+            axes.plot(places - 0.35, published[:, axis], "_", ms=13, mew=2.2, color=_PUBLISHED, label="published")
+            for number, group in enumerate(groups, start=1):
                 rmse = group.results["rmse"][:, :, axis]
-                axes.bar(
-                    places - 0.4 + (number + 1.5) * width,
+                axes.errorbar(
+                    places - 0.35 + number * apart,
                     rmse.mean(axis=0),
-                    width,
-                    yerr=rmse.std(axis=0),
-                    error_kw={"lw": 0.9, "ecolor": GREY},
-                    color=_SETTING_COLOURS[number],
+                    rmse.std(axis=0),
+                    fmt=_MARKERS[number - 1],
+                    ms=6,
+                    lw=1.2,
+                    color=_SETTING_COLOURS[number - 1],
                     label=group.setting.title,
                 )
             axes.set_yscale("log")
             axes.set_xticks(places, [title.replace(" and ", "\nand ") for title in FILTER_TITLES])
-            axes.set(title=f"{AXES[axis]} RMSE", ylabel="rad" if axis == 2 else "m")
+            axes.set(title=f"{AXES[axis]} RMSE in 600 s", ylabel=f"RMSE [{AXIS_UNITS[axis]}]")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(groups) + 1)
         _save(figure, path)

@@ -10,7 +10,7 @@ from omni_reproduce.filters import FILTERS, Array, Setting, Study, motor_model, 
 from omni_reproduce.riccati import dead_reckoning_covariance, joint_variances, mean_rms, pose_variances
 
 _BURN_IN_S = 10.0
-_BLOCK_S = 1.0
+_WALK_POINTS = 127
 
 
 def per_axis(pair: Array | tuple[float, float]) -> Array:
@@ -26,7 +26,7 @@ def to_body(setting: Setting) -> Array:
 
 
 class Limits:
-    """Limits of one setting along the true path of one seed; ``bound_s`` seconds of it are enough for the Riccati recursions."""
+    """Limits of one setting along the true path of one seed; the Riccati recursions take ``bound_s`` seconds of it."""
 
     def __init__(self, setting: Setting, seed: int, bound_s: float) -> None:
         study = Study(setting)
@@ -59,7 +59,7 @@ class Limits:
         return self._rms(pose_variances(self._moves, self.noise(name == "kf_ekf"), r, late))
 
     def _rms(self, variances: Array) -> Array:
-        return np.sqrt(variances[self._skip :].mean(axis=0))
+        return np.asarray(np.sqrt(variances[self._skip :].mean(axis=0)))
 
     def _joint(self) -> Array:
         setting = self._setting
@@ -75,13 +75,12 @@ class Limits:
 
     def _walk(self, q: Array) -> Array:
         """Expectation of the RMS error of dead reckoning over the whole run."""
-        block = round(_BLOCK_S / self._setting.step_s)
-        middles = self._poses[block // 2 :: block][: self._setting.steps // block]
-        return np.array([mean_rms(covariance) for covariance in dead_reckoning_covariance(middles, q * block)])
+        covariances = dead_reckoning_covariance(self._poses[1:], q, _WALK_POINTS)
+        return np.array([mean_rms(covariance) for covariance in covariances])
 
 
 def nees(results: NDArray[np.void]) -> Array:
-    """Return the normalised estimation error squared of the two EKFs at the end of each run (n, 2), 3 degrees of freedom."""
+    """Return the normalised estimation error squared of the EKFs after each run (n, 2): 3 degrees of freedom."""
     error = results["final_error"][:, FILTERS.index("ekf") :]
     solved = np.linalg.solve(results["final_p"], error[..., None])[..., 0]
     return np.asarray((error * solved).sum(axis=2))

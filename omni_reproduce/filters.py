@@ -232,7 +232,7 @@ class Study:
 def run_seeds(
     setting: Setting, seeds: Sequence[int], workers: int, progress: Callable[[float], None]
 ) -> NDArray[np.void]:
-    """Return the results of the seeds, in their order: records of RESULT. Threads share the work; C leaves them free."""
+    """Return the results of the seeds, in their order: records of RESULT. Threads share the work."""
     study = Study(setting)
     results = []
     with ThreadPoolExecutor(workers) as pool:

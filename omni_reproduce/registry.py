@@ -43,7 +43,25 @@ class Experiment:
         return run(context)
 
 
-EXPERIMENTS: tuple[Experiment, ...] = (Experiment("controllers", "Every controller on every path", "controllers"),)
+EXPERIMENTS: tuple[Experiment, ...] = (
+    Experiment("models", "The report's models of the robot, side by side", "models"),
+    Experiment(
+        "direct_torque", "Direct torque control, figures 5 to 8", "direct_torque", ("fig5", "fig6", "fig7", "fig8")
+    ),
+    Experiment("table1", "Table 1: stabilisation by P, PD and PID", "table1"),
+    Experiment("table2", "Table 2 and figure 10: integral sliding mode on kinematics", "table2", ("fig10",)),
+    Experiment("table3", "Table 3 and figure 11: integral sliding mode over motor loops", "table3", ("fig11",)),
+    Experiment(
+        "table7",
+        "Tables 5 and 7, figures 13 to 16: the filters",
+        "table7",
+        ("table5", "fig13", "fig14", "fig15", "fig16"),
+    ),
+    Experiment("consistency", "Whether the pose filter knows how good it is", "consistency"),
+    Experiment("table9", "Tables 8 and 9: model identification", "identification", ("table8",)),
+    Experiment("real_logs", "Logs of a real robot", "real_logs"),
+    Experiment("controllers", "Every controller on every path", "controllers"),
+)
 
 
 def targets() -> list[str]:

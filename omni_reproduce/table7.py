@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
-from omni_reproduce.filter_figures import draw_bars, draw_run
+from omni_reproduce.filter_figures import draw_run, draw_table
 from omni_reproduce.filter_limits import Limits
 from omni_reproduce.filters import (
     AXES,
@@ -52,12 +52,13 @@ def run(context: Context) -> Result:
         outcomes.append(_outcome(context, spec, key, done, share))
     rows = [row for outcome in outcomes for row in _rows(spec, outcome)]
     published = spec["published"]
-    bars = context.folder / "table7_bars.png"
-    draw_bars(np.array([published[name] for name in FILTERS]), [o for o in outcomes if o.key in spec["bars"]["settings"]], bars)
+    overview = context.folder / "table7.png"
+    shown = [outcome for outcome in outcomes if outcome.key in spec["overview"]["settings"]]
+    draw_table(np.array([published[name] for name in FILTERS]), shown, overview)
     setting = shortened(read_setting(spec, "published"), spec["experiment"]["figures_s"])
     study = Study(setting)
     pictures = draw_run(study, study.samples(spec["experiment"]["figures_seed"]), context.folder)
-    return Result(tuple(rows), (*pictures, bars), _notes(spec, outcomes))
+    return Result(tuple(rows), (*pictures, overview), _notes(spec, outcomes))
 
 
 def _seeds(context: Context, spec: Mapping[str, Any], key: str) -> int:
@@ -119,36 +120,44 @@ def _closer_row(spec: Mapping[str, Any], outcome: Outcome, name: str) -> Row:
 
 def _notes(spec: Mapping[str, Any], outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     by_key = {outcome.key: outcome for outcome in outcomes}
-    return (*spec["notes"]["paragraphs"], *_agreement(spec, by_key["published"]), *_fairness(by_key["honest_b"]))
+    figures = {**_agreement(spec, by_key["published"]), **_fairness(by_key["honest_b"])}
+    return tuple(paragraph.format(**figures) for paragraph in spec["notes"]["paragraphs"])
 
 
-def _agreement(spec: Mapping[str, Any], outcome: Outcome) -> list[str]:
+def _agreement(spec: Mapping[str, Any], outcome: Outcome) -> dict[str, Any]:
+    """Return what the notes say of the published figures beside ours."""
     published = np.array([spec["published"][name] for name in FILTERS])
-    mean, sd = outcome.results["rmse"].mean(axis=0), outcome.results["rmse"].std(axis=0)
+    rmse = outcome.results["rmse"]
+    mean, sd = rmse.mean(axis=0), rmse.std(axis=0)
     off = 100.0 * (mean / published - 1.0)
-    z = (published - mean) / (sd / np.sqrt(_PUBLISHED_RUNS))
-    ekfs = [FILTERS.index(name) for name in _EKFS]
+    z = (published - mean) / (sd * np.sqrt(1.0 / _PUBLISHED_RUNS + 1.0 / len(rmse)))
+    ekf, both = (FILTERS.index(name) for name in _EKFS)
+    apart = published[0, 0] - published[0, 1]
     x, theta = pose_noise(outcome.setting, 1.0)
-    listed = "; ".join(
-        f"{FILTER_TITLES[f]} {', '.join(f'{AXES[axis]} {off[f, axis]:+.1f} %' for axis in range(len(AXES)))}" for f in ekfs
-    )
-    return [
-        f"As the report's code had it, ours against the published: {listed}. The published figures have two digits (± 0.7 %). "
-        "Dead reckoning differs by what the mean of a hundred random walks scatters: the published figures lie "
-        f"{', '.join(f'{value:+.1f}' for value in z[:2].ravel())} standard errors (of {_PUBLISHED_RUNS} runs) from ours.",
-        "The published EKF is 4 to 6 % worse than KF and EKF in x, y and θ alike. An error of the wheel speeds cannot do that: "
-        f"through B⁺ it has {theta / x:.0f} times the variance in θ [rad] that it has in x [m]. Ours shows what it does: "
-        f"{100 * (mean[ekfs[0], 2] / mean[ekfs[1], 2] - 1):.1f} % in θ, {100 * (mean[ekfs[0], 0] / mean[ekfs[1], 0] - 1):.1f} % in x.",
-    ]
+    worse = 100.0 * (mean[ekf] / mean[both] - 1.0)
+    return {
+        "deviations": "; ".join(f"{FILTER_TITLES[f]} {_signed(off[f], ' %')}" for f in (ekf, both)),
+        "walk_scores": _signed(z[:2].ravel()),
+        "published_runs": _PUBLISHED_RUNS,
+        "apart_mm": f"{1e3 * abs(apart):.0f}",
+        "runs_like_it": f"{(sd[0, 0] ** 2 + sd[0, 1] ** 2) / apart**2:.0f}",
+        "lever": f"{theta / x:.0f}",
+        "worse_theta": f"{worse[2]:.1f}",
+        "worse_x": f"{worse[0]:.1f}",
+    }
 
 
-def _fairness(outcome: Outcome) -> list[str]:
-    mean, sd = outcome.results["rmse"].mean(axis=0), outcome.results["rmse"].std(axis=0)
-    count = len(outcome.results)
+def _fairness(outcome: Outcome) -> dict[str, Any]:
+    """Return what the notes say of the honest figures beside their limits."""
+    rmse = outcome.results["rmse"]
+    mean, error = rmse.mean(axis=0), rmse.std(axis=0) / np.sqrt(len(rmse))
     bounds = np.array([outcome.limits[name] for name in FILTERS])
-    off = 100.0 * (mean[2:] / bounds[2:] - 1.0)
-    z = (mean[:2] - bounds[:2]) / (sd[:2] / np.sqrt(count))
-    return [
-        f"Honest B against its limits: EKF and KF + EKF within {abs(off).max():.1f} % of the Riccati bound along the path; dead reckoning "
-        f"within {abs(z).max():.1f} standard errors ({count} runs) of the random walk's expectation."
-    ]
+    return {
+        "bound_off": f"{100.0 * np.abs(mean[2:] / bounds[2:] - 1.0).max():.1f}",
+        "walk_off": f"{np.abs((mean[:2] - bounds[:2]) / error[:2]).max():.1f}",
+        "runs": len(rmse),
+    }
+
+
+def _signed(values: Array, unit: str = "") -> str:
+    return ", ".join(f"{value:+.1f}{unit}" for value in values)

@@ -187,12 +187,25 @@ bool report_control(const Shared &shared, Link &link, Priority priority, bool) {
     copy(message.surface, out.terms.surface);
     copy(message.equivalent, out.terms.equivalent);
     copy(message.switching, out.terms.switching);
+    copy(message.ismc_margin, out.ismc_margin);
     message.nis = out.nis;
     message.fixes_accepted = out.fixes_accepted;
     message.fixes_refused = out.fixes_refused;
     message.config_sequence = out.config_sequence;
     message.controller = out.controller;
     return link.send(MAVLINK_MSG_ID_OMNI_CONTROL, message, priority);
+}
+
+bool report_sample(const Shared &shared, Link &link, Priority priority, bool) {
+    const omni_outputs_t &out = shared.latest.outputs;
+    mavlink_omni_sample_t message{};
+    message.time_us = out.time_us;
+    std::memcpy(message.counts, shared.latest.counts, sizeof message.counts);
+    std::memcpy(message.volt_seconds, shared.latest.volt_us, sizeof message.volt_seconds);
+    message.supply = out.supply_V;
+    copy_pose(message.pose, out.pose);
+    message.phase = out.reference.phase;
+    return link.send(MAVLINK_MSG_ID_OMNI_SAMPLE, message, priority);
 }
 
 bool report_battery(const Shared &shared, Link &link, Priority priority, bool) {

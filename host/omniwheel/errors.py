@@ -27,6 +27,10 @@
     ├── LegacyStopError               the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
+    ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
+    ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
+    ├── IdentificationError           the data cannot show what was asked for; says what is missing
+    ├── MissingPackageError           a command needs an optional package that is not installed
     └── VersionMismatchError          robot and host speak different versions
 
 ``str(error)`` is one line that says what happened; ``error.hint`` says what to do about it, or is "".
@@ -179,6 +183,26 @@ class RobotFileError(OmniError, ValueError):
     """A robot file that is missing, malformed or out of range."""
 
     exit_code = 2
+
+
+class LogError(OmniError, ValueError):
+    """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
+
+    exit_code = 2
+
+
+class DatasetError(OmniError, ValueError):
+    """Measured data that is no valid dataset: wrong shape, not finite, time that does not rise."""
+
+    exit_code = 2
+
+
+class IdentificationError(OmniError):
+    """The data cannot show what was asked for: too short, not excited, saturated."""
+
+
+class MissingPackageError(OmniError):
+    """A command needs an optional package that is not installed."""
 
 
 class VersionMismatchError(OmniError):

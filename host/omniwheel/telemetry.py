@@ -72,7 +72,11 @@ class Wheels(Telemetry):
 
 @dataclass(frozen=True)
 class Control(Telemetry):
-    """Internal terms of the position controller, x, y, theta; ``config_sequence`` rises with every parameter change."""
+    """Internal terms of the position controller, x, y, theta; ``config_sequence`` rises with every parameter change.
+
+    ``ismc_margin`` is k minus the slip error that may be there (condition 44; m/s, m/s, rad/s), 0 unless the ISMC
+    tracks.
+    """
 
     message = "OMNI_CONTROL"
     time_s: float
@@ -81,11 +85,30 @@ class Control(Telemetry):
     surface: Axes3
     equivalent: Axes3
     switching: Axes3
+    ismc_margin: Axes3
     nis: float
     fixes_accepted: int
     fixes_refused: int
     config_sequence: int
     controller: int
+
+
+@dataclass(frozen=True)
+class Sample(Telemetry):
+    """What identification needs of one tick; comes only if asked for with ``set_message_interval("OMNI_SAMPLE", hz)``.
+
+    ``counts`` are the encoders' counters in their own direction, ``volt_seconds`` the integral of the motor voltages in
+    the wheels' direction [V s]. Both are sums: the difference of two samples says what happened between them, messages
+    lost or not. ``counts`` wrap at 2^32, ``volt_seconds`` at 4294.967296 V s.
+    """
+
+    message = "OMNI_SAMPLE"
+    time_s: float
+    counts: tuple[int, int, int, int]
+    volt_seconds: Wheels4
+    supply_V: float
+    pose: Pose
+    phase: str
 
 
 @dataclass(frozen=True)
@@ -175,7 +198,7 @@ def _tracking(m: Message) -> Tracking:
         pose=Pose(*m.pose),
         pose_sd=_axes(m.pose_sd),
         path_time_s=m.path_time,
-        phase=PHASES[m.phase] if m.phase < len(PHASES) else str(m.phase),
+        phase=_phase(m.phase),
     )
 
 
@@ -200,12 +223,29 @@ def _control(m: Message) -> Control:
         surface=_axes(m.surface),
         equivalent=_axes(m.equivalent),
         switching=_axes(m.switching),
+        ismc_margin=_axes(m.ismc_margin),
         nis=m.nis,
         fixes_accepted=m.fixes_accepted,
         fixes_refused=m.fixes_refused,
         config_sequence=m.config_sequence,
         controller=m.controller,
     )
+
+
+def _sample(m: Message) -> Sample:
+    counts = m.counts
+    return Sample(
+        time_s=m.time_us * 1e-6,
+        counts=(counts[0], counts[1], counts[2], counts[3]),
+        volt_seconds=_wheels([value * 1e-6 for value in m.volt_seconds]),
+        supply_V=m.supply,
+        pose=Pose(*m.pose),
+        phase=_phase(m.phase),
+    )
+
+
+def _phase(number: int) -> str:
+    return PHASES[number] if number < len(PHASES) else str(number)
 
 
 def _status(m: Message) -> Status:
@@ -246,6 +286,7 @@ _DECODERS: dict[type[Telemetry], Callable[[Message], Telemetry]] = {
     Tracking: _tracking,
     Wheels: _wheel_loops,
     Control: _control,
+    Sample: _sample,
     Status: _status,
     LocalPosition: _local_position,
     Battery: _battery,

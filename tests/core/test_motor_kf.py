@@ -110,6 +110,28 @@ def test_agrees_with_filterpy(mode: int, step_s: float) -> None:
     assert_close(np.array(got_p), np.array(expected_p), deviations[:, :, None] * deviations[:, None, :])
 
 
+def test_a_measured_speed_is_as_good_as_the_counts_it_comes_from() -> None:
+    volts, counts, _ = motor_run(200, lambda t: 6 + 4 * math.sin(9 * t))
+    by_counts, by_speed = Filter(SPEED), Filter(SPEED)
+    for v, delta in zip(volts, np.diff(counts, prepend=0), strict=True):
+        moved = np.float32(delta) * np.float32(by_counts.config.rad_per_count)
+        speed = moved / np.float32(by_counts.config.step_s)
+        by_counts.step(v, int(delta))
+        got = lib.omni_motor_kf_step_speed(by_speed.state, by_speed.config, v, speed)
+        assert got == by_counts.x[1]
+    np.testing.assert_array_equal(by_speed.p, by_counts.p)
+
+
+@pytest.mark.parametrize("speed", [math.nan, math.inf])
+def test_a_speed_that_is_no_number_only_predicts(speed: float) -> None:
+    core, predicted = Filter(SPEED), Filter(SPEED)
+    lib.omni_motor_kf_step_speed(core.state, core.config, 6.0, speed)
+    predicted.step(6.0, 0, valid=False)
+    np.testing.assert_array_equal(core.x, predicted.x)
+    np.testing.assert_array_equal(core.p, predicted.p)
+    assert core.state.missed == 1
+
+
 def assert_close(got: Array, expected: Array, scale: Array) -> None:
     """Compare to 1e-5 of the size of each state, and for covariances of the product of their deviations."""
     assert np.max(np.abs(got - expected) / scale) < 1e-5

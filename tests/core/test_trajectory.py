@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 TYPES = {
     name: getattr(lib, f"OMNI_TRJ_TYPE_{name.upper()}")
-    for name in ("hold", "waypoints", "line", "circle", "rose", "report", "random")
+    for name in ("hold", "waypoints", "line", "circle", "rose", "report", "random", "identify")
 }
 ROTATIONS = {name: getattr(lib, f"OMNI_TRJ_ROT_{name.upper()}") for name in ("fixed", "spin", "sine", "tangent")}
 WAYPOINTS = [(0.0, 0.0, 0.0), (0.4, 0.1, 1.0), (0.3, -0.5, 3.0), (-0.2, 0.2, -3.0)]
@@ -164,6 +164,8 @@ CASES = [
     {"type": "report", "period_s": 60.0},
     {"type": "waypoints", "period_s": 5.0, "laps": 2.0},
     {"type": "random", "period_s": 5.0},
+    {"type": "identify", "laps": 2.0, "rotation_amplitude_rad": 2 * math.pi},
+    {"type": "identify", "laps": 1.5, "rotation_amplitude_rad": 3.0},
 ]
 
 
@@ -177,6 +179,8 @@ def test_path_derivatives_are_exact(case: dict[str, Any]) -> None:
         u32 = float(np.float32(u))
         if case["type"] in ("waypoints", "random", "line") and abs(u32 / period - round(u32 / period)) < 0.01:
             continue  # the third derivative steps where two legs meet
+        if case["type"] == "identify" and abs(4 * u32 / period - round(4 * u32 / period)) < 0.05:
+            continue  # and the fourth where a rate begins or ends to change
         # A polynomial through nine points: its own error is far below float32's.
         offsets = np.linspace(-2, 2, 9) * h
         exact_u = np.array([float(np.float32(u32 + d)) for d in offsets])
@@ -217,6 +221,38 @@ def test_rose_matches_its_polar_form() -> None:
         radius = 0.5 * np.cos(4 * bearing)
         expected = [radius * np.cos(bearing), radius * np.sin(bearing), 0.0]
         np.testing.assert_allclose(plan.path(float(u))[0], expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("laps", [1.0, 2.0, 3.5])
+def test_identify_drives_circles_then_spins_both_ways_and_ends_where_it_began(laps: float) -> None:
+    plan = Plan({"type": "identify", "laps": laps, "rotation_amplitude_rad": math.tau, "period_s": 40.0})
+    segment = laps * 40.0
+    assert plan.c.duration_s == pytest.approx(4 * segment)
+    turned = []
+    for n in range(4):
+        samples = [plan.path(float(u)) for u in n * segment + np.linspace(0.0, segment, 1000)]
+        poses, rates = np.array([s[0] for s in samples]), np.array([s[1] for s in samples])
+        for end in (0, -1):
+            np.testing.assert_allclose(rates[end], 0.0, atol=1e-5)
+        bearing = np.unwrap(np.arctan2(poses[:, 1], poses[:, 0]))
+        heading = np.unwrap(poses[:, 2])
+        np.testing.assert_allclose(np.hypot(poses[:, 0], poses[:, 1]), 0.5, atol=1e-6)
+        turned.append((bearing[-1] - bearing[0], heading[-1] - heading[0]))
+        rate = np.abs(rates[:, 2]) if n >= 2 else np.hypot(rates[:, 0], rates[:, 1]) / 0.5
+        cruise = rate[(np.abs(np.linspace(0.0, segment, 1000) - 0.5 * segment) < 0.5 * segment - 10.5)]
+        assert np.ptp(cruise) < 1e-5
+        assert cruise[0] == pytest.approx(math.tau * laps / (segment - 10.0), rel=1e-5)
+    full = math.tau * laps
+    np.testing.assert_allclose(turned, [(full, 0), (-full, 0), (0, full), (0, -full)], atol=1e-4)
+    np.testing.assert_allclose(plan.path(4 * segment)[0], plan.path(0.0)[0], atol=1e-6)
+
+
+def test_identify_without_laps_goes_round_for_ever() -> None:
+    plan = Plan({"type": "identify", "laps": 0.0, "period_s": 20.0})
+    assert plan.c.duration_s < 0.0
+    for u in (3.0, 31.0, 55.0, 75.0):
+        for here, there in zip(plan.path(u), plan.path(u + 8000.0), strict=True):
+            np.testing.assert_allclose(here, there, atol=1e-3)
 
 
 def test_report_path_is_equation_81() -> None:
@@ -406,7 +442,7 @@ def test_waypoints_are_visited_the_short_way_round() -> None:
     [
         ({"size_m": math.nan}, lib.OMNI_ERR_NOT_FINITE),
         ({"margin": math.inf}, lib.OMNI_ERR_NOT_FINITE),
-        ({"type": 7}, lib.OMNI_ERR_RANGE),
+        ({"type": 8}, lib.OMNI_ERR_RANGE),
         ({"rotation": 9}, lib.OMNI_ERR_RANGE),
         ({"petals": 0}, lib.OMNI_ERR_RANGE),
         ({"petals": 33}, lib.OMNI_ERR_RANGE),

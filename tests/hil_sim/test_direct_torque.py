@@ -52,7 +52,13 @@ def test_no_pwm_compensation_leaves_the_motors_friction_to_the_gains() -> None:
 
 def test_a_wheel_on_ice_turns_no_faster_than_it_may() -> None:
     ice = {"friction_coefficient": 0.005, "slip_max": 0.0}
-    loose = {"SAFE_ERR_XY": 100.0, "SAFE_ERR_TH": 100.0, "TRJ_TYPE": "circle", "TRJ_PERIOD": 25.0, "LIM_WHEEL": 100.0}
+    loose: dict[str, str | float] = {
+        "SAFE_ERR_XY": 100.0,
+        "SAFE_ERR_TH": 100.0,
+        "TRJ_TYPE": "circle",
+        "TRJ_PERIOD": 25.0,
+        "LIM_WHEEL": 100.0,
+    }
     watched, free = (drive("three_wheel", 15.0, ice, DT_SLIP=slip, **loose) for slip in (0.03, 0.0))
     asked = np.abs(watched.record["wheel_reference"][:, :3]).max()
     fastest = [float(np.abs(run.record["wheel_rad_s"][:, :3]).max()) for run in (watched, free)]

@@ -51,6 +51,22 @@ def test_normal_is_normal_and_white() -> None:
     assert abs(np.corrcoef(sample[:-1], sample[1:])[0, 1]) < 4 / np.sqrt(DRAWS)
 
 
+def test_four_normals_are_normal_and_independent() -> None:
+    out = ffi.new("double[4]")
+    rows = []
+    for index in range(DRAWS // 4):
+        lib.hil_normal4(7, 3, index, out)
+        rows.append(list(out))
+    sample = np.array(rows)
+    assert stats.kstest(sample.ravel(), "norm").pvalue > 0.01
+    # neither the numbers nor their sizes (Box-Muller's pairs share a radius) are related
+    for values in (sample, sample**2):
+        correlation = np.corrcoef(values, rowvar=False) - np.eye(4)
+        assert np.abs(correlation).max() < 4.5 / np.sqrt(len(sample))
+    lib.hil_normal4(7, 3, 0, out)
+    assert list(out) == rows[0]
+
+
 def test_streams_are_independent() -> None:
     first, second = draws("hil_normal", 7, 3), draws("hil_normal", 7, 4)
     assert abs(np.corrcoef(first, second)[0, 1]) < 4 / np.sqrt(DRAWS)

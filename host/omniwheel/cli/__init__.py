@@ -14,12 +14,15 @@ from omniwheel.cli import (
     doctor,
     drive,
     hil,
+    identify,
     legacy,
+    logs,
     mocap,
     monitor,
     params,
     plot,
     record,
+    replay,
     reproduce,
     robots,
     sim,
@@ -67,7 +70,10 @@ app.add_typer(legacy.app, name="legacy")
 app.add_typer(mocap.app, name="mocap")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
+app.add_typer(logs.app, name="logs")
+app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
+app.add_typer(identify.app, name="identify")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 

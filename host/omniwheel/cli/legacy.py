@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from omniwheel.errors import LinkUrlError, MocapSourceError
 from omniwheel.frames import Pose
 from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettings, legacy_values
 from omniwheel.legacy.loop import SETTLE_S, Goal, LegacyLoop, LegacyRun
-from omniwheel.legacy.pwm_line import DEFAULT_BAUD, PwmRadio
+from omniwheel.legacy.pwm_line import DEFAULT_BAUD, FULL_PWM, MOTORS, STOP_LINES, PwmRadio
 from omniwheel.link import Link, open_link, parse_url
 from omniwheel.mocap.source import MocapSource, open_source
 from omniwheel.robots import read_robot
@@ -158,6 +159,35 @@ def trajectory(
         raise typer.Exit(1)
 
 
+@app.command(
+    "motor",
+    epilog=examples("omni legacy motor 1 120 --port /dev/ttyUSB0", "omni legacy motor --port COM3 --for 2 -- 3 -80"),
+)
+def motor(
+    number: Annotated[int, typer.Argument(min=1, max=MOTORS, help="Which motor: its place in the line.")],
+    pwm: Annotated[int, typer.Argument(min=-FULL_PWM, max=FULL_PWM, help="PWM.")],
+    port: Annotated[str, typer.Option("--port", metavar="URL", help="The XBee: /dev/ttyUSB0, COM3, tcp:HOST:PORT.")],
+    baud: BaudOption = DEFAULT_BAUD,
+    duration: Annotated[float, typer.Option("--for", min=0.1, max=60.0, metavar="S", help="How long.")] = 1.0,
+) -> None:
+    """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
+    line = tuple(pwm if place == number else 0 for place in range(1, MOTORS + 1))
+    with _signals_stop(), _radio_link(port, baud) as link:
+        radio = PwmRadio(link, time.monotonic, baud=baud)
+        end_s = time.monotonic() + duration
+        try:
+            while time.monotonic() < end_s:
+                radio.offer(line)
+                time.sleep(PERIOD_S)
+        finally:
+            for _ in range(STOP_LINES):
+                radio.stop()
+                time.sleep(PERIOD_S)
+    note(
+        f"motor {number} had PWM {pwm}. Positive must turn the robot counter-clockwise; if not: W{number}_MOT_DIR = -1"
+    )
+
+
 def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> LegacyRun:
     if wanted.plot is not None:
         writable_path(wanted.plot, "--plot")
@@ -183,7 +213,7 @@ def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> Legacy
 
 @contextmanager
 def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple[MocapSource, Link, Any]]:
-    """Open poses and radio, real or simulated, and what is called at each step; SIGTERM stops like Ctrl-C."""
+    """Open poses and radio, real or simulated, and what is called at each step."""
     if wanted.simulate:
         yield _simulation(wanted, robot, truth)
         return
@@ -194,18 +224,33 @@ def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple
         what = f"--source {wanted.source} does not see the robot" if wanted.source else "--source is missing"
         hint = "--source vicon:HOST/OBJECT, or --simulate"
         raise MocapSourceError(f"{what}: a real robot needs real poses", hint=hint)
-    address = parse_url(wanted.port)
-    plain_serial = address.kind == "serial" and "," not in wanted.port
-    previous = signal.signal(signal.SIGTERM, _interrupt)
-    source = open_source(str(wanted.source))
-    try:
-        link = open_link(f"{wanted.port},{wanted.baud}" if plain_serial else wanted.port)
+    with _signals_stop():
+        source = open_source(str(wanted.source))
         try:
-            yield source, link, None
+            with _radio_link(wanted.port, wanted.baud) as link:
+                yield source, link, None
         finally:
-            link.close()
+            source.close()
+
+
+@contextmanager
+def _radio_link(port: str, baud: int) -> Iterator[Link]:
+    """Open the radio; ``baud`` is for serial ports that do not name theirs."""
+    plain_serial = parse_url(port).kind == "serial" and "," not in port
+    link = open_link(f"{port},{baud}" if plain_serial else port)
+    try:
+        yield link
     finally:
-        source.close()
+        link.close()
+
+
+@contextmanager
+def _signals_stop() -> Iterator[None]:
+    """SIGTERM ends the block as Ctrl-C does, so that the robot is stopped on the way out."""
+    previous = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield
+    finally:
         signal.signal(signal.SIGTERM, previous)
 
 

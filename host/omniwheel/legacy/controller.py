@@ -129,6 +129,7 @@ class LegacyController:
         self.full_speed_rad_s = settings.full_speed_rad_s or no_load
         self.wheel_limit_rad_s = min(float(limits.wheel_rad_s), self.full_speed_rad_s)
         self._core.config.trajectory.wheel_limit_rad_s = self.wheel_limit_rad_s
+        self._core.config.trajectory.ff_speed_V_s = limits.supply_nominal_V / self.full_speed_rad_s
         self._sent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=64)
         self._origin_s: float | None = None
         self._predicted_s = 0.0
@@ -232,7 +233,10 @@ class LegacyController:
         return plan_trajectory(self._core.config, ffi.addressof(self._core.ekf, "pose"))
 
     def step(self, now_s: float, reference: Pose, rate: Twist) -> Command:
-        """Return the PWM that drives the pose to ``reference``, which moves with the world twist ``rate``."""
+        """Return the PWM that drives the pose to ``reference``, which moves with the world twist ``rate``.
+
+        Not before the first fix (:attr:`located`).
+        """
         self._predict_until(now_s)
         here = self.pose
         twist = self._control(here, reference, rate)

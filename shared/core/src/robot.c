@@ -74,6 +74,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
     omni_robot_transition(robot, &tick);
     omni_robot_reference(robot, &tick);
     omni_robot_control(robot, &tick);
+    omni_robot_gain_margin(robot, &tick);
     seal(robot, &tick);
     heal(robot, &tick);
     robot->last_controller = robot->config->controller;

@@ -40,4 +40,7 @@ void omni_robot_reference(omni_robot_t *robot, omni_tick_t *tick);
 /** Reference to duties. */
 void omni_robot_control(omni_robot_t *robot, omni_tick_t *tick);
 
+/** Does the ISMC's k cover the slip error that may be there (condition 44)? */
+void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick);
+
 #endif

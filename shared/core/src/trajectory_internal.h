@@ -61,6 +61,15 @@ void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference);
 /** Draw the points of the random path, or take the waypoints; headings unwrapped to the short way round. */
 void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given);
 
+/** Path of type identify at path_ns: circles counter-clockwise and back, then spins; from rest to rest each. Jets come in as zero. */
+void omni_path_identify(const omni_trajectory_t *plan, uint64_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta);
+
+/** Path time of its four segments. */
+uint64_t omni_identify_round_ns(const omni_trajectory_t *plan);
+
+/** Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step. */
+omni_real_t omni_whole_laps(omni_real_t turns, uint64_t laps);
+
 /** Rate and acceleration of a pose on the path by the chain rule. */
 void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, const omni_twist_t *second, omni_twist_t *rate,
                      omni_twist_t *acceleration);

@@ -20,12 +20,20 @@ static bool has_points(const omni_trajectory_t *plan) {
     return plan->config.type == OMNI_TRJ_TYPE_WAYPOINTS || plan->config.type == OMNI_TRJ_TYPE_RANDOM;
 }
 
+/* Does the path bring its own heading? */
+static bool has_heading(const omni_trajectory_t *plan) {
+    return plan->config.type == OMNI_TRJ_TYPE_REPORT || plan->config.type == OMNI_TRJ_TYPE_IDENTIFY || has_points(plan);
+}
+
 static uint64_t period_ns(const omni_trajectory_t *plan) {
     const uint64_t ns = omni_nanoseconds(plan->config.period_s);
     return ns > 0 ? ns : 1;
 }
 
 uint64_t omni_path_lap_ns(const omni_trajectory_t *plan) {
+    if (plan->config.type == OMNI_TRJ_TYPE_IDENTIFY) {
+        return omni_identify_round_ns(plan);
+    }
     return period_ns(plan) * (has_points(plan) ? plan->waypoints.count : 1u);
 }
 
@@ -34,6 +42,9 @@ uint64_t omni_path_duration_ns(const omni_trajectory_t *plan) {
         return OMNI_ENDLESS_NS;
     }
     const uint64_t lap_ns = omni_path_lap_ns(plan);
+    if (plan->config.type == OMNI_TRJ_TYPE_IDENTIFY) {
+        return lap_ns; /* TRJ_LAPS are in it */
+    }
     const uint32_t whole = (uint32_t)plan->config.laps;
     const omni_real_t rest = plan->config.laps - (omni_real_t)whole;
     const uint64_t laps_ns = whole * lap_ns + (uint64_t)(rest * (omni_real_t)lap_ns);
@@ -153,12 +164,15 @@ void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *
     case OMNI_TRJ_TYPE_RANDOM:
         points(plan, path_ns, &x, &y, &theta);
         break;
+    case OMNI_TRJ_TYPE_IDENTIFY:
+        omni_path_identify(plan, path_ns, &x, &y, &theta);
+        break;
     default:
         x.d[0] = plan->origin.x;
         y.d[0] = plan->origin.y;
         break;
     }
-    if (plan->config.type != OMNI_TRJ_TYPE_REPORT && !has_points(plan)) {
+    if (!has_heading(plan)) {
         theta = omni_path_rotation(plan, path_ns, &x, &y);
     }
     *pose = (omni_pose_t){x.d[0], y.d[0], theta.d[0] + plan->heading_offset_rad};

@@ -73,6 +73,9 @@ static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, cons
 
 /* Does every lap ask the same of the wheels? */
 static bool laps_repeat(const omni_trajectory_config_t *c) {
+    if (c->type == OMNI_TRJ_TYPE_IDENTIFY) {
+        return true;
+    }
     const omni_real_t turns = c->rotation == OMNI_TRJ_ROT_SPIN   ? c->rotation_amplitude_rad / two_pi
                               : c->rotation == OMNI_TRJ_ROT_SINE ? c->rotation_cycles
                                                                  : 0.0f;
@@ -91,6 +94,9 @@ static demand_t scan(const omni_trajectory_t *plan, const omni_kinematics_t *k) 
     if (c->type == OMNI_TRJ_TYPE_REPORT) {
         length_ns = omni_nanoseconds(report_repeats_s);
         samples = report_repeats_s * (omni_real_t)CYCLE_SAMPLES / 4.0f;
+    }
+    if (c->type == OMNI_TRJ_TYPE_IDENTIFY) {
+        samples = (omni_real_t)SCAN_SAMPLES * (c->laps > 1.0f ? c->laps : 1.0f);
     }
     const uint32_t count = (uint32_t)omni_clampf(samples, (omni_real_t)SCAN_SAMPLES, (omni_real_t)SCAN_SAMPLES_MAX);
     length_ns = length_ns < duration_ns ? length_ns : duration_ns;
@@ -210,8 +216,8 @@ static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
             return OMNI_ERR_NOT_FINITE;
         }
     }
-    const bool path = c->type <= OMNI_TRJ_TYPE_RANDOM && c->rotation <= OMNI_TRJ_ROT_TANGENT && within(c->size_m, 0.0f, 1e4f) &&
-                      within(c->period_s, 1e-3f, 3600.0f) && within(c->laps, 0.0f, 1e4f) &&
+    const bool path = c->type <= OMNI_TRJ_TYPE_IDENTIFY && c->rotation <= OMNI_TRJ_ROT_TANGENT &&
+                      within(c->size_m, 0.0f, 1e4f) && within(c->period_s, 1e-3f, 3600.0f) && within(c->laps, 0.0f, 1e4f) &&
                       within(c->rotation_cycles, 0.0f, 1e3f) && within(c->rotation_amplitude_rad, -1e3f, 1e3f) &&
                       (c->type != OMNI_TRJ_TYPE_ROSE || (c->petals >= 1 && c->petals <= 32));
     const bool limits = c->margin > 0.0f && c->margin <= 1.0f && within(c->ramp_s, 0.0f, 3600.0f) &&

@@ -4,8 +4,7 @@
 
 static const omni_real_t two_pi = 6.28318530717958647692f;
 
-/* Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step. */
-static omni_real_t whole_laps(omni_real_t turns, uint64_t laps) {
+omni_real_t omni_whole_laps(omni_real_t turns, uint64_t laps) {
     const omni_real_t unit = 4294967296.0f;
     const uint64_t per_lap = (uint64_t)(int64_t)(turns * unit);
     const uint32_t fraction = (uint32_t)(per_lap * laps);
@@ -14,7 +13,7 @@ static omni_real_t whole_laps(omni_real_t turns, uint64_t laps) {
 
 static omni_jet_t spin(omni_real_t turn_rad, uint64_t path_ns, uint64_t lap_ns) {
     omni_jet_t jet = {{0}};
-    jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + two_pi * whole_laps(turn_rad / two_pi, path_ns / lap_ns);
+    jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + two_pi * omni_whole_laps(turn_rad / two_pi, path_ns / lap_ns);
     jet.d[1] = turn_rad / ((omni_real_t)lap_ns * 1e-9f);
     return jet;
 }
@@ -22,8 +21,8 @@ static omni_jet_t spin(omni_real_t turn_rad, uint64_t path_ns, uint64_t lap_ns) 
 static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path_ns, uint64_t lap_ns) {
     const uint32_t whole = (uint32_t)cycles;
     const omni_real_t rest = cycles - (omni_real_t)whole;
-    const omni_real_t turns =
-        omni_phase(path_ns % lap_ns * whole, lap_ns) + rest * omni_phase(path_ns, lap_ns) + whole_laps(rest, path_ns / lap_ns);
+    const omni_real_t turns = omni_phase(path_ns % lap_ns * whole, lap_ns) + rest * omni_phase(path_ns, lap_ns) +
+                              omni_whole_laps(rest, path_ns / lap_ns);
     const omni_real_t omega = two_pi * cycles / ((omni_real_t)lap_ns * 1e-9f);
     omni_real_t sine;
     omni_real_t cosine;

@@ -96,7 +96,7 @@ typedef struct omni_setpoint_t {
     uint64_t time_us; /**< when it arrived; ages against command_timeout_s (not for TRAJECTORY) */
     omni_pose_t pose;
     omni_twist_t twist;
-    omni_real_t duty[OMNI_MAX_WHEELS];
+    omni_real_t duty[OMNI_MAX_WHEELS]; /**< -1..1, in the wheel's direction */
 } omni_setpoint_t;
 
 typedef enum omni_event_t {
@@ -146,10 +146,13 @@ typedef struct omni_outputs_t {
     omni_real_t pose_sd[OMNI_AXES];
     omni_reference_t reference;
     omni_control_terms_t terms;
+    /** k - |B+ (v_s - v_s_hat)| of condition 44 per world axis [m/s, m/s, rad/s], with 3 sigma of the slip ratios' estimate as the error;
+     *  0 unless the ISMC is tracking. */
+    omni_real_t ismc_margin[OMNI_AXES];
     omni_real_t slip_m_s[OMNI_MAX_WHEELS]; /**< estimated v_s */
     omni_real_t slip_residual_m_s;
-    omni_real_t wheel_scale; /**< factor the wheel speeds were cut by, 1: none */
-    omni_real_t duty_scale;  /**< factor the voltages were cut by, 1: none */
+    omni_real_t wheel_scale; /**< factor the wheel speeds (direct torque: by the runaway protection) were cut by, 1: none */
+    omni_real_t duty_scale;  /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
     omni_real_t supply_V;
     omni_real_t nis;
     uint32_t fixes_accepted;
@@ -178,15 +181,18 @@ typedef struct omni_robot_t {
     omni_twist_t ramped;  /**< its rate (world), or the ramped velocity demand (body) */
     omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
     int32_t last_counts[OMNI_MAX_WHEELS];
-    omni_real_t stalled_s[OMNI_MAX_WHEELS];  /**< how long each wheel has looked stalled or reversed */
-    uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
-    uint32_t battery_ticks;                  /**< ticks in a row with too little voltage */
+    omni_real_t guessed_rad[OMNI_MAX_WHEELS]; /**< turned since the last valid count, as far as the pose has been told */
+    omni_real_t stalled_s[OMNI_MAX_WHEELS];   /**< how long each wheel has looked stalled or reversed */
+    uint32_t encoder_ticks[OMNI_MAX_WHEELS];  /**< ticks in a row without a valid count */
+    uint32_t battery_ticks;                   /**< ticks in a row with too little voltage */
+    omni_real_t uncovered_s;                  /**< how long condition 44 has been violated */
     uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;
     uint8_t last_kind; /**< set-point kind of the last tick */
     bool primed;       /**< last_* hold a first sample */
     bool saturated;    /**< the last tick cut wheel speeds or duties */
+    bool uncovered;    /**< condition 44 counts as violated */
     bool off_track;    /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 

@@ -47,8 +47,9 @@ typedef enum omni_fault_t {
     OMNI_WARN_SETPOINT = 1 << 18,     /**< the latest set-point was refused */
     OMNI_WARN_SATURATED = 1 << 19,    /**< wheel speeds or duties are being cut */
     OMNI_WARN_ENCODER = 1 << 20,      /**< a single impossible count was thrown away */
+    OMNI_WARN_ISMC_GAIN = 1 << 21,    /**< k of the ISMC does not cover the slip that may be there (condition 44) */
     OMNI_FAULT_STOP_MASK = 0x7ff,
-    OMNI_WARN_MASK = 0x1f0000
+    OMNI_WARN_MASK = 0x3f0000
 } omni_fault_t;
 
 /** The next state. An event or state out of range gives OMNI_STATE_ESTOP. */

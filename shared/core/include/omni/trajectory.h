@@ -8,6 +8,10 @@
  * ramp_s, stays at 1/scale and falls likewise. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the robot isn't at the path's start, a
  * quintic lead-in brings it there first.
  *
+ * Type identify is the excitation of the report's Appendix D: `laps` circles counter-clockwise with fixed heading, as many clockwise, then
+ * spins on the spot by rotation_amplitude_rad per lap, both ways; each of the four from rest to rest in laps * period_s, its rate rising and
+ * falling with a quintic over a quarter of a period. laps = 0: one lap each way, again and again.
+ *
  * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the tick.
  */
 #ifndef OMNI_TRAJECTORY_H

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: MIT
+"""What the commands for logs share: options, reading a log with robot and calibration, the study extra."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omni_schema import Robot
+from omniwheel.logs.calibration import Calibration, calibration_path, load_calibration
+from omniwheel.logs.sources import KINDS
+from omniwheel.robots import find_robot_file, read_robot
+
+LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{KINDS}.")]
+RobotOption = Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot's name or file.")]
+MappingOption = Annotated[
+    Path | None,
+    typer.Option("--mapping", metavar="FILE", help="Which column of a CSV file is what.", show_default=False),
+]
+TruthOption = Annotated[
+    Path | None, typer.Option("--truth", metavar="FILE", help="Ground truth of the run.", show_default=False)
+]
+CalibrationOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration", metavar="FILE", help="Default: ROBOT.calibration.toml beside the robot file, if there is one."
+    ),
+]
+NoCalibrationOption = Annotated[bool, typer.Option("--no-calibration", help="Leave the calibration aside.")]
+
+
+def robot_and_calibration(
+    name: str, calibration: Path | None, no_calibration: bool
+) -> tuple[Robot, Calibration | None, Path | None]:
+    """Return the robot, its calibration and where that was read from."""
+    robot = read_robot(name)
+    if no_calibration and calibration is not None:
+        raise typer.BadParameter("--calibration and --no-calibration exclude each other")
+    beside = calibration_path(find_robot_file(name))
+    path = calibration if calibration is not None else (beside if beside.is_file() and not no_calibration else None)
+    return robot, None if path is None else load_calibration(path, robot.wheels), path

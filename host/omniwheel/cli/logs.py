@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: MIT
+"""``omni logs``: import, look at and align logs of any robot."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.log_options import (
+    CalibrationOption,
+    LogArgument,
+    MappingOption,
+    NoCalibrationOption,
+    RobotOption,
+    TruthOption,
+    robot_and_calibration,
+)
+from omniwheel.logs.alignment import SEARCH_S, align
+from omniwheel.logs.importer import import_log
+from omniwheel.logs.log import WheelLog, load_log, save_log
+from omniwheel.logs.mapping import read_mapping
+from omniwheel.logs.sources import open_log
+from omniwheel.replay import replay
+
+app = typer.Typer(help="Import, look at and align logs of any robot.", no_args_is_help=True)
+
+_MAPPING = "--mapping omni_reproduce/real_three_wheel/mapping.toml"
+
+
+@app.command("import", epilog=examples(f"omni logs import run1.csv {_MAPPING} --truth truth1.csv --out run1.npz"))
+def import_command(
+    log: Annotated[Path, typer.Argument(metavar="LOG.csv", help="A CSV file with a header line.")],
+    mapping: Annotated[Path, typer.Option("--mapping", metavar="FILE", help="Which column is what.")],
+    out: Annotated[Path, typer.Option("--out", metavar="LOG.npz", help="Where to write the imported log.")],
+    truth: TruthOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Read a foreign log with its column mapping, recover counts, reject spikes, unwrap the heading."""
+    if out.suffix != ".npz":
+        raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
+    writable_path(out, "the imported log")
+    imported, report = import_log(log, read_mapping(mapping), truth)
+    save_log(imported, out)
+    if as_json:
+        print_json({"file": str(out), **asdict(report), **_facts(imported)})
+        return
+    shares = ", ".join(f"{100.0 * share:.1f} %" for share in report.rejected_share)
+    noise = ", ".join(f"{value:.1f}" for value in report.noise_counts)
+    console.print(f"{out}: {report.rows} rows; {report.dropped_rows} dropped, {report.missing_rows} missing")
+    console.print(f"spikes rejected per wheel: {shares}; noise left: {noise} counts per period")
+    for time in report.heading_restarts_s:
+        console.print(f"[yellow]the heading sensor restarted at {time:.2f} s:[/] what it turned until then is lost")
+
+
+@app.command("show", epilog=examples("omni logs show run1.npz"))
+def show(
+    log: Annotated[Path, typer.Argument(metavar="LOG.npz", help="An imported log.")], as_json: JsonOption = False
+) -> None:
+    """Show what an imported log holds."""
+    facts = _facts(load_log(log))
+    if as_json:
+        print_json(facts)
+        return
+    for name, value in facts.items():
+        console.print(f"[cyan]{name:24}[/] {value}")
+
+
+@app.command("align", epilog=examples("omni logs align run1.npz --robot mine.toml"))
+def align_command(
+    log: LogArgument,
+    robot: RobotOption,
+    mapping: MappingOption = None,
+    truth: TruthOption = None,
+    calibration: CalibrationOption = None,
+    no_calibration: NoCalibrationOption = False,
+    search: Annotated[float, typer.Option("--search", min=0.0, max=60.0, help="Largest clock offset [s].")] = SEARCH_S,
+    as_json: JsonOption = False,
+) -> None:
+    """Find clock offset, rotation, shift and mirroring between a log's dead-reckoned path and its truth."""
+    model, used, _ = robot_and_calibration(robot, calibration, no_calibration)
+    run_log = open_log(log, model, mapping, truth)
+    run = replay(run_log, model, used)
+    found = align(run.time_s, run.pose[:, :2], run_log.require_truth(), search_s=search, mirrored=None)
+    if as_json:
+        print_json(asdict(found))
+        return
+    console.print(
+        f"clock offset {found.offset_s:+.2f} s ({found.offset_low_s:+.2f} to {found.offset_high_s:+.2f} s fit "
+        f"within 5 %)\n"
+        f"rotation {np.degrees(found.rotation_rad):+.1f}°, {'mirrored' if found.mirrored else 'not mirrored'}, "
+        f"shift ({found.shift[0]:+.3f}, {found.shift[1]:+.3f}) m\n"
+        f"left: {1e3 * found.rms_m:.1f} mm RMS; {100.0 * found.overlap:.0f} % of the path lie within the truth's time\n"
+        f"the path times {found.scale:.3f} would fit best (not applied)"
+    )
+
+
+def _facts(log: WheelLog) -> dict[str, Any]:
+    return {
+        "name": log.name,
+        "duration_s": round(float(log.time_s[-1] - log.time_s[0]), 6),
+        "period_s": log.period_s,
+        "wheels": log.wheels,
+        "counts_per_revolution": log.counts_per_revolution,
+        "good_share": [round(float(share), 6) for share in log.good.mean(axis=0)],
+        "peak_duty": round(float(np.max(np.abs(log.duty))), 6),
+        "heading": log.has_heading,
+        "truth_rows": 0 if log.truth is None else len(log.truth.time_s),
+    }

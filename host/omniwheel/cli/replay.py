@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: MIT
+"""``omni replay``: a log once more through the core's estimators, beside its truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.log_options import (
+    CalibrationOption,
+    LogArgument,
+    MappingOption,
+    NoCalibrationOption,
+    RobotOption,
+    TruthOption,
+    robot_and_calibration,
+)
+from omniwheel.logs.alignment import Alignment, align, truth_at
+from omniwheel.logs.log import WheelLog
+from omniwheel.logs.sources import open_log
+from omniwheel.replay import Replay, fixes_from_truth, replay
+from omniwheel.replay_plot import draw_replay
+
+EXAMPLES = examples(
+    "omni replay run1.npz --robot identified.toml",
+    "omni replay run1.npz --robot identified.toml --fixes 5 --plot run1.png",
+    "omni replay runs/demo-seed1 --robot three_wheel",
+    "omni replay flight.tlog --robot three_wheel",
+)
+CSV_HEADER = "time_s,x_m,y_m,theta_rad,sd_x_m,sd_y_m,sd_theta_rad,truth_x_m,truth_y_m"
+
+
+def replay_command(
+    log: LogArgument,
+    robot: RobotOption,
+    mapping: MappingOption = None,
+    truth: TruthOption = None,
+    calibration: CalibrationOption = None,
+    no_calibration: NoCalibrationOption = False,
+    no_heading: Annotated[bool, typer.Option("--no-heading", help="Leave a measured heading aside.")] = False,
+    fixes: Annotated[
+        float, typer.Option("--fixes", min=0.0, max=1000.0, metavar="HZ", help="Truth as pose fixes, so often.")
+    ] = 0.0,
+    fix_sd: Annotated[
+        float, typer.Option("--fix-sd", min=0.0, max=10.0, metavar="M", help="Their standard deviation; 0: EKF_R_XY.")
+    ] = 0.0,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw estimate and truth.")] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Write estimate and truth.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Feed a log's counts tick by tick through the robot's own wheel filters and pose EKF.
+
+    With a truth, says how far the estimate is from it after the best clock offset and rigid alignment. With --fixes
+    the truth, aligned to the dead-reckoned path, also comes in as pose fixes; the mean NIS then says whether the
+    noise figures are right.
+    """
+    for path, what in ((plot, "the picture"), (csv, "the table")):
+        if path is not None:
+            writable_path(path, what)
+    model, used, source = robot_and_calibration(robot, calibration, no_calibration)
+    run_log = open_log(log, model, mapping, truth)
+    run = replay(run_log, model, used, use_heading=not no_heading)
+    aligned = None
+    if run_log.truth is not None:
+        aligned = align(run.time_s, run.pose[:, :2], run_log.truth, mirrored=None)
+    if fixes > 0.0:
+        run_log.require_truth()
+    fixed = None
+    if aligned is not None and fixes > 0.0:
+        given = fixes_from_truth(run_log, aligned, fixes, fix_sd)
+        fixed = replay(run_log, model, used, use_heading=not no_heading, fixes=given)
+    shown = run if fixed is None else fixed
+    if csv is not None:
+        _write_csv(csv, run_log, shown, aligned)
+    if plot is not None:
+        draw_replay(run_log, run, fixed, aligned, plot)
+    facts = _facts(run_log, run, fixed, aligned)
+    facts |= {
+        "calibration": None if source is None else str(source),
+        "heading_used": run_log.has_heading and not no_heading,
+    }
+    if as_json:
+        print_json(facts)
+        return
+    _print(facts)
+
+
+def _facts(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Alignment | None) -> dict[str, Any]:
+    x, y, theta = (float(value) for value in run.pose[-1])
+    facts: dict[str, Any] = {"log": log.name, "rows": len(log.time_s), "end_pose": [x, y, theta]}
+    if aligned is not None:
+        facts |= {
+            "rms_m": aligned.rms_m,
+            "clock_offset_s": aligned.offset_s,
+            "clock_offset_between_s": [aligned.offset_low_s, aligned.offset_high_s],
+            "mirrored": aligned.mirrored,
+            "best_scale": aligned.scale,
+        }
+    if fixed is not None and aligned is not None:
+        truth = aligned.to_robot(truth_at(log.require_truth(), log.time_s + aligned.offset_s))
+        left = fixed.pose[:, :2] - truth
+        facts["fixes"] = {
+            "rms_m": float(np.sqrt(np.mean(np.sum(left**2, axis=1)))),
+            "looked_at": len(fixed.nis),
+            "nis_mean": float(np.mean(fixed.nis)) if len(fixed.nis) else None,
+            "nis_degrees": fixed.nis_degrees,
+            "refused": fixed.refused,
+        }
+    return facts
+
+
+def _print(facts: dict[str, Any]) -> None:
+    console.print(
+        f"{facts['log']}: {facts['rows']} rows, calibration: {facts['calibration'] or 'none'}", soft_wrap=True
+    )
+    x, y, theta = facts["end_pose"]
+    by = "the measured heading" if facts["heading_used"] else "wheels only"
+    console.print(f"dead reckoning on {by} ends at ({x:+.3f} m, {y:+.3f} m, {theta:+.3f} rad)")
+    if "rms_m" not in facts:
+        console.print("no truth to compare with")
+        return
+    low, high = facts["clock_offset_between_s"]
+    console.print(
+        f"[bold]{1e3 * facts['rms_m']:.1f} mm RMS[/] from the truth after alignment: clock offset "
+        f"{facts['clock_offset_s']:+.2f} s ({low:+.2f} to {high:+.2f}), best scale {facts['best_scale']:.3f} (not "
+        f"applied)" + (", mirrored" if facts["mirrored"] else "")
+    )
+    fixes = facts.get("fixes")
+    if fixes is not None and fixes["nis_mean"] is not None:
+        console.print(
+            f"with {fixes['looked_at']} pose fixes: {1e3 * fixes['rms_m']:.1f} mm RMS, mean NIS "
+            f"{fixes['nis_mean']:.2f} for "
+            f"{fixes['nis_degrees']} degrees of freedom, {fixes['refused']} refused"
+        )
+
+
+def _write_csv(path: Path, log: WheelLog, run: Replay, aligned: Alignment | None) -> None:
+    truth = np.full((len(log.time_s), 2), np.nan)
+    if aligned is not None:
+        truth = aligned.to_robot(truth_at(log.require_truth(), log.time_s + aligned.offset_s))
+    table = np.column_stack((log.time_s, run.pose, run.pose_sd, truth))
+    np.savetxt(path, table, delimiter=",", header=CSV_HEADER, comments="", fmt="%.9g")

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: MIT
+"""A robot file with what its logs told, as a copy of the nominal one, and the calibration beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omniwheel.errors import LogError, RobotFileError
+from omniwheel.identification.odometry_calibration import Odometry
+from omniwheel.identification.robot_file import Changes, edited
+from omniwheel.logs.calibration import calibration_path, save_calibration
+from omniwheel.robots import find_robot_file, read_robot
+
+_FILTER = ("KF_MODE", "KF_Q_W", "KF_Q_I", "KF_R_W")
+_MOTOR = {
+    "inertia_kg_m2": ("MOT_J", "from the lag, R assumed"),
+    "viscous_friction_N_m_s": ("MOT_B", "assumed"),
+    "constant_N_m_A": ("MOT_K", "from the motor curve, b = 0"),
+    "resistance_ohm": ("MOT_R", "assumed"),
+    "inductance_H": ("MOT_L", "assumed"),
+}
+
+
+def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path, Path]:
+    """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; overwrites nothing."""
+    if target.suffix != ".toml":
+        raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
+    text = find_robot_file(nominal).read_text(encoding="utf-8")
+    try:
+        with target.open("x", encoding="utf-8") as file:
+            file.write(edited(text, changes(found)))
+    except FileExistsError:
+        raise LogError(f"{target} exists already", hint="choose another name") from None
+    except OSError as error:
+        raise LogError(f"cannot write {target}: {error.strerror}", hint="check folder and permissions") from error
+    try:
+        read_robot(target)
+    except RobotFileError:
+        target.unlink()
+        raise
+    calibration = calibration_path(target)
+    save_calibration(found.calibration, calibration)
+    return target, calibration
+
+
+def changes(found: Odometry) -> Changes:
+    """Return what of a robot file the identification replaces."""
+    values = found.robot.parameter_values()
+    scales = [values[f"W{wheel + 1}_RSCALE"] for wheel in range(found.robot.wheels)]
+    seen = "identified, in the truth's metres"
+    return {
+        "geometry.wheel_radius_m": (values["WHEEL_RADIUS"], seen),
+        "geometry.wheel_radius_scale": (scales, "identified; by direction in the calibration"),
+        "geometry.wheel_distance_m": (
+            values["WHEEL_DIST"],
+            seen if found.distance_seen else "nominal: never seen to turn",
+        ),
+        **{f"motor.{key}": (values[name], said) for key, (name, said) in _MOTOR.items()},
+        **{f"parameters.{name}": (values[name], "identified") for name in _FILTER},
+    }

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: MIT
+"""Odometry of a robot from runs beside a ground truth whose clock, frame and scale are its own.
+
+With the heading measured, the path is linear in the effective radius of each wheel and direction: x(t) = sum_j r_j
+g_j(t), g_j the path that wheel j's turning in one direction would add at r_j = 1 m. Clock offset, rotation and shift
+of each run are found by alignment, then the radii by least squares over all runs, drawn towards their mean where the
+runs do not excite them, in turn until nothing changes. The wheel distance follows from the measured heading and the
+wheels' common turning.
+
+The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are
+right for the path on a measured heading; as a heading of their own they are not, so that without one a single common
+radius does better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from omni_schema import Robot
+from omniwheel._core import lib
+from omniwheel.errors import LogError
+from omniwheel.identification.motor_curve import CurveFit, fit_motor_curve
+from omniwheel.logs.alignment import Alignment, align, truth_at
+from omniwheel.logs.calibration import Calibration, MotorCurve
+from omniwheel.logs.log import Array, WheelLog
+from omniwheel.replay import Replay, check_log_fits, filter_wheels, replay, replay_config
+
+RIDGE = 0.03
+"""Weight of "all radii alike" against the runs, as a share of the mean excitation of a radius."""
+MAX_ROUNDS = 20
+CONVERGED_M = 1e-5
+TURN_WINDOW_S = 0.5
+LEAST_TURN_RAD = 0.4
+"""Windows with less turning say more of noise and drift than of the wheel distance."""
+SCALE_LIMITS = (0.8, 1.2)
+"""What a robot file allows as a wheel's scale; the rest goes to the calibration."""
+ASSUMED_RESISTANCE_OHM = 2.0
+ASSUMED_INDUCTANCE_H = 1e-3
+NOISE_CANDIDATES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""Process noise of the wheel filter that is tried [rad/s^1.5]; the likelihood has one maximum."""
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """One identification: radii (wheels,) [m] by direction, wheel distance [m], the motors' curve, filter noise.
+
+    ``robot`` and ``calibration`` hold the same for the core: together they are what a replay needs. ``plain_robot`` and
+    ``plain_calibration`` have one radius for all, ``plain_radius_m``: for dead reckoning without a measured heading.
+    """
+
+    forward_radius_m: Array
+    reverse_radius_m: Array
+    wheel_distance_m: float
+    distance_seen: bool
+    curve: CurveFit
+    process_noise: float
+    measurement_noise: float
+    robot: Robot
+    calibration: Calibration
+    plain_radius_m: float
+    plain_robot: Robot
+    plain_calibration: Calibration
+
+
+def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[WheelLog] = ()) -> Odometry:
+    """Identify from runs with truth and heading; ``turns`` are logs with heading only, for the wheel distance.
+
+    ``robot`` gives the nominal geometry. Raises LogError that says what is missing.
+    """
+    if not runs:
+        raise LogError("there is no run to identify from", hint="give logs that were imported with --truth")
+    for log in (*runs, *turns):
+        check_log_fits(log, robot)
+        log.require_heading()
+    curve = fit_motor_curve(runs)
+    filtered = _with_motor(robot, curve)
+    unit = Calibration(np.ones(robot.wheels), np.ones(robot.wheels), curve.curve)
+    process, measurement = _filter_noise(runs, filtered, unit, curve)
+    filtered = _with(filtered, KF_Q_W=process, KF_R_W=measurement)
+    inverse = body_from_wheels(robot)
+    speeds = [filter_wheels(log, filtered, unit)[0] for log in (*runs, *turns)]
+    bases = [path_basis(log, _by_direction(log, speed), inverse) for log, speed in zip(runs, speeds, strict=False)]
+    nominal = robot.parameter_values()
+    free = np.eye(2 * robot.wheels)
+    radii, plain = (
+        _fit_radii(runs, bases, nominal["WHEEL_RADIUS"], rows) for rows in (free, np.ones_like(free[:, :1]))
+    )
+    distances = [_wheel_distance((*runs, *turns), speeds, inverse, each) for each in (radii, plain)]
+    known = [nominal["WHEEL_DIST"] if distance is None else distance for distance in distances]
+    identified, calibration = _packed(filtered, radii, known[0], curve.curve)
+    plain_robot, plain_calibration = _packed(filtered, plain, known[1], curve.curve)
+    return Odometry(
+        forward_radius_m=radii[: robot.wheels],
+        reverse_radius_m=radii[robot.wheels :],
+        wheel_distance_m=known[0],
+        distance_seen=distances[0] is not None,
+        curve=curve,
+        process_noise=process,
+        measurement_noise=measurement,
+        robot=identified,
+        calibration=calibration,
+        plain_radius_m=float(plain[0]),
+        plain_robot=plain_robot,
+        plain_calibration=plain_calibration,
+    )
+
+
+def dead_reckon(
+    log: WheelLog, robot: Robot, calibration: Calibration | None, *, use_heading: bool = True
+) -> tuple[Replay, Alignment]:
+    """Replay a run without fixes and align its path with the truth."""
+    run = replay(log, robot, calibration, use_heading=use_heading)
+    return run, align(run.time_s, run.pose[:, :2], log.require_truth(), mirrored=None)
+
+
+def nominal_replay(log: WheelLog, robot: Robot) -> tuple[Replay, Alignment]:
+    """Dead-reckon with the nominal geometry and every count as it was logged, spikes included."""
+    return dead_reckon(replace(log, good=np.ones_like(log.good)), robot, None)
+
+
+def body_from_wheels(robot: Robot) -> Array:
+    """B+ (3, wheels) of the robot's bearings at wheel distance 1 m, from the core."""
+    config = replay_config(_with(robot, WHEEL_DIST=1.0), 1e-2)
+    rows = config.kinematics.b_pinv
+    return np.array([[rows[axis][wheel] for wheel in range(robot.wheels)] for axis in range(3)])
+
+
+def path_basis(log: WheelLog, turned: Array, inverse: Array) -> Array:
+    """Return g (n, 2, 2 wheels) [m per m of radius]: a wheel's forward or reverse path on the measured heading."""
+    heading = log.heading_rad
+    middle = 0.5 * (heading + np.concatenate((heading[:1], heading[:-1])))
+    cosine, sine = np.cos(middle)[:, None], np.sin(middle)[:, None]
+    wide = np.tile(inverse, 2)
+    ahead, aside = turned * wide[0], turned * wide[1]
+    return np.stack(
+        [np.cumsum(cosine * ahead - sine * aside, axis=0), np.cumsum(sine * ahead + cosine * aside, axis=0)], axis=1
+    )
+
+
+def _by_direction(log: WheelLog, speed: Array) -> Array:
+    """Wheel angles since the row before (n, 2 wheels) [rad], forward turning first."""
+    angle = speed * _span_s(log)
+    return np.concatenate((np.maximum(angle, 0.0), np.minimum(angle, 0.0)), axis=1)
+
+
+def _span_s(log: WheelLog) -> Array:
+    """Time that each row stands for (n, 1) [s]: whole periods."""
+    return (log.period_s * np.maximum(np.round(log.step_s / log.period_s), 1.0))[:, None]
+
+
+def _with(robot: Robot, **values: float) -> Robot:
+    return replace(robot, overrides={**robot.overrides, **values})
+
+
+def _with_motor(robot: Robot, fit: CurveFit) -> Robot:
+    """Robot whose motor has the curve's mean slope and lag, R and L assumed: only K (b = 0) and R J show in a speed."""
+    curve = fit.curve
+    slope = float(np.mean((curve.forward_duty_per_rad_s, curve.reverse_duty_per_rad_s)))
+    constant = slope * robot.parameter_values()["BAT_V_NOM"]
+    inertia = float(np.mean(curve.time_constant_s)) * constant**2 / ASSUMED_RESISTANCE_OHM
+    return _with(
+        robot,
+        MOT_J=inertia,
+        MOT_B=0.0,
+        MOT_K=constant,
+        MOT_R=ASSUMED_RESISTANCE_OHM,
+        MOT_L=ASSUMED_INDUCTANCE_H,
+        KF_MODE=float(lib.OMNI_KF_MODE_SPEED),
+        KF_Q_I=0.0,
+        KF_R_W=float(np.sqrt(np.mean(fit.noise_rad_s**2))),
+    )
+
+
+def _filter_noise(
+    runs: Sequence[WheelLog], robot: Robot, calibration: Calibration, fit: CurveFit
+) -> tuple[float, float]:
+    """Process and measurement noise of the wheel filter with the largest likelihood of the innovations."""
+    measurement = float(np.sqrt(np.mean(fit.noise_rad_s**2)))
+    best, best_cost = NOISE_CANDIDATES[0], np.inf
+    for candidate in NOISE_CANDIDATES:
+        cost = 0.0
+        for log in runs:
+            tried = _with(robot, KF_Q_W=candidate, KF_R_W=measurement)
+            _, innovation, variance = filter_wheels(log, tried, calibration)
+            cost += float(np.nansum(np.log(variance) + innovation**2 / variance))
+        if cost >= best_cost:
+            break
+        best, best_cost = candidate, cost
+    return best, measurement
+
+
+def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: float, rows: Array) -> Array:
+    """Radii (2 wheels,) [m], forward then reverse, by least squares and alignment in turn.
+
+    ``rows`` (2 wheels, k) makes the radii of the k unknowns: the unit matrix, or a column of ones for one common
+    radius.
+    """
+    count = rows.shape[1]
+    radii = np.full(len(rows), nominal_m)
+    mirrored = [
+        align(log.time_s, basis @ radii, log.require_truth(), mirrored=None).mirrored
+        for log, basis in zip(runs, bases, strict=True)
+    ]
+    for _ in range(MAX_ROUNDS):
+        normal, right = np.zeros((count, count)), np.zeros(count)
+        for log, basis, flip in zip(runs, bases, mirrored, strict=True):
+            truth = log.require_truth()
+            found = align(log.time_s, basis @ radii, truth, mirrored=flip)
+            target = found.to_robot(truth_at(truth, log.time_s + found.offset_s))
+            columns = ((basis - basis.mean(axis=0)) @ rows).reshape(-1, count)
+            wanted = (target - target.mean(axis=0)).reshape(-1)
+            normal += columns.T @ columns / len(target)
+            right += columns.T @ wanted / len(target)
+        spread = np.eye(count) - np.full((count, count), 1.0 / count)
+        new = rows @ np.linalg.solve(normal + RIDGE * float(np.trace(normal)) / count * spread, right)
+        if not np.all(new > 0.0):
+            raise LogError(
+                "the truth does not follow the wheels: a radius comes out negative",
+                hint="check the wheels' order, bearings and signs, and that each truth belongs to its log",
+            )
+        change, radii = float(np.max(np.abs(new - radii))), new
+        if change < CONVERGED_M:
+            break
+    return radii
+
+
+def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse: Array, radii: Array) -> float | None:
+    """Distance [m] at which the wheels' common turning is the measured heading's; None if the robot hardly turned.
+
+    From the counts (the filtered speeds where a count is no good): in turns the load is another one than in the runs
+    that the filter's motor model comes from. A ratio of sums over the windows in which the robot did turn, so that
+    the noise of the counts averages out instead of shrinking the slope.
+    """
+    wheels, heading = 0.0, 0.0
+    for log, speed in zip(logs, filtered, strict=True):
+        rows = max(2, round(TURN_WINDOW_S / log.period_s))
+        counted = np.where(log.good, log.wheel_rad_s, speed) * _span_s(log)
+        radius = np.where(speed >= 0.0, radii[: log.wheels], radii[log.wheels :])
+        rolled = np.cumsum((radius * counted) @ inverse[2])
+        starts = np.arange(0, len(log.time_s) - rows, rows)
+        turn = log.heading_rad[starts + rows] - log.heading_rad[starts]
+        roll = rolled[starts + rows] - rolled[starts]
+        sure = np.abs(turn) >= LEAST_TURN_RAD
+        wheels += float(np.sum(np.sign(turn[sure]) * roll[sure]))
+        heading += float(np.sum(np.abs(turn[sure])))
+    if heading < 2.0 * LEAST_TURN_RAD or wheels <= 0.0:
+        return None
+    return wheels / heading
+
+
+def _packed(robot: Robot, radii: Array, distance_m: float, curve: MotorCurve) -> tuple[Robot, Calibration]:
+    """Put the radii (forward, then reverse) into robot (per wheel) and calibration (what is left, by direction)."""
+    forward, reverse = radii[: robot.wheels], radii[robot.wheels :]
+    radius = float(np.mean(radii))
+    scale = np.clip(0.5 * (forward + reverse) / radius, *SCALE_LIMITS)
+    values = {f"W{wheel + 1}_RSCALE": float(value) for wheel, value in enumerate(scale)}
+    packed = _with(robot, WHEEL_RADIUS=radius, WHEEL_DIST=distance_m, **values)
+    return packed, Calibration(forward / (radius * scale), reverse / (radius * scale), curve)

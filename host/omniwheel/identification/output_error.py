@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: MIT
+"""Output error: the parameters with which the simulated model turns its wheels as the measured ones turned.
+
+A run is cut into short segments that are simulated side by side. Each starts a few time constants early from the
+measured speed; what that start was off by has decayed before residuals count. Speeds are compared as means between
+rows where encoder angles are logged (free of the differencing's delay), else at the rows' times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omniwheel.errors import IdentificationError
+from omniwheel.identification.dataset import Dataset
+from omniwheel.identification.estimate import Estimate, clustered_covariance, require_scipy
+from omniwheel.identification.model import STAND, Model
+from omniwheel.identification.segments import MOVING_rad_s, Segments, cut, measured_speed
+
+Array = NDArray[np.float64]
+
+SATURATED_SHARE_MAX = 0.5
+MIN_MOVING_S = 2.0
+MIN_FIT = 0.5
+IV_STEPS_MAX = 20
+SETTLED = 2e-3
+"""Steps end when no parameter moves by more than this share of itself."""
+COARSE = 5
+"""The first search takes one segment in so many."""
+_STEP = 1e-5
+
+
+@dataclass(frozen=True)
+class Fit:
+    """An estimate, the segments it was made of, and the model's speeds on them (s, rows, wheels)."""
+
+    estimate: Estimate
+    segments: Segments
+    modelled_rad_s: Array
+    saturated_share: float
+
+    @property
+    def residual_rad_s(self) -> Array:
+        """Measured minus modelled speed (s, rows, wheels), NaN where not used."""
+        residual = self.segments.target_rad_s - self.modelled_rad_s
+        return np.where(self.segments.weight > 0.0, residual, np.nan)
+
+    @property
+    def rmse_rad_s(self) -> float:
+        """Root mean square of the residual [rad/s]."""
+        return float(np.sqrt(np.nanmean(self.residual_rad_s**2)))
+
+    @property
+    def fit(self) -> float:
+        """Share of the speed's variation that the model explains: 1 is all of it."""
+        used = self.segments.weight > 0.0
+        target = self.segments.target_rad_s[used]
+        return float(1.0 - np.nansum(self.residual_rad_s**2) / np.sum((target - target.mean()) ** 2))
+
+
+def identify(runs: Sequence[Dataset], model: Model) -> Fit:
+    """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them.
+
+    Output error by least squares, then steps of the instrumental-variable equation Z' r = 0 with Z the model's slope
+    along the noise-free instrument: noise of the measured supply would pass through the model and bias its inertia
+    upwards.
+    """
+    _require_enough(runs)
+    start = first_guess(runs, model)
+    segments, saturated = cut(runs, model, _time_constant_s(start))
+    used = segments.weight > 0.0
+    scale = _scales(start, model)
+
+    x = _output_error(model, segments.thinned(COARSE), start, scale)
+    for _ in range(IV_STEPS_MAX):
+        instrument = _slope(model, segments, x, scale)
+        rest = _residual(model, segments, x, scale)
+        step = np.linalg.lstsq(instrument, rest, rcond=None)[0]
+        x = np.maximum(x + step, _lower_bounds(model))
+        if np.max(np.abs(step)) < SETTLED:
+            break
+    cluster = np.broadcast_to(segments.cluster[:, None, None], used.shape)[used]
+    covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
+    estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
+    fit = Fit(estimate, segments, _modelled(model, segments, estimate.values), saturated)
+    _require_shown(fit)
+    return fit
+
+
+def _output_error(model: Model, segments: Segments, start: Array, scale: Array) -> Array:
+    """Return parameters in units of ``scale`` that are close enough for the instrumental-variable steps."""
+    optimize = require_scipy("optimize")
+    solved = optimize.least_squares(
+        lambda x: _residual(model, segments, x, scale),
+        start / scale,
+        jac=lambda x: -_slope(model, segments, x, scale),
+        bounds=(_lower_bounds(model), np.inf),
+        xtol=1e-4,
+        ftol=1e-6,
+        max_nfev=50,
+    )
+    if not solved.success:
+        raise IdentificationError("the fit did not settle", hint="check the log's voltages and wheel directions")
+    found: Array = solved.x
+    return found
+
+
+def _residual(model: Model, segments: Segments, x: Array, scale: Array) -> Array:
+    residual: Array = (segments.target_rad_s - _modelled(model, segments, x * scale))[segments.weight > 0.0]
+    return residual
+
+
+def _slope(model: Model, segments: Segments, x: Array, scale: Array) -> Array:
+    """Return the slope of the modelled speeds along the instrument, (used, p)."""
+    lanes = x * scale + np.vstack((np.zeros(len(x)), _STEP * np.diag(scale)))
+    speeds = _simulated(model, segments, segments.instrument_V, lanes)[:, segments.weight > 0.0]
+    slope: Array = (speeds[1:] - speeds[0]).T / _STEP
+    return slope
+
+
+def _lower_bounds(model: Model) -> Array:
+    """Nothing but the drag, a small difference, may come out negative."""
+    return np.where(np.array(model.names) == "drag_xy_V_s", -np.inf, 1e-9)
+
+
+def _time_constant_s(values: Array) -> float:
+    return float(np.max(values[2:4] / values[0]))
+
+
+def evaluate(runs: Sequence[Dataset], model: Model, estimate: Estimate) -> Fit:
+    """Return how known parameters predict other runs: the validation."""
+    values = np.array([estimate[name] for name in model.names])
+    segments, saturated = cut(runs, model, _time_constant_s(values))
+    return Fit(estimate, segments, _modelled(model, segments, values), saturated)
+
+
+def _modelled(model: Model, segments: Segments, values: Array) -> Array:
+    return _simulated(model, segments, segments.voltage_V, values[None])[0]
+
+
+def _simulated(model: Model, segments: Segments, voltage_V: Array, values: Array) -> Array:
+    mean, end = model.simulate(values, segments.dt_s, voltage_V, segments.start_rad_s)
+    return mean if segments.means else end
+
+
+def _scales(start: Array, model: Model) -> Array:
+    """Return what a parameter is measured against: its own size; drag against the speed gain."""
+    scale = np.maximum(np.abs(start), 1e-3 * start[0])
+    if model.names != STAND:
+        scale[4] = 0.01 * start[0]
+    return scale
+
+
+def _numbered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    numbers: NDArray[np.int64] = np.unique(labels, return_inverse=True)[1]
+    return numbers
+
+
+def first_guess(runs: Sequence[Dataset], model: Model) -> Array:
+    """Return starting values from a regression of voltage on speed, sign and change of speed, wheel by wheel."""
+    columns, voltages = [], []
+    for run in runs:
+        speed = measured_speed(run)[:, model.columns]
+        change = np.gradient(speed, run.time_s, axis=0)
+        known = np.isfinite(speed) & np.isfinite(change) & (np.abs(speed) > MOVING_rad_s)
+        columns.append(np.column_stack((speed[known], np.sign(speed[known]), change[known])))
+        voltages.append(run.voltage_V[:, model.columns][known])
+    gain, coulomb, inertia = np.linalg.lstsq(np.vstack(columns), np.concatenate(voltages), rcond=None)[0]
+    if gain <= 0.0:
+        raise IdentificationError(
+            "more voltage does not mean more speed in these runs",
+            hint="check motor.direction and encoder.direction, and that the logged voltage is the bridge's",
+        )
+    period_s = max(run.period_s for run in runs)
+    inertia = float(np.clip(inertia, 0.1 * gain * period_s, gain * 100.0 * period_s))
+    start = [gain, max(coulomb, 1e-3 * gain), inertia]
+    return np.array(start if model.names == STAND else [*start, inertia, 0.0])
+
+
+def _require_enough(runs: Sequence[Dataset]) -> None:
+    if not runs:
+        raise IdentificationError("no run is given", hint="record the excitation with `omni identify live`")
+    moving_s = 0.0
+    for run in runs:
+        speed = measured_speed(run)[:-1]
+        fast = np.any(np.nan_to_num(np.abs(speed)) > MOVING_rad_s, axis=1)
+        moving_s += float(np.sum(np.diff(run.time_s)[fast]))
+    if moving_s < MIN_MOVING_S:
+        raise IdentificationError(
+            f"the wheels turn for {moving_s:.1f} s in all; at least {MIN_MOVING_S:g} s are needed",
+            hint="was the robot armed? drive the circles and spins both ways",
+        )
+
+
+UNSHOWN = {
+    "speed_gain_V_s": "the speeds vary too little to tell viscous from Coulomb friction",
+    "inertia_xy_V_s2": "translation is not excited: the robot's speed along x and y hardly changes",
+    "inertia_theta_V_s2": "rotation is not excited: the robot's turn rate hardly changes",
+    "inertia_V_s2": "the wheel's speed hardly changes",
+}
+
+
+def _require_shown(fit: Fit) -> None:
+    """Raise IdentificationError that names what the data cannot show."""
+    if fit.saturated_share > SATURATED_SHARE_MAX:
+        share = f"{100 * fit.saturated_share:.0f} %"
+        raise IdentificationError(
+            f"a bridge is at full duty for {share} of the time: its voltage is not known and nothing varies",
+            hint="drive at lower duty",
+        )
+    for name, why in UNSHOWN.items():
+        if name in fit.estimate.names and not fit.estimate.half_width(name) < 0.5 * abs(fit.estimate[name]):
+            raise IdentificationError(why, hint="drive circles and spins both ways, with changing speed")
+    if fit.fit < MIN_FIT:
+        raise IdentificationError(
+            f"the model explains only {100 * fit.fit:.0f} % of the measured speeds",
+            hint="check wheel order, directions and the voltage column; did wheels slip or stall?",
+        )

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: MIT
+"""Foreign CSV logs: columns by a declared mapping, counts recovered from quantised speeds, heading unwrapped."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from omni_schema.errors import did_you_mean
+from omniwheel.errors import LogError
+from omniwheel.logs.log import Array, Truth, WheelLog
+from omniwheel.logs.mapping import Mapping
+from omniwheel.logs.spikes import reject_spikes
+
+INTEGER_TOLERANCE = 0.05
+"""How far a recovered count may be from a whole number, in the median."""
+MAX_TURN_RAD_S = 20.0
+"""A heading that changes faster than this has been restarted."""
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What the import did to the rows: shares are of the rows that are left, per wheel."""
+
+    rows: int
+    dropped_rows: int
+    missing_rows: int
+    rejected_share: tuple[float, ...]
+    heading_restarts_s: tuple[float, ...]
+    noise_counts: tuple[float, ...]
+
+
+def read_columns(path: Path, delimiter: str) -> dict[str, Array]:
+    """Return the columns of a CSV file with a header line; LogError where a cell is no number."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file, delimiter=delimiter, skipinitialspace=True) if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"cannot read {path}: {error}", hint="give a CSV file with a header line") from error
+    if len(rows) < 2:
+        raise LogError(f"{path} holds no rows", hint="give a CSV file with a header line")
+    names = [name.strip() for name in rows[0]]
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) != len(names):
+            raise LogError(f"{path}:{number}: {len(row)} cells beside {len(names)} names", hint="check the delimiter")
+    try:
+        table = np.array(rows[1:], dtype=np.float64)
+    except ValueError as error:
+        raise LogError(f"{path}: {error}", hint="every cell must be a number") from error
+    return {name: table[:, index] for index, name in enumerate(names)}
+
+
+def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping) -> Array:
+    if name not in columns:
+        guess = did_you_mean(name, list(columns))
+        raise LogError(f"{path} has no column {name!r}{guess}", hint=f"correct {mapping.source}")
+    values = columns[name]
+    if not np.all(np.isfinite(values)):
+        row = int(np.argmin(np.isfinite(values))) + 2
+        raise LogError(f"{path}:{row}: {name} is not finite", hint="drop or repair that row")
+    return values
+
+
+def read_truth(path: Path, mapping: Mapping) -> Truth:
+    """Read ground truth with the mapping's [truth] columns; rows whose clock does not rise are left out."""
+    wanted = mapping.truth
+    if wanted is None:
+        raise LogError(f"{mapping.source} has no [truth]", hint="say which columns hold time, x and y")
+    columns = read_columns(path, mapping.delimiter)
+    time = _column(path, columns, wanted.time, mapping) * wanted.time_unit
+    xy = np.stack([_column(path, columns, name, mapping) * wanted.unit for name in (wanted.x, wanted.y)], axis=1)
+    theta = np.full(len(time), np.nan)
+    if wanted.theta:
+        theta = _column(path, columns, wanted.theta, mapping) * wanted.theta_unit
+    rises = _rising(time)
+    return Truth(time[rises], xy[rises], theta[rises])
+
+
+def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple[WheelLog, ImportReport]:
+    """Read a CSV log (and its truth) and reject its spikes. Raises LogError that names file, row and column."""
+    columns = read_columns(path, mapping.delimiter)
+    time = _column(path, columns, mapping.time, mapping) * mapping.time_unit
+    keep = _rising(time)
+    wheels = np.stack([_column(path, columns, name, mapping) for name in mapping.wheels], axis=1)[keep]
+    duty = np.zeros_like(wheels)
+    if mapping.duty:
+        raw = np.stack([_column(path, columns, name, mapping) for name in mapping.duty], axis=1)[keep]
+        duty = raw * np.array(mapping.duty_sign) / mapping.duty_full_scale
+        if np.any(np.abs(duty) > 1.0):
+            raise LogError(
+                f"{path}: a duty exceeds its full scale", hint=f"correct duty.full_scale in {mapping.source}"
+            )
+    step = np.concatenate(([mapping.period_s], np.diff(time[keep])))
+    heading = np.full(len(wheels), np.nan)
+    restarts: list[int] = []
+    if mapping.heading:
+        raw_heading = _column(path, columns, mapping.heading, mapping)[keep]
+        heading, restarts = unwrap_heading(raw_heading * mapping.heading_unit * mapping.heading_sign, step)
+    counts = _counts(path, wheels * np.array(mapping.wheel_sign), step, mapping)
+    log = WheelLog(
+        name=path.stem,
+        period_s=mapping.period_s,
+        counts_per_revolution=mapping.counts_per_revolution,
+        time_s=time[keep],
+        counts=counts,
+        good=np.ones(counts.shape, dtype=bool),
+        duty=duty,
+        heading_rad=heading,
+        truth=None if truth is None else read_truth(truth, mapping),
+    )
+    good, noise = reject_spikes(log, mapping.spikes)
+    report = ImportReport(
+        rows=len(log.time_s),
+        dropped_rows=int(np.sum(~keep)),
+        missing_rows=int(np.sum(np.maximum(np.round(step / mapping.period_s) - 1.0, 0.0))),
+        rejected_share=tuple(float(share) for share in 1.0 - good.mean(axis=0)),
+        heading_restarts_s=tuple(float(log.time_s[row]) for row in restarts),
+        noise_counts=noise,
+    )
+    return replace(log, good=good), report
+
+
+def _rising(time: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Mask of the rows whose time is later than every one before."""
+    before = np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
+    return np.asarray(time > before)
+
+
+def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
+    """Counts since the row before. A speed is one period's counts; across missing rows it is taken to have lasted."""
+    steps = np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
+    if mapping.quantity == "counts":
+        return np.diff(wheels, axis=0, prepend=wheels[:1])
+    if mapping.quantity == "increment":
+        return wheels
+    rad_per_count = 2.0 * np.pi / mapping.counts_per_revolution
+    exact = wheels * mapping.wheel_unit * mapping.period_s / rad_per_count
+    whole = np.round(exact)
+    off = float(np.median(np.abs(exact - whole)[whole != 0.0])) if np.any(whole != 0.0) else 0.0
+    if off > INTEGER_TOLERANCE:
+        raise LogError(
+            f"{path}: the wheel speeds are {off:.2f} counts off whole counts in the median",
+            hint=f"correct counts_per_revolution, period_s or the unit in {mapping.source}",
+        )
+    return np.asarray(whole * steps)
+
+
+def unwrap_heading(heading: Array, step_s: Array) -> tuple[Array, list[int]]:
+    """Return the heading [rad] without wraps, from 0, and the rows in which the sensor was restarted.
+
+    A restart shows as a turn faster than any robot's; the heading then goes on from where it was.
+    """
+    turn = np.diff(heading)
+    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+    restarted = np.abs(turn) > MAX_TURN_RAD_S * step_s[1:]
+    turn[restarted] = 0.0
+    return np.concatenate(([0.0], np.cumsum(turn))), [int(row) + 1 for row in np.flatnonzero(restarted)]

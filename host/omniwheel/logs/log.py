@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: MIT
+"""A wheel log and the ground truth beside it: what every importer makes and every method below starts from."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omniwheel.errors import LogError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+MIN_ROWS = 20
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Ground truth on a clock and in a frame of its own.
+
+    ``time_s`` (m,) rises, ``xy`` (m, 2) [m], ``theta`` (m,) [rad].
+    ``theta`` is NaN where it is unknown or not to be trusted.
+    """
+
+    time_s: Array
+    xy: Array
+    theta: Array
+
+
+@dataclass(frozen=True)
+class WheelLog:
+    """One run: n rows on the robot's clock, wheels in the robot file's order, positive drives counter-clockwise.
+
+    ``time_s`` (n,) rises; nominally one row per ``period_s``, rows may be missing.
+    ``counts`` (n, wheels) encoder counts since the row before, ``counts_per_revolution`` of the wheel.
+    ``good`` (n, wheels) False where a count is a spike or missing.
+    ``duty`` (n, wheels) -1..1 commanded at this row; zeros if it was not logged.
+    ``heading_rad`` (n,) unwrapped, counter-clockwise, 0 at the first row; NaN where there is none.
+    """
+
+    name: str
+    period_s: float
+    counts_per_revolution: int
+    time_s: Array
+    counts: Array
+    good: Mask
+    duty: Array
+    heading_rad: Array
+    truth: Truth | None = None
+
+    def __post_init__(self) -> None:
+        """Check shapes, finiteness and the clock. Raises LogError."""
+        rows = len(self.time_s)
+        if rows < MIN_ROWS:
+            raise LogError(f"{self.name}: {rows} rows; at least {MIN_ROWS} are needed")
+        if self.counts.ndim != 2 or self.counts.shape[1] not in (3, 4):
+            raise LogError(f"{self.name}: counts of shape {self.counts.shape}; one column for each of 3 or 4 wheels")
+        for field in ("counts", "good", "duty"):
+            if getattr(self, field).shape != self.counts.shape or len(self.counts) != rows:
+                raise LogError(f"{self.name}: {field} has shape {getattr(self, field).shape} beside {rows} rows")
+        for field in ("time_s", "counts", "duty"):
+            if not np.all(np.isfinite(getattr(self, field))):
+                raise LogError(f"{self.name}: {field} holds a value that is not finite", hint="drop or repair that row")
+        if not (self.period_s > 0.0 and self.counts_per_revolution > 0):
+            raise LogError(f"{self.name}: period and counts per revolution must be positive")
+        if np.any(np.diff(self.time_s) <= 0.0):
+            raise LogError(f"{self.name}: the clock does not rise", hint="drop repeated rows")
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels."""
+        return int(self.counts.shape[1])
+
+    @property
+    def rad_per_count(self) -> float:
+        """Wheel angle of one count [rad]."""
+        return 2.0 * np.pi / self.counts_per_revolution
+
+    @property
+    def step_s(self) -> Array:
+        """Time since the row before (n,) [s]; the period for the first row."""
+        return np.concatenate(([self.period_s], np.diff(self.time_s)))
+
+    @property
+    def wheel_rad_s(self) -> Array:
+        """Differenced counts (n, wheels) [rad/s], spikes included."""
+        return np.asarray(self.counts * self.rad_per_count / self.step_s[:, None])
+
+    @property
+    def has_heading(self) -> bool:
+        """Whether there is a heading at all."""
+        return bool(np.any(np.isfinite(self.heading_rad)))
+
+    def require_truth(self) -> Truth:
+        """Return the ground truth; LogError if there is none."""
+        if self.truth is None:
+            raise LogError(f"{self.name} holds no ground truth", hint="import the log with --truth FILE")
+        return self.truth
+
+    def require_heading(self) -> None:
+        """Raise LogError without a heading."""
+        if not self.has_heading:
+            raise LogError(
+                f"{self.name} holds no heading", hint="map the column of the IMU's heading ([heading] in the mapping)"
+            )
+
+
+def save_log(log: WheelLog, path: Path) -> None:
+    """Write a log as NPZ, with the names and units of :class:`WheelLog`. Raises LogError."""
+    truth = log.truth
+    empty = np.zeros(0)
+    try:
+        with path.open("wb") as file:
+            np.savez_compressed(
+                file,
+                name=np.array(log.name),
+                period_s=np.array(log.period_s),
+                counts_per_revolution=np.array(log.counts_per_revolution),
+                time_s=log.time_s,
+                counts=log.counts,
+                good=log.good,
+                duty=log.duty,
+                heading_rad=log.heading_rad,
+                truth_time_s=empty if truth is None else truth.time_s,
+                truth_xy=np.zeros((0, 2)) if truth is None else truth.xy,
+                truth_theta=empty if truth is None else truth.theta,
+            )
+    except OSError as error:
+        raise LogError(f"cannot write {path}: {error.strerror}", hint="check folder and permissions") from error
+
+
+def load_log(path: Path) -> WheelLog:
+    """Read a log that :func:`save_log` wrote. Raises LogError."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            times = stored["truth_time_s"]
+            truth = Truth(times, stored["truth_xy"], stored["truth_theta"]) if len(times) else None
+            return WheelLog(
+                name=str(stored["name"]),
+                period_s=float(stored["period_s"]),
+                counts_per_revolution=int(stored["counts_per_revolution"]),
+                time_s=stored["time_s"],
+                counts=stored["counts"],
+                good=stored["good"],
+                duty=stored["duty"],
+                heading_rad=stored["heading_rad"],
+                truth=truth,
+            )
+    except LogError:
+        raise
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        hint = "make it from a CSV file with: omni logs import LOG.csv --mapping FILE --out LOG.npz"
+        raise LogError(f"{path} is no imported log: {error}", hint=hint) from error

@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: MIT
+"""Column mappings: a TOML file that says which column of a CSV log is what, in which unit and with which sign.
+
+::
+
+    [log]                       name, delimiter = ",", period_s
+    [log.time]                  column, unit = "s" | "ms" | "us"
+    [wheels]                    columns, quantity = "speed" | "increment" | "counts", unit = "rad/s" | "rpm" | "counts",
+                                sign = [1, 1, 1], counts_per_revolution
+    [duty]                      columns, full_scale, sign                     (optional)
+    [heading]                   column, unit = "rad" | "deg", sign            (optional)
+    [spikes]                    window_s, threshold, max_rad_s                (optional)
+    [truth]                     time, x, y, theta = "", unit = "m" | "mm", time_unit, theta_unit   (optional)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as AnyMapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from omni_schema.toml_file import read_toml
+from omniwheel.errors import LogError
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0}
+LENGTH_UNITS = {"m": 1.0, "mm": 1e-3}
+WHEEL_UNITS = {
+    "speed": {"rad/s": 1.0, "rpm": 2.0 * math.pi / 60.0},
+    "increment": {"counts": 1.0},
+    "counts": {"counts": 1.0},
+}
+
+
+@dataclass(frozen=True)
+class Spikes:
+    """Hampel filter: half window [s], threshold in robust standard deviations; and the fastest wheel [rad/s]."""
+
+    window_s: float = 0.25
+    threshold: float = 4.0
+    max_rad_s: float = math.inf
+
+
+@dataclass(frozen=True)
+class TruthColumns:
+    """Columns of a truth file and what one unit of each is in s, m and rad; no ``theta`` column if it is ""."""
+
+    time: str
+    x: str
+    y: str
+    theta: str
+    time_unit: float
+    unit: float
+    theta_unit: float
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """One robot's log format; ``source`` is the file, units are factors to SI, signs are +1 or -1."""
+
+    source: str
+    name: str
+    delimiter: str
+    period_s: float
+    time: str
+    time_unit: float
+    wheels: tuple[str, ...]
+    quantity: str
+    wheel_unit: float
+    wheel_sign: tuple[int, ...]
+    counts_per_revolution: int
+    duty: tuple[str, ...]
+    duty_full_scale: float
+    duty_sign: tuple[int, ...]
+    heading: str
+    heading_unit: float
+    heading_sign: int
+    spikes: Spikes
+    truth: TruthColumns | None
+
+
+class _Section:
+    """Takes keys out of a table; errors name file and key."""
+
+    def __init__(self, source: str, name: str, table: object) -> None:
+        if not isinstance(table, dict):
+            raise LogError(f"{source}: [{name}] is missing", hint="docs/logs.md shows a column mapping")
+        self.source, self.name, self.left = source, name, dict(table)
+
+    def error(self, key: str, problem: str) -> LogError:
+        return LogError(f"{self.source}: {self.name}.{key} {problem}", hint="docs/logs.md shows a column mapping")
+
+    def take(self, key: str, default: Any = None) -> Any:
+        if key not in self.left and default is None:
+            raise self.error(key, "is missing")
+        return self.left.pop(key, default)
+
+    def text(self, key: str, default: str | None = None) -> str:
+        value = self.take(key, default)
+        if not isinstance(value, str):
+            raise self.error(key, f"is {value!r}; a text is needed")
+        return value
+
+    def number(self, key: str, default: float | None = None) -> float:
+        value = self.take(key, default)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:
+            raise self.error(key, f"is {value!r}; a number above 0 is needed")
+        return float(value)
+
+    def unit(self, key: str, units: AnyMapping[str, float], default: str | None = None) -> float:
+        value = self.text(key, default)
+        if value not in units:
+            raise self.error(key, f"is {value!r}; allowed are {', '.join(units)}")
+        return units[value]
+
+    def columns(self, key: str) -> tuple[str, ...]:
+        value = self.take(key)
+        texts = isinstance(value, list) and all(isinstance(item, str) for item in value)
+        if not texts or len(value) not in (3, 4) or len(set(value)) != len(value):
+            raise self.error(key, f"is {value!r}; 3 or 4 different column names are needed, one per wheel")
+        return tuple(value)
+
+    def signs(self, key: str, length: int) -> tuple[int, ...]:
+        value = self.take(key, [1] * length)
+        if not isinstance(value, list) or len(value) != length or any(item not in (-1, 1) for item in value):
+            raise self.error(key, f"is {value!r}; {length} numbers, each 1 or -1, are needed")
+        return tuple(int(item) for item in value)
+
+    def done(self) -> None:
+        if self.left:
+            raise self.error(next(iter(self.left)), "is not known")
+
+
+def read_mapping(path: Path) -> Mapping:
+    """Read and check a column mapping. Raises LogError, or SchemaError where the file is no TOML."""
+    if not path.is_file():
+        raise LogError(f"there is no column mapping {path}", hint="docs/logs.md shows one")
+    document = dict(read_toml(path))
+    source = str(path)
+    log = _Section(source, "log", document.pop("log", None))
+    time = _Section(source, "log.time", log.take("time"))
+    wheels = _Section(source, "wheels", document.pop("wheels", None))
+    columns = wheels.columns("columns")
+    quantity = wheels.text("quantity")
+    if quantity not in WHEEL_UNITS:
+        raise wheels.error("quantity", f"is {quantity!r}; allowed are {', '.join(WHEEL_UNITS)}")
+    duty, duty_full_scale, duty_sign = _duty(source, document.pop("duty", None), len(columns))
+    heading, heading_unit, heading_sign = _heading(source, document.pop("heading", None))
+    mapping = Mapping(
+        source=source,
+        name=log.text("name"),
+        delimiter=log.text("delimiter", ","),
+        period_s=log.number("period_s"),
+        time=time.text("column"),
+        time_unit=time.unit("unit", TIME_UNITS, "s"),
+        wheels=columns,
+        quantity=quantity,
+        wheel_unit=wheels.unit("unit", WHEEL_UNITS[quantity]),
+        wheel_sign=wheels.signs("sign", len(columns)),
+        counts_per_revolution=round(wheels.number("counts_per_revolution")),
+        duty=duty,
+        duty_full_scale=duty_full_scale,
+        duty_sign=duty_sign,
+        heading=heading,
+        heading_unit=heading_unit,
+        heading_sign=heading_sign,
+        spikes=_spikes(source, document.pop("spikes", {})),
+        truth=_truth(source, document.pop("truth", None)),
+    )
+    for section in (log, time, wheels):
+        section.done()
+    if document:
+        raise LogError(f"{source}: [{next(iter(document))}] is not known", hint="docs/logs.md shows a column mapping")
+    return mapping
+
+
+def _duty(source: str, table: object, wheels: int) -> tuple[tuple[str, ...], float, tuple[int, ...]]:
+    if table is None:
+        return (), 1.0, (1,) * wheels
+    section = _Section(source, "duty", table)
+    columns = section.columns("columns")
+    if len(columns) != wheels:
+        raise section.error("columns", f"has {len(columns)} names beside {wheels} wheels")
+    found = columns, section.number("full_scale", 1.0), section.signs("sign", wheels)
+    section.done()
+    return found
+
+
+def _heading(source: str, table: object) -> tuple[str, float, int]:
+    if table is None:
+        return "", 1.0, 1
+    section = _Section(source, "heading", table)
+    sign = section.take("sign", 1)
+    if sign not in (-1, 1):
+        raise section.error("sign", f"is {sign!r}; 1 or -1 is needed")
+    found = section.text("column"), section.unit("unit", ANGLE_UNITS, "rad"), int(sign)
+    section.done()
+    return found
+
+
+def _spikes(source: str, table: object) -> Spikes:
+    section = _Section(source, "spikes", table)
+    usual = Spikes()
+    found = Spikes(
+        window_s=section.number("window_s", usual.window_s),
+        threshold=section.number("threshold", usual.threshold),
+        max_rad_s=section.number("max_rad_s", usual.max_rad_s),
+    )
+    section.done()
+    return found
+
+
+def _truth(source: str, table: object) -> TruthColumns | None:
+    if table is None:
+        return None
+    section = _Section(source, "truth", table)
+    found = TruthColumns(
+        time=section.text("time"),
+        x=section.text("x"),
+        y=section.text("y"),
+        theta=section.text("theta", ""),
+        time_unit=section.unit("time_unit", TIME_UNITS, "s"),
+        unit=section.unit("unit", LENGTH_UNITS, "m"),
+        theta_unit=section.unit("theta_unit", ANGLE_UNITS, "rad"),
+    )
+    section.done()
+    return found

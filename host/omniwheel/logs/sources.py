@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: MIT
+"""Logs by what they are: imported logs, CSV with a mapping, this project's run folders and telemetry logs."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from hil_sim.summary import load_run
+from omni_schema import Robot
+from omniwheel.errors import LogError
+from omniwheel.identification.sources import read_tlog as read_messages
+from omniwheel.logs.importer import import_log
+from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
+from omniwheel.logs.mapping import read_mapping
+
+KINDS = "LOG.npz (from omni logs import), LOG.csv with --mapping, a run's folder, or LOG.tlog (from omni record)"
+
+
+def open_log(path: Path, robot: Robot, mapping: Path | None = None, truth: Path | None = None) -> WheelLog:
+    """Read a log of any kind; ``robot`` says what our own formats leave out. Raises LogError, SchemaError."""
+    if path.is_dir():
+        return read_run(path)
+    if not path.is_file():
+        raise LogError(f"there is no log {path}", hint=f"a log is {KINDS}")
+    if path.suffix == ".tlog":
+        return read_tlog(path, robot)
+    if path.suffix == ".npz":
+        return load_log(path)
+    if mapping is None:
+        raise LogError(f"{path}: which column is what?", hint=f"give --mapping FILE; a log is {KINDS}")
+    return import_log(path, read_mapping(mapping), truth)[0]
+
+
+def read_run(folder: Path) -> WheelLog:
+    """Read the record of a run in the simulated world: true wheel angles in counts, true poses as truth."""
+    try:
+        summary, samples = load_run(folder)
+        parameters = summary["parameters"]
+        wheels, counts_per_revolution = round(parameters["WHEELS"]), round(parameters["ENC_CPR"])
+        time = np.asarray(samples["time_s"], dtype=np.float64)
+        direction = np.array([parameters[f"W{wheel + 1}_MOT_DIR"] for wheel in range(wheels)])
+        supply = samples["supply_V"] / parameters["BAT_V_NOM"]
+        duty = samples["duty"][:, :wheels] * direction * supply[:, None]
+        speed = samples["wheel_rad_s"][:, :wheels]
+        pose = samples["truth"]
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        hint = "give the folder of a run, as printed by omni demo, hil and sim"
+        raise LogError(f"{folder} is not a run: {error}", hint=hint) from error
+    truth = Truth(time, np.array(pose[:, :2]), np.unwrap(pose[:, 2]))
+    return _from_speeds(folder.name, counts_per_revolution, time, speed, duty, truth)
+
+
+def read_tlog(path: Path, robot: Robot) -> WheelLog:
+    """Read OMNI_WHEELS from a telemetry log; the robot's own pose estimate (OMNI_TRACKING) stands in for a truth."""
+    wheels: dict[int, tuple[list[float], list[float]]] = {}
+    poses: dict[int, list[float]] = {}
+    for message in read_messages(path):
+        if message.get_type() == "OMNI_WHEELS":
+            wheels[message.time_boot_ms] = (list(message.speed), list(message.duty))
+        elif message.get_type() == "OMNI_TRACKING":
+            poses[message.time_boot_ms] = list(message.pose)
+    if len(wheels) < MIN_ROWS:
+        hint = "record with the OMNI_WHEELS stream on: omni params set SR1_WHEELS=50"
+        raise LogError(f"{path} holds {len(wheels)} OMNI_WHEELS; at least {MIN_ROWS} are needed", hint=hint)
+    times = sorted(wheels)
+    count = robot.wheels
+    values = robot.parameter_values()
+    duty = np.array([wheels[t][1][:count] for t in times])
+    duty *= np.array([values[f"W{wheel + 1}_MOT_DIR"] for wheel in range(count)])
+    truth = None
+    if len(poses) >= MIN_ROWS:
+        pose = np.array([poses[t] for t in sorted(poses)])
+        truth = Truth(1e-3 * np.array(sorted(poses)), pose[:, :2], np.unwrap(pose[:, 2]))
+    speed = np.array([wheels[t][0][:count] for t in times])
+    return _from_speeds(path.stem, round(values["ENC_CPR"]), 1e-3 * np.array(times), speed, duty, truth)
+
+
+def _from_speeds(
+    name: str, counts_per_revolution: int, time: Array, speed: Array, duty: Array, truth: Truth | None
+) -> WheelLog:
+    """Make counts of speeds that were logged without them: the angle by the trapezoidal rule, in whole counts."""
+    rises = np.concatenate(([True], np.diff(np.maximum.accumulate(time)) > 0.0))
+    time, speed, duty = time[rises], speed[rises], duty[rises]
+    if len(time) < MIN_ROWS:
+        raise LogError(f"{name}: {len(time)} rows; at least {MIN_ROWS} are needed")
+    step = np.diff(time)[:, None]
+    angle = np.concatenate((np.zeros((1, speed.shape[1])), np.cumsum(0.5 * (speed[1:] + speed[:-1]) * step, axis=0)))
+    whole = np.round(angle * counts_per_revolution / (2.0 * np.pi))
+    return WheelLog(
+        name=name,
+        period_s=float(np.median(step)),
+        counts_per_revolution=counts_per_revolution,
+        time_s=time,
+        counts=np.diff(whole, axis=0, prepend=whole[:1]),
+        good=np.ones(speed.shape, dtype=bool),
+        duty=np.asarray(duty, dtype=np.float64),
+        heading_rad=np.full(len(time), np.nan),
+        truth=truth,
+    )

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: MIT */
+#include "omni/math.h"
+#include "robot_internal.h"
+
+/* How sure the bound on the slip error is, in standard deviations. */
+static const omni_real_t sigmas = 3.0f;
+
+/* A violation shows after this long, and goes after as long without one. */
+static const omni_real_t debounce_s = 0.5f;
+
+/* d(world twist) / d(slip ratios): rows of R^T B+ diag(r phi'). */
+static void sensitivity(const omni_robot_config_t *c, const omni_outputs_t *out, omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS]) {
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        const omni_real_t rim_m_s = c->kinematics.radius_m[i] * out->wheel_rad_s[i];
+        const omni_twist_t body = {c->kinematics.b_pinv[0][i] * rim_m_s, c->kinematics.b_pinv[1][i] * rim_m_s,
+                                   c->kinematics.b_pinv[2][i] * rim_m_s};
+        const omni_twist_t world = omni_twist_to_world(&body, out->pose.theta);
+        rows[0][i] = world.vx;
+        rows[1][i] = world.vy;
+        rows[2][i] = world.wz;
+    }
+}
+
+/* Largest plausible |B+ (v_s - v_s_hat)| on one axis: what of the estimate isn't fed forward, and what the estimate may be off by. */
+static omni_real_t slip_bound(const omni_robot_t *robot, const omni_real_t *row, omni_real_t fed) {
+    const omni_robot_config_t *c = robot->config;
+    const omni_pose_ekf_state_t *ekf = &robot->pose_ekf;
+    const bool estimated = c->pose_ekf.mode == OMNI_EKF_MODE_SLIP;
+    omni_real_t left = 0.0f;
+    omni_real_t variance = 0.0f;
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        if (!estimated) {
+            variance += row[i] * row[i] * c->pose_ekf.p_slip;
+            continue;
+        }
+        left += row[i] * (1.0f - fed) * ekf->slip[i];
+        for (uint8_t j = 0; j < c->kinematics.wheels; ++j) {
+            variance += row[i] * ekf->p[OMNI_AXES + i][OMNI_AXES + j] * row[j];
+        }
+    }
+    return omni_absf(left) + sigmas * omni_sqrtf(variance);
+}
+
+static bool covers(const omni_real_t margin[OMNI_AXES]) {
+    return margin[0] >= 0.0f && margin[1] >= 0.0f && margin[2] >= 0.0f;
+}
+
+void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick) {
+    const omni_robot_config_t *c = robot->config;
+    if (robot->state != OMNI_STATE_ARMED || !tick->position_loop || c->controller != OMNI_CTL_MODE_ISMC) {
+        robot->uncovered_s = 0.0f;
+        robot->uncovered = false;
+        return;
+    }
+    omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS] = {{0.0f}};
+    const omni_real_t fed = omni_robot_fix_is_fresh(robot, tick->in->time_us) ? c->slip_feed : 0.0f;
+    sensitivity(c, tick->out, rows);
+    const omni_twist_t bound = {slip_bound(robot, rows[0], fed), slip_bound(robot, rows[1], fed),
+                                slip_bound(robot, rows[2], fed)};
+    omni_ismc_gain_margin(&c->ismc, &bound, tick->out->ismc_margin);
+    /* Super-twisting has a condition of its own on the rate of the slip error. */
+    const bool judged = c->ismc.switching != OMNI_ISMC_SWITCH_SUPER_TWISTING;
+    const omni_real_t change = judged && !covers(tick->out->ismc_margin) ? c->step_s : -c->step_s;
+    robot->uncovered_s = omni_clampf(robot->uncovered_s + change, 0.0f, debounce_s);
+    if (robot->uncovered_s == 0.0f || robot->uncovered_s == debounce_s) {
+        robot->uncovered = robot->uncovered_s > 0.0f;
+    }
+    if (robot->uncovered) {
+        tick->faults |= OMNI_WARN_ISMC_GAIN;
+    }
+}
