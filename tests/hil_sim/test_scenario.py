@@ -48,6 +48,7 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
             {"at_s": 0.5, "command": "arm"},
             {"at_progress": 0.25, "set": {"WS_P": 5}},
             {"at_s": 1, "velocity": [0.1, 0, 0]},
+            {"at_s": 2, "duty": [0.5, -1, 0]},
         ],
         fault=[
             {"kind": "encoder_stuck", "wheel": 2, "start_s": 1.0},
@@ -62,6 +63,7 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         Event(at_s=0.5, command="arm"),
         Event(at_progress=0.25, settings={"WS_P": 5.0}),
         Event(at_s=1.0, velocity=(0.1, 0.0, 0.0)),
+        Event(at_s=2.0, duty=(0.5, -1.0, 0.0)),
     )
     assert scenario.faults == (Fault("encoder_stuck", 1.0, math.inf, wheel=1), Fault("battery_sag", 0.0, value=8.0))
 
@@ -92,6 +94,8 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         ({"event": [{"at_s": 1, "command": "amr"}]}, ("event[1].command", "did you mean arm")),
         ({"event": [{"at_progress": 1.5, "command": "arm"}]}, ("event[1].at_progress", "from 0 to 1")),
         ({"event": [{"at_s": 1, "set": {"WS_P": math.inf}}]}, ("event[1].set.WS_P", "inf")),
+        ({"event": [{"at_s": 1, "duty": [0.5, 0.5]}]}, ("event[1].duty", "list of 3")),
+        ({"event": [{"at_s": 1, "duty": [0.5, 0.5, 1.5]}]}, ("event[1].duty[3]", "from -1 to 1")),
         ({"fault": [{"kind": "encoder_stuk", "start_s": 1}]}, ("fault[1].kind", "did you mean encoder_stuck")),
         ({"fault": [{"start_s": 1}]}, ("fault[1].kind", "None")),
         ({"fault": [{"kind": "encoder_stuck", "start_s": 1}]}, ("fault[1].wheel", "is needed")),
@@ -159,6 +163,7 @@ def test_an_event_describes_itself() -> None:
     assert Event(at_s=0.0, command="trajectory_start").describe() == "trajectory start"
     assert Event(at_s=0.0, settings={"WS_P": 5.0}).describe() == "WS_P = 5"
     assert Event(at_s=0.0, velocity=(0.1, 0.0, -1.0)).describe() == "velocity 0.1, 0, -1"
+    assert Event(at_s=0.0, duty=(0.1, 0.0, -1.0)).describe() == "duty 0.1, 0, -1"
 
 
 def test_the_plant_is_the_full_one_unless_another_is_named() -> None:
