@@ -15,7 +15,7 @@ from omniwheel.robots import read_robot
 
 Array = NDArray[np.float64]
 TRUE = np.array([3.6, 0.13, 0.042, 0.03, 0.002])
-SHORT_S = 16.0
+SHORT_S = 14.0
 
 
 @pytest.fixture(scope="session")

@@ -13,41 +13,49 @@ from omniwheel.identification import excitation
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.diagnostics import diagnose
 from omniwheel.identification.model import Layout, Model
-from omniwheel.identification.output_error import evaluate, identify
+from omniwheel.identification.output_error import Fit, evaluate, identify
 from omniwheel.identification.simulation import SimulatedRobot
-from tests.host.identification.conftest import SHORT_S, TRUE, model_run
+from tests.host.identification.conftest import SHORT_S, TRUE, Array, model_run
 
 ENCODER_rad = 2.0 * np.pi / 10000.0
 
 
-def profiles(layout: Layout) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
+def profiles(layout: Layout) -> list[Array]:
     return list(excitation.appendix_d(layout.angle_rad, SHORT_S).values())
 
 
-def test_runs_of_the_model_itself_give_its_parameters_back(layout: Layout) -> None:
-    found = identify([model_run(layout, duty) for duty in profiles(layout)], Model.floor(layout))
+@pytest.fixture(scope="module")
+def driven(layout: Layout) -> list[Dataset]:
+    """Runs of the model itself, with an encoder's noise."""
+    return [model_run(layout, duty, noise_rad=0.3 * ENCODER_rad) for duty in profiles(layout)]
+
+
+@pytest.fixture(scope="module")
+def found_of_runs(runs: list[Dataset], layout: Layout) -> Fit:
+    return identify(runs, Model.floor(layout))
+
+
+def test_runs_of_the_model_itself_give_its_parameters_back(driven: list[Dataset], layout: Layout) -> None:
+    found = identify(driven, Model.floor(layout))
     np.testing.assert_allclose(found.estimate.values[:4], TRUE[:4], rtol=2e-3)
     assert found.estimate["drag_xy_V_s"] == pytest.approx(TRUE[4], abs=2e-4)
     assert found.fit > 0.9999
 
 
-def test_intervals_hold_the_truth_of_simulated_robots(
-    simulated: SimulatedRobot, runs: list[Dataset], layout: Layout
-) -> None:
+def test_intervals_hold_the_truth_of_simulated_robots(simulated: SimulatedRobot, found_of_runs: Fit) -> None:
     """One of five parameters may lie outside its 95 % interval; the share over 100 robots is Table 9's experiment."""
-    found = identify(runs, Model.floor(layout))
-    truth = simulated.true_values()
-    inside = [found.estimate.covers(name, truth[name]) for name in found.estimate.names]
+    found, truth = found_of_runs.estimate, simulated.true_values()
+    inside = [found.covers(name, truth[name]) for name in found.names]
     assert sum(inside) >= 4
-    for name in found.estimate.names[:4]:
-        assert found.estimate.half_width(name) < 0.1 * truth[name]
+    for name in found.names[:4]:
+        assert found.half_width(name) < 0.1 * truth[name]
 
 
-def test_noise_of_the_supply_does_not_swell_the_inertia(layout: Layout) -> None:
+def test_noise_of_the_supply_does_not_swell_the_inertia(driven: list[Dataset], layout: Layout) -> None:
     """Plain output error overestimates inertia by several of its own intervals here."""
     draw = np.random.default_rng(3)
     noisy = []
-    for run in (model_run(layout, duty, noise_rad=0.3 * ENCODER_rad) for duty in profiles(layout)):
+    for run in driven:
         supply = 12.0 + 0.15 * draw.standard_normal(len(run.time_s))
         noisy.append(replace(run, voltage_V=run.voltage_V * supply[:, None] / 12.0, supply_V=supply))
     with_instrument = identify(noisy, Model.floor(layout)).estimate
@@ -56,22 +64,21 @@ def test_noise_of_the_supply_does_not_swell_the_inertia(layout: Layout) -> None:
     assert without["inertia_xy_V_s2"] > TRUE[2] + 2.0 * without.half_width("inertia_xy_V_s2")
 
 
-def test_a_run_that_was_not_fitted_is_predicted(simulated: SimulatedRobot, runs: list[Dataset], layout: Layout) -> None:
-    model = Model.floor(layout)
+def test_a_run_that_was_not_fitted_is_predicted(simulated: SimulatedRobot, found_of_runs: Fit, layout: Layout) -> None:
     other = simulated.run("validation", excitation.validation(layout.angle_rad), run=9)
-    assert evaluate([other], model, identify(runs, model).estimate).fit > 0.995
+    assert evaluate([other], Model.floor(layout), found_of_runs.estimate).fit > 0.995
 
 
-def test_quantised_encoders_leave_a_residual_of_their_own(runs: list[Dataset], layout: Layout) -> None:
-    found = diagnose(identify(runs, Model.floor(layout)))
+def test_quantised_encoders_leave_a_residual_of_their_own(found_of_runs: Fit) -> None:
+    found = diagnose(found_of_runs)
     assert found.rmse_rad_s == pytest.approx(ENCODER_rad / np.sqrt(6.0) / excitation.PERIOD_S, rel=0.1)
     assert found.correlation == pytest.approx(-0.5, abs=0.1)
     assert any("not white" in remark for remark in found.remarks())
 
 
-def test_unknown_speeds_and_gaps_are_left_out(layout: Layout) -> None:
+def test_unknown_speeds_and_gaps_are_left_out(driven: list[Dataset], layout: Layout) -> None:
     damaged = []
-    for run in (model_run(layout, duty) for duty in profiles(layout)):
+    for run in driven:
         assert run.wheel_angle_rad is not None
         keep = np.ones(len(run.time_s), dtype=bool)
         keep[300:340] = False
@@ -92,10 +99,11 @@ def test_unknown_speeds_and_gaps_are_left_out(layout: Layout) -> None:
 @pytest.mark.parametrize(
     ("kept", "says"), [(slice(0, 2), "rotation is not excited"), (slice(2, 4), "translation is not")]
 )
-def test_a_direction_that_was_not_driven_is_named(layout: Layout, kept: slice, says: str) -> None:
-    runs = [model_run(layout, duty, noise_rad=0.3 * ENCODER_rad) for duty in profiles(layout)[kept]]
+def test_a_direction_that_was_not_driven_is_named(
+    driven: list[Dataset], layout: Layout, kept: slice, says: str
+) -> None:
     with pytest.raises(IdentificationError, match=says) as caught:
-        identify(runs, Model.floor(layout))
+        identify(driven[kept], Model.floor(layout))
     assert caught.value.hint
 
 
@@ -120,7 +128,6 @@ def test_standing_still_and_too_little_are_refused(layout: Layout) -> None:
         identify([], Model.floor(layout))
 
 
-def test_wrong_directions_are_refused(layout: Layout) -> None:
-    runs = [model_run(layout, duty) for duty in profiles(layout)]
+def test_wrong_directions_are_refused(driven: list[Dataset], layout: Layout) -> None:
     with pytest.raises(IdentificationError, match="more voltage does not mean more speed"):
-        identify([replace(run, voltage_V=-run.voltage_V) for run in runs], Model.floor(layout))
+        identify([replace(run, voltage_V=-run.voltage_V) for run in driven], Model.floor(layout))
