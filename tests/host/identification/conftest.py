@@ -49,7 +49,7 @@ def model_run(
     mean, _ = Model.floor(layout).simulate(values[None], dt, voltage[None], np.zeros((1, 3)))
     angle = np.vstack((np.zeros(duty.shape[1]), np.cumsum(mean[0, 0] * excitation.PERIOD_S, axis=0)))
     angle += noise_rad * np.random.default_rng(5).standard_normal(angle.shape)
-    time_s = np.arange(rows + 1) * excitation.PERIOD_S
+    time_s = np.arange(rows + 1, dtype=np.float64) * excitation.PERIOD_S
     return Dataset(
         "model",
         time_s,

@@ -41,7 +41,7 @@ def test_a_linear_system_is_recovered_exactly() -> None:
 def test_wrapping_makes_a_pure_integrator_look_damped(rate_rad_s: float) -> None:
     """Spins both ways, 40 s each, with nothing but theta' = b u: the wrap alone gives a = 1 - 6 w T / pi."""
     steps = 2000
-    turned = rate_rad_s * T * np.arange(steps + 1)
+    turned = rate_rad_s * T * np.arange(steps + 1, dtype=np.float64)
     parts = [(wrapped_by_atan(sign * turned), sign) for sign in (1.0, -1.0)]
     before = np.concatenate([heading[:-1] for heading, _ in parts])
     after = np.concatenate([heading[1:] for heading, _ in parts])
