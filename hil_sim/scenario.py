@@ -137,9 +137,21 @@ class Scenario:
         """Return the same scenario with another plant; None keeps its own."""
         return self if plant is None else replace(self, plant=_plant(self.source, plant))
 
+    def with_parameters(self, values: Mapping[str, float]) -> Scenario:
+        """Return the same scenario with other parameters; its events leave them alone."""
+        events = tuple(kept for event in self.events if (kept := _without_settings(event, values)) is not None)
+        return replace(self, parameters={**self.parameters, **values}, events=events)
+
     def first_setting(self) -> Event | None:
         """Return the first event that changes parameters, the one that before and after are told apart by."""
         return next((event for event in self.events if event.settings is not None), None)
+
+
+def _without_settings(event: Event, names: Mapping[str, float]) -> Event | None:
+    if event.settings is None:
+        return event
+    left = {name: value for name, value in event.settings.items() if name not in names}
+    return replace(event, settings=left) if left else None
 
 
 def scenario_dir() -> Path:

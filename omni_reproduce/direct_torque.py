@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Figures 5 to 8: direct torque control on the slip-space plant, on the rose, to random points, and on slippery floors."""
+"""Figures 5 to 8: direct torque control of the slip-space plant: rose, random points, and slippery floors."""
 
 from __future__ import annotations
 
@@ -13,21 +13,10 @@ import numpy as np
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.torque_figures import draw_points, draw_rose, draw_slippery
-from omni_reproduce.torque_loop import Array, Law, TorqueLoop, Trace, points, rose
+from omni_reproduce.torque_loop import Array, Case, Law, Trace, goals_of, law_of, simulate
 
 NAME = "direct_torque"
 MM, MRAD = 1e3, 1e3
-
-
-@dataclass(frozen=True)
-class Case:
-    """One run: key of the law, part of the experiment, friction, duration [s]; seed of the points."""
-
-    law: str
-    part: str
-    friction_coefficient: float
-    duration_s: float
-    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -47,17 +36,13 @@ def run(context: Context) -> Result:
     return Result(tuple(rows), tuple(_draw(spec, traces, context.folder)), _notes(spec))
 
 
-def law_of(spec: Mapping[str, Any], key: str) -> Law:
-    """Return a law of the specification."""
-    return Law(**{name: value for name, value in spec["law"][key].items() if name != "title"})
-
-
 def _cases(context: Context, spec: Mapping[str, Any]) -> Iterable[Case]:
     head, path, slippery = spec["experiment"], spec["rose"], spec["slippery"]
     quick = "quick_" if context.quick else ""
     grip = spec["robot"]["friction_coefficient"]
     for law in path["laws"]:
-        yield Case(law, "rose", grip, path[f"{quick}laps"] * path["period_s"])
+        friction = path["printed_friction_coefficient"] if law == "printed" else grip
+        yield Case(law, "rose", friction, path[f"{quick}laps"] * path["period_s"])
     for law in slippery["laws"]:
         for friction in slippery[f"{quick}friction_coefficients"]:
             yield Case(law, "slippery", friction, slippery[f"{quick}duration_s"])
@@ -70,24 +55,6 @@ def _cases(context: Context, spec: Mapping[str, Any]) -> Iterable[Case]:
 def _point_parts(spec: Mapping[str, Any]) -> list[tuple[str, str]]:
     parts = {name: part for name, part in spec["points"].items() if isinstance(part, dict)}
     return [(name, law) for name, part in parts.items() for law in part["laws"]]
-
-
-def goals_of(spec: Mapping[str, Any], part: str, seed: int) -> Array:
-    """Return the random points (n, 3) of a seed: x, y [m], heading [rad]."""
-    half = spec["points"][part]
-    width = np.array([half["half_width_m"], half["half_width_m"], half["half_turn_rad"]])
-    return np.random.default_rng(seed).uniform(-width, width, (spec["points"]["count"], 3))
-
-
-def simulate(spec: Mapping[str, Any], case: Case) -> Trace:
-    """Run one case."""
-    loop = TorqueLoop(spec["robot"], law_of(spec, case.law), case.friction_coefficient)
-    if case.part in spec["points"]:
-        reference = points(goals_of(spec, case.part, case.seed), spec["points"]["every_s"])
-    else:
-        path = spec["rose"]
-        reference = rose(spec["robot"], path["petals"], path["size_m"], path["period_s"])
-    return loop.run(reference, case.duration_s)
 
 
 def settling(trace: Trace, every_s: float, share: float) -> Settling:
@@ -115,6 +82,13 @@ def settling_of_gains(kp: float, kd: float, share: float) -> float:
     return float(time_s[np.flatnonzero(np.abs(error.real) > share)[-1] + 1])
 
 
+def growth_of_gains(law: Law) -> float:
+    """Return the rate of the faster root of e'' = -kd e' - kp e [1/s] where e'' is held for the law's period."""
+    step_s = law.period_s
+    held = np.array([[1.0, step_s], [0.0, 1.0]]) - np.outer([0.5 * step_s**2, step_s], [law.kp, law.kd])
+    return float(np.log(np.abs(np.linalg.eigvals(held)).max()) / step_s)
+
+
 def growth(trace: Trace, start_s: float, stop_s: float) -> float:
     """Return the exponential rate of the position error's growth [1/s]."""
     chosen = (trace.time_s >= start_s) & (trace.time_s <= stop_s)
@@ -139,9 +113,9 @@ def _rose_rows(spec: Mapping[str, Any], traces: Mapping[Case, Trace]) -> Iterabl
         title = f"six-petal rose: {spec['law'][case.law]['title']}"
         if case.law == "printed":
             law = law_of(spec, case.law)
-            root = float(np.roots([1.0, law.kd, law.kp]).real.max())
             rate = growth(trace, *spec["rose"]["growth_s"])
-            yield Row(NAME, title, "growth of the error", "1/s", rate, limit=root, explanation=explanation["printed"])
+            bound = growth_of_gains(law)
+            yield Row(NAME, title, "growth of the error", "1/s", rate, limit=bound, explanation=explanation["printed"])
             yield Row(NAME, title, "time until 100 m away", "s", float(trace.time_s[-1]) if trace.lost else None)
             continue
         rmse = _rmse(trace, spec["rose"]["settled_s"]) * (MM, MM, MRAD)
@@ -188,7 +162,8 @@ def _slippery_rows(spec: Mapping[str, Any], traces: Mapping[Case, Trace]) -> Ite
             continue
         title = f"rose, friction {case.friction_coefficient:g}: {spec['law'][case.law]['title']}"
         text = spec["explanation"]["slippery"][case.law]
-        limit = spec["law"][case.law].get("slip_limit_m_s")
+        law = law_of(spec, case.law)
+        limit = law.slip_limit_m_s if law.slip_limit_m_s > 0.0 and law.floor == "true" else None
         error = trace.error[trace.time_s >= spec["slippery"]["settled_s"], :2]
         off = None if trace.lost else float(np.sqrt((error**2).sum(axis=1).mean()))
         yield Row(NAME, title, "position RMSE after 6 s", "m", off, explanation=text)

@@ -50,15 +50,15 @@ def make_world(
     robot: Mapping[str, Any],
     plant: str,
     seed: int,
-    start_pose: Sequence[float],
+    start_pose: Sequence[float] | Array,
     pose_sensor: PoseSensor = NO_POSE_SENSOR,
-    **fields: float,
+    **fields: Any,
 ) -> World:
     """Return a world with the four-wheel robot, its ``wheel_radius_m`` and ``wheel_distance_m`` [m] from ``robot``.
 
     ``robot`` also holds the motor's constants, by their names in ``hil_world_config_t``; ``fields`` are further ones.
     """
-    own = {name: value for name, value in robot.items() if name.startswith("motor_")}
+    own: dict[str, Any] = {name: value for name, value in robot.items() if name.startswith("motor_")}
     config = world_config(
         _robot_file(),
         plant=plant,
@@ -92,8 +92,8 @@ def make_kinematics(world: World) -> Any:
 def one_step_limit(world: World, step_s: float, slip_m_s: float, slip_error: float) -> Array:
     """Return the RMS error per axis that the part of the slip missed by its estimate causes in one step.
 
-    Slip (uniform to ``slip_m_s``) and relative error of its estimate (uniform to ``slip_error``) are independent: the variance of
-    their product is a² ε² / 9.
+    Slip (uniform to ``slip_m_s``) and relative error of its estimate (uniform to ``slip_error``) are independent:
+    the variance of their product is a² ε² / 9.
     """
     kinematics = make_kinematics(world)
     rows = np.array([list(row)[: world.wheels] for row in kinematics.b_pinv])
@@ -125,7 +125,9 @@ class Path:
         origin = ffi.new("omni_pose_t *")
         for _ in range(2):  # the second time from the path's own start: no lead-in
             if lib.omni_trajectory_plan(self._plan, config, kinematics, ffi.NULL, origin) != lib.OMNI_OK:
-                raise SettingError(f"the path {dict(spec)} cannot be planned", hint="see omni/trajectory.h for the ranges")
+                raise SettingError(
+                    f"the path {dict(spec)} cannot be planned", hint="see omni/trajectory.h for the ranges"
+                )
             origin[0] = self._plan.start
 
     @property
@@ -250,9 +252,7 @@ class SlipController:
         self._margin = ffi.new("float[]", lib.OMNI_AXES)
         lib.omni_ismc_reset(self._state)
 
-    def step(
-        self, pose: Sequence[float], reference: Sequence[float], rate: Sequence[float], slip: Sequence[float], cut: bool
-    ) -> Any:
+    def step(self, pose: Array, reference: Array, rate: Array, slip: Array, cut: bool) -> Any:
         """Return the wanted wheel speeds, a ``float[4]`` [rad/s] that the next call overwrites."""
         self._pose[0], self._reference[0], self._rate[0] = tuple(pose), tuple(reference), tuple(rate)
         self._slip[0 : len(slip)] = list(slip)
@@ -264,8 +264,8 @@ class SlipController:
         lib.omni_kinematics_inverse(self._kinematics, self._body, self._slip, self._wheels)
         return self._wheels
 
-    def gain_margin(self, slip_error: Sequence[float]) -> float:
-        """Return the smallest k - |B+ (v_s - v_s_hat)| of the axes over k, condition (44), for the pose of the last step."""
+    def gain_margin(self, slip_error: Array) -> float:
+        """Return the smallest 1 - |B+ (v_s - v_s_hat)| / k of the axes, condition (44), for the last pose."""
         self._slip[0 : len(slip_error)] = list(slip_error)
         lib.omni_kinematics_forward(self._kinematics, self._still, self._slip, self._body)
         self._wanted[0] = lib.omni_twist_to_world(self._body, self._pose.theta)
@@ -299,7 +299,12 @@ def spread(values: Array) -> float | None:
 
 
 def rmse_rows(
-    name: str, setting: str, rmse: Array, published: Sequence[float] | None, limit: Sequence[float | None] | Array, why: str
+    name: str,
+    setting: str,
+    rmse: Array,
+    published: Sequence[float] | None,
+    limit: Sequence[float | None] | Array,
+    why: str,
 ) -> list[Row]:
     """Return a row per axis from the RMSE of each seed (seeds, 3), with what was published and the limit per axis."""
     return [

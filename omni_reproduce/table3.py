@@ -13,8 +13,18 @@ import numpy as np
 from hil_sim.world import World
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.loops import (
-    NO_LIMIT, Array, Path, Track, law_of, make_kinematics, make_world, one_step_limit, rmse_rows, share_row, track,
-)  # fmt: skip
+    NO_LIMIT,
+    Array,
+    Path,
+    Track,
+    law_of,
+    make_kinematics,
+    make_world,
+    one_step_limit,
+    rmse_rows,
+    share_row,
+    track,
+)
 from omni_reproduce.track_figure import View, draw_tracks
 from omniwheel._core import ffi, lib
 
@@ -129,10 +139,10 @@ def measure(case: Case) -> tuple[Array, float]:
 
 
 def turning_limit_rad(spec: Mapping[str, Any]) -> float:
-    """Return the smallest RMS heading error that wheels at their top speed allow, were the robot to do nothing but turn.
+    """Return the smallest RMS heading error that wheels at their top speed allow a robot that does nothing but turn.
 
-    The best answer to a sine whose slope cannot be followed has the largest slope wherever it differs from the sine: here, all the
-    time, a triangle. (It meets the sine where that falls again, after the next line has begun.)
+    The best answer to a sine too steep to follow has the largest slope wherever it differs from the sine. Where its
+    peaks stay below the sine's it never meets the sine but at zero: a triangle. (Else 0 is returned, a weaker bound.)
     """
     path, robot = spec["path"], spec["robot"]
     amplitude, rate = path["rotation_amplitude_rad"], path["rotation_cycles"] / path["period_s"]
@@ -144,16 +154,18 @@ def turning_limit_rad(spec: Mapping[str, Any]) -> float:
 
 
 _EXPLANATIONS = {
-    "published": "Motor, λ, K and P are a fit. The path needs {need:.0f} rad/s at the wheels, the motors reach {top:.0f}: "
-    "the voltages are at their limit all the time, and the heading can only follow as a triangle.",
-    "supply": "With three times the voltage what is left is P = 10 at 1 kHz: it jumps between the limits each tick.",
+    "published": "Motor, λ, K and P are a fit. The path needs {need:.0f} rad/s at the wheels, the motors reach "
+    "{top:.0f}: the voltages are at their limit all the time, and the heading can only follow as a triangle.",
+    "supply": "With more voltage what is left is the P alone: at its tick it is unstable and jumps between the limits.",
     "slowed": "The path's clock is slowed {scale:.1f} times, and nothing else changed.",
-    "ours": "Where the voltage is missing, better feed-forward does not help; the factor common to all wheels keeps the "
-    "direction and gives up speed on all axes.",
-    "position_first": "λ_θ = 2: the error of the heading, which no law can avoid, no longer takes the voltage from x and y.",
-    "ours_supply": "With the voltage that the path needs, the same law comes to the one-step limit.",
-    "ours_slowed": "The plan knows the motors' limit and slows the clock {scale:.1f} times; model feed-forward instead of P "
-    "alone, derivative and heading of the middle of the step, λ T = 0.8, K as (44) asks for inside a boundary layer.",
+    "ours": "Where the voltage is missing, better feed-forward does not help; the factor common to all wheels keeps "
+    "the direction and gives up speed on all axes.",
+    "position_first": "With a low λ_θ the error of the heading, which no law can avoid, no longer takes the voltage "
+    "from x and y.",
+    "ours_supply": "With the voltage that the path needs, the same law comes near the one-step limit.",
+    "ours_slowed": "The plan knows the motors' limit and slows the clock {scale:.1f} times; model feed-forward instead "
+    "of P alone, derivative and heading of the middle of the step, λ near 1/T, K as (44) asks for inside a boundary "
+    "layer.",
 }
 _TURNING = "The limit on θ: wheels at their top speed, were the robot to do nothing but turn."
 _ONE_STEP = "The limit: the part of the slip that its estimate misses, over one step."
@@ -173,7 +185,9 @@ def run(context: Context) -> Result:
         limit, why = _limit(spec, name)
         rmse = np.array([rmse for rmse, _ in part])
         rows += rmse_rows(NAME, setting["title"], rmse, published, limit, f"{_explanation(spec, name)} {why}")
-        rows.append(share_row(NAME, setting["title"], "steps with a voltage at its limit", [share for _, share in part]))
+        rows.append(
+            share_row(NAME, setting["title"], "steps with a voltage at its limit", [share for _, share in part])
+        )
     picture = context.folder / FIGURE
     tracks = {spec["setting"][name]["title"]: drive(Case(spec, name, head["seed"])) for name in head["drawn"]}
     draw_tracks(tracks, _view(head["step_s"], spec["path"]["size_m"]), picture)
@@ -200,12 +214,14 @@ def _view(step_s: float, size_m: float) -> View:
 
 def _note(spec: Mapping[str, Any]) -> str:
     head, path, robot = spec["experiment"], spec["path"], spec["robot"]
+    top = top_speed_rad_s(spec)
+    factor = path_of(spec, slowed=False).peak_wheel_rad_s / top
     return (
         f"Rose of {path['petals']} petals, {path['size_m']} m, in {path['period_s']:.0f} s, θ = "
         f"{path['rotation_amplitude_rad']} sin(2π t); position controller every {head['step_s']} s, motor loops every "
         f"{head['motor_step_s']} s; slip ±{head['slip_m_s']} m/s per wheel, estimate off by up to "
-        f"{100 * head['slip_error']:.0f} %. Motor: J = {robot['motor_inertia_kg_m2']}, b = {robot['motor_viscous_N_m_s']}, "
-        f"K = {robot['motor_constant_N_m_A']}, R = {robot['motor_resistance_ohm']} Ω, L = {robot['motor_inductance_H']} H: "
-        f"a fit, not an identification. At the top speed of {top_speed_rad_s(spec):.1f} rad/s the path is infeasible by a "
-        f"factor of {path_of(spec, slowed=False).peak_wheel_rad_s / top_speed_rad_s(spec):.1f}, slip not counted."
+        f"{100 * head['slip_error']:.0f} %. Motor: J = {robot['motor_inertia_kg_m2']} kg m², b = "
+        f"{robot['motor_viscous_N_m_s']} N m s, K = {robot['motor_constant_N_m_A']} N m/A, R = "
+        f"{robot['motor_resistance_ohm']} Ω, L = {robot['motor_inductance_H']} H: a fit, not an identification. With a "
+        f"top speed of {top:.1f} rad/s the path is infeasible by a factor of {factor:.1f}, slip not counted."
     )

@@ -43,22 +43,23 @@ def _path_axes(figure: Figure, title: str) -> Axes:
 def draw_rose(trace: Trace, settled_s: float, folder: Path) -> list[Path]:
     """Draw fig5.png, the path, and fig6.png, the errors over time."""
     with mpl.rc_context(STYLE):
-        path = _figure(7.6, 6.0)
+        path = _figure(6.6, 6.6)
         axes = _path_axes(path, "Six-petal rose, direct torque control at 50 Hz")
         axes.plot(trace.reference[:, 0], trace.reference[:, 1], color=GREY, lw=3.0, alpha=0.6, label="reference")
         axes.plot(trace.pose[:, 0], trace.pose[:, 1], color=_X, lw=1.2, label="robot, from the origin")
-        path.legend(loc="outside right upper")
+        path.legend(loc="outside lower center", ncols=2)
         errors = _figure(9.0, 5.6)
         upper, lower = errors.subplots(2, 1, sharex=True)
-        _draw_errors(upper, trace, slice(None))
+        _draw_errors(upper, trace, 0.0)
         upper.set(title="Error on the six-petal rose: all of it, and from 6 s on")
-        _draw_errors(lower, trace, trace.time_s >= settled_s)
+        _draw_errors(lower, trace, settled_s)
         lower.set_xlabel("time [s]")
         errors.legend(*upper.get_legend_handles_labels(), loc="outside right upper")
         return [_save(path, folder / "fig5.png"), _save(errors, folder / "fig6.png")]
 
 
-def _draw_errors(axes: Axes, trace: Trace, chosen: slice | Array) -> None:
+def _draw_errors(axes: Axes, trace: Trace, from_s: float) -> None:
+    chosen = trace.time_s >= from_s
     error = trace.error[chosen] * (_MM, _MM, _MRAD)
     for axis, (name, colour) in enumerate((("x [mm]", _X), ("y [mm]", _Y), ("θ [mrad]", _THETA))):
         axes.plot(trace.time_s[chosen], error[:, axis], color=colour, lw=1.2, label=name)
@@ -70,13 +71,13 @@ def draw_points(traces: Mapping[str, Trace], goals: Array, every_s: float, folde
     """Draw fig7.png, the path of the first run, and fig8.png, the distance to the point over time of all."""
     first = next(iter(traces.values()))
     with mpl.rc_context(STYLE):
-        path = _figure(7.6, 6.0)
-        axes = _path_axes(path, "Random points, one every 5 s")
+        path = _figure(7.4, 6.0)
+        axes = _path_axes(path, f"Random points, one every {every_s:g} s, report's gains")
         axes.plot(first.pose[:, 0], first.pose[:, 1], color=_X, lw=1.2, label="robot, from the origin")
         axes.plot(goals[:, 0], goals[:, 1], "o", color=_Y, ms=8, label="points")
         for number, goal in enumerate(goals, start=1):
             axes.annotate(str(number), goal[:2], xytext=(8, 6), textcoords="offset points", color=INK)
-        path.legend(loc="outside right upper")
+        path.legend(loc="outside lower center", ncols=2)
         errors = _figure(9.0, 6.2)
         panels = errors.subplots(2, 1, sharex=True)
         for (title, trace), colour, dashes in zip(traces.items(), _LAWS, _DASHES, strict=False):
@@ -90,9 +91,7 @@ def draw_points(traces: Mapping[str, Trace], goals: Array, every_s: float, folde
         return [_save(path, folder / "fig7.png"), _save(errors, folder / "fig8.png")]
 
 
-def draw_slippery(
-    runs: Mapping[str, Mapping[float, Trace]], shown: float, slip_limit_m_s: float, folder: Path
-) -> Path:
+def draw_slippery(runs: Mapping[str, Mapping[float, Trace]], shown: float, slip_limit_m_s: float, folder: Path) -> Path:
     """Draw error and slip over time at the friction ``shown``, and the fastest slip over friction, of every law."""
     with mpl.rc_context(STYLE):
         figure = _figure(11.0, 7.6)
@@ -104,7 +103,7 @@ def draw_slippery(
             panels["error"].semilogy(trace.time_s, distance, color=colour, ls=dashes, lw=1.4, label=title)
             panels["slip"].semilogy(trace.time_s, np.maximum(slip, 1e-3), color=colour, ls=dashes, lw=1.4)
             fastest = [float(np.abs(run.slip_m_s).max()) for run in by_friction.values()]
-            panels["all"].loglog(list(by_friction), fastest, "o-", color=colour, ls=dashes, lw=1.4, ms=5)
+            panels["all"].loglog(list(by_friction), fastest, marker="o", color=colour, ls=dashes, lw=1.4, ms=5)
         panels["error"].set(ylabel="distance from the path [m]", title=f"Rose on a floor of friction {shown:g}")
         panels["slip"].set(ylabel="fastest slip [m/s]", xlabel="time [s]")
         panels["slip"].sharex(panels["error"])

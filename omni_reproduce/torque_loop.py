@@ -40,6 +40,17 @@ class Law:
 
 
 @dataclass(frozen=True)
+class Case:
+    """One run: key of the law, part of the experiment, friction, duration [s]; seed of the points."""
+
+    law: str
+    part: str
+    friction_coefficient: float
+    duration_s: float
+    seed: int = 0
+
+
+@dataclass(frozen=True)
 class Trace:
     """A run, one entry per period of the law: time [s], pose and reference (n, 3), torques [N m] and slip speeds [m/s].
 
@@ -79,13 +90,7 @@ class TorqueLoop:
         self._config.grip = law.grip
         self._config.slip_limit_m_s = law.slip_limit_m_s
         self._config.step_s = TICK_S
-        self._pose = ffi.new("omni_pose_t *")
-        self._rate = ffi.new("omni_twist_t *")
-        self._floor = ffi.new("omni_twist_t *")
-        self._speeds = ffi.new("omni_real_t[]", lib.OMNI_MAX_WHEELS)
-        self._torque = ffi.new("omni_real_t[]", lib.OMNI_MAX_WHEELS)
-        self._terms = ffi.new("omni_control_terms_t *")
-        self._radius_m = np.asarray(robot["wheel_radius_m"])
+        self._peaks = ffi.new("hil_torque_peaks_t *")
 
     def run(self, reference: Reference, duration_s: float) -> Trace:
         """Follow a reference from where the robot stands."""
@@ -102,52 +107,19 @@ class TorqueLoop:
             lost = bool(np.hypot(pose[0] - goal[0], pose[1] - goal[1]) > LOST_M)
             if lost:
                 break
-        columns = [np.array(column) for column in zip(*rows, strict=True)]
-        return Trace(*columns, lost=lost)
+        times, poses, goals, torques, slips = (np.array(column) for column in zip(*rows, strict=True))
+        return Trace(times, poses, goals, torques, slips, lost)
 
     def _period(self, wanted: Any, ticks: int) -> tuple[Array, Array]:
         """Run one period of the law; return the largest torques and slip speeds in it."""
-        self._measure()
-        lib.omni_direct_torque_step(
-            self._config, self._k, self._pose, self._rate, wanted, self._torque, self._terms
-        )
-        asked = list(self._torque)
-        torque, slip = np.zeros(self.world.wheels), np.zeros(self.world.wheels)
-        if self.law.slip_limit_m_s == 0.0:
-            self.world.drive_torque(asked)
-            self.world.step(ticks)
-            return np.array(asked), self._slip()
-        for _ in range(ticks):
-            self._measure()
-            if self.law.floor == "reference":
-                self._floor[0] = lib.omni_twist_to_body(ffi.addressof(wanted, "rate"), self._pose.theta)
-            self._torque[0 : len(asked)] = asked
-            lib.omni_direct_torque_protect(self._config, self._k, self._floor, self._speeds, self._torque)
-            given = np.array(list(self._torque))
-            self.world.drive_torque(given)
-            self.world.step()
-            torque, slip = _larger(torque, given), _larger(slip, self._slip())
-        return torque, slip
-
-    def _measure(self) -> None:
-        """Take what the controller knows: true pose, rate and wheel speeds, as in the report."""
-        c = self.world.c
-        self._pose.x, self._pose.y, self._pose.theta = c.pose
-        self._rate.vx, self._rate.vy, self._rate.wz = c.twist
-        self._floor[0] = lib.omni_twist_to_body(self._rate, self._pose.theta)
-        for wheel in range(self.world.wheels):
-            self._speeds[wheel] = c.wheel_rad_s[wheel]
-
-    def _slip(self) -> Array:
-        """Rim speed minus floor speed of every wheel [m/s]."""
-        self._measure()
-        floor = ffi.new("omni_real_t[]", lib.OMNI_MAX_WHEELS)
-        lib.omni_kinematics_inverse(self._k, self._floor, ffi.NULL, floor)
-        return np.array([self._radius_m * (self._speeds[i] - floor[i]) for i in range(self.world.wheels)])
-
-
-def _larger(one: Array, other: Array) -> Array:
-    return np.where(np.abs(other) > np.abs(one), other, one)
+        floor = ffi.addressof(wanted, "rate") if self.law.floor == "reference" else ffi.NULL
+        if (
+            lib.hil_run_direct_torque(self.world.c, self._k, self._config, wanted, floor, ticks, self._peaks)
+            != lib.HIL_OK
+        ):
+            raise ValueError("the law and the world do not fit together; the plant must take torques")
+        wheels = self.world.wheels
+        return np.array(list(self._peaks.torque_N_m)[:wheels]), np.array(list(self._peaks.slip_m_s)[:wheels])
 
 
 def _world(robot: Mapping[str, Any], friction_coefficient: float | None) -> World:
@@ -207,3 +179,26 @@ def points(goals: Array, every_s: float) -> Reference:
         wanted.pose.x, wanted.pose.y, wanted.pose.theta = goal
 
     return write
+
+
+def law_of(spec: Mapping[str, Any], key: str) -> Law:
+    """Return a law of the specification."""
+    return Law(**{name: value for name, value in spec["law"][key].items() if name != "title"})
+
+
+def goals_of(spec: Mapping[str, Any], part: str, seed: int) -> Array:
+    """Return the random points (n, 3) of a seed: x, y [m], heading [rad]."""
+    half = spec["points"][part]
+    width = np.array([half["half_width_m"], half["half_width_m"], half["half_turn_rad"]])
+    return np.random.default_rng(seed).uniform(-width, width, (spec["points"]["count"], 3))
+
+
+def simulate(spec: Mapping[str, Any], case: Case) -> Trace:
+    """Run one case."""
+    loop = TorqueLoop(spec["robot"], law_of(spec, case.law), case.friction_coefficient)
+    if case.part in spec["points"]:
+        reference = points(goals_of(spec, case.part, case.seed), spec["points"]["every_s"])
+    else:
+        path = spec["rose"]
+        reference = rose(spec["robot"], path["petals"], path["size_m"], path["period_s"])
+    return loop.run(reference, case.duration_s)

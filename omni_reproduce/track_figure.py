@@ -84,7 +84,9 @@ def _draw_errors(figure: Figure, place: SubplotSpec, run: Track, view: View, nam
     position.plot(time_s, _MM * error[:, 1], color=WANTED, linewidth=1.0, label="y")
     position.set_title(name, fontsize=10)
     position.set(ylabel="error [mm]")
-    position.legend(loc="center left", bbox_to_anchor=(0.995, 0.5), borderaxespad=0.0, handlelength=0.8, handletextpad=0.3)
+    position.legend(
+        loc="center left", bbox_to_anchor=(0.995, 0.5), borderaxespad=0.0, handlelength=0.8, handletextpad=0.3
+    )
     position.tick_params(labelbottom=False)
     heading.plot(time_s, _MRAD * error[:, 2], color=COLOURS[number], linewidth=1.0)
     heading.set(ylabel="θ [mrad]")

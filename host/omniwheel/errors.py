@@ -27,10 +27,10 @@
     ├── LegacyStopError               the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
+    ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
     ├── MissingPackageError           a command needs an optional package that is not installed
-    ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     └── VersionMismatchError          robot and host speak different versions
 
 ``str(error)`` is one line that says what happened; ``error.hint`` says what to do about it, or is "".

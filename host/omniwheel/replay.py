@@ -108,7 +108,8 @@ def replay(
     innovation, variance = np.full((2, rows, log.wheels), np.nan)
     nis = []
     for row in range(rows):
-        speed[row] = engine.predict(row, innovation[row], variance[row])
+        speed[row] = engine.filter(row, innovation[row], variance[row])
+        engine.move(row, speed[row])
         index = due.get(row)
         if fixes is not None and index is not None:
             nis.append(engine.correct(heading[row], fixes.xy[index], fixes.sd_m))
@@ -128,6 +129,15 @@ def replay(
         accepted=int(engine.ekf.accepted),
         refused=int(engine.ekf.refused),
     )
+
+
+def filter_wheels(log: WheelLog, robot: Robot, calibration: Calibration | None = None) -> tuple[Array, Array, Array]:
+    """Run the wheel filters alone: speeds, innovations and their variances as in :class:`Replay`. Raises LogError."""
+    check_log_fits(log, robot)
+    engine = _Engine(log, robot, calibration)
+    innovation, variance = np.full((2, *log.counts.shape), np.nan)
+    speed = np.array([engine.filter(row, innovation[row], variance[row]) for row in range(len(log.time_s))])
+    return speed, innovation, variance
 
 
 def fixes_from_truth(log: WheelLog, alignment: Alignment, rate_Hz: float, sd_m: float = 0.0) -> Fixes:
@@ -175,8 +185,8 @@ class _Engine:
             voltage = gain * self.calibration.curve.speed(self.log.duty)
         return np.concatenate((np.zeros((1, self.log.wheels)), voltage[:-1]))
 
-    def predict(self, row: int, innovation: Array, variance: Array) -> Array:
-        """One row of motion; fills the filters' innovations and returns the wheel speeds [rad/s]."""
+    def filter(self, row: int, innovation: Array, variance: Array) -> Array:
+        """Wheel filters of one row; fills their innovations and returns the wheel speeds [rad/s]."""
         kf = ffi.addressof(self.config, "motor_kf")
         steps, counts, good = self.steps[row], self.log.counts[row], self.log.good[row]
         speeds = np.zeros(self.log.wheels)
@@ -191,9 +201,13 @@ class _Engine:
             self.missed[wheel] = 0.0 if good[wheel] else self.missed[wheel] + 1.0
             if good[wheel] and kf.mode != lib.OMNI_KF_MODE_OFF:
                 innovation[wheel], variance[wheel] = state.innovation, state.innovation_variance
-        turned = speeds * self.log.period_s * steps
+        return speeds
+
+    def move(self, row: int, speeds: Array) -> None:
+        """Pose EKF of one row of motion."""
+        turned = speeds * self.log.period_s * self.steps[row]
         if self.calibration is None:
-            turned = np.where(good, counts * self.log.rad_per_count, turned)
+            turned = np.where(self.log.good[row], self.log.counts[row] * self.log.rad_per_count, turned)
         else:
             turned = self.calibration.rolled(turned)
         self.turned[0 : self.log.wheels] = list(turned)
@@ -204,7 +218,6 @@ class _Engine:
             self.turned,
             int(self.time_us[row]),
         )
-        return speeds
 
     def correct(self, heading: float, xy: Array | None, sd_m: float) -> float:
         """Use a measured heading (NaN: none) and position (None: none) taken now; return the NIS."""

@@ -15,7 +15,6 @@ from omniwheel.cli import (
     drive,
     hil,
     identify,
-    identify_logs,
     legacy,
     logs,
     mocap,
@@ -74,7 +73,6 @@ app.command("record", epilog=record.EXAMPLES)(record.record)
 app.add_typer(logs.app, name="logs")
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
-identify.app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 app.add_typer(identify.app, name="identify")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 

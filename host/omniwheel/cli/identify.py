@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from omni_schema import Robot as RobotFile
+from omniwheel.cli import identify_logs
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -40,6 +41,8 @@ from omniwheel.tlog import TlogWriter
 app = typer.Typer(
     help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True
 )
+
+app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 
 RobotOption = Annotated[
     str,

@@ -11,7 +11,7 @@ import typer
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.log_options import RobotOption
 from omniwheel.logs.log import load_log
-from omniwheel.robots import find_robot_file, read_robot
+from omniwheel.robots import read_robot
 
 EXAMPLES = examples(
     "omni identify logs run1.npz run2.npz run3.npz --robot nominal.toml --out identified.toml",
@@ -56,7 +56,7 @@ def identify_logs(
     study = identify_from_logs(
         runs, nominal, [load_log(path) for path in turn or ()], [load_log(path) for path in lifted or ()]
     )
-    robot_file, calibration = write_robot_file(study.whole, find_robot_file(robot), out)
+    robot_file, calibration = write_robot_file(study.whole, robot, out)
     draw_study(study, runs, folder / PICTURE_FILE)
     (folder / REPORT_FILE).write_text(study_report(study, nominal, runs, PICTURE_FILE), encoding="utf-8")
     files = {

@@ -29,7 +29,7 @@ from omniwheel.replay import replay
 
 app = typer.Typer(help="Import, look at and align logs of any robot.", no_args_is_help=True)
 
-_MAPPING = "--mapping docs/examples/real_three_wheel_mapping.toml"
+_MAPPING = "--mapping omni_reproduce/real_three_wheel/mapping.toml"
 
 
 @app.command("import", epilog=examples(f"omni logs import run1.csv {_MAPPING} --truth truth1.csv --out run1.npz"))

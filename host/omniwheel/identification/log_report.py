@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from omni_schema import Robot
+from omniwheel.identification.estimate import student_quantile
 from omniwheel.identification.log_study import LogStudy
 from omniwheel.identification.motor_curve import CurveFit
 from omniwheel.logs.log import Array, WheelLog
@@ -62,9 +63,7 @@ def study_data(study: LogStudy, robot: Robot) -> dict[str, Any]:
 
 def interval(study: LogStudy) -> dict[str, Array]:
     """Half widths of the 95 % intervals [m], from leaving out one run at a time and Student's t."""
-    from scipy.stats import t
-
-    factor = float(t.ppf(0.975, len(study.without) - 1))
+    factor = student_quantile(len(study.without) - 1)
     return {
         "forward": factor * study.jackknife_sd(lambda found: found.forward_radius_m),
         "reverse": factor * study.jackknife_sd(lambda found: found.reverse_radius_m),

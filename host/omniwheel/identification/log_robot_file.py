@@ -4,47 +4,57 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import tomli_w
-
-from omni_schema.toml_file import read_toml
-from omniwheel.errors import LogError
+from omniwheel.errors import LogError, RobotFileError
 from omniwheel.identification.odometry_calibration import Odometry
+from omniwheel.identification.robot_file import Changes, edited
 from omniwheel.logs.calibration import calibration_path, save_calibration
-from omniwheel.robots import read_robot
+from omniwheel.robots import find_robot_file, read_robot
 
 _FILTER = ("KF_MODE", "KF_Q_W", "KF_Q_I", "KF_R_W")
-_HEAD = (
-    "# SPDX-License-Identifier: MIT\n# Written by omni identify logs from {source}; its calibration lies beside it.\n\n"
-)
+_MOTOR = {
+    "inertia_kg_m2": ("MOT_J", "from the lag, R assumed"),
+    "viscous_friction_N_m_s": ("MOT_B", "assumed"),
+    "constant_N_m_A": ("MOT_K", "from the motor curve, b = 0"),
+    "resistance_ohm": ("MOT_R", "assumed"),
+    "inductance_H": ("MOT_L", "assumed"),
+}
 
 
-def write_robot_file(found: Odometry, nominal: Path, target: Path) -> tuple[Path, Path]:
-    """Write robot file and calibration and return their paths; the robot file has been read back. Raises LogError."""
-    if target.suffix != ".toml" or target.resolve() == nominal.resolve():
-        raise LogError(f"{target} cannot be the new robot file", hint="give another name that ends in .toml")
-    document: dict[str, Any] = dict(read_toml(nominal))
-    values, before = found.robot.parameter_values(), read_robot(nominal).parameter_values()
-    for parameter in found.robot.table.parameters:
-        changed = values[parameter.name] != before[parameter.name]
-        if parameter.robot_key is None or not changed or parameter.wheel is not None:
-            continue
-        section, _, key = parameter.robot_key.partition(".")
-        document.setdefault(section, {})[key] = _short(values[parameter.name])
-    document["robot"]["description"] = f"{found.robot.description} (identified from logs)".lstrip()
-    scales = [_short(values[f"W{wheel + 1}_RSCALE"]) for wheel in range(found.robot.wheels)]
-    document["geometry"]["wheel_radius_scale"] = scales
-    document.setdefault("parameters", {}).update({name: _short(values[name]) for name in _FILTER})
-    calibration = calibration_path(target)
+def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path, Path]:
+    """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; overwrites nothing."""
+    if target.suffix != ".toml":
+        raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
+    text = find_robot_file(nominal).read_text(encoding="utf-8")
     try:
-        target.write_text(_HEAD.format(source=nominal.name) + tomli_w.dumps(document), encoding="utf-8")
+        with target.open("x", encoding="utf-8") as file:
+            file.write(edited(text, changes(found)))
+    except FileExistsError:
+        raise LogError(f"{target} exists already", hint="choose another name") from None
     except OSError as error:
         raise LogError(f"cannot write {target}: {error.strerror}", hint="check folder and permissions") from error
+    try:
+        read_robot(target)
+    except RobotFileError:
+        target.unlink()
+        raise
+    calibration = calibration_path(target)
     save_calibration(found.calibration, calibration)
-    read_robot(target)
     return target, calibration
 
 
-def _short(value: float) -> float:
-    return float(f"{value:.6g}")
+def changes(found: Odometry) -> Changes:
+    """Return what of a robot file the identification replaces."""
+    values = found.robot.parameter_values()
+    scales = [values[f"W{wheel + 1}_RSCALE"] for wheel in range(found.robot.wheels)]
+    seen = "identified, in the truth's metres"
+    return {
+        "geometry.wheel_radius_m": (values["WHEEL_RADIUS"], seen),
+        "geometry.wheel_radius_scale": (scales, "identified; by direction in the calibration"),
+        "geometry.wheel_distance_m": (
+            values["WHEEL_DIST"],
+            seen if found.distance_seen else "nominal: never seen to turn",
+        ),
+        **{f"motor.{key}": (values[name], said) for key, (name, said) in _MOTOR.items()},
+        **{f"parameters.{name}": (values[name], "identified") for name in _FILTER},
+    }

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniwheel.errors import LogError
+from omniwheel.identification.estimate import require_scipy
 from omniwheel.logs.calibration import MotorCurve
 from omniwheel.logs.log import Array, WheelLog
 
@@ -46,10 +47,8 @@ def fit_motor_curve(logs: Sequence[WheelLog]) -> CurveFit:
 
 def lagged(speed: Array, time_constant_s: float, period_s: float) -> Array:
     """First-order lag of a wanted speed (n,), from rest, held over each period."""
-    from scipy.signal import lfilter
-
     keep = float(np.exp(-period_s / time_constant_s))
-    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], speed), dtype=np.float64)
+    return np.asarray(require_scipy("signal").lfilter([0.0, 1.0 - keep], [1.0, -keep], speed), dtype=np.float64)
 
 
 def _steady(parameters: Array, duty: Array) -> Array:
@@ -59,8 +58,6 @@ def _steady(parameters: Array, duty: Array) -> Array:
 
 
 def _fit_wheel(logs: Sequence[WheelLog], wheel: int) -> tuple[Array, Array, float]:
-    from scipy.optimize import least_squares
-
     duties = [log.duty[:, wheel] for log in logs]
     speeds = [log.wheel_rad_s[:, wheel] for log in logs]
     goods = [log.good[:, wheel] for log in logs]
@@ -78,7 +75,9 @@ def _fit_wheel(logs: Sequence[WheelLog], wheel: int) -> tuple[Array, Array, floa
             parts.append((speed - model)[good] / (max(scale, log.rad_per_count / log.period_s) if weighted else 1.0))
         return np.concatenate(parts)
 
-    found = least_squares(residuals, START, bounds=(LOWER, UPPER), loss="cauchy", x_scale=START)
+    found = require_scipy("optimize").least_squares(
+        residuals, START, bounds=(LOWER, UPPER), loss="cauchy", x_scale=START
+    )
     free = np.array([driven[0], driven[1], driven[0], driven[1], True])
     values = found.x.copy()
     for direction in (0, 1):

@@ -26,12 +26,12 @@ from omniwheel.identification.motor_curve import CurveFit, fit_motor_curve
 from omniwheel.logs.alignment import Alignment, align, truth_at
 from omniwheel.logs.calibration import Calibration, MotorCurve
 from omniwheel.logs.log import Array, WheelLog
-from omniwheel.replay import Replay, check_log_fits, replay, replay_config
+from omniwheel.replay import Replay, check_log_fits, filter_wheels, replay, replay_config
 
 RIDGE = 0.03
 """Weight of "all radii alike" against the runs, as a share of the mean excitation of a radius."""
 MAX_ROUNDS = 20
-CONVERGED_M = 1e-6
+CONVERGED_M = 1e-5
 TURN_WINDOW_S = 0.5
 LEAST_TURN_RAD = 0.4
 """Windows with less turning say more of noise and drift than of the wheel distance."""
@@ -81,7 +81,7 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
     process, measurement = _filter_noise(runs, filtered, unit, curve)
     filtered = _with(filtered, KF_Q_W=process, KF_R_W=measurement)
     inverse = body_from_wheels(robot)
-    speeds = [replay(log, filtered, unit).wheel_rad_s for log in (*runs, *turns)]
+    speeds = [filter_wheels(log, filtered, unit)[0] for log in (*runs, *turns)]
     bases = [path_basis(log, _by_direction(log, speed), inverse) for log, speed in zip(runs, speeds, strict=False)]
     nominal = robot.parameter_values()
     free = np.eye(2 * robot.wheels)
@@ -129,7 +129,7 @@ def body_from_wheels(robot: Robot) -> Array:
 
 
 def path_basis(log: WheelLog, turned: Array, inverse: Array) -> Array:
-    """Return g (n, 2, 2 wheels) [m per m of radius]: each wheel's forward, then reverse path on the measured heading."""
+    """Return g (n, 2, 2 wheels) [m per m of radius]: a wheel's forward or reverse path on the measured heading."""
     heading = log.heading_rad
     middle = 0.5 * (heading + np.concatenate((heading[:1], heading[:-1])))
     cosine, sine = np.cos(middle)[:, None], np.sin(middle)[:, None]
@@ -183,8 +183,9 @@ def _filter_noise(
     for candidate in NOISE_CANDIDATES:
         cost = 0.0
         for log in runs:
-            run = replay(log, _with(robot, KF_Q_W=candidate, KF_R_W=measurement), calibration)
-            cost += float(np.nansum(np.log(run.innovation_variance) + run.innovation**2 / run.innovation_variance))
+            tried = _with(robot, KF_Q_W=candidate, KF_R_W=measurement)
+            _, innovation, variance = filter_wheels(log, tried, calibration)
+            cost += float(np.nansum(np.log(variance) + innovation**2 / variance))
         if cost >= best_cost:
             break
         best, best_cost = candidate, cost

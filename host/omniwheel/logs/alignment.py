@@ -63,15 +63,15 @@ def align(
     path = _mirror(xy, mirrored)
     coarse = np.arange(-search_s, search_s + 0.5 * _COARSE_S, _COARSE_S)
     every = max(1, len(time_s) // _COARSE_ROWS)
-    errors = np.array([_fit(time_s[::every], path[::every], truth, offset)[0] for offset in coarse])
+    errors = _errors(time_s[::every], path[::every], truth, coarse)
     if not np.any(np.isfinite(errors)):
         problem = f"no clock offset within ±{search_s:g} s lets the truth cover {LEAST_OVERLAP:.0%} of the path"
         raise LogError(problem, hint="give the truth of this run, or a larger --search")
     best = coarse[int(np.argmin(errors))]
     fine = best + np.arange(-_COARSE_S, _COARSE_S + 0.5 * _FINE_S, _FINE_S)
-    fine_errors = np.array([_fit(time_s, path, truth, offset)[0] for offset in fine])
+    fine_errors = _errors(time_s[:: max(1, every // 2)], path[:: max(1, every // 2)], truth, fine)
     offset = float(fine[int(np.argmin(fine_errors))])
-    rms, rotation, shift, scale, overlap = _fit(time_s, path, truth, offset)
+    rms, rotation, shift, scale = _fit(path, truth_at(truth, time_s + offset))
     near = np.concatenate((coarse[errors <= 1.05 * rms], fine[fine_errors <= 1.05 * rms], [offset]))
     return Alignment(
         offset_s=offset,
@@ -82,7 +82,7 @@ def align(
         shift=(float(shift[0]), float(shift[1])),
         scale=scale,
         rms_m=rms,
-        overlap=overlap,
+        overlap=float(covered(truth, time_s + offset).mean()),
     )
 
 
@@ -96,12 +96,20 @@ def covered(truth: Truth, time_s: Array) -> np.ndarray[tuple[int], np.dtype[np.b
     return np.asarray((time_s >= truth.time_s[0]) & (time_s <= truth.time_s[-1]))
 
 
-def _fit(time_s: Array, path: Array, truth: Truth, offset: float) -> tuple[float, float, Array, float, float]:
-    """RMS, rotation, shift, best scale and overlap for one clock offset; RMS is infinite with too little overlap."""
-    overlap = float(covered(truth, time_s + offset).mean())
-    if overlap < LEAST_OVERLAP:
-        return np.inf, 0.0, np.zeros(2), 1.0, overlap
-    there = truth_at(truth, time_s + offset)
+def _errors(time_s: Array, path: Array, truth: Truth, offsets: Array) -> Array:
+    """RMS distance for each clock offset (k,) after the best rotation and shift; infinite with too little overlap."""
+    times = time_s + offsets[:, None]
+    there = truth_at(truth, times.ravel()).reshape(*times.shape, 2)
+    p, q = path - path.mean(axis=0), there - there.mean(axis=1, keepdims=True)
+    along = np.einsum("ni,kni->k", p, q)
+    across = np.einsum("n,kn->k", p[:, 0], q[:, :, 1]) - np.einsum("n,kn->k", p[:, 1], q[:, :, 0])
+    square = (np.sum(p**2) + np.sum(q**2, axis=(1, 2)) - 2.0 * np.hypot(along, across)) / len(p)
+    overlap = covered(truth, times).mean(axis=1)
+    return np.where(overlap < LEAST_OVERLAP, np.inf, np.sqrt(np.maximum(square, 0.0)))
+
+
+def _fit(path: Array, there: Array) -> tuple[float, float, Array, float]:
+    """RMS, rotation and shift that bring a path to its truth, and the factor on the path that would fit best."""
     p, q = path - path.mean(axis=0), there - there.mean(axis=0)
     along = float(np.sum(p * q))
     across = float(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]))
@@ -110,7 +118,7 @@ def _fit(time_s: Array, path: Array, truth: Truth, offset: float) -> tuple[float
     square = (size + float(np.sum(q**2)) - 2.0 * np.hypot(along, across)) / len(p)
     shift = there.mean(axis=0) - path.mean(axis=0) @ _turn(rotation).T
     scale = float(np.hypot(along, across)) / size if size > 0.0 else 1.0
-    return float(np.sqrt(max(square, 0.0))), rotation, np.asarray(shift), scale, overlap
+    return float(np.sqrt(max(square, 0.0))), rotation, np.asarray(shift), scale
 
 
 def _turn(angle: float) -> Array:

@@ -10,14 +10,13 @@ import numpy as np
 
 from hil_sim.summary import load_run
 from omni_schema import Robot
-from omniwheel.dialect import mavlink
 from omniwheel.errors import LogError
+from omniwheel.identification.sources import read_tlog as read_messages
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
 from omniwheel.logs.mapping import read_mapping
 
 KINDS = "LOG.npz (from omni logs import), LOG.csv with --mapping, a run's folder, or LOG.tlog (from omni record)"
-_HEADER, _V2_MAGIC, _V2_OVERHEAD, _SIGNATURE = 8, 0xFD, 12, 13
 
 
 def open_log(path: Path, robot: Robot, mapping: Path | None = None, truth: Path | None = None) -> WheelLog:
@@ -56,16 +55,13 @@ def read_run(folder: Path) -> WheelLog:
 
 def read_tlog(path: Path, robot: Robot) -> WheelLog:
     """Read OMNI_WHEELS from a telemetry log; the robot's own pose estimate (OMNI_TRACKING) stands in for a truth."""
-    parser = mavlink.MAVLink(None)
-    parser.robust_parsing = True
     wheels: dict[int, tuple[list[float], list[float]]] = {}
     poses: dict[int, list[float]] = {}
-    for frame in _frames(path):
-        for message in parser.parse_buffer(frame) or ():
-            if message.get_type() == "OMNI_WHEELS":
-                wheels[message.time_boot_ms] = (list(message.speed), list(message.duty))
-            elif message.get_type() == "OMNI_TRACKING":
-                poses[message.time_boot_ms] = list(message.pose)
+    for message in read_messages(path):
+        if message.get_type() == "OMNI_WHEELS":
+            wheels[message.time_boot_ms] = (list(message.speed), list(message.duty))
+        elif message.get_type() == "OMNI_TRACKING":
+            poses[message.time_boot_ms] = list(message.pose)
     if len(wheels) < MIN_ROWS:
         hint = "record with the OMNI_WHEELS stream on: omni params set SR1_WHEELS=50"
         raise LogError(f"{path} holds {len(wheels)} OMNI_WHEELS; at least {MIN_ROWS} are needed", hint=hint)
@@ -80,18 +76,6 @@ def read_tlog(path: Path, robot: Robot) -> WheelLog:
         truth = Truth(1e-3 * np.array(sorted(poses)), pose[:, :2], np.unwrap(pose[:, 2]))
     speed = np.array([wheels[t][0][:count] for t in times])
     return _from_speeds(path.stem, round(values["ENC_CPR"]), 1e-3 * np.array(times), speed, duty, truth)
-
-
-def _frames(path: Path) -> list[bytes]:
-    data, at, frames = path.read_bytes(), 0, []
-    while at + _HEADER + _V2_OVERHEAD <= len(data):
-        start = at + _HEADER
-        if data[start] != _V2_MAGIC:
-            raise LogError(f"{path}: no MAVLink 2 frame at byte {start}", hint="give a log that omni record wrote")
-        stop = start + _V2_OVERHEAD + data[start + 1] + (_SIGNATURE if data[start + 2] & 1 else 0)
-        frames.append(data[start:stop])
-        at = stop
-    return frames
 
 
 def _from_speeds(
