@@ -49,7 +49,7 @@ def read_run(folder: Path) -> WheelLog:
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         hint = "give the folder of a run, as printed by omni demo, hil and sim"
         raise LogError(f"{folder} is not a run: {error}", hint=hint) from error
-    truth = Truth(time, np.array(pose[:, :2]), np.unwrap(pose[:, 2]))
+    truth = Truth(time, np.array(pose[:, :2]), np.unwrap(pose[:, 2]), same_clock=True)
     return _from_speeds(folder.name, counts_per_revolution, time, speed, duty, truth)
 
 
@@ -73,7 +73,7 @@ def read_tlog(path: Path, robot: Robot) -> WheelLog:
     truth = None
     if len(poses) >= MIN_ROWS:
         pose = np.array([poses[t] for t in sorted(poses)])
-        truth = Truth(1e-3 * np.array(sorted(poses)), pose[:, :2], np.unwrap(pose[:, 2]))
+        truth = Truth(1e-3 * np.array(sorted(poses)), pose[:, :2], np.unwrap(pose[:, 2]), same_clock=True)
     speed = np.array([wheels[t][0][:count] for t in times])
     return _from_speeds(path.stem, round(values["ENC_CPR"]), 1e-3 * np.array(times), speed, duty, truth)
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""A robot of which everything is known, as a foreign log would show it: 2.38 rad/s per count, spikes, foreign clock and frame.
+"""A robot of which everything is known, as a foreign log shows it: coarse counts, spikes, foreign clock and frame.
 
-Written from first principles in NumPy: wheel i at bearing a and distance l moves its contact r w = (-sin a, cos a) . v + l wz.
+Written from first principles in NumPy: wheel i at bearing a and distance l moves its contact r w = (-sin a, cos a) .
+v + l wz.
 """
 
 from __future__ import annotations
@@ -140,6 +141,11 @@ def write(folder: Path, name: str, known: Known, seed: int) -> tuple[Path, Path]
     np.savetxt(log, table, delimiter=",", header="t,alpha,w1,w2,w3,u1,u2,u3", comments="", fmt="%.6f")
     xy = to_truth_frame(known, pose[:, :2])
     np.savetxt(
-        truth, np.column_stack((time + known.offset_s, xy)), delimiter=",", header="time_s,x_m,y_m", comments="", fmt="%.7f"
+        truth,
+        np.column_stack((time + known.offset_s, xy)),
+        delimiter=",",
+        header="time_s,x_m,y_m",
+        comments="",
+        fmt="%.7f",
     )
     return log, truth

@@ -39,7 +39,10 @@ def test_radii_by_wheel_and_direction_are_recovered(study: LogStudy) -> None:
 
 def test_motor_curves_are_recovered(study: LogStudy) -> None:
     fit = study.whole.curve
-    for slope, dead in (("forward_duty_per_rad_s", "forward_dead_band"), ("reverse_duty_per_rad_s", "reverse_dead_band")):
+    for slope, dead in (
+        ("forward_duty_per_rad_s", "forward_dead_band"),
+        ("reverse_duty_per_rad_s", "reverse_dead_band"),
+    ):
         for name, known in ((slope, KNOWN.duty_per_rad_s), (dead, KNOWN.dead_band)):
             off = (getattr(fit.curve, name) - known) / getattr(fit.sd, name)
             assert np.all(np.abs(off) < 4.0), name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The pipeline as a user types it: import, show, align, identify, replay; and our own records through the same replay."""
+"""The pipeline as a user types it: import, show, align, identify, replay; and the replay of our own records."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_identified_on_some_runs_replays_another(imported: Path, files: Path, tm
     nominal = omni_json("replay", imported / "run3.npz", "--robot", files / "robot.toml")
     assert replayed["calibration"] == str(tmp_path / "identified.calibration.toml")
     assert nominal["calibration"] is None
-    assert replayed["rms_m"] < 0.02 < 0.03 < nominal["rms_m"]
+    assert replayed["rms_m"] < min(0.012, 0.5 * nominal["rms_m"])
     assert replayed["fixes"]["looked_at"] > 60
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert np.loadtxt(table, delimiter=",", skiprows=1).shape == (1600, 9)

@@ -34,7 +34,7 @@ def test_dead_reckoning_is_the_true_motion_to_the_resolution_of_the_counts(clean
     run = replay(clean, robot, use_heading=False)
     assert np.abs(run.pose[:, :2] - pose[:, :2]).max() < 4e-3  # a count is 0.7 mm of rolling
     assert np.abs(run.pose[:, 2] - pose[:, 2]).max() < 0.02
-    assert np.all(np.diff(run.pose_sd[:, 0]) > 0.0)
+    assert np.all(run.pose_sd[-1] > 10.0 * run.pose_sd[0])
 
 
 def test_a_measured_heading_corrects_a_wrong_wheel_distance(clean: WheelLog, robot: Robot) -> None:
@@ -73,10 +73,10 @@ def test_fixes_hold_the_estimate_and_their_nis_is_that_of_their_noise(clean: Whe
     sd = 0.01
     noise = np.random.default_rng(5).normal(0.0, sd, (len(rows), 2))
     given = Fixes(clean.time_s[rows], pose[rows, :2] + noise, sd)
-    calm = replace(robot, overrides={**robot.overrides, "EKF_Q_XY": 0.001, "WHEEL_RADIUS": 0.033})
+    calm = replace(robot, overrides={**robot.overrides, "WHEEL_RADIUS": 0.036})
     alone = replay(clean, calm, use_heading=False)
     held = replay(clean, calm, use_heading=False, fixes=given)
-    distance = [np.hypot(*(run.pose[:, :2] - pose[:, :2]).T).max() for run in (alone, held)]
+    distance = [np.hypot(*(run.pose[:, :2] - pose[:, :2]).T).mean() for run in (alone, held)]
     assert distance[1] < 0.3 * distance[0]
     exact = replay(clean, replace(robot, overrides={**robot.overrides, "EKF_Q_XY": 0.0005}), fixes=given)
     assert exact.accepted >= len(rows)
