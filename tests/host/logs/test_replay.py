@@ -112,5 +112,7 @@ def test_a_wrong_calibration_is_named(tmp_path: Path) -> None:
 def test_another_robots_file_is_refused(clean: WheelLog, robot: Robot) -> None:
     with pytest.raises(LogError, match="counts per revolution"):
         replay(clean, replace(robot, overrides={**robot.overrides, "ENC_CPR": 1000.0}))
+    with pytest.raises(LogError, match="EKF_MODE"):
+        replay(clean, replace(robot, overrides={**robot.overrides, "EKF_MODE": 0.0}))
     with pytest.raises(LogError, match="wheels"):
         replay(clean, replace(robot, wheels=4))
