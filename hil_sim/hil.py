@@ -9,9 +9,10 @@ asked now and then; the answers go into the summary and not into the log.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,8 @@ EPOCH_US = 1_704_067_200_000_000
 
 SERVICE_TICKS = 10
 """Heartbeats are sent and messages taken this often."""
-VELOCITY_TICKS = 100
-"""A velocity is asked for again this often, well within SAFE_CMD_TO."""
+STREAM_TICKS = 100
+"""A velocity or duty is asked for again this often, well within SAFE_CMD_TO."""
 
 MEASURE_TICKS = 5000
 """The firmware is asked for the times of its ticks this often."""
@@ -61,7 +62,7 @@ class HilLoop:
         connection.target_component = mavlink.MAV_COMP_ID_AUTOPILOT1
         connection.add_listener(self._take_status)
         self.robot = Robot(connection, table=self._table)
-        self._velocity: tuple[float, float, float] | None = None
+        self._stream: Callable[[], None] | None = None
         self._start_pose = scenario.start_pose
         self._next_measurement = MEASURE_TICKS
 
@@ -77,8 +78,8 @@ class HilLoop:
             self.robot.pump()
             if self.link.ticks >= self._next_measurement and not self.link.silent:
                 self._measure()
-            if self._velocity is not None and self.link.ticks % VELOCITY_TICKS < SERVICE_TICKS:
-                self.robot.set_velocity(*self._velocity)
+            if self._stream is not None and self.link.ticks % STREAM_TICKS < SERVICE_TICKS:
+                self._stream()
             stop = (self.link.ticks // SERVICE_TICKS + 1) * SERVICE_TICKS
             self.link.run(max(min(stop, end) - self.link.ticks, 0), self.robot.pump)
         return self.link.take_samples()
@@ -91,8 +92,11 @@ class HilLoop:
             self.values.update(event.settings)
             self.robot.parameters.set_many(dict(event.settings))
         elif event.velocity is not None:
-            self._velocity = event.velocity
-            self.robot.set_velocity(*event.velocity)
+            self._stream = partial(self.robot.set_velocity, *event.velocity)
+            self._stream()
+        elif event.duty is not None:
+            self._stream = partial(self.robot.set_duty, event.duty)
+            self._stream()
         else:
             self._command(str(event.command))
 
@@ -106,7 +110,7 @@ class HilLoop:
 
     def _command(self, command: str) -> None:
         if command in ("trajectory_start", "trajectory_stop", "estop", "disarm"):
-            self._velocity = None
+            self._stream = None
         commands = {
             "arm": self.robot.arm,
             "disarm": self.robot.disarm,

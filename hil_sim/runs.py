@@ -121,6 +121,10 @@ class InProcessLoop:
             self._inputs.setpoint.kind = lib.OMNI_SETPOINT_VELOCITY_BODY
             twist = self._inputs.setpoint.twist
             twist.vx, twist.vy, twist.wz = event.velocity
+        elif event.duty is not None:
+            self._inputs.setpoint.kind = lib.OMNI_SETPOINT_DUTY
+            for wheel, duty in enumerate(event.duty):
+                self._inputs.setpoint.duty[wheel] = duty
         else:
             self._command(str(event.command))
 

@@ -14,7 +14,7 @@ A scenario is a TOML file::
     [parameters]                  # set before arming, over the robot file
     [world]                       # see WORLD_NUMBERS; numbers of the robot file's [simulation] may be replaced here
     plant = "full"                # what stands in for the robot: one of PLANTS
-    [[event]]                     # at_s, or at_progress (share of the path, 0..1), and one of set, command, velocity
+    [[event]]                     # at_s, or at_progress (share of the path); and one of set, command, velocity, duty
     [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
 
 Every mistake in a scenario is a SchemaError, one in its robot file a RobotFileError; both name file, key, value and
@@ -72,6 +72,7 @@ WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _SECTIONS = ("scenario", "parameters", "world", "event", "fault")
+_ACTIONS = ("set", "command", "velocity", "duty")
 _HEAD = ("name", "description", "extends", "robot", "seed", "duration_s")
 
 
@@ -79,8 +80,8 @@ _HEAD = ("name", "description", "extends", "robot", "seed", "duration_s")
 class Event:
     """Something that is done to the robot at a time [s], or at a share of the path: exactly one of the two is given.
 
-    ``settings`` are parameter values, ``command`` one of COMMANDS, ``velocity`` a body twist (m/s, m/s, rad/s) that
-    is asked for from then on; exactly one of the three is given.
+    ``settings`` are parameter values, ``command`` one of COMMANDS, ``velocity`` a body twist (m/s, m/s, rad/s) or
+    ``duty`` open-loop duties -1..1 (one per wheel) that are asked for from then on; exactly one of the four is given.
     """
 
     at_s: float | None = None
@@ -88,6 +89,7 @@ class Event:
     settings: Mapping[str, float] | None = None
     command: str | None = None
     velocity: tuple[float, float, float] | None = None
+    duty: tuple[float, ...] | None = None
 
     def describe(self) -> str:
         """Return the event in a few words, for tables and plots."""
@@ -95,6 +97,8 @@ class Event:
             return ", ".join(f"{name} = {value:g}" for name, value in self.settings.items())
         if self.velocity is not None:
             return "velocity " + ", ".join(f"{value:g}" for value in self.velocity)
+        if self.duty is not None:
+            return "duty " + ", ".join(f"{value:g}" for value in self.duty)
         return str(self.command).replace("_", " ")
 
 
@@ -133,9 +137,21 @@ class Scenario:
         """Return the same scenario with another plant; None keeps its own."""
         return self if plant is None else replace(self, plant=_plant(self.source, plant))
 
+    def with_parameters(self, values: Mapping[str, float]) -> Scenario:
+        """Return the same scenario with other parameters; its events leave them alone."""
+        events = tuple(kept for event in self.events if (kept := _without_settings(event, values)) is not None)
+        return replace(self, parameters={**self.parameters, **values}, events=events)
+
     def first_setting(self) -> Event | None:
         """Return the first event that changes parameters, the one that before and after are told apart by."""
         return next((event for event in self.events if event.settings is not None), None)
+
+
+def _without_settings(event: Event, names: Mapping[str, float]) -> Event | None:
+    if event.settings is None:
+        return event
+    left = {name: value for name, value in event.settings.items() if name not in names}
+    return replace(event, settings=left) if left else None
 
 
 def scenario_dir() -> Path:
@@ -192,7 +208,7 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
         world=_world(source, world),
         start_pose=start_pose,
         events=tuple(
-            _event(source, f"event[{i + 1}]", entry, table)
+            _event(source, f"event[{i + 1}]", entry, robot)
             for i, entry in enumerate(_entries(source, "event", document.get("event", [])))
         ),
         faults=tuple(
@@ -305,15 +321,17 @@ def _exactly_one(source: str, key: str, entry: Mapping[str, Any], names: Sequenc
     return given[0]
 
 
-def _event(source: str, key: str, entry: dict[str, Any], table: ParameterTable) -> Event:
-    refuse_unknown_keys(source, f"{key}.", entry, ("at_s", "at_progress", "set", "command", "velocity"))
+def _event(source: str, key: str, entry: dict[str, Any], robot: Robot) -> Event:
+    refuse_unknown_keys(source, f"{key}.", entry, ("at_s", "at_progress", *_ACTIONS))
     when = _exactly_one(source, key, entry, ("at_s", "at_progress"))
     limit = MAX_DURATION_S if when == "at_s" else 1.0
     moment = _in_range(source, f"{key}.{when}", entry[when], 0.0, limit)
     at_s, at_progress = (moment, None) if when == "at_s" else (None, moment)
-    what = _exactly_one(source, key, entry, ("set", "command", "velocity"))
+    what = _exactly_one(source, key, entry, _ACTIONS)
     if what == "set":
-        return Event(at_s, at_progress, settings=_parameters(source, f"{key}.set", entry["set"], table))
+        return Event(at_s, at_progress, settings=_parameters(source, f"{key}.set", entry["set"], robot.table))
+    if what == "duty":
+        return Event(at_s, at_progress, duty=_duty(source, f"{key}.duty", entry["duty"], robot.wheels))
     if what == "velocity":
         return Event(at_s, at_progress, velocity=_vector(source, f"{key}.velocity", entry["velocity"]))
     command = take_text(source, f"{key}.command", entry["command"])
@@ -321,6 +339,12 @@ def _event(source: str, key: str, entry: dict[str, Any], table: ParameterTable) 
         hint = did_you_mean(command, COMMANDS)
         raise SchemaError(source, f"{key}.command", f"is {command!r}{hint}; allowed are {', '.join(COMMANDS)}")
     return Event(at_s, at_progress, command=command)
+
+
+def _duty(source: str, key: str, value: object, wheels: int) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(value) != wheels:
+        raise SchemaError(source, key, f"is {value!r}; a list of {wheels} numbers is needed, one per wheel")
+    return tuple(_in_range(source, f"{key}[{i + 1}]", item, -1.0, 1.0) for i, item in enumerate(value))
 
 
 def _fault(source: str, key: str, entry: dict[str, Any], wheels: int) -> Fault:

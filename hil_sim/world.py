@@ -83,8 +83,9 @@ def _per_wheel(values: Any, wheels: int) -> list[Any]:
 
 def _fill_wheels(config: Any, robot: Robot) -> None:
     angles = [math.radians(angle) for angle in robot.geometry["wheel_angle_deg"]]
+    scales = _per_wheel(robot.geometry.get("wheel_radius_scale", 1.0), robot.wheels)
     columns = {
-        "wheel_radius_m": robot.geometry["wheel_radius_m"],
+        "wheel_radius_m": [robot.geometry["wheel_radius_m"] * scale for scale in scales],
         "wheel_distance_m": robot.geometry["wheel_distance_m"],
         "wheel_angle_rad": angles,
         "encoder_direction": robot.encoder["direction"],

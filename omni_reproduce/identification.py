@@ -18,7 +18,7 @@ from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.geometry import calibrate
 from omniwheel.identification.model import Layout, Model, layout_of
-from omniwheel.identification.output_error import evaluate, identify, measured_speed
+from omniwheel.identification.output_error import evaluate, identify
 from omniwheel.identification.physical import Known, physical
 from omniwheel.identification.regression import (
     PWM_FULL,
@@ -27,6 +27,7 @@ from omniwheel.identification.regression import (
     least_squares,
     wrapped_by_atan,
 )
+from omniwheel.identification.segments import measured_speed
 from omniwheel.identification.simulation import SimulatedRobot
 from omniwheel.robots import read_robot
 
@@ -57,7 +58,10 @@ LADDER = (
     ("heading unwrapped", "a pose integrates: a_d is 1 whatever the robot is, and a says nothing of it"),
     ("velocities, differenced motion capture", "noise in the regressors draws a_d towards 0"),
     ("velocities from encoders", "quiet regressors, but Coulomb friction has no term"),
-    ("velocities from encoders, sign terms", "the model of (14), but speeds differenced over 20 ms lag and carry noise"),
+    (
+        "velocities from encoders, sign terms",
+        "the model of (14), but speeds differenced over 20 ms lag and carry noise",
+    ),
     ("output error", "the identification that works"),
 )
 
@@ -146,9 +150,7 @@ def _body_rate(pose: Array, time_s: Array) -> Array:
     """Return body velocities [m/s, m/s, rad/s] by differencing poses."""
     world = np.gradient(pose, time_s, axis=0)
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    return np.column_stack(
-        (cos * world[:, 0] + sin * world[:, 1], cos * world[:, 1] - sin * world[:, 0], world[:, 2])
-    )
+    return np.column_stack((cos * world[:, 0] + sin * world[:, 1], cos * world[:, 1] - sin * world[:, 0], world[:, 2]))
 
 
 def _rolled(run: Dataset, layout: Layout) -> Array:
@@ -171,7 +173,9 @@ def _decay(values: Estimate | Mapping[str, float]) -> dict[str, float]:
     """Return a11_d, a22_d, a33_d of (14): what is left of a velocity after a row, from damping and inertia."""
     gain = values["speed_gain_V_s"]
     along = math.exp(-excitation.PERIOD_S * (gain + values["drag_xy_V_s"]) / values["inertia_xy_V_s2"])
-    return dict(zip(AXES, (along, along, math.exp(-excitation.PERIOD_S * gain / values["inertia_theta_V_s2"])), strict=True))
+    return dict(
+        zip(AXES, (along, along, math.exp(-excitation.PERIOD_S * gain / values["inertia_theta_V_s2"])), strict=True)
+    )
 
 
 def _ladder_rows(ladders: Sequence[tuple[dict[str, dict[str, float]], dict[str, float]]]) -> list[Row]:
@@ -199,9 +203,7 @@ def identify_seed(seed: int) -> Experiment:
     runs = [simulated.run(name, duty, run=i) for i, (name, duty) in enumerate(profiles.items())]
     stand = simulated.run("stand", excitation.stand_steps(robot.wheels), run=STAND_RUN, on_stand=True)
     geometry = calibrate(runs, layout)
-    layout = replace(
-        layout, radius_m=float(geometry.values[:-1].mean()), distance_m=geometry["wheel_distance_m"]
-    )
+    layout = replace(layout, radius_m=float(geometry.values[:-1].mean()), distance_m=geometry["wheel_distance_m"])
     floor = identify(runs, Model.floor(layout)).estimate
     free = identify([stand], Model.stand(tuple(range(robot.wheels)))).estimate
     truth = simulated.true_values()
@@ -219,7 +221,7 @@ def identify_seed(seed: int) -> Experiment:
 
 @dataclass(frozen=True)
 class Validation:
-    """A run that was not fitted: times (n,), measured and predicted speeds (n, wheels) [rad/s]; fit, share explained."""
+    """A run that was not fitted: times (n,), speeds (n, wheels) [rad/s]; ``fit`` is the share explained."""
 
     time_s: Array
     measured_rad_s: Array
@@ -269,16 +271,14 @@ def _coverage_rows(experiments: Sequence[Experiment]) -> list[Row]:
 def _notes(spec: Mapping[str, Any], experiments: Sequence[Experiment], fit: float) -> tuple[str, ...]:
     table = spec["table8"]
     wrap_rate = (1.0 - table["a"][2]) * math.pi / (6.0 * spec["report"]["period_s"])
-    worst = min(
-        (float(np.mean([e.covered[name] for e in experiments])), name) for name in experiments[0].found
-    )
+    worst = min((float(np.mean([e.covered[name] for e in experiments])), name) for name in experiments[0].found)
     return (
-        "Table 9 cannot be recomputed from Table 8 as a whole: " "a11, a33 and f1 follow, a22 with one more digit, beta_1 "
-        "by one of its two forms, J from the published beta_2 with a factor 255; beta_2, f2 and f3 do not.",
-        "The published method regresses poses. A pose is the integral of what (14) describes, so its a_d is 1 for every robot; "
-        "wrapping the heading at ±π/2 while it turns "
-        f"at ω makes it 1 − 6ωT/π: the published {table['a'][2]} is what {wrap_rate:.2f} rad/s give, not a tendency to spin.",
-        f"The identification that works found every parameter of {len(experiments)} random robots; the interval that held "
-        f"its truth least often is that of {worst[1]} ({100 * worst[0]:.0f} %). A run that was not fitted is predicted "
-        f"to {100 * fit:.2f} % of its variation.",
+        "Table 9 does not follow from Table 8 as a whole: a11, a33 and f1 do, a22 with one more digit, beta_1 by one "
+        "of its two forms, J from the published beta_2 with a factor 255; beta_2, f2 and f3 do not.",
+        "The published method regresses poses. A pose is the integral of what (14) describes, so its a_d is 1 for "
+        "each robot; wrapping the heading at ±π/2 while it turns at ω makes it 1 - 6ωT/π. The published "
+        f"{table['a'][2]} is what {wrap_rate:.2f} rad/s give, not a tendency to spin.",
+        f"The identification that works was tried on {len(experiments)} random robots; the interval that held its "
+        f"truth least often is that of {worst[1]} ({100 * worst[0]:.0f} %). A run that was not fitted is predicted to "
+        f"{100 * fit:.2f} % of its variation.",
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The picture of the identification: a validation run, its residual, the report's method, and intervals against truth."""
+"""The picture of the identification: a validation run, its residual, the report's method, intervals against truth."""
 
 from __future__ import annotations
 
@@ -58,7 +58,13 @@ def _draw_validation(axes: Axes, validation: Validation) -> None:
     for wheel in range(validation.measured_rad_s.shape[1]):
         colour = WHEEL_COLOURS[wheel]
         axes.plot(validation.time_s[shown], validation.measured_rad_s[shown, wheel], color=colour, lw=3.5, alpha=0.35)
-        axes.plot(validation.time_s[shown], validation.predicted_rad_s[shown, wheel], color=colour, lw=1.0, label=f"wheel {wheel + 1}")
+        axes.plot(
+            validation.time_s[shown],
+            validation.predicted_rad_s[shown, wheel],
+            color=colour,
+            lw=1.0,
+            label=f"wheel {wheel + 1}",
+        )
     axes.set(
         title=f"A run that was not fitted: {100 * validation.fit:.2f} % explained",
         xlabel="time [s]",
@@ -71,9 +77,11 @@ def _draw_validation(axes: Axes, validation: Validation) -> None:
 def _draw_residual(axes: Axes, validation: Validation) -> None:
     residual = 1e3 * (validation.measured_rad_s - validation.predicted_rad_s)
     for wheel in range(residual.shape[1]):
-        axes.plot(validation.time_s, residual[:, wheel], ".", ms=2.5, color=WHEEL_COLOURS[wheel], label=f"wheel {wheel + 1}")
+        axes.plot(
+            validation.time_s, residual[:, wheel], ".", ms=2.5, color=WHEEL_COLOURS[wheel], label=f"wheel {wheel + 1}"
+        )
     axes.axhline(0.0, color=GREY, lw=0.8)
-    axes.set(title="Its residual", xlabel="time [s]", ylabel="measured − predicted [mrad/s]")
+    axes.set(title="Its residual", xlabel="time [s]", ylabel="measured minus predicted [mrad/s]")
     axes.margins(y=0.15)
     axes.legend(ncols=4, loc="upper right", markerscale=4)
 

@@ -76,6 +76,7 @@ void App::restart_control(uint64_t now_us) {
     shared_.control.restart();
     shared_.control.report.update();
     shared_.latest = TickReport{};
+    shared_.arming = 0;
     shared_.now_us = now_us;
     last_tick_us_ = 0;
     overruns_in_row_ = 0;
@@ -154,6 +155,9 @@ void App::watch_hil_peer() {
 void App::take_report() {
     if (shared_.control.report.update()) {
         shared_.latest = shared_.control.report.reading();
+        if (shared_.arming > 0) {
+            --shared_.arming;
+        }
     }
     shared_.latest.outputs.faults &= ~static_cast<uint32_t>(OMNI_WARN_SETPOINT);
     shared_.latest.outputs.faults |= setpoints_.refused() ? static_cast<uint32_t>(OMNI_WARN_SETPOINT) : 0u;
@@ -182,6 +186,9 @@ bool App::dispatch_motion(const Frame &frame) {
         return true;
     case MAVLINK_MSG_ID_MANUAL_CONTROL:
         setpoints_.on_manual_control(frame);
+        return true;
+    case MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY:
+        setpoints_.on_duty(frame);
         return true;
     case MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE:
         pose_fixes_.on_vicon(frame);

@@ -26,6 +26,9 @@ bool starting_up(const TickReport &latest) {
     return latest.outputs.state == OMNI_STATE_INIT || driver_not_yet;
 }
 
+/// A report may be waiting, and a tick may be under way that has taken its requests before: the third one has seen the command.
+constexpr uint8_t reports_until_armed = 3;
+
 uint8_t queued(bool done) {
     return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
 }
@@ -134,18 +137,21 @@ uint8_t Commands::arm() {
     if (!shared_.heartbeat() || !shared_.control.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
+    shared_.arming = reports_until_armed;
     trajectories_.on_arm();
     return MAV_RESULT_ACCEPTED;
 }
 
 /// Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
 uint8_t Commands::disarm() {
+    shared_.arming = 0;
     trajectories_.on_disarm();
     shared_.control.plans.withdraw();
     return queued(shared_.control.request_event(OMNI_EVENT_DISARM));
 }
 
 uint8_t Commands::estop() {
+    shared_.arming = 0;
     trajectories_.on_disarm();
     shared_.control.plans.withdraw();
     return queued(shared_.control.request_event(OMNI_EVENT_ESTOP));

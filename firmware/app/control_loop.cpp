@@ -2,6 +2,7 @@
 #include "app/control_loop.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 namespace omni {
@@ -100,6 +101,13 @@ void ControlLoop::measure(uint64_t duration_ns) {
     }
 }
 
+/// The voltage of this tick acts until the next one.
+void ControlLoop::integrate_voltage() {
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        volt_us_[i] += static_cast<uint32_t>(std::lround(outputs_.voltage_V[i] * static_cast<float>(OMNI_TICK_US)));
+    }
+}
+
 void ControlLoop::publish(const TickSensors &sensors) {
     TickReport &out = report.writing();
     out.outputs = outputs_;
@@ -111,6 +119,7 @@ void ControlLoop::publish(const TickSensors &sensors) {
     out.tick_us_mean = tick_us_mean_;
     out.tick_us_max = tick_us_max_;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
+    std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
     report.publish();
 }
 
@@ -135,6 +144,7 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch
     drive(bus, sensors.time_us);
     ++ticks_;
     publish(sensors);
+    integrate_voltage();
     measure(stopwatch.stopwatch_ns() - begin_ns);
 }
 

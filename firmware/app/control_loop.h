@@ -51,6 +51,7 @@ struct TickReport {
     float tick_us_mean = 0.0f; ///< of the last complete window of ticks
     float tick_us_max = 0.0f;
     int32_t counts[OMNI_MAX_WHEELS] = {};
+    uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
 };
 
 class ControlLoop {
@@ -76,6 +77,7 @@ private:
     bool apply(const Request &request);
     void drive(I2cBus &bus, uint64_t now_us);
     void measure(uint64_t duration_ns);
+    void integrate_voltage();
     void publish(const TickSensors &sensors);
 
     static constexpr uint32_t window_ticks = 1000;
@@ -86,6 +88,7 @@ private:
     Pca9685 driver_;
     bool driver_was_ready_ = false;
     Queue<Request, 32> requests_;
+    uint32_t volt_us_[OMNI_MAX_WHEELS] = {};
     uint32_t ticks_ = 0;
     uint32_t window_count_ = 0;
     uint64_t window_sum_ns_ = 0;

@@ -196,6 +196,18 @@ bool report_control(const Shared &shared, Link &link, Priority priority, bool) {
     return link.send(MAVLINK_MSG_ID_OMNI_CONTROL, message, priority);
 }
 
+bool report_sample(const Shared &shared, Link &link, Priority priority, bool) {
+    const omni_outputs_t &out = shared.latest.outputs;
+    mavlink_omni_sample_t message{};
+    message.time_us = out.time_us;
+    std::memcpy(message.counts, shared.latest.counts, sizeof message.counts);
+    std::memcpy(message.volt_seconds, shared.latest.volt_us, sizeof message.volt_seconds);
+    message.supply = out.supply_V;
+    copy_pose(message.pose, out.pose);
+    message.phase = out.reference.phase;
+    return link.send(MAVLINK_MSG_ID_OMNI_SAMPLE, message, priority);
+}
+
 bool report_battery(const Shared &shared, Link &link, Priority priority, bool) {
     mavlink_battery_status_t message{};
     message.current_consumed = -1;

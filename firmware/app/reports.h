@@ -17,6 +17,7 @@ bool report_tracking(const Shared &shared, Link &link, Priority priority, bool a
 bool report_attitude(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_wheels(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_control(const Shared &shared, Link &link, Priority priority, bool asked);
+bool report_sample(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_battery(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_position_target(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_odometry(const Shared &shared, Link &link, Priority priority, bool asked);

@@ -138,4 +138,23 @@ void Setpoints::on_manual_control(const Frame &frame) {
     accept(setpoint);
 }
 
+/// Duties move wheels with no loop around them: whoever sends them has armed the robot before.
+void Setpoints::on_duty(const Frame &frame) {
+    const auto message = frame.as<mavlink_omni_setpoint_duty_t>();
+    omni_setpoint_t setpoint{};
+    setpoint.kind = OMNI_SETPOINT_DUTY;
+    if (shared_.latest.outputs.state != OMNI_STATE_ARMED && shared_.arming == 0) {
+        refuse("duties need an armed robot");
+        return;
+    }
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        if (!(omni_absf(message.duty[i]) <= 1.0f)) {
+            refuse("duty beyond -1..1");
+            return;
+        }
+        setpoint.duty[i] = message.duty[i];
+    }
+    accept(setpoint);
+}
+
 } // namespace omni

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file setpoints.h  Streamed set-points from the link: SET_POSITION_TARGET_LOCAL_NED and MANUAL_CONTROL.
+/// @file setpoints.h  Streamed set-points from the link: SET_POSITION_TARGET_LOCAL_NED, MANUAL_CONTROL, OMNI_SETPOINT_DUTY.
 ///
 /// One that is not finite, beyond the limits or not expressible is refused as a whole; the robot goes on with the last one until
 /// that is too old (SAFE_CMD_TO).
@@ -16,6 +16,7 @@ public:
 
     void on_position_target(const Frame &frame);
     void on_manual_control(const Frame &frame);
+    void on_duty(const Frame &frame);
     /// The latest set-point was refused.
     bool refused() const { return refused_; }
     void restart();

@@ -30,10 +30,13 @@ struct Shared {
     uint64_t now_us = 0; ///< robot clock of this pass: the board's, or the simulated one
     bool hil = false;    ///< host-in-the-loop
     bool reboot = false; ///< asked for
+    uint8_t arming = 0;  ///< reports to wait for until one tells what became of an accepted arm command
 
     uint32_t now_ms() const { return static_cast<uint32_t>(now_us / 1000); }
     /// Motors may move, or would but for a fault: what is locked while armed is locked now.
-    bool armed() const { return latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE; }
+    bool armed() const {
+        return arming > 0 || latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE;
+    }
     /// A ground station gave a sign of life. @return false if the tick could not be told.
     bool heartbeat();
     /// Send a STATUSTEXT on every link. @param severity MAV_SEVERITY.

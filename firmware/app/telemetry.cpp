@@ -9,7 +9,7 @@
 namespace omni {
 namespace {
 
-enum Group : uint8_t { group_always, group_state, group_wheels, group_status };
+enum Group : uint8_t { group_always, group_state, group_wheels, group_status, group_asked };
 
 struct Stream {
     uint32_t id;
@@ -22,6 +22,7 @@ constexpr Stream streams[Telemetry::stream_count] = {
     {MAVLINK_MSG_ID_HEARTBEAT, group_always, report_heartbeat},
     {MAVLINK_MSG_ID_SYS_STATUS, group_status, report_sys_status},
     {MAVLINK_MSG_ID_OMNI_STATUS, group_status, report_omni_status},
+    {MAVLINK_MSG_ID_OMNI_SAMPLE, group_asked, report_sample},
     {MAVLINK_MSG_ID_LOCAL_POSITION_NED, group_state, report_local_position},
     {MAVLINK_MSG_ID_ATTITUDE, group_state, report_attitude},
     {MAVLINK_MSG_ID_OMNI_TRACKING, group_state, report_tracking},
@@ -48,7 +49,7 @@ uint32_t interval_of(float rate_Hz) {
     return rate_Hz > 0.0f ? static_cast<uint32_t>(std::lround(1.0e6f / rate_Hz)) : 0;
 }
 
-/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second.
+/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second, group_asked not at all.
 float boot_rate(size_t link, uint8_t group, const omni_real_t *values) {
     switch (group) {
     case group_state:
@@ -57,6 +58,8 @@ float boot_rate(size_t link, uint8_t group, const omni_real_t *values) {
         return values[OMNI_PARAM_SR1_WHEELS + link];
     case group_status:
         return values[OMNI_PARAM_SR1_STATUS + link];
+    case group_asked:
+        return 0.0f;
     default:
         return 1.0f;
     }
@@ -77,7 +80,7 @@ void Telemetry::set_group(size_t link, uint8_t group, float rate_Hz) {
 }
 
 void Telemetry::set_rates(size_t link, const omni_real_t *values) {
-    for (const uint8_t group : {group_always, group_state, group_wheels, group_status}) {
+    for (const uint8_t group : {group_always, group_state, group_wheels, group_status, group_asked}) {
         set_group(link, group, boot_rate(link, group, values));
     }
 }

@@ -35,7 +35,7 @@ static const range_t RANGES[] = {
     {FIELD(battery_resistance_ohm), 1, 0.0, 1e3, "0 or more"},
     {FIELD(mass_kg), 1, DBL_MIN, 1e6, "above 0"},
     {FIELD(inertia_kg_m2), 1, DBL_MIN, 1e6, "above 0"},
-    {FIELD(friction_coefficient), 1, DBL_MIN, 10.0, "above 0, at most 10"},
+    {FIELD(friction_coefficient), 1, DBL_MIN, 1e6, "above 0, at most 1e6"},
     {FIELD(slip_stiffness_N_s_m), 1, DBL_MIN, 1e9, "above 0"},
     {FIELD(roller_friction_N_s_m), 1, 0.0, 1e6, "0 or more"},
     {FIELD(slip_max), 1, 0.0, 0.99, "0..0.99"},

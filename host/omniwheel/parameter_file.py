@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Parameter files: one TOML table ``[parameters]``, one line per parameter, its meaning as a comment."""
+"""Parameter files: one TOML table ``[parameters]``, one line per parameter, its meaning as a comment.
+
+A preset (:mod:`omniwheel.presets`) is a parameter file too, with a table ``[preset]`` that says what it is.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +64,7 @@ def read(path: Path | str, table: ParameterTable) -> dict[str, float]:
     source = str(path)
     try:
         document = read_toml(Path(path))
-        refuse_unknown_keys(source, "", document, ("parameters",))
+        refuse_unknown_keys(source, "", document, ("parameters", "preset"))
         section = take_table(source, "parameters", document.get("parameters"))
         return {name: table.find(source, name, name).parse(source, name, value) for name, value in section.items()}
     except SchemaError as error:

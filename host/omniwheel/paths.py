@@ -38,6 +38,11 @@ def robots_dir() -> Path:
     return _existing(data_dir() / "robots", "the folder of robot files")
 
 
+def presets_dir() -> Path:
+    """Return the folder of the parameter presets that come with the package."""
+    return _existing(data_dir() / "presets", "the folder of presets")
+
+
 def params_path() -> Path:
     """Return params.toml, the description of every parameter."""
     return _existing(data_dir() / "params.toml", "the parameter description")

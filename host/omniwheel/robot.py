@@ -19,7 +19,7 @@ from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link
 from omniwheel.parameters import Parameters, checked_value
 from omniwheel.paths import params_path
-from omniwheel.setpoints import finite, pose_fix_message, pose_target, velocity_target
+from omniwheel.setpoints import duty_target, finite, pose_fix_message, pose_target, velocity_target
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import TelemetryT, decode
 from omniwheel.texts import TextLog
@@ -189,6 +189,18 @@ class Robot:
     def set_pose(self, x: float, y: float, theta: float, *, feed_forward: Twist | None = None) -> None:
         """Ask for a world pose, with the world twist along it if it moves. To be repeated like :meth:`set_velocity`."""
         self.send(pose_target(self.connection, Pose(x, y, theta), feed_forward))
+
+    def set_duty(self, duty: Sequence[float]) -> None:
+        """Put duties -1..1 on the motors, open loop; positive drives the body counter-clockwise. Only while armed.
+
+        For bring-up and identification: nothing holds the wheels' speed. To be repeated like :meth:`set_velocity`.
+        """
+        self.send(duty_target(self.connection, duty))
+
+    def drive_duty(self, duty: Sequence[float], duration_s: float) -> None:
+        """Keep open-loop duties for ``duration_s``, then ask for zero duty."""
+        self._repeat(lambda: self.set_duty(duty), duration_s)
+        self.set_duty([0.0] * len(duty))
 
     def drive_velocity(
         self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body", stop: bool = True

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from omniwheel.connection import Connection
@@ -12,6 +13,7 @@ from omniwheel.errors import SetpointError
 from omniwheel.frames import Pose, Twist, flip
 
 _M = mavlink
+MAX_WHEELS = 4
 _IGNORE_POSITION = _M.POSITION_TARGET_TYPEMASK_X_IGNORE | _M.POSITION_TARGET_TYPEMASK_Y_IGNORE
 _IGNORE_Z = _M.POSITION_TARGET_TYPEMASK_Z_IGNORE | _M.POSITION_TARGET_TYPEMASK_VZ_IGNORE
 _IGNORE_VELOCITY = _M.POSITION_TARGET_TYPEMASK_VX_IGNORE | _M.POSITION_TARGET_TYPEMASK_VY_IGNORE
@@ -58,6 +60,20 @@ def pose_target(connection: Connection, pose: Pose, feed_forward: Twist | None) 
     else:
         _all_finite(feed_forward)
     return _target(connection, _M.MAV_FRAME_LOCAL_NED, mask, pose, feed_forward or Twist(0.0, 0.0, 0.0))
+
+
+def duty_target(connection: Connection, duty: Sequence[float]) -> Message:
+    """Return the set-point of open-loop duties, -1..1 per wheel (at most four; wheels left out get 0)."""
+    if not 0 < len(duty) <= MAX_WHEELS:
+        raise SetpointError(f"{len(duty)} duties are given; one per wheel is needed, at most {MAX_WHEELS}")
+    for wheel, value in enumerate(duty, 1):
+        if abs(finite(f"duty {wheel}", value)) > 1.0:
+            raise SetpointError(f"duty {wheel} is {value:g}; allowed is -1..1")
+    values = [float(value) for value in duty] + [0.0] * (MAX_WHEELS - len(duty))
+    message: Message = _M.MAVLink_omni_setpoint_duty_message(
+        connection.target_system, connection.target_component, values
+    )
+    return message
 
 
 def _target(connection: Connection, frame: int, mask: int, pose: Pose, twist: Twist) -> Message:

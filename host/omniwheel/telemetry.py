@@ -94,6 +94,24 @@ class Control(Telemetry):
 
 
 @dataclass(frozen=True)
+class Sample(Telemetry):
+    """What identification needs of one tick; comes only if asked for with ``set_message_interval("OMNI_SAMPLE", hz)``.
+
+    ``counts`` are the encoders' counters in their own direction, ``volt_seconds`` the integral of the motor voltages in
+    the wheels' direction [V s]. Both are sums: the difference of two samples says what happened between them, messages
+    lost or not. ``counts`` wrap at 2^32, ``volt_seconds`` at 4294.967296 V s.
+    """
+
+    message = "OMNI_SAMPLE"
+    time_s: float
+    counts: tuple[int, int, int, int]
+    volt_seconds: Wheels4
+    supply_V: float
+    pose: Pose
+    phase: str
+
+
+@dataclass(frozen=True)
 class Status(Telemetry):
     """Safety state, names of the present faults and warnings, loop and link statistics."""
 
@@ -180,7 +198,7 @@ def _tracking(m: Message) -> Tracking:
         pose=Pose(*m.pose),
         pose_sd=_axes(m.pose_sd),
         path_time_s=m.path_time,
-        phase=PHASES[m.phase] if m.phase < len(PHASES) else str(m.phase),
+        phase=_phase(m.phase),
     )
 
 
@@ -212,6 +230,22 @@ def _control(m: Message) -> Control:
         config_sequence=m.config_sequence,
         controller=m.controller,
     )
+
+
+def _sample(m: Message) -> Sample:
+    counts = m.counts
+    return Sample(
+        time_s=m.time_us * 1e-6,
+        counts=(counts[0], counts[1], counts[2], counts[3]),
+        volt_seconds=_wheels([value * 1e-6 for value in m.volt_seconds]),
+        supply_V=m.supply,
+        pose=Pose(*m.pose),
+        phase=_phase(m.phase),
+    )
+
+
+def _phase(number: int) -> str:
+    return PHASES[number] if number < len(PHASES) else str(number)
 
 
 def _status(m: Message) -> Status:
@@ -252,6 +286,7 @@ _DECODERS: dict[type[Telemetry], Callable[[Message], Telemetry]] = {
     Tracking: _tracking,
     Wheels: _wheel_loops,
     Control: _control,
+    Sample: _sample,
     Status: _status,
     LocalPosition: _local_position,
     Battery: _battery,

@@ -240,6 +240,41 @@ def test_one_impossible_count_is_thrown_away() -> None:
     assert not out.faults & lib.OMNI_WARN_ENCODER
 
 
+@pytest.mark.parametrize("mode", ["OFF", "SPEED", "ANGLE"])
+def test_a_thrown_away_count_leaves_no_trace_in_the_speed(mode: str) -> None:
+    benches = [Bench(KF_MODE=float(getattr(lib, f"OMNI_KF_MODE_{mode}")), WS_P=0.0, WS_I=0.0) for _ in range(2)]
+    for bench in benches:
+        bench.arm()
+        for _ in range(40):
+            bench.command(lib.OMNI_SETPOINT_DUTY, duty=(0.5, -0.5, 0.5, 0))
+            bench.tick(count=10)
+    benches[1].angle[0] += 3.0
+    apart = []
+    for _ in range(20):
+        speeds = [bench.tick().wheel_rad_s[0] for bench in benches]
+        apart.append(abs(speeds[1] - speeds[0]))
+    assert max(apart) < (0.64 if mode != "ANGLE" else 0.1)  # a count more or less is 0.63 rad/s, filtered 0.08
+    assert speeds[0] > 1.0
+    assert benches[1].outputs.pose.theta == pytest.approx(benches[0].outputs.pose.theta, abs=1e-4)
+
+
+def test_counts_that_come_late_are_not_counted_twice() -> None:
+    benches = [Bench() for _ in range(2)]
+    for bench in benches:
+        bench.arm()
+        for _ in range(40):
+            bench.command(lib.OMNI_SETPOINT_DUTY, duty=(0.5, 0.5, 0.5, 0))
+            bench.tick(count=10)
+    for n in range(90):
+        benches[1].inputs.counts_valid = 0xF if n % 3 == 0 else 0xE
+        for bench in benches:
+            bench.command(lib.OMNI_SETPOINT_DUTY, duty=(0.5, 0.5, 0.5, 0))
+            bench.tick()
+    assert benches[1].outputs.state == lib.OMNI_STATE_ARMED
+    # Twice counted, 60 ticks of wheel 1 would have turned the robot by 5 mrad more.
+    assert benches[1].outputs.pose.theta == pytest.approx(benches[0].outputs.pose.theta, abs=3e-4)
+
+
 def test_an_encoder_reported_dead_stops_the_motors() -> None:
     bench = Bench()
     bench.arm()

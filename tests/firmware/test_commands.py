@@ -124,6 +124,63 @@ def test_a_pose_set_point_is_approached(robot: Client) -> None:
     assert -0.3 <= reference[2] < 0
 
 
+def test_duties_reach_the_bridges_while_they_are_fresh(robot: Client) -> None:
+    robot.armed()
+    robot.mav.omni_setpoint_duty_send(1, 1, [0.5, -0.25, 0.0, 0.0])
+    robot.ticks(20)
+    assert robot.channel(9) - robot.channel(8) == pytest.approx(0.5 * 4096, abs=2)
+    assert robot.channel(13) - robot.channel(14) == pytest.approx(-0.25 * 4096, abs=2)
+    assert robot.channel(3) == robot.channel(2)
+    robot.tick(step_us=1000)
+    assert robot.ticks(600)[-1].actuators.state == FAILSAFE
+
+
+@pytest.mark.parametrize("duty", [1.01, -math.inf, math.nan])
+def test_a_duty_that_cannot_be_is_refused(robot: Client, duty: float) -> None:
+    robot.armed()
+    robot.mav.omni_setpoint_duty_send(1, 1, [0.1, duty, 0.0, 0.0])
+    ticks = robot.ticks(50)
+    assert ["duty beyond" in m.text for t in ticks for m in t.others if m.get_type() == "STATUSTEXT"] == [True]
+    assert robot.channel(9) == robot.channel(8)
+
+
+def test_duties_for_a_robot_that_is_not_armed_are_refused_and_do_not_wait_for_arming(robot: Client) -> None:
+    robot.heartbeat()
+    robot.ticks(20)
+    robot.mav.omni_setpoint_duty_send(1, 1, [0.5, 0.5, 0.5, 0.0])
+    ticks = robot.ticks(5)
+    assert any("armed" in m.text for t in ticks for m in t.others if m.get_type() == "STATUSTEXT")
+    robot.armed()
+    robot.ticks(20)
+    assert robot.channel(9) == robot.channel(8)
+
+
+def test_what_is_locked_while_armed_is_locked_from_the_accepted_command_on(robot: Client) -> None:
+    robot.heartbeat()
+    robot.ticks(20)
+    radius = robot.get("WHEEL_RADIUS")
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert robot.set("WHEEL_RADIUS", 0.06) == radius
+    assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    assert robot.set("WHEEL_RADIUS", 0.06) == pytest.approx(0.06)
+
+
+def test_a_sample_holds_what_identification_needs(robot: Client) -> None:
+    sample = mav.MAVLINK_MSG_ID_OMNI_SAMPLE
+    robot.armed()
+    assert not [m for t in robot.ticks(200) for m in t.others if m.id == sample]
+    assert robot.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, sample, 20000) == mav.MAV_RESULT_ACCEPTED
+    robot.mav.omni_setpoint_duty_send(1, 1, [0.5, -0.25, 0.0, 0.0])
+    got = [m for n in range(200) for m in robot.tick(counts=[3 * n, -n, 0, 0], battery_v=10.0).others if m.id == sample]
+    assert len(got) in (10, 11)
+    assert got[-1].supply == 10.0
+    last, before = got[-1], got[-2]
+    assert last.time_us - before.time_us == 20000
+    assert [a - b for a, b in zip(last.counts, before.counts, strict=True)] == [60, -20, 0, 0]
+    moved = [a - b for a, b in zip(last.volt_seconds, before.volt_seconds, strict=True)]
+    assert moved == pytest.approx([0.5 * 10.0 * 20000, -0.25 * 10.0 * 20000, 0, 0], abs=20)
+
+
 @pytest.mark.parametrize(
     ("velocity", "why"),
     [

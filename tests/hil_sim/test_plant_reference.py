@@ -139,3 +139,28 @@ def test_plant_agrees_with_reference_when_wheels_break_away(robots: dict[str, Ro
         world.set_duty(duty.tolist())
         world.step(HOLD_TICKS)
     assert_close(reference, world_state(world), expected, peak, tolerance=1e-3)
+
+
+FULL_BEFORE_PLANTS = {
+    "three_wheel": (
+        [0.008466521350420633, -0.003500039266104386, -0.04753501793244282],
+        [-0.6248318437147312, 2.831765640812303, 0.12907300810564817],
+    ),
+    "four_wheel": (
+        [-0.008932141165258199, 0.001506031448711205, -0.01630971513394025],
+        [-0.7195097929153946, 2.918053596838392, 0.015286095746115898, -3.020714402951756],
+    ),
+}
+
+
+def test_full_is_what_it_was_before_other_plants_existed(any_robot: Robot, make_world: Any) -> None:
+    """Bits are the same on one machine; others round cosines their own way."""
+    world = make_world(any_robot, seed=3, slip_max=0.1, slip_time_s=0.3)
+    for k in range(40):
+        world.set_duty([((7 * k + 5 * wheel) % 9 - 4) / 4 for wheel in range(any_robot.wheels)])
+        if k % 7 == 0:
+            world.set_bridges([0] * 4, [0] * 4)
+        world.step(25)
+    pose, wheels = FULL_BEFORE_PLANTS[any_robot.name]
+    assert np.allclose(world.truth, pose, rtol=1e-11, atol=0.0)
+    assert np.allclose(world.wheel_rad_s, wheels, rtol=1e-11, atol=0.0)

@@ -202,6 +202,22 @@ def test_velocities_and_stops_can_be_played(way: str) -> None:
     assert np.all(done.record["duty"][3100:] == 0.0)
 
 
+@pytest.mark.parametrize("way", ["in-process", "hil"])
+def test_open_loop_duties_can_be_played(way: str) -> None:
+    events = (
+        Event(at_s=0.2, command="arm"),
+        Event(at_s=0.2, duty=(0.5, 0.5, 0.5)),
+        Event(at_s=1.0, duty=(0.0, 0.0, 0.0)),
+    )
+    done = run(way, replace(load_scenario("no_slip"), events=events, duration_s=2.0, start_pose=(0.0, 0.0, 0.0)))
+    np.testing.assert_allclose(done.record["duty"][300:990, :3], 0.5, atol=1e-3)
+    assert np.all(done.record["duty"][1010:1900] == 0.0)
+    # 6 V less Coulomb friction is 1.6 rad/s at the wheel, 0.3 rad/s at the body
+    turned = done.record["truth"][1500, 2] - done.record["truth"][0, 2]
+    assert turned == pytest.approx(0.8 * 1.62 * 0.0508 / 0.2632, rel=0.05)
+    assert done.record["state"][1500] == 2
+
+
 def test_half_of_the_path_is_half_of_its_time_without_ramps() -> None:
     scenario = load_scenario("demo")
     values = {**scenario.parameter_values(), "TRJ_RAMP": 0.0}

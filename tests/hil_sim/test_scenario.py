@@ -48,6 +48,7 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
             {"at_s": 0.5, "command": "arm"},
             {"at_progress": 0.25, "set": {"WS_P": 5}},
             {"at_s": 1, "velocity": [0.1, 0, 0]},
+            {"at_s": 2, "duty": [0.5, -1, 0]},
         ],
         fault=[
             {"kind": "encoder_stuck", "wheel": 2, "start_s": 1.0},
@@ -62,6 +63,7 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         Event(at_s=0.5, command="arm"),
         Event(at_progress=0.25, settings={"WS_P": 5.0}),
         Event(at_s=1.0, velocity=(0.1, 0.0, 0.0)),
+        Event(at_s=2.0, duty=(0.5, -1.0, 0.0)),
     )
     assert scenario.faults == (Fault("encoder_stuck", 1.0, math.inf, wheel=1), Fault("battery_sag", 0.0, value=8.0))
 
@@ -80,6 +82,9 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         ({"parameters": {"ISMC_LAM_XY": 1e9}}, ("parameters.ISMC_LAM_XY", "200")),
         ({"parameters": {"CTL_MODE": "ismcc"}}, ("parameters.CTL_MODE", "did you mean ismc")),
         ({"world": {"slip_maximum": 0.1}}, ("world.slip_maximum", "did you mean slip_max")),
+        ({"world": {"plant": "slipp"}}, ("world.plant", "did you mean slip", "kinematic+motors")),
+        ({"world": {"plant": 3}}, ("world.plant", "3")),
+        ({"world": {"slip_speed_max_m_s": -0.1}}, ("world.slip_speed_max_m_s", "-0.1")),
         ({"world": {"slip_max": 1.5}}, ("world.slip_max", "1.5", "0.9")),
         ({"world": {"slip_max": math.nan}}, ("world.slip_max", "nan")),
         ({"world": {"start_pose": [0, 0]}}, ("world.start_pose", "three numbers")),
@@ -89,6 +94,8 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         ({"event": [{"at_s": 1, "command": "amr"}]}, ("event[1].command", "did you mean arm")),
         ({"event": [{"at_progress": 1.5, "command": "arm"}]}, ("event[1].at_progress", "from 0 to 1")),
         ({"event": [{"at_s": 1, "set": {"WS_P": math.inf}}]}, ("event[1].set.WS_P", "inf")),
+        ({"event": [{"at_s": 1, "duty": [0.5, 0.5]}]}, ("event[1].duty", "list of 3")),
+        ({"event": [{"at_s": 1, "duty": [0.5, 0.5, 1.5]}]}, ("event[1].duty[3]", "from -1 to 1")),
         ({"fault": [{"kind": "encoder_stuk", "start_s": 1}]}, ("fault[1].kind", "did you mean encoder_stuck")),
         ({"fault": [{"start_s": 1}]}, ("fault[1].kind", "None")),
         ({"fault": [{"kind": "encoder_stuck", "start_s": 1}]}, ("fault[1].wheel", "is needed")),
@@ -156,3 +163,19 @@ def test_an_event_describes_itself() -> None:
     assert Event(at_s=0.0, command="trajectory_start").describe() == "trajectory start"
     assert Event(at_s=0.0, settings={"WS_P": 5.0}).describe() == "WS_P = 5"
     assert Event(at_s=0.0, velocity=(0.1, 0.0, -1.0)).describe() == "velocity 0.1, 0, -1"
+    assert Event(at_s=0.0, duty=(0.1, 0.0, -1.0)).describe() == "duty 0.1, 0, -1"
+
+
+def test_the_plant_is_the_full_one_unless_another_is_named() -> None:
+    demo = load_scenario("demo")
+    assert demo.plant == "full"
+    assert demo.with_plant(None) is demo
+    assert demo.with_plant("kinematic+motors").plant == "kinematic+motors"
+    with pytest.raises(SchemaError, match=r"world\.plant"):
+        demo.with_plant("magic")
+
+
+def test_a_scenario_names_its_plant(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('[scenario]\nname = "mine"\nextends = "demo"\n[world]\nplant = "slip"\n')
+    assert load_scenario(path).plant == "slip"

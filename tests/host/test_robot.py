@@ -20,7 +20,7 @@ from omniwheel.errors import (
     OmniError,
     SetpointError,
 )
-from omniwheel.telemetry import StatusText, Tracking
+from omniwheel.telemetry import Sample, StatusText, Tracking
 from omniwheel.tlog import TlogWriter
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
@@ -188,6 +188,34 @@ def test_a_set_point_that_is_no_number_is_not_sent(fake: Any, robot: Robot, bad:
         with pytest.raises(SetpointError):
             send()
     assert not [m for m in fake.received if m.get_type() not in ("HEARTBEAT",)]
+
+
+def test_duties_are_sent_to_this_robot_one_per_wheel(fake: Any, robot: Robot) -> None:
+    robot.set_duty([0.5, -0.25, 0.1])
+    robot.pump()
+
+    def sent() -> list[Any]:
+        return [m for m in fake.received if m.get_type() == "OMNI_SETPOINT_DUTY"]
+
+    message = sent()[-1]
+    assert list(message.duty) == pytest.approx([0.5, -0.25, 0.1, 0.0])
+    assert message.target_system == robot.connection.target_system
+    robot.drive_duty([0.2] * 4, 0.3)
+    assert len(sent()) >= 6
+    assert list(sent()[-1].duty) == [0.0] * 4
+    for wrong in ([], [0.0] * 5, [1.1], [math.nan]):
+        with pytest.raises(SetpointError):
+            robot.set_duty(wrong)
+
+
+def test_samples_are_decoded(fake: Any, robot: Robot) -> None:
+    values = (2_500_000, [1, -2, 3, 4], [12_000, -6_000, 0, 2**31 - 1], 11.5, [1.0, 2.0, 0.5], 2)
+    fake.send(mavlink.MAVLink_omni_sample_message(*values))
+    sample = robot.wait_for(Sample)
+    assert sample.time_s == 2.5
+    assert sample.counts == (1, -2, 3, 4)
+    assert sample.volt_seconds == pytest.approx((0.012, -0.006, 0.0, 2147.483647))
+    assert (sample.supply_V, sample.pose, sample.phase) == (11.5, (1.0, 2.0, 0.5), "path")
 
 
 def test_a_kept_velocity_is_repeated_before_it_times_out_and_ends_with_zero(fake: Any, robot: Robot) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from hil_sim.world import PLANTS
 from omniwheel import connect
 from omniwheel.cli import app
 
@@ -86,6 +87,21 @@ def test_sim_over_seeds_gives_mean_and_deviation() -> None:
     assert len(told["seeds"]) == 3
     assert told["figures"]["position_m"]["mean"] > 0.0
     assert told["figures"]["position_m"]["sd"] > 0.0
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_sim_drives_every_plant_to_the_end(tmp_path: Path, plant: str) -> None:
+    told = omni_json("sim", "no_slip", "--plant", plant, "--out", tmp_path)
+    assert told["completed"]
+    assert told["world"]["plant"] == plant
+    assert told["faults"] == []
+    assert told["rmse"]["position_m"] < 0.01
+    assert told["effort"]["chatter"] < 0.1
+
+
+def test_an_unknown_plant_is_bad_input(tmp_path: Path) -> None:
+    omni("sim", "no_slip", "--plant", "slipp", "--out", tmp_path, code=2)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_bench_measures_both_loops() -> None:

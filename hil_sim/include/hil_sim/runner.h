@@ -8,6 +8,7 @@
 #define HIL_SIM_RUNNER_H
 
 #include "hil_sim/world.h"
+#include "omni/direct_torque.h"
 #include "omni/robot.h"
 
 /** One row of a run's record. Arrays per wheel have HIL_MAX_WHEELS entries. */
@@ -46,6 +47,22 @@ typedef struct hil_record_t {
  */
 void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
                         hil_record_t *record);
+
+/** Per wheel the value of largest magnitude, with its sign; the slip speed is rim minus floor, after each tick. */
+typedef struct hil_torque_peaks_t {
+    double torque_N_m[HIL_MAX_WHEELS];
+    double slip_m_s[HIL_MAX_WHEELS];
+} hil_torque_peaks_t;
+
+/**
+ * For studies of direct torque control: one period of the law with ideal torques and perfect knowledge of pose and twist. The law is
+ * evaluated once, its torques are held for `ticks` ticks of OMNI_TICK_US, and omni_direct_torque_protect acts in each.
+ * @param floor_world twist that the protection takes for the floor's; NULL: the true one. @param peaks out.
+ * @return HIL_ERR_CONFIG if the plant takes no torques or the wheels of `k` are not the world's.
+ */
+hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *k, const omni_direct_torque_config_t *config,
+                                   const omni_reference_t *reference, const omni_twist_t *floor_world, uint32_t ticks,
+                                   hil_torque_peaks_t *peaks);
 
 enum { HIL_LOCKSTEP_RX = 65536, HIL_LOCKSTEP_INPUT = 4096 };
 

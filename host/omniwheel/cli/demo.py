@@ -17,7 +17,9 @@ from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     OutOption,
     PlantOption,
+    PresetOption,
     SeedOption,
+    apply_preset,
     comparison_table,
     make_folder,
     print_facts,
@@ -32,6 +34,7 @@ COMPARED = ("original_law", "no_slip")
 def demo(
     seed: SeedOption = None,
     plant: PlantOption = None,
+    preset: PresetOption = None,
     out: OutOption = DEFAULT_OUT,
     compare: Annotated[
         bool,
@@ -44,7 +47,7 @@ def demo(
 
     Leaves a folder with telemetry.tlog, summary.json and report.png. Exit code 1 if the path was not driven to its end.
     """  # noqa: D205
-    scenario = load_scenario("demo").with_seed(seed).with_plant(plant)
+    scenario = apply_preset(load_scenario("demo").with_seed(seed).with_plant(plant), preset)
     folder = make_folder(out, scenario)
     note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
     with run_progress("firmware in the loop", json_wanted) as progress:

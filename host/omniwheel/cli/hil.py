@@ -14,8 +14,10 @@ from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     OutOption,
     PlantOption,
+    PresetOption,
     ScenarioArgument,
     SeedOption,
+    apply_preset,
     finished,
     make_folder,
     print_run,
@@ -39,11 +41,12 @@ def hil(
     ] = None,
     seed: SeedOption = None,
     plant: PlantOption = None,
+    preset: PresetOption = None,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
-    scenario = load_scenario(scenario_name).with_seed(seed).with_plant(plant)
+    scenario = apply_preset(load_scenario(scenario_name).with_seed(seed).with_plant(plant), preset)
     folder = make_folder(out, scenario)
     note(scenario.description, quiet=json_wanted)
     with run_progress(scenario.name, json_wanted) as progress:

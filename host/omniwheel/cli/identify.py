@@ -28,28 +28,35 @@ from omniwheel.identification import excitation
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.live import excite
 from omniwheel.identification.model import layout_of
+from omniwheel.identification.motor_steps import MotorSteps, identify_motors
 from omniwheel.identification.physical import Known
 from omniwheel.identification.pipeline import Identification, identify_robot
 from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.identification.simulation import SimulatedRobot
-from omniwheel.identification.sources import read_source
+from omniwheel.identification.sources import read_tlog
 from omniwheel.robot import DEFAULT_TIMEOUT_S
 from omniwheel.robots import read_robot
 from omniwheel.tlog import TlogWriter
 
-app = typer.Typer(help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True)
+app = typer.Typer(
+    help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True
+)
 
 app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 
 RobotOption = Annotated[
-    str, typer.Option("--robot", "-r", metavar="ROBOT", help="Robot or file whose layout it has; the new file is its copy.")
+    str,
+    typer.Option("--robot", "-r", metavar="ROBOT", help="Robot or file whose layout it has; the new file is its copy."),
 ]
 MassOption = Annotated[
-    float | None, typer.Option("--mass", metavar="KG", help="Weighed mass. Default: the robot file's.", show_default=False)
+    float | None,
+    typer.Option("--mass", metavar="KG", help="Weighed mass. Default: the robot file's.", show_default=False),
 ]
 ResistanceOption = Annotated[
     float | None,
-    typer.Option("--resistance", metavar="OHM", help="Measured winding. Default: the robot file's.", show_default=False),
+    typer.Option(
+        "--resistance", metavar="OHM", help="Measured winding. Default: the robot file's.", show_default=False
+    ),
 ]
 ConstantOption = Annotated[
     float | None,
@@ -62,7 +69,9 @@ ConstantOption = Annotated[
 ]
 StandOption = Annotated[
     Path | None,
-    typer.Option("--stand", metavar="LOG", help="Log of voltage steps with the wheels off the floor.", show_default=False),
+    typer.Option(
+        "--stand", metavar="LOG", help="Log of voltage steps with the wheels off the floor.", show_default=False
+    ),
 ]
 ValidateOption = Annotated[
     list[Path] | None,
@@ -76,11 +85,11 @@ FolderOption = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Whe
     "telemetry",
     epilog=examples(
         "omni identify telemetry drive.tlog --robot three_wheel --mass 3.52 --stand stand.tlog",
-        "omni identify telemetry runs/demo-seed1 --validate runs/demo-seed2 --name mine --json",
+        "omni identify telemetry drive.tlog --validate other.tlog --motor-constant 1.05 --name mine --json",
     ),
 )
 def telemetry(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help=".tlog files or folders of runs.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help=".tlog files with OMNI_SAMPLE.")],
     robot: RobotOption = "three_wheel",
     stand: StandOption = None,
     validate: ValidateOption = None,
@@ -91,18 +100,14 @@ def telemetry(
     folder: FolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
-    """Identify from what Omniwheel recorded: telemetry logs with OMNI_WHEELS at 50 Hz, or folders of simulated runs."""
+    """Identify from telemetry logs: those of `omni identify live --log`, or others with OMNI_SAMPLE at 50 Hz."""
     base = read_robot(robot)
-
-    def read(path: Path) -> Dataset:
-        return read_source(path, float(base.parameter_values()["BAT_V_NOM"]), base.wheels)
-
     found = identify_robot(
         base,
-        [read(path) for path in logs],
+        [_read(path, base) for path in logs],
         _known(base, mass, resistance, motor_constant, stand),
-        stand=read(stand) if stand is not None else None,
-        validation=[read(path) for path in validate or []],
+        stand=_read(stand, base) if stand is not None else None,
+        validation=[_read(path, base) for path in validate or []],
     )
     _finish(found, name, robot, folder, as_json)
 
@@ -111,7 +116,8 @@ def telemetry(
     "live",
     epilog=examples(
         "omni identify live --link tcp:127.0.0.1:5760 --robot three_wheel --name mine",
-        "omni identify live --duration 20 --share 0.5 --log drive.tlog",
+        "omni identify live --on-stand --log stand.tlog",
+        "omni identify live --duration 20 --log drive.tlog --stand stand.tlog --mass 3.52 --resistance 2.68",
     ),
 )
 def live(
@@ -120,9 +126,9 @@ def live(
     duration: Annotated[
         float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
     ] = excitation.DURATION_S,
-    share: Annotated[
-        float, typer.Option("--share", min=0.1, max=0.95, help="Wheel speed to use, as a share of LIM_WHEEL.")
-    ] = 0.6,
+    on_stand: Annotated[
+        bool, typer.Option("--on-stand", help="Wheels off the floor: step the motors and only write the --log.")
+    ] = False,
     log: Annotated[
         Path | None, typer.Option("--log", metavar="OUT.tlog", help="Keep the telemetry.", show_default=False)
     ] = None,
@@ -135,26 +141,37 @@ def live(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Drive circles and spins both ways (Appendix D), record, identify. The robot moves and needs room for a circle."""
+    """Drive circles and spins both ways (Appendix D) with open-loop duty, record, identify. The robot needs room."""
     base = read_robot(robot)
+    if on_stand and log is None:
+        raise typer.BadParameter("--on-stand needs --log OUT.tlog")
     known = _known(base, mass, resistance, motor_constant, stand)
+    free = _read(stand, base) if stand is not None else None
+    angles = layout_of(base).angle_rad
+    steps = {"steps on the stand": excitation.stand_steps(base.wheels)}
+    profiles = steps if on_stand else excitation.appendix_d(angles, duration)
     writer = TlogWriter(writable_path(log, "the log")) if log is not None else None
     try:
         with open_robot(link, timeout_s=timeout, recorder=writer.write if writer is not None else None) as connected:
-            run = excite(connected, duration, share, lambda text: note(f"{text} …", quiet=as_json))
+            run = excite(connected, profiles, lambda text: note(f"{text} …", quiet=as_json))
     finally:
         if writer is not None:
             writer.close()
-    on_stand = read_source(stand, float(base.parameter_values()["BAT_V_NOM"]), base.wheels) if stand is not None else None
-    _finish(identify_robot(base, [run], known, stand=on_stand), name, robot, folder, as_json)
+    if on_stand:
+        _finish_stand(identify_motors(run), as_json)
+    else:
+        _finish(identify_robot(base, [run], known, stand=free), name, robot, folder, as_json)
 
 
 @app.command(
-    "simulate", epilog=examples("omni identify simulate --seed 3 --name found", "omni identify simulate four_wheel --json")
+    "simulate",
+    epilog=examples("omni identify simulate --seed 3 --name found", "omni identify simulate four_wheel --json"),
 )
 def simulate(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="Robot or file to vary.")] = "three_wheel",
-    seed: Annotated[int, typer.Option("--seed", min=0, max=2**31, help="Decides the true parameters and all noise.")] = 1,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, max=2**31, help="Decides the true parameters and all noise.")
+    ] = 1,
     duration: Annotated[
         float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
     ] = excitation.DURATION_S,
@@ -162,7 +179,7 @@ def simulate(
     folder: FolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
-    """Try it without a robot: a simulated one with parameters drawn by chance is identified, and compared with the truth."""
+    """Try it without a robot: identify a simulated one with parameters drawn by chance, and compare with the truth."""
     base = read_robot(robot)
     simulated = SimulatedRobot.random(base, seed)
     angles = layout_of(base).angle_rad
@@ -174,6 +191,10 @@ def simulate(
     known = _known(base, truth["mass_kg"], truth["motor_resistance_ohm"], None, Path())
     found = identify_robot(base, runs, known, stand=stand, validation=[other])
     _finish(found, name, robot, folder, as_json, truth)
+
+
+def _read(path: Path, base: RobotFile) -> Dataset:
+    return read_tlog(path, base.parameter_values())
 
 
 def _known(
@@ -197,6 +218,27 @@ def _file_number(base: RobotFile, section: str, key: str, option: str) -> float:
     return float(value)
 
 
+def _finish_stand(motors: MotorSteps, as_json: bool) -> None:
+    estimate = motors.together.estimate
+    if as_json:
+        values = {
+            name: {"value": estimate[name], "half_width_95": estimate.half_width(name)} for name in estimate.names
+        }
+        print_json({"parameters": values, "dead_bands": [vars(band) for band in motors.dead_bands]})
+        return
+    for name in estimate.names:
+        console.print(f"{name} {estimate[name]:.5g} ± {estimate.half_width(name):.2g}")
+    _print_dead_bands(motors)
+
+
+def _print_dead_bands(motors: MotorSteps) -> None:
+    for band in motors.dead_bands:
+        way = "forwards" if band.direction > 0 else "backwards"
+        console.print(
+            f"wheel {band.wheel + 1} {way}: stands still up to {band.still_V:.2f} V, turns from {band.moving_V:.2f} V"
+        )
+
+
 def _finish(
     found: Identification,
     name: str,
@@ -210,9 +252,8 @@ def _finish(
         print_json(_as_dict(found, path, truth))
         return
     console.print(_table(found, truth))
-    for band in found.motors.dead_bands if found.motors is not None else ():
-        way = "forwards" if band.direction > 0 else "backwards"
-        console.print(f"wheel {band.wheel + 1} {way}: stands still up to {band.still_V:.2f} V, turns from {band.moving_V:.2f} V")
+    if found.motors is not None:
+        _print_dead_bands(found.motors)
     shown = found.diagnostics
     console.print(f"{100 * shown.fit:.2f} % of the speeds explained, residual {1e3 * shown.rmse_rad_s:.1f} mrad/s")
     if found.validation == found.validation:
@@ -222,7 +263,9 @@ def _finish(
     console.print(f"\n[bold]{path}[/]  check it with: omni robots check {path}")
 
 
-def _each(found: Identification, truth: dict[str, float] | None, take: Callable[[str, float, float, float | None], None]) -> None:
+def _each(
+    found: Identification, truth: dict[str, float] | None, take: Callable[[str, float, float, float | None], None]
+) -> None:
     for estimate in found.estimates():
         for name in estimate.names:
             take(name, estimate[name], estimate.half_width(name), None if truth is None else truth[name])
@@ -232,7 +275,11 @@ def _table(found: Identification, truth: dict[str, float] | None) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     titles = ("parameter", "value", "± 95 %", "truth", "") if truth is not None else ("parameter", "value", "± 95 %")
     for title in titles:
-        table.add_column(title, style="cyan" if title == "parameter" else "", justify="left" if title in ("parameter", "") else "right")
+        table.add_column(
+            title,
+            style="cyan" if title == "parameter" else "",
+            justify="left" if title in ("parameter", "") else "right",
+        )
 
     def add(name: str, value: float, half_width: float, true: float | None) -> None:
         cells = [name, f"{value:.5g}", f"{half_width:.2g}"]

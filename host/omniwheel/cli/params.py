@@ -30,6 +30,7 @@ from omniwheel.cli.common import (
 from omniwheel.errors import UnknownParameterError
 from omniwheel.parameter_file import format_value, shortest
 from omniwheel.parameters import Parameters, checked_value
+from omniwheel.presets import Preset, find_parameter_file, preset_names, read_preset
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.robots import parameter_table
 
@@ -181,33 +182,69 @@ def save(
         console.print(f"{len(values)} parameters saved to {file}")
 
 
-@app.command("load", epilog=examples("omni params load mine.toml", "omni params load mine.toml --store"))
+@app.command("load", epilog=examples("omni params load mine.toml --store", "omni params load report_torque"))
 def load(
-    file: Annotated[Path, typer.Argument(help="TOML file with a table \\[parameters].")],
+    file: Annotated[
+        str, typer.Argument(metavar="FILE|PRESET", help="TOML file with a table \\[parameters], or a preset's name.")
+    ],
     store: StoreOption = False,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Set the parameters of a file, all or none, and show what changed."""
-    parameter_file.read(file, parameter_table())
+    """Set the parameters of a file or preset, all or none, and show what changed."""
+    path = find_parameter_file(file)
+    parameter_file.read(path, parameter_table())
     with open_robot(link, timeout_s=timeout) as robot:
         _download(robot, as_json)
-        changes = robot.parameters.load(file)
+        changes = robot.parameters.load(path)
         _keep(robot, store, as_json)
         _print_changes(robot.parameters, changes, "before", "after", as_json)
 
 
+@app.command("presets", epilog=examples("omni params presets", "omni params presets report_ismc --json"))
+def presets(
+    name: Annotated[str | None, typer.Argument(help="Show this one; without it, list all.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the sets of gains that come with omniwheel, or show one. `omni params load NAME` sets them on a robot."""
+    table = parameter_table()
+    chosen = [read_preset(entry, table) for entry in ([name] if name else preset_names())]
+    if as_json:
+        print_json({"presets": [_preset_facts(preset, with_values=name is not None) for preset in chosen]})
+        return
+    shown = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("parameter", "value", "unit", "meaning") if name else ("preset", "description", "from"):
+        shown.add_column(title, style="cyan" if title in ("preset", "parameter") else "")
+    for preset in chosen:
+        if name is None:
+            shown.add_row(preset.name, escape(preset.description), escape(preset.source))
+            continue
+        console.print(f"[bold]{preset.name}[/]  {escape(preset.description)}\n[dim]{escape(preset.source)}[/]")
+        for key, value in preset.parameters.items():
+            shown.add_row(key, format_value(table[key], value), escape(table[key].unit), escape(table[key].doc))
+    console.print(shown)
+
+
+def _preset_facts(preset: Preset, with_values: bool) -> dict[str, Any]:
+    facts: dict[str, Any] = {"name": preset.name, "description": preset.description, "source": preset.source}
+    if with_values:
+        facts["parameters"] = {key: shortest(value) for key, value in preset.parameters.items()}
+    return facts
+
+
 @app.command("diff", epilog=examples("omni params diff mine.toml", "omni params diff", "omni params diff --json"))
 def diff(
-    file: Annotated[Path | None, typer.Argument(help="TOML file; without it, the defaults of params.toml.")] = None,
+    file: Annotated[
+        str | None, typer.Argument(help="TOML file or preset; without it, the defaults of params.toml.")
+    ] = None,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
     """Show where the robot differs from a file or from the defaults (robot → file). Exit code 1: it differs."""
     table = parameter_table()
-    other = table.defaults() if file is None else parameter_file.read(file, table)
+    other = table.defaults() if file is None else parameter_file.read(find_parameter_file(file), table)
     with open_robot(link, timeout_s=timeout) as robot:
         _download(robot, as_json)
         changes = robot.parameters.diff(other)

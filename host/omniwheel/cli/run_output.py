@@ -23,6 +23,7 @@ from hil_sim.world import PLANTS
 from omni_schema.errors import did_you_mean
 from omniwheel.cli.common import console, error_console
 from omniwheel.errors import OmniError
+from omniwheel.presets import read_preset
 
 ScenarioArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A scenario of the package, or a .toml file.", show_default=True)
@@ -45,6 +46,14 @@ PlantOption = Annotated[
         metavar="|".join(PLANTS),
         callback=_known_plant,
         help="What stands in for the robot: the full physics or a model of the report. [default: the scenario's]",
+    ),
+]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        help="Gains to use instead of the scenario's: a preset (omni params presets) or a parameter file.",
     ),
 ]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the run's folder is made.")]
@@ -81,6 +90,13 @@ def run_progress(title: str, quiet: bool) -> Iterator[timeline.Progress]:
             progress.update(task, completed=time_s, total=end_s, simulated=f"{time_s:5.1f} s simulated")
 
         yield show
+
+
+def apply_preset(scenario: Scenario, name: str | None) -> Scenario:
+    """Return the scenario with a preset's parameters over its own; None changes nothing."""
+    if name is None:
+        return scenario
+    return scenario.with_parameters(read_preset(name, scenario.robot.table).parameters)
 
 
 def make_folder(out: Path, scenario: Scenario) -> Path:

@@ -17,8 +17,10 @@ from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     OutOption,
     PlantOption,
+    PresetOption,
     ScenarioArgument,
     SeedOption,
+    apply_preset,
     finished,
     make_folder,
     print_run,
@@ -30,7 +32,7 @@ EXAMPLES = examples(
     "omni sim",
     "omni sim four_wheel --seed 3 --plant slip",
     "omni sim demo --seeds 20",
-    "omni sim original_law --seeds 20 --json",
+    "omni sim --preset report_torque",
 )
 MAX_SEEDS = 100_000
 
@@ -57,11 +59,12 @@ def sim(
         ),
     ] = 1,
     plant: PlantOption = None,
+    preset: PresetOption = None,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario in this process: the same world and the same control core, without firmware and link."""
-    scenario = load_scenario(scenario_name).with_seed(seed).with_plant(plant)
+    scenario = apply_preset(load_scenario(scenario_name).with_seed(seed).with_plant(plant), preset)
     if seeds > 1:
         _many(scenario, seeds, json_wanted)
         return

@@ -21,9 +21,11 @@ COLOURED = 0.2
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """``fit`` share of the speeds' variation explained, ``rmse_rad_s`` residual, ``correlation`` of neighbouring residuals,
-    ``whiteness_p`` of the Ljung-Box test (small: not white), ``condition`` of the parameters' correlation (large: some trade
-    against each other), ``saturated_share`` of moving rows at full duty.
+    """What is known of a fit.
+
+    ``fit`` is the share of the speeds' variation explained, ``rmse_rad_s`` the residual, ``correlation`` that of
+    neighbouring residuals, ``whiteness_p`` of the Ljung-Box test (small: not white), ``condition`` that of the
+    parameters' correlation (large: some trade against each other), ``saturated_share`` of moving rows at full duty.
     """
 
     fit: float

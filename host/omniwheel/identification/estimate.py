@@ -43,7 +43,7 @@ class Estimate:
         return self[name] - self.half_width(name), self[name] + self.half_width(name)
 
     def covers(self, name: str, truth: float) -> bool:
-        """Is the truth inside the interval?"""
+        """Tell whether the truth is inside the interval."""
         return abs(truth - self[name]) <= self.half_width(name)
 
     def joined(self, other: Estimate, prefix: str = "") -> Estimate:
@@ -67,8 +67,9 @@ class Estimate:
 def clustered_covariance(jacobian: Array, residual: Array, cluster: NDArray[np.int64]) -> tuple[Array, float]:
     """Return the covariance (p, p) of a least-squares estimate and its degrees of freedom.
 
-    Rows of ``jacobian`` (rows, p) and ``residual`` (rows,) that share a number in ``cluster`` (rows,) may be correlated in any way,
-    in time and between wheels; clusters are taken as independent (Liang and Zeger's sandwich with the factor B / (B - p)).
+    Rows of ``jacobian`` (rows, p) and ``residual`` (rows,) that share a number in ``cluster`` (rows,) may be
+    correlated in any way, in time and between wheels; clusters are taken as independent (Liang and Zeger's sandwich
+    with the factor B / (B - p)).
     """
     scale = np.linalg.norm(jacobian, axis=0)
     if np.any(scale == 0.0):

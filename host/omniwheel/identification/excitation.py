@@ -27,13 +27,14 @@ STAND_REST_S = 0.6
 
 
 def _times(duration_s: float) -> Array:
-    return np.arange(round(duration_s / PERIOD_S)) * PERIOD_S
+    return np.arange(round(duration_s / PERIOD_S), dtype=np.float64) * PERIOD_S
 
 
 def _ramp(duration_s: float) -> Array:
     """Return a factor (rows, 1) that rises from 0 to 1 and falls back: steps would shake what the model leaves out."""
     t = _times(duration_s)[:, None]
-    return 0.5 - 0.5 * np.cos(np.pi * np.clip(np.minimum(t, duration_s - t) / RAMP_S, 0.0, 1.0))
+    ramp: Array = 0.5 - 0.5 * np.cos(np.pi * np.clip(np.minimum(t, duration_s - t) / RAMP_S, 0.0, 1.0))
+    return ramp
 
 
 def circle(angle_rad: Array, direction: int, duration_s: float = DURATION_S, duty: float = CIRCLE_DUTY) -> Array:
@@ -76,4 +77,5 @@ def validation(angle_rad: Array, duration_s: float = 20.0) -> Array:
     """Move along x, y and theta at once with other periods than the identification runs have."""
     t = _times(duration_s)[:, None]
     x, y, turn = np.sin(2.0 * np.pi * t / 3.1), np.sin(2.0 * np.pi * t / 4.3), np.sin(2.0 * np.pi * t / 2.3)
-    return 0.25 * _ramp(duration_s) * (-np.sin(angle_rad) * x + np.cos(angle_rad) * y + turn)
+    duty: Array = 0.25 * _ramp(duration_s) * (-np.sin(angle_rad) * x + np.cos(angle_rad) * y + turn)
+    return duty

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Effective wheel radii and wheel distance from encoders against motion capture.
 
-As Borenstein and Feng's UMBmark, runs go both ways, so that what is wrong in one way only shows; unlike it, whole paths are
-compared. Runs are cut into windows. In each, odometry from the encoder angles is laid over the captured poses with the best
-start pose, so that noise of the poses stays in the residuals and never becomes a regressor, which would shrink the answers.
+As Borenstein and Feng's UMBmark, runs go both ways, so that what is wrong in one way only shows; unlike it, whole
+paths are compared. Runs are cut into windows. In each, odometry from the encoder angles is laid over the captured
+poses with the best start pose, so that noise of the poses stays in the residuals and never becomes a regressor, which
+would shrink the answers.
 """
 
 from __future__ import annotations
@@ -122,7 +123,9 @@ def odometry(increments_rad: Array, to_body: Array) -> Array:
     return np.column_stack((np.concatenate(([0.0], np.cumsum(dx))), np.concatenate(([0.0], np.cumsum(dy))), theta))
 
 
-def _residual(values: Array, windows: Sequence[_Window], layout: Layout, sd: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+def _residual(
+    values: Array, windows: Sequence[_Window], layout: Layout, sd: Array
+) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return residuals in units of ``sd`` (position [m], heading [rad]), which are headings, and the window of each."""
     parts, kinds, clusters = [], [], []
     to_body = body_per_wheel(values, layout.angle_rad)

@@ -1,67 +1,60 @@
 # SPDX-License-Identifier: MIT
-"""Drives a connected robot through Appendix D's circles and spins and records what identification needs."""
+"""Drives a connected robot through Appendix D's runs, or steps on a stand, and records what identification needs."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omniwheel.dialect import Message
 from omniwheel.errors import IdentificationError
-from omniwheel.frames import Twist
 from omniwheel.identification.dataset import Dataset
-from omniwheel.identification.excitation import LAP_S, MODULATION, MODULATION_S, RAMP_S
+from omniwheel.identification.excitation import PERIOD_S
 from omniwheel.identification.sources import from_messages
 from omniwheel.robot import Robot
 
-RATE_Hz = 50.0
-BATTERY_Hz = 10.0
-SEGMENTS = ("circle ccw", "circle cw", "spin ccw", "spin cw")
-RECORDED = ("OMNI_WHEELS", "SYS_STATUS")
+Array = NDArray[np.float64]
+REST_S = 0.5
+RECORDED = ("OMNI_SAMPLE", "VICON_POSITION_ESTIMATE")
 
 
-def excite(robot: Robot, duration_s: float, share: float, tell: Callable[[str], None]) -> Dataset:
-    """Drive the four segments, ``duration_s`` each, with wheels at up to ``share`` of LIM_WHEEL; disarm at the end.
+def excite(robot: Robot, profiles: Mapping[str, Array], tell: Callable[[str], None]) -> Dataset:
+    """Put duties (rows of PERIOD_S, wheels) on the motors, one table after the other; disarm at the end.
 
-    The circles are about share * LIM_WHEEL * r * LAP_S / pi across. Raises IdentificationError if the robot stops itself.
+    Open loop, as in Appendix D: nothing holds the robot on a path. Raises IdentificationError if the robot stops
+    itself.
     """
-    speed_rad_s = share * robot.parameters["LIM_WHEEL"]
     seen: list[Message] = []
+    parameters = {name: robot.parameters[name] for name in _needed(int(robot.parameters["WHEELS"]))}
     remove = robot.connection.add_listener(lambda m: seen.append(m) if m.get_type() in RECORDED else None)
-    radius_m, distance_m = robot.parameters["WHEEL_RADIUS"], robot.parameters["WHEEL_DIST"]
     try:
-        robot.set_message_interval("OMNI_WHEELS", RATE_Hz)
-        robot.set_message_interval("SYS_STATUS", BATTERY_Hz)
+        robot.set_message_interval("OMNI_SAMPLE", 1.0 / PERIOD_S)
         robot.arm()
-        for name in SEGMENTS:
+        for name, duty in profiles.items():
             tell(name)
-            for twist in segment(name, duration_s, speed_rad_s * radius_m, speed_rad_s * radius_m / distance_m):
-                robot.set_velocity(*twist)
-                robot.pump(1.0 / RATE_Hz)
-                _require_driving(robot)
+            _play(robot, duty)
+            robot.drive_duty([0.0] * duty.shape[1], REST_S)
     finally:
         remove()
         robot.disarm()
-    return from_messages(seen, robot.url, robot.parameters["BAT_V_NOM"], int(robot.parameters["WHEELS"]))
+        robot.set_message_interval("OMNI_SAMPLE", None)
+    return from_messages(seen, robot.url, parameters)
 
 
-def segment(name: str, duration_s: float, speed_m_s: float, turn_rad_s: float) -> Iterator[Twist]:
-    """Yield body velocities at RATE_Hz."""
-    direction = 1.0 if name.endswith("ccw") else -1.0
-    rows = round(duration_s * RATE_Hz)
-    for row in range(rows):
-        t = row / RATE_Hz
-        ramp = 0.5 - 0.5 * math.cos(math.pi * min(t / RAMP_S, (duration_s - t) / RAMP_S, 1.0))
-        if name.startswith("circle"):
-            heading = direction * 2.0 * math.pi * t / LAP_S
-            yield Twist(ramp * speed_m_s * math.cos(heading), ramp * speed_m_s * math.sin(heading), 0.0)
-        else:
-            swing = 1.0 - MODULATION + MODULATION * math.cos(2.0 * math.pi * t / MODULATION_S)
-            yield Twist(0.0, 0.0, direction * ramp * swing * turn_rad_s)
+def _needed(wheels: int) -> tuple[str, ...]:
+    return ("WHEELS", "ENC_CPR", *(f"W{wheel + 1}_ENC_DIR" for wheel in range(wheels)))
 
 
-def _require_driving(robot: Robot) -> None:
-    status = robot.status
-    if status.state in ("failsafe", "estop"):
-        faults = ", ".join(status.safety.fault_history) if status.safety is not None else "unknown"
-        raise IdentificationError(f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room?")
+def _play(robot: Robot, duty: Array) -> None:
+    start = robot.connection.clock()
+    for number, row in enumerate(duty):
+        robot.set_duty(row.tolist())
+        robot.pump(max(start + (number + 1) * PERIOD_S - robot.connection.clock(), 0.0))
+        status = robot.status
+        if status.state in ("failsafe", "estop"):
+            faults = ", ".join(status.safety.fault_history) if status.safety is not None else "unknown"
+            raise IdentificationError(
+                f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room?"
+            )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.model import Model
-from omniwheel.identification.output_error import Fit, identify, measured_speed
+from omniwheel.identification.output_error import Fit, identify
+from omniwheel.identification.segments import measured_speed
 
 Array = NDArray[np.float64]
 
@@ -71,7 +73,7 @@ def _steps(run: Dataset, wheel: int) -> list[tuple[float, float]]:
     jump = np.abs(np.diff(voltage)) > np.maximum(SAME_STEP_V, 0.02 * np.abs(voltage[1:]))
     edges = np.concatenate(([0], np.flatnonzero(jump) + 1, [len(voltage)]))
     steps = []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges.tolist()):
         if run.time_s[last - 1] - run.time_s[first] >= HOLD_MIN_S:
             half = slice((first + last) // 2, last)
             steps.append((float(np.mean(voltage[half])), float(np.nanmean(speed[half]))))

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Output error: the parameters with which the simulated model turns its wheels as the measured ones turned.
 
-A run is cut into short segments that are simulated side by side. Each starts a few time constants early from the measured
-speed; what that start was off by has decayed before residuals count. Speeds are compared as means between rows where
-encoder angles are logged (free of the differencing's delay), else at the rows' times.
+A run is cut into short segments that are simulated side by side. Each starts a few time constants early from the
+measured speed; what that start was off by has decayed before residuals count. Speeds are compared as means between
+rows where encoder angles are logged (free of the differencing's delay), else at the rows' times.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,47 +18,19 @@ from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate, clustered_covariance, require_scipy
 from omniwheel.identification.model import STAND, Model
+from omniwheel.identification.segments import MOVING_rad_s, Segments, cut, measured_speed
 
 Array = NDArray[np.float64]
 
-WARM_TIME_CONSTANTS = 8.0
-WARM_MAX_ROWS = 200
-BODY_ROWS = 16
-CLUSTER_S = 1.0
-FULL_DUTY = 0.98
-"""From this share of the supply on a bridge may be at its limit: what it gives is not known well."""
 SATURATED_SHARE_MAX = 0.5
-MOVING_rad_s = 0.05
 MIN_MOVING_S = 2.0
 MIN_FIT = 0.5
-IV_STEPS = 2
+IV_STEPS_MAX = 20
+SETTLED = 2e-3
+"""Steps end when no parameter moves by more than this share of itself."""
 COARSE = 5
 """The first search takes one segment in so many."""
 _STEP = 1e-5
-
-
-@dataclass(frozen=True)
-class Segments:
-    """Pieces of runs, side by side: dt (s, rows), voltages, target and weight (s, rows, wheels), start (s, axes).
-
-    ``instrument_V`` is the duty times one constant supply: it moves as the voltage does and has none of its noise.
-    """
-
-    dt_s: Array
-    voltage_V: Array
-    instrument_V: Array
-    target_rad_s: Array
-    weight: Array
-    start_rad_s: Array
-    time_s: Array
-    cluster: NDArray[np.int64]
-    means: bool
-
-    def thinned(self, every: int) -> Segments:
-        """Return every so many segments, all of them if there are few."""
-        keep = slice(None, None, every if len(self.dt_s) >= 20 * every else 1)
-        arrays = {k: v[keep] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
-        return replace(self, **arrays)
 
 
 @dataclass(frozen=True)
@@ -92,8 +64,9 @@ class Fit:
 def identify(runs: Sequence[Dataset], model: Model) -> Fit:
     """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them.
 
-    Output error by least squares, then steps of the instrumental-variable equation Z' r = 0 with Z the model's slope along
-    the noise-free instrument: noise of the measured supply would pass through the model and bias its inertia upwards.
+    Output error by least squares, then steps of the instrumental-variable equation Z' r = 0 with Z the model's slope
+    along the noise-free instrument: noise of the measured supply would pass through the model and bias its inertia
+    upwards.
     """
     _require_enough(runs)
     start = first_guess(runs, model)
@@ -102,10 +75,13 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
     scale = _scales(start, model)
 
     x = _output_error(model, segments.thinned(COARSE), start, scale)
-    for _ in range(IV_STEPS):
+    for _ in range(IV_STEPS_MAX):
         instrument = _slope(model, segments, x, scale)
         rest = _residual(model, segments, x, scale)
-        x = np.maximum(x + np.linalg.lstsq(instrument, rest, rcond=None)[0], _lower_bounds(model))
+        step = np.linalg.lstsq(instrument, rest, rcond=None)[0]
+        x = np.maximum(x + step, _lower_bounds(model))
+        if np.max(np.abs(step)) < SETTLED:
+            break
     cluster = np.broadcast_to(segments.cluster[:, None, None], used.shape)[used]
     covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
     estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
@@ -128,18 +104,21 @@ def _output_error(model: Model, segments: Segments, start: Array, scale: Array) 
     )
     if not solved.success:
         raise IdentificationError("the fit did not settle", hint="check the log's voltages and wheel directions")
-    return np.asarray(solved.x)
+    found: Array = solved.x
+    return found
 
 
 def _residual(model: Model, segments: Segments, x: Array, scale: Array) -> Array:
-    return (segments.target_rad_s - _modelled(model, segments, x * scale))[segments.weight > 0.0]
+    residual: Array = (segments.target_rad_s - _modelled(model, segments, x * scale))[segments.weight > 0.0]
+    return residual
 
 
 def _slope(model: Model, segments: Segments, x: Array, scale: Array) -> Array:
     """Return the slope of the modelled speeds along the instrument, (used, p)."""
     lanes = x * scale + np.vstack((np.zeros(len(x)), _STEP * np.diag(scale)))
     speeds = _simulated(model, segments, segments.instrument_V, lanes)[:, segments.weight > 0.0]
-    return np.asarray((speeds[1:] - speeds[0]).T / _STEP)
+    slope: Array = (speeds[1:] - speeds[0]).T / _STEP
+    return slope
 
 
 def _lower_bounds(model: Model) -> Array:
@@ -199,70 +178,6 @@ def first_guess(runs: Sequence[Dataset], model: Model) -> Array:
     inertia = float(np.clip(inertia, 0.1 * gain * period_s, gain * 100.0 * period_s))
     start = [gain, max(coulomb, 1e-3 * gain), inertia]
     return np.array(start if model.names == STAND else [*start, inertia, 0.0])
-
-
-def measured_speed(run: Dataset) -> Array:
-    """Return wheel speeds at the rows' times [rad/s], from angles where they are logged."""
-    if run.wheel_angle_rad is None:
-        return run.wheel_rad_s
-    speed: Array = np.gradient(run.wheel_angle_rad, run.time_s, axis=0)
-    return speed
-
-
-def cut(runs: Sequence[Dataset], model: Model, time_constant_s: float) -> tuple[Segments, float]:
-    """Cut runs into segments; return them and the share of moving rows at full duty."""
-    period_s = max(run.period_s for run in runs)
-    warm = int(np.clip(np.ceil(WARM_TIME_CONSTANTS * time_constant_s / period_s), 2, WARM_MAX_ROWS))
-    body = max(BODY_ROWS, 2 * warm)
-    means = all(run.wheel_angle_rad is not None for run in runs)
-    pieces: list[tuple[Array, ...]] = []
-    saturated, moving, clusters = 0, 0, 0
-    for run in runs:
-        table = _rows(run, model.columns, warm, means=means)
-        full, active = table[5], table[6]
-        saturated, moving = saturated + int(np.sum(full & active)), moving + int(np.sum(active))
-        last = 0
-        for first in range(1, len(run.time_s) - warm - body, body):
-            rows = slice(first, first + warm + body)
-            last = clusters + int((run.time_s[first] - run.time_s[0]) / CLUSTER_S)
-            start = np.linalg.pinv(model.rows) @ table[4][first]
-            weight = table[3][rows].copy()
-            weight[:warm] = 0.0
-            if np.all(np.isfinite(start)):
-                columns = (table[0][rows], table[1][rows], _instrument(run)[rows][:, model.columns], table[2][rows])
-                pieces.append((*columns, weight, start, run.time_s[rows], np.array(last)))
-        clusters = last + 1
-    if not pieces:
-        hint = f"with a time constant of {time_constant_s:g} s a run needs at least {(warm + body) * period_s:.1f} s"
-        raise IdentificationError("the runs are too short", hint=hint)
-    *columns, labels = (np.array(column) for column in zip(*pieces, strict=True))
-    return Segments(*columns, cluster=labels.astype(np.int64), means=means), saturated / max(moving, 1)
-
-
-def _instrument(run: Dataset) -> Array:
-    if run.supply_V is None:
-        return run.voltage_V
-    duty: Array = run.voltage_V / run.supply_V[:, None]
-    return duty * float(np.median(run.supply_V))
-
-
-def _rows(run: Dataset, wheels: tuple[int, ...], warm: int, *, means: bool) -> tuple[Array, ...]:
-    """Return dt, voltage, target, weight and speed per row, and which rows are at full duty and moving."""
-    dt = np.diff(run.time_s)
-    voltage = run.voltage_V[:-1, wheels]
-    speed = measured_speed(run)[:, wheels]
-    if means and run.wheel_angle_rad is not None:
-        target = np.diff(run.wheel_angle_rad[:, wheels], axis=0) / dt[:, None]
-    else:
-        target = run.wheel_rad_s[1:, wheels]
-    full = np.zeros(len(dt), dtype=bool)
-    if run.supply_V is not None:
-        full = np.any(np.abs(voltage) > FULL_DUTY * np.abs(run.supply_V[:-1, None]), axis=1)
-    spoilt = full | (dt > 1.5 * run.period_s)
-    spoilt = np.convolve(spoilt, np.ones(warm + 1), mode="full")[: len(dt)] > 0.5
-    weight = (np.isfinite(target) & ~spoilt[:, None]).astype(np.float64)
-    active = np.any(np.abs(speed[:-1]) > MOVING_rad_s, axis=1)
-    return dt, voltage, np.nan_to_num(target), weight, speed, full, active
 
 
 def _require_enough(runs: Sequence[Dataset]) -> None:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""From voltages and times to kilograms and newtons: what needs a scale, an ohm-meter, and a stand or the motor's constant.
+"""From volts and seconds to kilograms and newtons, with a scale, an ohm-meter, and a stand or the motor's constant.
 
-Voltage and speed alone never show K and R apart. With R (ohm-meter), L (data sheet) and the mass m (scale), the inertia that
-the floor adds to translation gives g = K / R = 2 m r^2 / (n (a_xy - a_stand)); a known K gives g without a stand. Then::
+Voltage and speed alone never show K and R apart. With R (ohm-meter), L (data sheet) and the mass m (scale), the
+inertia that the floor adds to translation gives g = K / R = 2 m r^2 / (n (a_xy - a_stand)); a known K gives g without
+a stand. Then::
 
     K = g R    b = g (e - K)    T_c = g u_c    J = g (a_stand - L (e - K) / R)    I = g n l^2 / r^2 (a_theta - a_stand)
 """
@@ -47,7 +48,7 @@ class Known:
 
 
 def physical(floor: Estimate, layout: Layout, known: Known, stand: Estimate | None = None) -> Estimate:
-    """Return motor and body in SI with their intervals. Raises IdentificationError if the numbers contradict each other."""
+    """Return motor and body in SI with their intervals. Raises IdentificationError if the numbers contradict."""
     if stand is None and known.motor_constant_N_m_A is None:
         raise IdentificationError(
             "voltage and speed alone do not show the motor constant",
@@ -57,8 +58,7 @@ def physical(floor: Estimate, layout: Layout, known: Known, stand: Estimate | No
     result = both.transformed(NAMES, lambda values: _convert(dict(zip(both.names, values, strict=True)), layout, known))
     if result["motor_viscous_N_m_s"] <= 0.0 or result["motor_inertia_kg_m2"] <= 0.0 or result["inertia_kg_m2"] <= 0.0:
         raise IdentificationError(
-            f"with these numbers a motor constant of {result['motor_constant_N_m_A']:.3g} N.m/A leaves nothing for friction "
-            "or inertia",
+            f"a motor constant of {result['motor_constant_N_m_A']:.3g} N.m/A leaves nothing for friction or inertia",
             hint="check mass, resistance and motor constant, and that the stand run was free of the floor",
         )
     return result

@@ -20,7 +20,7 @@ from omniwheel.identification.physical import Known, physical
 
 @dataclass(frozen=True)
 class Identification:
-    """What was found: the floor model, the stand's motors, geometry, and motor and body in SI; None where data is missing.
+    """What was found; None where data is missing.
 
     ``validation`` is the share of the speeds' variation explained in runs that were not fitted, nan without such runs.
     ``remarks`` say what could not be found and why, and what was taken from elsewhere.
@@ -49,7 +49,7 @@ def identify_robot(
     stand: Dataset | None = None,
     validation: Sequence[Dataset] = (),
 ) -> Identification:
-    """Identify a robot whose layout is that of ``robot``. Raises IdentificationError if the runs cannot show its motion.
+    """Identify a robot whose layout is that of ``robot``. Raises IdentificationError if its motion is not shown.
 
     Missing motion capture is no error: the geometry is then the file's, and a remark says so.
     """

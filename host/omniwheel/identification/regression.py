@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The report's identification, (82)-(88), as published: to be compared with, not to be used. And what is wrong in it, one by one.
+"""The report's identification, (82)-(88), as published: to be compared with, not to be used.
 
 States (x, y, theta) and inputs (u_1..u_4) of wheels at 0, 90, 180 and 270 degrees, one row per T::
 
@@ -38,7 +38,8 @@ def inputs(u: Array) -> Array:
 def least_squares(before: Array, after: Array, u: Array, *, sign_terms: bool = False) -> Discrete:
     """Solve (83) in closed form, P = (E' E)^-1 E' O: states before and after each row (n, 3), wheel inputs (n, 4).
 
-    With ``sign_terms`` D_d multiplies sgn of the state, as in (14), instead of 1 as in (82). Raises IdentificationError.
+    With ``sign_terms`` D_d multiplies sgn of the state, as in (14), instead of 1 as in (82). Raises
+    IdentificationError.
     """
     if before.shape != after.shape or before.shape[1:] != (3,) or u.shape != (len(before), 4):
         raise IdentificationError("(83) needs n x 3 states before and after, and n x 4 inputs: a four-wheel robot")
@@ -57,8 +58,9 @@ def least_squares(before: Array, after: Array, u: Array, *, sign_terms: bool = F
 
 
 def continuous(found: Discrete, period_s: float, mass_kg: float, distance_m: float) -> dict[str, float]:
-    """Return Table 9's variables by (84)-(88) as printed, nan where a logarithm does not exist; d / beta_2 times 255 is J.
+    """Return Table 9's variables by (84)-(88) as printed, nan where a logarithm does not exist.
 
+    ``J`` is (87) times 255, the PWM's full scale.
     ``beta_1`` is (85)'s first form, ``beta_1_second`` its second, ``beta_1_exact`` what inverts the discretisation.
     """
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writes what was identified into a robot file: a copy of another one, with its comments, whose numbers are replaced."""
+"""Writes what was identified into a copy of a robot file: numbers are replaced, comments stay."""
 
 from __future__ import annotations
 

@@ -52,13 +52,13 @@ class SimulatedRobot:
         nominal = world_config(robot)
         changes = {name: getattr(nominal, name) * (1 + SPREAD * draw.uniform(-1, 1)) for name in _SPREAD_FIELDS}
         scales = 1.0 + GEOMETRY_SPREAD * draw.uniform(-1, 1, robot.wheels)
-        return SimulatedRobot(
-            robot, seed, changes, tuple(scales), 1.0 + GEOMETRY_SPREAD * float(draw.uniform(-1, 1))
-        )
+        return SimulatedRobot(robot, seed, changes, tuple(scales), 1.0 + GEOMETRY_SPREAD * float(draw.uniform(-1, 1)))
 
     def config(self, sensor: PoseSensor, seed: int, **overrides: float) -> Any:
         """Return the world's configuration, ``hil_world_config_t *``."""
-        config = world_config(self.robot, seed=seed, pose_sensor=sensor, **{**self.changes, **overrides})
+        config = world_config(self.robot, seed=seed, pose_sensor=sensor)
+        for name, value in {**self.changes, **overrides}.items():
+            setattr(config, name, value)
         for wheel in range(self.robot.wheels):
             config.wheel_radius_m[wheel] *= self.radius_scale[wheel] if self.radius_scale else 1.0
             config.wheel_distance_m[wheel] *= self.distance_scale
@@ -95,11 +95,14 @@ class SimulatedRobot:
             **{f"wheel_{i + 1}_radius_m": grip * c.wheel_radius_m[i] for i in range(n)},
         }
 
-    def run(self, name: str, duty: Array, *, run: int = 0, on_stand: bool = False, sensor: PoseSensor = MOTION_CAPTURE) -> Dataset:
+    def run(
+        self, name: str, duty: Array, *, run: int = 0, on_stand: bool = False, sensor: PoseSensor = MOTION_CAPTURE
+    ) -> Dataset:
         """Drive the robot open loop with a table of duties and return what its sensors saw.
 
         ``run`` numbers the runs of one robot, so that each has noise of its own. A robot on a stand turns its wheels in
-        the air. Logged every PERIOD_S: encoder counts, duty times the supply averaged over the row, motion-capture poses.
+        the air. Logged every PERIOD_S: encoder counts, duty times the supply averaged over the row, motion-capture
+        poses.
         """
         seed = self.seed * 64 + run
         free = {"friction_coefficient": FREE_WHEEL_FRICTION} if on_stand else {}
@@ -111,7 +114,7 @@ class SimulatedRobot:
         angle = counts * direction * (2.0 * math.pi / world.c.config.counts_per_revolution)
         supply = supply + supply_noise
         applied = np.round(np.vstack((duty, duty[-1:])) * 4096) / 4096
-        times = np.arange(len(duty) + 1) * PERIOD_S
+        times = np.arange(len(duty) + 1, dtype=np.float64) * PERIOD_S
         return Dataset(
             name,
             times,

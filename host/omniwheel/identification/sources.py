@@ -1,97 +1,98 @@
 # SPDX-License-Identifier: MIT
-"""Datasets from what Omniwheel itself records: telemetry over a link, .tlog files, and folders of simulated runs."""
+"""Datasets from telemetry: OMNI_SAMPLE, whose sums of counts and volt seconds miss nothing between two messages.
+
+OMNI_WHEELS will not do: its speeds come from a filter that believes the motor model to be identified, and a duty
+sampled at 50 Hz of a loop at 1 kHz says little of the mean voltage.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.metrics import STATE_ARMED
-from hil_sim.summary import RECORD_FILE, load_run
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import DatasetError
 from omniwheel.frames import flip
 from omniwheel.identification.dataset import Dataset
-from omniwheel.telemetry import Battery, Wheels, decode
+from omniwheel.telemetry import Sample, decode
 
 Array = NDArray[np.float64]
 STAMP_BYTES = 8
+WRAP = 2.0**32
+VOLT_SECONDS_PER_UNIT = 1e-6
+MIN_SAMPLES = 3
+HINT = "record with `omni identify live --log`, or ask for OMNI_SAMPLE at 50 Hz before `omni record`"
 
 
-def read_source(path: Path, supply_V: float, wheels: int) -> Dataset:
-    """Read a .tlog file or the folder of a simulated run; ``supply_V`` stands in where none was measured."""
-    if path.is_dir():
-        return read_run_folder(path, wheels)
-    return from_messages(read_tlog(path), str(path), supply_V, wheels)
+def read_tlog(path: Path, parameters: Mapping[str, float]) -> Dataset:
+    """Return the dataset of a telemetry log; ``parameters`` of the robot: wheels, encoder and directions.
+
+    Raises DatasetError.
+    """
+    return from_messages(_messages(path), str(path), parameters)
 
 
-def read_tlog(path: Path) -> list[Message]:
-    """Return the messages of a telemetry log in their order. Raises DatasetError."""
+def _messages(path: Path) -> list[Message]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise DatasetError(f"{path}: {error.strerror}", hint="give a .tlog file or the folder of a run") from error
+        raise DatasetError(f"{path}: {error.strerror}", hint="give a .tlog file") from error
     codec: Any = mavlink.MAVLink(None)
     codec.robust_parsing = True
     messages: list[Message] = []
     place = 0
-    while place + STAMP_BYTES + 2 <= len(data):
+    while place + STAMP_BYTES + 2 < len(data):
         frame = place + STAMP_BYTES
-        signed = data[frame] == mavlink.PROTOCOL_MARKER_V2 and data[frame + 2 : frame + 3] == b"\x01"
-        length = 12 + data[frame + 1] + (13 if signed else 0)
-        messages += codec.parse_buffer(data[frame : frame + length]) or []
-        place = frame + length
+        if data[frame] != mavlink.PROTOCOL_MARKER_V2:
+            raise DatasetError(f"{path} is no telemetry log: no MAVLink 2 frame at byte {frame}", hint=HINT)
+        signature = 13 if data[frame + 2] & mavlink.MAVLINK_IFLAG_SIGNED else 0
+        place = frame + 12 + data[frame + 1] + signature
+        messages += codec.parse_buffer(data[frame:place]) or []
     return messages
 
 
-def from_messages(messages: Iterable[Message], name: str, supply_V: float, wheels: int) -> Dataset:
-    """Make a dataset of telemetry: OMNI_WHEELS, SYS_STATUS, and pose fixes with the robot's time. Raises DatasetError.
-
-    Telemetry samples a duty that changes at every tick: the mean of two samples stands for the time between them.
-    """
-    rows: list[Wheels] = []
-    supply: list[float] = []
+def from_messages(messages: Iterable[Message], name: str, parameters: Mapping[str, float]) -> Dataset:
+    """Make a dataset of OMNI_SAMPLE and of pose fixes that carry the robot's time. Raises DatasetError."""
+    samples: list[Sample] = []
     fixes: list[tuple[float, ...]] = []
-    latest_V = supply_V
     for message in messages:
-        battery, row = decode(Battery, message), decode(Wheels, message)
-        if battery is not None and math.isfinite(battery.voltage_V):
-            latest_V = battery.voltage_V
-        elif row is not None and (not rows or row.time_s > rows[-1].time_s):
-            rows.append(row)
-            supply.append(latest_V)
-        elif message.get_type() == "VICON_POSITION_ESTIMATE" and message.usec > 0:
-            if not fixes or message.usec * 1e-6 > fixes[-1][0]:
-                fixes.append((message.usec * 1e-6, *flip(message.x, message.y, message.yaw)))
-    if len(rows) < 2:
-        hint = "record with `omni record`, OMNI_WHEELS at 50 Hz (`omni identify live` does so)"
-        raise DatasetError(f"{name} has {len(rows)} OMNI_WHEELS messages; many are needed", hint=hint)
-    poses = np.array(fixes).reshape(-1, 4)
-    speed = np.array([row.speed_rad_s for row in rows])[:, :wheels]
-    duty = np.array([row.duty for row in rows])[:, :wheels]
-    return _dataset(name, np.array([row.time_s for row in rows]), speed, duty, np.array(supply), poses)
+        sample = decode(Sample, message)
+        if sample is not None and (not samples or sample.time_s > samples[-1].time_s):
+            samples.append(sample)
+        elif message.get_type() == "VICON_POSITION_ESTIMATE" and message.usec * 1e-6 > (fixes[-1][0] if fixes else 0.0):
+            fixes.append((message.usec * 1e-6, *flip(message.x, message.y, message.yaw)))
+    if len(samples) < MIN_SAMPLES:
+        raise DatasetError(f"{name} has {len(samples)} OMNI_SAMPLE messages; many are needed", hint=HINT)
+    return _dataset(samples, np.array(fixes).reshape(-1, 4), name, parameters)
 
 
-def read_run_folder(folder: Path, wheels: int) -> Dataset:
-    """Read a folder that `omni sim` or `omni hil` left. Raises DatasetError."""
-    try:
-        _, samples = load_run(folder)
-    except (OSError, ValueError, KeyError) as error:
-        raise DatasetError(f"{folder} is no run: {error}", hint=f"a run's folder has {RECORD_FILE}") from error
-    samples = samples[samples["state"] == STATE_ARMED]
-    time_s = samples["time_s"]
-    poses = np.column_stack((time_s, samples["truth"]))
-    return _dataset(
-        str(folder), time_s, samples["wheel_rad_s"][:, :wheels], samples["duty"][:, :wheels], samples["supply_V"], poses
+def _dataset(samples: Sequence[Sample], fixes: Array, name: str, parameters: Mapping[str, float]) -> Dataset:
+    wheels = int(parameters["WHEELS"])
+    time_s = np.array([sample.time_s for sample in samples])
+    direction = [parameters[f"W{wheel + 1}_ENC_DIR"] for wheel in range(wheels)]
+    counts = _unwrapped(np.array([sample.counts for sample in samples], dtype=np.float64)[:, :wheels])
+    volt_seconds = np.array([sample.volt_seconds for sample in samples])[:, :wheels]
+    volt_seconds = VOLT_SECONDS_PER_UNIT * _unwrapped(volt_seconds / VOLT_SECONDS_PER_UNIT)
+    angle = counts * direction * (2.0 * np.pi / parameters["ENC_CPR"])
+    voltage = np.diff(volt_seconds, axis=0) / np.diff(time_s)[:, None]
+    return Dataset(
+        name,
+        time_s,
+        np.gradient(angle, time_s, axis=0),
+        np.vstack((voltage, voltage[-1:])),
+        fixes[:, 0],
+        fixes[:, 1:],
+        wheel_angle_rad=angle,
+        supply_V=np.array([sample.supply_V for sample in samples]),
     )
 
 
-def _dataset(name: str, time_s: Array, speed: Array, duty: Array, supply: Array, poses: Array) -> Dataset:
-    sampled = duty * supply[:, None]
-    voltage = np.concatenate((0.5 * (sampled[:-1] + sampled[1:]), sampled[-1:]))
-    return Dataset(name, time_s, speed, voltage, poses[:, 0], poses[:, 1:], supply_V=supply)
+def _unwrapped(values: Array) -> Array:
+    """Undo the wrap of 32-bit counters along the first axis, starting at zero."""
+    steps = np.diff(values, axis=0)
+    steps -= WRAP * np.round(steps / WRAP)
+    return np.vstack((np.zeros(values.shape[1]), np.cumsum(steps, axis=0)))

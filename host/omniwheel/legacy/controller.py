@@ -233,7 +233,10 @@ class LegacyController:
         return plan_trajectory(self._core.config, ffi.addressof(self._core.ekf, "pose"))
 
     def step(self, now_s: float, reference: Pose, rate: Twist) -> Command:
-        """Return the PWM that drives the pose to ``reference``, which moves with the world twist ``rate``."""
+        """Return the PWM that drives the pose to ``reference``, which moves with the world twist ``rate``.
+
+        Not before the first fix (:attr:`located`).
+        """
         self._predict_until(now_s)
         here = self.pose
         twist = self._control(here, reference, rate)

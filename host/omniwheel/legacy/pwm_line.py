@@ -54,7 +54,7 @@ def parse_line(line: bytes) -> PwmLine:
 
 def _number(word: bytes, line: bytes) -> int:
     digits = word.removeprefix(b"-")
-    if not (digits.isdigit() and len(digits) <= len(str(FULL_PWM)) and int(digits) <= FULL_PWM):
+    if not (digits.isdigit() and int(digits) <= FULL_PWM):
         raise ValueError(f"{line!r}: {word!r} is no PWM from -{FULL_PWM} to {FULL_PWM}")
     return int(word)
 

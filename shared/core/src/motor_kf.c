@@ -12,6 +12,11 @@ void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_confi
     state->p[2][2] = 1.0f;
 }
 
+void omni_motor_kf_rebase(omni_motor_kf_state_t *state) {
+    state->x[0] = 0.0f;
+    state->missed = 0;
+}
+
 /* Time update of the angle, before that of (w, i): the first row and column of eq. 52 and 53; a[0][0] = 1. */
 static void predict_angle(omni_motor_kf_state_t *state, const omni_motor_discrete_t *model, omni_real_t voltage_V) {
     const omni_real_t a01 = model->a[0][1];

@@ -28,11 +28,17 @@ static void elapse(omni_robot_t *robot, omni_tick_t *tick) {
     robot->last_time_us = now;
 }
 
-/* Differences of the counters; a bit of the result per wheel whose difference can be trusted. */
-static uint8_t read_counts(omni_robot_t *robot, omni_tick_t *tick) {
+/* Bits per wheel. */
+typedef struct counted_t {
+    uint8_t trusted; /* the difference can be used */
+    uint8_t jumped;  /* the counter is somewhere else now, and nobody knows how far that is */
+} counted_t;
+
+/* Differences of the counters. */
+static counted_t read_counts(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
     const int32_t largest = largest_step(c, tick->out->supply_V, tick->steps);
-    uint8_t valid = 0;
+    counted_t counted = {0, 0};
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         const uint32_t moved = (uint32_t)tick->in->counts[i] - (uint32_t)robot->last_counts[i];
         int32_t delta;
@@ -43,8 +49,9 @@ static uint8_t read_counts(omni_robot_t *robot, omni_tick_t *tick) {
         if (reported && possible) {
             tick->delta_counts[i] = c->encoder_direction[i] < 0 ? -delta : delta;
             robot->encoder_ticks[i] = 0;
-            valid |= (uint8_t)(1u << i);
+            counted.trusted |= (uint8_t)(1u << i);
         } else if (robot->primed) {
+            counted.jumped |= (uint8_t)((reported ? 1u : 0u) << i);
             tick->faults |= OMNI_WARN_ENCODER;
             ++robot->encoder_ticks[i];
             if (robot->encoder_ticks[i] >= OMNI_ENCODER_TICKS) {
@@ -55,24 +62,40 @@ static uint8_t read_counts(omni_robot_t *robot, omni_tick_t *tick) {
             robot->last_counts[i] = tick->in->counts[i];
         }
     }
-    return valid;
+    return counted;
 }
 
-/* Wheel filters, then the angle each wheel turned: counted where the count can be trusted, else from the filter. */
-static void estimate_wheels(omni_robot_t *robot, omni_tick_t *tick, uint8_t valid, omni_real_t *turned_rad) {
+/* The angle a wheel turned: counted where the count can be trusted, else guessed from the filter's speed. Counts that stayed away for a
+ * while come with all they moved since; the guesses for that while are taken back. */
+static omni_real_t turned(omni_robot_t *robot, const omni_tick_t *tick, uint8_t wheel, const counted_t *counted) {
+    const omni_robot_config_t *c = robot->config;
+    omni_real_t *guessed = &robot->guessed_rad[wheel];
+    if ((counted->trusted >> wheel & 1) != 0) {
+        const omni_real_t counted_rad = (omni_real_t)tick->delta_counts[wheel] * c->rad_per_count - *guessed;
+        *guessed = 0.0f;
+        return counted_rad;
+    }
+    const omni_real_t guess = tick->out->wheel_rad_s[wheel] * c->step_s * (omni_real_t)tick->steps;
+    *guessed = (counted->jumped >> wheel & 1) != 0 ? 0.0f : *guessed + guess;
+    return guess;
+}
+
+/* Wheel filters, then the angles. */
+static void estimate_wheels(omni_robot_t *robot, omni_tick_t *tick, const counted_t *counted, omni_real_t *turned_rad) {
     const omni_robot_config_t *c = robot->config;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         omni_motor_kf_state_t *kf = &robot->motor_kf[i];
         for (uint32_t missed = 1; missed < tick->steps; ++missed) {
             (void)omni_motor_kf_step(kf, &c->motor_kf, robot->last_voltage_V[i], 0, false);
         }
-        const bool trusted = (valid >> i & 1) != 0;
-        const omni_real_t speed =
+        const bool trusted = (counted->trusted >> i & 1) != 0;
+        tick->out->wheel_rad_s[i] =
             omni_motor_kf_step(kf, &c->motor_kf, robot->last_voltage_V[i], tick->delta_counts[i], trusted);
-        tick->out->wheel_rad_s[i] = speed;
+        if ((counted->jumped >> i & 1) != 0) {
+            omni_motor_kf_rebase(kf);
+        }
         tick->out->current_A[i] = c->motor_kf.mode == OMNI_KF_MODE_OFF ? 0.0f : kf->x[2];
-        turned_rad[i] =
-            trusted ? (omni_real_t)tick->delta_counts[i] * c->rad_per_count : speed * c->step_s * (omni_real_t)tick->steps;
+        turned_rad[i] = turned(robot, tick, i, counted);
     }
 }
 
@@ -129,10 +152,10 @@ void omni_robot_estimate(omni_robot_t *robot, omni_tick_t *tick) {
         tick->faults |= OMNI_FAULT_NOT_FINITE;
     }
     elapse(robot, tick);
-    const uint8_t valid = read_counts(robot, tick);
+    const counted_t counted = read_counts(robot, tick);
     if (robot->primed) {
         omni_real_t turned_rad[OMNI_MAX_WHEELS] = {0};
-        estimate_wheels(robot, tick, valid, turned_rad);
+        estimate_wheels(robot, tick, &counted, turned_rad);
         omni_pose_ekf_predict(&robot->pose_ekf, &c->pose_ekf, &c->kinematics, turned_rad, tick->in->time_us);
         use_fix(robot, tick);
     }

@@ -80,6 +80,44 @@ class Lab:
         return [(time_s, m) for time_s, m in self.sent if m.get_type() == MESSAGE_NAMES[kind]]
 
 
+class RadioLab(Lab):
+    """The same through a 9600-baud radio: every byte takes its time on the wire, both ways, and waits for its turn."""
+
+    byte_s = 10.0 / 9600.0
+    radio_s = 0.012
+
+    def __init__(self, url: str, parameters: dict[str, Any]) -> None:
+        self.longest_wait_s = 0.0
+        self._up: list[tuple[float, bytes]] = []
+        self._down: list[tuple[float, bytes]] = []
+        self._free_s = {"up": 0.0, "down": 0.0}
+        super().__init__(url, parameters)
+
+    def _due(self, way: str, data: bytes) -> tuple[float, bytes]:
+        self._free_s[way] = max(self._free_s[way], self.clock()) + len(data) * self.byte_s
+        return self._free_s[way] + self.radio_s, data
+
+    def sleep(self, seconds: float) -> None:
+        for _ in range(max(1, round(seconds * 1e3))):
+            while self._up and self._up[0][0] <= self.clock():
+                self.link.write(self._up.pop(0)[1])
+            super().sleep(1e-3)
+            data = self.link.read(0.0)
+            if data:
+                self._down.append(self._due("down", data))
+
+    def read(self, timeout_s: float) -> bytes:
+        if timeout_s > 0.0 and not (self._down and self._down[0][0] <= self.clock()):
+            self.sleep(1e-3)
+        return self._down.pop(0)[1] if self._down and self._down[0][0] <= self.clock() else b""
+
+    def write(self, data: bytes) -> None:
+        self.longest_wait_s = max(self.longest_wait_s, self._free_s["up"] - self.clock())
+        for message in self._codec.parse_buffer(data) or ():
+            self.sent.append((self.clock(), message))
+        self._up.append(self._due("up", data))
+
+
 @pytest.fixture
 def lab() -> Iterator[Callable[..., Lab]]:
     with FirmwareProcess("three_wheel") as process:
@@ -140,6 +178,21 @@ def test_the_budget_holds_for_all_bytes_and_the_newest_pose_wins(lab: Callable[.
     assert settings.possible_rate_Hz == 10.0
     assert statistics.overtaken + statistics.sent == pytest.approx(statistics.received, abs=2)
     assert statistics.latency_max_s < 0.03  # never a queue
+
+
+@pytest.mark.parametrize("kind", list(MESSAGES))
+def test_over_a_9600_baud_radio_the_robots_clock_is_known_to_milliseconds(kind: str) -> None:
+    quiet = {"SR1_STATE": 1.0, "SR1_WHEELS": 0.0, "SR1_STATUS": 0.2, "EKF_GATE": 0.0}
+    with FirmwareProcess("three_wheel", parameters=quiet) as process:
+        here = RadioLab(process.urls[0], {})
+        with Bridge(cameras(here), here, BridgeSettings(message=kind), clock=here.clock) as bridge:
+            statistics = bridge.run(6.0)
+    assert statistics.round_trip_s > 0.07  # two frames of 26 bytes and the radio, each way
+    assert abs(statistics.offset_s) < 0.005  # the true offset is nil
+    assert abs(statistics.offset_s) < statistics.offset_error_s
+    assert statistics.bytes_sent <= 480.0 * here.clock() + FRAME_BYTES[kind] + OVERHEAD_BYTES
+    assert here.longest_wait_s < 0.06  # behind one fix and one request at most
+    assert statistics.sent / 6.0 > 0.85 * BridgeSettings(message=kind).possible_rate_Hz
 
 
 def test_rate_and_frame_sizes(lab: Callable[..., Lab]) -> None:

@@ -40,6 +40,12 @@ typedef struct omni_motor_kf_state_t {
 void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config);
 
 /**
+ * The counter has jumped by an unknown amount, and the next delta counts from there: the new count is taken to be at the estimated angle.
+ * Call it after the step that was given valid = false for the jump.
+ */
+void omni_motor_kf_rebase(omni_motor_kf_state_t *state);
+
+/**
  * One tick: predict with the voltage applied since the last tick, correct with the counts moved since then (Joseph form).
  * @param voltage_V  not finite counts as 0.
  * @param delta_counts  count increment since the last valid one, over all the ticks in between.

@@ -96,7 +96,7 @@ typedef struct omni_setpoint_t {
     uint64_t time_us; /**< when it arrived; ages against command_timeout_s (not for TRAJECTORY) */
     omni_pose_t pose;
     omni_twist_t twist;
-    omni_real_t duty[OMNI_MAX_WHEELS];
+    omni_real_t duty[OMNI_MAX_WHEELS]; /**< -1..1, in the wheel's direction */
 } omni_setpoint_t;
 
 typedef enum omni_event_t {
@@ -181,10 +181,11 @@ typedef struct omni_robot_t {
     omni_twist_t ramped;  /**< its rate (world), or the ramped velocity demand (body) */
     omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
     int32_t last_counts[OMNI_MAX_WHEELS];
-    omni_real_t stalled_s[OMNI_MAX_WHEELS];  /**< how long each wheel has looked stalled or reversed */
-    uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
-    uint32_t battery_ticks;                  /**< ticks in a row with too little voltage */
-    omni_real_t uncovered_s;                 /**< how long condition 44 has been violated */
+    omni_real_t guessed_rad[OMNI_MAX_WHEELS]; /**< turned since the last valid count, as far as the pose has been told */
+    omni_real_t stalled_s[OMNI_MAX_WHEELS];   /**< how long each wheel has looked stalled or reversed */
+    uint32_t encoder_ticks[OMNI_MAX_WHEELS];  /**< ticks in a row without a valid count */
+    uint32_t battery_ticks;                   /**< ticks in a row with too little voltage */
+    omni_real_t uncovered_s;                  /**< how long condition 44 has been violated */
     uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;

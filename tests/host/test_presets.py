@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: MIT
+"""Presets: what they hold, that they drive, and the commands that use them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from hil_sim import metrics
+from hil_sim.runs import faults_seen, run_in_process
+from hil_sim.scenario import Event, load_scenario
+from omniwheel import connect
+from omniwheel.cli import app
+from omniwheel.errors import ParameterFileError
+from omniwheel.presets import preset_names, read_preset
+from omniwheel.robots import parameter_table, read_robot
+
+TABLE = parameter_table()
+
+
+def omni(*arguments: object, code: int = 0) -> str:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == code, result.output
+    return result.stdout
+
+
+def omni_json(*arguments: object, code: int = 0) -> Any:
+    return json.loads(omni(*arguments, "--json", code=code))
+
+
+def test_the_report_s_controllers_are_there_next_to_ours() -> None:
+    report = {f"report_{name}" for name in ("p", "pd", "pid", "ismc", "ismc_motor", "torque")}
+    assert set(preset_names()) == report | {"default", "original"}
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_a_preset_says_what_it_is(name: str) -> None:
+    preset = read_preset(name, TABLE)
+    assert preset.name == name
+    assert preset.description
+    assert preset.source
+    assert not [key for key in preset.parameters if TABLE[key].disarmed_only or TABLE[key].robot_key]
+
+
+def test_the_default_preset_undoes_every_other_one() -> None:
+    default = read_preset("default", TABLE).parameters
+    assert default == {name: TABLE[name].default for name in default}
+    for name in preset_names():
+        assert set(read_preset(name, TABLE).parameters) <= set(default), name
+
+
+@pytest.mark.parametrize("robot", ["three_wheel", "four_wheel"])
+@pytest.mark.parametrize("name", preset_names())
+def test_each_preset_drives_each_robot_in_the_full_plant(name: str, robot: str) -> None:
+    scenario = replace(load_scenario("demo", robot), duration_s=15.0)
+    run = run_in_process(scenario.with_parameters(read_preset(name, TABLE).parameters))
+    assert faults_seen(run)[0] == []
+    rmse = metrics.tracking_rmse(run.record)
+    assert rmse.position_m < 0.06
+    assert rmse.theta_rad < 0.1
+
+
+def test_a_scenario_s_events_leave_a_preset_s_parameters_alone() -> None:
+    settings = {"ISMC_LAM_XY": 1.0, "WS_P": 2.0}
+    scenario = replace(
+        load_scenario("demo"), events=(Event(at_s=1.0, settings=settings), Event(at_s=1.0, command="arm"))
+    )
+    changed = scenario.with_parameters({"ISMC_LAM_XY": 9.0})
+    assert changed.parameter_values()["ISMC_LAM_XY"] == 9.0
+    assert [event.settings for event in changed.events] == [{"WS_P": 2.0}, None]
+    assert len(scenario.with_parameters({"ISMC_LAM_XY": 9.0, "WS_P": 3.0}).events) == 1
+
+
+def test_unknown_and_broken_presets_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ParameterFileError, match="did you mean report_torque"):
+        read_preset("report_torqe", TABLE)
+    broken = tmp_path / "mine.toml"
+    broken.write_text('[preset]\nnam = "x"\n[parameters]\nWS_P = 1.0\n')
+    with pytest.raises(ParameterFileError, match=r"preset\.nam.*did you mean name"):
+        read_preset(broken, TABLE)
+    broken.write_text("[parameters]\nWS_P = -1.0\n")
+    with pytest.raises(ParameterFileError, match="WS_P"):
+        read_preset(broken, TABLE)
+
+
+def test_presets_are_listed_and_shown() -> None:
+    listed = omni_json("params", "presets")["presets"]
+    assert [entry["name"] for entry in listed] == preset_names()
+    shown = omni_json("params", "presets", "report_torque")["presets"][0]
+    assert shown["parameters"]["DT_KP_XY"] == 5
+    assert "eq. 28-32" in omni("params", "presets")
+    assert "DT_KD_TH" in omni("params", "presets", "report_torque")
+    assert omni_json("params", "presets", "nothing", code=2)["error"]["type"] == "ParameterFileError"
+
+
+def test_a_preset_is_loaded_and_undone_by_name(sitl: str) -> None:
+    changes = omni_json("params", "load", "report_torque", "--link", sitl)
+    assert changes["DT_KP_XY"] == {"before": 400, "after": 5}
+    omni("params", "diff", "report_torque", "--link", sitl)
+    omni("params", "load", "default", "--link", sitl)
+    with connect(sitl) as robot:
+        assert robot.parameters["DT_KP_XY"] == 400.0
+        assert robot.parameters["CTL_PERIOD"] == 1.0
+    omni("params", "load", "no_such_preset", "--link", sitl, code=2)
+
+
+def test_sim_takes_a_preset_over_the_scenario(tmp_path: Path) -> None:
+    scenario = tmp_path / "short.toml"
+    scenario.write_text('[scenario]\nname = "short"\nextends = "demo"\nduration_s = 3.0\n')
+    told = omni_json("sim", scenario, "--preset", "report_pid", "--out", tmp_path)
+    assert told["controller"] == "pid"
+    assert told["parameters"]["CTL_PERIOD"] == 20
+    omni("sim", scenario, "--preset", "reprot_pid", "--out", tmp_path, code=2)
+
+
+def test_presets_leave_the_robot_file_alone() -> None:
+    robot = read_robot("four_wheel")
+    assert not set(read_preset("default", TABLE).parameters) & set(robot.overrides)
