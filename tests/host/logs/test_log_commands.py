@@ -116,6 +116,28 @@ def test_a_telemetry_log_is_replayed(tmp_path: Path) -> None:
     assert told["end_pose"][2] == pytest.approx(turn, abs=2e-3)
 
 
+def test_counts_and_fixes_of_a_telemetry_log_are_used(tmp_path: Path) -> None:
+    """Wheels at bearings 0, 120 and 240 degrees that turn as 2 : -1 : -1 drive the body along +y."""
+    mav = mavlink.MAVLink(None)
+    path = tmp_path / "line.tlog"
+    values = read_robot("three_wheel").parameter_values()
+    rad = 2.0 * np.pi / values["ENC_CPR"]
+    with path.open("wb") as file:
+        for step in range(201):
+            counts = [4 * 40 * step - 2**31, -2 * 40 * step, -2 * 40 * step, 0]
+            counts[0] = (counts[0] + 2**31) % 2**32 - 2**31
+            y = values["WHEEL_RADIUS"] * 160 * rad * step
+            time_us = 20_000 * (step + 1)
+            for message in (
+                mavlink.MAVLink_omni_sample_message(time_us, counts, [0] * 4, 12.0, [0.0] * 3, 0),
+                mavlink.MAVLink_vicon_position_estimate_message(time_us, 0.0, -y, 0.0, 0.0, 0.0, 0.0),
+            ):
+                file.write(struct.pack(">Q", time_us) + message.pack(mav))
+    told = omni_json("replay", path, "--robot", "three_wheel")
+    assert told["end_pose"][1] == pytest.approx(values["WHEEL_RADIUS"] * 160 * 200 * rad, rel=1e-3)
+    assert told["rms_m"] < 1e-3
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
