@@ -71,6 +71,21 @@ def test_another_controller_starts_at_once() -> None:
     assert np.any(np.array(held(bench)) != 0.0)
 
 
+@pytest.mark.parametrize("period", [1.0, 20.0])
+def test_torque_control_goes_to_a_pose_and_holds_it(period: float) -> None:
+    bench = Bench(CTL_MODE=float(lib.OMNI_CTL_MODE_TORQUE), CTL_PERIOD=period)
+    bench.arm()
+    for _ in range(400):
+        bench.command(lib.OMNI_SETPOINT_POSE, pose=(0.2, -0.1, 0.5))
+        out = bench.tick(count=10)
+    assert out.state == lib.OMNI_STATE_ARMED
+    assert (out.pose.x, out.pose.y, out.pose.theta) == pytest.approx((0.2, -0.1, 0.5), abs=2e-3)
+    bench.command(lib.OMNI_SETPOINT_NONE)
+    out = bench.tick(count=1000)
+    assert (out.pose.x, out.pose.y, out.pose.theta) == pytest.approx((0.2, -0.1, 0.5), abs=2e-3)
+    assert max(abs(out.duty[i]) for i in range(3)) < 0.02
+
+
 def test_torque_curve_parameters_are_checked_together() -> None:
     bench = Bench()
     config, bad = ffi.new("omni_robot_config_t *"), ffi.new("int32_t *")

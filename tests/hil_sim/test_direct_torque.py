@@ -50,6 +50,15 @@ def test_no_pwm_compensation_leaves_the_motors_friction_to_the_gains() -> None:
     assert without < 0.1
 
 
+def test_a_dead_band_in_the_curve_makes_up_for_dry_friction() -> None:
+    stiff = {"coulomb_friction_N_m": 0.4}
+    without, with_it = (
+        metrics.tracking_rmse(drive("three_wheel", 20.0, stiff, DT_DEAD=dead).record) for dead in (0.0, 0.4 / 4.667)
+    )
+    assert with_it.position_m < 0.6 * without.position_m
+    assert with_it.theta_rad < 0.5 * without.theta_rad
+
+
 def test_a_wheel_on_ice_turns_no_faster_than_it_may() -> None:
     ice = {"friction_coefficient": 0.005, "slip_max": 0.0}
     loose: dict[str, str | float] = {

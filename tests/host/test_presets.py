@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from hil_sim import metrics
 from hil_sim.runs import faults_seen, run_in_process
 from hil_sim.scenario import Event, load_scenario
+from omni_reproduce.experiment import read_spec
 from omniwheel import connect
 from omniwheel.cli import app
 from omniwheel.errors import ParameterFileError
@@ -45,6 +46,14 @@ def test_a_preset_says_what_it_is(name: str) -> None:
     assert preset.description
     assert preset.source
     assert not [key for key in preset.parameters if TABLE[key].disarmed_only or TABLE[key].robot_key]
+
+
+@pytest.mark.parametrize("law", ["P", "PD", "PID"])
+def test_the_fitted_gains_are_those_of_table_1(law: str) -> None:
+    fit = read_spec("table1")["controller"][law]
+    gains = read_preset(f"report_{law.lower()}", TABLE).parameters
+    for letter in law:
+        assert gains[f"FL_K{letter}_XY"] == gains[f"FL_K{letter}_TH"] == pytest.approx(fit[f"k{letter.lower()}"])
 
 
 def test_the_default_preset_undoes_every_other_one() -> None:
