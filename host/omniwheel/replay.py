@@ -101,6 +101,10 @@ def replay(
     check_log_fits(log, robot)
     engine = _Engine(log, robot, calibration)
     heading = log.heading_rad if use_heading else np.full(len(log.time_s), np.nan)
+    ignores = engine.config.pose_ekf.mode == lib.OMNI_EKF_MODE_ODOMETRY
+    if ignores and (fixes is not None or np.any(np.isfinite(heading))):
+        hint = "set EKF_MODE = 1 under [parameters], or leave the heading (--no-heading) and the fixes out"
+        raise LogError(f"{robot.source}: with EKF_MODE odometry no heading and no fix can be used", hint=hint)
     due = _rows_of_fixes(log, fixes)
     rows = len(log.time_s)
     pose, sd = np.zeros((rows, 3)), np.zeros((rows, 3))

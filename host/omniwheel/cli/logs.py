@@ -78,7 +78,10 @@ def align_command(
     truth: TruthOption = None,
     calibration: CalibrationOption = None,
     no_calibration: NoCalibrationOption = False,
-    search: Annotated[float, typer.Option("--search", min=0.0, max=60.0, help="Largest clock offset [s].")] = SEARCH_S,
+    search: Annotated[
+        float | None,
+        typer.Option("--search", min=0.0, max=60.0, metavar="S", help=f"Largest clock offset. [default: {SEARCH_S:g}]"),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find clock offset, rotation, shift and mirroring between a log's dead-reckoned path and its truth."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omni_schema.toml_file import read_toml
 from omniwheel.errors import LogError, RobotFileError
 from omniwheel.identification.odometry_calibration import Odometry
 from omniwheel.identification.robot_file import Changes, edited
@@ -25,7 +26,9 @@ def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path,
     """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; overwrites nothing."""
     if target.suffix != ".toml":
         raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
-    text = find_robot_file(nominal).read_text(encoding="utf-8")
+    source = find_robot_file(nominal)
+    text = source.read_text(encoding="utf-8")
+    text += "".join(f"\n[{section}]\n" for section in ("motor", "parameters") if section not in read_toml(source))
     try:
         with target.open("x", encoding="utf-8") as file:
             file.write(edited(text, changes(found)))

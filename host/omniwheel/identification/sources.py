@@ -33,10 +33,11 @@ def read_tlog(path: Path, parameters: Mapping[str, float]) -> Dataset:
 
     Raises DatasetError.
     """
-    return from_messages(_messages(path), str(path), parameters)
+    return from_messages(read_messages(path), str(path), parameters)
 
 
-def _messages(path: Path) -> list[Message]:
+def read_messages(path: Path) -> list[Message]:
+    """Return the messages of a telemetry log in their order. Raises DatasetError."""
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -16,7 +16,7 @@ from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, Truth
 
 SEARCH_S = 5.0
-"""Clock offsets up to this are tried."""
+"""Clock offsets up to this are tried [s]."""
 LEAST_OVERLAP = 0.8
 """Share of the path that must lie within the truth's time."""
 MIRROR_MARGIN = 0.8
@@ -54,9 +54,14 @@ class Alignment:
 
 
 def align(
-    time_s: Array, xy: Array, truth: Truth, *, search_s: float = SEARCH_S, mirrored: bool | None = False
+    time_s: Array, xy: Array, truth: Truth, *, search_s: float | None = None, mirrored: bool | None = False
 ) -> Alignment:
-    """Align a path (n, 2) at ``time_s`` (n,) with the truth; ``mirrored`` None: find out. Raises LogError."""
+    """Align a path (n, 2) at ``time_s`` (n,) with the truth; ``mirrored`` None: find out. Raises LogError.
+
+    Clock offsets up to ``search_s`` are tried: None takes SEARCH_S, or 0 where the truth's clock is the robot's.
+    """
+    if search_s is None:
+        search_s = 0.0 if truth.same_clock else SEARCH_S
     if mirrored is None:
         plain, mirror = (align(time_s, xy, truth, search_s=search_s, mirrored=flip) for flip in (False, True))
         return mirror if mirror.rms_m < MIRROR_MARGIN * plain.rms_m else plain
@@ -68,7 +73,8 @@ def align(
         problem = f"no clock offset within ±{search_s:g} s lets the truth cover {LEAST_OVERLAP:.0%} of the path"
         raise LogError(problem, hint="give the truth of this run, or a larger --search")
     best = coarse[int(np.argmin(errors))]
-    fine = best + np.arange(-_COARSE_S, _COARSE_S + 0.5 * _FINE_S, _FINE_S)
+    reach = min(_COARSE_S, search_s)
+    fine = best + np.arange(-reach, reach + 0.5 * _FINE_S, _FINE_S)
     fine_errors = _errors(time_s[:: max(1, every // 2)], path[:: max(1, every // 2)], truth, fine)
     offset = float(fine[int(np.argmin(fine_errors))])
     rms, rotation, shift, scale = _fit(path, truth_at(truth, time_s + offset))

@@ -22,12 +22,13 @@ class Truth:
     """Ground truth on a clock and in a frame of its own.
 
     ``time_s`` (m,) rises, ``xy`` (m, 2) [m], ``theta`` (m,) [rad].
-    ``theta`` is NaN where it is unknown or not to be trusted.
+    ``theta`` is NaN where it is unknown or not to be trusted. ``same_clock``: the clock is known to be the robot's.
     """
 
     time_s: Array
     xy: Array
     theta: Array
+    same_clock: bool = False
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,7 @@ def save_log(log: WheelLog, path: Path) -> None:
                 truth_time_s=empty if truth is None else truth.time_s,
                 truth_xy=np.zeros((0, 2)) if truth is None else truth.xy,
                 truth_theta=empty if truth is None else truth.theta,
+                truth_same_clock=np.array(truth is not None and truth.same_clock),
             )
     except OSError as error:
         raise LogError(f"cannot write {path}: {error.strerror}", hint="check folder and permissions") from error
@@ -137,7 +139,10 @@ def load_log(path: Path) -> WheelLog:
     try:
         with np.load(path, allow_pickle=False) as stored:
             times = stored["truth_time_s"]
-            truth = Truth(times, stored["truth_xy"], stored["truth_theta"]) if len(times) else None
+            truth = None
+            if len(times):
+                same_clock = bool(stored["truth_same_clock"])
+                truth = Truth(times, stored["truth_xy"], stored["truth_theta"], same_clock)
             return WheelLog(
                 name=str(stored["name"]),
                 period_s=float(stored["period_s"]),

@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hil_sim.summary import load_run
 from omni_schema import Robot
+from omniwheel.dialect import Message
 from omniwheel.errors import LogError
-from omniwheel.identification.sources import read_tlog as read_messages
+from omniwheel.frames import flip
+from omniwheel.identification.sources import from_messages, read_messages
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
 from omniwheel.logs.mapping import read_mapping
@@ -41,7 +44,7 @@ def read_run(folder: Path) -> WheelLog:
         parameters = summary["parameters"]
         wheels, counts_per_revolution = round(parameters["WHEELS"]), round(parameters["ENC_CPR"])
         time = np.asarray(samples["time_s"], dtype=np.float64)
-        direction = np.array([parameters[f"W{wheel + 1}_MOT_DIR"] for wheel in range(wheels)])
+        direction = _directions(parameters, wheels)
         supply = samples["supply_V"] / parameters["BAT_V_NOM"]
         duty = samples["duty"][:, :wheels] * direction * supply[:, None]
         speed = samples["wheel_rad_s"][:, :wheels]
@@ -49,33 +52,70 @@ def read_run(folder: Path) -> WheelLog:
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         hint = "give the folder of a run, as printed by omni demo, hil and sim"
         raise LogError(f"{folder} is not a run: {error}", hint=hint) from error
-    truth = Truth(time, np.array(pose[:, :2]), np.unwrap(pose[:, 2]))
+    truth = Truth(time, np.array(pose[:, :2]), np.unwrap(pose[:, 2]), same_clock=True)
     return _from_speeds(folder.name, counts_per_revolution, time, speed, duty, truth)
 
 
 def read_tlog(path: Path, robot: Robot) -> WheelLog:
-    """Read OMNI_WHEELS from a telemetry log; the robot's own pose estimate (OMNI_TRACKING) stands in for a truth."""
-    wheels: dict[int, tuple[list[float], list[float]]] = {}
-    poses: dict[int, list[float]] = {}
-    for message in read_messages(path):
-        if message.get_type() == "OMNI_WHEELS":
-            wheels[message.time_boot_ms] = (list(message.speed), list(message.duty))
-        elif message.get_type() == "OMNI_TRACKING":
-            poses[message.time_boot_ms] = list(message.pose)
+    """Read a telemetry log: counts and voltages of OMNI_SAMPLE, else the speeds and duties of OMNI_WHEELS.
+
+    Truth are the pose fixes with the robot's time, else the robot's own estimate (OMNI_TRACKING). Raises LogError.
+    """
+    messages = read_messages(path)
+    truth = _fixes(messages) or _estimates(messages)
+    if any(message.get_type() == "OMNI_SAMPLE" for message in messages):
+        return _from_samples(path, messages, robot, truth)
+    wheels = {m.time_boot_ms: m for m in messages if m.get_type() == "OMNI_WHEELS"}
     if len(wheels) < MIN_ROWS:
-        hint = "record with the OMNI_WHEELS stream on: omni params set SR1_WHEELS=50"
+        hint = "record with OMNI_SAMPLE (omni identify live --log) or OMNI_WHEELS (omni params set SR1_WHEELS=50)"
         raise LogError(f"{path} holds {len(wheels)} OMNI_WHEELS; at least {MIN_ROWS} are needed", hint=hint)
-    times = sorted(wheels)
-    count = robot.wheels
+    rows = [wheels[time] for time in sorted(wheels)]
     values = robot.parameter_values()
-    duty = np.array([wheels[t][1][:count] for t in times])
-    duty *= np.array([values[f"W{wheel + 1}_MOT_DIR"] for wheel in range(count)])
-    truth = None
-    if len(poses) >= MIN_ROWS:
-        pose = np.array([poses[t] for t in sorted(poses)])
-        truth = Truth(1e-3 * np.array(sorted(poses)), pose[:, :2], np.unwrap(pose[:, 2]))
-    speed = np.array([wheels[t][0][:count] for t in times])
-    return _from_speeds(path.stem, round(values["ENC_CPR"]), 1e-3 * np.array(times), speed, duty, truth)
+    duty = np.array([row.duty for row in rows])[:, : robot.wheels] * _directions(values, robot.wheels)
+    speed = np.array([row.speed for row in rows])[:, : robot.wheels]
+    return _from_speeds(path.stem, round(values["ENC_CPR"]), 1e-3 * np.array(sorted(wheels)), speed, duty, truth)
+
+
+def _directions(values: Mapping[str, float], wheels: int) -> Array:
+    return np.array([values[f"W{wheel + 1}_MOT_DIR"] for wheel in range(wheels)])
+
+
+def _from_samples(path: Path, messages: Sequence[Message], robot: Robot, truth: Truth | None) -> WheelLog:
+    values = robot.parameter_values()
+    data = from_messages(messages, str(path), values)
+    angle = data.wheel_angle_rad if data.wheel_angle_rad is not None else np.zeros_like(data.voltage_V)
+    counts = np.round(angle * values["ENC_CPR"] / (2.0 * np.pi))
+    return WheelLog(
+        name=path.stem,
+        period_s=data.period_s,
+        counts_per_revolution=round(values["ENC_CPR"]),
+        time_s=data.time_s,
+        counts=np.diff(counts, axis=0, prepend=counts[:1]),
+        good=np.ones(counts.shape, dtype=bool),
+        duty=data.voltage_V / values["BAT_V_NOM"],
+        heading_rad=np.full(len(data.time_s), np.nan),
+        truth=truth,
+    )
+
+
+def _fixes(messages: Sequence[Message]) -> Truth | None:
+    """Pose fixes that carry the robot's time."""
+    fixes = {
+        m.usec: flip(m.x, m.y, m.yaw) for m in messages if m.get_type() == "VICON_POSITION_ESTIMATE" and m.usec > 0
+    }
+    return _truth({1e-6 * time: list(pose) for time, pose in fixes.items()})
+
+
+def _estimates(messages: Sequence[Message]) -> Truth | None:
+    return _truth({1e-3 * m.time_boot_ms: list(m.pose) for m in messages if m.get_type() == "OMNI_TRACKING"})
+
+
+def _truth(poses: Mapping[float, list[float]]) -> Truth | None:
+    if len(poses) < MIN_ROWS:
+        return None
+    times = sorted(poses)
+    table = np.array([poses[time] for time in times])
+    return Truth(np.array(times), table[:, :2], np.unwrap(table[:, 2]), same_clock=True)
 
 
 def _from_speeds(

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: MIT
+"""Identification recovers the synthetic robot; on the real one it is judged by the runs it has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omni_reproduce.real_logs import ROBOT_FOLDER, read_logs
+from omni_schema import Robot
+from omniwheel.errors import LogError
+from omniwheel.identification.log_study import LogStudy, identify_from_logs
+from omniwheel.identification.motor_curve import fit_motor_curve
+from omniwheel.identification.odometry_calibration import identify_odometry
+from omniwheel.logs.importer import import_log
+from omniwheel.logs.log import WheelLog
+from omniwheel.logs.mapping import Mapping
+from omniwheel.robots import read_robot
+from tests.host.logs import synthetic
+
+KNOWN = synthetic.Known()
+
+
+@pytest.fixture(scope="module")
+def study(runs: list[WheelLog], robot: Robot) -> LogStudy:
+    return identify_from_logs(runs, robot)
+
+
+def test_radii_by_wheel_and_direction_are_recovered(study: LogStudy) -> None:
+    whole = study.whole
+    assert whole.forward_radius_m == pytest.approx(KNOWN.forward_m, rel=0.05)
+    assert whole.reverse_radius_m == pytest.approx(KNOWN.reverse_m, rel=0.05)
+    assert whole.distance_seen
+    assert whole.wheel_distance_m == pytest.approx(KNOWN.distance_m, rel=0.03)
+
+
+def test_motor_curves_are_recovered(study: LogStudy) -> None:
+    fit = study.whole.curve
+    for slope, dead in (
+        ("forward_duty_per_rad_s", "forward_dead_band"),
+        ("reverse_duty_per_rad_s", "reverse_dead_band"),
+    ):
+        for name, known in ((slope, KNOWN.duty_per_rad_s), (dead, KNOWN.dead_band)):
+            off = (getattr(fit.curve, name) - known) / getattr(fit.sd, name)
+            assert np.all(np.abs(off) < 4.0), name
+    assert fit.curve.time_constant_s == pytest.approx(np.full(3, KNOWN.lag_s), rel=0.2)
+    assert np.all(fit.sd.forward_dead_band < 0.02)
+
+
+def test_the_left_out_run_is_predicted_to_a_few_millimetres(study: LogStudy) -> None:
+    assert study.median_m("nominal") > 0.03
+    assert study.median_m("held_out") < 0.01
+    for run in study.scored:
+        found = run.held_out.alignment
+        assert found.offset_s == pytest.approx(KNOWN.offset_s, abs=0.03)
+        assert found.rotation_rad == pytest.approx(KNOWN.rotation_rad, abs=0.05)
+        assert not found.mirrored
+
+
+def test_a_mirrored_truth_is_seen_through(tmp_path: Path, mapping: Mapping, robot: Robot) -> None:
+    known = synthetic.Known(mirrored=True, offset_s=-0.8)
+    logs = [import_log(*_swap(synthetic.write(tmp_path, f"run{k}", known, k), mapping))[0] for k in (4, 5)]
+    found = identify_odometry(logs, robot)
+    assert found.forward_radius_m == pytest.approx(known.forward_m, rel=0.08)
+
+
+def _swap(paths: tuple[Path, Path], mapping: Mapping) -> tuple[Path, Mapping, Path]:
+    return paths[0], mapping, paths[1]
+
+
+def test_wheels_in_the_wrong_order_are_noticed(runs: list[WheelLog], robot: Robot) -> None:
+    wrong = [replace(log, counts=-log.counts, duty=-log.duty) for log in runs]
+    turned = [replace(log, heading_rad=log.heading_rad) for log in wrong]
+    found = identify_odometry(turned, robot)
+    assert not found.distance_seen  # the wheels turn against the measured heading: no distance comes out
+
+
+def test_what_the_logs_lack_is_named(runs: list[WheelLog], robot: Robot) -> None:
+    with pytest.raises(LogError, match="no heading"):
+        identify_odometry([replace(runs[0], heading_rad=np.full(len(runs[0].time_s), np.nan))], robot)
+    with pytest.raises(LogError, match="no ground truth"):
+        identify_odometry([replace(runs[0], truth=None)], robot)
+    with pytest.raises(LogError, match="never driven"):
+        fit_motor_curve([replace(runs[0], duty=np.zeros_like(runs[0].duty))])
+    with pytest.raises(LogError, match="at least 2"):
+        identify_from_logs(runs[:1], robot)
+    with pytest.raises(LogError, match="one name"):
+        identify_from_logs([runs[0], runs[0]], robot)
+
+
+def test_a_direction_that_was_never_driven_is_marked(runs: list[WheelLog]) -> None:
+    forward = [replace(log, duty=np.maximum(log.duty, 0.0), good=log.good & (log.duty >= 0.0)) for log in runs]
+    fit = fit_motor_curve(forward)
+    assert np.all(np.isinf(fit.sd.reverse_dead_band))
+    assert np.all(np.isfinite(fit.sd.forward_dead_band))
+
+
+def test_real_runs_left_out_are_within_60_mm_in_the_median(real_logs: Path) -> None:
+    robot = read_robot(ROBOT_FOLDER / "robot.toml")
+    runs = read_logs(sorted(real_logs.glob("run*.csv")))
+    turns = read_logs(sorted(real_logs.glob("spin*.csv")))
+    found = identify_from_logs(runs, robot, turns)
+    assert 0.12 < found.median_m("nominal") < 0.2
+    assert found.median_m("held_out") <= 0.060
+    assert max(run.held_out.alignment.rms_m for run in found.scored) < 0.1

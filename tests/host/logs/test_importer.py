@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: MIT
+"""Reading foreign CSV logs: counts, spikes, heading, clock; and what is said of files that are wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omniwheel.errors import LogError
+from omniwheel.logs.importer import import_log, unwrap_heading
+from omniwheel.logs.log import WheelLog, load_log, save_log
+from omniwheel.logs.mapping import Mapping, read_mapping
+from tests.host.logs import synthetic
+
+
+def rows(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()
+
+
+def changed(tmp_path: Path, lines: list[str]) -> Path:
+    path = tmp_path / "changed.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_counts_come_back_whole_and_the_path_of_the_good_ones_is_the_true_one(runs: list[WheelLog]) -> None:
+    log = runs[0]
+    assert np.array_equal(log.counts, np.round(log.counts))
+    speed, pose = synthetic.motion(synthetic.Known(), synthetic.duties(1))
+    turned = np.where(log.good, log.counts, speed * synthetic.T / synthetic.RAD).sum(axis=0) * synthetic.RAD
+    # What is left is the noise of the counts: 2 counts per period, 1600 periods, four standard deviations.
+    assert np.allclose(turned, speed.sum(axis=0) * synthetic.T, atol=4.0 * 2.05 * 40.0 * synthetic.RAD)
+    assert np.allclose(log.heading_rad, pose[:, 2] - pose[0, 2], atol=1e-5)
+    assert log.duty.max() <= 0.5
+
+
+def test_every_spike_is_rejected_and_next_to_nothing_else(runs: list[WheelLog]) -> None:
+    for log in runs:
+        spiky = np.abs(log.counts) > 40.0
+        assert spiky.any()
+        assert not log.good[spiky].any()
+        assert log.good[~spiky].mean() > 0.99
+
+
+def test_a_speed_limit_rejects_what_no_wheel_can_do(tmp_path: Path, files: Path) -> None:
+    text = synthetic.MAPPING + "[spikes]\nthreshold = 1000.0\nmax_rad_s = 60.0\n"
+    (tmp_path / "mapping.toml").write_text(text, encoding="utf-8")
+    log, _ = import_log(files / "run1.csv", read_mapping(tmp_path / "mapping.toml"))
+    fast = np.abs(log.wheel_rad_s) > 60.0
+    assert fast.any()
+    assert np.array_equal(log.good, ~fast)
+
+
+def test_repeated_and_missing_rows_are_counted_and_the_speed_lasts_over_a_gap(
+    tmp_path: Path, files: Path, mapping: Mapping
+) -> None:
+    lines = rows(files / "run1.csv")
+    path = changed(tmp_path, [*lines[:200], lines[199], *lines[200:300], *lines[304:]])
+    log, report = import_log(path, mapping)
+    whole, _ = import_log(files / "run1.csv", mapping)
+    assert (report.dropped_rows, report.missing_rows) == (1, 4)
+    assert np.array_equal(log.counts[299], 5.0 * whole.counts[303])
+    assert np.allclose(log.wheel_rad_s[299], whole.wheel_rad_s[303])
+
+
+def test_a_restarted_heading_goes_on_where_it_was() -> None:
+    true = np.linspace(0.0, 20.0, 401)
+    logged = np.mod(true, 2.0 * np.pi)
+    logged[250:] = np.mod(true[250:] - true[250] + 1.0, 2.0 * np.pi)
+    unwrapped, restarts = unwrap_heading(logged, np.full(401, 0.01))
+    assert restarts == [250]
+    assert np.allclose(unwrapped[:250], true[:250])
+    assert np.allclose(np.diff(unwrapped[250:]), np.diff(true[250:]))
+    assert unwrapped[250] == unwrapped[249]
+
+
+def test_stored_logs_come_back(tmp_path: Path, runs: list[WheelLog]) -> None:
+    save_log(runs[0], tmp_path / "log.npz")
+    again = load_log(tmp_path / "log.npz")
+    for name in ("time_s", "counts", "good", "duty", "heading_rad"):
+        assert np.array_equal(getattr(again, name), getattr(runs[0], name))
+    assert np.array_equal(again.require_truth().xy, runs[0].require_truth().xy)
+    (tmp_path / "bad.npz").write_bytes(b"PK no archive")
+    with pytest.raises(LogError, match="no imported log"):
+        load_log(tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('"w3"]', '"w4"]', "no column 'w4'"),
+        ("counts_per_revolution = 264", "counts_per_revolution = 1000", "off whole counts"),
+        ("full_scale = 100.0", "full_scale = 10.0", "exceeds its full scale"),
+        ('quantity = "speed"', 'quantity = "angle"', "wheels.quantity"),
+        ('unit = "rad/s"', 'unit = "rad"', "wheels.unit"),
+        ("sign = -1", "sign = 2", "heading.sign"),
+        ("period_s = 0.01", "period_s = -1", "log.period_s"),
+        ('["w1", "w2", "w3"]', '["w1", "w2"]', "wheels.columns"),
+        ('x = "x_m"', 'x = "x_m"\nz = "z_m"', "truth.z"),
+        ("[truth]", "[camera]", "camera"),
+        ("[wheels]", "[duties]", "wheels"),
+    ],
+)
+def test_a_wrong_mapping_is_named(tmp_path: Path, files: Path, old: str, new: str, told: str) -> None:
+    assert old in synthetic.MAPPING
+    (tmp_path / "mapping.toml").write_text(synthetic.MAPPING.replace(old, new), encoding="utf-8")
+    with pytest.raises(LogError, match=told):
+        import_log(files / "run1.csv", read_mapping(tmp_path / "mapping.toml"), files / "truth_run1.csv")
+
+
+@pytest.mark.parametrize(
+    ("cell", "told"), [("nan", "w2 is not finite"), ("", "could not convert"), ("1.0,2.0", "9 cells beside 8 names")]
+)
+def test_a_bad_cell_is_named(tmp_path: Path, files: Path, mapping: Mapping, cell: str, told: str) -> None:
+    lines = rows(files / "run1.csv")
+    cells = lines[10].split(",")
+    cells[3] = cell
+    lines[10] = ",".join(cells)
+    with pytest.raises(LogError, match=told):
+        import_log(changed(tmp_path, lines), mapping)
+
+
+def test_too_short_and_missing_files_are_named(tmp_path: Path, files: Path, mapping: Mapping) -> None:
+    with pytest.raises(LogError, match="cannot read"):
+        import_log(tmp_path / "none.csv", mapping)
+    with pytest.raises(LogError, match="at least 20"):
+        import_log(changed(tmp_path, rows(files / "run1.csv")[:10]), mapping)
+    with pytest.raises(LogError, match="holds no rows"):
+        import_log(changed(tmp_path, rows(files / "run1.csv")[:1]), mapping)
