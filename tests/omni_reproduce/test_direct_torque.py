@@ -130,11 +130,11 @@ def test_rows_and_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         (found,) = [row for row in result.rows if row.setting == setting and row.quantity == quantity]
         return found
 
-    rose_row = row("six-petal rose: report's gains, signs corrected", "x RMSE after 6 s")
+    rose_row = row("six-petal rose: report's gains", "x RMSE after 6 s")
     assert rose_row.unit == "mm"
     assert rose_row.ours is not None
     assert 0.0 < rose_row.ours < 3.0
-    settled = row("points within ±3 m: report's gains, signs corrected", "settled to 2 %, mean over points")
+    settled = row("points within ±3 m: report's gains", "settled to 2 %, mean over points")
     assert settled.seeds == 1
     assert settled.limit == pytest.approx(2.18, abs=0.01)
     assert row("rose, friction 0.6: as printed", "position RMSE after 6 s").ours is None, "it has left"
