@@ -116,11 +116,11 @@ def _published_rows(spec: Mapping[str, Any]) -> list[Row]:
 
 
 def ladder(seed: int) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
-    """Return a11_d, a22_d, a33_d by step of LADDER for one simulated four-wheel robot, and the truth."""
+    """Return a11_d, a22_d, a33_d by step of LADDER for the simulated four-wheel robot, and the truth."""
     head = read_spec(NAME)["experiment"]
     robot = read_robot(head["report_robot"])
     robot = replace(robot, geometry={**robot.geometry, "wheel_angle_deg": head["report_wheel_angle_deg"]})
-    simulated, layout = SimulatedRobot.random(robot, seed), layout_of(robot)
+    simulated, layout = SimulatedRobot(robot, seed), layout_of(robot)
     profiles = excitation.appendix_d(layout.angle_rad, modulation=0.0)
     runs = [simulated.run(name, duty, run=i) for i, (name, duty) in enumerate(profiles.items())]
     pwm = [PWM_FULL * run.voltage_V / _supply(run) for run in runs]
@@ -186,8 +186,8 @@ def _ladder_rows(ladders: Sequence[tuple[dict[str, dict[str, float]], dict[str, 
             values = np.array([found[name][axis] for found, _ in ladders])
             truth = float(np.mean([true[axis] for _, true in ladders]))
             rows.append(
-                Row(NAME, setting, f"{axis}, simulated robots", "1", float(values.mean()), float(values.std()),
-                    len(ladders), limit=truth, explanation=f"{why} (limit: the robots' true value)")
+                Row(NAME, setting, f"{axis}, simulated robot", "1", float(values.mean()), float(values.std()),
+                    len(ladders), limit=truth, explanation=f"{why} (limit: the robot's true value)")
             )  # fmt: skip
     return rows
 

@@ -20,8 +20,8 @@ def test_table_9_says_what_reproduces_and_what_works(tmp_path: Path) -> None:
     for name in ("a11", "a33", "beta_1", "f1"):
         assert published[name].ours == pytest.approx(published[name].published, rel=3e-3)
     for axis in identification.AXES:
-        as_published = rows["least squares, as published", f"{axis}, simulated robots"]
-        works = rows["output error", f"{axis}, simulated robots"]
+        as_published = rows["least squares, as published", f"{axis}, simulated robot"]
+        works = rows["output error", f"{axis}, simulated robot"]
         assert as_published.ours is not None
         assert as_published.limit is not None
         assert as_published.ours > 0.98

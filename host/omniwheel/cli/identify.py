@@ -33,7 +33,7 @@ from omniwheel.identification.physical import Known
 from omniwheel.identification.pipeline import Identification, identify_robot
 from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.identification.simulation import SimulatedRobot
-from omniwheel.identification.sources import read_tlog
+from omniwheel.identification.sources import read_dataset
 from omniwheel.robot import DEFAULT_TIMEOUT_S
 from omniwheel.robots import read_robot
 from omniwheel.tlog import TlogWriter
@@ -194,7 +194,7 @@ def simulate(
 
 
 def _read(path: Path, base: RobotFile) -> Dataset:
-    return read_tlog(path, base.parameter_values())
+    return read_dataset(path, base.parameter_values())
 
 
 def _known(

@@ -28,7 +28,7 @@ MIN_SAMPLES = 3
 HINT = "record with `omni identify live --log`, or ask for OMNI_SAMPLE at 50 Hz before `omni record`"
 
 
-def read_tlog(path: Path, parameters: Mapping[str, float]) -> Dataset:
+def read_dataset(path: Path, parameters: Mapping[str, float]) -> Dataset:
     """Return the dataset of a telemetry log; ``parameters`` of the robot: wheels, encoder and directions.
 
     Raises DatasetError.

@@ -11,7 +11,7 @@ import pytest
 
 from omniwheel.dialect import mavlink
 from omniwheel.errors import DatasetError
-from omniwheel.identification.sources import read_tlog
+from omniwheel.identification.sources import read_dataset
 from omniwheel.robots import read_robot
 from omniwheel.tlog import TlogWriter
 
@@ -45,7 +45,7 @@ def test_sums_are_unwrapped_and_differenced(tmp_path: Path, parameters: dict[str
     start = 2**31 - 500
     messages = [sample(row, start + 100 * row, start + 120_000 * row) for row in range(ROWS)]
     fix = mavlink.MAVLink_vicon_position_estimate_message(5 * PERIOD_us, 1.0, -2.0, 0.0, 0.0, 0.0, -0.5, [0.0] * 21)
-    data = read_tlog(write(tmp_path / "run.tlog", [*messages, fix]), parameters)
+    data = read_dataset(write(tmp_path / "run.tlog", [*messages, fix]), parameters)
     assert data.wheels == 3
     np.testing.assert_allclose(data.time_s, np.arange(ROWS) * 0.02)
     np.testing.assert_allclose(data.voltage_V, 6.0, rtol=1e-9)
@@ -60,7 +60,7 @@ def test_sums_are_unwrapped_and_differenced(tmp_path: Path, parameters: dict[str
 
 def test_a_lost_message_costs_only_resolution(tmp_path: Path, parameters: dict[str, float]) -> None:
     messages = [sample(row, 100 * row, 120_000 * row) for row in range(ROWS) if row != 17]
-    data = read_tlog(write(tmp_path / "run.tlog", messages), parameters)
+    data = read_dataset(write(tmp_path / "run.tlog", messages), parameters)
     assert len(data.time_s) == ROWS - 1
     np.testing.assert_allclose(data.voltage_V, 6.0, rtol=1e-9)
 
@@ -69,11 +69,11 @@ def test_logs_that_will_not_do_are_refused(tmp_path: Path, parameters: dict[str,
     heartbeat = mavlink.MAVLink_heartbeat_message(10, 0, 0, 0, 3, 3)
     other = write(tmp_path / "other.tlog", [heartbeat] * 5)
     with pytest.raises(DatasetError, match="0 OMNI_SAMPLE") as caught:
-        read_tlog(other, parameters)
+        read_dataset(other, parameters)
     assert "identify live" in caught.value.hint
     noise = tmp_path / "noise.tlog"
     noise.write_bytes(b"no log at all" * 20)
     with pytest.raises(DatasetError, match="no telemetry log"):
-        read_tlog(noise, parameters)
+        read_dataset(noise, parameters)
     with pytest.raises(DatasetError, match="No such file"):
-        read_tlog(tmp_path / "absent.tlog", parameters)
+        read_dataset(tmp_path / "absent.tlog", parameters)
