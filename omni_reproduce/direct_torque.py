@@ -73,8 +73,8 @@ def settling(trace: Trace, every_s: float, share: float) -> Settling:
 
 def settling_of_gains(kp: float, kd: float, share: float) -> float:
     """Return when e'' = -kd e' - kp e, from rest, stays below ``share`` of where it began [s]."""
-    time_s = np.linspace(0.0, 20.0 / kd, 20_001)
     roots = np.roots([1.0, kd, kp]).astype(complex)
+    time_s = np.linspace(0.0, 10.0 / np.abs(roots.real).min(), 20_001)
     if abs(roots[0] - roots[1]) < 1e-6:
         error = (1.0 - roots[0] * time_s) * np.exp(roots[0] * time_s)
     else:

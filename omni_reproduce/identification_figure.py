@@ -94,11 +94,11 @@ def _draw_ladder(axes: Axes, ladders: Sequence[Ladder]) -> None:
         for number, (found, truth) in enumerate(ladders):
             label = None if number else f"${axis[0]}_{{{axis[1:3]}}}^d$"
             axes.plot([found[name][axis] for name in names], place, mark, ms=6, color=colour, alpha=0.8, label=label)
-            axes.axvline(truth[axis], color=colour, lw=1.0, ls=":", label=None if number or index else "truth")
+            axes.axvline(truth[axis], color=colour, lw=1.0, ls=":", label=None if number else "true")
     axes.set_yticks(np.arange(len(names)), [name.replace(", ", ",\n") for name in names])
     axes.invert_yaxis()
     axes.set(
-        title="The report's method on simulated robots, repaired step by step",
+        title="The report's method, repaired step by step",
         xlabel="share of a velocity left after 20 ms",
     )
     axes.legend(loc="center right")

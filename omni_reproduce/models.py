@@ -82,15 +82,13 @@ def simulate(spec: Mapping[str, Any], case: Case) -> Run:
     state = [np.frombuffer(ffi.buffer(column)) for column in _columns(world)]
     volts = voltages(spec, robot.wheels, case.seed)
     rows = np.empty((len(volts) * (ticks + 1), sum(map(len, state))))
-    n = 0
-    for hold in volts:
+    for hold, block in zip(volts, rows.reshape(len(volts), ticks + 1, -1), strict=True):
         world.drive_voltage(hold)
         # The power that the sources give changes at once: both ends of a hold are needed.
-        np.concatenate(state, out=rows[n])
-        for n in range(n + 1, n + 1 + ticks):
+        np.concatenate(state, out=block[0])
+        for row in block[1:]:
             lib.hil_world_step(world.c, step_us)
-            np.concatenate(state, out=rows[n])
-        n += 1
+            np.concatenate(state, out=row)
     pose, twist, wheel, current = np.split(rows, np.cumsum([len(column) for column in state])[:-1], axis=1)
     per_hold = 1e-6 * step_us * np.arange(ticks + 1)
     time_s = (spec["drive"]["hold_s"] * np.arange(len(volts))[:, None] + per_hold).ravel()

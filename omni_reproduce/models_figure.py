@@ -72,5 +72,6 @@ def _draw_energy(axes: Axes, found: Mapping[str, Run]) -> None:
         share = np.array([100.0 * found[plant].spent_J[number] / found[plant].taken_J for plant in names])
         axes.bar(names, share, bottom=bottom, color=_PARTS[number], width=0.6, label=part)
         bottom += share
+    axes.set_axisbelow(True)
     axes.axhline(100.0, color="#222222", lw=1.0)
     axes.set(ylabel="share of the electrical energy [%]", title="Where the energy goes")

@@ -40,7 +40,7 @@ _EXPLANATIONS = {
     "feed_forward": "With the derivative of the middle of the step nearly all of the heading error is gone: it was the "
     "lag.",
     "with_r": "With the 1/r that eq. 42 needs, K = 1 means 1 m/s: K T = {full_mm:.0f} mm per step, and wheels at their "
-    "limit. The published figures come out only without the 1/r.",
+    "limit. K = 1 gives the published figures only without the 1/r.",
     "condition": "(44) needs K to cover no more than the part of the slip that the estimate misses.",
     "corrected": "λ = 1/T takes an error out in one step; K covers (44) inside a boundary layer, so that nothing "
     "switches; feed-forward and heading are those of the middle of the step.",
@@ -101,7 +101,7 @@ def run(context: Context) -> Result:
     for number, (name, setting) in enumerate(spec["setting"].items()):
         part = found[number * len(seeds) : (number + 1) * len(seeds)]
         published = spec["published"]["rmse"] if name in ("published", "corrected") else None
-        why = f"{_explanation(spec, name)} {_LIMIT}"
+        why = _explanation(spec, name)
         rows += rmse_rows(NAME, setting["title"], np.array([rmse for rmse, _, _ in part]), published, limit, why)
         rows.append(share_row(NAME, setting["title"], "steps at the wheels' limit", [share for _, share, _ in part]))
         margin = 100.0 * min(margin for _, _, margin in part)
@@ -119,7 +119,7 @@ def run(context: Context) -> Result:
     picture = context.folder / FIGURE
     tracks = {spec["setting"][name]["title"]: drive(Case(spec, name, head["seed"])) for name in head["drawn"]}
     draw_tracks(tracks, _view(head["step_s"], spec["path"]["size_m"]), picture)
-    return Result(tuple(rows), (picture,), (_note(spec),))
+    return Result(tuple(rows), (picture,), (_note(spec), _LIMIT))
 
 
 def _view(step_s: float, size_m: float) -> View:

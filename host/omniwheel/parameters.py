@@ -26,6 +26,7 @@ from omniwheel.texts import TextLog
 
 REPLY_TIMEOUT_S = 1.5
 TRIES = 4
+DOWNLOAD_TRIES = 6
 QUIET_S = 0.7
 WINDOW = 8
 NOT_AN_INDEX = -1
@@ -134,9 +135,9 @@ class Parameters(MutableMapping[str, float]):
                 silent = 0
                 continue
             silent += 1
-            if silent >= TRIES:
+            if silent >= DOWNLOAD_TRIES:
                 raise self._download_error()
-            self._ask_for_missing()
+            self._ask_for_missing(silent)
         return dict(self._by_name)
 
     def _listen(self, progress: Progress | None) -> bool:
@@ -148,12 +149,13 @@ class Parameters(MutableMapping[str, float]):
                 progress(len(self._names), self._count)
         return len(self._names) > before
 
-    def _ask_for_missing(self) -> None:
+    def _ask_for_missing(self, times: int) -> None:
+        """Ask for some of what is missing, each ``times`` over: a last one or two must not fail on a bad link."""
         if not self._count:
             self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
             return
         missing = [index for index in range(self._count) if index not in self._names]
-        for index in missing[:WINDOW]:
+        for index in missing[: max(WINDOW // times, 1)] * times:
             self._connection.send(self._request(b"", index))
 
     def _download_error(self) -> LinkTimeoutError:

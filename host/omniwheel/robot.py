@@ -197,10 +197,11 @@ class Robot:
         """
         self.send(duty_target(self.connection, duty))
 
-    def drive_duty(self, duty: Sequence[float], duration_s: float) -> None:
-        """Keep open-loop duties for ``duration_s``, then ask for zero duty."""
+    def drive_duty(self, duty: Sequence[float], duration_s: float, *, stop: bool = True) -> None:
+        """Keep open-loop duties for ``duration_s``, then ask for zero duty unless ``stop`` is False."""
         self._repeat(lambda: self.set_duty(duty), duration_s)
-        self.set_duty([0.0] * len(duty))
+        if stop:
+            self.set_duty([0.0] * len(duty))
 
     def drive_velocity(
         self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body", stop: bool = True

@@ -19,6 +19,7 @@ from hil_sim.runs import Run, faults_seen, run_in_process, run_seeds
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, load_run, new_run_folder, save_run, summarize
 from hil_sim.timeline import RunError
+from hil_sim.world import PLANTS
 from omniwheel import FirmwareProcess, connect
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ArmingRefusedError, LinkError, ParameterRefusedError
@@ -55,6 +56,15 @@ def test_the_firmware_in_the_loop_drives_as_the_core_in_this_process_does() -> N
     rmse, rmse_hil = metrics.tracking_rmse(one.record), metrics.tracking_rmse(other.record)
     assert rmse_hil.position_m == pytest.approx(rmse.position_m, abs=5e-5)
     assert rmse_hil.theta_rad == pytest.approx(rmse.theta_rad, abs=1e-4)
+
+
+@pytest.mark.parametrize("plant", [plant for plant in PLANTS if plant != "full"])
+def test_firmware_and_core_drive_every_plant_alike(plant: str) -> None:
+    scenario = short("no_slip", 3.0).with_plant(plant)
+    one, other = run_in_process(scenario), run_hil(scenario)
+    assert np.max(np.abs(one.record["truth"][:3000, :2] - other.record["truth"][:3000, :2])) < 0.001
+    assert np.ptp(other.record["truth"][:, 0]) > 0.005, "it has moved"
+    assert faults_seen(other)[0] == []
 
 
 def test_equal_seeds_give_equal_logs_and_summaries(tmp_path: Path) -> None:

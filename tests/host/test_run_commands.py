@@ -64,6 +64,14 @@ def test_tune_refuses_bad_values_before_anything_moves(sitl: str, tmp_path: Path
     assert not (tmp_path / "tune.png").exists()
 
 
+def test_duties_turn_the_robot_open_loop(sitl: str) -> None:
+    told = omni_json("drive", "duty", "0.3", "0.3", "0.3", "--for", "1", "--link", sitl)
+    assert 0.1 < told["pose"]["theta"] < 0.4
+    with connect(sitl) as robot:
+        assert not robot.status.armed
+    assert omni_json("drive", "duty", "1.5", "0", "0", "--link", sitl, code=2)["error"]["type"] == "SetpointError"
+
+
 def test_a_pose_is_driven_to(sitl: str) -> None:
     omni("drive", "pose", 0.05, 0.05, 0.1, "--link", sitl)
     told = omni_json("monitor", "--once", "--link", sitl)

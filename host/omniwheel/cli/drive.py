@@ -171,6 +171,21 @@ def trajectory(
         _result(robot, as_json, phase=tracking.phase)
 
 
+@app.command("duty", epilog=examples("omni drive duty 0.2 0.2 0.2 --for 2", "omni drive duty -- 0.3 0 0"))
+def duty(
+    duties: Annotated[list[float], typer.Argument(metavar="DUTY...", help="-1..1 per wheel, + counter-clockwise.")],
+    duration: DurationOption = 1.0,
+    link: LinkOption = None,
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    as_json: JsonOption = False,
+) -> None:
+    """Put constant duties on the motors, open loop, for a while: bring-up and identification. Lift the wheels first."""
+    with _armed(link, timeout, as_json) as robot:
+        _drive_in_slices(robot, duration, lambda s: robot.drive_duty(duties, s, stop=False))
+        robot.drive_duty([0.0] * len(duties), _SLICE_S)
+        _result(robot, as_json)
+
+
 @app.command("keys", epilog=examples("omni drive keys", "omni drive keys --speed 0.2 --turn 1"))
 def keys(
     speed: SpeedOption = 0.1,

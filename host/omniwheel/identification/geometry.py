@@ -59,7 +59,7 @@ def calibrate(runs: Sequence[Dataset], layout: Layout) -> Estimate:
     x = np.ones(len(nominal))
     for _ in range(2):
         solved = optimize.least_squares(
-            lambda x, sd=sd: _residual(x * nominal, windows, layout, sd)[0], x, xtol=1e-7, diff_step=1e-6
+            lambda x, sd=sd: _residual(x * nominal, windows, layout, sd)[0], x, xtol=1e-6, ftol=1e-6, diff_step=1e-6
         )
         x = solved.x
         sd = sd * _noise(*_residual(x * nominal, windows, layout, sd)[:2])

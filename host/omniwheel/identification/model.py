@@ -35,7 +35,7 @@ STAND = ("speed_gain_V_s", "coulomb_V", "inertia_V_s2")
 COULOMB_WIDTH_rad_s = 0.01
 """sgn(w) is w / sqrt(w^2 + width^2), as friction is in the simulated world."""
 _SYMMETRY = 1e-6
-_STEP = 1.2
+_STEP = 0.8
 """Largest rate times substep: second-order accurate and stable where a wheel sticks."""
 _MAX_SUBSTEPS = 64
 

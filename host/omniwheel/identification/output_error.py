@@ -25,11 +25,20 @@ Array = NDArray[np.float64]
 SATURATED_SHARE_MAX = 0.5
 MIN_MOVING_S = 2.0
 MIN_FIT = 0.5
+EXCITED_SHARE = 0.05
+"""Motion in one direction of less than this share of the other's is no excitation."""
+EXCITE_HINT = "drive circles and spins both ways, with changing speed"
 IV_STEPS_MAX = 20
 SETTLED = 2e-3
 """Steps end when no parameter moves by more than this share of itself."""
 COARSE = 5
 """The first search takes one segment in so many."""
+UNSHOWN = {
+    "speed_gain_V_s": "the speeds vary too little to tell viscous from Coulomb friction",
+    "inertia_xy_V_s2": "translation is not excited: the robot's speed along x and y hardly changes",
+    "inertia_theta_V_s2": "rotation is not excited: the robot's turn rate hardly changes",
+    "inertia_V_s2": "the wheel's speed hardly changes",
+}
 _STEP = 1e-5
 
 
@@ -71,6 +80,7 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
     _require_enough(runs)
     start = first_guess(runs, model)
     segments, saturated = cut(runs, model, _time_constant_s(start))
+    _require_excited(segments, model, saturated)
     used = segments.weight > 0.0
     scale = _scales(start, model)
 
@@ -79,7 +89,10 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
         instrument = _slope(model, segments, x, scale)
         rest = _residual(model, segments, x, scale)
         step = np.linalg.lstsq(instrument, rest, rcond=None)[0]
-        x = np.maximum(x + step, _lower_bounds(model))
+        x = x + step
+        if not np.all(x > _lower_bounds(model)):
+            name = model.names[int(np.argmin(x - _lower_bounds(model)))]
+            raise IdentificationError(UNSHOWN.get(name, f"{name} cannot be told from these runs"), hint=EXCITE_HINT)
         if np.max(np.abs(step)) < SETTLED:
             break
     cluster = np.broadcast_to(segments.cluster[:, None, None], used.shape)[used]
@@ -138,7 +151,8 @@ def evaluate(runs: Sequence[Dataset], model: Model, estimate: Estimate) -> Fit:
 
 
 def _modelled(model: Model, segments: Segments, values: Array) -> Array:
-    return _simulated(model, segments, segments.voltage_V, values[None])[0]
+    speeds: Array = _simulated(model, segments, segments.voltage_V, values[None])[0]
+    return speeds
 
 
 def _simulated(model: Model, segments: Segments, voltage_V: Array, values: Array) -> Array:
@@ -151,7 +165,7 @@ def _scales(start: Array, model: Model) -> Array:
     scale = np.maximum(np.abs(start), 1e-3 * start[0])
     if model.names != STAND:
         scale[4] = 0.01 * start[0]
-    return scale
+    return np.asarray(scale, dtype=np.float64)
 
 
 def _numbered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -195,25 +209,27 @@ def _require_enough(runs: Sequence[Dataset]) -> None:
         )
 
 
-UNSHOWN = {
-    "speed_gain_V_s": "the speeds vary too little to tell viscous from Coulomb friction",
-    "inertia_xy_V_s2": "translation is not excited: the robot's speed along x and y hardly changes",
-    "inertia_theta_V_s2": "rotation is not excited: the robot's turn rate hardly changes",
-    "inertia_V_s2": "the wheel's speed hardly changes",
-}
+def _require_excited(segments: Segments, model: Model, saturated_share: float) -> None:
+    """Raise IdentificationError if bridges are mostly at full duty, or if the robot hardly moves in one direction."""
+    if saturated_share > SATURATED_SHARE_MAX:
+        raise IdentificationError(
+            f"a bridge is at full duty for {100 * saturated_share:.0f} % of the time: its voltage is not known",
+            hint="drive at lower duty",
+        )
+    if model.names == STAND:
+        return
+    size = np.sqrt(np.mean(segments.start_rad_s**2, axis=0))
+    along, turning = float(np.hypot(size[0], size[1])), float(size[2])
+    for name, mine, other in (("inertia_xy_V_s2", along, turning), ("inertia_theta_V_s2", turning, along)):
+        if mine < EXCITED_SHARE * other:
+            raise IdentificationError(UNSHOWN[name], hint=EXCITE_HINT)
 
 
 def _require_shown(fit: Fit) -> None:
     """Raise IdentificationError that names what the data cannot show."""
-    if fit.saturated_share > SATURATED_SHARE_MAX:
-        share = f"{100 * fit.saturated_share:.0f} %"
-        raise IdentificationError(
-            f"a bridge is at full duty for {share} of the time: its voltage is not known and nothing varies",
-            hint="drive at lower duty",
-        )
     for name, why in UNSHOWN.items():
         if name in fit.estimate.names and not fit.estimate.half_width(name) < 0.5 * abs(fit.estimate[name]):
-            raise IdentificationError(why, hint="drive circles and spins both ways, with changing speed")
+            raise IdentificationError(why, hint=EXCITE_HINT)
     if fit.fit < MIN_FIT:
         raise IdentificationError(
             f"the model explains only {100 * fit.fit:.0f} % of the measured speeds",

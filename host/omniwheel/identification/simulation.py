@@ -24,6 +24,8 @@ SPREAD = 0.2
 GEOMETRY_SPREAD = 0.01
 MOTION_CAPTURE = PoseSensor(rate_Hz=50.0, sd_xy_m=0.001, sd_theta_rad=0.002, delay_s=0.0)
 FREE_WHEEL_FRICTION = 1e-9
+SUPPLY_TICKS = 2
+"""The supply is averaged over samples this far apart."""
 _SPREAD_FIELDS = (
     "motor_inertia_kg_m2",
     "motor_viscous_N_m_s",
@@ -139,8 +141,8 @@ def _drive(world: World, duty: Array) -> tuple[Array, Array, list[tuple[float, .
             poses.append((sensors.fix.taken_us * 1e-6, *sensors.fix.pose))
         world.set_duty((direction * row).tolist())
         total = 0.0
-        for _ in range(ticks):
-            world.step()
+        for _ in range(ticks // SUPPLY_TICKS):
+            world.step(SUPPLY_TICKS)
             total += world.c.supply_V
-        supply.append(total / ticks)
+        supply.append(total * SUPPLY_TICKS / ticks)
     return np.array(counts, dtype=np.float64), np.array(supply), poses

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: MIT
+"""Table 9: the published lines, the ladder's order, and coverage on a few robots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from omni_reproduce import identification
+from omni_reproduce.experiment import Context
+
+
+@pytest.mark.slow
+def test_table_9_says_what_reproduces_and_what_works(tmp_path: Path) -> None:
+    result = identification.run(Context(tmp_path, quick=True, seeds=2, workers=1))
+    rows = {(row.setting, row.quantity): row for row in result.rows}
+    published = {row.quantity: row for row in result.rows if row.setting.startswith("Table 8")}
+    assert set(published) == {"a11", "a22", "a33", "beta_1", "beta_2", "d", "J", "f1", "f2", "f3"}
+    for name in ("a11", "a33", "beta_1", "f1"):
+        assert published[name].ours == pytest.approx(published[name].published, rel=3e-3)
+    for axis in identification.AXES:
+        as_published = rows["least squares, as published", f"{axis}, simulated robots"]
+        works = rows["output error", f"{axis}, simulated robots"]
+        assert as_published.ours is not None
+        assert as_published.limit is not None
+        assert as_published.ours > 0.98
+        assert as_published.limit < 0.2
+        assert works.ours == pytest.approx(works.limit, abs=0.01)
+    shares = [row.ours for row in result.rows if "inside" in row.quantity]
+    assert len(shares) == 14
+    assert sum(share or 0.0 for share in shares) >= 85.0 * len(shares)
+    assert all(figure.read_bytes().startswith(b"\x89PNG") for figure in result.figures)
+    assert len(result.notes) == 3
