@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -15,6 +16,9 @@ from omni_schema.toml_file import read_toml
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
+
+CHUNKS = 16
+"""How many parts a map is cut into, so that no process is left with a long rest."""
 
 EXPERIMENTS_FOLDER = Path(__file__).parent / "experiments"
 
@@ -55,12 +59,17 @@ def _ignore(share: float) -> None:
 
 @dataclass(frozen=True)
 class Context:
-    """What an experiment is told: where pictures go, how thorough to be, and whom to tell how far it is (0..1)."""
+    """What an experiment is told: where pictures go, how thorough to be, and whom to tell how far it is (0..1).
+
+    ``workers`` is the number of threads for what computes outside of Python. Without a ``pool`` everything else is
+    computed in this process.
+    """
 
     folder: Path
     quick: bool = False
     seeds: int | None = None
     workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    pool: Executor | None = None
     progress: Callable[[float], None] = _ignore
 
     def count(self, full: int, quick: int) -> int:
@@ -68,22 +77,25 @@ class Context:
         return self.seeds if self.seeds is not None else (quick if self.quick else full)
 
     def map(self, function: Callable[[Item], Answer], items: Iterable[Item]) -> list[Answer]:
-        """Return ``function`` of each item, in their order, computed by several processes.
+        """Return ``function`` of each item, in their order, computed by the processes of ``pool`` if there is one.
 
         ``function`` and the items must be picklable; results must not depend on the process they are computed in.
         """
         work = list(items)
         answers: list[Answer] = []
-        if self.workers == 1 or len(work) < 2:
-            for item in work:
-                answers.append(function(item))
-                self.progress(len(answers) / len(work))
-            return answers
-        with ProcessPoolExecutor(min(self.workers, len(work)), mp_context=get_context("spawn")) as pool:
-            for answer in pool.map(function, work, chunksize=max(1, len(work) // (8 * self.workers))):
-                answers.append(answer)
-                self.progress(len(answers) / len(work))
+        chunk = max(1, len(work) // CHUNKS)
+        for answer in map(function, work) if self.pool is None else self.pool.map(function, work, chunksize=chunk):
+            answers.append(answer)
+            self.progress(len(answers) / len(work))
         return answers
+
+
+@contextmanager
+def worker_pool(workers: int | None = None) -> Iterator[Executor]:
+    """Yield a pool of processes, by default as many as there are processors."""
+    # Not forked: other threads of this process may hold locks.
+    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
+        yield pool
 
 
 def read_spec(name: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ MARKDOWN_FILE = "report.md"
 HTML_FILE = "report.html"
 JSON_FILE = "rows.json"
 
-HEADINGS = ("setting", "quantity", "unit", "published", "ours", "seeds", "limit", "ours / published", "")
+HEADINGS = ("setting", "quantity", "unit", "published", "ours", "seeds", "limit", "ratio", "")
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
 h1, h2 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid #ccc; padding-top: 1.5rem; }

@@ -38,7 +38,7 @@ def test_rows_are_means_over_paths_and_the_picture_is_written(tmp_path: Path, mo
         return dict.fromkeys((*keys, "rms_duty", "saturated_share", "chatter", "completed"), value)
 
     monkeypatch.setattr(controllers, "measure", fake)
-    result = controllers.run(Context(tmp_path, seeds=2, workers=1))
+    result = controllers.run(Context(tmp_path, seeds=2))
     paths = len(SPEC["path"])
     row = next(row for row in result.rows if row.quantity == "position RMSE")
     assert row.ours == pytest.approx((paths + 1) / 2 + 0.15)

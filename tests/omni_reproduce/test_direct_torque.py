@@ -120,7 +120,7 @@ def test_a_loop_refuses_a_plant_without_torques() -> None:
 def test_rows_and_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     short = {**SPEC, "points": {**SPEC["points"], "count": 2}}
     monkeypatch.setattr(experiment, "read_spec", lambda name: short)
-    result = experiment.run(Context(tmp_path, quick=True, seeds=1, workers=1))
+    result = experiment.run(Context(tmp_path, quick=True, seeds=1))
     names = ["fig5.png", "fig6.png", "fig7.png", "fig8.png", "direct_torque_low_friction.png"]
     assert [figure.name for figure in result.figures] == names
     assert all(figure.stat().st_size > 10_000 for figure in result.figures)

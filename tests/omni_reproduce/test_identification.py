@@ -13,7 +13,7 @@ from omni_reproduce.experiment import Context
 
 @pytest.mark.slow
 def test_table_9_says_what_reproduces_and_what_works(tmp_path: Path) -> None:
-    result = identification.run(Context(tmp_path, quick=True, seeds=2, workers=1))
+    result = identification.run(Context(tmp_path, quick=True, seeds=2))
     rows = {(row.setting, row.quantity): row for row in result.rows}
     published = {row.quantity: row for row in result.rows if row.setting.startswith("Table 8")}
     assert set(published) == {"a11", "a22", "a33", "beta_1", "beta_2", "d", "J", "f1", "f2", "f3"}

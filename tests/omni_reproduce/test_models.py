@@ -46,7 +46,7 @@ def test_every_hold_has_both_its_ends() -> None:
 
 def test_rows_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(models, "read_spec", lambda name: SPEC)
-    result = models.run(Context(tmp_path, seeds=2, workers=1))
+    result = models.run(Context(tmp_path, seeds=2))
     (picture,) = result.figures
     assert picture.stat().st_size > 20_000
     for robot in ROBOTS:

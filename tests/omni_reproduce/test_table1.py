@@ -81,11 +81,11 @@ def test_the_experiment_gives_rows_groups_and_picture(tmp_path: Path, monkeypatc
     short = copy.deepcopy(SPEC)
     short["experiment"]["duration_s"] = 6.0
     monkeypatch.setattr(table1, "read_spec", lambda name: short)
-    result = table1.run(Context(tmp_path, seeds=5, workers=1))
+    result = table1.run(Context(tmp_path, seeds=5))
     published = [row for row in result.rows if row.published_sd is not None and "as it is" in row.setting]
     assert [row.published for row in published] == [10.0, 4.0, 3.0]
     shares = [row for row in result.rows if row.quantity.startswith("means of 5")]
     assert [row.seeds for row in shares] == [1, 1, 1]
     assert result.figures[0].is_file()
-    few = table1.run(Context(tmp_path, seeds=2, workers=1))
+    few = table1.run(Context(tmp_path, seeds=2))
     assert not [row for row in few.rows if row.quantity.startswith("means of 5")]

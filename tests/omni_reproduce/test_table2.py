@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from omni_reproduce import table2
-from omni_reproduce.experiment import Context, read_spec
+from omni_reproduce.experiment import Context, worker_pool, read_spec
 from omni_reproduce.loops import one_step_limit
 
 SPEC = read_spec("table2")
@@ -53,11 +53,12 @@ def test_less_slip_error_gives_less_error_in_proportion() -> None:
 
 
 def test_the_experiment_gives_rows_and_figure_10(tmp_path: Path) -> None:
-    result = table2.run(Context(tmp_path, seeds=2, workers=1))
+    result = table2.run(Context(tmp_path, seeds=2))
     published = [row for row in result.rows if row.published is not None and "as published" in row.setting]
     assert [row.published for row in published] == list(PUBLISHED)
     assert all(row.seeds == 2 and row.sd is not None for row in published)
     assert [figure.name for figure in result.figures] == ["fig10.png"]
     assert result.figures[0].stat().st_size > 50_000
-    again = table2.run(Context(tmp_path, seeds=2, workers=2))
+    with worker_pool(2) as pool:
+        again = table2.run(Context(tmp_path, seeds=2, pool=pool))
     assert again.rows == result.rows

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from omni_reproduce import page, study
-from omni_reproduce.experiment import Context
+from omni_reproduce.experiment import Context, worker_pool
 from omni_reproduce.numbers import NOTHING
 from omni_reproduce.registry import Experiment, select, targets
 from omniwheel import __version__
@@ -54,9 +54,8 @@ def reproduce(
         _print_list(chosen)
         return
     folder = _new_folder(out)
-    context = Context(folder, quick=quick, seeds=seeds)
-    with _progress(chosen, quiet=json_wanted) as show:
-        outcomes = study.run_all(chosen, context, show)
+    with worker_pool() as pool, _progress(chosen, quiet=json_wanted) as show:
+        outcomes = study.run_all(chosen, Context(folder, quick=quick, seeds=seeds, pool=pool), show)
     about = {"omniwheel": __version__, "quick": quick, "seeds": seeds, "folder": str(folder)}
     everything = finite(page.data(outcomes, about))
     page.write(folder, outcomes, _facts(quick, seeds), everything)
