@@ -230,6 +230,8 @@ def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: floa
 def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse: Array, radii: Array) -> float | None:
     """Distance [m] at which the wheels' common turning is the measured heading's; None if the robot hardly turned.
 
+    Raises LogError if the two contradict each other.
+
     From the counts (the filtered speeds where a count is no good): in turns the load is another one than in the runs
     that the filter's motor model comes from. A ratio of sums over the windows in which the robot did turn, so that
     the noise of the counts averages out instead of shrinking the slope.
@@ -246,8 +248,13 @@ def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse
         sure = np.abs(turn) >= LEAST_TURN_RAD
         wheels += float(np.sum(np.sign(turn[sure]) * roll[sure]))
         heading += float(np.sum(np.abs(turn[sure])))
-    if heading < 2.0 * LEAST_TURN_RAD or wheels <= 0.0:
+    if heading < 2.0 * LEAST_TURN_RAD:
         return None
+    if wheels <= 0.0:
+        raise LogError(
+            "the wheels turn against the measured heading",
+            hint="correct the sign of the heading or of the wheels in the column mapping",
+        )
     return wheels / heading
 
 

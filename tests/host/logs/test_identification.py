@@ -71,11 +71,16 @@ def _swap(paths: tuple[Path, Path], mapping: Mapping) -> tuple[Path, Mapping, Pa
     return paths[0], mapping, paths[1]
 
 
-def test_wheels_in_the_wrong_order_are_noticed(runs: list[WheelLog], robot: Robot) -> None:
-    wrong = [replace(log, counts=-log.counts, duty=-log.duty) for log in runs]
-    turned = [replace(log, heading_rad=log.heading_rad) for log in wrong]
-    found = identify_odometry(turned, robot)
-    assert not found.distance_seen  # the wheels turn against the measured heading: no distance comes out
+def test_a_wrong_sign_is_noticed(runs: list[WheelLog], robot: Robot) -> None:
+    with pytest.raises(LogError, match="against the measured heading"):
+        identify_odometry([replace(log, counts=-log.counts, duty=-log.duty) for log in runs], robot)
+
+
+def test_runs_that_do_not_turn_leave_the_nominal_distance(runs: list[WheelLog], robot: Robot) -> None:
+    still = [replace(log, heading_rad=np.zeros(len(log.time_s))) for log in runs]
+    found = identify_odometry(still, robot)
+    assert not found.distance_seen
+    assert found.wheel_distance_m == pytest.approx(robot.parameter_values()["WHEEL_DIST"])
 
 
 def test_what_the_logs_lack_is_named(runs: list[WheelLog], robot: Robot) -> None:
