@@ -201,6 +201,20 @@ def test_protection_leaves_alone_what_rolls() -> None:
     np.testing.assert_array_equal(watched.pose, free.pose)
 
 
+@pytest.mark.parametrize(
+    ("slip_m_s", "torque_N_m", "factor"),
+    [(0.02, 0.1, 1.0), (0.075, 0.1, 0.5), (0.075, 0.0, 1.0), (0.075, -0.1, 1.0), (0.2, 0.0, 0.0), (0.2, -1e-4, 0.0)],
+)
+def test_protection_tells_whether_it_had_to_act(slip_m_s: float, torque_N_m: float, factor: float) -> None:
+    robot = Robot(3, slip_limit_m_s=0.1)
+    torque = ffi.new("omni_real_t[4]", [torque_N_m] * 3 + [0.0])
+    floor = ffi.new("omni_twist_t *")
+    wheels = [slip_m_s / RADIUS_M] * 3 + [0.0]
+    told = lib.omni_direct_torque_protect(robot.config, robot.k, floor, wheels, torque)
+    assert told == pytest.approx(factor, abs=1e-5)
+    assert (torque[0] == pytest.approx(torque_N_m * factor, abs=1e-6)) == (slip_m_s < 0.1)
+
+
 @given(vectors, st.floats(0.001, 0.2))
 def test_limits_keep_the_direction(acceleration: Any, limit: float) -> None:
     free, bound = Robot(3), Robot(3, torque_limit_N_m=limit)

@@ -166,14 +166,17 @@ omni_real_t omni_direct_torque_protect(const omni_direct_torque_config_t *config
         }
         const bound_t up = outward(config, 1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
         const bound_t down = outward(config, -1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
-        const omni_real_t share = torque_N_m[i] > 0.0f ? up.share : down.share;
-        torque_N_m[i] *= torque_N_m[i] == 0.0f ? 1.0f : share;
-        smallest = share < smallest ? share : smallest;
+        const omni_real_t asked = torque_N_m[i];
+        omni_real_t share = asked > 0.0f ? up.share : (asked < 0.0f ? down.share : 1.0f);
+        torque_N_m[i] = share * asked;
         if (up.brake_N_m > 0.0f && torque_N_m[i] > -up.brake_N_m) {
             torque_N_m[i] = -up.brake_N_m;
+            share = 0.0f;
         } else if (down.brake_N_m > 0.0f && torque_N_m[i] < down.brake_N_m) {
             torque_N_m[i] = down.brake_N_m;
+            share = 0.0f;
         }
+        smallest = share < smallest ? share : smallest;
     }
     return smallest;
 }

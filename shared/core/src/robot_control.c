@@ -154,6 +154,31 @@ static bool is_off_track(const omni_robot_config_t *c, const omni_control_terms_
     return distance2 > c->limits.error_m * c->limits.error_m || omni_absf(terms->error[2]) > c->limits.error_rad;
 }
 
+static uint8_t driver_of(const omni_robot_config_t *c, const omni_tick_t *tick) {
+    if (tick->kind == OMNI_SETPOINT_DUTY) {
+        return OMNI_DRIVER_DUTY;
+    }
+    if (tick->position_loop && c->controller == OMNI_CTL_MODE_ORIGINAL) {
+        return OMNI_DRIVER_ORIGINAL;
+    }
+    return tick->position_loop && c->controller == OMNI_CTL_MODE_TORQUE ? OMNI_DRIVER_TORQUE : OMNI_DRIVER_LOOPS;
+}
+
+/* Integrals of loops that did not drive the robot in the last tick are of another time: with them the wheels would jerk. */
+static void hand_over(omni_robot_t *robot, const omni_tick_t *tick, uint8_t driver) {
+    if (robot->config->controller != robot->last_controller || !tick->position_loop) {
+        omni_ismc_reset(&robot->ismc);
+        omni_fl_reset(&robot->fl);
+        robot->control_ticks = 0;
+    }
+    if (driver != robot->last_driver) {
+        omni_original_reset(&robot->original);
+        omni_wheel_speed_reset(&robot->wheel_speed);
+        robot->saturated = false;
+    }
+    robot->last_driver = driver;
+}
+
 void omni_robot_control(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
     omni_outputs_t *out = tick->out;
@@ -163,22 +188,20 @@ void omni_robot_control(omni_robot_t *robot, omni_tick_t *tick) {
         robot->saturated = false;
         return;
     }
-    if (c->controller != robot->last_controller) {
-        omni_ismc_reset(&robot->ismc);
-        omni_fl_reset(&robot->fl);
-        omni_original_reset(&robot->original);
-    }
-    if (c->controller != robot->last_controller || !tick->position_loop) {
-        robot->control_ticks = 0;
-    }
-    if (tick->kind == OMNI_SETPOINT_DUTY) {
+    hand_over(robot, tick, driver_of(c, tick));
+    switch (robot->last_driver) {
+    case OMNI_DRIVER_DUTY:
         open_loop(c, tick);
-    } else if (c->controller == OMNI_CTL_MODE_ORIGINAL && tick->position_loop) {
+        break;
+    case OMNI_DRIVER_ORIGINAL:
         original_law(robot, tick);
-    } else if (c->controller == OMNI_CTL_MODE_TORQUE && tick->position_loop) {
+        break;
+    case OMNI_DRIVER_TORQUE:
         torque_control(robot, tick);
-    } else {
+        break;
+    default:
         wheel_references(robot, tick);
+        break;
     }
     robot->saturated = out->wheel_scale < 1.0f || out->duty_scale < 1.0f;
     robot->off_track = tick->position_loop && is_off_track(c, &out->terms);

@@ -159,6 +159,14 @@ typedef struct omni_outputs_t {
     uint32_t fixes_refused;
 } omni_outputs_t;
 
+/** What makes the duties. */
+typedef enum omni_driver_t {
+    OMNI_DRIVER_LOOPS = 0, /**< a loop per wheel */
+    OMNI_DRIVER_DUTY,      /**< the set-point itself */
+    OMNI_DRIVER_ORIGINAL,
+    OMNI_DRIVER_TORQUE
+} omni_driver_t;
+
 /** State of the whole core. Opaque by convention: use the functions. */
 typedef struct omni_robot_t {
     const omni_robot_config_t *config;
@@ -189,11 +197,12 @@ typedef struct omni_robot_t {
     uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;
-    uint8_t last_kind; /**< set-point kind of the last tick */
-    bool primed;       /**< last_* hold a first sample */
-    bool saturated;    /**< the last tick cut wheel speeds or duties */
-    bool uncovered;    /**< condition 44 counts as violated */
-    bool off_track;    /**< the last tick's pose error was beyond the limit */
+    uint8_t last_driver; /**< omni_driver_t that last had the wheels */
+    uint8_t last_kind;   /**< set-point kind of the last tick */
+    bool primed;         /**< last_* hold a first sample */
+    bool saturated;      /**< the last tick cut wheel speeds or duties */
+    bool uncovered;      /**< condition 44 counts as violated */
+    bool off_track;      /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 
 /** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */
