@@ -60,7 +60,7 @@ def _row(
         sd=float(values.std(ddof=1)) if len(values) > 1 and values.dtype != bool else None,
         seeds=len(values),
         limit=limit,
-        explanation=spec["explanation"][key],
+        explanation=spec["explanation"][key].format(steps=setting.steps),
     )
 
 

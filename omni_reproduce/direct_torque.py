@@ -13,7 +13,7 @@ import numpy as np
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.torque_figures import draw_points, draw_rose, draw_slippery
-from omni_reproduce.torque_loop import Array, Case, Law, Trace, goals_of, law_of, simulate
+from omni_reproduce.torque_loop import TICK_S, Array, Case, Law, Trace, goals_of, law_of, simulate
 
 NAME = "direct_torque"
 MM, MRAD = 1e3, 1e3
@@ -163,11 +163,21 @@ def _slippery_rows(spec: Mapping[str, Any], traces: Mapping[Case, Trace]) -> Ite
         title = f"rose, friction {case.friction_coefficient:g}: {spec['law'][case.law]['title']}"
         text = spec["explanation"]["slippery"][case.law]
         law = law_of(spec, case.law)
-        limit = law.slip_limit_m_s if law.slip_limit_m_s > 0.0 and law.floor == "true" else None
+        limit = slip_bound(spec, law, trace) if law.slip_limit_m_s > 0.0 and law.floor == "true" else None
         error = trace.error[trace.time_s >= spec["slippery"]["settled_s"], :2]
         off = None if trace.lost else float(np.sqrt((error**2).sum(axis=1).mean()))
         yield Row(NAME, title, "position RMSE after 6 s", "m", off, explanation=text)
         yield Row(NAME, title, "fastest slip of a wheel", "m/s", _peak(trace.slip_m_s), limit=limit)
+
+
+def slip_bound(spec: Mapping[str, Any], law: Law, trace: Trace) -> float:
+    """Return the slip speed [m/s] that a watched wheel cannot exceed, whatever the floor does.
+
+    Torque is whole up to half of the slip limit, and fades from there to the limit; it stands for a tick.
+    """
+    robot = spec["robot"]
+    gain = TICK_S * robot["wheel_radius_m"] * _peak(trace.torque_N_m) / robot["wheel_inertia_kg_m2"]
+    return max(law.slip_limit_m_s, 0.5 * law.slip_limit_m_s + gain)
 
 
 def _draw(spec: Mapping[str, Any], traces: Mapping[Case, Trace], folder: Path) -> list[Path]:

@@ -87,7 +87,9 @@ def _sd(values: Array) -> float | None:
 
 def _row(spec: Mapping[str, Any], outcome: Outcome, name: str, axis: int) -> Row:
     values = outcome.results["rmse"][:, FILTERS.index(name), axis]
-    limit = outcome.limits[name]
+    limits = outcome.limits[name]
+    limit = None if limits is None else float(limits[axis])
+    text = spec["explanation"][outcome.key]["walk" if name in ("none", "kf") else "fix"]
     return Row(
         experiment=NAME,
         setting=outcome.setting.title,
@@ -97,9 +99,26 @@ def _row(spec: Mapping[str, Any], outcome: Outcome, name: str, axis: int) -> Row
         sd=_sd(values),
         seeds=len(values),
         published=spec["published"][name][axis],
-        limit=None if limit is None else float(limit[axis]),
-        explanation=spec["explanation"][outcome.key]["walk" if name in ("none", "kf") else "fix"],
+        limit=limit,
+        explanation=text.format(**_facts(outcome)),
     )
+
+
+def _facts(outcome: Outcome) -> dict[str, str]:
+    """Return the figures that explanations mention: means over filters and axes, so that rows share a footnote.
+
+    ``scatter`` of dead reckoning is its sd over its mean; ``stale_share`` of the EKFs what is beyond the limit.
+    """
+    rmse = outcome.results["rmse"]
+    mean = rmse.mean(axis=0)
+    scatter = f"{100.0 * (rmse.std(axis=0, ddof=1) / mean)[:2].mean():.0f}" if len(rmse) > 1 else "?"
+    limits = [outcome.limits[name] for name in _EKFS]
+    shares = [
+        1.0 - (limit / mean[FILTERS.index(name)]) ** 2
+        for name, limit in zip(_EKFS, limits, strict=True)
+        if limit is not None
+    ]
+    return {"scatter": scatter, "stale_share": f"{100.0 * np.mean(shares):.0f}" if shares else ""}
 
 
 def _closer_row(spec: Mapping[str, Any], outcome: Outcome, name: str) -> Row:

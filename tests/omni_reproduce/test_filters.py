@@ -237,6 +237,7 @@ def test_table7_quickly(tmp_path: Path) -> None:
     titles = {SPEC["setting"][name]["title"] for name in ("published", "honest_a", "honest_b", "literal", "own")}
     assert titles <= {row.setting for row in result.rows}
     assert all(row.ours is not None and np.isfinite(row.ours) and row.explanation for row in result.rows)
+    assert not any("{" in row.explanation for row in result.rows)
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
 

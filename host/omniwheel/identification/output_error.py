@@ -39,6 +39,8 @@ UNSHOWN = {
     "inertia_theta_V_s2": "rotation is not excited: the robot's turn rate hardly changes",
     "inertia_V_s2": "the wheel's speed hardly changes",
 }
+_UNSETTLED = "the fit did not settle"
+_UNSETTLED_HINT = "check the log's voltages and wheel directions"
 _STEP = 1e-5
 
 
@@ -95,6 +97,8 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
             raise IdentificationError(UNSHOWN.get(name, f"{name} cannot be told from these runs"), hint=EXCITE_HINT)
         if np.max(np.abs(step)) < SETTLED:
             break
+    else:
+        raise IdentificationError(_UNSETTLED, hint=_UNSETTLED_HINT)
     cluster = np.broadcast_to(segments.cluster[:, None, None], used.shape)[used]
     covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
     estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
@@ -116,7 +120,7 @@ def _output_error(model: Model, segments: Segments, start: Array, scale: Array) 
         max_nfev=50,
     )
     if not solved.success:
-        raise IdentificationError("the fit did not settle", hint="check the log's voltages and wheel directions")
+        raise IdentificationError(_UNSETTLED, hint=_UNSETTLED_HINT)
     found: Array = solved.x
     return found
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from omniwheel.errors import IdentificationError
-from omniwheel.identification import excitation
+from omniwheel.identification import excitation, output_error
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.diagnostics import diagnose
 from omniwheel.identification.model import Layout, Model
@@ -131,3 +131,12 @@ def test_standing_still_and_too_little_are_refused(layout: Layout) -> None:
 def test_wrong_directions_are_refused(driven: list[Dataset], layout: Layout) -> None:
     with pytest.raises(IdentificationError, match="more voltage does not mean more speed"):
         identify([replace(run, voltage_V=-run.voltage_V) for run in driven], Model.floor(layout))
+
+
+def test_steps_that_do_not_settle_give_no_estimate(
+    driven: list[Dataset], layout: Layout, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(output_error, "SETTLED", 0.0)
+    monkeypatch.setattr(output_error, "IV_STEPS_MAX", 2)
+    with pytest.raises(IdentificationError, match="did not settle"):
+        identify(driven, Model.floor(layout))
