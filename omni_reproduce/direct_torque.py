@@ -17,6 +17,7 @@ from omni_reproduce.torque_loop import TICK_S, Array, Case, Law, Trace, goals_of
 
 NAME = "direct_torque"
 MM, MRAD = 1e3, 1e3
+GRAVITY_M_S2 = 9.80665
 
 
 @dataclass(frozen=True)
@@ -163,21 +164,25 @@ def _slippery_rows(spec: Mapping[str, Any], traces: Mapping[Case, Trace]) -> Ite
         title = f"rose, friction {case.friction_coefficient:g}: {spec['law'][case.law]['title']}"
         text = spec["explanation"]["slippery"][case.law]
         law = law_of(spec, case.law)
-        limit = slip_bound(spec, law, trace) if law.slip_limit_m_s > 0.0 and law.floor == "true" else None
+        watched = law.slip_limit_m_s > 0.0 and law.floor == "true"
+        limit = slip_bound(spec, law, case.friction_coefficient, trace) if watched else None
         error = trace.error[trace.time_s >= spec["slippery"]["settled_s"], :2]
         off = None if trace.lost else float(np.sqrt((error**2).sum(axis=1).mean()))
         yield Row(NAME, title, "position RMSE after 6 s", "m", off, explanation=text)
         yield Row(NAME, title, "fastest slip of a wheel", "m/s", _peak(trace.slip_m_s), limit=limit)
 
 
-def slip_bound(spec: Mapping[str, Any], law: Law, trace: Trace) -> float:
-    """Return the slip speed [m/s] that a watched wheel cannot exceed, whatever the floor does.
+def slip_bound(spec: Mapping[str, Any], law: Law, friction_coefficient: float, trace: Trace) -> float:
+    """Return the slip speed [m/s] that a watched wheel cannot exceed on a floor.
 
-    Torque is whole up to half of the slip limit, and fades from there to the limit; it stands for a tick.
+    Torque is whole up to half of the slip limit, and fades from there to the limit; it stands for a tick, in which a
+    free wheel gains speed and what grip the floor has changes that of the robot.
     """
     robot = spec["robot"]
     gain = TICK_S * robot["wheel_radius_m"] * _peak(trace.torque_N_m) / robot["wheel_inertia_kg_m2"]
-    return max(law.slip_limit_m_s, 0.5 * law.slip_limit_m_s + gain)
+    lever = robot["mass_kg"] * robot["wheel_distance_m"] ** 2 / robot["inertia_kg_m2"]
+    floor = TICK_S * friction_coefficient * GRAVITY_M_S2 * (1.0 + lever)
+    return max(law.slip_limit_m_s, 0.5 * law.slip_limit_m_s + gain) + floor
 
 
 def _draw(spec: Mapping[str, Any], traces: Mapping[Case, Trace], folder: Path) -> list[Path]:
@@ -201,7 +206,7 @@ def _draw(spec: Mapping[str, Any], traces: Mapping[Case, Trace], folder: Path) -
 
 def _notes(spec: Mapping[str, Any]) -> tuple[str, ...]:
     robot = spec["robot"]
-    wheel_N = robot["mass_kg"] * 9.80665 / len(robot["wheel_angle_deg"])
+    wheel_N = robot["mass_kg"] * GRAVITY_M_S2 / len(robot["wheel_angle_deg"])
     floor_N_m = robot["friction_coefficient"] * wheel_N * robot["wheel_radius_m"]
     limit_N_m = spec["law"]["report"]["torque_limit_N_m"]
     figures = {

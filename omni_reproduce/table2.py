@@ -142,7 +142,8 @@ def _note(spec: Mapping[str, Any]) -> str:
         f"Rose of {path['petals']} petals, {path['size_m']} m, in {path['period_s']:.0f} s, θ = "
         f"{path['rotation_amplitude_rad']} sin(2π t); T = {head['step_s']} s; slip ±{head['slip_m_s']} m/s per wheel, "
         f"estimate off by up to {100 * head['slip_error']:.0f} %; wheels limited to {head['wheel_limit_rad_s']:.0f} "
-        "rad/s with their direction kept. The slip that is estimated is that of the coming step, as (41) has it and for "
-        "every law alike; no robot can know it before. The robot starts on the path; errors are taken at the controller's instants. "
-        "The report steps eq. 23 with the heading of the step's beginning; this world turns while it drives."
+        "rad/s with their direction kept. The slip that is estimated is that of the coming step, as (41) has it and "
+        "for every law alike; no robot can know it before. The robot starts on the path; errors are taken at the "
+        "controller's instants. The report steps eq. 23 with the heading of the step's beginning; this world turns "
+        "while it drives."
     )

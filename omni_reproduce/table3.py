@@ -220,8 +220,9 @@ def _note(spec: Mapping[str, Any]) -> str:
         f"Rose of {path['petals']} petals, {path['size_m']} m, in {path['period_s']:.0f} s, θ = "
         f"{path['rotation_amplitude_rad']} sin(2π t); position controller every {head['step_s']} s, motor loops every "
         f"{head['motor_step_s']} s; slip ±{head['slip_m_s']} m/s per wheel, estimate off by up to "
-        f"{100 * head['slip_error']:.0f} % and of the coming step, as in Table 2. Motor: J = {robot['motor_inertia_kg_m2']} kg m², b = "
-        f"{robot['motor_viscous_N_m_s']} N m s, K = {robot['motor_constant_N_m_A']} N m/A, R = "
-        f"{robot['motor_resistance_ohm']} Ω, L = {robot['motor_inductance_H']} H: a fit, not an identification. With a "
-        f"top speed of {top:.1f} rad/s the path is infeasible by a factor of {factor:.1f}, slip not counted."
+        f"{100 * head['slip_error']:.0f} % and of the coming step, as in Table 2. Motor: J = "
+        f"{robot['motor_inertia_kg_m2']} kg m², b = {robot['motor_viscous_N_m_s']} N m s, K = "
+        f"{robot['motor_constant_N_m_A']} N m/A, R = {robot['motor_resistance_ohm']} Ω, L = "
+        f"{robot['motor_inductance_H']} H: a fit, not an identification. With a top speed of {top:.1f} rad/s the path "
+        f"is infeasible by a factor of {factor:.1f}, slip not counted."
     )

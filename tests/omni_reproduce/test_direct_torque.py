@@ -63,7 +63,7 @@ def test_stiffer_gains_are_faster_within_real_limits() -> None:
 @pytest.mark.parametrize("friction", [0.1, 0.02])
 def test_on_ice_ours_degrades_and_the_unwatched_law_runs_away(friction: float) -> None:
     ours, theirs = (simulate(SPEC, Case(law, "slippery", friction, 12.0)) for law in ("watched", "report"))
-    bound = experiment.slip_bound(SPEC, law_of(SPEC, "watched"), ours)
+    bound = experiment.slip_bound(SPEC, law_of(SPEC, "watched"), friction, ours)
     assert np.abs(ours.slip_m_s).max() < min(bound, 2.0 * SPEC["law"]["watched"]["slip_limit_m_s"])
     assert np.hypot(*ours.error[:, :2].T).max() < 1.0
     assert np.abs(theirs.slip_m_s).max() > 100.0
