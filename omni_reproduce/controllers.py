@@ -24,6 +24,8 @@ from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omniwheel.robots import read_robot
 
 FIGURE = "controllers.png"
+SETTLED_S = 1.0
+"""From when on a held pose counts."""
 MM, MRAD, PERCENT = 1e3, 1e3, 100.0
 _LIMIT = (
     "The limit is the error of the robot's own pose estimate on these runs: a controller cannot follow a path more "
@@ -47,9 +49,11 @@ def run(context: Context) -> Result:
     """Run all combinations; a row is the mean over paths and seeds of one controller on one robot."""
     spec = read_spec("controllers")
     head = spec["experiment"]
+    scenario = head["scenario"]
     seeds = range(head["seed"], head["seed"] + context.count(head["seeds"], head["quick_seeds"]))
+    cut = {"duration_s": head["quick_duration_s"]} if context.quick else {}
     cases = [
-        Case(robot, controller, path, {**spec["controller"][controller], **spec["path"][path]}, head["scenario"], seed)
+        Case(robot, controller, path, {**spec["controller"][controller], **spec["path"][path], **cut}, scenario, seed)
         for robot, controller, path, seed in product(head["robots"], spec["controller"], spec["path"], seeds)
     ]
     figures = context.map(measure, cases)
@@ -59,7 +63,9 @@ def run(context: Context) -> Result:
     rows = tuple(row for robot in names[0] for row in _rows(names, tables, robot, len(seeds)))
     picture = context.folder / FIGURE
     draw(names, tables["position_m"].mean(axis=3), picture)
-    return Result(rows, (picture,), (_about(len(seeds)), *(_note(names, tables, robot) for robot in names[0])))
+    return Result(
+        rows, (picture,), (_about(len(seeds), context.quick), *(_note(names, tables, robot) for robot in names[0]))
+    )
 
 
 def case_scenario(case: Case) -> Scenario:
@@ -73,12 +79,15 @@ def case_scenario(case: Case) -> Scenario:
 
 
 def measure(case: Case) -> dict[str, float]:
-    """Return a run's figures; a run that did not drive its path to the end counts as not completed."""
+    """Return a run's figures. It is completed if the path, or the time given for it, was driven to the end."""
     scenario = case_scenario(case)
     run_ = run_in_process(scenario)
-    record, settled = run_.record, run_.record["time_s"] > 1.0
+    record, completed = run_.record, run_.done
+    armed = record["state"] == metrics.STATE_ARMED
     if scenario.duration_s is not None:
-        record = record[settled & (record["state"] == metrics.STATE_ARMED)].copy()
+        completed = bool(np.any(armed & (record["time_s"] > scenario.duration_s - 0.1)))
+    if not np.any(record["phase"] == metrics.PHASE_PATH):  # a pose that is held has no path
+        record = record[armed & (record["time_s"] > SETTLED_S)].copy()
         record["phase"] = metrics.PHASE_PATH
     effort = metrics.effort(record, scenario.robot.wheels)
     return {
@@ -88,7 +97,7 @@ def measure(case: Case) -> dict[str, float]:
         "rms_duty": effort.rms_duty,
         "saturated_share": effort.saturated_share,
         "chatter": effort.chatter,
-        "completed": float(run_.done or (scenario.duration_s is not None and len(record) > 0)),
+        "completed": float(completed),
     }
 
 
@@ -127,8 +136,9 @@ def _rows(names: Names, tables: Mapping[str, NDArray[np.float64]], robot: str, s
     return rows
 
 
-def _about(seeds: int) -> str:
-    return (
+def _about(seeds: int, quick: bool) -> str:
+    length = "Only the beginning of each path is driven (--quick). " if quick else ""
+    return length + (
         f"Mean over the paths of each path's figure; the deviation is that between seeds ({seeds}). Default gains, "
         "slip of up to 5 % that encoders cannot see, pose fixes at 50 Hz with 2 mm and 2 mrad of noise, 20 ms late. "
         "*Chatter* is the mean change of a duty from one millisecond to the next over the mean duty. "

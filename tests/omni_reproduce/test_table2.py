@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from omni_reproduce import table2
-from omni_reproduce.experiment import Context, worker_pool, read_spec
+from omni_reproduce.experiment import Context, read_spec, worker_pool
 from omni_reproduce.loops import one_step_limit
 
 SPEC = read_spec("table2")
