@@ -63,8 +63,8 @@ def run(context: Context) -> Result:
         draw(title, blocks, inner, context.folder / name)
         figures.append(context.folder / name)
     note = (
-        "Figures 9 and 12 are block diagrams; these show the modules that do it here, with the error as in the report: pose "
-        "minus wanted pose. The pose that is fed back is the pose filter's on the robot, the truth in the report's "
+        "Figures 9 and 12 are block diagrams; these show the modules that do it here. The error is pose minus wanted "
+        "pose, as in the report. What is fed back is the filtered pose on the robot and the truth in the report's "
         "simulations."
     )
     return Result((), tuple(figures), (note,))
