@@ -123,7 +123,8 @@ def _print(outcome: study.Outcome) -> None:
     entries = [page.cells(row, mark) for row, mark in zip(rows, marks, strict=True)]
     shown = [column for column in _COLUMNS if any(entry[column] not in ("", NOTHING) for entry in entries)]
     title = f"{outcome.experiment.name}: {outcome.experiment.title} ({outcome.seconds:.1f} s)"
-    table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
+    console.print(f"\n[bold]{escape(title)}[/]", soft_wrap=True)
+    table = Table(box=box.SIMPLE_HEAD)
     table.add_column("")
     for column in shown:
         table.add_column(page.HEADINGS[column], justify="right")
@@ -134,7 +135,8 @@ def _print(outcome: study.Outcome) -> None:
             table.add_row(f"[bold]{escape(setting)}[/]")
         unit = f" [{row.unit}]" if row.unit not in ("", "1") else ""
         table.add_row(escape(f"  {row.quantity}{unit}"), *(escape(entry[column]) for column in shown))
-    console.print(table)
+    if rows:
+        console.print(table)
     for number, text in enumerate(texts, start=1):
         console.print(f"[{number}] {text}", markup=False)
     if outcome.error:
