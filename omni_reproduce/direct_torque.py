@@ -182,7 +182,7 @@ def slip_bound(spec: Mapping[str, Any], law: Law, friction_coefficient: float, t
     gain = TICK_S * robot["wheel_radius_m"] * _peak(trace.torque_N_m) / robot["wheel_inertia_kg_m2"]
     lever = robot["mass_kg"] * robot["wheel_distance_m"] ** 2 / robot["inertia_kg_m2"]
     floor = TICK_S * friction_coefficient * GRAVITY_M_S2 * (1.0 + lever)
-    return max(law.slip_limit_m_s, 0.5 * law.slip_limit_m_s + gain) + floor
+    return float(max(law.slip_limit_m_s, 0.5 * law.slip_limit_m_s + gain) + floor)
 
 
 def _draw(spec: Mapping[str, Any], traces: Mapping[Case, Trace], folder: Path) -> list[Path]:
