@@ -44,7 +44,7 @@ UNITS = {
 }  # fmt: skip
 WHY_LINES = {
     "a11": "(84); to the rounding of Table 8",
-    "a22": "(84); Table 8's 1.0009 is rounded too far: {a22:.4f} comes of {a22_d}",
+    "a22": "(84); the published figure needs a22_d = {a22:.6f}, which Table 8 cuts short",
     "a33": "(84); to the rounding of Table 8",
     "beta_1": "the first form of (85); its second gives {second:.3g}, the exact inverse (e^aT - 1) {exact:.3g}",
     "beta_2": "(86) as printed; no reading of (85) and (86) gives 318.7",
@@ -105,8 +105,7 @@ def _published_rows(spec: Mapping[str, Any]) -> list[Row]:
     found = Discrete(tuple(table["a"]), tuple(table["b"]), tuple(table["f"]))
     ours = continuous(found, report["period_s"], report["mass_kg"], report["distance_m"])
     facts = {
-        "a22": math.log(table["a22_unrounded"]) / report["period_s"],
-        "a22_d": table["a22_unrounded"],
+        "a22": math.exp(spec["table9"]["a22"] * report["period_s"]),
         "second": ours["beta_1_second"],
         "exact": ours["beta_1_exact"],
         "j": PWM_FULL * report["distance_m"] / spec["table9"]["beta_2"],
@@ -279,7 +278,7 @@ def _notes(spec: Mapping[str, Any], experiments: Sequence[Experiment], fit: floa
     wrap_rate = (1.0 - table["a"][2]) * math.pi / (6.0 * spec["report"]["period_s"])
     worst = min((float(np.mean([e.covered[name] for e in experiments])), name) for name in experiments[0].found)
     return (
-        "Table 9 does not follow from Table 8 as a whole: a11, a33 and f1 do, a22 with one more digit, beta_1 by one "
+        "Table 9 does not follow from Table 8 as a whole: a11, a33 and f1 do, a22 with more digits, beta_1 by one "
         "of its two forms, J from the published beta_2 with a factor 255; beta_2, f2 and f3 do not.",
         "The published method regresses poses. A pose is the integral of what (14) describes, so its a_d is 1 for "
         "each robot; wrapping the heading at ±π/2 while it turns at ω makes it 1 - 6ωT/π. The published "
