@@ -122,8 +122,8 @@ def _notes(study: LogStudy, robot: Robot) -> list[str]:
         f"{max(shares):.1f} % of the counts were rejected as spikes; the rest scatter by about "
         f"{whole.measurement_noise:.0f} rad/s per sample, so that the likelihood leans on the motors' curve. With "
         f"the counts of the left-out run the median is {1e3 * study.median_m('held_out'):.0f} mm, with nothing but its "
-        f"duties and the IMU's heading {1e3 * study.median_m('held_out_duty_only'):.0f} mm: that is all that these "
-        "encoders add.",
+        f"duties and the IMU's heading {1e3 * study.median_m('held_out_duty_only'):.0f} mm: the difference is what "
+        "these encoders add.",
         f"The camera's metre is its own: {whole.plain_radius_m / nominal['WHEEL_RADIUS']:.2f} of the nominal radius "
         f"fits, and the "
         f"best scale of a left-out run still varies from {min(scales):.2f} to {max(scales):.2f}. Wheel distance "
