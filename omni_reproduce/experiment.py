@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -93,9 +94,17 @@ class Context:
 @contextmanager
 def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     """Yield a pool of processes, by default as many as there are processors."""
-    # Not forked: other threads of this process may hold locks.
-    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        yield pool
+    # Not forked: other threads of this process may hold locks. Ctrl-C reaches the whole process group; the workers leave
+    # it to this process, which drops what waits before it ends them: the other way round the pool prints tracebacks.
+    context = get_context("spawn")
+    with ProcessPoolExecutor(workers or os.cpu_count(), context, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in active_children():
+                worker.terminate()
+            raise
 
 
 def read_spec(name: str) -> dict[str, Any]:

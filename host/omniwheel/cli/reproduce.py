@@ -118,11 +118,14 @@ def _print_list(chosen: Sequence[Experiment]) -> None:
 
 
 def _print(outcome: study.Outcome) -> None:
+    title = f"{outcome.experiment.name}: {outcome.experiment.title} ({outcome.seconds:.1f} s)"
+    if outcome.error:
+        console.print(f"[bold]{escape(title)}[/]\n[red]not run: {escape(outcome.error)}[/]; {escape(outcome.hint)}")
+        return
     rows = outcome.result.rows
     marks, texts = page.footnotes(rows)
     entries = [page.cells(row, mark) for row, mark in zip(rows, marks, strict=True)]
     shown = [column for column in _COLUMNS if any(entry[column] not in ("", NOTHING) for entry in entries)]
-    title = f"{outcome.experiment.name}: {outcome.experiment.title} ({outcome.seconds:.1f} s)"
     table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("")
     for column in shown:
@@ -137,5 +140,3 @@ def _print(outcome: study.Outcome) -> None:
     console.print(table)
     for number, text in enumerate(texts, start=1):
         console.print(f"[{number}] {text}", markup=False)
-    if outcome.error:
-        console.print(f"[red]not run: {escape(outcome.error)}[/] {escape(outcome.hint)}")
