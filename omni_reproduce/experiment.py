@@ -94,10 +94,11 @@ class Context:
 @contextmanager
 def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     """Yield a pool of processes, by default as many as there are processors."""
-    # Not forked: other threads of this process may hold locks. Ctrl-C reaches the whole process group; the workers leave
-    # it to this process, which drops what waits before it ends them: the other way round the pool prints tracebacks.
+    # Not forked: other threads of this process may hold locks. Ctrl-C reaches the whole process group; the workers
+    # leave it to this process, which drops what waits before it ends them: otherwise the pool prints tracebacks.
     context = get_context("spawn")
-    with ProcessPoolExecutor(workers or os.cpu_count(), context, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(workers or os.cpu_count(), context, signal.signal, ignore) as pool:
         try:
             yield pool
         except BaseException:

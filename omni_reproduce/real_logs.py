@@ -51,8 +51,8 @@ def run(context: Context) -> Result:
     paths = [path for path in found if truth_path(path).is_file()]
     if len(paths) < 2:
         missing = (
-            f"Not run: {len(paths)} runs with truth in {folder}; two are needed. Set {settings['folder_variable']} to the "
-            f"folder that holds {settings['runs']} and the truth*.csv of each."
+            f"Not run: {len(paths)} runs with truth in {folder}; two are needed. Set {settings['folder_variable']} to "
+            f"the folder that holds {settings['runs']} and the truth*.csv of each."
         )
         return Result((Row(NAME, "not run", "RMS distance, median of the runs", "m", None, explanation=missing),))
     robot = read_robot(ROBOT_FOLDER / "robot.toml")

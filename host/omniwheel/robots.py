@@ -57,7 +57,7 @@ def free_robot_path(name: str, folder: Path) -> Path:
     if target.exists():
         raise RobotFileError(f"{target} exists already", hint="choose another name")
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise RobotFileError(f"cannot write {target}: no such folder, or not yours", hint="check folder and permissions")
+        raise RobotFileError(f"cannot write {target}", hint="check folder and permissions")
     return target
 
 

@@ -44,7 +44,8 @@ def hold_all(folder: str) -> None:
 
 def test_ctrl_c_ends_the_workers_without_a_traceback_of_theirs(tmp_path: Path) -> None:
     """As a terminal does: the signal goes to all processes of the group."""
-    script = f"from {__name__} import hold_all\ntry: hold_all({str(tmp_path)!r})\nexcept KeyboardInterrupt: print('end')"
+    call = f"hold_all({str(tmp_path)!r})"
+    script = f"from {__name__} import hold_all\ntry: {call}\nexcept KeyboardInterrupt: print('end')"
     command = [sys.executable, "-c", script]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
