@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -81,14 +81,19 @@ def run(context: Context) -> Result:
     spec = read_spec(NAME)
     head = spec["experiment"]
     seeds = range(head["seed"], head["seed"] + context.count(head["seeds"], head["quick_seeds"]))
-    experiments = context.map(identify_seed, seeds)
-    ladder_seeds = range(head["seed"], head["seed"] + min(len(seeds), 1 if context.quick else head["ladder_seeds"]))
-    ladders = context.map(ladder, ladder_seeds)
+    ladder_seeds = seeds[: 1 if context.quick else head["ladder_seeds"]]
+    parts = [(validate, head["seed"]), *((ladder, seed) for seed in ladder_seeds)]
+    answers = context.map(_answer, [*parts, *((identify_seed, seed) for seed in seeds)])
+    validation, ladders, experiments = answers[0], answers[1 : len(parts)], answers[len(parts) :]
     rows = (*_published_rows(spec), *_ladder_rows(ladders), *_coverage_rows(experiments))
     picture = context.folder / FIGURE
-    validation = validate(head["seed"])
     draw(picture, validation, ladders, experiments)
     return Result(rows, (picture,), _notes(spec, experiments, validation.fit))
+
+
+def _answer(part: tuple[Callable[[int], Any], int]) -> Any:
+    function, seed = part
+    return function(seed)
 
 
 # ---- Table 8 to Table 9

@@ -48,7 +48,7 @@ def cells(row: Row, mark: str) -> tuple[str, ...]:
         row.quantity,
         row.unit,
         mean_and_sd(row.published, row.published_sd),
-        mean_and_sd(row.ours, row.sd),
+        mean_and_sd(row.ours, row.sd if row.seeds != 1 else None),
         str(row.seeds) if row.seeds else "",
         number(row.limit) if row.limit is not None else "",
         ratio(row) if row.published is not None else "",

@@ -16,8 +16,6 @@ DIAGRAMS = {
     "fig2": "photograph of the four-wheel robot",
     "fig3": "frames of the slip-space model: docs/derivations/slip_space.md",
     "fig4": "angles of a Swedish wheel: kinematics.h",
-    "fig9": "block diagram of the feedback linearisation: feedback_linearization.h",
-    "fig12": "block diagram of the controller with motor loops: docs/design.md",
 }
 """Figures of the report that show no data, and where this project has the same thing."""
 
@@ -60,6 +58,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment("consistency", "Whether the pose filter knows how good it is", "consistency"),
     Experiment("table9", "Tables 8 and 9: model identification", "identification", ("table8",)),
     Experiment("real_logs", "Logs of a real robot", "real_logs"),
+    Experiment("diagrams", "Figures 9 and 12: block diagrams", "diagrams", ("fig9", "fig12")),
     Experiment("controllers", "Every controller on every path", "controllers"),
 )
 

@@ -284,7 +284,7 @@ def test_reproduce_lists_what_there_is_and_refuses_what_there_is_not() -> None:
     listed = run("reproduce", "--list").stdout
     assert "controllers" in listed
     assert "did you mean" in run("reproduce", "controlers", code=2).stderr
-    assert "shows no data" in run("reproduce", "fig9", code=2).stderr
+    assert "shows no data" in run("reproduce", "fig2", code=2).stderr
 
 
 def test_reproduce_says_why_an_experiment_was_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -86,4 +86,4 @@ def test_unknown_names_and_diagrams_are_refused_with_a_hint() -> None:
     with pytest.raises(registry.UnknownTargetError, match="did you mean"):
         registry.select(["controler"])
     with pytest.raises(registry.UnknownTargetError, match="shows no data"):
-        registry.select(["fig9"])
+        registry.select(["fig2"])

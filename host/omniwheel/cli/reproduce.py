@@ -118,15 +118,13 @@ def _print_list(chosen: Sequence[Experiment]) -> None:
 
 
 def _print(outcome: study.Outcome) -> None:
-    title = f"{outcome.experiment.name}: {outcome.experiment.title} ({outcome.seconds:.1f} s)"
-    if outcome.error:
-        console.print(f"[bold]{escape(title)}[/]\n[red]not run: {escape(outcome.error)}[/]; {escape(outcome.hint)}")
-        return
     rows = outcome.result.rows
     marks, texts = page.footnotes(rows)
     entries = [page.cells(row, mark) for row, mark in zip(rows, marks, strict=True)]
     shown = [column for column in _COLUMNS if any(entry[column] not in ("", NOTHING) for entry in entries)]
-    table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
+    title = f"{outcome.experiment.name}: {outcome.experiment.title} ({outcome.seconds:.1f} s)"
+    console.print(f"\n[bold]{escape(title)}[/]", soft_wrap=True)
+    table = Table(box=box.SIMPLE_HEAD)
     table.add_column("")
     for column in shown:
         table.add_column(page.HEADINGS[column], justify="right")
@@ -137,6 +135,9 @@ def _print(outcome: study.Outcome) -> None:
             table.add_row(f"[bold]{escape(setting)}[/]")
         unit = f" [{row.unit}]" if row.unit not in ("", "1") else ""
         table.add_row(escape(f"  {row.quantity}{unit}"), *(escape(entry[column]) for column in shown))
-    console.print(table)
+    if rows:
+        console.print(table)
     for number, text in enumerate(texts, start=1):
         console.print(f"[{number}] {text}", markup=False)
+    if outcome.error:
+        console.print(f"[red]not run: {escape(outcome.error)}[/]; {escape(outcome.hint)}")

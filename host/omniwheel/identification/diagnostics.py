@@ -64,7 +64,7 @@ def diagnose(fit: Fit) -> Diagnostics:
         fit.fit,
         fit.rmse_rad_s,
         float(autocorrelation[1]),
-        float(require_scipy("stats").chi2.sf(statistic, LAGS)),
+        float(require_scipy("special").chdtrc(LAGS, statistic)),
         float(np.sqrt(singular[0] / singular[-1])),
         fit.saturated_share,
     )

@@ -89,8 +89,7 @@ def clustered_covariance(jacobian: Array, residual: Array, cluster: NDArray[np.i
 
 def student_quantile(dof: float) -> float:
     """Return the two-sided 95 % quantile of Student's t."""
-    stats = require_scipy("stats")
-    return float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, dof))
+    return float(require_scipy("special").stdtrit(dof, 0.5 + CONFIDENCE / 2.0))
 
 
 def require_scipy(module: str) -> ModuleType:

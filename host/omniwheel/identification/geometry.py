@@ -17,13 +17,17 @@ from numpy.typing import NDArray
 
 from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
-from omniwheel.identification.estimate import Estimate, clustered_covariance, require_scipy
+from omniwheel.identification.estimate import Estimate, clustered_covariance
 from omniwheel.identification.model import Layout
 
 Array = NDArray[np.float64]
 
 WINDOW_S = 4.0
 MIN_FIXES = 8
+MAX_STEPS = 10
+SETTLED = 1e-4
+"""Gauss-Newton ends with a step below this share: the paths are all but linear, the next one would be far smaller."""
+_STEP = 1e-6
 SHARE_MAX = 0.05
 """A radius or distance whose interval is wider than this share of it is not shown by the data."""
 
@@ -54,26 +58,29 @@ def calibrate(runs: Sequence[Dataset], layout: Layout) -> Estimate:
             hint="log encoder counts and motion capture together for at least half a minute",
         )
     nominal = np.array([layout.radius_m] * wheels + [layout.distance_m])
-    optimize = require_scipy("optimize")
     sd = np.ones(2)
     x = np.ones(len(nominal))
-    for _ in range(2):
-        solved = optimize.least_squares(
-            lambda x, sd=sd: _residual(x * nominal, windows, layout, sd)[0], x, xtol=1e-6, ftol=1e-6, diff_step=1e-6
-        )
-        x = solved.x
+    for _ in range(MAX_STEPS):
+        residual, slope, _ = _linearised(x, nominal, windows, layout, sd)
+        step = np.linalg.lstsq(slope, residual, rcond=None)[0]
+        x = x - step
         sd = sd * _noise(*_residual(x * nominal, windows, layout, sd)[:2])
-    residual, _, cluster = _residual(x * nominal, windows, layout, sd)
-    slope = np.column_stack(
-        [
-            (_residual((x + 1e-6 * unit) * nominal, windows, layout, sd)[0] - residual) / 1e-6
-            for unit in np.eye(len(nominal))
-        ]
-    )
+        if np.max(np.abs(step)) < SETTLED:
+            break
+    residual, slope, cluster = _linearised(x, nominal, windows, layout, sd)
     covariance, dof = clustered_covariance(slope, residual, cluster)
     estimate = Estimate(names(wheels), x * nominal, covariance * np.outer(nominal, nominal), dof)
     _require_shown(estimate)
     return estimate
+
+
+def _linearised(
+    x: Array, nominal: Array, windows: Sequence[_Window], layout: Layout, sd: Array
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return residuals, their slope by parameters in units of ``nominal``, and their windows."""
+    residual, _, cluster = _residual(x * nominal, windows, layout, sd)
+    moved = [_residual((x + _STEP * unit) * nominal, windows, layout, sd)[0] for unit in np.eye(len(nominal))]
+    return residual, (np.array(moved) - residual).T / _STEP, cluster
 
 
 def _require_shown(estimate: Estimate) -> None:

@@ -29,7 +29,7 @@ EXCITED_SHARE = 0.05
 """Motion in one direction of less than this share of the other's is no excitation."""
 EXCITE_HINT = "drive circles and spins both ways, with changing speed"
 IV_STEPS_MAX = 20
-SETTLED = 2e-3
+SETTLED = 5e-3
 """Steps end when no parameter moves by more than this share of itself."""
 COARSE = 5
 """The first search takes one segment in so many."""

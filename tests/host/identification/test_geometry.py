@@ -72,3 +72,9 @@ def test_a_direction_that_was_not_driven_is_named(runs: list[Dataset], layout: L
 def test_without_poses_there_is_nothing_to_compare(runs: list[Dataset], layout: Layout) -> None:
     with pytest.raises(IdentificationError, match="0 windows"):
         calibrate([replace(run, pose_time_s=np.zeros(0), pose=np.zeros((0, 3))) for run in runs], layout)
+
+
+def test_the_answer_does_not_depend_on_where_it_starts(runs: list[Dataset], layout: Layout) -> None:
+    found = calibrate(runs, layout)
+    start = replace(layout, radius_m=1.08 * layout.radius_m, distance_m=0.92 * layout.distance_m)
+    np.testing.assert_allclose(calibrate(runs, start).values, found.values, rtol=2e-5)
