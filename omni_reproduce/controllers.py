@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -171,7 +172,7 @@ def draw(names: Names, position_m: NDArray[np.float64], path: Path) -> None:
             axes.grid(False)
             axes.set_title(f"{robot}: position RMSE [mm]")
             axes.set_yticks(range(len(names[1])), names[1])
-            axes.set_xticks(range(len(names[2])), names[2])
+            axes.set_xticks(range(len(names[2])), [fill(name, 13) for name in names[2]])
             for (i, j), value in np.ndenumerate(values):
                 dark = norm(value) < 0.55
                 axes.text(j, i, f"{value:.2f}", ha="center", va="center", color="white" if dark else "#111111")

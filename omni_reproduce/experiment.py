@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import os
+import signal
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +20,7 @@ Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 CHUNKS = 16
+DRAIN_S = 0.3  # what the pool's thread takes to drop the work that waits
 """How many parts a map is cut into, so that no process is left with a long rest."""
 
 EXPERIMENTS_FOLDER = Path(__file__).parent / "experiments"
@@ -93,9 +96,27 @@ class Context:
 @contextmanager
 def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     """Yield a pool of processes, by default as many as there are processors."""
-    # Not forked: other threads of this process may hold locks.
-    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        yield pool
+    # Not forked: other threads of this process may hold locks. Ctrl-C reaches the whole process group; the workers
+    # leave it to this process, which drops what waits before it ends them: otherwise the pool prints tracebacks.
+    context = get_context("spawn")
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    count = workers or os.cpu_count() or 1
+    with ProcessPoolExecutor(count, context, signal.signal, ignore) as pool:
+        # They start with the first work and inherit what is ignored: the initializer alone comes after their imports.
+        before = signal.signal(*ignore)
+        try:
+            for _ in range(count):
+                pool.submit(int)
+        finally:
+            signal.signal(signal.SIGINT, before)
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            time.sleep(DRAIN_S)
+            for worker in active_children():
+                worker.terminate()
+            raise
 
 
 def read_spec(name: str) -> dict[str, Any]:

@@ -47,9 +47,13 @@ def run(context: Context) -> Result:
     spec = read_spec(NAME)
     settings = spec["experiment"]
     folder = data_folder(spec)
-    paths = sorted(folder.glob(settings["runs"]))
-    if not paths:
-        missing = f"Not run: no logs. Set {settings['folder_variable']} to the folder that holds {settings['runs']}."
+    found = sorted(folder.glob(settings["runs"]))
+    paths = [path for path in found if truth_path(path).is_file()]
+    if len(paths) < 2:
+        missing = (
+            f"Not run: {len(paths)} runs with truth in {folder}; two are needed. Set {settings['folder_variable']} to "
+            f"the folder that holds {settings['runs']} and the truth*.csv of each."
+        )
         return Result((Row(NAME, "not run", "RMS distance, median of the runs", "m", None, explanation=missing),))
     robot = read_robot(ROBOT_FOLDER / "robot.toml")
     runs = read_logs(paths[: settings["quick_runs"]] if context.quick else paths)
@@ -57,7 +61,14 @@ def run(context: Context) -> Result:
     study = identify_from_logs(runs, robot, turns, lifted, _mapper(context))
     draw_study(study, runs, context.folder / PICTURE)
     (context.folder / REPORT).write_text(study_report(study, robot, runs, PICTURE), encoding="utf-8")
-    return Result(tuple(_rows(study, robot)), (context.folder / PICTURE,), tuple(_notes(study, robot)))
+    left_out = [path.name for path in found if path not in paths]
+    notes = _notes(study, robot) + ([f"Left out, without truth: {', '.join(left_out)}."] if left_out else [])
+    return Result(tuple(_rows(study, robot)), (context.folder / PICTURE,), tuple(notes))
+
+
+def truth_path(run: Path) -> Path:
+    """Return where the truth of a run is: truthN.csv beside runN.csv."""
+    return run.with_name(run.name.replace("run", "truth", 1))
 
 
 def read_logs(paths: Iterable[Path]) -> list[WheelLog]:
@@ -65,7 +76,7 @@ def read_logs(paths: Iterable[Path]) -> list[WheelLog]:
     mapping = read_mapping(ROBOT_FOLDER / "mapping.toml")
     logs = []
     for path in paths:
-        truth = path.with_name(path.name.replace("run", "truth")) if path.name.startswith("run") else None
+        truth = truth_path(path) if path.name.startswith("run") else None
         logs.append(import_log(path, mapping, truth)[0])
     return logs
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Rectangle
 
-from hil_sim.report import GREY, STYLE, WANTED
+from hil_sim.report import INK, STYLE, WANTED
 from omni_reproduce.loops import Track
 
 COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#D55E00")
@@ -47,7 +47,7 @@ def draw_tracks(tracks: Mapping[str, Track], view: View, path: Path) -> None:
         whole.set(xlabel="x [m]", ylabel="y [m]")
         whole.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), borderaxespad=0.1)
         _draw_paths(close, tracks, scale=_MM)
-        close.set(xlabel="x [mm]", ylabel="y [mm]", title="In the grey frame")
+        close.set(xlabel="x [mm]", ylabel="y [mm]", title="In the frame")
         _look_closely(close, whole, view)
         right = halves[1].subgridspec(len(tracks), 1, hspace=0.33)
         for number, (name, run) in enumerate(tracks.items()):
@@ -71,7 +71,7 @@ def _look_closely(close: Axes, whole: Axes, view: View) -> None:
     half_y = half_x * float(close.bbox.height / close.bbox.width)
     close.set_xlim(_MM * (x - half_x), _MM * (x + half_x))
     close.set_ylim(_MM * (y - half_y), _MM * (y + half_y))
-    whole.add_patch(Rectangle((x - half_x, y - half_y), 2 * half_x, 2 * half_y, fill=False, edgecolor=GREY, zorder=5))
+    whole.add_patch(Rectangle((x - half_x, y - half_y), 2 * half_x, 2 * half_y, fill=False, edgecolor=INK, zorder=5))
 
 
 def _draw_errors(figure: Figure, place: SubplotSpec, run: Track, view: View, name: str, number: int) -> None:

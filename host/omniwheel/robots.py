@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -48,13 +49,23 @@ def read_robot(name_or_path: str | Path) -> Robot:
         raise RobotFileError(str(error), hint=f"correct the file, then: omni robots check {path}") from error
 
 
-def new_robot_file(name: str, template: str, folder: Path) -> Path:
-    """Copy a robot file under a new name, comments and all, and return its path; never overwrites."""
+def free_robot_path(name: str, folder: Path) -> Path:
+    """Return the path that a new robot's file would have. Raises RobotFileError if it cannot be written there."""
     if not _NAME.fullmatch(name):
         raise RobotFileError(f"{name!r} cannot be a robot's name", hint="a letter, then up to 31 of a-z 0-9 _")
+    target = folder / f"{name}.toml"
+    if target.exists():
+        raise RobotFileError(f"{target} exists already", hint="choose another name")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise RobotFileError(f"cannot write {target}", hint="check folder and permissions")
+    return target
+
+
+def new_robot_file(name: str, template: str, folder: Path) -> Path:
+    """Copy a robot file under a new name, comments and all, and return its path; never overwrites."""
+    target = free_robot_path(name, folder)
     source = find_robot_file(template)
     text = _NAME_LINE.sub(f'name = "{name}"', source.read_text(encoding="utf-8"), count=1)
-    target = folder / f"{name}.toml"
     try:
         with target.open("x", encoding="utf-8") as file:
             file.write(text)

@@ -62,13 +62,18 @@ def pose_target(connection: Connection, pose: Pose, feed_forward: Twist | None) 
     return _target(connection, _M.MAV_FRAME_LOCAL_NED, mask, pose, feed_forward or Twist(0.0, 0.0, 0.0))
 
 
-def duty_target(connection: Connection, duty: Sequence[float]) -> Message:
-    """Return the set-point of open-loop duties, -1..1 per wheel (at most four; wheels left out get 0)."""
+def check_duty(duty: Sequence[float]) -> None:
+    """Raise SetpointError unless there is a duty -1..1 for each of one to four wheels."""
     if not 0 < len(duty) <= MAX_WHEELS:
         raise SetpointError(f"{len(duty)} duties are given; one per wheel is needed, at most {MAX_WHEELS}")
     for wheel, value in enumerate(duty, 1):
         if abs(finite(f"duty {wheel}", value)) > 1.0:
             raise SetpointError(f"duty {wheel} is {value:g}; allowed is -1..1")
+
+
+def duty_target(connection: Connection, duty: Sequence[float]) -> Message:
+    """Return the set-point of open-loop duties, -1..1 per wheel (at most four; wheels left out get 0)."""
+    check_duty(duty)
     values = [float(value) for value in duty] + [0.0] * (MAX_WHEELS - len(duty))
     message: Message = _M.MAVLink_omni_setpoint_duty_message(
         connection.target_system, connection.target_component, values

@@ -186,6 +186,20 @@ def test_drive_pose_to_where_it_is_arrives(url: str) -> None:
     assert run_json("drive", "pose", "0", "0", "0", "--for", "3", "--link", url)["arrived"] is True
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["duty", "2", "0", "0"], "duty 1 is 2"),
+        (["duty", "nan", "0", "0"], "duty 1 is nan"),
+        (["duty", "0", "0", "0", "0", "0"], "5 duties are given"),
+        (["velocity", "nan", "0", "0"], "vx is nan"),
+        (["pose", "0", "inf", "0"], "y is inf"),
+    ],
+)
+def test_bad_set_points_are_refused_before_a_link_is_opened(words: list[str], told: str) -> None:
+    assert told in run("drive", *words, "--link", "tcp:127.0.0.1:1", code=2).stderr
+
+
 def test_an_unknown_trajectory_is_refused_and_the_robot_disarmed(url: str) -> None:
     result = run("drive", "trajectory", "rosee", "--link", url, code=2)
     assert "did you mean rose" in result.stderr
@@ -271,6 +285,18 @@ def test_reproduce_lists_what_there_is_and_refuses_what_there_is_not() -> None:
     assert "controllers" in listed
     assert "did you mean" in run("reproduce", "controlers", code=2).stderr
     assert "shows no data" in run("reproduce", "fig2", code=2).stderr
+
+
+def test_reproduce_says_why_an_experiment_was_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from omni_reproduce.registry import Experiment
+    from omniwheel.errors import LogError
+
+    def fails(self: Experiment, context: Any) -> Any:
+        raise LogError("run2.csv holds no rows", hint="give a CSV file")
+
+    monkeypatch.setattr(Experiment, "run", fails)
+    shown = run("reproduce", "real_logs", "--out", str(tmp_path), code=1).stdout
+    assert "not run: run2.csv holds no rows; give a CSV file" in shown
 
 
 def test_reproduce_says_what_an_experiment_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

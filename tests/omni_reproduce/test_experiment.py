@@ -1,4 +1,11 @@
 # SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -23,3 +30,27 @@ def test_number_of_seeds_is_the_users_choice_first(tmp_path: Path) -> None:
     assert Context(tmp_path).count(400, 16) == 400
     assert Context(tmp_path, quick=True).count(400, 16) == 16
     assert Context(tmp_path, quick=True, seeds=3).count(400, 16) == 3
+
+
+def hold(mark: Path) -> None:
+    mark.touch()
+    signal.pause()
+
+
+def hold_all(folder: str) -> None:
+    with worker_pool(2) as pool:
+        Context(Path(folder), pool=pool).map(hold, [Path(folder) / f"{number}" for number in range(40)])
+
+
+def test_ctrl_c_ends_the_workers_without_a_traceback_of_theirs(tmp_path: Path) -> None:
+    """As a terminal does: the signal goes to all processes of the group."""
+    call = f"hold_all({str(tmp_path)!r})"
+    script = f"from {__name__} import hold_all\ntry: {call}\nexcept KeyboardInterrupt: print('end')"
+    command = [sys.executable, "-c", script]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    while process.poll() is None and len(list(tmp_path.iterdir())) < 2:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.communicate(timeout=20) == ("end\n", "")

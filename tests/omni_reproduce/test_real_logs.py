@@ -41,3 +41,9 @@ def test_a_folder_of_other_runs_is_taken_as_it_is(tmp_path: Path, monkeypatch: p
     assert [path.name for path in result.figures] == ["real_logs.png"]
     assert (out / "real_logs.png").read_bytes().startswith(b"\x89PNG")
     assert "## What can be trusted" in (out / "real_logs.md").read_text(encoding="utf-8")
+    # A run without truth cannot be scored; the others can.
+    (data / "run3.csv").write_bytes((data / "run2.csv").read_bytes())
+    assert "Left out, without truth: run3.csv." in real_logs.run(Context(out)).notes
+    (data / "truth2.csv").unlink()
+    (row,) = real_logs.run(Context(out)).rows
+    assert f"1 runs with truth in {data}" in row.explanation

@@ -25,6 +25,7 @@ from omniwheel.cli.common import (
 from omniwheel.cli.keyboard import KEYS_HELP, KeyDriver, raw_keys
 from omniwheel.errors import OmniError
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
+from omniwheel.setpoints import check_duty, finite
 from omniwheel.telemetry import Tracking
 
 LEGACY = "--legacy"
@@ -111,6 +112,8 @@ def velocity(
 ) -> None:
     """Drive with a constant velocity for a while. Put -- before negative numbers."""
     frame = "world" if world else "body"
+    for name, value in (("vx", vx), ("vy", vy), ("wz", wz)):
+        finite(name, value)
     with _armed(link, timeout, as_json) as robot:
         _drive_in_slices(robot, duration, lambda s: robot.drive_velocity(vx, vy, wz, s, frame=frame, stop=False))
         robot.drive_velocity(0.0, 0.0, 0.0, _SLICE_S)
@@ -128,6 +131,8 @@ def pose(
     as_json: JsonOption = False,
 ) -> None:
     """Drive to a world pose; ends early once the robot is there. Exit code 1: not there in time."""
+    for name, value in (("x", x), ("y", y), ("theta", theta)):
+        finite(name, value)
     with _armed(link, timeout, as_json) as robot:
         end = robot.connection.clock() + duration
         while (arrived := _is_at(robot, x, y, theta)) is False and robot.connection.clock() < end:
@@ -180,6 +185,7 @@ def duty(
     as_json: JsonOption = False,
 ) -> None:
     """Put constant duties on the motors, open loop, for a while: bring-up and identification. Lift the wheels first."""
+    check_duty(duties)
     with _armed(link, timeout, as_json) as robot:
         _drive_in_slices(robot, duration, lambda s: robot.drive_duty(duties, s, stop=False))
         robot.drive_duty([0.0] * len(duties), _SLICE_S)

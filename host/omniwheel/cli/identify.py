@@ -35,7 +35,7 @@ from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.identification.simulation import SimulatedRobot
 from omniwheel.identification.sources import read_dataset
 from omniwheel.robot import DEFAULT_TIMEOUT_S
-from omniwheel.robots import read_robot
+from omniwheel.robots import free_robot_path, read_robot
 from omniwheel.tlog import TlogWriter
 
 app = typer.Typer(
@@ -145,6 +145,10 @@ def live(
     base = read_robot(robot)
     if on_stand and log is None:
         raise typer.BadParameter("--on-stand needs --log OUT.tlog")
+    if log is not None and log.exists():
+        raise typer.BadParameter(f"{log} exists already; choose another name")
+    if not on_stand:
+        free_robot_path(name, folder)
     known = _known(base, mass, resistance, motor_constant, stand)
     free = _read(stand, base) if stand is not None else None
     angles = layout_of(base).angle_rad
@@ -181,6 +185,7 @@ def simulate(
 ) -> None:
     """Try it without a robot: identify a simulated one with parameters drawn by chance, and compare with the truth."""
     base = read_robot(robot)
+    free_robot_path(name, folder)
     simulated = SimulatedRobot.random(base, seed)
     angles = layout_of(base).angle_rad
     profiles = excitation.appendix_d(angles, duration)

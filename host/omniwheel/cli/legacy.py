@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 from collections.abc import Iterator
@@ -21,7 +22,7 @@ from rich.table import Table
 from hil_sim.scenario import MAX_SEED
 from omni_schema import Robot
 from omniwheel.cli.common import JsonOption, console, examples, note, parse_assignments, print_json, writable_path
-from omniwheel.errors import LinkUrlError, MocapSourceError
+from omniwheel.errors import LinkUrlError, MocapSourceError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettings, legacy_values
 from omniwheel.legacy.loop import SETTLE_S, Goal, LegacyLoop, LegacyRun
@@ -191,6 +192,9 @@ def motor(
 def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> LegacyRun:
     if wanted.plot is not None:
         writable_path(wanted.plot, "--plot")
+    for name, place in (("--start", wanted.start), ("the pose", goal.pose or ())):
+        if not all(map(math.isfinite, place)):
+            raise SetpointError(f"{name} is {', '.join(map(str, place))}; finite numbers are needed")
     robot = read_robot(wanted.robot)
     values = legacy_values(robot, {**changes, **parse_assignments(wanted.param or [])})
     controller = LegacyController(robot, values, wanted.settings)

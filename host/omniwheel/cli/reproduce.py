@@ -140,4 +140,4 @@ def _print(outcome: study.Outcome) -> None:
     for number, text in enumerate(texts, start=1):
         console.print(f"[{number}] {text}", markup=False)
     if outcome.error:
-        console.print(f"[red]not run: {escape(outcome.error)}[/] {escape(outcome.hint)}")
+        console.print(f"[red]not run: {escape(outcome.error)}[/]; {escape(outcome.hint)}")

@@ -76,6 +76,10 @@ def _dataset(samples: Sequence[Sample], fixes: Array, name: str, parameters: Map
     time_s = np.array([sample.time_s for sample in samples])
     direction = [parameters[f"W{wheel + 1}_ENC_DIR"] for wheel in range(wheels)]
     counts = _unwrapped(np.array([sample.counts for sample in samples], dtype=np.float64)[:, :wheels])
+    still = np.ptp(counts, axis=0) == 0.0
+    if still.any() and not still.all():
+        hint = "check the encoder, and that --robot is the robot that was driven"
+        raise DatasetError(f"{name}: wheel {int(np.argmax(still)) + 1} of {wheels} never turns, others do", hint=hint)
     volt_seconds = np.array([sample.volt_seconds for sample in samples])[:, :wheels]
     volt_seconds = VOLT_SECONDS_PER_UNIT * _unwrapped(volt_seconds / VOLT_SECONDS_PER_UNIT)
     angle = counts * direction * (2.0 * np.pi / parameters["ENC_CPR"])

@@ -43,9 +43,12 @@ def read_columns(path: Path, delimiter: str) -> dict[str, Array]:
     if len(rows) < 2:
         raise LogError(f"{path} holds no rows", hint="give a CSV file with a header line")
     names = [name.strip() for name in rows[0]]
+    if len(names) < 2:
+        raise LogError(f"{path} has one column: {names[0]!r}", hint="set log.delimiter in the column mapping")
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
-            raise LogError(f"{path}:{number}: {len(row)} cells beside {len(names)} names", hint="check the delimiter")
+            hint = "drop or repair that row" if len(row) < len(names) else "check the delimiter"
+            raise LogError(f"{path}:{number}: {len(row)} cells beside {len(names)} names", hint=hint)
     try:
         table = np.array(rows[1:], dtype=np.float64)
     except ValueError as error:

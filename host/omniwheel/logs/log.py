@@ -158,4 +158,5 @@ def load_log(path: Path) -> WheelLog:
         raise
     except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
         hint = "make it from a CSV file with: omni logs import LOG.csv --mapping FILE --out LOG.npz"
-        raise LogError(f"{path} is no imported log: {error}", hint=hint) from error
+        why = f": {error.strerror}" if isinstance(error, OSError) and error.strerror else ""
+        raise LogError(f"{path} is no imported log{why}", hint=hint) from error

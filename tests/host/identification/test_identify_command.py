@@ -67,6 +67,15 @@ def test_bad_input_is_told_before_anything_moves(tmp_path: Path) -> None:
     omni("identify", "telemetry", tmp_path / "absent.tlog", "--robot", "nobody", code=2)
     omni("identify", "simulate", "--duration", 1, code=2)
     omni("identify", "live", "--on-stand", "--link", "tcp:127.0.0.1:1", code=2)
+    # No link is opened: an hour's drive must not be lost, nor replace what was kept.
+    (tmp_path / "kept.tlog").write_bytes(b"kept")
+    (tmp_path / "kept.toml").write_bytes(b"kept")
+    link = ("--link", "tcp:127.0.0.1:1", "--folder", tmp_path)
+    assert "exists already" in omni("identify", "live", *link, "--log", tmp_path / "kept.tlog", code=2).output
+    assert "exists already" in omni("identify", "live", *link, "--name", "kept", code=2).output
+    assert "cannot be a robot's name" in omni("identify", "live", *link, "--name", "Not a name", code=2).output
+    assert "cannot write" in omni("identify", "simulate", "--folder", tmp_path / "absent", code=2).output
+    assert (tmp_path / "kept.tlog").read_bytes() == b"kept"
 
 
 @pytest.mark.slow

@@ -77,3 +77,14 @@ def test_logs_that_will_not_do_are_refused(tmp_path: Path, parameters: dict[str,
         read_dataset(noise, parameters)
     with pytest.raises(DatasetError, match="No such file"):
         read_dataset(tmp_path / "absent.tlog", parameters)
+
+
+def test_a_robot_with_more_wheels_than_the_log_is_noticed(tmp_path: Path) -> None:
+    messages = []
+    for row in range(ROWS):
+        message = sample(row, 100 * row, 120_000 * row)
+        message.counts[3] = 0
+        messages.append(message)
+    path = write(tmp_path / "run.tlog", messages)
+    with pytest.raises(DatasetError, match="wheel 4 of 4 never turns"):
+        read_dataset(path, read_robot("four_wheel").parameter_values())

@@ -295,3 +295,11 @@ def test_the_commands_have_help_with_examples(command: list[str]) -> None:
     text = run_cli(*command, "--help").output
     assert "Examples" in text
     assert f"omni {' '.join(command)}" in text
+
+
+@pytest.mark.parametrize("words", [["nan", "0", "0"], ["0", "inf", "0"], ["0", "0", "0", "--start", "nan", "0", "0"]])
+def test_a_goal_that_is_no_number_is_refused(words: list[str]) -> None:
+    result = CliRunner().invoke(app, ["legacy", "pose", "--simulate", *words])
+    assert result.exit_code == 2
+    assert "finite numbers are needed" in result.output
+    assert "driving" not in result.output

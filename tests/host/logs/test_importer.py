@@ -129,3 +129,18 @@ def test_too_short_and_missing_files_are_named(tmp_path: Path, files: Path, mapp
         import_log(changed(tmp_path, rows(files / "run1.csv")[:10]), mapping)
     with pytest.raises(LogError, match="holds no rows"):
         import_log(changed(tmp_path, rows(files / "run1.csv")[:1]), mapping)
+
+
+def test_another_delimiter_and_a_row_that_was_cut_off_are_named(tmp_path: Path, files: Path, mapping: Mapping) -> None:
+    lines = rows(files / "run1.csv")
+    with pytest.raises(LogError, match="one column") as error:
+        import_log(changed(tmp_path, [line.replace(",", ";") for line in lines]), mapping)
+    assert "delimiter" in error.value.hint
+    with pytest.raises(LogError, match="cells beside 8 names") as error:
+        import_log(changed(tmp_path, [*lines[:200], lines[200][:20]]), mapping)
+    assert "that row" in error.value.hint
+
+
+def test_a_csv_file_is_no_imported_log(files: Path) -> None:
+    with pytest.raises(LogError, match=r"is no imported log$"):
+        load_log(files / "run1.csv")
