@@ -10,6 +10,7 @@ from typing import Any
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_schema import Robot
+from omniwheel.errors import LogError
 from omniwheel.identification.log_plot import draw_study
 from omniwheel.identification.log_report import interval, study_report
 from omniwheel.identification.log_study import LogStudy, Scored, identify_from_logs
@@ -36,9 +37,12 @@ SETTINGS = {
 
 
 def data_folder(spec: dict[str, Any]) -> Path:
-    """Return where the logs should be: the environment's folder, else the one beside the source tree."""
-    given = os.environ.get(spec["experiment"]["folder_variable"])
+    """Return where the logs should be: the environment's folder, which must exist, else the one beside the source tree."""
+    variable = spec["experiment"]["folder_variable"]
+    given = os.environ.get(variable)
     root = Path(__file__).resolve().parents[1]
+    if given and not Path(given).is_dir():
+        raise LogError(f"{variable} is {given!r}, which is no folder", hint="set it to the folder that holds the logs")
     return Path(given) if given else root / spec["experiment"]["default_folder"]
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from omni_reproduce import real_logs
 from omni_reproduce.experiment import Context
+from omniwheel.errors import LogError
 from tests.host.logs import synthetic
 
 
@@ -17,6 +18,12 @@ def test_without_logs_it_says_how_to_give_them(tmp_path: Path, monkeypatch: pyte
     (row,) = real_logs.run(Context(tmp_path)).rows
     assert row.ours is None
     assert "OMNI_REAL_LOGS" in row.explanation
+
+
+def test_a_folder_that_is_none_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMNI_REAL_LOGS", str(tmp_path / "nowhere"))
+    with pytest.raises(LogError, match="no folder"):
+        real_logs.run(Context(tmp_path))
 
 
 def test_a_folder_of_other_runs_is_taken_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
