@@ -37,7 +37,7 @@ SETTINGS = {
 
 
 def data_folder(spec: dict[str, Any]) -> Path:
-    """Return where the logs should be: the environment's folder, which must exist, else the one beside the source tree."""
+    """Return where the logs should be: the environment's folder, which must exist, else that beside the source tree."""
     variable = spec["experiment"]["folder_variable"]
     given = os.environ.get(variable)
     root = Path(__file__).resolve().parents[1]
