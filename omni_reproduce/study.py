@@ -47,7 +47,7 @@ def _run(experiment: Experiment, context: Context) -> Outcome:
         result, error, hint = Result(()), str(refused), refused.hint
     except ModuleNotFoundError as missing:
         result = Result(())
-        error, hint = f"the Python package {missing.name} is not installed", "pip install 'omniwheel[study]'"
+        error, hint = f"the Python package {missing.name} is not installed", "pip install 'omniwheel[study]', or in a clone: make setup"
     return Outcome(experiment, result, time.perf_counter() - start, error, hint)
 
 

@@ -97,5 +97,5 @@ def require_scipy(module: str) -> ModuleType:
     try:
         return import_module(f"scipy.{module}")
     except ImportError as error:
-        hint = "pip install 'omniwheel[study]'"
+        hint = "pip install 'omniwheel[study]', or in a clone: make setup"
         raise MissingPackageError("this needs SciPy, which is not installed", hint=hint) from error
