@@ -47,7 +47,8 @@ def _run(experiment: Experiment, context: Context) -> Outcome:
         result, error, hint = Result(()), str(refused), refused.hint
     except ModuleNotFoundError as missing:
         result = Result(())
-        error, hint = f"the Python package {missing.name} is not installed", "pip install 'omniwheel[study]', or in a clone: make setup"
+        error = f"the Python package {missing.name} is not installed"
+        hint = "pip install 'omniwheel[study]', or in a clone: make setup"
     return Outcome(experiment, result, time.perf_counter() - start, error, hint)
 
 
