@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
+import os
+
 from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=3000, deadline=None)
-settings.load_profile("repeatable")
+# Sanitizers slow everything down several times; what they look for shows with fewer examples too.
+settings.register_profile("sanitized", parent=settings.get_profile("repeatable"), max_examples=25)
+settings.load_profile("sanitized" if os.environ.get("OMNI_SANITIZED") else "repeatable")
