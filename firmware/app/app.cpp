@@ -241,14 +241,27 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
     }
 }
 
+/// Why it started is worth a word unless somebody switched it on or asked for it.
+void App::say_restart() {
+    Watchdog &watchdog = *board_.watchdog;
+    if (watchdog.reset_cause() == ResetCause::watchdog) {
+        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
+    } else if (watchdog.reset_cause() == ResetCause::crash) {
+        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
+    }
+    for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
+        shared_.say(MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
+    }
+}
+
 void App::greet(size_t link) {
     parameters_.stop_list(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
-    if (!watchdog_said_ && board_.watchdog->caused_reset()) {
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
+    if (!restart_said_) {
+        say_restart();
     }
-    watchdog_said_ = true;
+    restart_said_ = true;
 }
 
 void App::receive(size_t link) {

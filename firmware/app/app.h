@@ -46,6 +46,7 @@ private:
     void leave_hil();
     void watch_hil_peer();
     void receive(size_t link);
+    void say_restart();
     void greet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_motion(const Frame &frame);
@@ -73,7 +74,7 @@ private:
     uint32_t overruns_ = 0;
     uint32_t overruns_in_row_ = 0;
     uint32_t release_attempts_ = 0;
-    bool watchdog_said_ = false;
+    bool restart_said_ = false;
 };
 
 } // namespace omni

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file board.h  What the firmware asks of a board: six small interfaces. Only firmware/boards/* implements them.
+/// @file board.h  What the firmware asks of a board: small interfaces. Only firmware/boards/* implements them.
 #pragma once
 
 #include <cstddef>
@@ -25,6 +25,9 @@ class Encoders {
 public:
     /// Read all counters at once. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose count can be trusted.
     virtual uint8_t read(int32_t *counts) = 0;
+    /// Illegal transitions (both channels changed at once) since boot. @param errors OMNI_MAX_WHEELS entries; 0 where the
+    /// decoder cannot tell.
+    virtual void errors(uint32_t *errors) = 0;
 
 protected:
     ~Encoders() = default;
@@ -64,6 +67,18 @@ protected:
     ~I2cBus() = default;
 };
 
+/// The PWM chip's output-enable pin: takes the motors' power away without the bus. Off (motors coast) from reset on.
+class OutputEnable {
+public:
+    /// False where the pin is not wired: the bus is then the only way to stop a motor.
+    virtual bool wired() = 0;
+    /// Called from the tick, in every tick.
+    virtual void set(bool on) = 0;
+
+protected:
+    ~OutputEnable() = default;
+};
+
 /// A byte stream to a ground station or host. Used from the background only; never waits.
 class SerialPort {
 public:
@@ -92,17 +107,30 @@ protected:
     ~Storage() = default;
 };
 
+/// Why the processor started.
+enum class ResetCause : uint8_t { power_on, watchdog, software, crash };
+
 /// Resets the processor unless fed.
 class Watchdog {
 public:
     virtual void feed() = 0;
-    /// True if the watchdog caused the last reset.
-    virtual bool caused_reset() = 0;
+    virtual ResetCause reset_cause() = 0;
+    /// What the fault handler kept of the crash before the last reset: lines of at most 50 characters. nullptr: no more.
+    virtual const char *crash_line(size_t number) = 0;
     /// Reset now (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN).
     virtual void reset() = 0;
 
 protected:
     ~Watchdog() = default;
+};
+
+/// A lamp that tells people what the robot is doing.
+class StatusLight {
+public:
+    virtual void set(bool on) = 0;
+
+protected:
+    ~StatusLight() = default;
 };
 
 /// Everything the application gets from its board.
@@ -111,6 +139,8 @@ struct Board {
     Clock *clock = nullptr;
     Encoders *encoders = nullptr;
     I2cBus *i2c = nullptr;
+    OutputEnable *output_enable = nullptr;
+    StatusLight *light = nullptr; ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;
     Storage *storage = nullptr;

@@ -52,6 +52,7 @@ private:
     NoWatchdog watchdog_;
     NoEncoders encoders_;
     NoMotorsBus bus_;
+    NoOutputEnable output_enable_;
     TcpPort tcp_[Board::max_ports];
     UdpPort udp_[Board::max_ports];
     PtyPort pty_[Board::max_ports];
@@ -98,6 +99,7 @@ bool Process::open() {
     board_.clock = &clock_;
     board_.encoders = &encoders_;
     board_.i2c = &bus_;
+    board_.output_enable = &output_enable_;
     board_.storage = &storage_;
     board_.watchdog = &watchdog_;
     board_.robot_values = options_.values;

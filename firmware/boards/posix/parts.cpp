@@ -65,6 +65,10 @@ uint8_t NoEncoders::read(int32_t *counts) {
     return (1u << OMNI_MAX_WHEELS) - 1;
 }
 
+void NoEncoders::errors(uint32_t *errors) {
+    std::fill(errors, errors + OMNI_MAX_WHEELS, 0u);
+}
+
 bool NoMotorsBus::submit(const I2cTransaction *batch, size_t count) {
     for (size_t i = 0; i < count; ++i) {
         const I2cTransaction &transaction = batch[i];

@@ -40,7 +40,8 @@ private:
 class NoWatchdog final : public Watchdog {
 public:
     void feed() override {}
-    bool caused_reset() override { return false; }
+    ResetCause reset_cause() override { return ResetCause::power_on; }
+    const char *crash_line(size_t) override { return nullptr; }
     void reset() override {}
 };
 
@@ -48,6 +49,14 @@ public:
 class NoEncoders final : public Encoders {
 public:
     uint8_t read(int32_t *counts) override;
+    void errors(uint32_t *errors) override;
+};
+
+/// No pin, no motors.
+class NoOutputEnable final : public OutputEnable {
+public:
+    bool wired() override { return false; }
+    void set(bool) override {}
 };
 
 /// A chip that acknowledges everything, keeps what is written and gives it back. No motor hangs on it.
