@@ -31,7 +31,7 @@ def build_library(
     system_includes: Sequence[Path] = (),
     flags: Sequence[str] = (),
 ) -> Path:
-    """Compile ``sources`` (.c as C99, .cpp as C++17) with warnings as errors and link ``out_dir/name.so``; return its path.
+    """Compile ``sources`` (.c as C99, .cpp as C++17), warnings as errors, and return the path of the shared library.
 
     ``includes`` come before the firmware's and the core's own folders, so that a fake header can take the place of a
     vendor's. Raises AssertionError with the compiler's words.

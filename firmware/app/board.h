@@ -140,7 +140,7 @@ struct Board {
     Encoders *encoders = nullptr;
     I2cBus *i2c = nullptr;
     OutputEnable *output_enable = nullptr;
-    StatusLight *light = nullptr; ///< nullptr: none
+    StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;
     Storage *storage = nullptr;
