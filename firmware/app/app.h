@@ -13,6 +13,7 @@
 #include "app/pose_fixes.h"
 #include "app/setpoints.h"
 #include "app/shared.h"
+#include "app/signing_service.h"
 #include "app/status_texts.h"
 #include "app/telemetry.h"
 #include "app/trajectories.h"
@@ -50,6 +51,8 @@ private:
     void greet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_motion(const Frame &frame);
+    void attach_links();
+    void take_legacy_line(size_t link);
     void hil_tick(const Frame &frame, size_t link);
     void serve();
     void take_report();
@@ -59,6 +62,7 @@ private:
     Shared shared_;
     const bool lockstep_;
     Hil hil_;
+    SigningService signing_service_;
     Parameters parameters_;
     Telemetry telemetry_;
     Trajectories trajectories_;

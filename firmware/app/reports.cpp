@@ -266,6 +266,21 @@ bool report_odometry(const Shared &shared, Link &link, Priority priority, bool) 
     return link.send(MAVLINK_MSG_ID_ODOMETRY, message, priority);
 }
 
+bool report_signing(const Shared &shared, Link &link, Priority priority, bool) {
+    const SigningCounts &counts = shared.signing.counts();
+    mavlink_omni_signing_t message{};
+    message.time = shared.signing.time() * 10;
+    message.time_boot_ms = shared.now_ms();
+    message.fingerprint = shared.signing.fingerprint();
+    message.refused_unsigned = counts.not_signed;
+    message.refused_wrong = counts.wrong;
+    message.refused_replayed = counts.replayed;
+    message.refused_keys = counts.keys;
+    message.refused_lines = shared.legacy_line.refused();
+    message.state = static_cast<uint8_t>(shared.signing.state());
+    return link.send(MAVLINK_MSG_ID_OMNI_SIGNING, message, priority);
+}
+
 bool report_version(const Shared &, Link &link, Priority priority, bool) {
     mavlink_autopilot_version_t message{};
     message.capabilities = MAV_PROTOCOL_CAPABILITY_MAVLINK2 | MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT |

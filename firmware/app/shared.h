@@ -7,8 +7,10 @@
 
 #include "app/board.h"
 #include "app/control_loop.h"
+#include "app/legacy_line.h"
 #include "app/link.h"
 #include "app/mavlink_types.h"
+#include "app/signing.h"
 #include "app/text.h"
 
 namespace omni {
@@ -21,9 +23,11 @@ struct Sender {
 };
 
 struct Shared {
-    explicit Shared(const Board &b) : board(b) {}
+    explicit Shared(const Board &b) : board(b), signing(*b.storage) {}
 
     const Board &board;
+    Signing signing;
+    LegacyLine legacy_line; ///< on the radio
     Link links[Board::max_ports];
     ControlLoop control;
     TickReport latest;   ///< of the last tick, refreshed once per background pass

@@ -30,6 +30,14 @@ public:
         } while (number != 0);
         return add(digits + at);
     }
+    /// Eight hexadecimal digits.
+    Text &add_hex(uint32_t number) {
+        char digits[9] = {};
+        for (int i = 7; i >= 0; --i, number >>= 4) {
+            digits[i] = "0123456789abcdef"[number & 15];
+        }
+        return add(digits);
+    }
     /// With up to four decimals below 100000; huge and non-finite values are named instead.
     Text &add(float value) {
         if (!(value == value)) {

@@ -103,6 +103,7 @@ bool Process::open() {
     board_.storage = &storage_;
     board_.watchdog = &watchdog_;
     board_.robot_values = options_.values;
+    board_.radios = options_.radios;
     return true;
 }
 

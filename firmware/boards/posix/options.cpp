@@ -28,6 +28,7 @@ void print_help() {
               "                     udp:HOST:PORT   send there, receive the answers\n"
               "                     pty[:SYMLINK]   a pseudo-terminal, like a USB serial port\n"
               "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
+              "  --radio N        the link where a signing key closes the door, 1..4; 0: none (default: 2)\n"
               "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
               "  --version, --help\n"
               "\n"
@@ -145,6 +146,15 @@ bool add_link(const char *link, Options *options) {
     return true;
 }
 
+bool use_radio(const char *number, Options *options) {
+    if (number[0] < '0' || number[0] > '0' + static_cast<char>(Board::max_ports) || number[1] != '\0') {
+        std::fprintf(stderr, "omni-firmware: --radio '%s': the number of a link, 1..4, or 0 is needed\n", number);
+        return false;
+    }
+    options->radios = number[0] == '0' ? uint8_t{0} : static_cast<uint8_t>(1u << (number[0] - '1'));
+    return true;
+}
+
 bool take_option(const char *name, const char *value, Options *options) {
     if (std::strcmp(name, "--robot") == 0) {
         return use_robot(value, options->values);
@@ -158,6 +168,9 @@ bool take_option(const char *name, const char *value, Options *options) {
     if (std::strcmp(name, "--storage") == 0) {
         options->storage = value;
         return true;
+    }
+    if (std::strcmp(name, "--radio") == 0) {
+        return use_radio(value, options);
     }
     std::fprintf(stderr, "omni-firmware: unknown option '%s'; see --help\n", name);
     return false;
