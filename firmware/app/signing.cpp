@@ -83,6 +83,7 @@ void Signing::forget_key(State state) {
     state_ = state;
 }
 
+/// Into both slots: an old key is gone then, and damage to the new one is not taken for a memory that never held any.
 /// @param key nullptr: none.
 bool Signing::store_key(const uint8_t *key) {
     uint8_t record[key_content] = {};
@@ -90,7 +91,7 @@ bool Signing::store_key(const uint8_t *key) {
         record[0] = 1;
         std::memcpy(record + at_key, key, key_length);
     }
-    return key_store_.save(record);
+    return key_store_.save(record) && key_store_.save(record);
 }
 
 bool Signing::set_key(const uint8_t *key, uint64_t time) {
@@ -146,7 +147,7 @@ bool Signing::is_fresh(const Frame &frame, uint8_t link_id, uint64_t time) {
         }
     }
     *stream = {true, frame.system, frame.component, link_id, time};
-    set_on(time);
+    set_on(time + 1); // a peer that takes its clock from ours has this time already
     return true;
 }
 

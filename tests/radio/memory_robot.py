@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-from tests.native import ROOT, build_library, generated_dir
+from tests.native import ROOT, build_library, core_archive
 
 STORAGE_BYTES = 1080
 ERASED = b"\xff" * STORAGE_BYTES
@@ -21,14 +21,9 @@ TICK_S = 1e-3
 @lru_cache
 def library() -> Any:
     """Build the firmware's program, the core and the shim into one library."""
-    sources = [
-        *sorted((ROOT / "firmware" / "app").glob("*.cpp")),
-        *sorted((ROOT / "shared" / "core" / "src").glob("*.c")),
-        *sorted((generated_dir() / "src").glob("*.c")),
-        Path(__file__).with_name("app_shim.cpp"),
-    ]
-    flags = ["-Wno-error=double-promotion"]
-    loaded = ctypes.CDLL(str(build_library(Path(mkdtemp(prefix="omni-radio-")), "app", sources, flags=flags)))
+    sources = [*sorted((ROOT / "firmware" / "app").glob("*.cpp")), Path(__file__).with_name("app_shim.cpp")]
+    folder = Path(mkdtemp(prefix="omni-radio-"))
+    loaded = ctypes.CDLL(str(build_library(folder, "app", sources, archives=[core_archive()])))
     loaded.robot_new.restype = ctypes.c_void_p
     return loaded
 
@@ -71,8 +66,10 @@ class MemoryRobot:
     def read(self, port: int) -> bytes:
         """Take what the robot has sent."""
         buffer = ctypes.create_string_buffer(65536)
-        count = self._lib.robot_read(self._c, port, buffer, len(buffer))
-        return buffer.raw[:count]
+        data = b""
+        while count := self._lib.robot_read(self._c, port, buffer, len(buffer)):
+            data += buffer.raw[:count]
+        return data
 
     @property
     def baud(self) -> int:
