@@ -108,6 +108,10 @@ size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id,
     return header_v2 + length + checksum_length;
 }
 
+size_t frame_length(const uint8_t *frame) {
+    return layout_of(frame).total;
+}
+
 size_t longest_frame(uint32_t id) {
     const mavlink_msg_entry_t *entry = find_entry(id);
     return entry != nullptr ? header_v2 + entry->max_msg_len + checksum_length + signature_length : 0;

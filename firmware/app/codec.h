@@ -37,6 +37,8 @@ struct Frame {
 /// Write one MAVLink 2 frame. @param out at least max_frame bytes. @param is_signed say that a signature follows; it is not
 /// written. @return length without signature, 0 if the dialect has no such message.
 size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload, bool is_signed);
+/// Length of a MAVLink 2 frame, signature included, from its header.
+size_t frame_length(const uint8_t *frame);
 /// Bytes of the longest signed frame of this message, 0 if the dialect has no such message.
 size_t longest_frame(uint32_t id);
 

@@ -18,6 +18,10 @@ constexpr size_t bulk_backlog = 1024;
 /// Share of a serial line, in bytes per bit: ten bits are a byte, and half of them are ours.
 constexpr float bytes_per_baud = 0.05f;
 
+/// A modem behind a fast line overflows when a burst comes faster than it goes through the air: bytes leave at this many times
+/// the budget at most, a packet at a time.
+constexpr float line_share = 2.0f;
+
 float burst_of(float bytes_s) {
     return std::max(bytes_s * burst_s, static_cast<float>(max_frame));
 }
@@ -36,6 +40,7 @@ void Link::refill(uint64_t now_us) {
     const float bytes_s = budget();
     tokens_ = std::min(tokens_ + bytes_s * seconds, burst_of(bytes_s));
     bulk_tokens_ = std::min(bulk_tokens_ + 0.5f * bytes_s * seconds, burst_of(0.5f * bytes_s));
+    line_tokens_ = std::min(line_tokens_ + line_share * bytes_s * seconds, static_cast<float>(radio_frame));
 }
 
 void Link::receive(uint64_t idle_ns) {
@@ -112,7 +117,27 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
     return true;
 }
 
+/// Whole frames only: a modem makes a packet of what comes without a pause.
+void Link::flush_frames() {
+    size_t done = 0;
+    while (done < pending_) {
+        const size_t length = frame_length(out_ + done);
+        const bool due = line_tokens_ >= static_cast<float>(std::min(length, radio_frame));
+        if (!due || length > port_->write_space() || !port_->write(out_ + done, length)) {
+            break;
+        }
+        line_tokens_ -= static_cast<float>(length);
+        done += length;
+    }
+    pending_ -= done;
+    std::memmove(out_, out_ + done, pending_);
+}
+
 void Link::flush() {
+    if (port_->has_baud()) {
+        flush_frames();
+        return;
+    }
     const size_t count = std::min(pending_, port_->write_space());
     if (count > 0 && port_->write(out_, count)) {
         pending_ -= count;

@@ -46,7 +46,8 @@ public:
     /// @param bytes_s what the link may carry, B/s; a line with a baud rate carries no more than half of that.
     void set_budget(float bytes_s) { budget_ = bytes_s; }
     /// Budgets are off in host-in-the-loop: its wire carries far more than telemetry anyway, and its clock may stand still.
-    void set_unlimited(bool unlimited) { unlimited_ = unlimited; }
+    /// Except on a line with a baud rate.
+    void set_unlimited(bool unlimited) { unlimited_ = unlimited && !port_->has_baud(); }
     /// Add what the time since the last call allows to send.
     void refill(uint64_t now_us);
     /// Read waiting bytes and look after a frame that stopped arriving half-way. @param idle_ns free-running time.
@@ -72,6 +73,7 @@ public:
 
 private:
     float budget() const;
+    void flush_frames();
     bool send_payload(uint32_t id, const uint8_t *payload, Priority priority);
 
     SerialPort *port_ = nullptr;
@@ -91,6 +93,7 @@ private:
     float budget_ = 0.0f;
     float tokens_ = 0.0f;
     float bulk_tokens_ = 0.0f;
+    float line_tokens_ = 0.0f;
     uint64_t refilled_us_ = 0;
     uint64_t heard_ns_ = 0;
     uint32_t tx_dropped_ = 0;

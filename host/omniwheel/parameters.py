@@ -28,7 +28,8 @@ REPLY_TIMEOUT_S = 1.5
 TRIES = 4
 DOWNLOAD_TRIES = 6
 QUIET_S = 0.7
-WINDOW = 8
+WINDOW = 12
+FEW = 4
 NOT_AN_INDEX = -1
 
 Progress = Callable[[int, int], None]
@@ -155,6 +156,8 @@ class Parameters(MutableMapping[str, float]):
             self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
             return
         missing = [index for index in range(self._count) if index not in self._names]
+        if len(missing) <= FEW:
+            times = max(times, 2)
         for index in missing[: max(WINDOW // times, 1)] * times:
             self._connection.send(self._request(b"", index))
 

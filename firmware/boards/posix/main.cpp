@@ -92,6 +92,9 @@ bool Process::open() {
         if (port == nullptr || !port->open(address)) {
             return false;
         }
+        if (options_.radio_line && (options_.radios >> i & 1) != 0) {
+            port->set_has_baud();
+        }
         ports_[i] = port;
         board_.ports[i] = port;
         board_.port_count = i + 1;

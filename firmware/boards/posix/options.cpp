@@ -28,7 +28,8 @@ void print_help() {
               "                     udp:HOST:PORT   send there, receive the answers\n"
               "                     pty[:SYMLINK]   a pseudo-terminal, like a USB serial port\n"
               "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
-              "  --radio N        the link where a signing key closes the door, 1..4; 0: none (default: 2)\n"
+              "  --radio N        that link, 1..4, is a radio: a signing key closes it, and its line is as slow as LINK2_BAUD (only\n"
+              "                   link 2); 0: no link is (default: 2, as fast as it goes)\n"
               "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
               "  --version, --help\n"
               "\n"
@@ -151,6 +152,7 @@ bool use_radio(const char *number, Options *options) {
         std::fprintf(stderr, "omni-firmware: --radio '%s': the number of a link, 1..4, or 0 is needed\n", number);
         return false;
     }
+    options->radio_line = true;
     options->radios = number[0] == '0' ? uint8_t{0} : static_cast<uint8_t>(1u << (number[0] - '1'));
     return true;
 }
