@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +15,31 @@ from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import open_link
+from omniwheel.presets import read_preset
+from omniwheel.radio_model import RadioBridge, RadioSettings
+from omniwheel.robots import parameter_table
 
 WORLD_LINK = "tcp:127.0.0.1:0"
 SLICE_TICKS = 50
 """How often the world can be asked to end."""
+RADIO_SLICE_TICKS = 5
+"""How often the radio's bytes go on."""
+RADIO_LINK = 2
+"""Number of the firmware's link that is the radio."""
+
+
+@dataclass(frozen=True)
+class SimulatedRadio:
+    """A radio in front of the robot's second link, and where the ground station's side listens."""
+
+    settings: RadioSettings
+    host: str = "127.0.0.1"
+    port: int = 0
+    seed: int = 1
+
+    def parameters(self) -> dict[str, float]:
+        """Return the telemetry profile that goes with the baud rate."""
+        return read_preset(f"radio_{self.settings.baud}", parameter_table()).parameters
 
 
 @dataclass(frozen=True)
@@ -27,24 +49,49 @@ class Sitl:
     urls: tuple[str, ...]
     firmware: FirmwareProcess
     link: LockstepLink
+    radio: RadioBridge | None = None
 
     def advance(self, ticks: int = SLICE_TICKS) -> None:
         """Go on by this many ticks, in real time. Raises LinkError if the firmware ended."""
-        self.link.run(ticks, self.link.drop_received)
+        step = ticks if self.radio is None else RADIO_SLICE_TICKS
+        for _ in range(0, ticks, step):
+            self.link.run(step, self.link.drop_received)
+            if self.radio is not None:
+                self.radio.pump(time.monotonic())
         self.link.drop_received()
         self.link.forget_samples()
 
 
 @contextmanager
 def start_sitl(
-    scenario: Scenario, links: Sequence[str], *, storage: Path | None = None, realtime_factor: float = 1.0
+    scenario: Scenario,
+    links: Sequence[str],
+    *,
+    storage: Path | None = None,
+    realtime_factor: float = 1.0,
+    radio: SimulatedRadio | None = None,
 ) -> Iterator[Sitl]:
-    """Start firmware with these links in the scenario's world; ``storage`` keeps parameters over restarts."""
-    parameters = scenario.parameter_values()
-    with FirmwareProcess(links=[*links, WORLD_LINK], storage=storage, parameters=parameters) as firmware:
+    """Start firmware with these links in the scenario's world; ``storage`` keeps parameters over restarts.
+
+    With ``radio``, of one link given, the second is behind it. The world's own link is never a radio.
+    """
+    parameters = {**scenario.parameter_values(), **(radio.parameters() if radio is not None else {})}
+    inner = [*links, *([WORLD_LINK] if radio is not None else [])]
+    number = RADIO_LINK if radio is not None else 0
+    with ExitStack() as stack:
+        firmware = stack.enter_context(
+            FirmwareProcess(links=[*inner, WORLD_LINK], storage=storage, parameters=parameters, radio=number)
+        )
+        urls = firmware.urls[:-1]
+        bridge = None
+        if radio is not None:
+            behind = open_link(urls[RADIO_LINK - 1])
+            address = (radio.host, radio.port)
+            bridge = stack.enter_context(RadioBridge(behind, radio.settings, address, seed=radio.seed))
+            urls = (urls[0], bridge.url)
         base = open_link(firmware.urls[-1])
-        with omniwheel.connect(base, heartbeat=False) as robot:
-            robot.enter_hil()
-            link = LockstepLink(base, new_world(scenario), realtime_factor=realtime_factor)
-            link.run(1)
-            yield Sitl(firmware.urls[:-1], firmware, link)
+        robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
+        robot.enter_hil()
+        link = LockstepLink(base, new_world(scenario), realtime_factor=realtime_factor)
+        link.run(1)
+        yield Sitl(urls, firmware, link, bridge)

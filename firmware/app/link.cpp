@@ -20,7 +20,7 @@ constexpr float bytes_per_baud = 0.05f;
 
 /// A modem behind a fast line overflows when a burst comes faster than it goes through the air: bytes leave at this many times
 /// the budget at most, a packet at a time.
-constexpr float line_share = 2.0f;
+constexpr float line_share = 1.5f;
 
 float burst_of(float bytes_s) {
     return std::max(bytes_s * burst_s, static_cast<float>(max_frame));

@@ -14,11 +14,17 @@ Time is an argument, chance is seeded: equal input gives equal output.
 from __future__ import annotations
 
 import random
+import socket
 from collections import deque
 from dataclasses import dataclass
+from types import TracebackType
+
+from omniwheel.errors import LinkOpenError
+from omniwheel.link import FileLink
 
 BITS_PER_BYTE = 10
 SILENT_CHARACTERS = 3
+_READ_SIZE = 4096
 
 
 @dataclass(frozen=True)
@@ -120,3 +126,75 @@ class Radio:
         self.settings = settings
         self.down = RadioDirection(settings, 2 * seed)
         self.up = RadioDirection(settings, 2 * seed + 1)
+
+
+class RadioBridge:
+    """A TCP port that leads to a robot's link through a radio, for one ground station at a time. ``address`` is (host, port)."""
+
+    def __init__(self, robot: FileLink, settings: RadioSettings, address: tuple[str, int], *, seed: int = 1) -> None:
+        self.radio = Radio(settings, seed)
+        self._robot = robot
+        self._client: socket.socket | None = None
+        try:
+            self._listener = socket.create_server(address)
+        except OSError as error:
+            raise LinkOpenError(f"cannot listen at {address[0]}:{address[1]}: {error.strerror}") from error
+        self._listener.setblocking(False)
+        host, port = self._listener.getsockname()[:2]
+        self.url = f"tcp:{host}:{port}"
+
+    def __enter__(self) -> RadioBridge:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def pump(self, now_s: float) -> None:
+        """Move what is due; to be called every few milliseconds. Raises LinkLostError if the robot has gone."""
+        if data := self._robot.read(0.0):
+            self.radio.down.put(data, now_s)
+        if data := self._receive():
+            self.radio.up.put(data, now_s)
+        if data := self.radio.up.take(now_s):
+            self._robot.write(data)
+        if data := self.radio.down.take(now_s):
+            self._send(data)
+
+    def close(self) -> None:
+        """Close port and connections."""
+        for opened in (self._client, self._listener):
+            if opened is not None:
+                opened.close()
+        self._robot.close()
+
+    def _receive(self) -> bytes:
+        if self._client is None:
+            try:
+                self._client, _ = self._listener.accept()
+                self._client.setblocking(False)
+            except BlockingIOError:
+                return b""
+        try:
+            data = self._client.recv(_READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._drop()
+        return data
+
+    def _send(self, data: bytes) -> None:
+        """Give the ground station what came; nobody there: it is lost in the air, as with a radio."""
+        if self._client is not None:
+            try:
+                self._client.sendall(data)
+            except OSError:
+                self._drop()
+
+    def _drop(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None

@@ -11,18 +11,21 @@ from typing import Annotated
 import typer
 
 from hil_sim.scenario import load_scenario
-from hil_sim.sitl import start_sitl
+from hil_sim.sitl import SimulatedRadio, start_sitl
 from omniwheel.cli.common import JsonOption, console, examples, print_json
 from omniwheel.cli.run_output import SeedOption
+from omniwheel.radio_model import RadioSettings
 
 EXAMPLES = examples(
     "omni sitl",
     "omni sitl --robot four_wheel --port 5761",
     "omni sitl --host 0.0.0.0                # let other computers connect",
     "omni sitl --link pty:/tmp/robot         # a pseudo-terminal instead of TCP",
+    "omni sitl --radio 9600 --loss 0.2 --latency 0.2     # a second port, behind a bad XBee",
     "omni sitl fault_battery_sag             # another scenario's world and faults",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
+_PROFILES = (9600, 57600, 115200)
 
 
 def sitl(
@@ -45,6 +48,14 @@ def sitl(
     storage: Annotated[
         Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
     ] = None,
+    radio: Annotated[
+        int | None,
+        typer.Option(
+            "--radio", metavar="BAUD", help="A second port, behind a simulated XBee: 9600, 57600 or 115200.", show_default=False
+        ),
+    ] = None,
+    loss: Annotated[float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")] = 0.0,
+    latency: Annotated[float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")] = 0.02,
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -52,11 +63,12 @@ def sitl(
 
     A TCP port serves one client at a time; give --link more than once for several.
     """
+    simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        with start_sitl(scenario, links, storage=storage) as running:
+        with start_sitl(scenario, links, storage=storage, radio=simulated) as running:
             if json_wanted:
                 ready = {"ready": True, "links": list(running.urls), "robot": scenario.robot.name}
                 print_json(ready, one_line=True)
@@ -69,6 +81,18 @@ def sitl(
                 running.advance()
     except KeyboardInterrupt:
         return
+
+
+def _simulated_radio(
+    baud: int | None, settings: RadioSettings, host: str, seed: int, links: list[str] | None
+) -> SimulatedRadio | None:
+    if baud is None:
+        return None
+    if baud not in _PROFILES:
+        raise typer.BadParameter(f"--radio {baud}: there are profiles for {', '.join(map(str, _PROFILES))} baud")
+    if links and len(links) > 1:
+        raise typer.BadParameter("--radio makes the second link itself: give --link once at most")
+    return SimulatedRadio(settings, host, seed=seed)
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> None:
