@@ -67,6 +67,8 @@ void App::tick() {
     sensors.time_us = board_.clock->now_us();
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
+    board_.encoders->errors(sensors.encoder_errors);
+    sensors.jitter_us_max = board_.tick_jitter_us != nullptr ? board_.tick_jitter_us() : 0.0f;
     watch_overrun(&sensors);
     shared_.control.tick(sensors, *board_.i2c, *board_.clock);
 }
@@ -77,6 +79,7 @@ void App::restart_control(uint64_t now_us) {
     shared_.control.report.update();
     shared_.latest = TickReport{};
     shared_.arming = 0;
+    shared_.i2c_scanning = false;
     shared_.now_us = now_us;
     last_tick_us_ = 0;
     overruns_in_row_ = 0;
@@ -294,6 +297,7 @@ void App::serve() {
         shared_.links[i].refill(shared_.now_us);
     }
     status_texts_.serve();
+    commands_.serve();
     telemetry_.serve();
     parameters_.serve();
 }

@@ -10,6 +10,8 @@
 #include <cstring>
 #include <ctime>
 
+#include "app/pca9685.h"
+
 namespace omni {
 
 uint64_t PosixClock::stopwatch_ns() {
@@ -72,6 +74,10 @@ void NoEncoders::errors(uint32_t *errors) {
 bool NoMotorsBus::submit(const I2cTransaction *batch, size_t count) {
     for (size_t i = 0; i < count; ++i) {
         const I2cTransaction &transaction = batch[i];
+        acknowledged_ = transaction.address == Pca9685::address;
+        if (!acknowledged_) {
+            break;
+        }
         if (transaction.write_length == 0) {
             continue;
         }
@@ -89,7 +95,8 @@ I2cStatus NoMotorsBus::poll(uint8_t *read) {
     read[0] = read_;
     const bool done = submitted_;
     submitted_ = false;
-    return done ? I2cStatus::done : I2cStatus::idle;
+    const I2cStatus outcome = acknowledged_ ? I2cStatus::done : I2cStatus::nack;
+    return done ? outcome : I2cStatus::idle;
 }
 
 } // namespace omni

@@ -59,7 +59,7 @@ public:
     void set(bool) override {}
 };
 
-/// A chip that acknowledges everything, keeps what is written and gives it back. No motor hangs on it.
+/// A PWM chip alone on its bus: keeps what is written and gives it back. No motor hangs on it.
 class NoMotorsBus final : public I2cBus {
 public:
     bool submit(const I2cTransaction *batch, size_t count) override;
@@ -70,6 +70,7 @@ private:
     uint8_t registers_[256] = {};
     uint8_t read_ = 0;
     bool submitted_ = false;
+    bool acknowledged_ = true;
 };
 
 } // namespace omni
