@@ -55,10 +55,11 @@ void App::watch_overrun(TickSensors *sensors) {
 void App::tick() {
     const Owner owner = owner_.load(std::memory_order_acquire);
     if (owner == Owner::background) {
+        board_.output_enable->set(false); // the host's world turns, not these wheels
         return;
     }
     if (owner == Owner::handing_over) {
-        if (shared_.control.release(*board_.i2c) || ++release_attempts_ >= release_limit) {
+        if (shared_.control.release(*board_.i2c, *board_.output_enable) || ++release_attempts_ >= release_limit) {
             owner_.store(Owner::background, std::memory_order_release);
         }
         return;
@@ -68,7 +69,7 @@ void App::tick() {
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
     watch_overrun(&sensors);
-    shared_.control.tick(sensors, *board_.i2c, *board_.clock);
+    shared_.control.tick(sensors, *board_.i2c, *board_.output_enable, *board_.clock);
 }
 
 /// Start over with another clock. Only while no tick runs.
@@ -173,7 +174,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     TickSensors sensors;
     hil_.take(frame, &sensors);
     shared_.now_us = sensors.time_us;
-    shared_.control.tick(sensors, hil_.bus, *board_.clock);
+    shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
     take_report();
     serve();
     hil_.answer(shared_, link);
