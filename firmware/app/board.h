@@ -163,8 +163,6 @@ struct Board {
     const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
     /// Supply voltage [V], or <= 0 if the board doesn't measure it.
     omni_real_t (*battery_V)() = nullptr;
-    /// Furthest that a tick began off its time since boot [us]; nullptr: not measured. Called from the tick.
-    omni_real_t (*tick_jitter_us)() = nullptr;
     /// nullptr: not known. Called from the background.
     MemoryFree (*memory_free)() = nullptr;
 };

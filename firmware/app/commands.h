@@ -43,6 +43,7 @@ private:
     uint8_t run_own(const Command &command);
     uint8_t arm_disarm(float wanted);
     uint8_t arm();
+    void warn_of_missing_pin();
     uint8_t disarm();
     uint8_t estop();
     uint8_t clear_estop();
@@ -59,6 +60,7 @@ private:
     HilSwitch &hil_;
     Sender scan_sender_;
     uint32_t scans_before_ = 0;
+    bool pin_said_ = false;
 };
 
 } // namespace omni

@@ -150,7 +150,7 @@ bool report_health(const Shared &shared, Link &link, Priority priority, bool ask
     message.signing_refused = shared.signing_refused;
     message.stack_free = memory.stack;
     message.heap_free = memory.heap;
-    message.tick_jitter_us_max = latest.jitter_us_max;
+    message.tick_jitter_us_max = latest.tick_jitter_us_max;
     for (size_t i = 0; i < shared.board.port_count; ++i) {
         message.link_rx_errors[i] = saturated(shared.links[i].rx_errors());
         message.link_tx_dropped[i] = saturated(shared.links[i].tx_dropped());
