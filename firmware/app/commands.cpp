@@ -109,6 +109,14 @@ uint8_t Commands::arm_disarm(float wanted) {
     return wanted == 0.0f ? disarm() : static_cast<uint8_t>(MAV_RESULT_DENIED);
 }
 
+/// Who arms a robot without the pin should know what that means. Once is enough.
+void Commands::warn_of_missing_pin() {
+    if (!pin_said_ && !shared_.hil && !shared_.board.output_enable->wired()) {
+        pin_said_ = true;
+        shared_.say(MAV_SEVERITY_NOTICE, Text().add("no output-enable pin: a dead bus cannot be stopped"));
+    }
+}
+
 uint8_t Commands::arm() {
     const uint8_t state = shared_.latest.outputs.state;
     if (state == OMNI_STATE_ARMED) {
@@ -138,6 +146,7 @@ uint8_t Commands::arm() {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     shared_.arming = reports_until_armed;
+    warn_of_missing_pin();
     trajectories_.on_arm();
     return MAV_RESULT_ACCEPTED;
 }

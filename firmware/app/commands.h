@@ -41,6 +41,7 @@ private:
     uint8_t run_own(const Command &command);
     uint8_t arm_disarm(float wanted);
     uint8_t arm();
+    void warn_of_missing_pin();
     uint8_t disarm();
     uint8_t estop();
     uint8_t clear_estop();
@@ -54,6 +55,7 @@ private:
     Telemetry &telemetry_;
     Trajectories &trajectories_;
     HilSwitch &hil_;
+    bool pin_said_ = false;
 };
 
 } // namespace omni

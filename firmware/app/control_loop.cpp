@@ -27,6 +27,7 @@ void ControlLoop::restart() {
     driver_.restart();
     driver_.set_wiring(setup_->wiring);
     driver_was_ready_ = false;
+    powered_ = false;
     ticks_ = 0;
     omni_robot_init(&robot_, &setup_->config);
 }
@@ -80,13 +81,23 @@ void ControlLoop::take_plan() {
     }
 }
 
-void ControlLoop::drive(I2cBus &bus, uint64_t now_us) {
+bool ControlLoop::release(I2cBus &bus, OutputEnable &pin) {
+    powered_ = false;
+    pin.set(false);
+    return driver_.all_off(bus);
+}
+
+/// Bridges by the bus and, independent of it, by the pin. A chip that does not answer now may still hold what it was told before
+/// the last stop: the pin is not switched on over it.
+void ControlLoop::drive(I2cBus &bus, OutputEnable &pin, uint64_t now_us) {
     omni_bridge_counts_t bridge[OMNI_MAX_WHEELS];
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
         bridge[i] = omni_bridge_counts(outputs_.duty[i], outputs_.drive);
     }
     driver_.drive(bus, now_us, bridge);
     driver_was_ready_ = driver_was_ready_ || driver_.ready();
+    powered_ = outputs_.drive && driver_.ready() && (powered_ || driver_.failures() == 0);
+    pin.set(powered_);
 }
 
 void ControlLoop::measure(uint64_t duration_ns) {
@@ -118,12 +129,13 @@ void ControlLoop::publish(const TickSensors &sensors) {
     out.battery_V = sensors.battery_V;
     out.tick_us_mean = tick_us_mean_;
     out.tick_us_max = tick_us_max_;
+    out.tick_jitter_us_max = sensors.jitter_us;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
     report.publish();
 }
 
-void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch) {
+void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pin, Clock &stopwatch) {
     const uint64_t begin_ns = stopwatch.stopwatch_ns();
     inputs_.time_us = sensors.time_us;
     if (const RobotSetup *latest = setups.take()) {
@@ -141,7 +153,7 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch
     // Until the chip has been set up for the first time nothing could stop a motor: no arming.
     inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
     omni_robot_tick(&robot_, &inputs_, &outputs_);
-    drive(bus, sensors.time_us);
+    drive(bus, pin, sensors.time_us);
     ++ticks_;
     publish(sensors);
     integrate_voltage();

@@ -58,6 +58,7 @@ uint8_t HilBus::take(uint8_t *out) {
 
 void Hil::restart() {
     bus.restart();
+    output_enable.set(false);
     heard_ = false;
 }
 
@@ -90,6 +91,7 @@ void Hil::answer(Shared &shared, size_t link) {
     message.config_sequence = out.config_sequence;
     message.state = out.state;
     message.phase = out.reference.phase;
+    message.output_enable = output_enable.on() ? 1 : 0;
     message.i2c_length = bus.take(message.i2c);
     shared.links[link].send(MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS, message, Priority::reply);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus whose bytes go to OMNI_HIL_ACTUATORS.
+/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus and a pin that go to OMNI_HIL_ACTUATORS.
 #pragma once
 
 #include <cstddef>
@@ -32,10 +32,22 @@ private:
     uint8_t read_[I2cTransaction::max_read] = {};
 };
 
+/// The driver's output enable. Whether the simulated robot has the pin is the world's business.
+class HilOutputEnable final : public OutputEnable {
+public:
+    bool wired() override { return true; }
+    void set(bool on) override { on_ = on; }
+    bool on() const { return on_; }
+
+private:
+    bool on_ = false;
+};
+
 /// One host in the loop.
 class Hil {
 public:
     HilBus bus;
+    HilOutputEnable output_enable;
 
     void restart();
     /// Take the sensors of one tick. A time that does not advance is the control core's to judge.

@@ -21,6 +21,7 @@ hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config
     memcpy(world->pose, config->start_pose, sizeof world->pose);
     hil_plant_init(&world->plant, config);
     hil_pca9685_reset(&world->chip, config->pca9685_address);
+    world->chip.output_enable_high = config->output_enable_wired;
     for (uint32_t i = 0; i < config->wheels; i++) {
         hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
     }
@@ -122,8 +123,15 @@ static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
     }
 }
 
-static void outputs_to_bridges(hil_world_t *world) {
-    hil_plant_source(world, HIL_SOURCE_BRIDGES);
+static void direct_to_bridges(hil_world_t *world) {
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        world->in1[i] = world->chip.output_enable_high ? 0.0 : world->direct_in1[i];
+        world->in2[i] = world->chip.output_enable_high ? 0.0 : world->direct_in2[i];
+        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
+    }
+}
+
+static void chip_to_bridges(hil_world_t *world) {
     const double period_s = 1.0 / hil_pca9685_frequency_Hz(&world->chip);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const uint32_t channel1 = world->config.in1_channel[i];
@@ -132,6 +140,27 @@ static void outputs_to_bridges(hil_world_t *world) {
         world->in2[i] = hil_pca9685_duty(&world->chip, channel2);
         hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1), hil_pca9685_phase(&world->chip, channel2),
                                 period_s);
+    }
+}
+
+static void outputs_to_bridges(hil_world_t *world, bool direct) {
+    world->direct = direct;
+    hil_plant_source(world, HIL_SOURCE_BRIDGES);
+    if (direct) {
+        direct_to_bridges(world);
+    } else {
+        chip_to_bridges(world);
+    }
+}
+
+void hil_world_output_enable(hil_world_t *world, bool on) {
+    const bool high = world->config.output_enable_wired && !on;
+    if (high == world->chip.output_enable_high) {
+        return;
+    }
+    world->chip.output_enable_high = high;
+    if (world->source == HIL_SOURCE_BRIDGES) {
+        outputs_to_bridges(world, world->direct);
     }
 }
 
@@ -158,7 +187,7 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
     for (uint32_t at = 0; at < length; at += transaction_length(bytes + at, length - at)) {
         run_transaction(world, bytes + at);
     }
-    outputs_to_bridges(world);
+    outputs_to_bridges(world, false);
     return HIL_OK;
 }
 
@@ -171,12 +200,11 @@ void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint1
     if (world->i2c_status != 0) {
         return;
     }
-    hil_plant_source(world, HIL_SOURCE_BRIDGES);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        world->in1[i] = share_of_period(in1_steps[i]);
-        world->in2[i] = share_of_period(in2_steps[i]);
-        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
+        world->direct_in1[i] = share_of_period(in1_steps[i]);
+        world->direct_in2[i] = share_of_period(in2_steps[i]);
     }
+    outputs_to_bridges(world, true);
 }
 
 static hil_result_t drive(hil_world_t *world, uint32_t source, const double *values) {

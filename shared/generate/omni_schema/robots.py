@@ -32,6 +32,7 @@ SECTIONS = (
 KEYED_SECTIONS = ("geometry", "encoder", "motor", "wiring", "simulation")
 WHEELS_KEY = "geometry.wheels"
 ENCODER_PINS_KEY = "wiring.encoder_pins"
+OUTPUT_ENABLE_KEY = "wiring.output_enable_pin"
 
 _ROBOT_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
@@ -124,7 +125,7 @@ def _wheel_count(source: str, sections: dict[str, dict[str, Any]], table: Parame
 
 def _refuse_unknown_section_keys(source: str, sections: dict[str, dict[str, Any]], table: ParameterTable) -> None:
     known: dict[str, list[str]] = {name: [] for name in KEYED_SECTIONS}
-    for key in [*_parameters_by_key(table), ENCODER_PINS_KEY]:
+    for key in [*_parameters_by_key(table), ENCODER_PINS_KEY, OUTPUT_ENABLE_KEY]:
         section, _, leaf = key.partition(".")
         if section not in known:
             raise SchemaError(table.source, key, f"robot_key must start with one of {list(known)}")
