@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "app/services.h"
+#include "app/status_light.h"
 
 namespace omni {
 namespace {
@@ -65,20 +66,24 @@ void App::watch_overrun(TickSensors *sensors) {
 void App::tick() {
     const Owner owner = owner_.load(std::memory_order_acquire);
     if (owner == Owner::background) {
+        board_.output_enable->set(false); // the host's world turns, not these wheels
         return;
     }
     if (owner == Owner::handing_over) {
-        if (shared_.control.release(*board_.i2c) || ++release_attempts_ >= release_limit) {
+        if (shared_.control.release(*board_.i2c, *board_.output_enable) || ++release_attempts_ >= release_limit) {
             owner_.store(Owner::background, std::memory_order_release);
         }
         return;
     }
+    jitter_.started(board_.clock->stopwatch_ns());
     TickSensors sensors;
+    sensors.jitter_us = jitter_.max_us();
     sensors.time_us = board_.clock->now_us();
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
+    board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);
-    shared_.control.tick(sensors, *board_.i2c, *board_.clock);
+    shared_.control.tick(sensors, *board_.i2c, *board_.output_enable, *board_.clock);
 }
 
 /// Start over with another clock. Only while no tick runs.
@@ -87,7 +92,9 @@ void App::restart_control(uint64_t now_us) {
     shared_.control.report.update();
     shared_.latest = TickReport{};
     shared_.arming = 0;
+    shared_.i2c_scanning = false;
     shared_.now_us = now_us;
+    jitter_.restart();
     last_tick_us_ = 0;
     overruns_in_row_ = 0;
     hil_.restart();
@@ -183,7 +190,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     TickSensors sensors;
     hil_.take(frame, &sensors);
     shared_.now_us = sensors.time_us;
-    shared_.control.tick(sensors, hil_.bus, *board_.clock);
+    shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
     take_report();
     serve();
     hil_.answer(shared_, link);
@@ -254,16 +261,20 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
     }
 }
 
-/// Why it started is worth a word unless somebody switched it on or asked for it.
-void App::say_restart() {
+/// Why it started is worth a word on each link, unless somebody switched it on or asked for it.
+void App::say_restart(size_t link) {
+    if (restart_said_[link]) {
+        return;
+    }
+    restart_said_[link] = true;
     Watchdog &watchdog = *board_.watchdog;
     if (watchdog.reset_cause() == ResetCause::watchdog) {
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
     } else if (watchdog.reset_cause() == ResetCause::crash) {
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
     }
     for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
     }
 }
 
@@ -271,10 +282,7 @@ void App::greet(size_t link) {
     parameters_.stop_list(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
-    if (!restart_said_) {
-        say_restart();
-    }
-    restart_said_ = true;
+    say_restart(link);
 }
 
 void App::receive(size_t link) {
@@ -319,6 +327,7 @@ void App::serve() {
     }
     signing_service_.serve();
     status_texts_.serve();
+    commands_.serve();
     telemetry_.serve();
     parameters_.serve();
 }
@@ -326,6 +335,14 @@ void App::serve() {
 void App::flush() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         shared_.links[i].flush();
+    }
+}
+
+void App::show_state() {
+    if (board_.light != nullptr) {
+        const auto state = static_cast<omni_safety_state_t>(shared_.latest.outputs.state);
+        const bool ground_station = (shared_.latest.arming_faults & OMNI_FAULT_LINK_LOSS) == 0;
+        board_.light->set(light_on(state, ground_station, board_.clock->now_us()));
     }
 }
 
@@ -343,6 +360,7 @@ void App::background() {
         serve(); // once the world's time runs, every frame and every tick does
     }
     flush();
+    show_state();
 }
 
 } // namespace omni

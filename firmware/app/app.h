@@ -16,6 +16,7 @@
 #include "app/signing_service.h"
 #include "app/status_texts.h"
 #include "app/telemetry.h"
+#include "app/tick_jitter.h"
 #include "app/trajectories.h"
 
 namespace omni {
@@ -47,7 +48,7 @@ private:
     void leave_hil();
     void watch_hil_peer();
     void receive(size_t link);
-    void say_restart();
+    void say_restart(size_t link);
     void greet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_motion(const Frame &frame);
@@ -57,6 +58,7 @@ private:
     void serve();
     void take_report();
     void flush();
+    void show_state();
 
     Board board_;
     Shared shared_;
@@ -74,11 +76,12 @@ private:
     size_t hil_link_ = no_link;
     uint32_t hil_session_ = 0;
     float rates_[Board::max_ports][3] = {};
+    TickJitter jitter_;
     uint64_t last_tick_us_ = 0;
     uint32_t overruns_ = 0;
     uint32_t overruns_in_row_ = 0;
     uint32_t release_attempts_ = 0;
-    bool restart_said_ = false;
+    bool restart_said_[Board::max_ports] = {};
 };
 
 } // namespace omni

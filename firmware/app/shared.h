@@ -30,11 +30,12 @@ struct Shared {
     LegacyLine legacy_line; ///< on the radio
     Link links[Board::max_ports];
     ControlLoop control;
-    TickReport latest;   ///< of the last tick, refreshed once per background pass
-    uint64_t now_us = 0; ///< robot clock of this pass: the board's, or the simulated one
-    bool hil = false;    ///< host-in-the-loop
-    bool reboot = false; ///< asked for
-    uint8_t arming = 0;  ///< reports to wait for until one tells what became of an accepted arm command
+    TickReport latest;            ///< of the last tick, refreshed once per background pass
+    uint64_t now_us = 0;          ///< robot clock of this pass: the board's, or the simulated one
+    bool hil = false;             ///< host-in-the-loop
+    bool reboot = false;          ///< asked for
+    bool i2c_scanning = false;    ///< asked for, and its result not sent yet
+    uint8_t arming = 0;           ///< reports to wait for until one tells what became of an accepted arm command
 
     uint32_t now_ms() const { return static_cast<uint32_t>(now_us / 1000); }
     /// Motors may move, or would but for a fault: what is locked while armed is locked now.
@@ -45,6 +46,8 @@ struct Shared {
     bool heartbeat();
     /// Send a STATUSTEXT on every link. @param severity MAV_SEVERITY.
     void say(uint8_t severity, const Text &text);
+    /// The same on one link.
+    void say_on(size_t link, uint8_t severity, const Text &text);
     /// Send a message on every link.
     template <class Message>
     void send_all(uint32_t id, const Message &message, Priority priority) {

@@ -48,8 +48,8 @@ public:
     bool set_key(const uint8_t *key, uint64_t time);
     bool remove_key();
 
-    /// Judge a frame from a radio, and count it if it is refused. An unsigned HEARTBEAT is refused and not counted: other
-    /// stations on the air send them.
+    /// Judge a frame from a radio, and count it if it is refused. An unsigned HEARTBEAT or RADIO_STATUS is refused and not
+    /// counted: other stations and the modems themselves send them.
     bool admits(const Frame &frame);
     /// Sign a frame that was encoded with `is_signed`. @param frame room for signature_length more. @return its new length.
     size_t sign(uint8_t *frame, size_t length, uint8_t link_id);
