@@ -13,11 +13,14 @@ from omni_schema import ParameterTable, load_parameters
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
-<<<<<<< HEAD
-from omniwheel.errors import CommandRefusedError, LinkTimeoutError, OmniError, SigningKeyError, VersionMismatchError
-=======
-from omniwheel.errors import ArmingRefusedError, LinkTimeoutError, OmniError, VersionMismatchError
->>>>>>> main
+from omniwheel.errors import (
+    ArmingRefusedError,
+    CommandRefusedError,
+    LinkTimeoutError,
+    OmniError,
+    SigningKeyError,
+    VersionMismatchError,
+)
 from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link

@@ -32,7 +32,7 @@ _default_key: bytes | None = None
 
 def set_default_key(key: bytes | None) -> None:
     """Sign with this key on every connection that is opened from now on without one of its own."""
-    global _default_key  # noqa: PLW0603
+    global _default_key
     _default_key = key
 
 

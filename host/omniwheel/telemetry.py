@@ -15,11 +15,8 @@ from omniwheel import _core
 from omniwheel.dialect import Message, enum_name, mavlink
 from omniwheel.frames import Pose, Twist, flip
 
-<<<<<<< HEAD
 SIGNING_STATES = ("off", "on", "damaged")
-=======
 RESET_CAUSES = ("power", "watchdog", "software", "crash")
->>>>>>> main
 PHASES = ("none", "lead-in", "path", "done")
 _MS = 1e-3
 _FAULT_BITS = 32

@@ -12,7 +12,7 @@ import pytest
 from omniwheel.dialect import mavlink
 from tests.firmware.client import Client
 from tests.radio.memory_robot import RADIO, USB, MemoryRobot
-from tests.radio.station import ARM, KEY
+from tests.radio.station import KEY
 
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
 ARMED, FAILSAFE = 2, 3

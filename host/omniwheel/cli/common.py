@@ -15,7 +15,6 @@ from typer.core import TyperGroup
 from omni_schema import SchemaError
 from omniwheel import signing
 from omniwheel.connection import Recorder
-from omniwheel import signing
 from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
 from omniwheel.paths import MissingFileError
 from omniwheel.plain import finite

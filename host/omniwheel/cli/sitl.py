@@ -71,12 +71,8 @@ def sitl(
 
     A TCP port serves one client at a time; give --link more than once for several.
     """
-<<<<<<< HEAD
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
-    scenario = load_scenario(scenario_name, robot).with_seed(seed)
-=======
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
->>>>>>> main
     links = link or [f"tcp:{host}:{port}"]
     signal.signal(signal.SIGTERM, _interrupt)
     try:
