@@ -158,7 +158,7 @@ def test_lines_and_frames_share_the_stream(client: MemoryClient) -> None:
     before = client.refused_lines()
     client.line(b"0.2," + ask + b"0,0*0.1,0,0*")
     assert client.refused_lines() == before + 2  # the half before the frame and the half behind it
-    client.robot.run(3000)
+    client.ticks(3000)  # the radio is paced by simulated time
     answers = mavlink.MAVLink(None).parse_buffer(client.robot.read(RADIO)) or []
     assert sum(m.get_type() == "PARAM_VALUE" and m.param_id == "WHEELS" for m in answers) == 3
 
