@@ -8,8 +8,9 @@ namespace {
 
 /// A frame whose rest does not come within this time was none: longer than any pause within a frame at 9600 baud.
 constexpr uint64_t idle_limit_ns = 200'000'000;
-/// The largest burst is what the budget gives in this time, or one frame.
+/// The largest burst is what the budget gives in this time, or one frame of each kind of a slow profile's telemetry.
 constexpr float burst_s = 0.1f;
+constexpr float least_burst = 400.0f;
 /// Telemetry waits while this much is buffered: what waits is old by the time it arrives.
 constexpr size_t telemetry_backlog = 2048;
 /// Lists leave room for telemetry in front of the port.
@@ -23,7 +24,7 @@ constexpr float bytes_per_baud = 0.05f;
 constexpr float line_share = 1.5f;
 
 float burst_of(float bytes_s) {
-    return std::max(bytes_s * burst_s, static_cast<float>(max_frame));
+    return std::max(bytes_s * burst_s, least_burst);
 }
 
 } // namespace

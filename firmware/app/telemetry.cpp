@@ -35,6 +35,7 @@ constexpr Stream streams[Telemetry::stream_count] = {
     {MAVLINK_MSG_ID_OMNI_SIGNING, group_asked, report_signing},
 };
 
+constexpr uint64_t radio_spread_us = 70'000;
 constexpr float min_interval_us = 1000.0f;
 constexpr float max_interval_us = 4.0e9f;
 
@@ -159,8 +160,10 @@ void Telemetry::serve() {
 }
 
 void Telemetry::restart(size_t link) {
-    for (Due &due : due_[link]) {
-        due.next_us = shared_.now_us;
+    // On a radio one after the other: all at once would be more than its budget's burst.
+    const uint64_t spread_us = shared_.links[link].is_radio() ? radio_spread_us : 0;
+    for (size_t i = 0; i < stream_count; ++i) {
+        due_[link][i].next_us = shared_.now_us + i * spread_us;
     }
 }
 

@@ -25,8 +25,10 @@ from omniwheel.errors import (
 from omniwheel.texts import TextLog
 
 REPLY_TIMEOUT_S = 1.2
-TRIES = 8
-"""On a radio that loses a fifth each way, a third of the exchanges fail."""
+TRIES = 10
+"""On a radio that loses a fifth of the packets, half of the exchanges fail: half of the frames lie across two packets."""
+SINGLE_TRIES = 2
+"""From then on a request is sent twice."""
 DOWNLOAD_TRIES = 6
 QUIET_S = 0.7
 WINDOW = 12
@@ -258,8 +260,9 @@ class Parameters(MutableMapping[str, float]):
             self._names[message.param_index] = name
 
     def _ask(self, message: Message, name: str) -> None:
-        for _ in range(TRIES):
-            self._connection.send(message)
+        for number in range(TRIES):
+            for _ in range(1 if number < SINGLE_TRIES else 2):
+                self._connection.send(message)
             answer = self._connection.wait(lambda m: _is_parameter(m) and _name_of(m) == name, REPLY_TIMEOUT_S)
             if answer is not None:
                 return

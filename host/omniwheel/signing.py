@@ -110,6 +110,7 @@ class Signer:
         codec.signing.link_id = self.link_id
         codec.signing.timestamp = timestamp(self.clock())
         codec.signing.allow_unsigned_callback = self._allow
+        codec.check_signature = _careful(codec)
 
     def before_sending(self, codec: Any) -> None:
         """Set the codec's clock on: pymavlink's stands still between frames."""
@@ -121,6 +122,24 @@ class Signer:
         if wrongly_signed:
             return False
         return bool(codec.signing.goodsig_count == 0 or message_id == _RADIO_STATUS)
+
+
+def _careful(codec: Any) -> Callable[[bytearray, int, int], bool]:
+    """Return pymavlink's check without its flaw: it keeps the time stamp of a frame whose signature is wrong.
+
+    The signature is not under the checksum, so a lost packet can leave a frame with a stranger's bytes for a signature. With
+    a time stamp far ahead, all that the robot says later would be refused.
+    """
+    check = codec.check_signature
+
+    def check_and_restore(frame: bytearray, system: int, component: int) -> bool:
+        before = dict(codec.signing.stream_timestamps)
+        good = bool(check(frame, system, component))
+        if not good:
+            codec.signing.stream_timestamps = before
+        return good
+
+    return check_and_restore
 
 
 def setup_message(system: int, component: int, key: bytes | None, now_s: float) -> Any:
