@@ -178,6 +178,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     flush(); // what this tick reports must not depend on how the host's bytes were cut into packets
     TickSensors sensors;
     hil_.take(frame, &sensors);
+    watch_overrun(&sensors);
     shared_.now_us = sensors.time_us;
     shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
     take_report();
