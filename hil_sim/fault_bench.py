@@ -19,7 +19,7 @@ from hil_sim.scenario import Event, Scenario, parse_scenario
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import open_link
 
-BACK_S = 0.8
+BACK_S = 0.4
 """How long the robot drives again after the fault."""
 _TURN = (0.0, 0.0, 0.35)
 _CIRCLE = {"TRJ_TYPE": "circle", "TRJ_SIZE": 0.3, "TRJ_PERIOD": 20.0, "TRJ_RAMP": 0.5, "TRJ_ROT": "fixed"}

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-FAULT_S = 1.2
+FAULT_S = 0.7
 """When the fault comes [s]: the robot drives steadily by then."""
 
 TURN = "turn"
@@ -44,7 +44,7 @@ class FaultCase:
     warns: str | None = None
     says: str | None = None
     drive: str = TURN
-    lasts_s: float = 0.5
+    lasts_s: float = 0.3
     coasts: bool = True
     error_m: float = 0.05
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -57,9 +57,9 @@ class FaultCase:
 
 CASES: tuple[FaultCase, ...] = (
     FaultCase("set_points_stop", "set-points stop coming", (Kind("link_silence"),), "command loss", "SAFE_CMD_TO",
-              lasts_s=0.7),
+              lasts_s=0.55),
     FaultCase("ground_station_lost", "no heartbeat of the ground station", (Kind("link_silence"),), "link loss",
-              "SAFE_LINK_TO", drive=CIRCLE, lasts_s=1.7, parameters={"SAFE_LINK_TO": 1.5},
+              "SAFE_LINK_TO", drive=CIRCLE, lasts_s=0.8, parameters={"SAFE_LINK_TO": 1.1},
               says="link 1 lost: it had the command"),
     FaultCase("encoder_dead", "encoder dead (reported)", (Kind("encoder_invalid", wheel=1),), "encoder", "0.003"),
     FaultCase("encoder_stuck", "encoder stands still", (Kind("encoder_stuck", wheel=1),), "stall",
@@ -70,7 +70,7 @@ CASES: tuple[FaultCase, ...] = (
               "0.02"),
     FaultCase("encoder_noise", "encoder off by up to 3 counts at random", (Kind("encoder_noisy", 3, 3.0),)),
     FaultCase("encoder_bit", "bit 6 of a counter stuck", (Kind("encoder_bit", 1, 6),), warns="encoder glitch"),
-    FaultCase("motor_dead", "one motor disconnected", (Kind("motor_dead", wheel=1),), "stall", "SAFE_STALL_T + 0.2"),
+    FaultCase("motor_dead", "one motor disconnected", (Kind("motor_dead", wheel=1),), "stall", "SAFE_STALL_T + 0.05"),
     FaultCase("motor_stalled", "one wheel blocked", (Kind("motor_stalled", wheel=3),), "stall", "SAFE_STALL_T + 0.05"),
     FaultCase("i2c_nack", "PWM chip does not acknowledge", (Kind("i2c_nack"),), "driver", "0.012"),
     FaultCase("i2c_stuck", "bus stuck low", (Kind("i2c_stuck"),), "driver", "0.012"),

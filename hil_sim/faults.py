@@ -28,6 +28,7 @@ KINDS: dict[str, int] = {
     "clock_jump": lib.HIL_FAULT_CLOCK_JUMP,
     "clock_stuck": lib.HIL_FAULT_CLOCK_STUCK,
     "tick_late": lib.HIL_FAULT_TICK_LATE,
+    "wheel_turned": lib.HIL_FAULT_WHEEL_TURNED,
 }
 """Name of a fault to its number in ``hil_fault_kind_t``."""
 
@@ -42,8 +43,8 @@ class Fault:
 
     ``wheel`` counts from 0 and matters for encoder and motor faults. ``value`` is the offset in x [m] of a pose jump,
     the open-circuit voltage [V] of a battery sag, the largest error [counts] of a noisy encoder, the number of a
-    counter's bit that always reads 1, the delay [s] of pose fixes, the jump [s] of the clock, or the time [s] between
-    late ticks; ``hil_fault_kind_t`` in world.h says what each fault does.
+    counter's bit that always reads 1, the delay [s] of pose fixes, the jump [s] of the clock, the time [s] between late
+    ticks or the speed [rad/s] of a wheel that a hand turns; ``hil_fault_kind_t`` in world.h says what each fault does.
     """
 
     name: str

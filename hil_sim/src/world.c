@@ -120,13 +120,18 @@ static bool i2c_parses(const uint8_t *bytes, uint32_t length) {
     return length <= HIL_MAX_I2C;
 }
 
+static bool i2c_write(hil_world_t *world, uint8_t address, const uint8_t *data, uint32_t length) {
+    const bool stranger = world->config.i2c_stranger != 0 && address == world->config.i2c_stranger;
+    return stranger || hil_pca9685_write(&world->chip, address, data, length);
+}
+
 static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
     const uint8_t address = bytes[0];
     const uint8_t written = bytes[1];
     const uint8_t wanted = bytes[I2C_HEADER + written];
     bool acknowledged = true;
     if (written > 0 || wanted == 0) {
-        acknowledged = hil_pca9685_write(&world->chip, address, bytes + I2C_HEADER, written);
+        acknowledged = i2c_write(world, address, bytes + I2C_HEADER, written);
     }
     if (acknowledged && wanted > 0) {
         acknowledged = hil_pca9685_read(&world->chip, address, world->i2c_read, wanted);
@@ -260,11 +265,14 @@ static void starve_chip(hil_world_t *world) {
     outputs_to_bridges(world, world->direct);
 }
 
-static void block_wheels(hil_world_t *world, const double *angle_rad) {
+/* Whatever the plant made of the wheel: a hand, and a blocked gear, are stronger. */
+static void turn_by_hand(hil_world_t *world, const double *angle_before_rad, double step_s) {
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        if (hil_world_fault_active(world, HIL_FAULT_MOTOR_STALLED, i)) {
-            world->wheel_rad_s[i] = 0.0;
-            world->wheel_angle_rad[i] = angle_rad[i];
+        const hil_fault_t *blocked = hil_fault_find(world, HIL_FAULT_MOTOR_STALLED, i);
+        const hil_fault_t *turned = hil_fault_find(world, HIL_FAULT_WHEEL_TURNED, i);
+        if (blocked != NULL || turned != NULL) {
+            world->wheel_rad_s[i] = blocked != NULL ? 0.0 : turned->value;
+            world->wheel_angle_rad[i] = angle_before_rad[i] + world->wheel_rad_s[i] * step_s;
         }
     }
 }
@@ -273,17 +281,17 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     if (step_us == 0) {
         return;
     }
-    double angle_rad[HIL_MAX_WHEELS];
-    memcpy(angle_rad, world->wheel_angle_rad, sizeof angle_rad);
     starve_chip(world);
     const double step_s = 1e-6 * step_us;
     double open_end_A[HIL_MAX_WHEELS] = {0.0};
+    double angle_before_rad[HIL_MAX_WHEELS];
     hil_electrics_t electrics;
+    memcpy(angle_before_rad, world->wheel_angle_rad, sizeof angle_before_rad);
     hil_slip_update(world, 1e-6 * (double)world->time_us + 0.5 * step_s);
     hil_motors_begin(world, &electrics, step_s, open_end_A);
     hil_plant_step(world, &electrics, step_s);
     hil_motors_end(world, &electrics, open_end_A);
-    block_wheels(world, angle_rad);
+    turn_by_hand(world, angle_before_rad, step_s);
     hil_encoders_update(world);
     world->time_us += step_us;
     world->steps++;

@@ -158,19 +158,19 @@ class Robot:
 
     # ---- arming and stopping
 
+    @property
+    def armed_here(self) -> bool:
+        """Whether this object has asked the robot to arm, was not refused, and has not disarmed or stopped it since."""
+        return self._armed_here
+
     def arm(self) -> None:
         """Power the motors. Raises ArmingRefusedError with the robot's reasons."""
-        self._armed_here = True  # from the moment it is asked for: who is interrupted before the answer has armed it too
+        self._armed_here = True  # already now: Ctrl-C while the answer is on its way must disarm, too
         try:
             self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
         except ArmingRefusedError:
             self._armed_here = False
             raise
-
-    @property
-    def armed_here(self) -> bool:
-        """Whether this object armed the robot, or tried to, and has not stopped it since."""
-        return self._armed_here
 
     def disarm(self) -> None:
         """Power the motors off; always possible."""
