@@ -18,7 +18,7 @@ _WITHOUT_PIN = {"output_enable_wired": 0.0}
 
 @dataclass(frozen=True)
 class Kind:
-    """A fault of the world by name, with its wheel (from 1) or value; it lasts ``for_s`` (None: as long as the case)."""
+    """A fault of the world by name, with its wheel (from 1) or value; it lasts ``for_s`` (None: the case)."""
 
     name: str
     wheel: int | None = None
@@ -56,43 +56,96 @@ class FaultCase:
 
 
 CASES: tuple[FaultCase, ...] = (
-    FaultCase("set_points_stop", "set-points stop coming", (Kind("link_silence"),), "command loss", "SAFE_CMD_TO",
-              lasts_s=0.55),
-    FaultCase("ground_station_lost", "no heartbeat of the ground station", (Kind("link_silence"),), "link loss",
-              "SAFE_LINK_TO", drive=CIRCLE, lasts_s=0.8, parameters={"SAFE_LINK_TO": 1.1},
-              says="link 1 lost: it had the command"),
+    FaultCase(
+        "set_points_stop",
+        "set-points stop coming",
+        (Kind("link_silence"),),
+        "command loss",
+        "SAFE_CMD_TO",
+        lasts_s=0.55,
+    ),
+    FaultCase(
+        "ground_station_lost",
+        "no heartbeat of the ground station",
+        (Kind("link_silence"),),
+        "link loss",
+        "SAFE_LINK_TO",
+        drive=CIRCLE,
+        lasts_s=0.8,
+        parameters={"SAFE_LINK_TO": 1.1},
+        says="link 1 lost: it had the command",
+    ),
     FaultCase("encoder_dead", "encoder dead (reported)", (Kind("encoder_invalid", wheel=1),), "encoder", "0.003"),
-    FaultCase("encoder_stuck", "encoder stands still", (Kind("encoder_stuck", wheel=1),), "stall",
-              "SAFE_STALL_T + 0.05"),
-    FaultCase("encoder_reversed", "encoder counts backwards", (Kind("encoder_reversed", wheel=2),), "stall",
-              "SAFE_STALL_T"),
-    FaultCase("encoder_wild", "encoder off by up to 300 counts at random", (Kind("encoder_noisy", 3, 300.0),), "encoder",
-              "0.02"),
+    FaultCase(
+        "encoder_stuck", "encoder stands still", (Kind("encoder_stuck", wheel=1),), "stall", "SAFE_STALL_T + 0.05"
+    ),
+    FaultCase(
+        "encoder_reversed", "encoder counts backwards", (Kind("encoder_reversed", wheel=2),), "stall", "SAFE_STALL_T"
+    ),
+    FaultCase(
+        "encoder_wild",
+        "encoder off by up to 300 counts at random",
+        (Kind("encoder_noisy", 3, 300.0),),
+        "encoder",
+        "0.02",
+    ),
     FaultCase("encoder_noise", "encoder off by up to 3 counts at random", (Kind("encoder_noisy", 3, 3.0),)),
     FaultCase("encoder_bit", "bit 6 of a counter stuck", (Kind("encoder_bit", 1, 6),), warns="encoder glitch"),
     FaultCase("motor_dead", "one motor disconnected", (Kind("motor_dead", wheel=1),), "stall", "SAFE_STALL_T + 0.05"),
     FaultCase("motor_stalled", "one wheel blocked", (Kind("motor_stalled", wheel=3),), "stall", "SAFE_STALL_T + 0.05"),
     FaultCase("i2c_nack", "PWM chip does not acknowledge", (Kind("i2c_nack"),), "driver", "0.012"),
     FaultCase("i2c_stuck", "bus stuck low", (Kind("i2c_stuck"),), "driver", "0.012"),
-    FaultCase("i2c_stuck_no_pin", "bus stuck low, no output-enable pin", (Kind("i2c_stuck"),), "driver", "0.012",
-              coasts=False, world=_WITHOUT_PIN),
+    FaultCase(
+        "i2c_stuck_no_pin",
+        "bus stuck low, no output-enable pin",
+        (Kind("i2c_stuck"),),
+        "driver",
+        "0.012",
+        coasts=False,
+        world=_WITHOUT_PIN,
+    ),
     FaultCase("i2c_glitch", "PWM chip misses 5 updates", (Kind("i2c_nack", for_s=0.005),)),
     FaultCase("chip_dip", "PWM chip loses its power for 3 ms", (Kind("chip_power", for_s=0.003),)),
-    FaultCase("brown_out", "brown-out: 5 V, PWM chip without power", (Kind("battery_sag", value=5.0), Kind("chip_power")),
-              "driver", "0.012"),
+    FaultCase(
+        "brown_out",
+        "brown-out: 5 V, PWM chip without power",
+        (Kind("battery_sag", value=5.0), Kind("chip_power")),
+        "driver",
+        "0.012",
+    ),
     FaultCase("battery_low", "supply at 8 V", (Kind("battery_sag", value=8.0),), "battery", "0.05"),
     FaultCase("battery_dip", "supply at 8 V for 30 ms", (Kind("battery_sag", value=8.0, for_s=0.03),)),
-    FaultCase("pose_jump", "pose fixes off by 0.5 m for 0.3 s", (Kind("pose_jump", value=0.5, for_s=0.3),), drive=CIRCLE,
-              warns="fix refused", world=_POSE),
-    FaultCase("pose_lost", "no pose fixes", (Kind("pose_loss"),), drive=CIRCLE, lasts_s=0.8, warns="pose stale",
-              world=_POSE),
-    FaultCase("pose_frozen", "pose fixes repeat themselves", (Kind("pose_freeze"),), drive=CIRCLE, lasts_s=1.0,
-              warns="pose stale", says="pose fix refused: it repeats itself", world=_POSE),
-    FaultCase("pose_late", "pose fixes 0.1 s late, stamped as fresh", (Kind("pose_delay", value=0.1),), drive=CIRCLE,
-              world=_POSE),
+    FaultCase(
+        "pose_jump",
+        "pose fixes off by 0.5 m for 0.3 s",
+        (Kind("pose_jump", value=0.5, for_s=0.3),),
+        drive=CIRCLE,
+        warns="fix refused",
+        world=_POSE,
+    ),
+    FaultCase(
+        "pose_lost", "no pose fixes", (Kind("pose_loss"),), drive=CIRCLE, lasts_s=0.8, warns="pose stale", world=_POSE
+    ),
+    FaultCase(
+        "pose_frozen",
+        "pose fixes repeat themselves",
+        (Kind("pose_freeze"),),
+        drive=CIRCLE,
+        lasts_s=1.0,
+        warns="pose stale",
+        says="pose fix refused: it repeats itself",
+        world=_POSE,
+    ),
+    FaultCase(
+        "pose_late",
+        "pose fixes 0.1 s late, stamped as fresh",
+        (Kind("pose_delay", value=0.1),),
+        drive=CIRCLE,
+        world=_POSE,
+    ),
     FaultCase("clock_forward", "clock jumps ahead by 0.1 s", (Kind("clock_jump", value=0.1),), "time", "0"),
     FaultCase("clock_back", "clock jumps back by 0.1 s", (Kind("clock_jump", value=-0.1),), "time", "0"),
     FaultCase("clock_stuck", "clock stands still", (Kind("clock_stuck"),), "time", "0.001"),
     FaultCase("ticks_late", "ticks 2 ms apart", (Kind("tick_late", value=0.002),), "overrun", "0.022"),
-)  # fmt: skip
+)
 """Every case, in the order of the table in docs/safety.md."""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Writes the generated parts of docs/safety.md: ``python -m hil_sim.fault_table [--write]``.
 
-They are the diagram of the safety states, from the robot's own table, and the table of faults, from a run of every case.
+They are the diagram of the safety states, from the robot's own table, and the table of faults, from a run of every
+case.
 """
 
 from __future__ import annotations
