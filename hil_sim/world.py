@@ -177,7 +177,7 @@ def world_config(
     for field, value in overrides.items():
         if field not in dir(config):
             raise WorldError(f"{field} is no field of the world; see hil_world_config_t in world.h")
-        setattr(config, field, bool(value) if isinstance(getattr(config, field), bool) else value)
+        setattr(config, field, int(value) if isinstance(getattr(config, field), int) else value)
     return config
 
 

@@ -71,6 +71,7 @@ void App::tick() {
     sensors.time_us = board_.clock->now_us();
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
+    board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);
     shared_.control.tick(sensors, *board_.i2c, *board_.output_enable, *board_.clock);
 }
@@ -81,6 +82,7 @@ void App::restart_control(uint64_t now_us) {
     shared_.control.report.update();
     shared_.latest = TickReport{};
     shared_.arming = 0;
+    shared_.i2c_scanning = false;
     shared_.now_us = now_us;
     jitter_.restart();
     last_tick_us_ = 0;
@@ -300,6 +302,7 @@ void App::serve() {
         shared_.links[i].refill(shared_.now_us);
     }
     status_texts_.serve();
+    commands_.serve();
     telemetry_.serve();
     parameters_.serve();
 }

@@ -29,6 +29,8 @@ public:
     void on_command_long(const Frame &frame, const Sender &sender);
     void on_command_int(const Frame &frame, const Sender &sender);
     void on_set_mode(const Frame &frame);
+    /// Send the result of an I2C scan that has come to its end.
+    void serve();
 
 private:
     struct Command {
@@ -48,6 +50,7 @@ private:
     uint8_t set_mode(float mode);
     uint8_t set_pose(const omni_pose_t &pose);
     uint8_t reboot(float what);
+    uint8_t scan_i2c(const Sender &sender);
     uint8_t request_message(size_t link, float id);
 
     Shared &shared_;
@@ -55,6 +58,8 @@ private:
     Telemetry &telemetry_;
     Trajectories &trajectories_;
     HilSwitch &hil_;
+    Sender scan_sender_;
+    uint32_t scans_before_ = 0;
     bool pin_said_ = false;
 };
 

@@ -27,6 +27,7 @@ void ControlLoop::restart() {
     driver_.restart();
     driver_.set_wiring(setup_->wiring);
     driver_was_ready_ = false;
+    scan_.restart();
     powered_ = false;
     ticks_ = 0;
     omni_robot_init(&robot_, &setup_->config);
@@ -60,6 +61,9 @@ bool ControlLoop::apply(const Request &request) {
         inputs_.pose = request.pose;
         inputs_.events |= OMNI_EVENT_SET_POSE;
         return true;
+    case Request::Kind::i2c_scan:
+        begin_scan();
+        return true;
     }
     return true;
 }
@@ -78,6 +82,23 @@ void ControlLoop::take_plan() {
         inputs_.events = (inputs_.events | OMNI_EVENT_TRAJECTORY_START) & ~static_cast<uint32_t>(OMNI_EVENT_TRAJECTORY_STOP);
         inputs_.setpoint.kind = OMNI_SETPOINT_TRAJECTORY;
         inputs_.setpoint.time_us = inputs_.time_us;
+    }
+}
+
+/// The motors are off already; the driver sets its chip up anew afterwards, and until then nobody arms.
+void ControlLoop::begin_scan() {
+    if (outputs_.state != OMNI_STATE_ARMED && !scan_.running()) {
+        driver_was_ready_ = false;
+        scan_.start();
+    }
+}
+
+void ControlLoop::scan(I2cBus &bus, OutputEnable &pin) {
+    powered_ = false;
+    pin.set(false);
+    scan_.step(bus);
+    if (!scan_.running()) {
+        driver_.restart();
     }
 }
 
@@ -119,7 +140,7 @@ void ControlLoop::integrate_voltage() {
     }
 }
 
-void ControlLoop::publish(const TickSensors &sensors) {
+void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     TickReport &out = report.writing();
     out.outputs = outputs_;
     out.arming_faults = omni_robot_arming_faults(&robot_, &outputs_);
@@ -132,6 +153,9 @@ void ControlLoop::publish(const TickSensors &sensors) {
     out.tick_jitter_us_max = sensors.jitter_us;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
+    std::memcpy(out.encoder_errors, sensors.encoder_errors, sizeof out.encoder_errors);
+    out.i2c = bus.stats();
+    out.i2c_found = scan_.found();
     report.publish();
 }
 
@@ -148,14 +172,20 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pi
     std::memcpy(inputs_.counts, sensors.counts, sizeof inputs_.counts);
     inputs_.counts_valid = sensors.counts_valid;
     inputs_.battery_V = sensors.battery_V;
-    driver_.poll(bus);
+    if (!scan_.running()) {
+        driver_.poll(bus);
+    }
     inputs_.driver_failures = driver_.failures();
     // Until the chip has been set up for the first time nothing could stop a motor: no arming.
     inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
     omni_robot_tick(&robot_, &inputs_, &outputs_);
-    drive(bus, pin, sensors.time_us);
+    if (scan_.running()) {
+        scan(bus, pin);
+    } else {
+        drive(bus, pin, sensors.time_us);
+    }
     ++ticks_;
-    publish(sensors);
+    publish(sensors, bus);
     integrate_voltage();
     measure(stopwatch.stopwatch_ns() - begin_ns);
 }

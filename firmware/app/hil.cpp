@@ -38,6 +38,7 @@ void HilBus::restart() {
     length_ = 0;
     submitted_ = false;
     status_ = I2cStatus::idle;
+    stats_ = {};
 }
 
 void HilBus::answer(uint8_t status, const uint8_t *read) {
@@ -46,6 +47,8 @@ void HilBus::answer(uint8_t status, const uint8_t *read) {
     }
     submitted_ = false;
     status_ = (status & 2) != 0 ? I2cStatus::stuck : ((status & 1) != 0 ? I2cStatus::nack : I2cStatus::done);
+    stats_.timeouts += status_ == I2cStatus::stuck ? 1 : 0;
+    stats_.nacks += status_ == I2cStatus::nack ? 1 : 0;
     std::memcpy(read_, read, sizeof read_);
 }
 

@@ -16,6 +16,7 @@ public:
     bool submit(const I2cTransaction *batch, size_t count) override;
     I2cStatus poll(uint8_t *read) override;
     void recover() override {} ///< the world frees its bus by itself
+    I2cStats stats() override { return stats_; }
 
     void restart();
     /// The world's verdict on the last tick's transactions. @param status bit 0: not acknowledged, bit 1: stuck.
@@ -29,6 +30,7 @@ private:
     uint8_t length_ = 0;
     bool submitted_ = false;
     I2cStatus status_ = I2cStatus::idle;
+    I2cStats stats_;
     uint8_t read_[I2cTransaction::max_read] = {};
 };
 

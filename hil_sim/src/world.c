@@ -106,13 +106,18 @@ static bool i2c_parses(const uint8_t *bytes, uint32_t length) {
     return length <= HIL_MAX_I2C;
 }
 
+static bool i2c_write(hil_world_t *world, uint8_t address, const uint8_t *data, uint32_t length) {
+    const bool stranger = world->config.i2c_stranger != 0 && address == world->config.i2c_stranger;
+    return stranger || hil_pca9685_write(&world->chip, address, data, length);
+}
+
 static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
     const uint8_t address = bytes[0];
     const uint8_t written = bytes[1];
     const uint8_t wanted = bytes[I2C_HEADER + written];
     bool acknowledged = true;
     if (written > 0 || wanted == 0) {
-        acknowledged = hil_pca9685_write(&world->chip, address, bytes + I2C_HEADER, written);
+        acknowledged = i2c_write(world, address, bytes + I2C_HEADER, written);
     }
     if (acknowledged && wanted > 0) {
         acknowledged = hil_pca9685_read(&world->chip, address, world->i2c_read, wanted);
@@ -233,17 +238,31 @@ hil_result_t hil_world_drive_torque(hil_world_t *world, const double *torque_N_m
     return drive(world, HIL_SOURCE_TORQUE, torque_N_m);
 }
 
+/* Whatever the plant made of the wheel: a hand is stronger. */
+static void turn_by_hand(hil_world_t *world, const double *angle_before_rad, double step_s) {
+    for (uint32_t i = 0; i < world->config.fault_count; i++) {
+        const hil_fault_t *fault = &world->config.fault[i];
+        if (fault_covers(fault, HIL_FAULT_WHEEL_TURNED, HIL_MAX_WHEELS, (double)world->time_us)) {
+            world->wheel_rad_s[fault->wheel] = fault->value;
+            world->wheel_angle_rad[fault->wheel] = angle_before_rad[fault->wheel] + fault->value * step_s;
+        }
+    }
+}
+
 void hil_world_step(hil_world_t *world, uint32_t step_us) {
     if (step_us == 0) {
         return;
     }
     const double step_s = 1e-6 * step_us;
     double open_end_A[HIL_MAX_WHEELS] = {0.0};
+    double angle_before_rad[HIL_MAX_WHEELS];
     hil_electrics_t electrics;
+    memcpy(angle_before_rad, world->wheel_angle_rad, sizeof angle_before_rad);
     hil_slip_update(world, 1e-6 * (double)world->time_us + 0.5 * step_s);
     hil_motors_begin(world, &electrics, step_s, open_end_A);
     hil_plant_step(world, &electrics, step_s);
     hil_motors_end(world, &electrics, open_end_A);
+    turn_by_hand(world, angle_before_rad, step_s);
     hil_encoders_update(world);
     world->time_us += step_us;
     world->steps++;

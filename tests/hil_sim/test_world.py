@@ -14,6 +14,7 @@ from hil_sim.faults import Fault
 from hil_sim.world import NO_POSE_SENSOR, PoseSensor, World, WorldError, world_config
 from omni_schema import Robot
 from omniwheel._core import ffi, lib
+from omniwheel.robots import read_robot
 
 CHIP = 0x40
 WAKE = bytes([CHIP, 2, 0x00, 0x21, 0])
@@ -229,3 +230,24 @@ def test_bridge_steps_beyond_the_period_are_clamped(make_world: Any) -> None:
     world.set_bridges([65535, 0, 0], [0, 4097, 0])
     assert list(world.c.in1)[:3] == [1.0, 0.0, 0.0]
     assert list(world.c.in2)[:3] == [0.0, 1.0, 0.0]
+
+
+def test_a_hand_turns_one_wheel_and_lets_it_run_out() -> None:
+    hand = Fault("wheel_turned", 0.1, 2.1, wheel=1, value=math.pi)
+    world = World(world_config(read_robot("three_wheel"), friction_coefficient=1e-3, faults=[hand]))
+    world.step(3000)
+    assert list(world.c.counts)[:3] == pytest.approx([0, 10000, 0], abs=80)
+    assert world.c.wheel_rad_s[1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_stranger_on_the_bus_acknowledges_its_own_address_only() -> None:
+    world = World(world_config(read_robot("three_wheel"), i2c_stranger=0x68))
+    for address, status in ((0x68, 0), (0x69, 1), (CHIP, 0)):
+        world.i2c(bytes([address, 0, 0]))
+        assert world.sense().i2c_status == status
+
+
+@pytest.mark.parametrize("address", [CHIP, 0x80])
+def test_a_stranger_has_an_address_of_its_own(address: int) -> None:
+    with pytest.raises(WorldError, match="i2c_stranger"):
+        World(world_config(read_robot("three_wheel"), i2c_stranger=address))

@@ -73,6 +73,7 @@ typedef enum hil_fault_kind_t {
     HIL_FAULT_POSE_JUMP,        /**< pose fixes are off by `value` metres in x */
     HIL_FAULT_BATTERY_SAG,      /**< open-circuit voltage becomes `value` volts */
     HIL_FAULT_MOTOR_DEAD,       /**< motor of `wheel` is disconnected */
+    HIL_FAULT_WHEEL_TURNED,     /**< no fault: a hand turns `wheel` at `value` rad/s, whatever the motor does */
     HIL_FAULT_KIND_COUNT
 } hil_fault_kind_t;
 
@@ -115,6 +116,7 @@ typedef struct hil_world_config_t {
     uint32_t in1_channel[HIL_MAX_WHEELS];
     uint32_t in2_channel[HIL_MAX_WHEELS];
     uint8_t pca9685_address;
+    uint8_t i2c_stranger;     /**< address of something else on the bus that acknowledges everything; 0: nothing */
     bool output_enable_wired; /**< the chip's OE pin hangs on the processor, pulled up; false: tied to ground */
     double fix_rate_Hz;       /**< 0: no pose sensor */
     double fix_sd_xy_m;
