@@ -118,7 +118,8 @@ def compile_plan(tmp_path: Path, **wiring: str) -> subprocess.CompletedProcess[s
     lines[at:at] = [f"{key} = {value}" for key, value in wiring.items() if value]
     robot = tmp_path / "robot.toml"
     robot.write_text("\n".join(lines), encoding="utf-8")
-    includes = [HERE / "fakes_io", write_wiring_header(tmp_path, robot), ROOT / "firmware", ROOT / "shared/core/include"]
+    ours = [ROOT / "firmware", ROOT / "shared" / "core" / "include"]
+    includes = [HERE / "fakes_io", write_wiring_header(tmp_path, robot), *ours]
     command = ["c++", "-std=c++17", "-fsyntax-only", *(f"-I{i}" for i in includes), str(BOARD / "encoders_robot.cpp")]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 

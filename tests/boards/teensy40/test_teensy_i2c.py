@@ -207,7 +207,9 @@ def test_interrupts_that_come_late_stretch_the_clock_and_lose_nothing(bus: Bus) 
 ANSWERED = [*UPDATE[:1], MODE1]
 
 
-@pytest.mark.parametrize("batch", [UPDATE, ANSWERED, [Transaction(PCA9685)], ZEROS], ids=("update", "read", "scan", "zero"))
+@pytest.mark.parametrize(
+    "batch", [UPDATE, ANSWERED, [Transaction(PCA9685)], ZEROS], ids=("update", "read", "scan", "zero")
+)
 def test_a_byte_that_is_not_acknowledged_ends_the_batch_with_a_stop(bus: Bus, batch: list[Transaction]) -> None:
     bus.submit(*batch)
     bus.finish()
