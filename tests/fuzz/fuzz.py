@@ -5,7 +5,7 @@ usage: python -m tests.fuzz.fuzz [--bytes N] [--seconds N] [--seed N] [TARGET...
 
 Without --seconds every target gets a seeded run of --bytes bytes. With it, libFuzzer searches for that long per target,
 from the corpus it leaves in build/fuzz/corpus; the reader of robot files, which is Python, has its seeded run all the
-same. An input that breaks a promise stays in build/fuzz/findings; build/fuzz/tests/fuzz/seeded_TARGET FILE runs it again.
+same. What breaks a promise stays in build/fuzz/findings; build/fuzz/tests/fuzz/seeded_TARGET FILE runs it again.
 """
 
 from __future__ import annotations
