@@ -135,6 +135,9 @@ void Link::flush_frames() {
 }
 
 void Link::flush() {
+    if (port_->session() != session_) {
+        return; // what waits was meant for somebody who has gone: receive() clears it
+    }
     if (port_->has_baud()) {
         flush_frames();
         return;

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
 
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import SimulatedRadio, start_sitl
-from omniwheel.cli.common import JsonOption, console, examples, print_json
+from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
 from omniwheel.cli.run_output import SeedOption
 from omniwheel.radio_model import RadioSettings
 
@@ -74,9 +72,8 @@ def sitl(
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
-    signal.signal(signal.SIGTERM, _interrupt)
     try:
-        with start_sitl(scenario, links, storage=storage, radio=simulated) as running:
+        with signals_interrupt(), start_sitl(scenario, links, storage=storage, radio=simulated) as running:
             if json_wanted:
                 ready = {"ready": True, "links": list(running.urls), "robot": scenario.robot.name}
                 print_json(ready, one_line=True)
@@ -101,7 +98,3 @@ def _simulated_radio(
     if links and len(links) > 1:
         raise typer.BadParameter("--radio makes the second link itself: give --link once at most")
     return SimulatedRadio(settings, host, seed=seed)
-
-
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
