@@ -27,6 +27,7 @@ from omniwheel.texts import TextLog
 REPLY_TIMEOUT_S = 1.2
 TRIES = 10
 """On a radio that loses a fifth of the packets, half of the exchanges fail: half of the frames lie across two packets."""
+SET_TRIES = 3
 SINGLE_TRIES = 2
 """From then on a request is sent twice."""
 DOWNLOAD_TRIES = 6
@@ -224,10 +225,22 @@ class Parameters(MutableMapping[str, float]):
         message = mavlink.MAVLink_param_set_message(
             *self._target(), name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
         )
-        self._ask(message, name)
-        kept = self._by_name[name]
-        if kept != value:
-            raise ParameterRefusedError(name, value, kept, self._texts.reasons_since(mark))
+        for _ in range(SET_TRIES):
+            self._ask(message, name)
+            if self._by_name[name] == value:
+                return
+            reasons = self._texts.reasons_since(mark)
+            if reasons or self._confirmed_late(name, value):
+                break
+        if self._by_name[name] != value:
+            raise ParameterRefusedError(name, value, self._by_name[name], reasons)
+
+    def _confirmed_late(self, name: str, value: float) -> bool:
+        """Whether the value comes yet: without a reason, the other one may be the late answer to an earlier request."""
+        answer = self._connection.wait(
+            lambda m: _is_parameter(m) and _name_of(m) == name and m.param_value == value, REPLY_TIMEOUT_S
+        )
+        return answer is not None
 
     # ---- files
 
