@@ -23,7 +23,8 @@ class FirmwareProcess(FirmwareChild):
     ``robot`` is a packaged name or a path, ``parameters`` are set over it, ``links`` are the firmware's own link
     specifications (``tcp:127.0.0.1:0`` picks a free port, ``pty`` a pseudo-terminal), ``storage`` is the file of its
     non-volatile memory (None: it forgets). With ``lockstep`` it ticks only on OMNI_HIL_SENSORS from the start.
-    ``radio`` is the number of the link that is a radio, as slow as LINK2_BAUD, from 1; 0: none (None: the second, unlimited).
+    ``radio`` is the number of the link that is a radio, as slow as LINK2_BAUD, from 1; 0: none (None: the second,
+    unlimited).
     Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
     """
 

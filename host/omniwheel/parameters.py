@@ -26,7 +26,7 @@ from omniwheel.texts import TextLog
 
 REPLY_TIMEOUT_S = 1.2
 TRIES = 10
-"""On a radio that loses a fifth of the packets, half of the exchanges fail: half of the frames lie across two packets."""
+"""On a radio that loses a fifth of the packets, half of the exchanges fail: a frame may lie across two."""
 SET_TRIES = 3
 SINGLE_TRIES = 2
 """From then on a request is sent twice."""

@@ -5,7 +5,8 @@ Each direction is a serial line into a modem, the air, and a serial line out of 
 
 - the line carries a byte per ten bits of ``baud``;
 - the modem makes a packet of what has come after three silent characters, or of ``packet_bytes``;
-- packets go through the air one after the other, ``air_bytes_s`` fast; what waits meanwhile must fit into ``buffer_bytes``, or is lost;
+- packets go through the air one after the other, ``air_bytes_s`` fast; what waits meanwhile must fit
+  into ``buffer_bytes``, or is lost;
 - a packet is lost with probability ``loss``, or arrives ``latency_s`` later.
 
 Time is an argument, chance is seeded: equal input gives equal output.
@@ -29,7 +30,7 @@ _READ_SIZE = 4096
 
 @dataclass(frozen=True)
 class RadioSettings:
-    """One direction of a radio link; ``loss`` is per packet, ``air_bytes_s`` what an XBee really carries (30 to 80 kb/s)."""
+    """One direction of a radio link; ``loss`` is per packet, ``air_bytes_s`` what an XBee carries (30 to 80 kb/s)."""
 
     baud: int = 9600
     loss: float = 0.0
@@ -129,7 +130,10 @@ class Radio:
 
 
 class RadioBridge:
-    """A TCP port that leads to a robot's link through a radio, for one ground station at a time. ``address`` is (host, port)."""
+    """A TCP port that leads to a robot's link through a radio, for one ground station at a time.
+
+    ``address`` is (host, port).
+    """
 
     def __init__(self, robot: FileLink, settings: RadioSettings, address: tuple[str, int], *, seed: int = 1) -> None:
         self.radio = Radio(settings, seed)

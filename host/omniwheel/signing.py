@@ -93,8 +93,8 @@ def is_signed(frame: bytes | bytearray) -> bool:
 class Signer:
     """Makes a pymavlink codec sign what it sends and refuse what is signed wrongly.
 
-    Frames without a signature are taken until the first good signature has come: on a USB link the robot does not sign. ``clock``
-    gives Unix time; ``link_id`` tells programs apart that use the same key.
+    Frames without a signature are taken until the first good signature has come: on a USB link the robot does
+    not sign. ``clock`` gives Unix time; ``link_id`` tells programs apart that use the same key.
     """
 
     def __init__(self, key: bytes, *, clock: Callable[[], float] = time.time, link_id: int | None = None) -> None:
@@ -127,8 +127,8 @@ class Signer:
 def _careful(codec: Any) -> Callable[[bytearray, int, int], bool]:
     """Return pymavlink's check without its flaw: it keeps the time stamp of a frame whose signature is wrong.
 
-    The signature is not under the checksum, so a lost packet can leave a frame with a stranger's bytes for a signature. With
-    a time stamp far ahead, all that the robot says later would be refused.
+    The signature is not under the checksum, so a lost packet can leave a frame with a stranger's bytes for a signature.
+    With a time stamp far ahead, all that the robot says later would be refused.
     """
     check = codec.check_signature
 

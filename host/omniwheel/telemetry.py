@@ -178,7 +178,7 @@ class Battery(Telemetry):
 
 @dataclass(frozen=True)
 class SigningStatus(Telemetry):
-    """Message signing on the radio: ``state`` off, on or damaged; ``time_s`` since 2015; what was refused since boot."""
+    """Message signing: ``state`` off, on or damaged; ``time_s`` since 2015; what the radio refused since boot."""
 
     message = "OMNI_SIGNING"
     state: str

@@ -115,9 +115,10 @@ def test_lines_mean_nothing_while_a_signing_key_is_set(client: MemoryClient) -> 
 
 
 BAD_LINES = [
-    "nan,0,0*", "inf,0,0*", "0,0*", "0,0,0,0*", "0,0,0,0,0*", "0,0,0,0,0,0,0*", ",,*", "*", "0,,0*", "0 1,0,0*", "--1,0,0*",
-    "1e,0,0*", "1e99,0,0*", ".,0,0*", "0,0,0,*", "0x1,0,0*", "1,0,0;*", "+,0,0*", "1.2.3,0,0*", "0,0," + "0" * 200 + "*",
-    "0.1,\n0,0*",
+    "nan,0,0*", "inf,0,0*", "0,0*", "0,0,0,0*", "0,0,0,0,0*", "0,0,0,0,0,0,0*", ",,*", "*", "0,,0*",
+    "0 1,0,0*", "--1,0,0*",
+    "1e,0,0*", "1e99,0,0*", ".,0,0*", "0,0,0,*", "0x1,0,0*", "1,0,0;*", "+,0,0*", "1.2.3,0,0*",
+    "0,0," + "0" * 200 + "*", "0.1,\n0,0*",
 ]  # fmt: skip
 
 
@@ -143,7 +144,10 @@ def heard_texts(client: MemoryClient) -> list[str]:
     return [m.text for tick in client.ticks(5) for m in tick.others if m.get_type() == "STATUSTEXT"]
 
 
-@pytest.mark.parametrize("text", ["0.25,-0.15,0.3125*", "+.25, -.150 ,3.125e-1*", "25e-2,-15E-2,0.0003125e+3*", "0.2500000000001,-0.15,.3125*"])
+@pytest.mark.parametrize(
+    "text",
+    ["0.25,-0.15,0.3125*", "+.25, -.150 ,3.125e-1*", "25e-2,-15E-2,0.0003125e+3*", "0.2500000000001,-0.15,.3125*"],
+)
 def test_numbers_may_be_written_as_programs_write_them(client: MemoryClient, text: str) -> None:
     client.armed()
     tick = drive(client, lambda: text, 5.0)

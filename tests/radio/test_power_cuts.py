@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Power cut at every byte of every save, all enumerated, with whole and with torn bytes and words: the old content or the new."""
+"""Power cut at every byte of every save, all enumerated, whole and torn bytes and words: old content or new."""
 
 from __future__ import annotations
 
@@ -32,11 +32,12 @@ def library() -> Any:
     app = ROOT / "firmware" / "app"
     sources = [app / "param_store.cpp", app / "record_store.cpp", Path(__file__).with_name("store_shim.cpp")]
     folder = Path(mkdtemp(prefix="omni-stores-"))
-    return ctypes.CDLL(str(build_library(folder, "stores", sources, archives=[core_archive()])))
+    loaded: Any = ctypes.CDLL(str(build_library(folder, "stores", sources, archives=[core_archive()])))
+    return loaded
 
 
 def slot_size(memory: int) -> int:
-    return min((memory - TAIL) // 2, HEADER + ENTRY * library().param_count() + CRC)
+    return min((memory - TAIL) // 2, HEADER + ENTRY * int(library().param_count()) + CRC)
 
 
 def slot_entries(memory: int) -> int:
@@ -58,7 +59,9 @@ class ParameterMemory:
         floats = ctypes.c_float * len(self.own)
         length = len(self.bytes) if cut is None else cut
         return int(
-            library().param_save(image, len(self.bytes), floats(*values), floats(*self.own), length, word, ctypes.c_uint32(torn))
+            library().param_save(
+                image, len(self.bytes), floats(*values), floats(*self.own), length, word, ctypes.c_uint32(torn)
+            )
         )
 
     def load(self) -> tuple[int, list[float]]:
@@ -69,7 +72,7 @@ class ParameterMemory:
 
 
 def tears(length: int, seed: int) -> Iterator[tuple[int, int, int]]:
-    """Every byte to cut at, as (cut, word, bits that had changed): none, random ones (bytes and 2-byte words), all but one."""
+    """Every byte to cut at, as (cut, word, bits that had changed): none, or random ones of a byte or word."""
     draw = random.Random(seed)
     for cut in range(length):
         yield cut, 1, 0

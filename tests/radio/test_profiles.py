@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The radio profiles measured: a minute of what the firmware really sends, and the parameter download on a bad radio."""
+"""The radio profiles measured: a minute of what the firmware really sends, and the download on a bad radio."""
 
 from __future__ import annotations
 
@@ -26,8 +26,11 @@ from tests.radio.station import KEY, START, usb
 
 PROFILES = [9600, 57600, 115200]
 BYTES_S = {baud: baud / 10 for baud in PROFILES}
-BAD = {"loss": 0.2, "latency_s": 0.2}
 LONGEST_FRAME = 100
+
+
+def bad_radio(baud: int) -> RadioSettings:
+    return RadioSettings(baud=baud, loss=0.2, latency_s=0.2)
 
 
 @contextmanager
@@ -73,7 +76,6 @@ def test_a_minute_of_a_profile_stays_below_60_percent_of_the_line(baud: int, sig
             assert there.parameters.download()
             there.pump(60.0 - (link.clock_s() - start_s))
             bytes_s = (link.radio.down.bytes_in - start) / (link.clock_s() - start_s)
-        print(f"{baud} {'signed' if signed else 'unsigned'}: {bytes_s:.0f} B/s, {dict(heard)}")
         assert bytes_s < 0.6 * BYTES_S[baud]
         assert max(lengths) <= LONGEST_FRAME
         assert link.radio.down.bytes_overflowed == 0
@@ -107,7 +109,7 @@ def test_the_default_rates_cannot_flood_a_slow_line() -> None:
 def test_our_download_completes_on_a_bad_radio(baud: int, signed: bool, seed: int) -> None:
     """A fifth of the packets lost, 200 ms each way. Requests are not repeated needlessly."""
     with robot_with(baud, signed) as robot:
-        link = RadioLink(robot, RadioSettings(baud=baud, **BAD), seed=seed)
+        link = RadioLink(robot, bad_radio(baud), seed=seed)
         with station(robot, link, signed) as there:
             counts: Counter[int] = Counter()
             there.connection.add_listener(
@@ -116,7 +118,6 @@ def test_our_download_completes_on_a_bad_radio(baud: int, signed: bool, seed: in
             start_s = link.clock_s()
             values = there.parameters.download()
             took_s = link.clock_s() - start_s
-        print(f"{baud} {'signed' if signed else 'unsigned'} seed {seed}: {took_s:.1f} s")
         assert len(values) == len(parameter_table())
         assert took_s < (90.0 if baud == 9600 else 60.0)
         assert link.radio.down.packets_lost > 0.1 * link.radio.down.packets_sent
@@ -127,7 +128,7 @@ def test_our_download_completes_on_a_bad_radio(baud: int, signed: bool, seed: in
 @pytest.mark.parametrize("seed", [1, 2])
 def test_gains_are_set_and_confirmed_on_a_bad_radio(baud: int, seed: int) -> None:
     with robot_with(baud) as robot:
-        link = RadioLink(robot, RadioSettings(baud=baud, **BAD), seed=seed)
+        link = RadioLink(robot, bad_radio(baud), seed=seed)
         with station(robot, link) as there:
             for gain in range(5, 15):
                 there.parameters["ISMC_LAM_XY"] = float(gain)
@@ -163,7 +164,7 @@ class MavProxySide:
 def test_mavproxys_own_download_completes_on_a_bad_radio(baud: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its parameter module itself, unchanged, on the simulated clock."""
     with robot_with(baud) as robot:
-        link = RadioLink(robot, RadioSettings(baud=baud, **BAD), seed=4)
+        link = RadioLink(robot, bad_radio(baud), seed=4)
         monkeypatch.setattr(time, "time", lambda: 1e9 + link.clock_s())
         with station(robot, link) as there:
             console = SimpleNamespace(settings=SimpleNamespace(param_ftp=False))
@@ -175,6 +176,5 @@ def test_mavproxys_own_download_completes_on_a_bad_radio(baud: int, monkeypatch:
                 state.fetch_check(side)
                 there.pump(0.05)
             took_s = link.clock_s() - start_s
-        print(f"MAVProxy {baud}: {took_s:.1f} s")
         assert len(state.mav_param_set) == count
         assert took_s < 120.0

@@ -270,7 +270,6 @@ def test_storing_the_clock_for_years_does_not_wear_the_flash_out(robot: MemoryRo
     for address, (old, new) in enumerate(zip(before, after, strict=True)):
         sectors[address // 4 % 15] += new - old
     erases_per_year = max(sectors) / 2048 / minutes * 60 * 24 * 365
-    print(f"{max(sectors)} records in {minutes} min: {erases_per_year:.0f} erases per year")
     assert 0 < erases_per_year < 2000  # of 100 000 that the flash stands: 50 years of being switched on
 
 

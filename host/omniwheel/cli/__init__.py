@@ -60,8 +60,8 @@ def _options(
             "--signing-key",
             envvar="OMNI_SIGNING_KEY",
             metavar="FILE",
-            help="Sign with the key in this file (omni radio key), as a robot's radio may want it. For every command that "
-            "takes --link, at any place in the line.",
+            help="Sign with the key in this file (omni radio key), as a robot's radio may want it. For every command "
+            "that takes --link, at any place in the line.",
             show_default=False,
         ),
     ] = None,

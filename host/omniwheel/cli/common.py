@@ -52,7 +52,6 @@ class OmniGroup(TyperGroup):
             error_console.print("interrupted", style="yellow")
             raise typer.Exit(INTERRUPTED) from None
 
-
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
         return super().parse_args(ctx, _signing_key_first(args))
@@ -93,7 +92,8 @@ LinkOption = Annotated[
         "-l",
         envvar="OMNI_LINK",
         metavar="URL",
-        help="Robot: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one Teensy. A radio with a key: --signing-key FILE.",
+        help="Robot: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one Teensy. "
+        "A radio with a key: --signing-key FILE.",
         show_default=False,
     ),
 ]

@@ -60,7 +60,9 @@ def remove(link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, 
 
 @key_app.command("show", epilog=examples("omni radio key show", "omni radio key show --file ~/robot.key"))
 def show(
-    file: Annotated[Path | None, typer.Option("--file", metavar="FILE", help="A key file instead of the robot's.")] = None,
+    file: Annotated[
+        Path | None, typer.Option("--file", metavar="FILE", help="A key file instead of the robot's.")
+    ] = None,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,

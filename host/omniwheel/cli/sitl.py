@@ -57,11 +57,18 @@ def sitl(
     radio: Annotated[
         int | None,
         typer.Option(
-            "--radio", metavar="BAUD", help="A second port, behind a simulated XBee: 9600, 57600 or 115200.", show_default=False
+            "--radio",
+            metavar="BAUD",
+            help="A second port, behind a simulated XBee: 9600, 57600 or 115200.",
+            show_default=False,
         ),
     ] = None,
-    loss: Annotated[float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")] = 0.0,
-    latency: Annotated[float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")] = 0.02,
+    loss: Annotated[
+        float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
+    ] = 0.0,
+    latency: Annotated[
+        float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
+    ] = 0.02,
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
