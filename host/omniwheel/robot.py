@@ -13,7 +13,7 @@ from omni_schema import ParameterTable, load_parameters
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
-from omniwheel.errors import LinkTimeoutError, OmniError, VersionMismatchError
+from omniwheel.errors import CommandRefusedError, LinkTimeoutError, OmniError, VersionMismatchError
 from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link
@@ -160,8 +160,12 @@ class Robot:
 
     def arm(self) -> None:
         """Power the motors. Raises ArmingRefusedError with the robot's reasons."""
-        self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
-        self._armed_here = True
+        self._armed_here = True  # also if this is interrupted before the answer
+        try:
+            self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
+        except CommandRefusedError:
+            self._armed_here = False
+            raise
 
     def disarm(self) -> None:
         """Power the motors off; always possible."""
