@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
+from omniwheel.dialect import Message
 from omniwheel.errors import OmniError
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Health, Sample, Status, decode
@@ -117,7 +118,7 @@ class Samples:
         self.all: list[Sample] = []
 
     def __enter__(self) -> Samples:
-        def take(message: object) -> None:
+        def take(message: Message) -> None:
             sample = decode(Sample, message)
             if sample is not None:
                 self.all.append(sample)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A small square and two turns on the floor at low speed: do the body's axes point where they should?"""
+"""A small square and two turns on the floor at low speed, to see whether the body's axes point where they should."""
 
 from __future__ import annotations
 
@@ -21,10 +21,13 @@ REST_S = 0.8
 TOLERANCE = 0.25
 SLACK = (0.02, 0.02, 0.1)
 """Allowed beside the tolerance: forward [m], left [m], turned [rad]."""
-FLOOR = "The robot drives a square of 20 cm and turns on the spot. Is it on the floor with half a metre of room on each side?"
+FLOOR = (
+    "The robot drives a square of 20 cm and turns on the spot. Is it on the floor, with half a metre of room on each "
+    "side?"
+)
 _MODEL = (
-    "the odometry does not follow: run `omni bringup motors` again; if that passes, compare WHEEL_RADIUS, WHEEL_DIST and "
-    "the wheels' speeds in `omni monitor`"
+    "the odometry does not follow: run `omni bringup motors` again; if that passes, compare WHEEL_RADIUS, WHEEL_DIST "
+    "and the wheels' speeds in `omni monitor`"
 )
 
 

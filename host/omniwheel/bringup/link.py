@@ -8,6 +8,7 @@ from omniwheel import __version__
 from omniwheel.bringup.bench import health_of, safety_of
 from omniwheel.bringup.radio import RadioProbe
 from omniwheel.bringup.result import Findings, Result
+from omniwheel.dialect import Message
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Heartbeat, decode
 
@@ -43,7 +44,7 @@ def check_link(robot: Robot, file: RobotFile | None = None, radio: Robot | None 
 def _judge_heartbeats(findings: Findings, robot: Robot, name: str) -> None:
     count = 0
 
-    def take(message: object) -> None:
+    def take(message: Message) -> None:
         nonlocal count
         count += decode(Heartbeat, message) is not None
 

@@ -173,7 +173,7 @@ def _judge_direction(findings: Findings, person: Person, layout: Layout, wheel: 
 
 def _judge_reversal(findings: Findings, person: Person, layout: Layout, wheel: int, name: str) -> None:
     right = person.saw(
-        f"When wheel {wheel + 1} began to turn, was that clockwise as seen from outside the robot (and back afterwards)?"
+        f"When wheel {wheel + 1} began to turn, was that clockwise as seen from outside the robot, and then back?"
     )
     motor = file_line("motor", "direction", flipped(layout.motor_direction, wheel))
     motor += f" (or exchange the motor's two wires; to try: omni params set W{wheel + 1}_MOT_DIR="

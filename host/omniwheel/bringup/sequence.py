@@ -27,7 +27,7 @@ def bring_up(
     baud: int = BAUD,
     keep_going: bool = False,
 ) -> Iterator[Result]:
-    """Yield the results in order; end after the first failure unless ``keep_going``. Without ``radio`` it is left out."""
+    """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it."""
     checks: list[Callable[[], Result]] = [
         lambda: check_link(robot, file, radio),
         lambda: check_i2c(robot),

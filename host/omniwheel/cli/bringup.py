@@ -120,7 +120,7 @@ def link_command(
 
 @app.command("i2c", epilog=examples("omni bringup i2c"))
 def i2c(link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, as_json: JsonOption = False) -> None:
-    """Who answers on the I2C bus: the PWM board at 0x40?"""
+    """Ask who answers on the I2C bus: the PWM board should, at 0x40."""
     _checked(link, timeout, as_json, True, lambda robot, _: check_i2c(robot))
 
 
@@ -160,7 +160,7 @@ def drive(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """On the floor: a square of 20 cm and two turns at low speed; do directions and odometry agree?"""
+    """On the floor: a square of 20 cm and two turns at low speed; directions and odometry must agree."""
     _checked(link, timeout, as_json, yes, check_drive)
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
@@ -15,13 +16,14 @@ from hil_sim.faults import Fault
 from hil_sim.lockstep import LockstepLink
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
 from omniwheel import FirmwareProcess, Robot, connect
-from omniwheel.link import open_link
+from omniwheel.link import FileLink, open_link
 from omniwheel.robots import read_robot
 
 STAND = 1e-3
 FLOOR = 0.6
 REVOLUTION_RAD_S = math.pi
 STEP_TICKS = 10
+HEADER, CHECKSUM = 10, 2
 
 
 class SteppedLink(LockstepLink):
@@ -33,6 +35,55 @@ class SteppedLink(LockstepLink):
             self.run(min(STEP_TICKS, max(1, round(timeout_s * 1e3))))
             data = self._take()
         return data
+
+
+class RadioLink:
+    """The robot's first link, lossy and slow on request; the world hangs on its second one, and reading moves it on."""
+
+    def __init__(self, base: FileLink, world: LockstepLink) -> None:
+        self.url = "radio"
+        self.loss = 0.0
+        self.delay_s = 0.0
+        self.written = 0
+        self.extra = b""
+        self._base = base
+        self._world = world
+        self._random = random.Random(1)
+        self._late: list[tuple[float, bytes]] = []
+
+    def clock_s(self) -> float:
+        return self._world.clock_s()
+
+    def read(self, timeout_s: float) -> bytes:
+        if timeout_s > 0.0:
+            self._world.run(min(STEP_TICKS, max(1, round(timeout_s * 1e3))), self._world.drop_received)
+            self._world.drop_received()
+        for frame in frames_of(self._base.read(0.0)):
+            if self._random.random() >= self.loss:
+                self._late.append((self.clock_s() + self.delay_s, frame))
+        due = [frame for due_s, frame in self._late if due_s <= self.clock_s()]
+        self._late = [entry for entry in self._late if entry[0] > self.clock_s()]
+        extra, self.extra = self.extra, b""
+        return extra + b"".join(due)
+
+    def write(self, data: bytes) -> None:
+        self.written += len(data)
+        if self._random.random() >= self.loss:
+            self._base.write(data)
+
+    def close(self) -> None:
+        self._base.close()
+        self._world.close()
+
+
+def frames_of(data: bytes) -> list[bytes]:
+    """Split unsigned MAVLink 2 frames."""
+    found = []
+    while data:
+        length = HEADER + data[1] + CHECKSUM
+        found.append(data[:length])
+        data = data[length:]
+    return found
 
 
 class Bench:
@@ -85,12 +136,22 @@ class Bench:
         fault.stop_s = fault.start_s + abs(self.hands[wheel]) / REVOLUTION_RAD_S
 
 
+@pytest.fixture
+def radio() -> Iterator[tuple[Robot, RadioLink]]:
+    """A robot in a world, connected over a radio."""
+    with FirmwareProcess(lockstep=True, links=["tcp:127.0.0.1:0"] * 2) as firmware:
+        world = LockstepLink(open_link(firmware.urls[1]), World(world_config(read_robot("three_wheel"))))
+        link = RadioLink(open_link(firmware.urls[0]), world)
+        with connect(link, clock=link.clock_s) as robot:
+            yield robot, link
+
+
 MakeBench = Callable[..., Bench]
 
 
 @pytest.fixture
 def make_bench() -> Iterator[MakeBench]:
-    """Build a bench: ``change`` edits hil_world_config_t, ``wrap`` the link, ``parameters`` are the firmware's."""
+    """Build a bench: ``change`` edits hil_world_config_t, ``parameters`` are the firmware's."""
     with ExitStack() as stack:
 
         def make(
@@ -99,7 +160,6 @@ def make_bench() -> Iterator[MakeBench]:
             on_floor: bool = False,
             faults: Sequence[Fault] = (),
             change: Callable[[Any], None] = lambda config: None,
-            wrap: Callable[[LockstepLink], Any] = lambda link: link,
             parameters: dict[str, float] | None = None,
         ) -> Bench:
             file = read_robot(robot)
@@ -113,7 +173,7 @@ def make_bench() -> Iterator[MakeBench]:
             firmware = stack.enter_context(FirmwareProcess(robot, lockstep=True, parameters=parameters or {}))
             world = World(config)
             link = SteppedLink(open_link(firmware.urls[0]), world)
-            connected = stack.enter_context(connect(wrap(link), clock=link.clock_s))
+            connected = stack.enter_context(connect(link, clock=link.clock_s))
             return Bench(connected, world, link)
 
         yield make
