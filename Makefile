@@ -12,6 +12,8 @@ BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt p
                   \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' -o -name '*.ld' \
                   -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
 C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[ch]' -o -name '*.[ch]pp')
+# Processes that run the tests; 0: in make's own terminal, one test after another.
+WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests
 
 .PHONY: help setup demo test lint format bench sanitize core-checks wheel clean
@@ -51,7 +53,7 @@ demo: $(VENV)/stamp-install
 	$(BIN)/omni demo $(ARGS)
 
 test: setup
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
 bench: $(VENV)/stamp-install
 	$(BIN)/omni bench $(ARGS)
