@@ -13,7 +13,7 @@ from omniwheel.robot import Robot
 from omniwheel.telemetry import Heartbeat, decode
 
 LISTEN_S = 3.2
-MIN_HEARTBEATS = 3
+MIN_HEARTBEATS = 2
 LATENCY_LIMIT_S = 0.05
 PINGS_S = 1.0
 _BAUD_USB = 1_000_000

@@ -31,6 +31,7 @@ MIN_COUNTS = 4
 SPEED_RANGE = (0.6, 1.6)
 """Allowed speed divided by the motor model's."""
 SYMMETRY = 0.7
+_WARNING = 4
 _STEP_S = 0.1
 _STEP_DUTY = 0.01
 _CPR_RATIOS = (4.0, 2.0, 0.5, 0.25)
@@ -54,9 +55,10 @@ def check_motors(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
     with Samples(robot) as samples:
         for wheel in range(layout.wheels):
             person.tell(f"wheel {wheel + 1} turns both ways at {100 * duty:g} % duty")
+            mark = robot.texts.mark()
             forward, back = (_turn(robot, samples, layout, wheel, sign * duty) for sign in (1.0, -1.0))
             findings.measured[f"wheel_{wheel + 1}"] = {"forward": vars(forward), "back": vars(back)}
-            if not _was_driven(robot, findings, wheel, layout, (forward, back)):
+            if not _was_driven(robot, findings, wheel, layout, (forward, back), mark):
                 break
             if _moves_alone(findings, person, layout, wheel, forward, back):
                 _judge_direction(findings, person, layout, wheel, forward, back)
@@ -81,11 +83,14 @@ def _turn(robot: Robot, samples: Samples, layout: Layout, wheel: int, duty: floa
     return Turn(duty, mean_voltage_V(before, after, wheel), counted(before, after, layout.wheels), time_s)
 
 
-def _was_driven(robot: Robot, findings: Findings, wheel: int, layout: Layout, turns: tuple[Turn, ...]) -> bool:
+def _was_driven(
+    robot: Robot, findings: Findings, wheel: int, layout: Layout, turns: tuple[Turn, ...], mark: int
+) -> bool:
     """See that the firmware put the voltage out; note it otherwise."""
     if all(turn.voltage_V / turn.duty > 0.3 * layout.supply_V for turn in turns):
         return True
-    said = [text.text for text in robot.texts.all if text.severity <= 4][-3:]
+    warnings = [text.text for text in robot.texts.since(mark) if text.severity <= _WARNING]
+    said = [text for text in warnings if text.startswith("failsafe")] or warnings[-1:]
     findings.bad(
         f"motor {wheel + 1}",
         f"the robot stopped by itself: {'; '.join(said) or 'it gave no reason'}",
@@ -138,15 +143,16 @@ def _judge_silence(findings: Findings, person: Person, layout: Layout, wheel: in
 
 def _judge_crossing(findings: Findings, person: Person, layout: Layout, wheel: int, seen: list[int]) -> None:
     other = seen[0]
+    pair = f"{min(wheel, other) + 1} and {max(wheel, other) + 1}"
     own_turned = person.saw(f"Did wheel {wheel + 1} itself turn?")
     motors = (
-        f"motors {wheel + 1} and {other + 1} are exchanged: "
+        f"motors {pair} are exchanged: "
         + file_line("wiring", "in1_channel", swapped(layout.in1_channel, wheel, other))
         + " and in2_channel = "
         + str(swapped(layout.in2_channel, wheel, other))
     )
     encoders = (
-        f"encoders {wheel + 1} and {other + 1} are exchanged: exchange their pairs in the robot file, section "
+        f"encoders {pair} are exchanged: exchange their pairs in the robot file, section "
         "[wiring]: encoder_pins (and build and flash again), or their plugs"
     )
     both = f"if `omni bringup encoders` passed, {motors}; else {encoders}"

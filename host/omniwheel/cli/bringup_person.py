@@ -41,12 +41,19 @@ class TerminalPerson:
 
     def _ask(self, question: str, choices: str) -> str:
         error_console.print(f"[bold yellow]?[/] {escape(question)} [dim]({choices})[/] ", end="", soft_wrap=True)
-        if sys.platform != "win32":
-            while not select.select([sys.stdin], [], [], 0.0)[0]:
-                for robot in self._robots:
-                    robot.pump(_PERIOD_S)
+        while not _line_waits():
+            for robot in self._robots:
+                robot.pump(_PERIOD_S)
         line = sys.stdin.readline()
         if not line:
             error_console.print()
             raise NoAnswerError("nobody answers on standard input", hint="run it in a terminal, or add --yes")
         return line.strip()
+
+
+def _line_waits() -> bool:
+    """Return whether reading a line would not wait, or True where that cannot be known (Windows)."""
+    try:
+        return bool(select.select([sys.stdin], [], [], 0.0)[0])
+    except (OSError, ValueError):
+        return True

@@ -6,7 +6,7 @@ from dataclasses import replace
 from omniwheel.bringup import Result, check_link
 from omniwheel.firmware_version import RobotVersion
 from omniwheel.robots import read_robot
-from tests.host.bringup.conftest import Bench, MakeBench
+from tests.host.bringup.conftest import Bench, MakeBench, frames_of
 
 
 def failures(result: Result) -> dict[str, str]:
@@ -46,3 +46,14 @@ def test_two_links_to_two_robots(make_bench: MakeBench) -> None:
 def test_an_emergency_stop_left_behind_is_noticed(bench: Bench) -> None:
     bench.robot.estop()
     assert list(failures(check_link(bench.robot))) == ["state"]
+
+
+def test_lost_heartbeats_are_noticed(bench: Bench) -> None:
+    read = bench.link.read
+
+    def without_heartbeats(timeout_s: float) -> bytes:
+        return b"".join(frame for frame in frames_of(read(timeout_s)) if any(frame[7:10]))
+
+    bench.link.read = without_heartbeats  # type: ignore[method-assign]
+    result = check_link(bench.robot)
+    assert list(failures(result)) == ["heartbeat"]
