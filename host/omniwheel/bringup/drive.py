@@ -103,7 +103,7 @@ def in_frame(before: Pose, after: Pose) -> Twist:
 def _judge_stop(robot: Robot, findings: Findings, move: Move, mark: int) -> bool:
     status = safety_of(robot)
     said = [text.text for text in robot.texts.since(mark) if text.text.startswith("failsafe")]
-    if status.state == "disarmed" and not said:
+    if not status.fault_history and status.state not in ("failsafe", "estop") and not said:
         return True
     findings.bad(
         move.name,
