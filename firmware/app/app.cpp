@@ -19,10 +19,10 @@ constexpr size_t radio_port = 1;
 } // namespace
 
 App::App(const Board &board, bool lockstep)
-    : board_(board), shared_(board_), lockstep_(lockstep), signing_service_(shared_), parameters_(shared_, *this), telemetry_(shared_),
-      trajectories_(shared_, parameters_), setpoints_(shared_, parameters_), pose_fixes_(shared_, parameters_),
-      status_texts_(shared_), commands_(shared_, parameters_, telemetry_, trajectories_, *this),
-      owner_(lockstep ? Owner::background : Owner::timer) {
+    : board_(board), shared_(board_), lockstep_(lockstep), signing_service_(shared_), parameters_(shared_, *this),
+      telemetry_(shared_), trajectories_(shared_, parameters_), setpoints_(shared_, parameters_),
+      pose_fixes_(shared_, parameters_), status_texts_(shared_),
+      commands_(shared_, parameters_, telemetry_, trajectories_, *this), owner_(lockstep ? Owner::background : Owner::timer) {
     attach_links();
     shared_.hil = lockstep;
     signing_service_.boot();

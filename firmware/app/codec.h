@@ -17,10 +17,10 @@ struct Frame {
     uint32_t id = 0;
     uint8_t system = 0;
     uint8_t component = 0;
-    uint8_t target_system = 0;         ///< 0: everybody
-    uint8_t target_component = 0;      ///< 0: every component
-    bool is_signed = false;            ///< carries a signature, not looked at yet
-    const uint8_t *bytes = nullptr;    ///< as received, signature included; valid until the parser gets new bytes
+    uint8_t target_system = 0;      ///< 0: everybody
+    uint8_t target_component = 0;   ///< 0: every component
+    bool is_signed = false;         ///< carries a signature, not looked at yet
+    const uint8_t *bytes = nullptr; ///< as received, signature included; valid until the parser gets new bytes
     size_t length = 0;
     uint8_t payload[max_payload] = {}; ///< zero behind the bytes received (MAVLink 2 trims zeros)
 

@@ -32,8 +32,7 @@ struct Cursor {
         return true;
     }
     void skip_blanks() {
-        while (take(' ') || take('\t')) {
-        }
+        while (take(' ') || take('\t')) {}
     }
 };
 

@@ -27,7 +27,7 @@ public:
     static constexpr size_t radio_frame = 100;
 
     /// @param number of the link, from 0. @param signing of a radio; nullptr where whoever is connected has the robot in hand.
-    void attach(SerialPort *port, uint8_t number, Signing *signing) {
+    void attach(SerialPort *port, uint8_t number = 0, Signing *signing = nullptr) {
         port_ = port;
         number_ = number;
         signing_ = signing;

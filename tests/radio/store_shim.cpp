@@ -63,7 +63,8 @@ int param_load(uint8_t *image, uint32_t size, float *values) {
     return static_cast<int>(store.load(values));
 }
 
-int param_save(uint8_t *image, uint32_t size, const float *values, const float *own, uint32_t cut, uint32_t word, uint32_t torn) {
+int param_save(uint8_t *image, uint32_t size, const float *values, const float *own, uint32_t cut, uint32_t word,
+               uint32_t torn) {
     CutStorage storage(image, size, cut, word, torn);
     ParamStore store(storage);
     return static_cast<int>(store.save(values, own));
@@ -75,8 +76,8 @@ int record_load(uint8_t *image, uint32_t size, uint32_t offset, uint32_t content
     return static_cast<int>(store.load(data));
 }
 
-int record_save(uint8_t *image, uint32_t size, uint32_t offset, uint32_t content, const uint8_t *data, uint32_t cut, uint32_t word,
-                uint32_t torn) {
+int record_save(uint8_t *image, uint32_t size, uint32_t offset, uint32_t content, const uint8_t *data, uint32_t cut,
+                uint32_t word, uint32_t torn) {
     CutStorage storage(image, size, cut, word, torn);
     RecordStore store(storage, offset, content);
     return store.save(data) ? 1 : 0;

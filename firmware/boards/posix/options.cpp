@@ -13,27 +13,28 @@ namespace {
 constexpr int usage_error = 2;
 
 void print_help() {
-    std::puts("usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
-              "\n"
-              "The robot's firmware as a process of this computer.\n"
-              "\n"
-              "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
-              "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
-              "                   --robot it changes single values\n"
-              "  --link LINK      where MAVLink is spoken, up to four times (default tcp:127.0.0.1:5760)\n"
-              "                     tcp:HOST:PORT   listen there, port 0 picks a free one\n"
-              "                     udp:HOST:PORT   send there, receive the answers\n"
-              "                     pty[:SYMLINK]   a pseudo-terminal, like a USB serial port\n"
-              "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
-              "  --radio N        that link, 1..4, is a radio: a signing key closes it, and its line is as slow as LINK2_BAUD (only\n"
-              "                   link 2); 0: no link is (default: 2, as fast as it goes)\n"
-              "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
-              "  --version, --help\n"
-              "\n"
-              "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
-              "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments or a link that cannot be opened.\n"
-              "\n"
-              "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
+    std::puts(
+        "usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
+        "\n"
+        "The robot's firmware as a process of this computer.\n"
+        "\n"
+        "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
+        "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
+        "                   --robot it changes single values\n"
+        "  --link LINK      where MAVLink is spoken, up to four times (default tcp:127.0.0.1:5760)\n"
+        "                     tcp:HOST:PORT   listen there, port 0 picks a free one\n"
+        "                     udp:HOST:PORT   send there, receive the answers\n"
+        "                     pty[:SYMLINK]   a pseudo-terminal, like a USB serial port\n"
+        "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
+        "  --radio N        that link, 1..4, is a radio: a signing key closes it, and its line is as slow as LINK2_BAUD (only\n"
+        "                   link 2); 0: no link is (default: 2, as fast as it goes)\n"
+        "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+        "  --version, --help\n"
+        "\n"
+        "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
+        "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments or a link that cannot be opened.\n"
+        "\n"
+        "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
 }
 
 bool add_link(const char *link, Options *options) {
