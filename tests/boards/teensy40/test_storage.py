@@ -220,6 +220,22 @@ def test_a_power_cut_at_any_word_of_a_save_of_everything(store: Store) -> None:
     assert cut_everywhere(store, everything) > store.count
 
 
+def test_a_power_cut_at_any_word_of_a_write_leaves_all_or_nothing_of_it(chip: ctypes.CDLL, store: Store) -> None:
+    old = write_all(chip, 1)
+    memory = bytes(chip.flash_bytes()[: SECTORS * SECTOR_SIZE])
+    data = random.Random(2).randbytes(101)
+    new = old[:500] + data + old[601:]
+    contents = set()
+    for cut in range(60):
+        restore(store, memory)
+        chip.flash_cut_after(cut, 31 * cut)
+        chip.storage_write(500, data, len(data))
+        chip.flash_power_on()
+        store.boot()
+        contents.add(read_all(chip))
+    assert contents == {old, new}
+
+
 @pytest.mark.parametrize("dirty", [None, 1])
 def test_a_power_cut_at_any_step_of_a_save_that_begins_a_bank(store: Store, dirty: int | None) -> None:
     new = store.few(12)
