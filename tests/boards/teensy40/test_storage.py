@@ -160,7 +160,7 @@ def restore(store: Store, memory: bytes) -> None:
 def steps_of_save(store: Store, values: array[float]) -> int:
     """Return how many words and sectors a save would take, without leaving a trace."""
     memory = bytes(store.chip.flash_bytes()[: SECTORS * SECTOR_SIZE])
-    before = store.chip.flash_steps()
+    before = int(store.chip.flash_steps())
     assert store.save(values) == OK
     steps = int(store.chip.flash_steps()) - before
     restore(store, memory)
