@@ -13,6 +13,7 @@ from omniwheel.cli import (
     demo,
     doctor,
     drive,
+    flash,
     hil,
     identify,
     legacy,
@@ -74,6 +75,7 @@ app.add_typer(logs.app, name="logs")
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
 app.add_typer(identify.app, name="identify")
+app.command("flash", epilog=flash.EXAMPLES)(flash.flash)
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 
