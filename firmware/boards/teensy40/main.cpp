@@ -9,6 +9,7 @@
 #include "boards/teensy40/clock.h"
 #include "boards/teensy40/encoders.h"
 #include "boards/teensy40/i2c.h"
+#include "boards/teensy40/memory.h"
 #include "boards/teensy40/pins.h"
 #include "boards/teensy40/ports.h"
 #include "boards/teensy40/priorities.h"
@@ -66,6 +67,7 @@ float battery_V() {
 /// Everything that may take long comes before the watchdog is started.
 Board Teensy40::begin() {
     output_enable_.begin();
+    paint_stack();
     light_.begin();
     light_.set(true);
     watchdog_.begin();
@@ -89,6 +91,7 @@ Board Teensy40::begin() {
     board.watchdog = &watchdog_;
     board.robot_values = omni_robot_presets[0].values;
     board.battery_V = battery_wired ? omni::battery_V : nullptr;
+    board.memory_free = memory_free;
     return board;
 }
 

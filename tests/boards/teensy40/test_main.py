@@ -17,7 +17,7 @@ def test_outputs_are_off_from_the_first_moment_and_the_watchdog_starts_last(chip
     assert chip.fake_pin(OUTPUT_ENABLE) == HIGH
     assert chip.fake_pin_glitches() <= 1  # the lamp may begin low, the motors' power may not
     assert chip.fake_fault_pin() == OUTPUT_ENABLE
-    assert chip.fake_journal().decode() == "eiAwt"  # encoders, I2C, application, watchdog, timer
+    assert chip.fake_journal().decode() == "peiAwt"  # stack painted, encoders, I2C, application, watchdog, timer
 
 
 def test_the_tick_has_its_period_and_its_place_among_the_interrupts(chip: ctypes.CDLL) -> None:

@@ -7,6 +7,7 @@
 #include "boards/teensy40/encoders.h"
 #include "boards/teensy40/faults.h"
 #include "boards/teensy40/i2c.h"
+#include "boards/teensy40/memory.h"
 #include "boards/teensy40/processor.h"
 
 volatile uint32_t F_CPU_ACTUAL = 600'000'000;
@@ -123,6 +124,12 @@ void system_reset() {
 }
 void set_on_fault(volatile FakeSetRegister *target, uint32_t) {
     model.fault_pin = target->pin;
+}
+void paint_stack() {
+    model.journal.add('p');
+}
+MemoryFree memory_free() {
+    return {1000, 2000};
 }
 void Teensy40Encoders::begin() {
     model.journal.add('e');
