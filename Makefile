@@ -16,13 +16,14 @@ C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware
 
-.PHONY: help setup demo test lint format bench sanitize core-checks wheel firmware flash clean
+.PHONY: help setup demo test lint format bench sanitize core-checks fuzz wheel firmware flash clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
 	@echo 'make lint         formatters and linters     make format      apply the formatters'
 	@echo 'make bench        benchmarks                 make sanitize    tests under ASan and UBSan'
 	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
+	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
 	@echo 'make flash        the same, and upload it'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
@@ -98,6 +99,9 @@ core-checks: $(VENV)/stamp-tools
 
 sanitize: setup
 	.ci/sanitize $(VENV) $(ARGS)
+
+fuzz: setup
+	$(BIN)/python -m tests.fuzz.fuzz $(if $(BYTES),--bytes $(BYTES)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
 clean:
 	rm -rf build dist runs .pio .pytest_cache .mypy_cache .ruff_cache .hypothesis
