@@ -171,7 +171,7 @@ def test_a_board_that_does_not_come_back_is_an_error_with_a_way_on(bench: Bench)
 
 
 def test_missing_pio_and_missing_source_say_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(flashing.shutil, "which", lambda *_, **__: None)
+    monkeypatch.setattr("shutil.which", lambda *_, **__: None)
     with pytest.raises(FlashError) as caught:
         flashing.find_pio()
     assert "pip install platformio" in caught.value.hint
