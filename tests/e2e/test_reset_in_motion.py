@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The processor hangs while the robot drives and its watchdog resets it: the PWM chip drives on until somebody stops it.
+"""The processor hangs while the robot drives and its watchdog resets it: the PWM chip drives on until it is stopped.
 
 The world goes on while there is no firmware. A reset lets go of the output-enable pin, and the pull-up switches the
 chip's outputs off; without the pin the first thing the new firmware writes does.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Every byte of the stored parameters damaged: the robot starts with a whole set, old or new or its own, and says so."""
+"""Every byte of the stored parameters damaged: the robot starts with a whole set, or its own, and says so."""
 
 from __future__ import annotations
 

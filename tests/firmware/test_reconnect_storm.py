@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Hundreds of connections and half frames on another link while the robot drives: it takes no notice and leaks nothing."""
+"""Hundreds of connections and half frames on another link while the robot drives: it takes no notice, leaks nothing."""
 
 from __future__ import annotations
 
