@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file i2c.h  Asynchronous I2C master on LPI2C1 (SDA pin 18, SCL pin 19) of a Teensy 4.0.
 ///
-/// submit() turns a batch into the words of the master's command FIFO; an interrupt refills its four places. Nothing waits: if
-/// an interrupt comes late, the master stretches SCL. A batch that takes too long is given up by poll(), from the tick. recover()
-/// frees the bus by a 100 kHz timer while the program goes on.
+/// submit() turns a batch into the words of the master's command FIFO; an interrupt refills its four places, some ten times for
+/// an update of three motors. Nothing waits: if an interrupt comes late, the master stretches SCL. A batch that takes too long is
+/// given up by poll(), from the tick. recover() frees the bus by a 100 kHz timer while the program goes on.
 #pragma once
 
 #include <core_pins.h>

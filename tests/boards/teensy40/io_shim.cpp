@@ -149,6 +149,10 @@ void bus_let_go() {
     fake::let_lines_go();
 }
 
+void bus_leave_stop(bool leave) {
+    fake::leave_stop(leave);
+}
+
 void timer_allowed(bool allowed) {
     fake::timer_allowed(allowed);
 }
@@ -161,6 +165,10 @@ size_t bus_events(uint16_t *out, size_t capacity) {
     }
     fake::clear_events();
     return count;
+}
+
+uint32_t bus_clocks() {
+    return fake::take_gpio_clocks();
 }
 
 uint32_t bus_mistakes() {
