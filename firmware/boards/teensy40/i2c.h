@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file i2c.h  Asynchronous I2C master on LPI2C1 (SDA pin 18, SCL pin 19) of a Teensy 4.0.
 ///
-/// submit() turns a batch into the words of the master's command FIFO; an interrupt refills its four places. Nothing waits: if
-/// an interrupt comes late, the master stretches SCL. A batch that takes too long is given up by poll(), from the tick. recover()
-/// frees the bus by a 100 kHz timer while the program goes on.
+/// submit() turns a batch into the words of the master's command FIFO; an interrupt refills its four places, some ten times for
+/// an update of three motors. Nothing waits: if an interrupt comes late, the master stretches SCL. A batch that takes too long is
+/// given up by poll(), from the tick. recover() frees the bus by a 100 kHz timer while the program goes on.
 #pragma once
 
 #include <core_pins.h>
@@ -46,6 +46,8 @@ public:
     /// A batch longer than twice its time on the wire plus 0.5 ms is given up as stuck; so is one that lost the bus.
     I2cStatus poll(uint8_t *read) override;
     void recover() override;
+    /// A batch that lost the bus counts as a time-out here.
+    I2cStats stats() override;
     const I2cCounters &counters() const { return counters_; }
 
     /// Interrupt context.

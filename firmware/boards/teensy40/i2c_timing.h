@@ -92,7 +92,7 @@ constexpr uint64_t i2c_batch_ns(const I2cTiming &timing, uint32_t rise_ns, uint3
     const uint64_t bit = low + timing.clk_high + 1 + latency;
     const uint64_t hold = timing.set_hold + 1;
     // A START holds; a repeated START and a STOP first take SCL low and set up.
-    const uint64_t clocks = 9 * bytes * bit + starts * (hold + low + hold + latency);
+    const uint64_t clocks = bit * bytes * 9 + starts * (hold + low + hold + latency);
     return i2c_ns_of(clocks, timing.prescale);
 }
 

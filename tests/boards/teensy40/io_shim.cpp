@@ -133,6 +133,14 @@ void i2c_counters(uint32_t *out) {
     std::memcpy(out, &i2c->counters(), sizeof(I2cCounters));
 }
 
+void i2c_stats(uint32_t *out) {
+    const I2cStats stats = i2c->stats();
+    out[0] = stats.nacks;
+    out[1] = stats.timeouts;
+    out[2] = stats.recoveries;
+    out[3] = stats.last_us;
+}
+
 void bus_advance_us(uint32_t us) {
     fake::advance_us(us);
 }
@@ -149,6 +157,10 @@ void bus_let_go() {
     fake::let_lines_go();
 }
 
+void bus_leave_stop(bool leave) {
+    fake::leave_stop(leave);
+}
+
 void timer_allowed(bool allowed) {
     fake::timer_allowed(allowed);
 }
@@ -161,6 +173,10 @@ size_t bus_events(uint16_t *out, size_t capacity) {
     }
     fake::clear_events();
     return count;
+}
+
+uint32_t bus_clocks() {
+    return fake::take_gpio_clocks();
 }
 
 uint32_t bus_mistakes() {

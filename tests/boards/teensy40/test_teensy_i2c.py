@@ -210,7 +210,11 @@ ANSWERED = [*UPDATE[:1], MODE1]
 @pytest.mark.parametrize(
     "batch", [UPDATE, ANSWERED, [Transaction(PCA9685)], ZEROS], ids=("update", "read", "scan", "zero")
 )
-def test_a_byte_that_is_not_acknowledged_ends_the_batch_with_a_stop(bus: Bus, batch: list[Transaction]) -> None:
+@pytest.mark.parametrize("leave_stop", [False, True], ids=("own-stop", "asked-stop"))
+def test_a_byte_that_is_not_acknowledged_ends_the_batch_with_a_stop(
+    bus: Bus, batch: list[Transaction], leave_stop: bool
+) -> None:
+    bus.c.bus_leave_stop(leave_stop)
     bus.submit(*batch)
     bus.finish()
     sent = [event for event in bus.events() if not event & (START | STOP | BY_CHIP)]
@@ -246,6 +250,7 @@ def test_a_data_line_held_low_anywhere_is_freed_by_at_most_nine_clocks(
         bus.c.i2c_recover()  # asking again does not begin again
         bus.tick(300)
         assert bus.events() == [STOP]  # no START: nothing that a chip could take for an address
+        assert bus.c.bus_clocks() == clocks + 1  # the last one is the STOP's
         assert bus.counter("recoveries") == recoveries + 1
         assert works(bus)
     assert bus.counter("sda_stuck") == bus.counter("scl_stuck") == 0
@@ -297,6 +302,7 @@ def test_without_a_free_timer_the_tick_clears_the_bus(bus: Bus) -> None:
 def test_recovery_of_a_bus_that_is_free_or_busy_harms_nothing(bus: Bus) -> None:
     bus.c.i2c_recover()
     bus.tick(150)
+    assert bus.c.bus_clocks() == 1  # a chip that is being written to gets no bits that it would take for data
     assert works(bus)
     for us in range(0, 280, 9):
         assert bus.submit(*UPDATE)
@@ -305,6 +311,24 @@ def test_recovery_of_a_bus_that_is_free_or_busy_harms_nothing(bus: Bus) -> None:
         bus.tick(200)
         assert works(bus)
     assert no_mistakes(bus)
+
+
+def test_what_went_wrong_is_told(bus: Bus) -> None:
+    bus.c.bus_refuse_byte(3)
+    for status, hold in (("nack", None), ("stuck", (SDA, 3, 9)), ("stuck", (SCL, 3, FOR_EVER))):
+        if hold:
+            bus.c.bus_hold(*hold)
+        assert bus.submit(*UPDATE)
+        assert bus.finish() == status
+        bus.c.bus_let_go()
+        if status == "stuck":
+            bus.c.i2c_recover()
+            bus.tick()
+    assert works(bus)
+    stats = (ctypes.c_uint32 * 4)()
+    bus.c.i2c_stats(stats)
+    assert list(stats[:3]) == [1, 2, 2]  # lost to a low SDA, and never ended
+    assert stats[3] == bus.counter("last_us") > 260
 
 
 # ---------------------------------------------------------------- the motor driver on this bus

@@ -46,12 +46,16 @@ void refuse_byte(int n);
 /// After so many more wire events, hold a line low. SDA is let go after `clocks` clocks, SCL never.
 void hold_line(Line line, int after_events, int clocks);
 void let_lines_go();
+/// After a NACK the master waits for a STOP command instead of sending one by itself.
+void leave_stop(bool leave);
 bool timer_allowed(bool allowed);
 size_t event_count();
 uint16_t event(size_t index);
 void clear_events();
 /// Misuse of the master: FIFO overflow, commands out of order, both lines moved at once. 0 is right.
 uint32_t mistakes();
+/// Clocks made by GPIO since the last call.
+uint32_t take_gpio_clocks();
 void lines_changed();
 bool bus_level(uint8_t pin);
 

@@ -45,9 +45,10 @@ struct Bus {
     Fifo received;
     uint32_t flags;
     bool enabled;
-    bool ours;      ///< between START and STOP
-    bool reading;   ///< addressed for reading
-    bool auto_stop; ///< the master ends by itself after NACK or FIFO error
+    bool ours;        ///< between START and STOP
+    bool reading;     ///< addressed for reading
+    bool auto_stop;   ///< the master ends by itself after a NACK
+    bool leaves_stop; ///< and would not, if its flag were cleared too early
     bool working;
     uint32_t command;
     uint32_t bytes_left; ///< of a RECEIVE
@@ -65,6 +66,7 @@ struct Bus {
     int clocks;     ///< until SDA is let go
     int bytes_seen;
     bool scl, sda;
+    uint32_t gpio_clocks; ///< times a GPIO took SCL low
     std::vector<uint16_t> log;
     uint32_t mistake_count;
 
@@ -126,7 +128,7 @@ bool send(uint8_t data, bool acknowledged) {
     log_event(ack ? data : static_cast<uint16_t>(data | nack));
     if (!ack) {
         bus.flags |= LPI2C_MSR_NDF;
-        bus.auto_stop = true;
+        bus.auto_stop = !bus.leaves_stop;
     }
     return ack;
 }
@@ -315,6 +317,7 @@ void serve_interrupt() {
 
 void lines_changed() {
     const bool scl = bus_level(scl_pin);
+    bus.gpio_clocks += bus.scl && !scl && is_gpio(scl_pin);
     if (bus.scl && !scl && line_held(Line::sda) && is_gpio(scl_pin) && --bus.clocks == 0) {
         bus.held = Line::none;
     }
@@ -387,6 +390,10 @@ void let_lines_go() {
     bus.sda = bus_level(sda_pin);
 }
 
+void leave_stop(bool leave) {
+    bus.leaves_stop = leave;
+}
+
 bool timer_allowed(bool allowed) {
     bus.timer_refused = !allowed;
     return allowed;
@@ -402,6 +409,12 @@ uint16_t event(size_t index) {
 
 void clear_events() {
     bus.log.clear();
+}
+
+uint32_t take_gpio_clocks() {
+    const uint32_t clocks = bus.gpio_clocks;
+    bus.gpio_clocks = 0;
+    return clocks;
 }
 
 uint32_t mistakes() {
