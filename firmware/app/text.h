@@ -30,11 +30,11 @@ public:
         } while (number != 0);
         return add(digits + at);
     }
-    /// Eight hexadecimal digits.
+    /// Eight digits after 0x.
     Text &add_hex(uint32_t number) {
-        char digits[9] = {};
-        for (int i = 7; i >= 0; --i, number >>= 4) {
-            digits[i] = "0123456789abcdef"[number & 15];
+        char digits[11] = "0x00000000";
+        for (size_t at = 9; number != 0; --at, number >>= 4) {
+            digits[at] = "0123456789ABCDEF"[number & 0xF];
         }
         return add(digits);
     }

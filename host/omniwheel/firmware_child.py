@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import IO, Any, TypeVar
 
 from omniwheel.errors import FirmwareEndedError, FirmwareStartError, LinkError
+from omniwheel.link import FileLink, open_link
 from omniwheel.parameters import ParameterValue, checked_value
 from omniwheel.robots import parameter_table, read_robot
 
@@ -59,6 +60,10 @@ class FirmwareChild(ABC):
         """Link URLs to connect to, in the order of ``links``."""
         return tuple(_as_url(link) for link in self.links)
 
+    def open_link(self, number: int = 0) -> FileLink:
+        """Connect to one of the links. Raises LinkOpenError."""
+        return open_link(self.urls[number])
+
     @property
     def pid(self) -> int | None:
         """Process id while it runs."""
@@ -84,7 +89,7 @@ class FirmwareChild(ABC):
         folder = Path(self._folder.name)
         parameters = folder / "parameters"
         parameters.write_text("".join(f"{name}={value!r}\n" for name, value in self.values.items()), encoding="ascii")
-        self._log = (folder / "log").open("w+b")
+        self._log = (folder / "log").open("a+b")
         self.links = self._launch(folder, parameters, self._log)
 
     @abstractmethod
@@ -93,7 +98,7 @@ class FirmwareChild(ABC):
 
     def _spawn(self, command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
         try:
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, **options)
+            self._process = subprocess.Popen(command, **{"stdin": subprocess.DEVNULL, **options})
         except OSError as error:
             raise FirmwareStartError(f"cannot start {command[0]}: {error.strerror}") from error
         return self._process

@@ -9,6 +9,7 @@
 #include "boards/mps2_an500/base/fault.h"
 #include "boards/mps2_an500/base/machine.h"
 #include "boards/mps2_an500/base/semihosting.h"
+#include "boards/mps2_an500/console_port.h"
 #include "boards/mps2_an500/kept.h"
 #include "boards/mps2_an500/options.h"
 #include "boards/mps2_an500/parts.h"
@@ -39,7 +40,7 @@ public:
     void on_inject();
     bool crash_resets() const { return options_.crash_resets; }
 
-    UartPort ports[Board::max_ports];
+    UartPort uarts[Board::max_ports];
     std::atomic<bool> woken{false};
 
 private:
@@ -54,6 +55,7 @@ private:
     TimerClock clock_;
     HostStorage storage_;
     TimerWatchdog watchdog_;
+    ConsolePort console_;
     NoEncoders encoders_;
     NoMotorsBus bus_;
     NoOutputEnable output_enable_;
@@ -73,8 +75,14 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
         return false;
     }
     for (size_t i = 0; i < options_.link_count; ++i) {
-        ports[i].open(i);
-        board_.ports[i] = &ports[i];
+        uarts[i].open(i);
+        board_.ports[i] = &uarts[i];
+    }
+    if (options_.console_link) {
+        if (!console_.open()) {
+            return false;
+        }
+        board_.ports[0] = &console_;
     }
     board_.port_count = options_.link_count;
     board_.clock = &clock_;
@@ -136,16 +144,22 @@ void Machine::on_timer() {
 }
 
 bool Machine::bytes_wait() const {
-    for (size_t i = 0; i < board_.port_count; ++i) {
-        if (ports[i].waiting()) {
+    for (const UartPort &uart : uarts) {
+        if (uart.waiting()) {
             return true;
         }
     }
-    return false;
+    return console_.waiting();
 }
 
 /// Until the next interrupt. One that came since the last background pass began is not slept over.
 void Machine::sleep() {
+    if (options_.console_link) {
+        if (!bytes_wait()) {
+            console_.wait();
+        }
+        return;
+    }
     const an500::InterruptLock lock;
     if (!woken && !bytes_wait()) {
         an500::wait_for_interrupt();
@@ -154,8 +168,8 @@ void Machine::sleep() {
 
 void Machine::reboot() {
     const uint64_t begin_us = clock_.elapsed_us();
-    for (size_t i = 0; i < board_.port_count; ++i) {
-        while (!ports[i].drained() && clock_.elapsed_us() - begin_us < farewell_us) {
+    for (const UartPort &uart : uarts) {
+        while (!uart.drained() && clock_.elapsed_us() - begin_us < farewell_us) {
             app_->background();
         }
     }
@@ -201,11 +215,11 @@ void uart4_rx_handler() {
 
 #define OMNI_UART_HANDLERS(number)                                                                                             \
     void uart##number##_rx_handler() {                                                                                         \
-        omni::machine.ports[number].on_receive();                                                                              \
+        omni::machine.uarts[number].on_receive();                                                                              \
         omni::machine.woken = true;                                                                                            \
     }                                                                                                                          \
     void uart##number##_tx_handler() {                                                                                         \
-        omni::machine.ports[number].on_transmit();                                                                             \
+        omni::machine.uarts[number].on_transmit();                                                                             \
         omni::machine.woken = true;                                                                                            \
     }
 OMNI_UART_HANDLERS(0)

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "boards/common/robot_values.h"
+#include "boards/mps2_an500/base/semihosting.h"
 #include "omni/version_gen.h"
 
 namespace omni {
@@ -62,11 +63,20 @@ bool use_reset_cause(const char *text, ResetCause *cause) {
     return false;
 }
 
+bool use_log(const char *path) {
+    if (an500::semihosting_print_to(path)) {
+        return true;
+    }
+    std::fprintf(stderr, "omni-firmware: --log %s: %s\n", path, std::strerror(an500::semihosting_errno()));
+    return false;
+}
+
 bool take_flag(const char *name, Options *options) {
     const struct {
         const char *name;
         bool *value;
     } flags[] = {{"--lockstep", &options->lockstep},
+                 {"--console-link", &options->console_link},
                  {"--catch-up", &options->catch_up},
                  {"--crash-resets", &options->crash_resets},
                  {"--inject", &options->inject}};
@@ -101,6 +111,10 @@ bool take_option(const char *name, const char *value, Options *options) {
     if (std::strcmp(name, "--storage") == 0) {
         options->storage = value;
         return true;
+    }
+    if (std::strcmp(name, "--log") == 0) {
+        options->log = value;
+        return use_log(value);
     }
     std::fprintf(stderr, "omni-firmware: unknown option '%s'; see --help\n", name);
     return false;
@@ -142,6 +156,10 @@ bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
         if (!take_option(name, argv[++i], options)) {
             return false;
         }
+    }
+    if (options->console_link && !(options->lockstep && options->log != nullptr)) {
+        std::fputs("omni-firmware: --console-link needs --lockstep and --log\n", stderr);
+        return false;
     }
     return check_robot(options->values);
 }

@@ -15,6 +15,7 @@ from omniwheel.cli import (
     demo,
     doctor,
     drive,
+    flash,
     hil,
     identify,
     legacy,
@@ -91,6 +92,7 @@ app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
 app.add_typer(bringup.app, name="bringup")
 app.add_typer(identify.app, name="identify")
+app.command("flash", epilog=flash.EXAMPLES)(flash.flash)
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 
