@@ -41,18 +41,17 @@ bool UsbPort::write(const uint8_t *data, size_t length) {
 void RadioPort::begin(uint32_t baud) {
     Serial1.addMemoryForWrite(write_memory_, sizeof write_memory_);
     Serial1.addMemoryForRead(read_memory_, sizeof read_memory_);
-    set_baud(baud);
+    baud_ = baud;
+    wanted_baud_ = baud;
+    Serial1.begin(baud);
     capacity_ = write_space();
 }
 
-void RadioPort::set_baud(uint32_t baud) {
-    if (baud != baud_) {
-        baud_ = baud;
-        Serial1.begin(baud);
-    }
-}
-
 size_t RadioPort::read(uint8_t *data, size_t capacity) {
+    if (wanted_baud_ != baud_ && drained()) {
+        baud_ = wanted_baud_;
+        Serial1.begin(baud_);
+    }
     const size_t count = std::min(capacity, static_cast<size_t>(std::max(Serial1.available(), 0)));
     for (size_t i = 0; i < count; ++i) {
         data[i] = static_cast<uint8_t>(Serial1.read());

@@ -32,8 +32,9 @@ public:
     size_t write_space() override;
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return 1; }
-    /// Bytes on their way are lost when the baud rate changes.
-    void set_baud(uint32_t baud);
+    bool has_baud() override { return true; }
+    /// Takes effect in read(), once everything has left the buffer.
+    void set_baud(uint32_t baud) override { wanted_baud_ = baud; }
     /// Everything has left the buffer.
     bool drained();
 
@@ -44,6 +45,7 @@ private:
     static constexpr size_t more_for_reading = 4096;
 
     uint32_t baud_ = 0;
+    uint32_t wanted_baud_ = 0;
     size_t capacity_ = 0;
     uint8_t write_memory_[more_for_writing];
     uint8_t read_memory_[more_for_reading];

@@ -122,9 +122,16 @@ def test_the_radio_is_always_connected_and_reads_what_has_arrived(ports: ctypes.
     assert ports.radio_read(data, 8192) == len(burst) - 10
 
 
-def test_the_baud_rate_changes_only_when_it_is_another(ports: ctypes.CDLL) -> None:
+def test_the_baud_rate_changes_only_when_it_is_another_and_everything_has_left(ports: ctypes.CDLL) -> None:
+    data = ctypes.create_string_buffer(16)
     assert (ports.fake_radio_baud(), ports.fake_radio_begins()) == (9600, 1)
     ports.radio_set_baud(9600)
+    ports.radio_read(data, 16)
     assert ports.fake_radio_begins() == 1
+    assert ports.radio_write(b"answer", 6)
     ports.radio_set_baud(115200)
+    ports.radio_read(data, 16)
+    assert ports.fake_radio_begins() == 1
+    ports.fake_radio_sends(6)
+    ports.radio_read(data, 16)
     assert (ports.fake_radio_baud(), ports.fake_radio_begins()) == (115200, 2)
