@@ -49,7 +49,7 @@ class FirmwareChild(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        ended = None if self._process is None else self._process.poll()
+        ended = self.exit_code
         said = self.messages
         self.stop()
         if ended is not None and isinstance(error, LinkError):
@@ -73,6 +73,11 @@ class FirmwareChild(ABC):
     def running(self) -> bool:
         """Whether the process is there."""
         return self._process is not None and self._process.poll() is None
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code of a process that has ended by itself, None while it runs."""
+        return None if self._process is None else self._process.poll()
 
     @property
     def messages(self) -> str:

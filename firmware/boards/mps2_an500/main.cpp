@@ -74,7 +74,8 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
     if (!storage_.open(options_.storage)) {
         return false;
     }
-    for (size_t i = 0; i < options_.link_count; ++i) {
+    const size_t uart_count = options_.link_count - (options_.console_link ? 1 : 0);
+    for (size_t i = 0; i < uart_count; ++i) {
         uarts[i].open(i);
         board_.ports[i] = &uarts[i];
     }
@@ -82,7 +83,7 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
         if (!console_.open()) {
             return false;
         }
-        board_.ports[0] = &console_;
+        board_.ports[uart_count] = &console_;
     }
     board_.port_count = options_.link_count;
     board_.clock = &clock_;
@@ -156,7 +157,9 @@ bool Machine::bytes_wait() const {
 void Machine::sleep() {
     if (options_.console_link) {
         if (!bytes_wait()) {
+            watchdog_.pause();
             console_.wait();
+            watchdog_.resume();
         }
         return;
     }

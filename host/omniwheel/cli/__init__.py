@@ -13,6 +13,7 @@ from omniwheel.cli import (
     demo,
     doctor,
     drive,
+    emulate,
     hil,
     identify,
     legacy,
@@ -58,6 +59,7 @@ def _options(
 
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 app.command("sitl", epilog=sitl.EXAMPLES)(sitl.sitl)
+app.command("emulate", epilog=emulate.EXAMPLES)(emulate.emulate)
 app.command("hil", epilog=hil.EXAMPLES)(hil.hil)
 app.command("sim", epilog=sim.EXAMPLES)(sim.sim)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)

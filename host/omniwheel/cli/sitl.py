@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -24,35 +26,34 @@ EXAMPLES = examples(
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
 
+ScenarioNameArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="World, faults and parameters; its events are not played.")
+]
+RobotOption = Annotated[
+    str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
+]
+PortOption = Annotated[
+    int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")
+]
+HostOption = Annotated[str, typer.Option("--host", help="Address to listen on.")]
+LinksOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--link", metavar="LINK", help="Instead of --port: tcp:HOST:PORT, pty[:PATH], udp:HOST:PORT; repeatable."
+    ),
+]
+StorageOption = Annotated[
+    Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
+]
+
 
 def sitl(
-    scenario_name: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="World, faults and parameters; its events are not played.")
-    ] = "sitl",
-    robot: Annotated[
-        str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
-    ] = None,
-    world_robot: Annotated[
-        str | None,
-        typer.Option(
-            "--world-robot",
-            metavar="NAME|FILE",
-            help="The robot that is really there, if the firmware is to be wrong about it: to try `omni bringup`.",
-        ),
-    ] = None,
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")
-    ] = 5760,
-    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
-    link: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--link", metavar="LINK", help="Instead of --port: tcp:HOST:PORT, pty[:PATH], udp:HOST:PORT; repeatable."
-        ),
-    ] = None,
-    storage: Annotated[
-        Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
-    ] = None,
+    scenario_name: ScenarioNameArgument = "sitl",
+    robot: RobotOption = None,
+    port: PortOption = 5760,
+    host: HostOption = "127.0.0.1",
+    link: LinksOption = None,
+    storage: StorageOption = None,
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -60,23 +61,31 @@ def sitl(
 
     A TCP port serves one client at a time; give --link more than once for several.
     """
-    scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
+    scenario = load_scenario(scenario_name, robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
+    with until_interrupted(), start_sitl(scenario, links, storage=storage) as running:
+        announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
+        while True:
+            running.advance()
+
+
+@contextmanager
+def until_interrupted() -> Iterator[None]:
+    """End quietly on Ctrl-C and SIGTERM."""
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        with start_sitl(scenario, links, storage=storage) as running:
-            if json_wanted:
-                ready = {"ready": True, "links": list(running.urls), "robot": scenario.robot.name}
-                print_json(ready, one_line=True)
-            else:
-                console.print(
-                    f"{scenario.robot.name} is there: connect to [bold]{'[/] or [bold]'.join(running.urls)}[/]"
-                )
-                console.print(f"{scenario.description}. Ctrl-C ends it.")
-            while True:
-                running.advance()
+        yield
     except KeyboardInterrupt:
         return
+
+
+def announce(urls: Sequence[str], robot: str, description: str, json_wanted: bool) -> None:
+    """Say where the robot is to be found."""
+    if json_wanted:
+        print_json({"ready": True, "links": list(urls), "robot": robot}, one_line=True)
+    else:
+        console.print(f"{robot} is there: connect to [bold]{'[/] or [bold]'.join(urls)}[/]")
+        console.print(f"{description}. Ctrl-C ends it.")
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> None:
