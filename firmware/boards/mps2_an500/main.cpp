@@ -156,7 +156,7 @@ bool Machine::bytes_wait() const {
 /// Until the next interrupt. One that came since the last background pass began is not slept over.
 void Machine::sleep() {
     if (options_.console_link) {
-        if (!bytes_wait()) {
+        if (!console_.has_sent() && !bytes_wait()) {
             watchdog_.pause();
             console_.wait();
             watchdog_.resume();
