@@ -157,7 +157,9 @@ def run_hil(
     """
     scenario = scenario.with_seed(seed)
     with ExitStack() as stack:
-        base = stack.enter_context(_own_firmware(scenario, emulated) if link is None else _linked_firmware(scenario, link))
+        base = stack.enter_context(
+            _own_firmware(scenario, emulated) if link is None else _linked_firmware(scenario, link)
+        )
         loop = HilLoop(scenario, base)
         if out_dir is not None:
             log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))

@@ -28,7 +28,9 @@ from omniwheel.cli.run_output import (
     store,
 )
 
-EXAMPLES = examples("omni demo", "omni demo --seed 7 --out /tmp/runs", "omni demo --emulated", "omni demo --json | jq .rmse")
+EXAMPLES = examples(
+    "omni demo", "omni demo --seed 7 --out /tmp/runs", "omni demo --emulated", "omni demo --json | jq .rmse"
+)
 COMPARED = ("original_law", "no_slip")
 
 

@@ -32,9 +32,7 @@ ScenarioNameArgument = Annotated[
 RobotOption = Annotated[
     str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
 ]
-PortOption = Annotated[
-    int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")
-]
+PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")]
 HostOption = Annotated[str, typer.Option("--host", help="Address to listen on.")]
 LinksOption = Annotated[
     list[str] | None,

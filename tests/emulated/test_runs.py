@@ -3,17 +3,12 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from hil_sim.hil import run_hil
-from hil_sim.scenario import Scenario, load_scenario
-from omniwheel.cli import app
+from hil_sim.scenario import load_scenario
 from tests.arm import need_emulated_firmware
 
 SHORT_S = 12.0
