@@ -42,7 +42,9 @@ class EmulatedFirmware(FirmwareChild):
     With ``icount_shift`` every instruction takes 2**shift ns of the emulated time, which then runs as fast as this
     computer can; without, it is real time. ``watchdog_ms`` 0 switches the watchdog off. With ``crash_resets`` the
     processor starts again after a crash, as the robot's does, instead of ending. ``injectable`` makes :meth:`crash` and
-    :meth:`hang` work. Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
+    :meth:`hang` work. With ``pins`` a world at the board's pins keeps step with the emulated time (hil_sim.pins);
+    its serial line is the robot's link 1, before ``links``.
+    Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class EmulatedFirmware(FirmwareChild):
         reset_cause: str = "power_on",
         crash_resets: bool = False,
         injectable: bool = False,
+        pins: bool = False,
     ) -> None:
         super().__init__(robot, parameters)
         if not 1 <= len(links) <= MAX_LINKS:
@@ -78,10 +81,12 @@ class EmulatedFirmware(FirmwareChild):
             "--console-link": links[-1] == DIRECT,
             "--catch-up": not lockstep and icount_shift is None,
             "--crash-resets": crash_resets,
+            "--pins": pins,
             "--inject": injectable,
         }
         self._words += [flag for flag, wanted in flags.items() if wanted]
         self._injectable = injectable
+        self._uses_stdio = pins or links[-1] == DIRECT
         self._inject: socket.socket | None = None
         self._symlinks: list[Path] = []
 
@@ -93,6 +98,13 @@ class EmulatedFirmware(FirmwareChild):
             raise LinkOpenError("the direct link to the emulated firmware has been opened before")
         mine, self._direct = self._direct, None
         return StreamLink(DIRECT, mine)
+
+    def open_pins(self) -> socket.socket:
+        """Return the connection to the pins of a firmware with ``pins``; at most once. Closing it ends the emulator."""
+        if not self._uses_stdio or self._direct is None:
+            raise LinkOpenError("the emulated firmware has no pins for a world, or they have been taken before")
+        mine, self._direct = self._direct, None
+        return mine
 
     def crash(self) -> None:
         """Make the program fault, at once."""
@@ -135,7 +147,7 @@ class EmulatedFirmware(FirmwareChild):
             if self._injectable:
                 self._inject = serial.add_pair()
             command += serial.options
-            if self._wanted[-1] == DIRECT:
+            if self._uses_stdio:
                 self._direct, its = socket.socketpair()
                 ours.enter_context(its)
                 self._spawn(command, stdin=its, stdout=its, stderr=log, cwd=folder, pass_fds=serial.fds)

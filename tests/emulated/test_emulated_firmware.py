@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The emulator as a process: links, mistakes, ends, resets, crashes. The firmware itself is tested in tests/firmware."""
+"""The emulator as a process: links, mistakes, ends, resets, crashes. The firmware itself: see tests/firmware."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@
 #include "boards/mps2_an500/kept.h"
 #include "boards/mps2_an500/options.h"
 #include "boards/mps2_an500/parts.h"
+#include "boards/mps2_an500/pins.h"
 #include "boards/mps2_an500/uart_port.h"
 
 namespace omni {
@@ -44,6 +45,8 @@ public:
     std::atomic<bool> woken{false};
 
 private:
+    bool open_pins();
+    static float supply_V();
     void open_inject();
     void start_timer(uint32_t period_us);
     void catch_up();
@@ -56,6 +59,7 @@ private:
     HostStorage storage_;
     TimerWatchdog watchdog_;
     ConsolePort console_;
+    Pins pins_;
     NoEncoders encoders_;
     NoMotorsBus bus_;
     NoOutputEnable output_enable_;
@@ -65,6 +69,10 @@ private:
 };
 
 Machine machine;
+
+float Machine::supply_V() {
+    return machine.pins_.battery_V();
+}
 
 bool Machine::open(int argc, char **argv, int *exit_code) {
     if (!parse_options(argc, argv, &options_, exit_code)) {
@@ -93,7 +101,21 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
     board_.storage = &storage_;
     board_.watchdog = &watchdog_;
     board_.robot_values = options_.values;
-    return true;
+    return !options_.pins || open_pins();
+}
+
+/// The host's world in place of the stand-ins, and its serial line in front of the others.
+bool Machine::open_pins() {
+    for (size_t i = board_.port_count++; i > 0; --i) {
+        board_.ports[i] = board_.ports[i - 1];
+    }
+    board_.ports[0] = &pins_.wire;
+    board_.encoders = &pins_;
+    board_.output_enable = &pins_;
+    board_.i2c = &pins_.bus;
+    board_.battery_V = supply_V;
+    pins_.start(clock_);
+    return pins_.open();
 }
 
 void Machine::open_inject() {
@@ -150,11 +172,14 @@ bool Machine::bytes_wait() const {
             return true;
         }
     }
-    return console_.waiting();
+    return console_.waiting() || pins_.wire.waiting();
 }
 
 /// Until the next interrupt. One that came since the last background pass began is not slept over.
 void Machine::sleep() {
+    if (options_.pins) {
+        return; // with -icount sleep=off, QEMU's time jumps over two periods of a timer that ends a sleep
+    }
     if (options_.console_link) {
         if (!console_.has_sent() && !bytes_wait()) {
             watchdog_.pause();

@@ -18,6 +18,7 @@ struct Options {
     bool catch_up = false;
     bool crash_resets = false;
     bool inject = false;
+    bool pins = false;           ///< the world is at the pins
     bool console_link = false;   ///< the last link is the console
     uint32_t watchdog_ms = 2000; ///< 0: off
     ResetCause reset_cause = ResetCause::power_on;
