@@ -10,6 +10,7 @@ import typer
 from omniwheel import __version__
 from omniwheel.cli import (
     bench,
+    bringup,
     demo,
     doctor,
     drive,
@@ -77,6 +78,7 @@ app.command("record", epilog=record.EXAMPLES)(record.record)
 app.add_typer(logs.app, name="logs")
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
+app.add_typer(bringup.app, name="bringup")
 app.add_typer(identify.app, name="identify")
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 

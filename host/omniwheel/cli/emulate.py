@@ -6,13 +6,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import start_sitl
-from omniwheel.cli.common import JsonOption, examples
+from omniwheel.cli.common import JsonOption, examples, signals_interrupt
 from omniwheel.cli.run_output import SeedOption
 from omniwheel.cli.sitl import (
     HostOption,
@@ -21,8 +21,8 @@ from omniwheel.cli.sitl import (
     RobotOption,
     ScenarioNameArgument,
     StorageOption,
+    WorldRobotOption,
     announce,
-    until_interrupted,
 )
 from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.errors import FirmwareEndedError
@@ -40,6 +40,7 @@ POLL_S = 0.1
 def emulate(
     scenario_name: ScenarioNameArgument = "sitl",
     robot: RobotOption = None,
+    world_robot: WorldRobotOption = None,
     port: PortOption = 5760,
     host: HostOption = "127.0.0.1",
     link: LinksOption = None,
@@ -59,21 +60,23 @@ def emulate(
     """
     if lockstep and world:
         raise typer.BadParameter("--lockstep needs --no-world: the world drives the ticks itself")
-    scenario = load_scenario(scenario_name, robot).with_seed(seed)
+    scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
-    with until_interrupted():
-        if not world:
-            _bare(links, scenario.robot.name, storage, lockstep, json_wanted, scenario.parameter_values())
-            return
-        with start_sitl(scenario, links, storage=storage, emulated=True) as running:
-            announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
-            while True:
-                running.advance()
+    try:
+        with signals_interrupt():
+            if not world:
+                _bare(links, scenario.robot.name, storage, lockstep, json_wanted, scenario.parameter_values())
+            with start_sitl(scenario, links, storage=storage, emulated=True) as running:
+                announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
+                while True:
+                    running.advance()
+    except KeyboardInterrupt:
+        return
 
 
 def _bare(
     links: Sequence[str], name: str, storage: Path | None, lockstep: bool, json_wanted: bool, values: dict[str, float]
-) -> None:
+) -> NoReturn:
     with EmulatedFirmware(links=links, lockstep=lockstep, storage=storage, parameters=values) as firmware:
         announce(firmware.urls, name, "No world: its wheels stand still", json_wanted)
         while firmware.running:

@@ -3,18 +3,15 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
 
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import start_sitl
-from omniwheel.cli.common import JsonOption, console, examples, print_json
+from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
 from omniwheel.cli.run_output import SeedOption
 
 EXAMPLES = examples(
@@ -32,6 +29,14 @@ ScenarioNameArgument = Annotated[
 RobotOption = Annotated[
     str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
 ]
+WorldRobotOption = Annotated[
+    str | None,
+    typer.Option(
+        "--world-robot",
+        metavar="NAME|FILE",
+        help="The robot that is really there, if the firmware is to be wrong about it: to try `omni bringup`.",
+    ),
+]
 PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")]
 HostOption = Annotated[str, typer.Option("--host", help="Address to listen on.")]
 LinksOption = Annotated[
@@ -48,6 +53,7 @@ StorageOption = Annotated[
 def sitl(
     scenario_name: ScenarioNameArgument = "sitl",
     robot: RobotOption = None,
+    world_robot: WorldRobotOption = None,
     port: PortOption = 5760,
     host: HostOption = "127.0.0.1",
     link: LinksOption = None,
@@ -59,20 +65,13 @@ def sitl(
 
     A TCP port serves one client at a time; give --link more than once for several.
     """
-    scenario = load_scenario(scenario_name, robot).with_seed(seed)
+    scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
-    with until_interrupted(), start_sitl(scenario, links, storage=storage) as running:
-        announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
-        while True:
-            running.advance()
-
-
-@contextmanager
-def until_interrupted() -> Iterator[None]:
-    """End quietly on Ctrl-C and SIGTERM."""
-    signal.signal(signal.SIGTERM, _interrupt)
     try:
-        yield
+        with signals_interrupt(), start_sitl(scenario, links, storage=storage) as running:
+            announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
+            while True:
+                running.advance()
     except KeyboardInterrupt:
         return
 
@@ -84,7 +83,3 @@ def announce(urls: Sequence[str], robot: str, description: str, json_wanted: boo
     else:
         console.print(f"{robot} is there: connect to [bold]{'[/] or [bold]'.join(urls)}[/]")
         console.print(f"{description}. Ctrl-C ends it.")
-
-
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
