@@ -24,7 +24,7 @@ constexpr uint8_t tick_priority = 0x80;
 constexpr uint8_t inject_priority = 0x20;
 constexpr size_t inject_uart = 4;
 /// More missed ticks than this are not made up for: the core then sees time jump and says so.
-constexpr uint64_t catch_up_us = 1'000'000;
+constexpr uint64_t catch_up_us = 60'000'000;
 /// So many at a time, so that the links are served in between.
 constexpr int catch_up_ticks = 20;
 /// Pause after which a frame that stopped half-way is looked at again.
