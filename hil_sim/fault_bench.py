@@ -16,6 +16,7 @@ from hil_sim.fault_cases import CIRCLE, FAULT_S, FaultCase, Kind
 from hil_sim.hil import HilLoop
 from hil_sim.metrics import STATE_ARMED
 from hil_sim.scenario import Event, Scenario, parse_scenario
+from hil_sim.world import World
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import open_link
 
@@ -78,12 +79,14 @@ def _entry(kind: Kind, case: FaultCase) -> dict[str, Any]:
 
 
 @contextmanager
-def firmware_loop(scenario: Scenario, firmware: Firmware = FirmwareProcess) -> Iterator[HilLoop]:
-    """Start firmware in the scenario's world and put the robot in its place, disarmed and ready."""
+def firmware_loop(
+    scenario: Scenario, firmware: Firmware = FirmwareProcess, world: World | None = None
+) -> Iterator[HilLoop]:
+    """Start firmware in the scenario's world, or in one that goes on, and tell the robot where it stands."""
     with firmware(parameters=scenario.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as running:
         base = open_link(running.urls[0])
         try:
-            loop = HilLoop(scenario, base)
+            loop = HilLoop(scenario, base, world)
             loop.advance(1)
             loop.place()
             yield loop

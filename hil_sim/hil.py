@@ -26,6 +26,7 @@ from hil_sim.runs import Run, finish, new_world
 from hil_sim.scenario import Event, Scenario
 from hil_sim.summary import TLOG_FILE
 from hil_sim.timeline import Progress, RunError, play
+from hil_sim.world import World
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
@@ -54,10 +55,11 @@ _STATUS_ID = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
 class HilLoop:
     """The world and the firmware over a lockstep link."""
 
-    def __init__(self, scenario: Scenario, base: FileLink) -> None:
+    def __init__(self, scenario: Scenario, base: FileLink, world: World | None = None) -> None:
+        """``world`` goes on where an earlier loop left it; without it, the scenario's starts."""
         self._table = scenario.robot.table
         self.values = scenario.parameter_values()
-        self.link = LockstepLink(base, new_world(scenario))
+        self.link = LockstepLink(base, world or new_world(scenario))
         self.measured: list[Status] = []
         connection = Connection(self.link, clock=self.link.clock_s)
         connection.target_system = int(self.values["SYS_ID"])

@@ -15,6 +15,7 @@ from omniwheel.cli import (
     doctor,
     drive,
     emulate,
+    flash,
     hil,
     identify,
     legacy,
@@ -80,6 +81,7 @@ app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
 app.add_typer(bringup.app, name="bringup")
 app.add_typer(identify.app, name="identify")
+app.command("flash", epilog=flash.EXAMPLES)(flash.flash)
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 

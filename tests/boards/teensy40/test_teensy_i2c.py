@@ -121,7 +121,7 @@ def expected(batch: list[Transaction], events: list[int]) -> list[int]:
 
 def test_random_batches_leave_exactly_their_bytes(bus: Bus) -> None:
     rng = random.Random(4)
-    for _ in range(1500):
+    for _ in range(10_000):
         batch = random_batch(rng)
         assert bus.submit(*batch)
         status = bus.finish()
