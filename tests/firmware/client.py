@@ -60,11 +60,17 @@ def on_board(name: str) -> Iterator[None]:
 
 @dataclass
 class Firmware:
-    """A running firmware and where it listens; ``process`` is the PC's, ``emulated`` the other."""
+    """A running firmware and where it listens: as a process of this PC, or emulated."""
 
-    process: subprocess.Popen[str] | None
+    own: subprocess.Popen[str] | None
     links: list[str]
     emulated: EmulatedFirmware | None = None
+
+    @property
+    def process(self) -> subprocess.Popen[str]:
+        """The process on this PC."""
+        assert self.own is not None, "this is about the PC firmware: mark the test pc_only"
+        return self.own
 
     def address(self, link: int = 0) -> tuple[str, int]:
         """Return host and port of a TCP link."""

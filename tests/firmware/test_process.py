@@ -90,7 +90,6 @@ def test_a_port_in_use_is_named() -> None:
 @pytest.mark.parametrize("mode", [["--lockstep"], []])
 def test_signals_end_it_cleanly(number: signal.Signals, mode: list[str]) -> None:
     with firmware(*mode) as running:
-        assert running.process is not None
         running.process.send_signal(number)
         assert running.process.wait(WAIT_S) == 0
 
