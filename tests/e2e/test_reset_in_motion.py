@@ -7,6 +7,8 @@ chip's outputs off; without the pin the first thing the new firmware writes does
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -14,10 +16,10 @@ from hil_sim.fault_bench import Firmware, command, fault_scenario, firmware_loop
 from hil_sim.fault_cases import TURN, FaultCase
 from hil_sim.runs import new_world
 from omniwheel import FirmwareProcess
-from omniwheel.emulated_firmware import EmulatedFirmware
+from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from tests.arm import need_emulator
 
-FIRMWARES: dict[str, Firmware] = {"pc": FirmwareProcess, "cortex-m7": EmulatedFirmware}
+FIRMWARES: dict[str, Firmware] = {"pc": FirmwareProcess, "cortex-m7": partial(EmulatedFirmware, links=[DIRECT])}
 DRIVE_TICKS = 500
 WATCHDOG_TICKS = 200
 BOOT_TICKS = 300
