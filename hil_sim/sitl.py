@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The firmware as a process that lives in a simulated world in real time, for any MAVLink program to connect to."""
+"""The firmware, as a process or emulated, in a simulated world in real time, for any MAVLink program to connect to."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import omniwheel
 from hil_sim.lockstep import LockstepLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario
+from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
+from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import open_link
 from omniwheel.presets import read_preset
@@ -47,7 +49,7 @@ class Sitl:
     """A running firmware process with its world. ``urls`` are the links for others; :meth:`advance` keeps it alive."""
 
     urls: tuple[str, ...]
-    firmware: FirmwareProcess
+    firmware: FirmwareChild
     link: LockstepLink
     radio: RadioBridge | None = None
 
@@ -70,11 +72,44 @@ def start_sitl(
     storage: Path | None = None,
     realtime_factor: float = 1.0,
     radio: SimulatedRadio | None = None,
+    emulated: bool = False,
 ) -> Iterator[Sitl]:
     """Start firmware with these links in the scenario's world; ``storage`` keeps parameters over restarts.
 
-    With ``radio``, of one link given, the second is behind it. The world's own link is never a radio.
+    With ``radio``, of one link given, a second is behind it (not on the emulated processor). The world's own link is
+    never a radio.
     """
+    if emulated:
+        with _start_emulated(scenario, links, storage, realtime_factor) as running:
+            yield running
+    else:
+        with _start_process(scenario, links, storage, realtime_factor, radio) as running:
+            yield running
+
+
+@contextmanager
+def _start_emulated(
+    scenario: Scenario, links: Sequence[str], storage: Path | None, realtime_factor: float
+) -> Iterator[Sitl]:
+    parameters = scenario.parameter_values()
+    with EmulatedFirmware(links=[*links, DIRECT], lockstep=True, storage=storage, parameters=parameters) as firmware:
+        base = firmware.open_link(len(links))
+        try:
+            link = LockstepLink(base, new_world(scenario), realtime_factor=realtime_factor)
+            link.run(1)
+            yield Sitl(firmware.urls[:-1], firmware, link)
+        finally:
+            base.close()
+
+
+@contextmanager
+def _start_process(
+    scenario: Scenario,
+    links: Sequence[str],
+    storage: Path | None,
+    realtime_factor: float,
+    radio: SimulatedRadio | None,
+) -> Iterator[Sitl]:
     parameters = {**scenario.parameter_values(), **(radio.parameters() if radio is not None else {})}
     inner = [*links, *([WORLD_LINK] if radio is not None else [])]
     number = RADIO_LINK if radio is not None else 0

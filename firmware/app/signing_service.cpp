@@ -29,7 +29,7 @@ void SigningService::say_key() {
 void SigningService::on_setup(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_setup_signing_t>();
     Signing &signing = shared_.signing;
-    if (shared_.links[sender.link].is_radio() || sender.link != 0) {
+    if (shared_.links[sender.link].is_radio()) {
         signing.count_refused_key();
         shared_.say(MAV_SEVERITY_WARNING, Text().add("signing key refused: set it over USB (link 1)"));
         return;
