@@ -105,6 +105,9 @@ void omni_robot_reference(omni_robot_t *robot, omni_tick_t *tick) {
         tick->kind = OMNI_SETPOINT_NONE;
         return;
     }
+    if (tick->kind == OMNI_SETPOINT_TRAJECTORY && robot->trajectory == NULL) {
+        tick->kind = OMNI_SETPOINT_NONE; /* none was started, or this tick's events stopped it */
+    }
     if (tick->kind != robot->last_kind) {
         robot->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
     }

@@ -75,10 +75,6 @@ static void supervise_setpoint(const omni_robot_t *robot, omni_tick_t *tick) {
         tick->faults |= OMNI_WARN_SETPOINT;
         tick->kind = OMNI_SETPOINT_NONE;
     }
-    if (tick->kind == OMNI_SETPOINT_TRAJECTORY && robot->trajectory == NULL &&
-        !((tick->in->events & OMNI_EVENT_TRAJECTORY_START) != 0 && tick->in->trajectory != NULL)) {
-        tick->kind = OMNI_SETPOINT_NONE;
-    }
 }
 
 void omni_robot_supervise(omni_robot_t *robot, omni_tick_t *tick) {
