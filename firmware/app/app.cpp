@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "app/services.h"
+#include "app/status_light.h"
 
 namespace omni {
 namespace {
@@ -63,7 +64,9 @@ void App::tick() {
         }
         return;
     }
+    jitter_.started(board_.clock->stopwatch_ns());
     TickSensors sensors;
+    sensors.jitter_us = jitter_.max_us();
     sensors.time_us = board_.clock->now_us();
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
@@ -78,6 +81,7 @@ void App::restart_control(uint64_t now_us) {
     shared_.latest = TickReport{};
     shared_.arming = 0;
     shared_.now_us = now_us;
+    jitter_.restart();
     last_tick_us_ = 0;
     overruns_in_row_ = 0;
     hil_.restart();
@@ -241,16 +245,20 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
     }
 }
 
-/// Why it started is worth a word unless somebody switched it on or asked for it.
-void App::say_restart() {
+/// Why it started is worth a word on each link, unless somebody switched it on or asked for it.
+void App::say_restart(size_t link) {
+    if (restart_said_[link]) {
+        return;
+    }
+    restart_said_[link] = true;
     Watchdog &watchdog = *board_.watchdog;
     if (watchdog.reset_cause() == ResetCause::watchdog) {
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
     } else if (watchdog.reset_cause() == ResetCause::crash) {
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
     }
     for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
     }
 }
 
@@ -258,10 +266,7 @@ void App::greet(size_t link) {
     parameters_.stop_list(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
-    if (!restart_said_) {
-        say_restart();
-    }
-    restart_said_ = true;
+    say_restart(link);
 }
 
 void App::receive(size_t link) {
@@ -304,6 +309,14 @@ void App::flush() {
     }
 }
 
+void App::show_state() {
+    if (board_.light != nullptr) {
+        const auto state = static_cast<omni_safety_state_t>(shared_.latest.outputs.state);
+        const bool ground_station = (shared_.latest.arming_faults & OMNI_FAULT_LINK_LOSS) == 0;
+        board_.light->set(light_on(state, ground_station, board_.clock->now_us()));
+    }
+}
+
 void App::background() {
     update_owner();
     if (!shared_.hil) {
@@ -318,6 +331,7 @@ void App::background() {
         serve(); // once the world's time runs, every frame and every tick does
     }
     flush();
+    show_state();
 }
 
 } // namespace omni

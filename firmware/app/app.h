@@ -15,6 +15,7 @@
 #include "app/shared.h"
 #include "app/status_texts.h"
 #include "app/telemetry.h"
+#include "app/tick_jitter.h"
 #include "app/trajectories.h"
 
 namespace omni {
@@ -46,7 +47,7 @@ private:
     void leave_hil();
     void watch_hil_peer();
     void receive(size_t link);
-    void say_restart();
+    void say_restart(size_t link);
     void greet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_motion(const Frame &frame);
@@ -54,6 +55,7 @@ private:
     void serve();
     void take_report();
     void flush();
+    void show_state();
 
     Board board_;
     Shared shared_;
@@ -70,11 +72,12 @@ private:
     size_t hil_link_ = no_link;
     uint32_t hil_session_ = 0;
     float rates_[Board::max_ports][3] = {};
+    TickJitter jitter_;
     uint64_t last_tick_us_ = 0;
     uint32_t overruns_ = 0;
     uint32_t overruns_in_row_ = 0;
     uint32_t release_attempts_ = 0;
-    bool restart_said_ = false;
+    bool restart_said_[Board::max_ports] = {};
 };
 
 } // namespace omni

@@ -118,6 +118,7 @@ void ControlLoop::publish(const TickSensors &sensors) {
     out.battery_V = sensors.battery_V;
     out.tick_us_mean = tick_us_mean_;
     out.tick_us_max = tick_us_max_;
+    out.tick_jitter_us_max = sensors.jitter_us;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
     report.publish();

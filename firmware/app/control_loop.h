@@ -38,6 +38,7 @@ struct TickSensors {
     float battery_V = 0.0f; ///< <= 0: not measured
     uint32_t faults = 0;    ///< OMNI_FAULT_OVERRUN
     uint32_t overruns = 0;  ///< ticks that missed their time since boot
+    float jitter_us = 0.0f; ///< TickJitter::max_us(); 0 in host-in-the-loop
 };
 
 /// What the background gets to know of a tick.
@@ -50,6 +51,7 @@ struct TickReport {
     float battery_V = 0.0f;    ///< as measured
     float tick_us_mean = 0.0f; ///< of the last complete window of ticks
     float tick_us_max = 0.0f;
+    float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
     int32_t counts[OMNI_MAX_WHEELS] = {};
     uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
 };

@@ -12,11 +12,23 @@ bool Shared::heartbeat() {
     return control.request(request);
 }
 
-void Shared::say(uint8_t severity, const Text &text) {
+namespace {
+
+mavlink_statustext_t status_text(uint8_t severity, const Text &text) {
     mavlink_statustext_t message{};
     message.severity = severity;
     std::memcpy(message.text, text.data(), text.length());
-    send_all(MAVLINK_MSG_ID_STATUSTEXT, message, Priority::text);
+    return message;
+}
+
+} // namespace
+
+void Shared::say(uint8_t severity, const Text &text) {
+    send_all(MAVLINK_MSG_ID_STATUSTEXT, status_text(severity, text), Priority::text);
+}
+
+void Shared::say_on(size_t link, uint8_t severity, const Text &text) {
+    links[link].send(MAVLINK_MSG_ID_STATUSTEXT, status_text(severity, text), Priority::text);
 }
 
 Text fault_text(const char *prefix, uint32_t faults) {

@@ -41,6 +41,8 @@ struct Shared {
     bool heartbeat();
     /// Send a STATUSTEXT on every link. @param severity MAV_SEVERITY.
     void say(uint8_t severity, const Text &text);
+    /// The same on one link.
+    void say_on(size_t link, uint8_t severity, const Text &text);
     /// Send a message on every link.
     template <class Message>
     void send_all(uint32_t id, const Message &message, Priority priority) {

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+/// @file status_light.h  What the lamp says: a pattern of on and off per state, the same on every board (docs/safety.md).
+#pragma once
+
+#include <cstdint>
+
+#include "app/core.h"
+
+namespace omni {
+
+/// Length of a pattern: slots of slot_ms.
+constexpr uint32_t light_slots = 20;
+constexpr uint32_t light_slot_ms = 100;
+
+/// Bit i: the lamp is on in slot i. @param ground_station somebody's heartbeats arrive.
+uint32_t light_pattern(omni_safety_state_t state, bool ground_station);
+
+/// Is the lamp on now? Two seconds per cycle.
+bool light_on(omni_safety_state_t state, bool ground_station, uint64_t now_us);
+
+} // namespace omni
