@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "pose_control.h"
 
 void omni_ismc_reset(omni_ismc_state_t *state) {

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 /* A column of B that keeps less than this of its length beyond the other columns makes the layout singular. */
 static const omni_real_t smallest_independent = 1e-3f;
@@ -180,20 +180,31 @@ omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni
     return residual;
 }
 
-omni_twist_t omni_twist_to_body(const omni_twist_t *world, omni_real_t theta) {
-    omni_real_t s;
-    omni_real_t c;
-    omni_sincosf(theta, &s, &c);
+omni_rotation_t omni_rotation(omni_real_t theta) {
+    omni_rotation_t r;
+    omni_sincosf(theta, &r.sine, &r.cosine);
+    return r;
+}
+
+omni_twist_t omni_rotate_to_body(const omni_twist_t *world, const omni_rotation_t *r) {
     /* eq. 16: R(theta) */
-    const omni_twist_t body = {c * world->vx + s * world->vy, -s * world->vx + c * world->vy, world->wz};
+    const omni_twist_t body = {r->cosine * world->vx + r->sine * world->vy, -r->sine * world->vx + r->cosine * world->vy,
+                               world->wz};
     return body;
 }
 
-omni_twist_t omni_twist_to_world(const omni_twist_t *body, omni_real_t theta) {
-    omni_real_t s;
-    omni_real_t c;
-    omni_sincosf(theta, &s, &c);
+omni_twist_t omni_rotate_to_world(const omni_twist_t *body, const omni_rotation_t *r) {
     /* eq. 16: R(theta)^T */
-    const omni_twist_t world = {c * body->vx - s * body->vy, s * body->vx + c * body->vy, body->wz};
+    const omni_twist_t world = {r->cosine * body->vx - r->sine * body->vy, r->sine * body->vx + r->cosine * body->vy, body->wz};
     return world;
+}
+
+omni_twist_t omni_twist_to_body(const omni_twist_t *world, omni_real_t theta) {
+    const omni_rotation_t r = omni_rotation(theta);
+    return omni_rotate_to_body(world, &r);
+}
+
+omni_twist_t omni_twist_to_world(const omni_twist_t *body, omni_real_t theta) {
+    const omni_rotation_t r = omni_rotation(theta);
+    return omni_rotate_to_world(body, &r);
 }

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "omni/saturation.h"
 #include "pose_control.h"
 

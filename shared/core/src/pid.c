@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/pid.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 void omni_pid_reset(omni_pid_state_t *state) {
     state->integral = 0.0f;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "pose_control.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 void omni_pose_error(const omni_pose_t *pose, const omni_pose_t *reference, omni_real_t error[OMNI_AXES]) {
     error[0] = pose->x - reference->x;

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
 static int32_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {
@@ -134,7 +134,8 @@ static void report_estimate(const omni_robot_t *robot, omni_tick_t *tick) {
     omni_twist_t body;
     omni_kinematics_forward(&c->kinematics, out->wheel_rad_s, out->slip_m_s, &body);
     out->pose = ekf->pose;
-    out->rate = omni_twist_to_world(&body, ekf->pose.theta);
+    tick->heading = omni_rotation(ekf->pose.theta);
+    out->rate = omni_rotate_to_world(&body, &tick->heading);
     out->slip_residual_m_s = omni_kinematics_slip_residual(&c->kinematics, out->wheel_rad_s);
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
         out->pose_sd[axis] = omni_sqrtf(ekf->p[axis][axis]);

@@ -14,9 +14,10 @@ typedef struct omni_tick_t {
     int32_t delta_counts[OMNI_MAX_WHEELS];   /**< in the wheel's direction */
     omni_real_t body_wheel[OMNI_MAX_WHEELS]; /**< wanted wheel speed, rad/s */
     omni_real_t acceleration[OMNI_MAX_WHEELS];
-    uint8_t kind;           /**< omni_setpoint_kind_t in force */
-    bool position_loop;     /**< a pose reference is being tracked */
-    omni_twist_t body_rate; /**< velocity demand, body frame (velocity set-points) */
+    omni_rotation_t heading; /**< of the estimated pose */
+    uint8_t kind;            /**< omni_setpoint_kind_t in force */
+    bool position_loop;      /**< a pose reference is being tracked */
+    omni_twist_t body_rate;  /**< velocity demand, body frame (velocity set-points) */
 } omni_tick_t;
 
 /** Time, counts, filters, pose: fills the estimates of `out`. */

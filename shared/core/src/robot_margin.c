@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/math.h"
+#include "math_inline.h"
 #include "robot_internal.h"
 
 /* How sure the bound on the slip error is, in standard deviations. */
@@ -9,12 +9,12 @@ static const omni_real_t sigmas = 3.0f;
 static const omni_real_t debounce_s = 0.5f;
 
 /* d(world twist) / d(slip ratios): rows of R^T B+ diag(r phi'). */
-static void sensitivity(const omni_robot_config_t *c, const omni_outputs_t *out, omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS]) {
+static void sensitivity(const omni_robot_config_t *c, const omni_tick_t *tick, omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS]) {
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        const omni_real_t rim_m_s = c->kinematics.radius_m[i] * out->wheel_rad_s[i];
+        const omni_real_t rim_m_s = c->kinematics.radius_m[i] * tick->out->wheel_rad_s[i];
         const omni_twist_t body = {c->kinematics.b_pinv[0][i] * rim_m_s, c->kinematics.b_pinv[1][i] * rim_m_s,
                                    c->kinematics.b_pinv[2][i] * rim_m_s};
-        const omni_twist_t world = omni_twist_to_world(&body, out->pose.theta);
+        const omni_twist_t world = omni_rotate_to_world(&body, &tick->heading);
         rows[0][i] = world.vx;
         rows[1][i] = world.vy;
         rows[2][i] = world.wz;
@@ -54,7 +54,7 @@ void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick) {
     }
     omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS] = {{0.0f}};
     const omni_real_t fed = omni_robot_fix_is_fresh(robot, tick->in->time_us) ? c->slip_feed : 0.0f;
-    sensitivity(c, tick->out, rows);
+    sensitivity(c, tick, rows);
     const omni_twist_t bound = {slip_bound(robot, rows[0], fed), slip_bound(robot, rows[1], fed),
                                 slip_bound(robot, rows[2], fed)};
     omni_ismc_gain_margin(&c->ismc, &bound, tick->out->ismc_margin);

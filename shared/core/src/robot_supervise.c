@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
  * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through; one that stands still
@@ -116,13 +116,14 @@ static void apply(omni_robot_t *robot, omni_safety_event_t event) {
 }
 
 /* Events that move the estimate or the trajectory. */
-static void apply_requests(omni_robot_t *robot, const omni_tick_t *tick) {
+static void apply_requests(omni_robot_t *robot, omni_tick_t *tick) {
     const uint32_t events = tick->in->events;
     if ((events & OMNI_EVENT_SET_POSE) != 0 && robot->state != OMNI_STATE_ARMED && omni_pose_is_finite(&tick->in->pose)) {
         const omni_pose_ekf_config_t *ekf = &robot->config->pose_ekf;
         omni_pose_ekf_reset(&robot->pose_ekf, ekf, &tick->in->pose, omni_sqrtf(ekf->r_xy), omni_sqrtf(ekf->r_theta));
         robot->pose_ekf.time_us = tick->in->time_us;
         tick->out->pose = robot->pose_ekf.pose;
+        tick->heading = omni_rotation(tick->out->pose.theta);
     }
     if ((events & OMNI_EVENT_TRAJECTORY_START) != 0 && tick->in->trajectory != NULL) {
         robot->trajectory = tick->in->trajectory;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/math.h"
+#include "math_inline.h"
 #include "trajectory_internal.h"
 
 static const omni_real_t two_pi = 6.28318530717958647692f;
@@ -14,7 +14,7 @@ omni_real_t omni_whole_laps(omni_real_t turns, uint64_t laps) {
 static omni_jet_t spin(omni_real_t turn_rad, uint64_t path_ns, uint64_t lap_ns) {
     omni_jet_t jet = {{0}};
     jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + two_pi * omni_whole_laps(turn_rad / two_pi, path_ns / lap_ns);
-    jet.d[1] = turn_rad / ((omni_real_t)lap_ns * 1e-9f);
+    jet.d[1] = turn_rad / (omni_real_of(lap_ns) * 1e-9f);
     return jet;
 }
 
@@ -23,7 +23,7 @@ static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path
     const omni_real_t rest = cycles - (omni_real_t)whole;
     const omni_real_t turns = omni_phase(path_ns % lap_ns * whole, lap_ns) + rest * omni_phase(path_ns, lap_ns) +
                               omni_whole_laps(rest, path_ns / lap_ns);
-    const omni_real_t omega = two_pi * cycles / ((omni_real_t)lap_ns * 1e-9f);
+    const omni_real_t omega = two_pi * cycles / (omni_real_of(lap_ns) * 1e-9f);
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(two_pi * turns, &sine, &cosine);
@@ -69,7 +69,7 @@ static omni_jet_t tangent(const omni_trajectory_t *plan, uint64_t path_ns, uint6
 
 omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, uint64_t path_ns, const omni_jet_t *x, const omni_jet_t *y) {
     const omni_trajectory_config_t *c = &plan->config;
-    const uint64_t lap_ns = omni_path_lap_ns(plan);
+    const uint64_t lap_ns = plan->timing.lap_ns;
     if (c->rotation == OMNI_TRJ_ROT_SPIN) {
         return spin(c->rotation_amplitude_rad, path_ns, lap_ns);
     }

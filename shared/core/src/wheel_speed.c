@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/wheel_speed.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "omni/saturation.h"
 
 /* Below this reference the Coulomb feed-forward fades, so that it does not chatter around standstill. */

@@ -20,8 +20,8 @@ void __wrap_omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, om
 
 namespace {
 
-constexpr uint32_t warm_up_ticks = 800; ///< the power-up of the PWM chip, arming, the first fixes
-constexpr uint32_t measured_ticks = 2000;
+constexpr uint32_t warm_up_ticks = 400; ///< the power-up of the PWM chip, arming, the first fixes
+constexpr uint32_t measured_ticks = 640;
 
 struct Figure {
     uint64_t sum = 0;
@@ -109,7 +109,7 @@ bool Bench::prepare() {
     if (omni_trajectory_plan(&plan, &config_->trajectory, &config_->kinematics, nullptr, &origin) != OMNI_OK) {
         return false;
     }
-    plan.lead_in_s = 0.0f;
+    plan.timing.lead_in_us = 0;
     world_reset(&world_, &random_, &plan.start);
     omni::Request request;
     request.kind = omni::Request::Kind::set_pose;
@@ -218,7 +218,7 @@ void __wrap_omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, om
 
 int main() {
     meter::start();
-    for (size_t i = 0; i < case_count; ++i) {
+    for (size_t i = 0; i < LIMIT; ++i) {
         if (!measure(cases[i], true) || !measure(cases[i], false)) {
             return 1;
         }

@@ -97,7 +97,7 @@ static void restart(scene_t *scene) {
 static void begin_path(scene_t *scene) {
     plan(scene);
     omni_trajectory_t *path = &scene->plans[scene->plan];
-    path->lead_in_s = 0.0f;
+    path->timing.lead_in_us = 0;
     scene->world.pose = path->start;
     scene->fix_offset = (omni_pose_t){0.0f, 0.0f, 0.0f};
     scene->inputs.pose = path->start;
