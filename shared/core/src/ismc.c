@@ -47,8 +47,8 @@ omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *
                             const omni_pose_t *reference, const omni_twist_t *reference_rate, bool hold_integral,
                             omni_control_terms_t *terms) {
     omni_twist_t wanted = {0.0f, 0.0f, 0.0f};
-    memset(terms, 0, sizeof *terms);
     if (!omni_pose_is_finite(pose) || !omni_pose_is_finite(reference) || !omni_twist_is_finite(reference_rate)) {
+        memset(terms, 0, sizeof *terms);
         return wanted;
     }
     omni_pose_error(pose, reference, terms->error);

@@ -151,7 +151,7 @@ static void spread_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config
 }
 
 /* With A = F P_ps and P_ps' = A + G P_ss:  P_pp += A G^T + G P_ps'^T,  P_ps = P_ps', P_ss += Q_ss. */
-static void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, const omni_real_t *moved,
+static inline void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, const omni_real_t *moved,
                          omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t slips) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     omni_real_t before[OMNI_AXES][OMNI_MAX_WHEELS];
@@ -181,15 +181,18 @@ static void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *
 static void spread(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_ekf_motion_t *motion,
                    const omni_real_t *moved, uint8_t slips) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
-    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS] = {{0}};
+    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];
     for (uint8_t i = 0; i < slips; ++i) {
         gain[0][i] = world_x(motion, motion->gain[0][i], motion->gain[1][i]);
         gain[1][i] = world_y(motion, motion->gain[0][i], motion->gain[1][i]);
         gain[2][i] = motion->gain[2][i];
     }
     spread_pose(state, config, moved, motion->steps);
-    if (slips > 0) {
-        spread_slips(state, motion, moved, gain, slips);
+    /* The count as a constant lets the compiler unroll the loops. */
+    if (slips == 3) {
+        spread_slips(state, motion, moved, gain, 3);
+    } else if (slips == 4) {
+        spread_slips(state, motion, moved, gain, 4);
     }
     p[1][0] = p[0][1];
     p[2][0] = p[0][2];
@@ -244,8 +247,7 @@ void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_con
         omni_ekf_history_rebase(state, 0);
         state->mode = config->mode;
     }
-    omni_ekf_motion_t motion;
-    memset(&motion, 0, sizeof motion);
+    omni_ekf_motion_t motion; /* per wheel: as many entries as there are slip states */
     elapse(state, config, time_us, &motion);
     move_body(state, k, turned, slips, &motion);
     for (uint8_t i = 0; i < slips; ++i) {

@@ -52,7 +52,7 @@ void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick) {
         robot->uncovered = false;
         return;
     }
-    omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS] = {{0.0f}};
+    omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS];
     const omni_real_t fed = omni_robot_fix_is_fresh(robot, tick->in->time_us) ? c->slip_feed : 0.0f;
     sensitivity(c, tick, rows);
     const omni_twist_t bound = {slip_bound(robot, rows[0], fed), slip_bound(robot, rows[1], fed),

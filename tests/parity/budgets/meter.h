@@ -22,6 +22,6 @@ void paint();
 /// Deepest byte used since paint(), counted from the caller.
 size_t depth();
 
-constexpr size_t stack_reach = 32768;
+constexpr size_t stack_reach = 8192;
 
 } // namespace meter
