@@ -37,11 +37,12 @@ OMNI_INLINE bool omni_is_finite(omni_real_t value) {
 }
 
 OMNI_INLINE bool omni_pose_is_finite(const omni_pose_t *pose) {
-    return omni_is_finite(pose->x) && omni_is_finite(pose->y) && omni_is_finite(pose->theta);
+    /* x - x is 0, or NaN for a NaN or an infinity. */
+    return (pose->x - pose->x) + (pose->y - pose->y) + (pose->theta - pose->theta) == 0.0f;
 }
 
 OMNI_INLINE bool omni_twist_is_finite(const omni_twist_t *twist) {
-    return omni_is_finite(twist->vx) && omni_is_finite(twist->vy) && omni_is_finite(twist->wz);
+    return (twist->vx - twist->vx) + (twist->vy - twist->vy) + (twist->wz - twist->wz) == 0.0f;
 }
 
 #endif

@@ -24,7 +24,8 @@ omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pid_config_t *conf
     const omni_real_t derivative = filtered_rate(state, config, measurement);
     /* eq. 38 as an output: P and I on the error, D on the measurement so that a step of the reference gives no spike */
     const omni_real_t output = config->kp * error + integral - config->kd * derivative + feed_forward;
-    if (!omni_is_finite(output) || !omni_is_finite(error) || !omni_is_finite(derivative)) {
+    /* Times any gain, 0 too, what is not finite makes the output so. */
+    if (!omni_is_finite(output)) {
         return 0.0f;
     }
     state->integral = integral;

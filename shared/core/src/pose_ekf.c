@@ -152,7 +152,7 @@ static void spread_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config
 
 /* With A = F P_ps and P_ps' = A + G P_ss:  P_pp += A G^T + G P_ps'^T,  P_ps = P_ps', P_ss += Q_ss. */
 static inline void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, const omni_real_t *moved,
-                         omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t slips) {
+                                omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t slips) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     omni_real_t before[OMNI_AXES][OMNI_MAX_WHEELS];
     for (uint8_t i = 0; i < slips; ++i) {

@@ -50,6 +50,8 @@ void omni_path_set_lengths(omni_trajectory_t *plan) {
     plan->timing.period_ns = omni_path_period_ns(plan);
     plan->timing.lap_ns = omni_path_lap_ns(plan);
     plan->timing.duration_ns = omni_path_duration_ns(plan);
+    plan->timing.period_s = omni_real_of(plan->timing.period_ns) * 1e-9f;
+    plan->timing.lap_s = omni_real_of(plan->timing.lap_ns) * 1e-9f;
 }
 
 void omni_path_set_clock(omni_trajectory_t *plan) {

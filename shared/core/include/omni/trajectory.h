@@ -54,8 +54,10 @@ typedef struct omni_waypoints_t {
 /** A plan's times in whole numbers, so that the tick need not derive them. UINT64_MAX: without end. */
 typedef struct omni_trajectory_timing_t {
     uint64_t lead_in_us;
-    uint64_t period_ns;    /**< path time of config.period_s */
-    uint64_t lap_ns;       /**< path time of a lap: one period, or all legs of a round */
+    uint64_t period_ns;   /**< path time of config.period_s */
+    uint64_t lap_ns;      /**< path time of a lap: one period, or all legs of a round */
+    omni_real_t period_s; /**< the same as floats */
+    omni_real_t lap_s;
     uint64_t duration_ns;  /**< path time of the whole path */
     uint64_t rate;         /**< of the path clock, fraction of 2^24 */
     uint64_t ramp_ns;      /**< real time */
