@@ -9,9 +9,11 @@ BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake
                'tomli>=2; python_version<"3.11"'
 
 BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt pyproject.toml \
-                  \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' \
+                  \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' -o -name '*.ld' \
                   -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
 C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[ch]' -o -name '*.[ch]pp')
+# Processes that run the tests; 0: in make's own terminal, one test after another.
+WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests
 
 .PHONY: help setup demo test lint format bench sanitize core-checks wheel clean
@@ -23,12 +25,20 @@ help:
 	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
 
+# Another answer means that the emulated firmware can be built now, or no more.
+ARM_CXX := $(shell arm-none-eabi-g++ -fsyntax-only -x c++ -include atomic /dev/null 2>/dev/null && echo with-arm || echo without-arm)
+ARM_STAMP := build/stamp-$(ARM_CXX)
+
+$(ARM_STAMP):
+	@mkdir -p build && rm -f build/stamp-with-arm build/stamp-without-arm
+	@touch $@
+
 $(VENV)/stamp-tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) install $(BUILD_TOOLS)
 	@touch $@
 
-$(VENV)/stamp-install: $(VENV)/stamp-tools $(BUILD_INPUTS)
+$(VENV)/stamp-install: $(VENV)/stamp-tools $(ARM_STAMP) $(BUILD_INPUTS)
 	$(PIP) install --no-build-isolation -e .
 	@touch $@
 
@@ -43,7 +53,7 @@ demo: $(VENV)/stamp-install
 	$(BIN)/omni demo $(ARGS)
 
 test: setup
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
 bench: $(VENV)/stamp-install
 	$(BIN)/omni bench $(ARGS)

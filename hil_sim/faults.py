@@ -19,6 +19,7 @@ KINDS: dict[str, int] = {
     "pose_jump": lib.HIL_FAULT_POSE_JUMP,
     "battery_sag": lib.HIL_FAULT_BATTERY_SAG,
     "motor_dead": lib.HIL_FAULT_MOTOR_DEAD,
+    "wheel_turned": lib.HIL_FAULT_WHEEL_TURNED,
 }
 """Name of a fault to its number in ``hil_fault_kind_t``."""
 
@@ -31,8 +32,8 @@ MAX_FAULTS: int = lib.HIL_MAX_FAULTS
 class Fault:
     """One fault from ``start_s`` up to, not including, ``stop_s`` [s, simulated time].
 
-    ``wheel`` counts from 0 and matters for encoder and motor faults; ``value`` is the offset in x [m] of a pose jump or
-    the open-circuit voltage [V] of a battery sag.
+    ``wheel`` counts from 0 and matters for encoder and motor faults; ``value`` is the offset in x [m] of a pose jump,
+    the open-circuit voltage [V] of a battery sag or the speed [rad/s] of a wheel that a hand turns.
     """
 
     name: str

@@ -68,7 +68,7 @@ def new_world(scenario: Scenario) -> World:
     numbers = {_WORLD_FIELDS.get(name, name): value for name, value in scenario.world.items()}
     return World(
         world_config(
-            scenario.robot,
+            scenario.world_robot or scenario.robot,
             plant=scenario.plant,
             seed=scenario.seed,
             pose_sensor=NO_POSE_SENSOR,

@@ -41,11 +41,12 @@ UNTIL_DONE: Literal["until_done"] = "until_done"
 MAX_DURATION_S = 3600.0
 MAX_SEED = 2**63 - 1
 COMMANDS = ("arm", "disarm", "estop", "trajectory_start", "trajectory_stop")
-WHEEL_FAULTS = frozenset({"encoder_stuck", "encoder_reversed", "encoder_invalid", "motor_dead"})
-VALUE_FAULTS = frozenset({"pose_jump", "battery_sag"})
+WHEEL_FAULTS = frozenset({"encoder_stuck", "encoder_reversed", "encoder_invalid", "motor_dead", "wheel_turned"})
+VALUE_FAULTS = frozenset({"pose_jump", "battery_sag", "wheel_turned"})
 
 _BIG = 1e6
 WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
+    "output_enable_wired": (0.0, 1.0),
     "slip_max": (0.0, 0.9),
     "slip_speed_max_m_s": (0.0, 10.0),
     "slip_time_s": (1e-3, _BIG),
@@ -67,13 +68,15 @@ WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
     "motor_constant_N_m_A": (1e-4, 100.0),
     "motor_resistance_ohm": (1e-3, 1000.0),
     "motor_inductance_H": (1e-6, 1.0),
+    "pca9685_address": (1.0, 127.0),
+    "i2c_stranger": (0.0, 127.0),
 }
 """Numbers allowed in ``[world]`` and their ranges; units are in the names."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _SECTIONS = ("scenario", "parameters", "world", "event", "fault")
 _ACTIONS = ("set", "command", "velocity", "duty")
-_HEAD = ("name", "description", "extends", "robot", "seed", "duration_s")
+_HEAD = ("name", "description", "extends", "robot", "world_robot", "seed", "duration_s")
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,11 @@ class Event:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A checked scenario. ``duration_s`` None means until the trajectory is done."""
+    """A checked scenario. ``duration_s`` None means until the trajectory is done.
+
+    ``world_robot`` is the robot that is really there where that is another one than the firmware believes: crossed
+    wires, turned motors, another encoder. None: the firmware is right.
+    """
 
     source: str
     name: str
@@ -118,6 +125,7 @@ class Scenario:
     events: tuple[Event, ...]
     faults: tuple[Fault, ...]
     plant: str = DEFAULT_PLANT
+    world_robot: Robot | None = None
 
     def parameter_values(self) -> dict[str, float]:
         """Return every parameter the run starts with: defaults, robot file, scenario."""
@@ -178,12 +186,13 @@ def find_scenario(name_or_path: str) -> Path:
     return path
 
 
-def load_scenario(name_or_path: str | Path, robot: str | None = None) -> Scenario:
-    """Read and check a scenario; ``robot`` replaces the file's robot."""
+def load_scenario(name_or_path: str | Path, robot: str | None = None, world_robot: str | None = None) -> Scenario:
+    """Read and check a scenario; ``robot`` and ``world_robot`` replace the file's."""
     path = find_scenario(str(name_or_path))
     document = _with_base(path, read_toml(path), ())
-    if robot is not None:
-        document["scenario"] = {**take_table(str(path), "scenario", document.get("scenario", {})), "robot": robot}
+    for key, name in (("robot", robot), ("world_robot", world_robot)):
+        if name is not None:
+            document["scenario"] = {**take_table(str(path), "scenario", document.get("scenario", {})), key: name}
     return parse_scenario(document, str(path))
 
 
@@ -216,7 +225,18 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
             for i, entry in enumerate(_entries(source, "fault", document.get("fault", [])))
         ),
         plant=plant,
+        world_robot=_world_robot(source, head, robot),
     )
+
+
+def _world_robot(source: str, head: Mapping[str, Any], robot: Robot) -> Robot | None:
+    if "world_robot" not in head:
+        return None
+    found = _robot(source, _text(source, head, "world_robot"))
+    if found.wheels != robot.wheels:
+        problem = f"has {found.wheels} wheels; the firmware's robot has {robot.wheels}"
+        raise SchemaError(source, "scenario.world_robot", problem)
+    return found
 
 
 def _with_base(path: Path, document: dict[str, Any], seen: tuple[Path, ...]) -> dict[str, Any]:

@@ -159,6 +159,7 @@ def world_config(
     config.wheels = robot.wheels
     config.counts_per_revolution = int(robot.encoder["counts_per_revolution"])
     config.pca9685_address = PCA9685_ADDRESS
+    config.output_enable_wired = "output_enable_pin" in robot.wiring
     _fill_wheels(config, robot)
     for field, key in _MOTOR_FIELDS.items():
         setattr(config, field, _section_number(robot, "motor", robot.motor, key))
@@ -176,7 +177,7 @@ def world_config(
     for field, value in overrides.items():
         if field not in dir(config):
             raise WorldError(f"{field} is no field of the world; see hil_world_config_t in world.h")
-        setattr(config, field, value)
+        setattr(config, field, int(value) if isinstance(getattr(config, field), int) else value)
     return config
 
 
@@ -258,6 +259,10 @@ class World:
         if lib.hil_world_i2c(self.c, transactions, len(transactions)) != lib.HIL_OK:
             raise ValueError("the bytes are no I2C transactions; each is: address, count, bytes, count to read")
 
+    def output_enable(self, on: bool) -> None:
+        """Set the PWM chip's output-enable pin; off at first, and of no effect on a robot without one."""
+        lib.hil_world_output_enable(self.c, on)
+
     def set_duty(self, duty: Sequence[float]) -> None:
         """Set the bridges to drive-brake with these duties, -1..1 in each motor's own direction."""
         steps = lib.OMNI_PWM_STEPS
@@ -267,7 +272,8 @@ class World:
         self.set_bridges(in1, in2)
 
     def set_bridges(self, in1_steps: Sequence[int], in2_steps: Sequence[int]) -> None:
-        """Set how long IN1 and IN2 of each wheel are high, 0..4096 steps of the PWM period."""
+        """Set how long IN1 and IN2 of each wheel are high, 0..4096 steps of the PWM period; the outputs are enabled."""
+        self.output_enable(True)
         padding = [0] * (lib.HIL_MAX_WHEELS - len(in1_steps))
         first = ffi.new("uint16_t[]", [*in1_steps, *padding])
         second = ffi.new("uint16_t[]", [*in2_steps, *padding])

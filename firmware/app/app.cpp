@@ -56,10 +56,11 @@ void App::watch_overrun(TickSensors *sensors) {
 void App::tick() {
     const Owner owner = owner_.load(std::memory_order_acquire);
     if (owner == Owner::background) {
+        board_.output_enable->set(false); // the host's world turns, not these wheels
         return;
     }
     if (owner == Owner::handing_over) {
-        if (shared_.control.release(*board_.i2c) || ++release_attempts_ >= release_limit) {
+        if (shared_.control.release(*board_.i2c, *board_.output_enable) || ++release_attempts_ >= release_limit) {
             owner_.store(Owner::background, std::memory_order_release);
         }
         return;
@@ -70,8 +71,9 @@ void App::tick() {
     sensors.time_us = board_.clock->now_us();
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
+    board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);
-    shared_.control.tick(sensors, *board_.i2c, *board_.clock);
+    shared_.control.tick(sensors, *board_.i2c, *board_.output_enable, *board_.clock);
 }
 
 /// Start over with another clock. Only while no tick runs.
@@ -80,6 +82,7 @@ void App::restart_control(uint64_t now_us) {
     shared_.control.report.update();
     shared_.latest = TickReport{};
     shared_.arming = 0;
+    shared_.i2c_scanning = false;
     shared_.now_us = now_us;
     jitter_.restart();
     last_tick_us_ = 0;
@@ -177,7 +180,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     TickSensors sensors;
     hil_.take(frame, &sensors);
     shared_.now_us = sensors.time_us;
-    shared_.control.tick(sensors, hil_.bus, *board_.clock);
+    shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
     take_report();
     serve();
     hil_.answer(shared_, link);
@@ -299,6 +302,7 @@ void App::serve() {
         shared_.links[i].refill(shared_.now_us);
     }
     status_texts_.serve();
+    commands_.serve();
     telemetry_.serve();
     parameters_.serve();
 }

@@ -47,9 +47,17 @@ struct I2cTransaction {
     static constexpr size_t max_write = 40;
     static constexpr size_t max_read = 8;
     uint8_t address = 0;      ///< 7 bit
-    uint8_t write_length = 0; ///< 0..max_write
+    uint8_t write_length = 0; ///< 0..max_write; 0 and nothing to read: the address alone, to see who acknowledges it
     uint8_t read_length = 0;  ///< 0..max_read
     uint8_t write[max_write] = {};
+};
+
+/// What an I2C bus has counted since boot.
+struct I2cStats {
+    uint32_t nacks = 0;
+    uint32_t timeouts = 0;
+    uint32_t recoveries = 0;
+    uint16_t last_us = 0; ///< time on the wire of the last batch; 0: not measured
 };
 
 /// Asynchronous I2C master. Called from the tick only; never waits.
@@ -62,6 +70,7 @@ public:
     virtual I2cStatus poll(uint8_t *read) = 0;
     /// Start freeing a stuck bus (nine clocks, STOP) without waiting.
     virtual void recover() = 0;
+    virtual I2cStats stats() { return {}; }
 
 protected:
     ~I2cBus() = default;
@@ -133,6 +142,12 @@ protected:
     ~StatusLight() = default;
 };
 
+/// Memory never used so far [bytes]; 0: not known.
+struct MemoryFree {
+    uint32_t stack = 0;
+    uint32_t heap = 0;
+};
+
 /// Everything the application gets from its board.
 struct Board {
     static constexpr size_t max_ports = 4;
@@ -148,6 +163,8 @@ struct Board {
     const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
     /// Supply voltage [V], or <= 0 if the board doesn't measure it.
     omni_real_t (*battery_V)() = nullptr;
+    /// nullptr: not known. Called from the background.
+    MemoryFree (*memory_free)() = nullptr;
 };
 
 } // namespace omni

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "app/commands.h"
 
+#include <algorithm>
+
 #include "app/core.h"
 #include "app/reports.h"
 
@@ -97,6 +99,8 @@ uint8_t Commands::run_own(const Command &command) {
         return trajectories_.set_waypoint(p[0], {p[1], p[2], p[3]});
     case MAV_CMD_OMNI_ESTOP:
         return p[0] > 0.5f ? estop() : clear_estop();
+    case MAV_CMD_OMNI_I2C_SCAN:
+        return scan_i2c(command.sender);
     default:
         return MAV_RESULT_UNSUPPORTED;
     }
@@ -109,6 +113,14 @@ uint8_t Commands::arm_disarm(float wanted) {
     return wanted == 0.0f ? disarm() : static_cast<uint8_t>(MAV_RESULT_DENIED);
 }
 
+/// Who arms a robot without the pin should know what that means. Once is enough.
+void Commands::warn_of_missing_pin() {
+    if (!pin_said_ && !shared_.hil && !shared_.board.output_enable->wired()) {
+        pin_said_ = true;
+        shared_.say(MAV_SEVERITY_NOTICE, Text().add("no output-enable pin: a dead bus cannot be stopped"));
+    }
+}
+
 uint8_t Commands::arm() {
     const uint8_t state = shared_.latest.outputs.state;
     if (state == OMNI_STATE_ARMED) {
@@ -116,6 +128,10 @@ uint8_t Commands::arm() {
     }
     if (hil_.hil_silent()) {
         shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: no OMNI_HIL_SENSORS yet"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    if (shared_.i2c_scanning) {
+        shared_.say(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: I2C scan"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (starting_up(shared_.latest)) {
@@ -138,6 +154,7 @@ uint8_t Commands::arm() {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     shared_.arming = reports_until_armed;
+    warn_of_missing_pin();
     trajectories_.on_arm();
     return MAV_RESULT_ACCEPTED;
 }
@@ -202,6 +219,39 @@ uint8_t Commands::reboot(float what) {
     }
     shared_.reboot = true;
     return MAV_RESULT_ACCEPTED;
+}
+
+uint8_t Commands::scan_i2c(const Sender &sender) {
+    if (shared_.armed()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: disarm first"));
+        return MAV_RESULT_DENIED;
+    }
+    if (hil_.hil_silent()) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: no OMNI_HIL_SENSORS yet"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    scan_sender_ = sender;
+    if (shared_.i2c_scanning) {
+        return MAV_RESULT_ACCEPTED; // a repeated command: one result for both
+    }
+    Request request;
+    request.kind = Request::Kind::i2c_scan;
+    scans_before_ = shared_.latest.i2c_found.scans;
+    shared_.i2c_scanning = shared_.control.request(request);
+    return queued(shared_.i2c_scanning);
+}
+
+void Commands::serve() {
+    const I2cFound &found = shared_.latest.i2c_found;
+    if (!shared_.i2c_scanning || found.scans == scans_before_) {
+        return;
+    }
+    shared_.i2c_scanning = false;
+    mavlink_omni_i2c_scan_t message{};
+    message.time_boot_ms = shared_.now_ms();
+    std::copy(found.addresses, found.addresses + sizeof found.addresses, message.found);
+    message.stuck = found.stuck ? 1 : 0;
+    shared_.reply(scan_sender_, MAVLINK_MSG_ID_OMNI_I2C_SCAN, message);
 }
 
 uint8_t Commands::request_message(size_t link, float id) {

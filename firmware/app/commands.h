@@ -29,6 +29,8 @@ public:
     void on_command_long(const Frame &frame, const Sender &sender);
     void on_command_int(const Frame &frame, const Sender &sender);
     void on_set_mode(const Frame &frame);
+    /// Send the result of an I2C scan that has come to its end.
+    void serve();
 
 private:
     struct Command {
@@ -41,12 +43,14 @@ private:
     uint8_t run_own(const Command &command);
     uint8_t arm_disarm(float wanted);
     uint8_t arm();
+    void warn_of_missing_pin();
     uint8_t disarm();
     uint8_t estop();
     uint8_t clear_estop();
     uint8_t set_mode(float mode);
     uint8_t set_pose(const omni_pose_t &pose);
     uint8_t reboot(float what);
+    uint8_t scan_i2c(const Sender &sender);
     uint8_t request_message(size_t link, float id);
 
     Shared &shared_;
@@ -54,6 +58,9 @@ private:
     Telemetry &telemetry_;
     Trajectories &trajectories_;
     HilSwitch &hil_;
+    Sender scan_sender_;
+    uint32_t scans_before_ = 0;
+    bool pin_said_ = false;
 };
 
 } // namespace omni

@@ -27,6 +27,8 @@ void ControlLoop::restart() {
     driver_.restart();
     driver_.set_wiring(setup_->wiring);
     driver_was_ready_ = false;
+    scan_.restart();
+    powered_ = false;
     ticks_ = 0;
     omni_robot_init(&robot_, &setup_->config);
 }
@@ -59,6 +61,9 @@ bool ControlLoop::apply(const Request &request) {
         inputs_.pose = request.pose;
         inputs_.events |= OMNI_EVENT_SET_POSE;
         return true;
+    case Request::Kind::i2c_scan:
+        begin_scan();
+        return true;
     }
     return true;
 }
@@ -80,13 +85,40 @@ void ControlLoop::take_plan() {
     }
 }
 
-void ControlLoop::drive(I2cBus &bus, uint64_t now_us) {
+/// The motors are off already; the driver sets its chip up anew afterwards, and until then nobody arms.
+void ControlLoop::begin_scan() {
+    if (outputs_.state != OMNI_STATE_ARMED && !scan_.running()) {
+        driver_was_ready_ = false;
+        scan_.start();
+    }
+}
+
+void ControlLoop::scan(I2cBus &bus, OutputEnable &pin) {
+    powered_ = false;
+    pin.set(false);
+    scan_.step(bus);
+    if (!scan_.running()) {
+        driver_.restart();
+    }
+}
+
+bool ControlLoop::release(I2cBus &bus, OutputEnable &pin) {
+    powered_ = false;
+    pin.set(false);
+    return driver_.all_off(bus);
+}
+
+/// Bridges by the bus and, independent of it, by the pin. A chip that does not answer now may still hold what it was told before
+/// the last stop: the pin is not switched on over it.
+void ControlLoop::drive(I2cBus &bus, OutputEnable &pin, uint64_t now_us) {
     omni_bridge_counts_t bridge[OMNI_MAX_WHEELS];
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
         bridge[i] = omni_bridge_counts(outputs_.duty[i], outputs_.drive);
     }
     driver_.drive(bus, now_us, bridge);
     driver_was_ready_ = driver_was_ready_ || driver_.ready();
+    powered_ = outputs_.drive && driver_.ready() && (powered_ || driver_.failures() == 0);
+    pin.set(powered_);
 }
 
 void ControlLoop::measure(uint64_t duration_ns) {
@@ -108,7 +140,7 @@ void ControlLoop::integrate_voltage() {
     }
 }
 
-void ControlLoop::publish(const TickSensors &sensors) {
+void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     TickReport &out = report.writing();
     out.outputs = outputs_;
     out.arming_faults = omni_robot_arming_faults(&robot_, &outputs_);
@@ -121,10 +153,13 @@ void ControlLoop::publish(const TickSensors &sensors) {
     out.tick_jitter_us_max = sensors.jitter_us;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
+    std::memcpy(out.encoder_errors, sensors.encoder_errors, sizeof out.encoder_errors);
+    out.i2c = bus.stats();
+    out.i2c_found = scan_.found();
     report.publish();
 }
 
-void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch) {
+void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pin, Clock &stopwatch) {
     const uint64_t begin_ns = stopwatch.stopwatch_ns();
     inputs_.time_us = sensors.time_us;
     if (const RobotSetup *latest = setups.take()) {
@@ -137,14 +172,20 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch
     std::memcpy(inputs_.counts, sensors.counts, sizeof inputs_.counts);
     inputs_.counts_valid = sensors.counts_valid;
     inputs_.battery_V = sensors.battery_V;
-    driver_.poll(bus);
+    if (!scan_.running()) {
+        driver_.poll(bus);
+    }
     inputs_.driver_failures = driver_.failures();
     // Until the chip has been set up for the first time nothing could stop a motor: no arming.
     inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
     omni_robot_tick(&robot_, &inputs_, &outputs_);
-    drive(bus, sensors.time_us);
+    if (scan_.running()) {
+        scan(bus, pin);
+    } else {
+        drive(bus, pin, sensors.time_us);
+    }
     ++ticks_;
-    publish(sensors);
+    publish(sensors, bus);
     integrate_voltage();
     measure(stopwatch.stopwatch_ns() - begin_ns);
 }

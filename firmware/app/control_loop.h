@@ -8,6 +8,7 @@
 
 #include "app/board.h"
 #include "app/core.h"
+#include "app/i2c_scan.h"
 #include "app/pca9685.h"
 #include "app/snapshot.h"
 
@@ -21,7 +22,7 @@ struct RobotSetup {
 
 /// One thing the background asks of the tick. They are done in order.
 struct Request {
-    enum class Kind : uint8_t { event, setpoint, fix, heartbeat, set_pose };
+    enum class Kind : uint8_t { event, setpoint, fix, heartbeat, set_pose, i2c_scan };
     Kind kind = Kind::event;
     uint32_t event = 0;   ///< omni_event_t bits
     uint64_t time_us = 0; ///< heartbeat: arrival
@@ -38,6 +39,7 @@ struct TickSensors {
     float battery_V = 0.0f; ///< <= 0: not measured
     uint32_t faults = 0;    ///< OMNI_FAULT_OVERRUN
     uint32_t overruns = 0;  ///< ticks that missed their time since boot
+    uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
     float jitter_us = 0.0f; ///< TickJitter::max_us(); 0 in host-in-the-loop
 };
 
@@ -54,6 +56,9 @@ struct TickReport {
     float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
     int32_t counts[OMNI_MAX_WHEELS] = {};
     uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
+    uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
+    I2cStats i2c;
+    I2cFound i2c_found;
 };
 
 class ControlLoop {
@@ -64,10 +69,10 @@ public:
     bool request(const Request &request) { return requests_.push(request); }
     bool request_event(uint32_t events);
 
-    /// @param stopwatch for measuring how long the tick takes.
-    void tick(const TickSensors &sensors, I2cBus &bus, Clock &stopwatch);
+    /// @param pin the driver's output enable, set in every tick. @param stopwatch for measuring how long the tick takes.
+    void tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pin, Clock &stopwatch);
     /// Leave the outputs of this bus off. @return false if the bus is busy.
-    bool release(I2cBus &bus) { return driver_.all_off(bus); }
+    bool release(I2cBus &bus, OutputEnable &pin);
 
     Handover<RobotSetup> setups;
     Handover<omni_trajectory_t> plans;
@@ -77,10 +82,12 @@ private:
     void take_requests();
     void take_plan();
     bool apply(const Request &request);
-    void drive(I2cBus &bus, uint64_t now_us);
+    void begin_scan();
+    void scan(I2cBus &bus, OutputEnable &pin);
+    void drive(I2cBus &bus, OutputEnable &pin, uint64_t now_us);
     void measure(uint64_t duration_ns);
     void integrate_voltage();
-    void publish(const TickSensors &sensors);
+    void publish(const TickSensors &sensors, I2cBus &bus);
 
     static constexpr uint32_t window_ticks = 1000;
     const RobotSetup *setup_ = nullptr;
@@ -88,7 +95,9 @@ private:
     omni_inputs_t inputs_{};
     omni_outputs_t outputs_{};
     Pca9685 driver_;
+    I2cScan scan_;
     bool driver_was_ready_ = false;
+    bool powered_ = false; ///< the output-enable pin is on
     Queue<Request, 32> requests_;
     uint32_t volt_us_[OMNI_MAX_WHEELS] = {};
     uint32_t ticks_ = 0;

@@ -38,6 +38,7 @@ void HilBus::restart() {
     length_ = 0;
     submitted_ = false;
     status_ = I2cStatus::idle;
+    stats_ = {};
 }
 
 void HilBus::answer(uint8_t status, const uint8_t *read) {
@@ -46,6 +47,8 @@ void HilBus::answer(uint8_t status, const uint8_t *read) {
     }
     submitted_ = false;
     status_ = (status & 2) != 0 ? I2cStatus::stuck : ((status & 1) != 0 ? I2cStatus::nack : I2cStatus::done);
+    stats_.timeouts += status_ == I2cStatus::stuck ? 1 : 0;
+    stats_.nacks += status_ == I2cStatus::nack ? 1 : 0;
     std::memcpy(read_, read, sizeof read_);
 }
 
@@ -58,6 +61,7 @@ uint8_t HilBus::take(uint8_t *out) {
 
 void Hil::restart() {
     bus.restart();
+    output_enable.set(false);
     heard_ = false;
 }
 
@@ -90,6 +94,7 @@ void Hil::answer(Shared &shared, size_t link) {
     message.config_sequence = out.config_sequence;
     message.state = out.state;
     message.phase = out.reference.phase;
+    message.output_enable = output_enable.on() ? 1 : 0;
     message.i2c_length = bus.take(message.i2c);
     shared.links[link].send(MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS, message, Priority::reply);
 }

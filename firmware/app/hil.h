@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus whose bytes go to OMNI_HIL_ACTUATORS.
+/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus and a pin that go to OMNI_HIL_ACTUATORS.
 #pragma once
 
 #include <cstddef>
@@ -16,6 +16,7 @@ public:
     bool submit(const I2cTransaction *batch, size_t count) override;
     I2cStatus poll(uint8_t *read) override;
     void recover() override {} ///< the world frees its bus by itself
+    I2cStats stats() override { return stats_; }
 
     void restart();
     /// The world's verdict on the last tick's transactions. @param status bit 0: not acknowledged, bit 1: stuck.
@@ -29,13 +30,26 @@ private:
     uint8_t length_ = 0;
     bool submitted_ = false;
     I2cStatus status_ = I2cStatus::idle;
+    I2cStats stats_;
     uint8_t read_[I2cTransaction::max_read] = {};
+};
+
+/// The driver's output enable. Whether the simulated robot has the pin is the world's business.
+class HilOutputEnable final : public OutputEnable {
+public:
+    bool wired() override { return true; }
+    void set(bool on) override { on_ = on; }
+    bool on() const { return on_; }
+
+private:
+    bool on_ = false;
 };
 
 /// One host in the loop.
 class Hil {
 public:
     HilBus bus;
+    HilOutputEnable output_enable;
 
     void restart();
     /// Take the sensors of one tick. A time that does not advance is the control core's to judge.

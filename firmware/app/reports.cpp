@@ -68,6 +68,10 @@ uint16_t millivolts(float volts) {
     return volts > 0.0f ? static_cast<uint16_t>(std::min(volts * 1000.0f + 0.5f, 65534.0f)) : UINT16_MAX;
 }
 
+uint16_t saturated(uint32_t count) {
+    return static_cast<uint16_t>(std::min<uint32_t>(count, UINT16_MAX));
+}
+
 } // namespace
 
 bool report_heartbeat(const Shared &shared, Link &link, Priority, bool) {
@@ -105,8 +109,8 @@ bool report_sys_status(const Shared &shared, Link &link, Priority priority, bool
     message.voltage_battery = millivolts(shared.latest.battery_V);
     message.current_battery = -1;
     message.battery_remaining = -1;
-    message.errors_count1 = static_cast<uint16_t>(std::min<uint32_t>(shared.latest.i2c_errors, UINT16_MAX));
-    message.errors_comm = static_cast<uint16_t>(std::min<uint32_t>(link.rx_errors(), UINT16_MAX));
+    message.errors_count1 = saturated(shared.latest.i2c_errors);
+    message.errors_comm = saturated(link.rx_errors());
     return link.send(MAVLINK_MSG_ID_SYS_STATUS, message, priority);
 }
 
@@ -129,6 +133,30 @@ bool report_omni_status(const Shared &shared, Link &link, Priority priority, boo
     message.state = latest.outputs.state;
     message.hil = shared.hil ? 1 : 0;
     return link.send(MAVLINK_MSG_ID_OMNI_STATUS, message, priority);
+}
+
+/// What is measured in real time and memory stays at zero in a stream of host-in-the-loop, as in OMNI_STATUS.
+bool report_health(const Shared &shared, Link &link, Priority priority, bool asked) {
+    const TickReport &latest = shared.latest;
+    const bool measured = asked || !shared.hil;
+    const MemoryFree memory = measured && shared.board.memory_free != nullptr ? shared.board.memory_free() : MemoryFree{};
+    mavlink_omni_health_t message{};
+    message.time_boot_ms = shared.now_ms();
+    std::copy(latest.encoder_errors, latest.encoder_errors + OMNI_MAX_WHEELS, message.encoder_errors);
+    message.i2c_nacks = latest.i2c.nacks;
+    message.i2c_timeouts = latest.i2c.timeouts;
+    message.i2c_recoveries = latest.i2c.recoveries;
+    message.i2c_us = latest.i2c.last_us;
+    message.signing_refused = shared.signing_refused;
+    message.stack_free = memory.stack;
+    message.heap_free = memory.heap;
+    message.tick_jitter_us_max = latest.tick_jitter_us_max;
+    for (size_t i = 0; i < shared.board.port_count; ++i) {
+        message.link_rx_errors[i] = saturated(shared.links[i].rx_errors());
+        message.link_tx_dropped[i] = saturated(shared.links[i].tx_dropped());
+    }
+    message.reset_cause = static_cast<uint8_t>(shared.board.watchdog->reset_cause());
+    return link.send(MAVLINK_MSG_ID_OMNI_HEALTH, message, priority);
 }
 
 bool report_local_position(const Shared &shared, Link &link, Priority priority, bool) {

@@ -12,6 +12,7 @@ using ReportFunction = bool (*)(const Shared &shared, Link &link, Priority prior
 bool report_heartbeat(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_sys_status(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_omni_status(const Shared &shared, Link &link, Priority priority, bool asked);
+bool report_health(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_local_position(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_tracking(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_attitude(const Shared &shared, Link &link, Priority priority, bool asked);

@@ -26,11 +26,13 @@ struct Shared {
     const Board &board;
     Link links[Board::max_ports];
     ControlLoop control;
-    TickReport latest;   ///< of the last tick, refreshed once per background pass
-    uint64_t now_us = 0; ///< robot clock of this pass: the board's, or the simulated one
-    bool hil = false;    ///< host-in-the-loop
-    bool reboot = false; ///< asked for
-    uint8_t arming = 0;  ///< reports to wait for until one tells what became of an accepted arm command
+    TickReport latest;            ///< of the last tick, refreshed once per background pass
+    uint64_t now_us = 0;          ///< robot clock of this pass: the board's, or the simulated one
+    bool hil = false;             ///< host-in-the-loop
+    bool reboot = false;          ///< asked for
+    uint32_t signing_refused = 0; ///< messages refused for their signature
+    bool i2c_scanning = false;    ///< asked for, and its result not sent yet
+    uint8_t arming = 0;           ///< reports to wait for until one tells what became of an accepted arm command
 
     uint32_t now_ms() const { return static_cast<uint32_t>(now_us / 1000); }
     /// Motors may move, or would but for a fault: what is locked while armed is locked now.

@@ -22,6 +22,7 @@ constexpr Stream streams[Telemetry::stream_count] = {
     {MAVLINK_MSG_ID_HEARTBEAT, group_always, report_heartbeat},
     {MAVLINK_MSG_ID_SYS_STATUS, group_status, report_sys_status},
     {MAVLINK_MSG_ID_OMNI_STATUS, group_status, report_omni_status},
+    {MAVLINK_MSG_ID_OMNI_HEALTH, group_status, report_health},
     {MAVLINK_MSG_ID_OMNI_SAMPLE, group_asked, report_sample},
     {MAVLINK_MSG_ID_LOCAL_POSITION_NED, group_state, report_local_position},
     {MAVLINK_MSG_ID_ATTITUDE, group_state, report_attitude},

@@ -132,6 +132,9 @@ static hil_result_t check_wiring(const hil_world_config_t *config, const complai
     if (config->pca9685_address == 0 || config->pca9685_address > 0x7F) {
         return refuse(complaint, "pca9685_address", -1, config->pca9685_address, "1..127");
     }
+    if (config->i2c_stranger > 0x7F || config->i2c_stranger == config->pca9685_address) {
+        return refuse(complaint, "i2c_stranger", -1, config->i2c_stranger, "0..127, not the PWM chip's");
+    }
     hil_result_t result = check_direction("encoder_direction", config->encoder_direction, config->wheels, complaint);
     if (result == HIL_OK) {
         result = check_direction("motor_direction", config->motor_direction, config->wheels, complaint);
@@ -141,7 +144,7 @@ static hil_result_t check_wiring(const hil_world_config_t *config, const complai
 
 static bool needs_wheel(uint8_t kind) {
     return kind == HIL_FAULT_ENCODER_STUCK || kind == HIL_FAULT_ENCODER_REVERSED || kind == HIL_FAULT_ENCODER_INVALID ||
-           kind == HIL_FAULT_MOTOR_DEAD;
+           kind == HIL_FAULT_MOTOR_DEAD || kind == HIL_FAULT_WHEEL_TURNED;
 }
 
 static hil_result_t check_fault(const hil_world_config_t *config, uint32_t index, const complaint_t *complaint) {

@@ -27,6 +27,12 @@ static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors, ui
     }
 }
 
+/* The pin as the firmware sets it: not switched on while the driver fails. */
+static void enable(hil_world_t *world, const omni_inputs_t *inputs, const omni_outputs_t *outputs) {
+    const bool was_on = !world->chip.output_enable_high;
+    hil_world_output_enable(world, outputs->drive && (was_on || inputs->driver_failures == 0));
+}
+
 static void drive(hil_world_t *world, const omni_outputs_t *outputs) {
     uint16_t in1[HIL_MAX_WHEELS];
     uint16_t in2[HIL_MAX_WHEELS];
@@ -70,6 +76,7 @@ void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *
         take_sensors(inputs, &sensors, world->config.wheels);
         omni_robot_tick(robot, inputs, outputs);
         inputs->events = 0;
+        enable(world, inputs, outputs);
         drive(world, outputs);
         record_tick(record, world, outputs);
         hil_world_step(world, OMNI_TICK_US);

@@ -23,6 +23,9 @@ enum {
     ALLCALL = 0x01,
     MODE2_OCH = 0x08,
     MODE2_INVERT = 0x10,
+    MODE2_OUTDRV = 0x04,
+    MODE2_OUTNE = 0x03,
+    OUTNE_HIGH = 0x01,
     MODE2_MASK = 0x1F,
 
     FULL = 0x10, /* in ON_H: always high; in OFF_H: always low */
@@ -37,7 +40,9 @@ enum {
 static const double OSCILLATOR_Hz = 25e6;
 
 void hil_pca9685_reset(hil_pca9685_t *chip, uint8_t address) {
+    const bool output_enable_high = chip->output_enable_high; /* a pin, not a register */
     memset(chip, 0, sizeof *chip);
+    chip->output_enable_high = output_enable_high;
     chip->address = address;
     chip->registers[MODE1] = SLEEP | ALLCALL;
     chip->registers[MODE2] = 0x04;
@@ -205,9 +210,21 @@ static const uint8_t *channel_registers(const hil_pca9685_t *chip, uint32_t chan
     return chip->registers + LED0_ON_L + (size_t)CHANNEL_REGISTERS * channel;
 }
 
+/* Level of an output while OE is high. */
+static double disabled_level(const hil_pca9685_t *chip) {
+    const uint8_t mode2 = chip->registers[MODE2];
+    return (mode2 & MODE2_OUTNE) == OUTNE_HIGH && (mode2 & MODE2_OUTDRV) != 0 ? 1.0 : 0.0;
+}
+
 double hil_pca9685_duty(const hil_pca9685_t *chip, uint32_t channel) {
     const bool stopped = (chip->registers[MODE1] & (SLEEP | RESTART | EXTCLK)) != 0;
-    if (channel >= HIL_PCA9685_CHANNELS || stopped) {
+    if (channel >= HIL_PCA9685_CHANNELS) {
+        return 0.0;
+    }
+    if (chip->output_enable_high) {
+        return disabled_level(chip);
+    }
+    if (stopped) {
         return 0.0;
     }
     const double duty = programmed_duty(channel_registers(chip, channel));

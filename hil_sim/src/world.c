@@ -21,6 +21,7 @@ hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config
     memcpy(world->pose, config->start_pose, sizeof world->pose);
     hil_plant_init(&world->plant, config);
     hil_pca9685_reset(&world->chip, config->pca9685_address);
+    world->chip.output_enable_high = config->output_enable_wired;
     for (uint32_t i = 0; i < config->wheels; i++) {
         hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
     }
@@ -105,13 +106,18 @@ static bool i2c_parses(const uint8_t *bytes, uint32_t length) {
     return length <= HIL_MAX_I2C;
 }
 
+static bool i2c_write(hil_world_t *world, uint8_t address, const uint8_t *data, uint32_t length) {
+    const bool stranger = world->config.i2c_stranger != 0 && address == world->config.i2c_stranger;
+    return stranger || hil_pca9685_write(&world->chip, address, data, length);
+}
+
 static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
     const uint8_t address = bytes[0];
     const uint8_t written = bytes[1];
     const uint8_t wanted = bytes[I2C_HEADER + written];
     bool acknowledged = true;
     if (written > 0 || wanted == 0) {
-        acknowledged = hil_pca9685_write(&world->chip, address, bytes + I2C_HEADER, written);
+        acknowledged = i2c_write(world, address, bytes + I2C_HEADER, written);
     }
     if (acknowledged && wanted > 0) {
         acknowledged = hil_pca9685_read(&world->chip, address, world->i2c_read, wanted);
@@ -122,8 +128,15 @@ static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
     }
 }
 
-static void outputs_to_bridges(hil_world_t *world) {
-    hil_plant_source(world, HIL_SOURCE_BRIDGES);
+static void direct_to_bridges(hil_world_t *world) {
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        world->in1[i] = world->chip.output_enable_high ? 0.0 : world->direct_in1[i];
+        world->in2[i] = world->chip.output_enable_high ? 0.0 : world->direct_in2[i];
+        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
+    }
+}
+
+static void chip_to_bridges(hil_world_t *world) {
     const double period_s = 1.0 / hil_pca9685_frequency_Hz(&world->chip);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const uint32_t channel1 = world->config.in1_channel[i];
@@ -132,6 +145,27 @@ static void outputs_to_bridges(hil_world_t *world) {
         world->in2[i] = hil_pca9685_duty(&world->chip, channel2);
         hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1), hil_pca9685_phase(&world->chip, channel2),
                                 period_s);
+    }
+}
+
+static void outputs_to_bridges(hil_world_t *world, bool direct) {
+    world->direct = direct;
+    hil_plant_source(world, HIL_SOURCE_BRIDGES);
+    if (direct) {
+        direct_to_bridges(world);
+    } else {
+        chip_to_bridges(world);
+    }
+}
+
+void hil_world_output_enable(hil_world_t *world, bool on) {
+    const bool high = world->config.output_enable_wired && !on;
+    if (high == world->chip.output_enable_high) {
+        return;
+    }
+    world->chip.output_enable_high = high;
+    if (world->source == HIL_SOURCE_BRIDGES) {
+        outputs_to_bridges(world, world->direct);
     }
 }
 
@@ -158,7 +192,7 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
     for (uint32_t at = 0; at < length; at += transaction_length(bytes + at, length - at)) {
         run_transaction(world, bytes + at);
     }
-    outputs_to_bridges(world);
+    outputs_to_bridges(world, false);
     return HIL_OK;
 }
 
@@ -171,12 +205,11 @@ void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint1
     if (world->i2c_status != 0) {
         return;
     }
-    hil_plant_source(world, HIL_SOURCE_BRIDGES);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        world->in1[i] = share_of_period(in1_steps[i]);
-        world->in2[i] = share_of_period(in2_steps[i]);
-        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
+        world->direct_in1[i] = share_of_period(in1_steps[i]);
+        world->direct_in2[i] = share_of_period(in2_steps[i]);
     }
+    outputs_to_bridges(world, true);
 }
 
 static hil_result_t drive(hil_world_t *world, uint32_t source, const double *values) {
@@ -205,17 +238,31 @@ hil_result_t hil_world_drive_torque(hil_world_t *world, const double *torque_N_m
     return drive(world, HIL_SOURCE_TORQUE, torque_N_m);
 }
 
+/* Whatever the plant made of the wheel: a hand is stronger. */
+static void turn_by_hand(hil_world_t *world, const double *angle_before_rad, double step_s) {
+    for (uint32_t i = 0; i < world->config.fault_count; i++) {
+        const hil_fault_t *fault = &world->config.fault[i];
+        if (fault_covers(fault, HIL_FAULT_WHEEL_TURNED, HIL_MAX_WHEELS, (double)world->time_us)) {
+            world->wheel_rad_s[fault->wheel] = fault->value;
+            world->wheel_angle_rad[fault->wheel] = angle_before_rad[fault->wheel] + fault->value * step_s;
+        }
+    }
+}
+
 void hil_world_step(hil_world_t *world, uint32_t step_us) {
     if (step_us == 0) {
         return;
     }
     const double step_s = 1e-6 * step_us;
     double open_end_A[HIL_MAX_WHEELS] = {0.0};
+    double angle_before_rad[HIL_MAX_WHEELS];
     hil_electrics_t electrics;
+    memcpy(angle_before_rad, world->wheel_angle_rad, sizeof angle_before_rad);
     hil_slip_update(world, 1e-6 * (double)world->time_us + 0.5 * step_s);
     hil_motors_begin(world, &electrics, step_s, open_end_A);
     hil_plant_step(world, &electrics, step_s);
     hil_motors_end(world, &electrics, open_end_A);
+    turn_by_hand(world, angle_before_rad, step_s);
     hil_encoders_update(world);
     world->time_us += step_us;
     world->steps++;

@@ -17,9 +17,10 @@
     ├── SetpointError                 a set-point or argument that is no number    (bad input, a ValueError)
     ├── CommandRefusedError           the robot answered a command with a refusal; says why
     │   └── ArmingRefusedError
-    ├── FirmwareError                 the PC firmware program
-    │   ├── FirmwareNotFoundError     it is not installed
-    │   └── FirmwareStartError        it ended or did not get ready
+    ├── FirmwareError                 the firmware as a program of this computer, its own or an emulated one
+    │   ├── FirmwareNotFoundError     it, or the emulator, is not installed
+    │   ├── FirmwareStartError        it ended or did not get ready
+    │   └── FirmwareEndedError        it ended while it was used; says its last words
     ├── MocapError                    a stream of poses from motion capture
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
     │   ├── MocapLibraryError         the library that reads it is not installed
@@ -140,15 +141,26 @@ class ArmingRefusedError(CommandRefusedError):
 
 
 class FirmwareError(OmniError):
-    """The PC firmware program."""
+    """The firmware as a program of this computer."""
 
 
 class FirmwareNotFoundError(FirmwareError):
-    """The PC firmware program is not part of this installation."""
+    """The firmware program, or the emulator for it, is not part of this installation."""
 
 
 class FirmwareStartError(FirmwareError):
     """The PC firmware program ended before it was ready, or did not get ready."""
+
+
+class FirmwareEndedError(FirmwareError):
+    """The firmware ended while it was used. ``code`` is its exit code, ``messages`` the last that it said."""
+
+    def __init__(self, code: int, messages: str) -> None:
+        said = [line for line in messages.splitlines() if not line.startswith("{")]
+        why = f": {said[0]}" if said else " and said nothing"
+        super().__init__(f"the firmware ended with exit code {code}{why}", hint="\n".join(said[1:]))
+        self.code = code
+        self.messages = messages
 
 
 class MocapError(OmniError):

@@ -6,24 +6,18 @@ from __future__ import annotations
 import json
 import selectors
 import subprocess
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import IO
 
-from omniwheel.errors import FirmwareNotFoundError, FirmwareStartError
-from omniwheel.parameters import ParameterValue, checked_value
+from omniwheel.errors import FirmwareNotFoundError
+from omniwheel.firmware_child import READY_TIMEOUT_S, FirmwareChild
+from omniwheel.parameters import ParameterValue
 from omniwheel.paths import MissingFileError, firmware_path
-from omniwheel.robots import parameter_table, read_robot
-
-READY_TIMEOUT_S = 10.0
-_STOP_TIMEOUT_S = 3.0
-_STDERR_KEPT = 4000
 
 
-class FirmwareProcess:
+class FirmwareProcess(FirmwareChild):
     """Runs ``omni-firmware`` for one robot; a context manager that always ends it.
 
     ``robot`` is a packaged name or a path, ``parameters`` are set over it, ``links`` are the firmware's own link
@@ -42,112 +36,32 @@ class FirmwareProcess:
         parameters: Mapping[str, ParameterValue] | None = None,
         program: Path | str | None = None,
     ) -> None:
-        self.robot = read_robot(robot)
-        table = parameter_table()
-        self.values = self.robot.parameter_values()
-        self.values.update({name: checked_value(table, name, value) for name, value in (parameters or {}).items()})
-        self.links: tuple[str, ...] = ()
+        super().__init__(robot, parameters)
         self._options = _options(links, lockstep, storage)
         self._program = Path(program) if program is not None else _program()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._stderr: IO[bytes] | None = None
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
 
-    def __enter__(self) -> FirmwareProcess:
-        try:
-            self.start()
-        except BaseException:
-            self.stop()
-            raise
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.stop()
-
-    @property
-    def urls(self) -> tuple[str, ...]:
-        """Link URLs to connect to, in the order of ``links``."""
-        return tuple(_as_url(link) for link in self.links)
-
-    @property
-    def pid(self) -> int | None:
-        """Process id while it runs."""
-        return self._process.pid if self._process is not None and self.running else None
-
-    @property
-    def running(self) -> bool:
-        """Whether the process is there."""
-        return self._process is not None and self._process.poll() is None
-
-    @property
-    def messages(self) -> str:
-        """The end of what the firmware wrote to standard error."""
-        if self._stderr is None:
-            return ""
-        size = self._stderr.seek(0, 2)
-        self._stderr.seek(max(0, size - _STDERR_KEPT))
-        return self._stderr.read().decode(errors="replace").strip()
-
-    def start(self) -> None:
-        """Start the program and wait until its links listen."""
-        self._folder = tempfile.TemporaryDirectory(prefix="omni-firmware-")
-        folder = Path(self._folder.name)
-        parameters = folder / "parameters"
-        parameters.write_text("".join(f"{name}={value!r}\n" for name, value in self.values.items()), encoding="ascii")
-        self._stderr = (folder / "stderr").open("w+b")
+    def _launch(self, folder: Path, parameters: Path, log: IO[bytes]) -> tuple[str, ...]:
         command = [str(self._program), "--params", str(parameters), *self._options]
+        process = self._spawn(command, stdout=subprocess.PIPE, stderr=log)
         try:
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self._stderr
-            )
-        except OSError as error:
-            raise FirmwareStartError(f"cannot start {self._program}: {error.strerror}") from error
-        self.links = self._ready_links()
-
-    def _ready_links(self) -> tuple[str, ...]:
-        line = self._first_line()
-        try:
-            ready = json.loads(line)
+            ready = json.loads(_first_line(process))
             return tuple(str(link) for link in ready["links"])
         except (ValueError, KeyError, TypeError):
-            said = self.messages or "nothing on standard error"
-            raise FirmwareStartError(f"the firmware did not start: {said.splitlines()[-1]}", hint=said) from None
+            raise self._not_started() from None
 
-    def _first_line(self) -> bytes:
-        assert self._process is not None
-        assert self._process.stdout is not None
-        end = time.monotonic() + READY_TIMEOUT_S
-        line = b""
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._process.stdout, selectors.EVENT_READ)
-            while not line.endswith(b"\n") and selector.select(end - time.monotonic()):
-                piece = self._process.stdout.read1(4096)  # type: ignore[attr-defined]
-                if not piece:
-                    break
-                line += piece
-        return line
 
-    def stop(self) -> int | None:
-        """End the process, at first politely; return its exit code. Harmless when it has ended."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.terminate()
-            try:
-                process.wait(_STOP_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
-        if self._stderr is not None:
-            self._stderr.close()
-            self._stderr = None
-        if self._folder is not None:
-            self._folder.cleanup()
-            self._folder = None
-        return process.returncode if process is not None else None
+def _first_line(process: subprocess.Popen[bytes]) -> bytes:
+    assert process.stdout is not None
+    end = time.monotonic() + READY_TIMEOUT_S
+    line = b""
+    with selectors.DefaultSelector() as selector:
+        selector.register(process.stdout, selectors.EVENT_READ)
+        while not line.endswith(b"\n") and selector.select(end - time.monotonic()):
+            piece = process.stdout.read1(4096)  # type: ignore[attr-defined]
+            if not piece:
+                break
+            line += piece
+    return line
 
 
 def _program() -> Path:
@@ -163,11 +77,3 @@ def _options(links: Sequence[str], lockstep: bool, storage: Path | str | None) -
     if storage is not None:
         options += ["--storage", str(storage)]
     return [*options, "--lockstep"] if lockstep else options
-
-
-def _as_url(link: str) -> str:
-    """Turn the firmware's name of a link into the URL that reaches it."""
-    kind, _, rest = link.partition(":")
-    if kind == "pty":
-        return rest
-    return f"udpout:{rest}" if kind == "udp" else link

@@ -33,6 +33,11 @@ def firmware_path() -> Path:
     return _existing(data_dir() / "bin" / "omni-firmware", "the PC firmware")
 
 
+def emulated_firmware_path() -> Path:
+    """Return the firmware program for the emulated Cortex-M7."""
+    return _existing(data_dir() / "bin" / "omni-firmware-mps2.elf", "the emulated firmware")
+
+
 def robots_dir() -> Path:
     """Return the folder of the robot files that come with the package."""
     return _existing(data_dir() / "robots", "the folder of robot files")

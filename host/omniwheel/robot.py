@@ -13,7 +13,7 @@ from omni_schema import ParameterTable, load_parameters
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
-from omniwheel.errors import LinkTimeoutError, OmniError, VersionMismatchError
+from omniwheel.errors import ArmingRefusedError, LinkTimeoutError, OmniError, VersionMismatchError
 from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link
@@ -158,10 +158,19 @@ class Robot:
 
     # ---- arming and stopping
 
+    @property
+    def armed_here(self) -> bool:
+        """Whether this object has asked the robot to arm, was not refused, and has not disarmed or stopped it since."""
+        return self._armed_here
+
     def arm(self) -> None:
         """Power the motors. Raises ArmingRefusedError with the robot's reasons."""
-        self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
-        self._armed_here = True
+        self._armed_here = True  # already now: Ctrl-C while the answer is on its way must disarm, too
+        try:
+            self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
+        except ArmingRefusedError:
+            self._armed_here = False
+            raise
 
     def disarm(self) -> None:
         """Power the motors off; always possible."""

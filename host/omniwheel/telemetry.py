@@ -15,6 +15,7 @@ from omniwheel import _core
 from omniwheel.dialect import Message, enum_name, mavlink
 from omniwheel.frames import Pose, Twist, flip
 
+RESET_CAUSES = ("power", "watchdog", "software", "crash")
 PHASES = ("none", "lead-in", "path", "done")
 _MS = 1e-3
 _FAULT_BITS = 32
@@ -128,6 +129,30 @@ class Status(Telemetry):
     tx_dropped: int
     tick_us_mean: float
     tick_us_max: float
+
+
+@dataclass(frozen=True)
+class Health(Telemetry):
+    """What should stay as it is: counters since the processor started, reserves, why it started.
+
+    ``encoder_errors`` are illegal transitions per wheel; ``link_rx_errors`` and ``link_tx_dropped`` have an entry per
+    link. Where 0 may mean "not known" (stack, heap, jitter, bus time) the message's description says so.
+    """
+
+    message = "OMNI_HEALTH"
+    time_s: float
+    encoder_errors: tuple[int, ...]
+    i2c_nacks: int
+    i2c_timeouts: int
+    i2c_recoveries: int
+    i2c_us: int
+    signing_refused: int
+    stack_free: int
+    heap_free: int
+    tick_jitter_us_max: float
+    link_rx_errors: tuple[int, ...]
+    link_tx_dropped: tuple[int, ...]
+    reset_cause: str
 
 
 @dataclass(frozen=True)
@@ -271,6 +296,24 @@ def _local_position(m: Message) -> LocalPosition:
     return LocalPosition(m.time_boot_ms * _MS, x, y, vx, vy)
 
 
+def _health(m: Message) -> Health:
+    return Health(
+        time_s=m.time_boot_ms * _MS,
+        encoder_errors=tuple(m.encoder_errors),
+        i2c_nacks=m.i2c_nacks,
+        i2c_timeouts=m.i2c_timeouts,
+        i2c_recoveries=m.i2c_recoveries,
+        i2c_us=m.i2c_us,
+        signing_refused=m.signing_refused,
+        stack_free=m.stack_free,
+        heap_free=m.heap_free,
+        tick_jitter_us_max=m.tick_jitter_us_max,
+        link_rx_errors=tuple(m.link_rx_errors),
+        link_tx_dropped=tuple(m.link_tx_dropped),
+        reset_cause=RESET_CAUSES[m.reset_cause] if m.reset_cause < len(RESET_CAUSES) else "?",
+    )
+
+
 def _battery(m: Message) -> Battery:
     measured = m.voltage_battery not in (0, 0xFFFF)
     return Battery(m.voltage_battery * _MS if measured else math.nan)
@@ -288,6 +331,7 @@ _DECODERS: dict[type[Telemetry], Callable[[Message], Telemetry]] = {
     Control: _control,
     Sample: _sample,
     Status: _status,
+    Health: _health,
     LocalPosition: _local_position,
     Battery: _battery,
     StatusText: _status_text,

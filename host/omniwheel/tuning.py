@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.dialect import Message
-from omniwheel.errors import OmniError
+from omniwheel.errors import LinkTimeoutError, OmniError
 from omniwheel.frames import Pose
 from omniwheel.robot import SETPOINT_PERIOD_S, Robot
 from omniwheel.telemetry import Tracking, decode
@@ -149,7 +149,7 @@ class Experiment:
             )
 
     def _hold(self, pose: Pose, duration_s: float, *, arm: bool = False) -> list[Tracking]:
-        """Ask for a pose for some time and return the tracking meanwhile."""
+        """Ask for a pose for some time of the robot's clock and return the tracking meanwhile."""
         seen: list[Tracking] = []
 
         def take(message: Message) -> None:
@@ -162,11 +162,15 @@ class Experiment:
             self._robot.set_pose(*pose)
             if arm:
                 self._robot.arm()
-            end = self._robot.connection.clock() + duration_s
-            while (left := end - self._robot.connection.clock()) > 0.0:
-                self._robot.set_pose(*pose)
-                self._robot.pump(min(SETPOINT_PERIOD_S, left))
-                self._require_driving()
+            while not seen or seen[-1].time_s - seen[0].time_s < duration_s:
+                known = len(seen)
+                end = self._robot.connection.clock() + START_TIMEOUT_S
+                while len(seen) == known:
+                    self._robot.set_pose(*pose)
+                    self._robot.pump(SETPOINT_PERIOD_S)
+                    self._require_driving()
+                    if self._robot.connection.clock() > end:
+                        raise LinkTimeoutError(f"no {Tracking.message} from the robot for {START_TIMEOUT_S:g} s")
         finally:
             remove()
         if not seen or not np.allclose(seen[-1].reference, pose, atol=REACHED):

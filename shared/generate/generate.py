@@ -20,10 +20,12 @@ from c_tables import write_c_tables  # noqa: E402
 from git_version import write_version_header  # noqa: E402
 from omni_schema import Robot, SchemaError, load_parameters, load_robot  # noqa: E402
 from omni_schema.errors import did_you_mean  # noqa: E402
+from wiring_header import write_wiring_header  # noqa: E402
 
 SHARED = HERE.parent
 ROOT = SHARED.parent
-PARTS = ("tables", "mavlink-c", "mavlink-python", "version")
+USUAL_PARTS = ("tables", "mavlink-c", "mavlink-python", "version")
+PARTS = (*USUAL_PARTS, "wiring")  # one robot's pins: only for that robot's own board
 
 
 def project_version() -> str:
@@ -55,6 +57,8 @@ def generate(out: Path, parts: list[str], robot_files: list[Path], params_path: 
     if "tables" in parts:
         table = load_parameters(params_path)
         write_c_tables(table, load_robots(params_path, robot_files), out)
+    if "wiring" in parts:
+        write_wiring_header(load_robots(params_path, robot_files), out)
     if "mavlink-c" in parts or "mavlink-python" in parts:
         # Imported late: the tables must be buildable where pymavlink is not installed.
         from mavlink_dialect import generate_c, generate_python
@@ -71,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
     parser.add_argument("--params", type=Path, default=SHARED / "params.toml")
     parser.add_argument("--robot", type=Path, action="append", help="robot file (default: all)")
-    parser.add_argument("--part", action="append", help=f"one of {', '.join(PARTS)} (default: all)")
+    parser.add_argument("--part", action="append", help=f"one of {', '.join(PARTS)} (default: all but wiring)")
     options = parser.parse_args(arguments)
     for part in options.part or []:
         if part not in PARTS:
@@ -79,7 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
             parser.error(f"--part {part}: unknown{hint}; one of {', '.join(PARTS)}")
     robots = options.robot or sorted((SHARED / "robots").glob("*.toml"))
     try:
-        generate(options.out, options.part or list(PARTS), robots, options.params)
+        generate(options.out, options.part or list(USUAL_PARTS), robots, options.params)
     except SchemaError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

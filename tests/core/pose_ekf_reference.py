@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class Geometry:
             [-np.sin(self.bearings), np.cos(self.bearings), np.full(len(self.bearings), self.distance_m)], axis=1
         )
 
-    @property
+    @cached_property
     def inverse(self) -> Array:
         """Return body motion per contact motion, 3 x n."""
         return np.asarray(np.linalg.pinv(self.matrix), np.float64)

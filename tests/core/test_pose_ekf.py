@@ -169,6 +169,7 @@ def test_equals_filterpy_without_delay(wheels: int, mode: int) -> None:
 
 
 @MODES
+@pytest.mark.reference
 @pytest.mark.parametrize("delay", [(0, 1), (4, 5), (20, 21), (13, 60), (180, 250)])
 def test_late_fixes_equal_a_filter_that_replays(wheels: int, mode: int, delay: tuple[int, int]) -> None:
     ekf = Ekf(wheels, mode)

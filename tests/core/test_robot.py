@@ -418,7 +418,7 @@ WILD = st.one_of(
 COUNT = st.one_of(st.integers(-(2**31), 2**31 - 1), st.integers(-20, 20))
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.data_too_large, HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.data_too_large, HealthCheck.too_slow])
 @given(data=st.data())
 def test_nothing_that_comes_in_breaks_the_promise_of_what_goes_out(data: st.DataObject) -> None:
     bench = Bench(CTL_MODE=data.draw(st.integers(0, 5)))

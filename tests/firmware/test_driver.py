@@ -44,6 +44,46 @@ def test_an_armed_robot_at_rest_brakes(robot: Client) -> None:
     assert all(robot.channel(c) == 4096 for c in (*PAIRS, *PAIRS.values()))
 
 
+def test_the_output_enable_pin_is_on_while_motors_may_turn_and_no_longer(robot: Client) -> None:
+    assert [tick.actuators.output_enable for tick in robot.ticks(20)] == [0] * 20
+    robot.armed()
+    assert robot.tick().actuators.output_enable == 1
+    assert [tick.actuators.output_enable for tick in robot.ticks(5, nack=True)] == [1] * 5, "a few lost updates"
+    assert robot.tick().actuators.output_enable == 1
+    robot.command(mav.MAV_CMD_OMNI_ESTOP, 1)
+    assert robot.tick().actuators.output_enable == 0
+
+
+def test_the_pin_goes_off_in_the_tick_that_finds_the_driver_dead(robot: Client) -> None:
+    robot.armed()
+    ticks = robot.ticks(20, nack=True)
+    assert all(tick.actuators.output_enable == (tick.actuators.state == ARMED) for tick in ticks)
+    assert ticks[-1].actuators.state == FAILSAFE
+
+
+def test_the_pin_is_not_switched_on_over_a_chip_that_does_not_answer(robot: Client) -> None:
+    """What it was told before the last stop may still be in its registers."""
+    robot.set("SAFE_I2C_N", 1000)
+    robot.armed()
+    assert robot.tick().actuators.output_enable == 1
+    robot.command(ARM, 0)
+    robot.ticks(5, nack=True)
+    robot.heartbeat()
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    late = robot.ticks(5, nack=True)
+    assert late[-1].actuators.state == ARMED
+    assert [tick.actuators.output_enable for tick in late] == [0] * 5
+    assert robot.ticks(2)[-1].actuators.output_enable == 1
+
+
+def test_the_pin_is_off_while_a_chip_that_lost_its_power_is_set_up_again(robot: Client) -> None:
+    robot.armed()
+    robot.registers[MODE1] = 0x11
+    pins = [tick.actuators.output_enable for tick in robot.ticks(80)]
+    assert 0 in pins
+    assert pins[-1] == 1
+
+
 def test_on_and_off_counts_are_never_equal(robot: Client) -> None:
     robot.armed()
     for speed in (0.02, 0.05, 0.1, 0.3, 1.0):

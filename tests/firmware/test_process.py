@@ -112,6 +112,18 @@ def test_without_a_host_it_ticks_by_the_clock() -> None:
         robot.socket.close()
 
 
+def test_who_arms_a_robot_without_the_output_enable_pin_is_told_once() -> None:
+    with firmware() as running:
+        robot = connect(running)
+        robot.wait("OMNI_STATUS", state=1)
+        for wanted in (1, 0, 1):
+            while robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, wanted) == mav.MAV_RESULT_TEMPORARILY_REJECTED:
+                pass
+            robot.wait("OMNI_STATUS", state=1 + wanted)
+        assert sum("no output-enable pin" in text for text in robot.texts()) == 1
+        robot.socket.close()
+
+
 def test_a_pseudo_terminal_carries_mavlink(tmp_path: Path) -> None:
     path = tmp_path / "tty"
     with firmware("--lockstep", links=(f"pty:{path}",)) as running:

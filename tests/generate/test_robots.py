@@ -24,7 +24,7 @@ def test_every_robot_of_the_project_loads(path: Path) -> None:
     assert list(robot.parameter_values()) == list(TABLE)
     for name, value in robot.parameter_values().items():
         assert TABLE[name].problem_with(value) is None
-    assert len(robot.encoder_pins) == robot.wheels
+    assert len(robot.board.encoder_pins) == robot.wheels
 
 
 def test_both_platforms_are_there() -> None:

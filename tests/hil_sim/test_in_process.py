@@ -144,6 +144,20 @@ def test_i2c_failures_are_counted_and_stop_the_robot(make_loop: Any, name: str) 
     assert list(loop.world.c.in1) == [0.0] * 4
 
 
+@pytest.mark.parametrize("name", ["i2c_nack", "i2c_stuck"])
+def test_with_the_output_enable_pin_a_dead_bus_does_not_keep_driving(make_loop: Any, name: str) -> None:
+    speeds = {}
+    for wired in (True, False):
+        loop = make_loop(faults=[Fault(name, 0.5)], output_enable_wired=wired)
+        loop.arm()
+        loop.go_to(0.5, 0.0, 0.0)
+        loop.run(SECOND)
+        assert not loop.outputs.drive
+        speeds[wired] = np.abs(loop.world.wheel_rad_s).max()
+    assert speeds[True] < 1e-6
+    assert speeds[False] > 0.1
+
+
 def test_encoder_fault_stops_the_robot(make_loop: Any) -> None:
     loop = make_loop(faults=[Fault("encoder_invalid", 0.5, wheel=1)])
     loop.arm()

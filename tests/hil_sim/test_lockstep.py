@@ -71,6 +71,7 @@ class EchoRobot:
             2,
             1,
             len(i2c),
+            1,
             list(i2c) + [0] * (128 - len(i2c)),
         )
         return bytes(message.pack(self.mav))

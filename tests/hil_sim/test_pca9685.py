@@ -66,6 +66,27 @@ def test_full_on_and_full_off_wins() -> None:
     assert chip.duty(3) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("mode2", "level"), [(0x04, 0.0), (0x05, 1.0), (0x01, 0.0), (0x06, 0.0), (0x07, 0.0), (0x14, 0.0)]
+)
+def test_output_enable_high_gives_what_outne_says(mode2: int, level: float) -> None:
+    chip = Chip(awake=True)
+    chip.set(3, 0, 1024)
+    chip.write(MODE2, mode2)
+    before = chip.duty(3)
+    chip.c.output_enable_high = True
+    assert [chip.duty(channel) for channel in range(17)] == [level] * 16 + [0.0]
+    chip.c.output_enable_high = False
+    assert chip.duty(3) == before > 0.0
+
+
+def test_a_software_reset_does_not_move_the_output_enable_pin() -> None:
+    chip = Chip(awake=True)
+    chip.c.output_enable_high = True
+    assert chip.write(0x06, address=0)
+    assert chip.c.output_enable_high
+
+
 def test_channels_outside_are_low() -> None:
     chip = Chip(awake=True)
     chip.write(ALL_LED, 0, 0x10, 0, 0)

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from hil_sim.faults import Fault
+from hil_sim.runs import new_world
 from hil_sim.scenario import MAX_SEED, Event, load_scenario, parse_scenario, scenario_names
 from omni_schema import SchemaError
 from omniwheel.errors import RobotFileError
+from omniwheel.robots import find_robot_file
 
 HEAD: dict[str, Any] = {"name": "mine", "description": "for a test", "robot": "three_wheel"}
 
@@ -179,3 +181,17 @@ def test_a_scenario_names_its_plant(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text('[scenario]\nname = "mine"\nextends = "demo"\n[world]\nplant = "slip"\n')
     assert load_scenario(path).plant == "slip"
+
+
+def test_the_world_may_hold_another_robot_than_the_firmware_believes(tmp_path: Path) -> None:
+    text = find_robot_file("three_wheel").read_text(encoding="utf-8")
+    crossed = tmp_path / "crossed.toml"
+    crossed.write_text(text.replace("in1_channel = [9, 13, 3]", "in1_channel = [13, 9, 3]"), encoding="utf-8")
+    scenario = load_scenario("stand", world_robot=str(crossed))
+    assert scenario.parameter_values()["W1_IN1_CH"] == 9
+    assert list(new_world(scenario).c.config.in1_channel)[:3] == [13, 9, 3]
+
+
+def test_the_world_s_robot_has_as_many_wheels() -> None:
+    with pytest.raises(SchemaError, match=r"world_robot.*4 wheels"):
+        load_scenario("stand", world_robot="four_wheel")

@@ -10,9 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from hil_sim.faults import Fault
 from hil_sim.world import NO_POSE_SENSOR, PoseSensor, World, WorldError, world_config
 from omni_schema import Robot
 from omniwheel._core import ffi, lib
+from omniwheel.robots import read_robot
 
 CHIP = 0x40
 WAKE = bytes([CHIP, 2, 0x00, 0x21, 0])
@@ -124,6 +126,7 @@ def test_config_follows_the_robot_file(any_robot: Robot) -> None:
 def test_chip_drives_the_motors_of_its_channels(make_world: Any) -> None:
     """Wheel 0 is on channels 9 and 8, wheel 1 on 13 and 14: forward in drive-brake, and brake."""
     world = make_world()
+    world.output_enable(True)
     world.i2c(WAKE + channel(9, 0x1000, 0) + channel(8, 0, 1024) + channel(13, 0x1000, 0) + channel(14, 0x1000, 0))
     assert list(world.c.in1)[:3] == [1.0, 1.0, 0.0]
     assert list(world.c.in2)[:3] == [0.25, 1.0, 0.0]
@@ -135,6 +138,7 @@ def test_chip_drives_the_motors_of_its_channels(make_world: Any) -> None:
 
 def test_chip_and_direct_inputs_are_the_same_world(make_world: Any) -> None:
     chip, direct = make_world(), make_world()
+    chip.output_enable(True)
     setup = bytes([CHIP, 2, 0xFE, 3, 0])
     writes = [channel(n, 0x1000, 0) for n in (9, 13, 3)] + [channel(n, 0, 4096 - 2867) for n in (8, 14, 2)]
     chip.i2c(setup + WAKE + b"".join(writes))
@@ -142,6 +146,44 @@ def test_chip_and_direct_inputs_are_the_same_world(make_world: Any) -> None:
     for world in (chip, direct):
         world.step(500)
     assert chip.truth.tolist() == direct.truth.tolist()
+
+
+def drive_forward(world: World) -> None:
+    world.i2c(WAKE + channel(9, 0x1000, 0) + channel(8, 0, 1024))
+
+
+def test_the_output_enable_pin_is_off_at_first_and_coasts_whatever_the_chip_says(make_world: Any) -> None:
+    world = make_world(output_enable_wired=True)
+    drive_forward(world)
+    assert list(world.c.in1) == [0.0] * 4
+    world.output_enable(True)
+    assert (world.c.in1[0], world.c.in2[0]) == (1.0, 0.25)
+    world.step(300)
+    assert world.wheel_rad_s[0] > 0.5
+    world.output_enable(False)
+    world.step()
+    assert world.c.voltage_V[0] == 0.0
+    assert list(world.c.in1) + list(world.c.in2) == [0.0] * 8
+
+
+def test_the_pin_works_while_the_bus_is_stuck(make_world: Any) -> None:
+    ends = []
+    for wired in (True, False):
+        world = make_world(output_enable_wired=wired, faults=[Fault("i2c_stuck", 0.1)])
+        world.output_enable(True)
+        drive_forward(world)
+        world.step(100)
+        world.output_enable(False)
+        world.step()
+        ends.append(world.c.in1[0])
+    assert ends == [0.0, 1.0], "without the pin the chip keeps driving"
+
+
+def test_a_robot_without_the_pin_does_not_mind_it(make_world: Any) -> None:
+    world = make_world(output_enable_wired=False)
+    drive_forward(world)
+    world.output_enable(False)
+    assert world.c.in1[0] == 1.0
 
 
 def test_read_transaction_returns_with_the_next_sensors(make_world: Any) -> None:
@@ -188,3 +230,24 @@ def test_bridge_steps_beyond_the_period_are_clamped(make_world: Any) -> None:
     world.set_bridges([65535, 0, 0], [0, 4097, 0])
     assert list(world.c.in1)[:3] == [1.0, 0.0, 0.0]
     assert list(world.c.in2)[:3] == [0.0, 1.0, 0.0]
+
+
+def test_a_hand_turns_one_wheel_and_lets_it_run_out() -> None:
+    hand = Fault("wheel_turned", 0.1, 2.1, wheel=1, value=math.pi)
+    world = World(world_config(read_robot("three_wheel"), friction_coefficient=1e-3, faults=[hand]))
+    world.step(3000)
+    assert list(world.c.counts)[:3] == pytest.approx([0, 10000, 0], abs=80)
+    assert world.c.wheel_rad_s[1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_stranger_on_the_bus_acknowledges_its_own_address_only() -> None:
+    world = World(world_config(read_robot("three_wheel"), i2c_stranger=0x68))
+    for address, status in ((0x68, 0), (0x69, 1), (CHIP, 0)):
+        world.i2c(bytes([address, 0, 0]))
+        assert world.sense().i2c_status == status
+
+
+@pytest.mark.parametrize("address", [CHIP, 0x80])
+def test_a_stranger_has_an_address_of_its_own(address: int) -> None:
+    with pytest.raises(WorldError, match="i2c_stranger"):
+        World(world_config(read_robot("three_wheel"), i2c_stranger=address))

@@ -208,13 +208,13 @@ def test_an_unknown_trajectory_is_refused_and_the_robot_disarmed(url: str) -> No
 
 def test_ctrl_c_disarms() -> None:
     with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as firmware:
-        process = start("drive", "velocity", "0", "0", "0", "--for", "60", "--link", firmware.urls[0])
-        with connect(firmware.urls[1], timeout_s=20.0) as watcher:
+        process = start("drive", "velocity", "0", "0", "0", "--for", "600", "--link", firmware.urls[0])
+        with connect(firmware.urls[1], timeout_s=60.0) as watcher:
             watcher.set_message_interval("HEARTBEAT", 20.0)
-            next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=20.0) if beat.armed)
+            next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=60.0) if beat.armed)
             os.kill(process.pid, signal.SIGINT)
-            next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=20.0) if not beat.armed)
-            _, errors = process.communicate(timeout=20)
+            next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=60.0) if not beat.armed)
+            _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "disarmed" in errors
     assert "Traceback" not in errors

@@ -109,6 +109,25 @@ def test_an_error_in_the_context_disarms_too_and_is_not_hidden(fake: Any) -> Non
     assert fake.commands()[-1] == (ARM, 0.0)
 
 
+def test_an_interrupt_while_the_answer_to_arming_is_awaited_disarms_too(fake: Any, monkeypatch: Any) -> None:
+    def interrupt() -> None:
+        with connect(fake, clock=fake.clock) as robot:
+            send = fake.send
+
+            def answer(message: Any) -> None:
+                if message.get_type() == "COMMAND_ACK" and robot.armed_here:
+                    monkeypatch.setattr(fake, "send", send)
+                    raise KeyboardInterrupt
+                send(message)
+
+            monkeypatch.setattr(fake, "send", answer)
+            robot.arm()
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+    assert fake.commands() == [(ARM, 1.0), (ARM, 0.0)]
+
+
 def test_leaving_the_context_leaves_a_robot_alone_that_someone_else_armed(fake: Any) -> None:
     with connect(fake, clock=fake.clock):
         pass

@@ -1,19 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include "boards/posix/options.h"
 
-#include <cerrno>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 
-#include "app/core.h"
+#include "boards/common/robot_values.h"
 #include "omni/version_gen.h"
 
 namespace omni {
 namespace {
 
 constexpr int usage_error = 2;
-constexpr const char *default_robot = "three_wheel";
 
 void print_help() {
     std::puts("usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
@@ -35,105 +32,6 @@ void print_help() {
               "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments or a link that cannot be opened.\n"
               "\n"
               "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
-}
-
-void complain_about_robot(const char *name) {
-    std::fprintf(stderr, "omni-firmware: --robot '%s': no such robot; there are:", name);
-    for (int32_t i = 0; i < omni_robot_preset_count; ++i) {
-        std::fprintf(stderr, " %s", omni_robot_presets[i].name);
-    }
-    std::fputc('\n', stderr);
-}
-
-bool use_robot(const char *name, omni_real_t *values) {
-    const int32_t index = omni_robot_preset_find(name);
-    if (index < 0) {
-        complain_about_robot(name);
-        return false;
-    }
-    std::memcpy(values, omni_robot_presets[index].values, OMNI_PARAM_COUNT * sizeof *values);
-    return true;
-}
-
-/// Cut `text` at a comment and strip blanks.
-char *strip(char *text) {
-    text[std::strcspn(text, "#\r\n")] = '\0';
-    text += std::strspn(text, " \t");
-    size_t length = std::strlen(text);
-    while (length > 0 && (text[length - 1] == ' ' || text[length - 1] == '\t')) {
-        text[--length] = '\0';
-    }
-    return text;
-}
-
-bool take_line(const char *path, int number, char *line, omni_real_t *values) {
-    char *name = strip(line);
-    if (*name == '\0') {
-        return true;
-    }
-    char *equals = std::strchr(name, '=');
-    if (equals == nullptr) {
-        std::fprintf(stderr, "omni-firmware: %s:%d: '%s': NAME=VALUE is needed\n", path, number, name);
-        return false;
-    }
-    *equals = '\0';
-    name = strip(name);
-    const char *text = strip(equals + 1);
-    const int32_t index = std::strlen(name) <= OMNI_PARAM_NAME_LEN ? omni_param_find(name) : -1;
-    if (index < 0) {
-        std::fprintf(stderr, "omni-firmware: %s:%d: %s: there is no such parameter\n", path, number, name);
-        return false;
-    }
-    char *end = nullptr;
-    const float value = std::strtof(text, &end);
-    const omni_param_info_t &info = omni_param_table[index];
-    if (end == text || *end != '\0' || omni_param_check(index, value, false) != OMNI_OK) {
-        const char *kind = info.kind == OMNI_PARAM_INT ? "a whole number" : "a number";
-        std::fprintf(stderr, "omni-firmware: %s:%d: %s = '%s': %s from %g to %g is needed%s%s\n", path, number, info.name, text,
-                     kind, static_cast<double>(info.minimum), static_cast<double>(info.maximum),
-                     *info.unit != '\0' ? ", in " : "", info.unit);
-        return false;
-    }
-    values[index] = value;
-    return true;
-}
-
-bool use_params_file(const char *path, omni_real_t *values) {
-    std::FILE *file = std::fopen(path, "r");
-    if (file == nullptr) {
-        std::fprintf(stderr, "omni-firmware: --params %s: %s\n", path, std::strerror(errno));
-        return false;
-    }
-    char line[256];
-    int number = 0;
-    bool good = true;
-    while (good && std::fgets(line, sizeof line, file) != nullptr) {
-        ++number;
-        if (std::strchr(line, '\n') == nullptr && std::strlen(line) + 1 == sizeof line) {
-            std::fprintf(stderr, "omni-firmware: %s:%d: line too long\n", path, number);
-            good = false;
-        } else {
-            good = take_line(path, number, line, values);
-        }
-    }
-    std::fclose(file);
-    return good;
-}
-
-/// The values fit each other.
-bool check_robot(const omni_real_t *values) {
-    static omni_robot_config_t config;
-    int32_t bad = -1;
-    if (omni_robot_config(&config, values, &bad) == OMNI_OK) {
-        return true;
-    }
-    if (bad >= 0) {
-        std::fprintf(stderr, "omni-firmware: parameter %s = %g does not fit the others\n", omni_param_table[bad].name,
-                     static_cast<double>(values[bad]));
-    } else {
-        std::fputs("omni-firmware: these parameters make no robot: check WHEELS and the W*_ANGLE\n", stderr);
-    }
-    return false;
 }
 
 bool add_link(const char *link, Options *options) {

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -58,38 +57,6 @@ bool FileStorage::write(size_t offset, const uint8_t *data, size_t length) {
     // From the beginning, so that a young file has no hole of zeros in front.
     const ssize_t count = pwrite(fd_, bytes_, sizeof bytes_, 0);
     return count == static_cast<ssize_t>(sizeof bytes_) && fsync(fd_) == 0;
-}
-
-uint8_t NoEncoders::read(int32_t *counts) {
-    std::fill(counts, counts + OMNI_MAX_WHEELS, 0);
-    return (1u << OMNI_MAX_WHEELS) - 1;
-}
-
-void NoEncoders::errors(uint32_t *errors) {
-    std::fill(errors, errors + OMNI_MAX_WHEELS, 0u);
-}
-
-bool NoMotorsBus::submit(const I2cTransaction *batch, size_t count) {
-    for (size_t i = 0; i < count; ++i) {
-        const I2cTransaction &transaction = batch[i];
-        if (transaction.write_length == 0) {
-            continue;
-        }
-        uint8_t pointer = transaction.write[0];
-        for (size_t at = 1; at < transaction.write_length; ++at) {
-            registers_[pointer++] = transaction.write[at];
-        }
-        read_ = registers_[pointer];
-    }
-    submitted_ = true;
-    return true;
-}
-
-I2cStatus NoMotorsBus::poll(uint8_t *read) {
-    read[0] = read_;
-    const bool done = submitted_;
-    submitted_ = false;
-    return done ? I2cStatus::done : I2cStatus::idle;
 }
 
 } // namespace omni

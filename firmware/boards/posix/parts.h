@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-/// @file parts.h  The PC board's clock, storage, watchdog, and stand-ins for the hardware a PC does not have.
+/// @file parts.h  The PC board's clock, storage and watchdog.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "boards/common/no_hardware.h"
 
 namespace omni {
 
@@ -43,33 +43,6 @@ public:
     ResetCause reset_cause() override { return ResetCause::power_on; }
     const char *crash_line(size_t) override { return nullptr; }
     void reset() override {}
-};
-
-/// Wheels that stand still.
-class NoEncoders final : public Encoders {
-public:
-    uint8_t read(int32_t *counts) override;
-    void errors(uint32_t *errors) override;
-};
-
-/// No pin, no motors.
-class NoOutputEnable final : public OutputEnable {
-public:
-    bool wired() override { return false; }
-    void set(bool) override {}
-};
-
-/// A chip that acknowledges everything, keeps what is written and gives it back. No motor hangs on it.
-class NoMotorsBus final : public I2cBus {
-public:
-    bool submit(const I2cTransaction *batch, size_t count) override;
-    I2cStatus poll(uint8_t *read) override;
-    void recover() override {}
-
-private:
-    uint8_t registers_[256] = {};
-    uint8_t read_ = 0;
-    bool submitted_ = false;
 };
 
 } // namespace omni

@@ -18,10 +18,11 @@ typedef struct hil_pca9685_t {
     uint8_t address; /**< 7 bit */
     uint8_t registers[256];
     uint8_t pointer;         /**< register the next byte goes to */
+    bool output_enable_high; /**< level of the OE pin: high switches the outputs to what MODE2.OUTNE says */
     uint32_t ignored_writes; /**< writes to read-only or locked registers (PRESCALE while awake), TestMode */
 } hil_pca9685_t;
 
-/** Power-up state: asleep, every channel full off. */
+/** Power-up state: asleep, every channel full off. The OE pin keeps its level. `*chip` must be initialised, to zero at first. */
 void hil_pca9685_reset(hil_pca9685_t *chip, uint8_t address);
 
 /** One write: the register, then its bytes; no bytes at all: the address alone is acknowledged. @return true if acknowledged (own address, ALLCALL while enabled, or the general call's software reset). */
@@ -30,7 +31,10 @@ bool hil_pca9685_write(hil_pca9685_t *chip, uint8_t address, const uint8_t *data
 /** One read from the register pointer on. @return true if acknowledged. */
 bool hil_pca9685_read(hil_pca9685_t *chip, uint8_t address, uint8_t *data, uint32_t length);
 
-/** Share of the period a channel is high, 0..1; 0 while asleep or while an interrupted PWM waits for RESTART. Channel outside 0..15: 0. */
+/**
+ * Share of the period a channel is high, 0..1; 0 while asleep or while an interrupted PWM waits for RESTART. Channel outside 0..15: 0. With OE
+ * high MODE2.OUTNE decides: 0, or 1 (OUTNE 01 with totem-pole outputs); high impedance reads 0, as an H-bridge's pull-down makes it.
+ */
 double hil_pca9685_duty(const hil_pca9685_t *chip, uint32_t channel);
 
 /** Phase of the channel's rising edge within the period, 0..1. */

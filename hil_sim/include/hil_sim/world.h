@@ -73,6 +73,7 @@ typedef enum hil_fault_kind_t {
     HIL_FAULT_POSE_JUMP,        /**< pose fixes are off by `value` metres in x */
     HIL_FAULT_BATTERY_SAG,      /**< open-circuit voltage becomes `value` volts */
     HIL_FAULT_MOTOR_DEAD,       /**< motor of `wheel` is disconnected */
+    HIL_FAULT_WHEEL_TURNED,     /**< no fault: a hand turns `wheel` at `value` rad/s, whatever the motor does */
     HIL_FAULT_KIND_COUNT
 } hil_fault_kind_t;
 
@@ -115,7 +116,9 @@ typedef struct hil_world_config_t {
     uint32_t in1_channel[HIL_MAX_WHEELS];
     uint32_t in2_channel[HIL_MAX_WHEELS];
     uint8_t pca9685_address;
-    double fix_rate_Hz; /**< 0: no pose sensor */
+    uint8_t i2c_stranger;     /**< address of something else on the bus that acknowledges everything; 0: nothing */
+    bool output_enable_wired; /**< the chip's OE pin hangs on the processor, pulled up; false: tied to ground */
+    double fix_rate_Hz;       /**< 0: no pose sensor */
     double fix_sd_xy_m;
     double fix_sd_theta_rad;
     double fix_delay_s;
@@ -203,6 +206,9 @@ typedef struct hil_world_t {
     double slip_after[HIL_MAX_WHEELS];
     uint64_t slip_speed_knot;
     hil_pca9685_t chip;
+    bool direct;                       /**< the bridges follow hil_world_bridge instead of the chip */
+    double direct_in1[HIL_MAX_WHEELS]; /**< share of the period that it asked for, as far as the bus carried it */
+    double direct_in2[HIL_MAX_WHEELS];
     uint8_t i2c_status;
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
@@ -229,6 +235,12 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
  * as on the chip: the bridges keep what they have and the next i2c_status says so.
  */
 void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
+
+/**
+ * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Off after hil_world_init.
+ * Of no effect on a robot whose pin is not wired.
+ */
+void hil_world_output_enable(hil_world_t *world, bool on);
 
 /**
  * For studies: give the wheels these speeds [rad/s], one per wheel, in place of bridges and motors until the bridges are set again.

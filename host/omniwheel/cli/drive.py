@@ -63,13 +63,14 @@ class StoppedError(OmniError):
 @contextmanager
 def _armed(link: str | None, timeout_s: float, quiet: bool) -> Iterator[Robot]:
     with open_robot(link, timeout_s=timeout_s) as robot:
-        robot.arm()
-        note("armed; Ctrl-C stops and disarms", quiet=quiet)
         try:
+            robot.arm()
+            note("armed; Ctrl-C stops and disarms", quiet=quiet)
             yield robot
         finally:
-            robot.disarm()
-            note("disarmed", quiet=quiet)
+            if robot.armed_here:
+                robot.disarm()
+                note("disarmed", quiet=quiet)
 
 
 def _check_still_armed(robot: Robot) -> None:

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from hil_sim.report import draw_report
 from hil_sim.summary import REPORT_FILE, load_run
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.run_output import RunFolderError
@@ -30,6 +29,8 @@ def plot(
         hint = "give the folder of a run, as printed by omni demo, hil and sim"
         raise RunFolderError(f"{run} is not a run: {error}", hint=hint) from error
     target = writable_path(out, "the picture") if out is not None else run / REPORT_FILE
+    from hil_sim.report import draw_report  # here, not above: matplotlib takes a second to import
+
     draw_report(summary, samples, target)
     if json_wanted:
         print_json({"report": str(target)})

@@ -23,7 +23,6 @@ from omniwheel.logs.alignment import Alignment, align, truth_at
 from omniwheel.logs.log import WheelLog
 from omniwheel.logs.sources import open_log
 from omniwheel.replay import Replay, fixes_from_truth, replay
-from omniwheel.replay_plot import draw_replay
 
 EXAMPLES = examples(
     "omni replay run1.npz --robot identified.toml",
@@ -77,6 +76,8 @@ def replay_command(
     if csv is not None:
         _write_csv(csv, run_log, shown, aligned)
     if plot is not None:
+        from omniwheel.replay_plot import draw_replay  # here, not above: matplotlib takes a second to import
+
         draw_replay(run_log, run, fixed, aligned, plot)
     facts = _facts(run_log, run, fixed, aligned)
     facts |= {

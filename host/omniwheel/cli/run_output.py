@@ -15,7 +15,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from hil_sim import timeline
-from hil_sim.report import draw_report
 from hil_sim.runs import Run
 from hil_sim.scenario import MAX_SEED, Scenario, scenario_names
 from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
@@ -111,6 +110,8 @@ def make_folder(out: Path, scenario: Scenario) -> Path:
 def store(run: Run, summary: dict[str, Any], folder: Path) -> None:
     """Write the run's files and note the folder in its summary."""
     save_run(run, summary, folder)
+    from hil_sim.report import draw_report  # here, not above: matplotlib takes a second to import
+
     draw_report(summary, run.record, folder / REPORT_FILE)
 
 

@@ -32,6 +32,14 @@ def sitl(
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
     ] = None,
+    world_robot: Annotated[
+        str | None,
+        typer.Option(
+            "--world-robot",
+            metavar="NAME|FILE",
+            help="The robot that is really there, if the firmware is to be wrong about it: to try `omni bringup`.",
+        ),
+    ] = None,
     port: Annotated[
         int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")
     ] = 5760,
@@ -52,7 +60,7 @@ def sitl(
 
     A TCP port serves one client at a time; give --link more than once for several.
     """
-    scenario = load_scenario(scenario_name, robot).with_seed(seed)
+    scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     signal.signal(signal.SIGTERM, _interrupt)
     try:

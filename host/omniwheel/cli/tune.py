@@ -26,7 +26,6 @@ from omniwheel.cli.common import (
 )
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.tuning import Experiment, Figures, Trace
-from omniwheel.tuning_plot import draw_tuning
 
 EXAMPLES = examples(
     "omni tune --link tcp:127.0.0.1:5760 --set ISMC_LAM_XY=15",
@@ -90,6 +89,8 @@ def tune(
         raise typer.BadParameter("give at least one --set NAME=VALUE")
     if size == 0.0:
         raise typer.BadParameter("--size must not be 0")
+    from omniwheel.tuning_plot import draw_tuning  # here, not above: matplotlib takes a second to import
+
     target = writable_path(out, "the picture")
     kept = False
     with open_robot(link, timeout_s=timeout_s) as robot:

@@ -15,9 +15,11 @@ from omni_schema.parameters import (
     parse_parameters,
 )
 from omni_schema.robots import Robot, load_robot, parse_robot
+from omni_schema.wiring import BoardWiring
 
 __all__ = [
     "MAX_WHEELS",
+    "BoardWiring",
     "Parameter",
     "ParameterTable",
     "Robot",

@@ -19,6 +19,7 @@ from omni_schema.toml_file import (
     take_table,
     take_text,
 )
+from omni_schema.wiring import BOARD_KEYS, BoardWiring, parse_board_wiring
 
 SECTIONS = (
     "robot",
@@ -31,7 +32,6 @@ SECTIONS = (
 )
 KEYED_SECTIONS = ("geometry", "encoder", "motor", "wiring", "simulation")
 WHEELS_KEY = "geometry.wheels"
-ENCODER_PINS_KEY = "wiring.encoder_pins"
 
 _ROBOT_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
@@ -41,7 +41,7 @@ class Robot:
     """One robot file, checked against the parameter table.
 
     ``geometry``, ``encoder``, ``motor`` and ``wiring`` are the file's sections (units are in the key names),
-    ``simulation`` what the simulated world adds, ``encoder_pins`` the pin pair (A, B) of each wheel's encoder.
+    ``simulation`` what the simulated world adds, ``board`` the processor's pins.
     """
 
     source: str
@@ -53,7 +53,7 @@ class Robot:
     motor: Mapping[str, Any]
     wiring: Mapping[str, Any]
     simulation: Mapping[str, float | list[float]]
-    encoder_pins: tuple[tuple[int, int], ...]
+    board: BoardWiring
     overrides: Mapping[str, float]
     table: ParameterTable
 
@@ -86,7 +86,7 @@ def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str)
         motor=sections["motor"],
         wiring=sections["wiring"],
         simulation=_simulation(source, sections["simulation"]),
-        encoder_pins=_encoder_pins(source, sections["wiring"], wheels),
+        board=parse_board_wiring(source, sections["wiring"], wheels),
         overrides=overrides,
         table=table,
     )
@@ -124,7 +124,7 @@ def _wheel_count(source: str, sections: dict[str, dict[str, Any]], table: Parame
 
 def _refuse_unknown_section_keys(source: str, sections: dict[str, dict[str, Any]], table: ParameterTable) -> None:
     known: dict[str, list[str]] = {name: [] for name in KEYED_SECTIONS}
-    for key in [*_parameters_by_key(table), ENCODER_PINS_KEY]:
+    for key in [*_parameters_by_key(table), *BOARD_KEYS]:
         section, _, leaf = key.partition(".")
         if section not in known:
             raise SchemaError(table.source, key, f"robot_key must start with one of {list(known)}")
@@ -176,20 +176,3 @@ def _simulation(source: str, section: dict[str, Any]) -> dict[str, float | list[
         else:
             checked[name] = take_number(source, key, given)
     return checked
-
-
-def _encoder_pins(source: str, wiring: dict[str, Any], wheels: int) -> tuple[tuple[int, int], ...]:
-    given = wiring.get("encoder_pins")
-    if given is None:
-        return ()
-    if not isinstance(given, list) or len(given) != wheels:
-        problem = f"is {given!r}; a list of {wheels} pairs [A, B] is needed, one per wheel"
-        raise SchemaError(source, ENCODER_PINS_KEY, problem)
-    return tuple(_pin_pair(source, f"{ENCODER_PINS_KEY}[{wheel}]", pair) for wheel, pair in enumerate(given))
-
-
-def _pin_pair(source: str, key: str, pair: object) -> tuple[int, int]:
-    whole = isinstance(pair, list) and all(type(pin) is int and pin >= 0 for pin in pair)
-    if not isinstance(pair, list) or not whole or len(pair) != 2 or pair[0] == pair[1]:
-        raise SchemaError(source, key, f"is {pair!r}; two different pin numbers [A, B] are needed")
-    return pair[0], pair[1]

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: MIT
+#include "boards/mps2_an500/options.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "boards/common/robot_values.h"
+#include "omni/version_gen.h"
+
+namespace omni {
+namespace {
+
+constexpr int usage_error = 2;
+constexpr uint32_t longest_watchdog_ms = 60'000;
+
+void print_help() {
+    std::puts(
+        "usage: omni-firmware [--robot NAME | --params FILE] [--links N] [--storage FILE] [--lockstep] ...\n"
+        "\n"
+        "The robot's firmware on an emulated Cortex-M7. `omni emulate` runs it; by hand:\n"
+        "qemu-system-arm -M mps2-an500 -kernel omni-firmware-mps2.elf -display none -monitor none -serial tcp::5760,server=on\n"
+        "    -semihosting-config enable=on,target=native,arg=omni-firmware,arg=--robot,arg=three_wheel\n"
+        "\n"
+        "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
+        "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
+        "                   --robot it changes single values\n"
+        "  --links N        speak MAVLink on the first N serial ports, 1 to 4 (default 1)\n"
+        "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
+        "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+        "  --catch-up       a host that was busy for a while makes no time jump: missed ticks run at their due times\n"
+        "  --watchdog MS    reset after this time without a background pass (default 2000; 0: never)\n"
+        "  --reset-cause C  begin as after power_on, watchdog, software or crash\n"
+        "  --crash-resets   start again after a crash, as the robot does, instead of ending with exit code 70\n"
+        "  --inject         a 'c' on the fifth serial port crashes the program, an 'h' hangs it\n"
+        "  --version, --help\n"
+        "\n"
+        "Words must not contain blanks; files are the host's. Everything is said on the console.");
+}
+
+bool use_number(const char *name, const char *text, uint32_t lowest, uint32_t highest, uint32_t *number) {
+    char *end = nullptr;
+    const unsigned long value = std::strtoul(text, &end, 10);
+    if (end == text || *end != '\0' || value < lowest || value > highest) {
+        std::fprintf(stderr, "omni-firmware: %s '%s': a whole number from %lu to %lu is needed\n", name, text,
+                     static_cast<unsigned long>(lowest), static_cast<unsigned long>(highest));
+        return false;
+    }
+    *number = static_cast<uint32_t>(value);
+    return true;
+}
+
+bool use_reset_cause(const char *text, ResetCause *cause) {
+    constexpr const char *names[] = {"power_on", "watchdog", "software", "crash"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; ++i) {
+        if (std::strcmp(text, names[i]) == 0) {
+            *cause = static_cast<ResetCause>(i);
+            return true;
+        }
+    }
+    std::fprintf(stderr, "omni-firmware: --reset-cause '%s': power_on, watchdog, software or crash is needed\n", text);
+    return false;
+}
+
+bool take_flag(const char *name, Options *options) {
+    const struct {
+        const char *name;
+        bool *value;
+    } flags[] = {{"--lockstep", &options->lockstep},
+                 {"--catch-up", &options->catch_up},
+                 {"--crash-resets", &options->crash_resets},
+                 {"--inject", &options->inject}};
+    for (const auto &flag : flags) {
+        if (std::strcmp(name, flag.name) == 0) {
+            *flag.value = true;
+            return true;
+        }
+    }
+    return false;
+}
+
+bool take_option(const char *name, const char *value, Options *options) {
+    if (std::strcmp(name, "--robot") == 0) {
+        return use_robot(value, options->values);
+    }
+    if (std::strcmp(name, "--params") == 0) {
+        return use_params_file(value, options->values);
+    }
+    if (std::strcmp(name, "--links") == 0) {
+        uint32_t count = 0;
+        const bool good = use_number(name, value, 1, Board::max_ports, &count);
+        options->link_count = count;
+        return good;
+    }
+    if (std::strcmp(name, "--watchdog") == 0) {
+        return use_number(name, value, 0, longest_watchdog_ms, &options->watchdog_ms);
+    }
+    if (std::strcmp(name, "--reset-cause") == 0) {
+        return use_reset_cause(value, &options->reset_cause);
+    }
+    if (std::strcmp(name, "--storage") == 0) {
+        options->storage = value;
+        return true;
+    }
+    std::fprintf(stderr, "omni-firmware: unknown option '%s'; see --help\n", name);
+    return false;
+}
+
+bool answer(const char *name) {
+    if (std::strcmp(name, "--help") == 0) {
+        print_help();
+        return true;
+    }
+    if (std::strcmp(name, "--version") == 0) {
+        std::printf("omni-firmware %s (%s%s), emulated Cortex-M7\n", OMNI_VERSION_STRING, OMNI_GIT_HASH_STRING,
+                    OMNI_GIT_DIRTY != 0 ? ", dirty" : "");
+        return true;
+    }
+    return false;
+}
+
+} // namespace
+
+bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
+    *exit_code = usage_error;
+    if (!use_robot(default_robot, options->values)) {
+        return false;
+    }
+    for (int i = 1; i < argc; ++i) {
+        const char *name = argv[i];
+        if (answer(name)) {
+            *exit_code = 0;
+            return false;
+        }
+        if (take_flag(name, options)) {
+            continue;
+        }
+        if (i + 1 == argc) {
+            std::fprintf(stderr, "omni-firmware: '%s' is unknown or needs a value; see --help\n", name);
+            return false;
+        }
+        if (!take_option(name, argv[++i], options)) {
+            return false;
+        }
+    }
+    return check_robot(options->values);
+}
+
+} // namespace omni

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: MIT
+/// @file options.h  Command line of the emulated firmware.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/core.h"
+
+namespace omni {
+
+struct Options {
+    size_t link_count = 1; ///< UART0 and on
+    const char *storage = nullptr;
+    bool lockstep = false;
+    bool catch_up = false;
+    bool crash_resets = false;
+    bool inject = false;
+    uint32_t watchdog_ms = 2000; ///< 0: off
+    ResetCause reset_cause = ResetCause::power_on;
+    omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters
+};
+
+/// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been explained).
+bool parse_options(int argc, char **argv, Options *options, int *exit_code);
+
+} // namespace omni

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+/// @file parts.h  The emulated board's clock, storage, watchdog and what survives a reset.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+
+namespace omni {
+
+/// The free-running timer made 64 bits wide: exact as long as somebody looks at least every 171 s.
+class TimerClock final : public Clock {
+public:
+    /// @param catch_up robot time moves on only by set(): a host that was busy lets the guest's time jump, which no robot's does.
+    void start(bool catch_up);
+    uint64_t now_us() override { return catch_up_ ? set_us_ : elapsed_us(); }
+    uint64_t stopwatch_ns() override;
+    /// Time since start() by the hardware.
+    uint64_t elapsed_us();
+    void set(uint64_t now_us) { set_us_ = now_us; }
+
+private:
+    uint64_t elapsed_ticks();
+
+    bool catch_up_ = false;
+    uint64_t set_us_ = 0;
+    uint64_t ticks_ = 0;
+    uint32_t seen_ = 0;
+};
+
+/// Non-volatile memory in a file of the host, or in memory only.
+class HostStorage final : public Storage {
+public:
+    /// @param path nullptr: forgotten at the end. @return false after saying why on the console.
+    bool open(const char *path);
+    size_t size() override { return sizeof bytes_; }
+    bool read(size_t offset, uint8_t *data, size_t length) override;
+    bool write(size_t offset, const uint8_t *data, size_t length) override;
+
+private:
+    uint8_t bytes_[2048] = {};
+    const char *path_ = nullptr;
+};
+
+/// The CMSDK watchdog. Its first time-out resets at once, after noting why.
+class TimerWatchdog final : public Watchdog {
+public:
+    /// @param milliseconds 0: never bites. @param first the reset cause if nothing is known of a reset before.
+    void start(uint32_t milliseconds, ResetCause first);
+    void feed() override;
+    ResetCause reset_cause() override { return cause_; }
+    const char *crash_line(size_t number) override;
+    void reset() override;
+
+private:
+    ResetCause cause_ = ResetCause::power_on;
+    uint32_t load_ = 0;
+};
+
+} // namespace omni

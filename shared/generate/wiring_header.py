@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""Writes one robot's pins as a C++17 header for the Teensy's board layer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from c_tables import c_string, float_literal
+from omni_schema import Robot, SchemaError, as_float32
+
+TEMPLATE = """\
+// SPDX-License-Identifier: MIT
+// Written by shared/generate from {source}; edit that file instead.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace omni::wiring {{
+
+constexpr char robot_name[] = {name};
+constexpr size_t wheels = {wheels};
+/// Pins A and B of each wheel's encoder; 255 where the robot file gives none.
+constexpr uint8_t encoder_pins[wheels][2] = {{{pins}}};
+/// What the robot file asks for.
+enum class Decoder : uint8_t {{ automatic, hardware, interrupt }};
+constexpr Decoder encoder_decoder[wheels] = {{{decoders}}};
+constexpr int output_enable_pin = {output_enable}; ///< -1: not wired
+constexpr int battery_pin = {battery}; ///< -1: not wired
+constexpr float battery_divider = {divider}; ///< V of the battery per V at battery_pin
+constexpr uint8_t light_pin = {light};
+constexpr uint32_t i2c_speed_Hz = {i2c_speed};
+
+}} // namespace omni::wiring
+"""
+NO_PIN = 255
+_DECODER = {"auto": "automatic", "hardware": "hardware", "interrupt": "interrupt"}
+
+
+def wiring_header(robot: Robot) -> str:
+    """Return ``omni/wiring_gen.h`` of this robot."""
+    board = robot.board
+    pins = board.encoder_pins or ((NO_PIN, NO_PIN),) * robot.wheels
+    return TEMPLATE.format(
+        source=Path(robot.source).name,
+        name=c_string(robot.name),
+        wheels=robot.wheels,
+        pins=_joined(f"{{{a}, {b}}}" for a, b in pins),
+        decoders=_joined(f"Decoder::{_DECODER[name]}" for name in board.encoder_decoder),
+        output_enable=_or_none(board.output_enable_pin),
+        battery=_or_none(board.battery_pin),
+        divider=float_literal(as_float32(board.battery_divider)),
+        light=board.light_pin,
+        i2c_speed=board.i2c_speed_Hz,
+    )
+
+
+def _joined(items: Iterable[str]) -> str:
+    return ", ".join(items)
+
+
+def _or_none(pin: int | None) -> int:
+    return -1 if pin is None else pin
+
+
+def write_wiring_header(robots: Sequence[Robot], out: Path) -> None:
+    """Write the header below ``out``; there must be exactly one robot."""
+    if len(robots) != 1:
+        names = ", ".join(robot.name for robot in robots)
+        raise SchemaError("--part wiring", "", f"needs one robot file (--robot FILE), got {names}")
+    path = out / "include" / "omni" / "wiring_gen.h"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(wiring_header(robots[0]), encoding="utf-8")
