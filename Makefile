@@ -16,13 +16,14 @@ C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests
 
-.PHONY: help setup demo test lint format bench sanitize core-checks wheel clean
+.PHONY: help setup demo test lint format bench sanitize core-checks parity budgets wheel clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
 	@echo 'make lint         formatters and linters     make format      apply the formatters'
 	@echo 'make bench        benchmarks                 make sanitize    tests under ASan and UBSan'
 	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
+	@echo 'make parity       same bits everywhere       make budgets     instructions, stack, memory on the Cortex-M7'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
 
 # Another answer means that the emulated firmware can be built now, or no more.
@@ -75,6 +76,12 @@ format: $(VENV)/stamp-lint
 	$(BIN)/ruff check --fix $(PYTHON_DIRS)
 	$(BIN)/ruff format $(PYTHON_DIRS)
 	clang-format -i $(C_FILES)
+
+parity: $(VENV)/stamp-install
+	.ci/parity $(VENV) $(ARGS)
+
+budgets: $(VENV)/stamp-install
+	$(BIN)/python tests/parity/budgets.py $(ARGS)
 
 core-checks: $(VENV)/stamp-tools
 	PYTHON=$(BIN)/python .ci/core-checks

@@ -16,9 +16,9 @@ struct Case {
     static constexpr size_t max_settings = 6;
     const char *name;
     const char *robot;
-    uint8_t setpoint;     ///< omni_setpoint_kind_t
-    uint32_t fix_period;  ///< ticks; 0: none
-    uint32_t fix_age;     ///< ticks
+    uint8_t setpoint;    ///< omni_setpoint_kind_t
+    uint32_t fix_period; ///< ticks; 0: none
+    uint32_t fix_age;    ///< ticks
     Setting settings[max_settings];
     size_t settings_used;
 };

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 /// @file main.cpp  Measures the firmware's control tick (ControlLoop::tick: requests, core, PWM chip, report) and the core's part of it
-/// on an emulated Cortex-M7. Prints a line per case: name, then mean and largest number of instructions of the core and of the whole
-/// tick; and the depth of the stack below ControlLoop::tick.
+/// on an emulated Cortex-M7. Prints two lines per case, "core" and "tick": name, mean and largest number of instructions of that, and
+/// the deepest that the stack got below the caller of ControlLoop::tick.
 #include <cstdio>
 #include <cstring>
 #include <new>
 
 #include "app/control_loop.h"
+#include "base/stack.h"
 #include "cases.h"
 #include "meter.h"
 
@@ -53,6 +54,12 @@ private:
     omni::I2cStatus status_ = omni::I2cStatus::idle;
 };
 
+class Pin final : public omni::OutputEnable {
+public:
+    bool wired() override { return true; }
+    void set(bool) override {}
+};
+
 /// Counters are read by a function of about this size on a real board too.
 class Stopwatch final : public omni::Clock {
 public:
@@ -66,7 +73,7 @@ public:
     bool prepare();
     bool run();
     const Figure &figure() const { return figure_; }
-    size_t depth() const { return depth_; }
+    size_t depth() const { return an500::stack_used() - depth_before_; }
 
 private:
     void ask(uint64_t now_us);
@@ -80,9 +87,10 @@ private:
     random_t random_{};
     uint32_t tick_ = 0;
     Bus bus_;
+    Pin pin_;
     Stopwatch stopwatch_;
-    Figure figure_; ///< of the core if it is watched, else of the whole tick
-    size_t depth_ = 0;
+    Figure figure_;           ///< of the core if it is watched, else of the whole tick
+    size_t depth_before_ = 0; ///< of the stack when ControlLoop::tick is called
 };
 
 bool Bench::prepare() {
@@ -160,14 +168,12 @@ void Bench::tick(uint64_t now_us, bool counted) {
     std::memcpy(sensors.counts, world_.counts, sizeof sensors.counts);
     sensors.counts_valid = 0x0F;
     sensors.battery_V = 12.0f;
-    meter::paint();
+    depth_before_ = an500::stack_depth();
     const uint32_t begin = meter::timer();
-    loop_.tick(sensors, bus_, stopwatch_);
+    loop_.tick(sensors, bus_, pin_, stopwatch_);
     const uint32_t end = meter::timer();
-    const size_t depth = meter::depth();
     if (counted) {
         figure_.add(core_watched ? core_instructions : meter::between(begin, end));
-        depth_ = depth > depth_ ? depth : depth_;
     }
 }
 
@@ -196,11 +202,16 @@ bool measure(const Case &c, bool core) {
     static uint8_t memory alignas(Bench)[sizeof(Bench)];
     auto *bench = new (memory) Bench(c);
     core_watched = core;
-    if (!bench->prepare() || !bench->run()) {
+    if (!bench->prepare()) {
         return false;
     }
+    an500::repaint_stack();
+    if (!bench->run()) {
+        return false;
+    }
+    const size_t depth = bench->depth();
     std::printf("%s %s %u %u %u\n", core ? "core" : "tick", c.name, static_cast<unsigned>(bench->figure().mean()),
-                static_cast<unsigned>(bench->figure().largest), static_cast<unsigned>(bench->depth()));
+                static_cast<unsigned>(bench->figure().largest), static_cast<unsigned>(depth));
     return true;
 }
 
@@ -216,9 +227,25 @@ void __wrap_omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, om
     core_instructions = meter::between(begin, meter::timer());
 }
 
-int main() {
+namespace {
+
+/// Bytes of the structs that make up most of the tick's memory.
+void print_sizes() {
+    std::printf("omni_robot_t %u\n", static_cast<unsigned>(sizeof(omni_robot_t)));
+    std::printf("omni_robot_config_t %u\n", static_cast<unsigned>(sizeof(omni_robot_config_t)));
+    std::printf("omni_trajectory_t %u\n", static_cast<unsigned>(sizeof(omni_trajectory_t)));
+    std::printf("ControlLoop %u\n", static_cast<unsigned>(sizeof(omni::ControlLoop)));
+}
+
+} // namespace
+
+int main(int argc, char **argv) {
+    if (argc > 1 && std::strcmp(argv[1], "--sizes") == 0) {
+        print_sizes();
+        return 0;
+    }
     meter::start();
-    for (size_t i = 0; i < LIMIT; ++i) {
+    for (size_t i = 0; i < case_count; ++i) {
         if (!measure(cases[i], true) || !measure(cases[i], false)) {
             return 1;
         }

@@ -8,7 +8,8 @@
 
 static const char *const kinds[COVERAGE_KINDS] = {"hold", "pose", "velocity body", "velocity world", "path", "duty"};
 static const char *const controllers[COVERAGE_CONTROLLERS] = {"none", "ismc", "p", "pd", "pid", "original", "torque"};
-static const char *const paths[COVERAGE_PATHS] = {"hold", "waypoints", "line", "circle", "rose", "report", "random", "identify"};
+static const char *const paths[COVERAGE_PATHS] = {"hold", "waypoints", "line",   "circle",
+                                                  "rose", "report",    "random", "identify"};
 static const char *const rotations[COVERAGE_ROTATIONS] = {"fixed", "spin", "sine", "tangent"};
 static const char *const phases[] = {"none", "lead-in", "path", "done"};
 static const char *const wheel_filters[] = {"off", "speed", "angle"};
@@ -16,8 +17,7 @@ static const char *const pose_filters[] = {"odometry", "pose", "slip"};
 static const char *const switchings[] = {"sign", "boundary", "super-twisting"};
 
 /* Bits that a tick can raise: OMNI_FAULT_CONFIG is the firmware's. */
-static const uint32_t reachable =
-    ((uint32_t)OMNI_FAULT_STOP_MASK | (uint32_t)OMNI_WARN_MASK) & ~(uint32_t)OMNI_FAULT_CONFIG;
+static const uint32_t reachable = ((uint32_t)OMNI_FAULT_STOP_MASK | (uint32_t)OMNI_WARN_MASK) & ~(uint32_t)OMNI_FAULT_CONFIG;
 
 static void note_bits(uint32_t *counts, uint32_t bits) {
     for (int bit = 0; bit < COVERAGE_BITS; ++bit) {
@@ -112,10 +112,10 @@ bool coverage_report(const coverage_t *coverage, const scene_t *scene, uint32_t 
     reached = lines("wheel filter", wheel_filters, coverage->wheel_filter, 3, least) && reached;
     reached = lines("pose filter", pose_filters, coverage->pose_filter, 3, least) && reached;
     reached = lines("switching", switchings, coverage->switching, 3, least) && reached;
-    const char *const other[] = {"three wheels", "four wheels", "between control steps", "cut", "fixes used", "fixes refused",
-                                 "pose restarts", "changes while armed", "sets refused", "plans refused"};
-    const uint32_t figures[] = {coverage->wheels[3], coverage->wheels[4], coverage->held, coverage->cut, coverage->fixes_used,
-                                coverage->fixes_refused, coverage->restarts, scene->changes_while_armed, scene->configs_refused,
-                                scene->plans_refused};
-    return lines("other", other, figures, sizeof figures / sizeof figures[0], 1) && reached;
+    const char *const other[] = {"three wheels",  "four wheels",   "between control steps", "cut",          "fixes used",
+                                 "fixes refused", "pose restarts", "changes while armed",   "sets refused", "plans refused"};
+    const uint32_t figures[] = {coverage->wheels[3],    coverage->wheels[4],     coverage->held,     coverage->cut,
+                                coverage->fixes_used,   coverage->fixes_refused, coverage->restarts, scene->changes_while_armed,
+                                scene->configs_refused, scene->plans_refused};
+    return lines("other", other, figures, sizeof figures / sizeof figures[0], least < 1 ? least : 1) && reached;
 }

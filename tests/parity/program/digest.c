@@ -15,27 +15,42 @@ typedef struct field_t {
     bool real;
 } field_t;
 
-#define REALS(name) \
+#define REALS(name)                                                                                                            \
     { #name, offsetof(omni_outputs_t, name), 4, sizeof(((omni_outputs_t *)0)->name) / 4, true }
-#define WHOLE(name) \
+#define WHOLE(name)                                                                                                            \
     { #name, offsetof(omni_outputs_t, name), sizeof(((omni_outputs_t *)0)->name), 1, false }
 
 static const field_t fields[] = {
-    WHOLE(time_us),          WHOLE(state),
-    WHOLE(drive),            WHOLE(controller),
-    WHOLE(setpoint_kind),    WHOLE(faults),
-    WHOLE(fault_history),    WHOLE(config_sequence),
-    REALS(duty),             REALS(voltage_V),
-    REALS(wheel_rad_s),      REALS(wheel_reference),
-    REALS(current_A),        REALS(pose),
-    REALS(rate),             REALS(pose_sd),
-    REALS(reference.pose),   REALS(reference.rate),
-    REALS(reference.acceleration), REALS(reference.path_time_s),
-    WHOLE(reference.phase),  REALS(terms),
-    REALS(ismc_margin),      REALS(slip_m_s),
-    REALS(slip_residual_m_s), REALS(wheel_scale),
-    REALS(duty_scale),       REALS(supply_V),
-    REALS(nis),              WHOLE(fixes_accepted),
+    WHOLE(time_us),
+    WHOLE(state),
+    WHOLE(drive),
+    WHOLE(controller),
+    WHOLE(setpoint_kind),
+    WHOLE(faults),
+    WHOLE(fault_history),
+    WHOLE(config_sequence),
+    REALS(duty),
+    REALS(voltage_V),
+    REALS(wheel_rad_s),
+    REALS(wheel_reference),
+    REALS(current_A),
+    REALS(pose),
+    REALS(rate),
+    REALS(pose_sd),
+    REALS(reference.pose),
+    REALS(reference.rate),
+    REALS(reference.acceleration),
+    REALS(reference.path_time_s),
+    WHOLE(reference.phase),
+    REALS(terms),
+    REALS(ismc_margin),
+    REALS(slip_m_s),
+    REALS(slip_residual_m_s),
+    REALS(wheel_scale),
+    REALS(duty_scale),
+    REALS(supply_V),
+    REALS(nis),
+    WHOLE(fixes_accepted),
     WHOLE(fixes_refused),
 };
 

@@ -14,13 +14,13 @@ typedef struct trouble_t {
 } trouble_t;
 
 static const trouble_t troubles[SCENE_TROUBLES] = {
-    [SCENE_COUNT_LOST] = {6, 900},     [SCENE_COUNT_JUMP] = {2, 400},       [SCENE_TIME_JUMP] = {1, 300},
-    [SCENE_TIME_BACK] = {2, 200},      [SCENE_TIME_UNEVEN] = {50, 300},     [SCENE_FIX_NAN] = {3, 500},
-    [SCENE_FIX_JUMP] = {400, 300},     [SCENE_FIX_TIME] = {50, 300},        [SCENE_FIX_STOP] = {800, 200},
-    [SCENE_BATTERY_SAG] = {200, 300},  [SCENE_BATTERY_NAN] = {2, 200},      [SCENE_DRIVER] = {20, 300},
-    [SCENE_SETPOINT_NAN] = {2, 300},   [SCENE_SETPOINT_STOP] = {700, 600},  [SCENE_LINK_STOP] = {1200, 200},
-    [SCENE_OVERRUN] = {2, 400},        [SCENE_BLOCKED] = {500, 900},        [SCENE_SLIP] = {500, 500},
-    [SCENE_DISARM] = {1, 300},         [SCENE_ESTOP] = {1, 200},            [SCENE_SET_POSE] = {1, 300},
+    [SCENE_COUNT_LOST] = {6, 900},    [SCENE_COUNT_JUMP] = {2, 400},      [SCENE_TIME_JUMP] = {1, 300},
+    [SCENE_TIME_BACK] = {2, 200},     [SCENE_TIME_UNEVEN] = {50, 300},    [SCENE_FIX_NAN] = {3, 500},
+    [SCENE_FIX_JUMP] = {400, 300},    [SCENE_FIX_TIME] = {50, 300},       [SCENE_FIX_STOP] = {800, 200},
+    [SCENE_BATTERY_SAG] = {200, 300}, [SCENE_BATTERY_NAN] = {2, 200},     [SCENE_DRIVER] = {20, 300},
+    [SCENE_SETPOINT_NAN] = {2, 300},  [SCENE_SETPOINT_STOP] = {700, 600}, [SCENE_LINK_STOP] = {1200, 200},
+    [SCENE_OVERRUN] = {2, 400},       [SCENE_BLOCKED] = {500, 900},       [SCENE_SLIP] = {500, 500},
+    [SCENE_DISARM] = {1, 300},        [SCENE_ESTOP] = {1, 200},           [SCENE_SET_POSE] = {1, 300},
     [SCENE_PATH_STOP] = {1, 300},
 };
 
@@ -71,7 +71,8 @@ static void plan(scene_t *scene) {
     const omni_result_t result =
         omni_trajectory_plan(p, &config_of(scene)->trajectory, &config_of(scene)->kinematics, &waypoints, &at);
     scene->plans_refused += result != OMNI_OK ? 1u : 0u;
-    const omni_real_t figures[] = {p->lead_in_s, p->duration_s, p->scale, p->peak_wheel_rad_s, p->peak_voltage_V, p->needed_scale};
+    const omni_real_t figures[] = {p->lead_in_s,        p->duration_s,     p->scale,
+                                   p->peak_wheel_rad_s, p->peak_voltage_V, p->needed_scale};
     scene->background = digest_reals(scene->background, figures, sizeof figures / sizeof figures[0]);
     scene->plan = next;
     scene->inputs.trajectory = p;
