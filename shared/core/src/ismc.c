@@ -13,14 +13,14 @@ void omni_ismc_reset(omni_ismc_state_t *state) {
 /* sw(s); super-twisting also advances its own integral w. */
 static omni_real_t switching(const omni_ismc_config_t *config, int axis, omni_real_t surface, omni_real_t *twisting,
                              bool hold) {
-    const omni_real_t sign = omni_signf(surface);
-    const omni_real_t ratio = surface / config->phi[axis];
     if (config->switching == OMNI_ISMC_SWITCH_SIGN) {
-        return sign;
+        return omni_signf(surface);
     }
+    const omni_real_t ratio = surface / config->phi[axis];
     if (config->switching == OMNI_ISMC_SWITCH_BOUNDARY) {
         return omni_clampf(ratio, -1.0f, 1.0f);
     }
+    const omni_real_t sign = omni_signf(surface);
     const omni_real_t value = omni_sqrtf(omni_absf(ratio)) * sign + *twisting;
     const omni_real_t rate = 0.5f * config->k[axis] / config->phi[axis] * sign;
     *twisting = omni_integrate(*twisting, rate * config->step_s, 1.0f, hold);

@@ -11,7 +11,7 @@
 
 #ifndef OMNI_INLINE
 /* gnu_inline: a body to inline, never a second definition. */
-#define OMNI_INLINE extern inline __attribute__((gnu_inline))
+#define OMNI_INLINE extern inline __attribute__((gnu_inline, always_inline))
 #endif
 
 OMNI_INLINE omni_real_t omni_sqrtf(omni_real_t value) {
@@ -34,6 +34,15 @@ OMNI_INLINE omni_real_t omni_signf(omni_real_t value) {
 OMNI_INLINE bool omni_is_finite(omni_real_t value) {
     const omni_real_t largest_finite = 3.402823466e38f;
     return __builtin_fabsf(value) <= largest_finite;
+}
+
+/* Are all `count` values finite? x - x is 0, or NaN for a NaN or an infinity. */
+static inline bool omni_all_finite(const omni_real_t *values, int count) {
+    omni_real_t sum = 0.0f;
+    for (int i = 0; i < count; ++i) {
+        sum += values[i] - values[i];
+    }
+    return sum == 0.0f;
 }
 
 OMNI_INLINE bool omni_pose_is_finite(const omni_pose_t *pose) {

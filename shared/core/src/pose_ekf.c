@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "math_inline.h"
+#include "kinematics_inline.h"
 #include "pose_ekf_internal.h"
 
 /* A ratio beyond this is no slip any more: the wheel spins or is blocked, and the model says nothing. */
@@ -74,14 +74,6 @@ void omni_ekf_shift(omni_pose_ekf_state_t *state, const omni_real_t *delta, uint
         state->slip[i] = omni_clampf(state->slip[i] + delta[OMNI_AXES + i], -slip_limit, slip_limit);
     }
     omni_ekf_history_rebase(state, slips);
-}
-
-static bool all_finite(const omni_real_t *values, uint8_t count) {
-    bool finite = true;
-    for (uint8_t i = 0; i < count; ++i) {
-        finite = finite && omni_is_finite(values[i]);
-    }
-    return finite;
 }
 
 static void elapse(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint64_t time_us,
@@ -240,7 +232,7 @@ static void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t 
 void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                            const omni_real_t *wheel_delta_rad, uint64_t time_us) {
     static const omni_real_t still[OMNI_MAX_WHEELS] = {0};
-    const omni_real_t *turned = all_finite(wheel_delta_rad, k->wheels) ? wheel_delta_rad : still;
+    const omni_real_t *turned = omni_all_finite(wheel_delta_rad, k->wheels) ? wheel_delta_rad : still;
     const uint8_t slips = omni_ekf_slips(config, k);
     if (state->mode != config->mode) {
         omni_ekf_restart_slips(state, config, slips);

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "math_inline.h"
+#include "kinematics_inline.h"
 #include "omni/saturation.h"
 
 /* Pose error to wanted body twist or, in direct torque control, to torques, by the controller in use. */
@@ -56,7 +56,7 @@ static void feed_acceleration(const omni_robot_config_t *c, omni_tick_t *tick) {
  * fixes keep the estimate honest: without them a wrong ratio would make the very slip that seems to confirm it. */
 static void compensate_slip(const omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP || !omni_robot_fix_is_fresh(robot, tick->in->time_us)) {
+    if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP || !tick->fix_is_fresh) {
         return;
     }
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {

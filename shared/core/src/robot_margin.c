@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "math_inline.h"
+#include "kinematics_inline.h"
 #include "robot_internal.h"
 
 /* How sure the bound on the slip error is, in standard deviations. */
@@ -60,7 +60,7 @@ void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick) {
         robot->uncovered = false;
         return;
     }
-    const omni_real_t fed = omni_robot_fix_is_fresh(robot, tick->in->time_us) ? c->slip_feed : 0.0f;
+    const omni_real_t fed = tick->fix_is_fresh ? c->slip_feed : 0.0f;
     /* The count as a constant lets the compiler unroll the loops. */
     const omni_twist_t bound =
         c->kinematics.wheels == 3 ? slip_bounds(robot, tick, fed, 3) : slip_bounds(robot, tick, fed, OMNI_MAX_WHEELS);

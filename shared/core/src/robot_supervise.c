@@ -45,11 +45,8 @@ static void supervise_link(const omni_robot_t *robot, omni_tick_t *tick) {
 }
 
 static bool setpoint_is_finite(const omni_setpoint_t *setpoint) {
-    bool finite = omni_pose_is_finite(&setpoint->pose) && omni_twist_is_finite(&setpoint->twist);
-    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        finite = finite && omni_is_finite(setpoint->duty[i]);
-    }
-    return finite;
+    return omni_pose_is_finite(&setpoint->pose) && omni_twist_is_finite(&setpoint->twist) &&
+           omni_all_finite(setpoint->duty, OMNI_MAX_WHEELS);
 }
 
 static bool is_streamed(uint8_t kind) {
