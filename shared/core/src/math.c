@@ -89,6 +89,9 @@ omni_real_t omni_atan2f(omni_real_t y, omni_real_t x) {
 }
 
 omni_real_t omni_wrap_pi(omni_real_t angle) {
+    if (omni_absf(angle) < 3.0f) {
+        return angle + 0.0f; /* -0 gives 0, as below */
+    }
     const omni_real_t x = usable_angle(angle);
     if (!omni_is_finite(x)) {
         return x;

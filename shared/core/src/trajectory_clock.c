@@ -1,6 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-#include <string.h>
-
 #include "math_inline.h"
 #include "trajectory_internal.h"
 
@@ -13,25 +11,6 @@ uint64_t omni_nanoseconds(omni_real_t seconds) {
     const uint32_t whole = (uint32_t)seconds;
     const omni_real_t rest = seconds - (omni_real_t)whole;
     return (uint64_t)whole * 1000000000u + (uint64_t)(rest * 1e9f);
-}
-
-omni_real_t omni_real_of(uint64_t whole) {
-    const uint32_t high = (uint32_t)(whole >> 32);
-    if (high == 0) {
-        return (omni_real_t)(uint32_t)whole;
-    }
-    /* The leading 32 bits, the last of which stands for all that follow: then the conversion rounds as if it saw them all. */
-    const uint32_t shift = 32u - (uint32_t)__builtin_clz(high);
-    const uint32_t rest = (uint32_t)(whole << (64u - shift) >> 32) | (uint32_t)(whole << (64u - shift));
-    const uint32_t leading = (uint32_t)(whole >> shift) | (rest != 0 ? 1u : 0u);
-    const uint32_t power_bits = (127u + shift) << 23;
-    omni_real_t power;
-    memcpy(&power, &power_bits, sizeof power);
-    return (omni_real_t)leading * power;
-}
-
-omni_real_t omni_phase(uint64_t ns, uint64_t period_ns) {
-    return omni_real_of(ns % period_ns) / omni_real_of(period_ns);
 }
 
 static uint64_t slowed(uint64_t ns, uint64_t rate) {
