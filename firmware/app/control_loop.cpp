@@ -136,7 +136,7 @@ void ControlLoop::measure(uint64_t duration_ns) {
 
 /// The voltage of this tick acts until the next one.
 void ControlLoop::integrate_voltage() {
-    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
         volt_us_[i] += static_cast<uint32_t>(std::lround(outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US)));
     }
 }

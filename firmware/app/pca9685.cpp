@@ -144,19 +144,20 @@ void Pca9685::lay_out_update() {
     }
 }
 
-Pca9685::Place Pca9685::place_of(uint8_t channel) {
-    Place place;
-    while (register_of(channel) >= update_[place.burst].write[0] + update_[place.burst].write_length - 1) {
-        ++place.burst;
+/// Where the bytes of a channel in use are in the update.
+uint8_t *Pca9685::place_of(uint8_t channel) {
+    const uint8_t wanted = register_of(channel);
+    I2cTransaction *burst = update_;
+    while (wanted >= burst->write[0] + burst->write_length - 1) {
+        ++burst;
     }
-    place.offset = static_cast<uint8_t>(1 + register_of(channel) - update_[place.burst].write[0]);
-    return place;
+    return burst->write + 1 + (wanted - burst->write[0]);
 }
 
 size_t Pca9685::fill_update(const omni_bridge_counts_t *bridge) {
     for (size_t i = 0; i < wiring_.wheels; ++i) {
-        encode_channel(update_[in1_[i].burst].write + in1_[i].offset, bridge[i].in1);
-        encode_channel(update_[in2_[i].burst].write + in2_[i].offset, bridge[i].in2);
+        encode_channel(in1_[i], bridge[i].in1);
+        encode_channel(in2_[i], bridge[i].in2);
     }
     health_asked_ = suspicious_ || ++since_health_ >= health_interval;
     return health_asked_ ? bursts_ + 1 : bursts_;

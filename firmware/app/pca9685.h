@@ -49,14 +49,8 @@ public:
 private:
     enum class Phase : uint8_t { off, configure, wake, settle, ready };
 
-    /// Where the bytes of a channel are in the update.
-    struct Place {
-        uint8_t burst = 0;
-        uint8_t offset = 0;
-    };
-
     void lay_out_update();
-    Place place_of(uint8_t channel);
+    uint8_t *place_of(uint8_t channel);
     void send(I2cBus &bus, const I2cTransaction *batch, size_t count);
     void send_setup(I2cBus &bus, uint64_t now_us);
     size_t fill_update(const omni_bridge_counts_t *bridge);
@@ -66,8 +60,8 @@ private:
     Wiring wiring_;
     I2cTransaction update_[channels / 2 + 1]; ///< bursts of adjacent channels; after them the look at MODE1
     size_t bursts_ = 0;
-    Place in1_[OMNI_MAX_WHEELS];
-    Place in2_[OMNI_MAX_WHEELS];
+    uint8_t *in1_[OMNI_MAX_WHEELS] = {}; ///< where a wheel's bytes are in the update
+    uint8_t *in2_[OMNI_MAX_WHEELS] = {};
     Phase phase_ = Phase::off;
     bool in_flight_ = false;
     bool health_asked_ = false; ///< the batch in flight reads MODE1 back

@@ -51,9 +51,14 @@ static inline omni_real_t omni_real_of(uint64_t whole) {
     return (omni_real_t)leading * power;
 }
 
+/** ns modulo period_ns; most paths are in their first lap, and a 64-bit division costs 50 instructions on a 32-bit processor. */
+static inline uint64_t omni_modulo(uint64_t ns, uint64_t period_ns) {
+    return ns < period_ns ? ns : ns % period_ns;
+}
+
 /** ns modulo period_ns as a share of it, 0..1. */
 static inline omni_real_t omni_phase(uint64_t ns, uint64_t period_ns) {
-    return omni_real_of(ns % period_ns) / omni_real_of(period_ns);
+    return omni_real_of(omni_modulo(ns, period_ns)) / omni_real_of(period_ns);
 }
 
 /** Path time of TRJ_PERIOD, at least 1. */

@@ -70,7 +70,7 @@ static void add_phasor(omni_jet_t *x, omni_jet_t *y, omni_real_t amplitude, int3
     const uint64_t lap_ns = timing->period_ns;
     const uint64_t count = (uint64_t)(half_turns < 0 ? -half_turns : half_turns);
     const omni_real_t sign = half_turns < 0 ? -1.0f : 1.0f;
-    const omni_real_t turns = omni_phase((ns % (2 * lap_ns)) * count, 2 * lap_ns);
+    const omni_real_t turns = omni_phase(omni_modulo(ns, 2 * lap_ns) * count, 2 * lap_ns);
     const omni_real_t omega = 0.5f * two_pi * (omni_real_t)half_turns / timing->period_s;
     omni_real_t sine;
     omni_real_t cosine;

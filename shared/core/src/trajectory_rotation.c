@@ -23,8 +23,10 @@ static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path
     const uint64_t lap_ns = timing->lap_ns;
     const uint32_t whole = (uint32_t)cycles;
     const omni_real_t rest = cycles - (omni_real_t)whole;
-    const omni_real_t turns = omni_phase(path_ns % lap_ns * whole, lap_ns) + rest * omni_phase(path_ns, lap_ns) +
-                              omni_whole_laps(rest, path_ns / lap_ns);
+    omni_real_t turns = omni_phase(omni_modulo(path_ns, lap_ns) * whole, lap_ns);
+    if (rest > 0.0f) {
+        turns = turns + rest * omni_phase(path_ns, lap_ns) + omni_whole_laps(rest, path_ns / lap_ns);
+    }
     const omni_real_t omega = two_pi * cycles / timing->lap_s;
     omni_real_t sine;
     omni_real_t cosine;
@@ -47,7 +49,7 @@ static omni_real_t direction(const omni_trajectory_t *plan, uint64_t path_ns, ui
     const uint64_t apart = difference == 0 ? 0 : (uint64_t)(sum - difference);
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(-two_pi * omni_phase(path_ns % (2 * lap_ns) * apart, 2 * lap_ns), &sine, &cosine);
+    omni_sincosf(-two_pi * omni_phase(omni_modulo(path_ns, 2 * lap_ns) * apart, 2 * lap_ns), &sine, &cosine);
     return 0.5f * two_pi * ((omni_real_t)sum * omni_phase(path_ns, lap_ns) + 0.5f) +
            omni_atan2f(ratio * sine, 1.0f + ratio * cosine);
 }
