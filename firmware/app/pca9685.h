@@ -29,6 +29,10 @@ public:
     static constexpr uint8_t address = 0x40;
     static constexpr uint8_t channels = 16;
 
+    Pca9685() = default;
+    Pca9685(const Pca9685 &) = delete; // it points into itself
+    Pca9685 &operator=(const Pca9685 &) = delete;
+
     /// Begin again with the power-up sequence.
     void restart();
     void set_wiring(const Wiring &wiring);

@@ -49,7 +49,8 @@ static void seal(omni_robot_t *robot, omni_tick_t *tick) {
 /* A filter that has met a number it cannot digest starts over instead of staying lost. */
 static void heal(omni_robot_t *robot, const omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+    const bool finite = omni_all_finite(tick->out->wheel_rad_s, c->kinematics.wheels);
+    for (uint8_t i = 0; !finite && i < c->kinematics.wheels; ++i) {
         if (!omni_is_finite(tick->out->wheel_rad_s[i])) {
             omni_motor_kf_reset(&robot->motor_kf[i], &c->motor_kf);
         }

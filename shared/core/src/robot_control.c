@@ -113,7 +113,7 @@ static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t
     omni_real_t factor = 1.0f;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         push[i] = omni_torque_curve_duty(&c->torque_curve, torque_N_m[i]) * c->limits.supply_nominal_V * per_V;
-        keep[i] = omni_clampf(c->torque_emf * omni_motor_speed_gain(&c->motor) * out->wheel_rad_s[i] * per_V, -limit, limit);
+        keep[i] = omni_clampf(c->torque_emf * c->speed_gain_V_s * out->wheel_rad_s[i] * per_V, -limit, limit);
         const omni_real_t room = limit - omni_signf(push[i]) * keep[i];
         const omni_real_t wanted = omni_absf(push[i]);
         factor = wanted * factor > room ? room / wanted : factor;

@@ -7,7 +7,7 @@
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
 static int32_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {
-    const omni_real_t no_load = supply_V / omni_motor_speed_gain(&c->motor);
+    const omni_real_t no_load = supply_V / c->speed_gain_V_s;
     const omni_real_t counts = 3.0f * no_load * c->step_s * (omni_real_t)steps / c->rad_per_count;
     return counts < 1e6f ? (int32_t)counts + 4 : 1000000;
 }

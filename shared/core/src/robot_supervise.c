@@ -8,7 +8,7 @@
  * uses up stall_s as time goes by, one that turns the other way at most twice as fast (a reversal of the voltage is legal). */
 static void supervise_wheels(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    const omni_real_t tenth_per_V = 0.1f / omni_motor_speed_gain(&c->motor);
+    const omni_real_t tenth_per_V = 0.1f / c->speed_gain_V_s;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         const omni_real_t voltage = robot->last_voltage_V[i];
         if (!(omni_absf(voltage) >= c->limits.stall_V)) {
