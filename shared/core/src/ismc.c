@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "math_inline.h"
 #include "pose_control.h"
 
 void omni_ismc_reset(omni_ismc_state_t *state) {
