@@ -16,14 +16,16 @@ C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests
 
-.PHONY: help setup demo test lint format bench sanitize core-checks parity budgets wheel clean
+.PHONY: help setup demo test lint format bench sanitize core-checks parity budgets fuzz wheel clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
 	@echo 'make lint         formatters and linters     make format      apply the formatters'
 	@echo 'make bench        benchmarks                 make sanitize    tests under ASan and UBSan'
 	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
-	@echo 'make parity       same bits everywhere       make budgets     instructions, stack, memory on the Cortex-M7'
+	@echo 'make parity       the tick gives the same bits with every compiler and on the Cortex-M7'
+	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
+	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
 
 # Another answer means that the emulated firmware can be built now, or no more.
@@ -88,6 +90,9 @@ core-checks: $(VENV)/stamp-tools
 
 sanitize: setup
 	.ci/sanitize $(VENV) $(ARGS)
+
+fuzz: setup
+	$(BIN)/python -m tests.fuzz.fuzz $(if $(BYTES),--bytes $(BYTES)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
 clean:
 	rm -rf build dist runs .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -10,6 +10,12 @@ if(OMNI_WERROR)
   target_compile_options(omni_warnings INTERFACE -Werror)
 endif()
 
+if(OMNI_FUZZ)
+  set(fuzz_sanitizers -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all)
+  target_compile_options(omni_flags INTERFACE ${fuzz_sanitizers} -fsanitize=fuzzer-no-link -fno-omit-frame-pointer -g)
+  target_link_options(omni_flags INTERFACE ${fuzz_sanitizers})
+endif()
+
 if(OMNI_SANITIZE)
   set(sanitizers -fsanitize=address,undefined -fno-sanitize-recover=all)
   target_compile_options(omni_flags INTERFACE ${sanitizers} -fno-omit-frame-pointer -g)

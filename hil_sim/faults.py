@@ -19,6 +19,15 @@ KINDS: dict[str, int] = {
     "pose_jump": lib.HIL_FAULT_POSE_JUMP,
     "battery_sag": lib.HIL_FAULT_BATTERY_SAG,
     "motor_dead": lib.HIL_FAULT_MOTOR_DEAD,
+    "motor_stalled": lib.HIL_FAULT_MOTOR_STALLED,
+    "encoder_noisy": lib.HIL_FAULT_ENCODER_NOISY,
+    "encoder_bit": lib.HIL_FAULT_ENCODER_BIT,
+    "chip_power": lib.HIL_FAULT_CHIP_POWER,
+    "pose_freeze": lib.HIL_FAULT_POSE_FREEZE,
+    "pose_delay": lib.HIL_FAULT_POSE_DELAY,
+    "clock_jump": lib.HIL_FAULT_CLOCK_JUMP,
+    "clock_stuck": lib.HIL_FAULT_CLOCK_STUCK,
+    "tick_late": lib.HIL_FAULT_TICK_LATE,
     "wheel_turned": lib.HIL_FAULT_WHEEL_TURNED,
 }
 """Name of a fault to its number in ``hil_fault_kind_t``."""
@@ -32,8 +41,10 @@ MAX_FAULTS: int = lib.HIL_MAX_FAULTS
 class Fault:
     """One fault from ``start_s`` up to, not including, ``stop_s`` [s, simulated time].
 
-    ``wheel`` counts from 0 and matters for encoder and motor faults; ``value`` is the offset in x [m] of a pose jump,
-    the open-circuit voltage [V] of a battery sag or the speed [rad/s] of a wheel that a hand turns.
+    ``wheel`` counts from 0 and matters for encoder and motor faults. ``value`` is the offset in x [m] of a pose jump,
+    the open-circuit voltage [V] of a battery sag, the largest error [counts] of a noisy encoder, the number of a
+    counter's bit that always reads 1, the delay [s] of pose fixes, the jump [s] of the clock, the time [s] between late
+    ticks or the speed [rad/s] of a wheel that a hand turns; ``hil_fault_kind_t`` in world.h says what each fault does.
     """
 
     name: str

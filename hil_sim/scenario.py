@@ -41,8 +41,19 @@ UNTIL_DONE: Literal["until_done"] = "until_done"
 MAX_DURATION_S = 3600.0
 MAX_SEED = 2**63 - 1
 COMMANDS = ("arm", "disarm", "estop", "trajectory_start", "trajectory_stop")
-WHEEL_FAULTS = frozenset({"encoder_stuck", "encoder_reversed", "encoder_invalid", "motor_dead", "wheel_turned"})
-VALUE_FAULTS = frozenset({"pose_jump", "battery_sag", "wheel_turned"})
+WHEEL_FAULTS = frozenset(name for name in KINDS if name.startswith(("encoder_", "motor_", "wheel_")))
+VALUE_FAULTS = frozenset(
+    {
+        "pose_jump",
+        "battery_sag",
+        "encoder_noisy",
+        "encoder_bit",
+        "pose_delay",
+        "clock_jump",
+        "tick_late",
+        "wheel_turned",
+    }
+)
 
 _BIG = 1e6
 WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {

@@ -32,6 +32,7 @@ App::App(const Board &board, bool lockstep)
 
 void App::parameters_changed() {
     const omni_real_t *values = parameters_.values();
+    shared_.stations.set_timeout(static_cast<uint64_t>(values[OMNI_PARAM_SAFE_LINK_TO] * 1e6f));
     for (size_t i = 0; i < board_.port_count; ++i) {
         shared_.links[i].set_system(static_cast<uint8_t>(values[OMNI_PARAM_SYS_ID]));
         shared_.links[i].set_budget(values[OMNI_PARAM_LINK1_BUDGET + i]);
@@ -82,6 +83,7 @@ void App::restart_control(uint64_t now_us) {
     shared_.control.report.update();
     shared_.latest = TickReport{};
     shared_.arming = 0;
+    shared_.stopping = 0;
     shared_.i2c_scanning = false;
     shared_.now_us = now_us;
     jitter_.restart();
@@ -90,6 +92,7 @@ void App::restart_control(uint64_t now_us) {
     hil_.restart();
     telemetry_.restart();
     trajectories_.restart();
+    shared_.stations.restart();
     setpoints_.restart();
     pose_fixes_.restart();
     status_texts_.restart();
@@ -162,9 +165,7 @@ void App::watch_hil_peer() {
 void App::take_report() {
     if (shared_.control.report.update()) {
         shared_.latest = shared_.control.report.reading();
-        if (shared_.arming > 0) {
-            --shared_.arming;
-        }
+        shared_.count_report();
     }
     shared_.latest.outputs.faults &= ~static_cast<uint32_t>(OMNI_WARN_SETPOINT);
     shared_.latest.outputs.faults |= setpoints_.refused() ? static_cast<uint32_t>(OMNI_WARN_SETPOINT) : 0u;
@@ -179,6 +180,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     flush(); // what this tick reports must not depend on how the host's bytes were cut into packets
     TickSensors sensors;
     hil_.take(frame, &sensors);
+    watch_overrun(&sensors);
     shared_.now_us = sensors.time_us;
     shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
     take_report();
@@ -186,17 +188,28 @@ void App::hil_tick(const Frame &frame, size_t link) {
     hil_.answer(shared_, link);
 }
 
-bool App::dispatch_motion(const Frame &frame) {
+bool App::dispatch_setpoint(const Frame &frame, size_t link) {
     switch (frame.id) {
     case MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
         setpoints_.on_position_target(frame);
-        return true;
+        break;
     case MAVLINK_MSG_ID_MANUAL_CONTROL:
         setpoints_.on_manual_control(frame);
-        return true;
+        break;
     case MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY:
         setpoints_.on_duty(frame);
-        return true;
+        break;
+    default:
+        return false;
+    }
+    if (!setpoints_.refused()) {
+        shared_.commanded(link);
+    }
+    return true;
+}
+
+bool App::dispatch_signs(const Frame &frame, size_t link) {
+    switch (frame.id) {
     case MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE:
         pose_fixes_.on_vicon(frame);
         return true;
@@ -207,7 +220,10 @@ bool App::dispatch_motion(const Frame &frame) {
         pose_fixes_.on_compact(frame);
         return true;
     case MAVLINK_MSG_ID_HEARTBEAT:
-        shared_.heartbeat();
+        // Other robots on the same radio have an autopilot. They are not who this one listens to.
+        if (frame.as<mavlink_heartbeat_t>().autopilot == MAV_AUTOPILOT_INVALID) {
+            shared_.heartbeat(link);
+        }
         return true;
     default:
         return false;
@@ -235,13 +251,13 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
         commands_.on_command_int(frame, sender);
         break;
     case MAVLINK_MSG_ID_SET_MODE:
-        commands_.on_set_mode(frame);
+        commands_.on_set_mode(frame, sender);
         break;
     case MAVLINK_MSG_ID_REQUEST_DATA_STREAM:
         telemetry_.on_request_data_stream(frame, sender);
         break;
     default:
-        if (!dispatch_motion(frame)) {
+        if (!dispatch_setpoint(frame, sender.link) && !dispatch_signs(frame, sender.link)) {
             serve_small_protocols(shared_, frame, sender);
         }
         break;

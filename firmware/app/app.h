@@ -50,7 +50,9 @@ private:
     void say_restart(size_t link);
     void greet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
-    bool dispatch_motion(const Frame &frame);
+    bool dispatch_setpoint(const Frame &frame, size_t link);
+    /// Pose fixes and signs of life.
+    bool dispatch_signs(const Frame &frame, size_t link);
     void hil_tick(const Frame &frame, size_t link);
     void serve();
     void take_report();

@@ -29,7 +29,7 @@ bool starting_up(const TickReport &latest) {
 }
 
 /// A report may be waiting, and a tick may be under way that has taken its requests before: the third one has seen the command.
-constexpr uint8_t reports_until_armed = 3;
+constexpr uint8_t reports_until_known = 3;
 
 uint8_t queued(bool done) {
     return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
@@ -47,8 +47,11 @@ void Commands::on_command_int(const Frame &frame, const Sender &sender) {
     handle({message.command, {message.param1, message.param2, message.param3, message.param4}, sender});
 }
 
-void Commands::on_set_mode(const Frame &frame) {
-    set_mode(static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode));
+void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
+    const auto mode = static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode);
+    if (set_mode(mode) == MAV_RESULT_ACCEPTED) {
+        shared_.commanded(sender.link);
+    }
 }
 
 void Commands::handle(const Command &command) {
@@ -60,13 +63,32 @@ void Commands::handle(const Command &command) {
     shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);
 }
 
+/// Commands that say where to go.
+uint8_t Commands::run_motion(const Command &command) {
+    const float *p = command.param;
+    uint8_t result = MAV_RESULT_UNSUPPORTED;
+    if (command.id == cmd_do_set_mode) {
+        result = set_mode(p[1]);
+    } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_START) {
+        result = trajectories_.start(p[0], p[1]);
+    } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_STOP) {
+        result = trajectories_.stop();
+    }
+    if (result == MAV_RESULT_ACCEPTED) {
+        shared_.commanded(command.sender.link);
+    }
+    return result;
+}
+
 uint8_t Commands::run(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case cmd_arm:
-        return arm_disarm(p[0]);
+        return arm_disarm(p[0], command.sender.link);
     case cmd_do_set_mode:
-        return set_mode(p[1]);
+    case MAV_CMD_OMNI_TRAJECTORY_START:
+    case MAV_CMD_OMNI_TRAJECTORY_STOP:
+        return run_motion(command);
     case cmd_terminate:
         return p[0] > 0.5f ? estop() : static_cast<uint8_t>(MAV_RESULT_DENIED);
     case cmd_storage:
@@ -87,18 +109,14 @@ uint8_t Commands::run(const Command &command) {
 uint8_t Commands::run_own(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
-    case MAV_CMD_OMNI_TRAJECTORY_START:
-        return trajectories_.start(p[0], p[1]);
-    case MAV_CMD_OMNI_TRAJECTORY_STOP:
-        return trajectories_.stop();
     case MAV_CMD_OMNI_HIL:
-        return hil_.switch_hil(p[0] > 0.5f, command.sender.link);
+        return hil_command(p[0], command.sender.link);
     case MAV_CMD_OMNI_SET_POSE:
         return set_pose({p[0], p[1], p[2]});
     case MAV_CMD_OMNI_WAYPOINT:
         return trajectories_.set_waypoint(p[0], {p[1], p[2], p[3]});
     case MAV_CMD_OMNI_ESTOP:
-        return p[0] > 0.5f ? estop() : clear_estop();
+        return estop_command(p[0]);
     case MAV_CMD_OMNI_I2C_SCAN:
         return scan_i2c(command.sender);
     default:
@@ -106,9 +124,9 @@ uint8_t Commands::run_own(const Command &command) {
     }
 }
 
-uint8_t Commands::arm_disarm(float wanted) {
+uint8_t Commands::arm_disarm(float wanted, size_t link) {
     if (wanted == 1.0f) {
-        return arm();
+        return arm(link);
     }
     return wanted == 0.0f ? disarm() : static_cast<uint8_t>(MAV_RESULT_DENIED);
 }
@@ -121,9 +139,13 @@ void Commands::warn_of_missing_pin() {
     }
 }
 
-uint8_t Commands::arm() {
+uint8_t Commands::arm(size_t link) {
     const uint8_t state = shared_.latest.outputs.state;
+    if (shared_.stopping > 0 && (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet
+    }
     if (state == OMNI_STATE_ARMED) {
+        shared_.commanded(link);
         return MAV_RESULT_ACCEPTED;
     }
     if (hil_.hil_silent()) {
@@ -150,28 +172,44 @@ uint8_t Commands::arm() {
         return MAV_RESULT_DENIED;
     }
     // Whoever arms is there: the command counts as a heartbeat.
-    if (!shared_.heartbeat() || !shared_.control.request_event(OMNI_EVENT_ARM)) {
+    shared_.stations.take_command(link);
+    if (!shared_.heartbeat(link) || !shared_.control.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
-    shared_.arming = reports_until_armed;
+    shared_.arming = reports_until_known;
     warn_of_missing_pin();
     trajectories_.on_arm();
     return MAV_RESULT_ACCEPTED;
 }
 
-/// Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
-uint8_t Commands::disarm() {
+uint8_t Commands::stop(uint32_t event) {
     shared_.arming = 0;
     trajectories_.on_disarm();
     shared_.control.plans.withdraw();
-    return queued(shared_.control.request_event(OMNI_EVENT_DISARM));
+    const bool done = shared_.control.request_event(event);
+    shared_.stopping = done ? reports_until_known : shared_.stopping;
+    return queued(done);
+}
+
+/// Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
+uint8_t Commands::disarm() {
+    return stop(OMNI_EVENT_DISARM);
 }
 
 uint8_t Commands::estop() {
-    shared_.arming = 0;
-    trajectories_.on_disarm();
-    shared_.control.plans.withdraw();
-    return queued(shared_.control.request_event(OMNI_EVENT_ESTOP));
+    return stop(OMNI_EVENT_ESTOP);
+}
+
+/// Only a clear "release" releases; whatever else was meant, stopping is the safe reading.
+uint8_t Commands::estop_command(float stop) {
+    return stop == 0.0f ? clear_estop() : estop();
+}
+
+uint8_t Commands::hil_command(float enable, size_t link) {
+    if (enable != 0.0f && enable != 1.0f) {
+        return MAV_RESULT_DENIED;
+    }
+    return hil_.switch_hil(enable == 1.0f, link);
 }
 
 uint8_t Commands::clear_estop() {

@@ -28,7 +28,7 @@ public:
 
     void on_command_long(const Frame &frame, const Sender &sender);
     void on_command_int(const Frame &frame, const Sender &sender);
-    void on_set_mode(const Frame &frame);
+    void on_set_mode(const Frame &frame, const Sender &sender);
     /// Send the result of an I2C scan that has come to its end.
     void serve();
 
@@ -41,11 +41,15 @@ private:
     void handle(const Command &command);
     uint8_t run(const Command &command);
     uint8_t run_own(const Command &command);
-    uint8_t arm_disarm(float wanted);
-    uint8_t arm();
+    uint8_t run_motion(const Command &command);
+    uint8_t arm_disarm(float wanted, size_t link);
+    uint8_t arm(size_t link);
     void warn_of_missing_pin();
     uint8_t disarm();
+    uint8_t stop(uint32_t event);
     uint8_t estop();
+    uint8_t estop_command(float stop);
+    uint8_t hil_command(float enable, size_t link);
     uint8_t clear_estop();
     uint8_t set_mode(float mode);
     uint8_t set_pose(const omni_pose_t &pose);

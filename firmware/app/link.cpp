@@ -92,6 +92,9 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
 }
 
 void Link::flush() {
+    if (port_->session() != session_) {
+        return; // what waits was meant for somebody who has gone: receive() clears it
+    }
     const size_t count = std::min(pending_, port_->write_space());
     if (count > 0 && port_->write(out_, count)) {
         pending_ -= count;

@@ -10,6 +10,8 @@ namespace {
 constexpr uint64_t oldest_us = 250'000;
 constexpr uint64_t ahead_us = 5'000;
 constexpr uint64_t text_interval_us = 1'000'000;
+/// Further than this [m or rad] no sensor, however coarse, says the same pose twice.
+constexpr float frozen_travel = 0.005f;
 
 /// Standard deviation from a variance; 0 (take the configured one) if the sender gave none.
 float deviation(float variance) {
@@ -27,13 +29,39 @@ uint64_t PoseFixes::time_of(uint64_t stamp_us) const {
     return now > delay_us ? now - delay_us : 0;
 }
 
+void PoseFixes::restart() {
+    said_us_ = 0;
+    last_us_ = 0;
+    travelled_ = 0.0f;
+}
+
+void PoseFixes::complain(const char *why) {
+    if (said_us_ == 0 || shared_.now_us < said_us_ || shared_.now_us - said_us_ >= text_interval_us) {
+        said_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("pose fix refused: ").add(why));
+    }
+}
+
+/// How far the wheels have gone meanwhile, slip or not, is what the sensor cannot have missed.
+bool PoseFixes::frozen(const omni_pose_t &world) {
+    const omni_twist_t &rate = shared_.latest.outputs.rate;
+    const uint64_t elapsed_us = last_us_ != 0 && shared_.now_us > last_us_ ? shared_.now_us - last_us_ : 0;
+    const float speed = omni_sqrtf(rate.vx * rate.vx + rate.vy * rate.vy) + omni_absf(rate.wz);
+    const bool repeated = last_us_ != 0 && world.x == last_.x && world.y == last_.y && world.theta == last_.theta;
+    travelled_ = repeated ? travelled_ + speed * static_cast<float>(elapsed_us) * 1e-6f : 0.0f;
+    last_ = world;
+    last_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
+    return travelled_ > frozen_travel;
+}
+
 /// @param covariance row-major upper triangle of 6 x 6 (x, y, yaw are elements 0, 6, 20), or nullptr.
 void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance) {
     if (!omni_pose_is_finite(&world)) {
-        if (said_us_ == 0 || shared_.now_us < said_us_ || shared_.now_us - said_us_ >= text_interval_us) {
-            said_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
-            shared_.say(MAV_SEVERITY_WARNING, Text().add("pose fix refused: not finite"));
-        }
+        complain("not finite");
+        return;
+    }
+    if (frozen(world)) {
+        complain("it repeats itself");
         return;
     }
     Request request;

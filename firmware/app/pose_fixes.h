@@ -2,7 +2,8 @@
 /// @file pose_fixes.h  Poses measured outside the robot: VICON_POSITION_ESTIMATE, ATT_POS_MOCAP, OMNI_POSE_FIX.
 ///
 /// A time stamp that lies within the last 0.25 s of the robot's clock is believed; any other (Unix time, say) is
-/// replaced by now - FIX_DELAY.
+/// replaced by now - FIX_DELAY. A fix that repeats the one before, digit by digit, although the wheels have moved the robot
+/// meanwhile comes from a sensor that has frozen: it is not used.
 #pragma once
 
 #include "app/parameters.h"
@@ -17,15 +18,20 @@ public:
     void on_vicon(const Frame &frame);
     void on_mocap(const Frame &frame);
     void on_compact(const Frame &frame);
-    void restart() { said_us_ = 0; }
+    void restart();
 
 private:
     void accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance);
     uint64_t time_of(uint64_t stamp_us) const;
+    bool frozen(const omni_pose_t &world);
+    void complain(const char *why);
 
     Shared &shared_;
     const Parameters &parameters_;
     uint64_t said_us_ = 0;
+    omni_pose_t last_{};
+    uint64_t last_us_ = 0;   ///< 0: no fix yet
+    float travelled_ = 0.0f; ///< by the wheels since `last_` came first [m or rad]
 };
 
 } // namespace omni

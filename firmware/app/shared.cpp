@@ -5,11 +5,37 @@
 
 namespace omni {
 
-bool Shared::heartbeat() {
+namespace {
+
+bool pass_heartbeat(ControlLoop &control, uint64_t time_us) {
     Request request;
     request.kind = Request::Kind::heartbeat;
-    request.time_us = now_us > 0 ? now_us : 1; // 0 means none yet
+    request.time_us = time_us;
     return control.request(request);
+}
+
+} // namespace
+
+bool Shared::heartbeat(size_t link) {
+    stations.hear(link, now_us);
+    return !stations.counts(link) || pass_heartbeat(control, stations.heard_us(link));
+}
+
+void Shared::commanded(size_t link) {
+    if (armed() && stations.commander() != link && stations.alive(link, now_us)) {
+        stations.take_command(link);
+        pass_heartbeat(control, stations.heard_us(link));
+    }
+}
+
+void Shared::count_report() {
+    stopping = static_cast<uint8_t>(stopping - (stopping > 0 ? 1 : 0));
+    if (arming > 0 && --arming == 0 && latest.outputs.state == OMNI_STATE_DISARMED) {
+        say(MAV_SEVERITY_WARNING, fault_text("not armed: ", latest.arming_faults)); // a fault that came with the command
+    }
+    if (!armed()) {
+        stations.release();
+    }
 }
 
 namespace {

@@ -9,6 +9,7 @@
 #include "app/control_loop.h"
 #include "app/link.h"
 #include "app/mavlink_types.h"
+#include "app/stations.h"
 #include "app/text.h"
 
 namespace omni {
@@ -32,15 +33,21 @@ struct Shared {
     bool reboot = false;          ///< asked for
     uint32_t signing_refused = 0; ///< messages refused for their signature
     bool i2c_scanning = false;    ///< asked for, and its result not sent yet
-    uint8_t arming = 0;           ///< reports to wait for until one tells what became of an accepted arm command
+    Stations stations;
+    uint8_t stopping = 0; ///< reports to wait for until one tells what became of a disarm or an emergency stop
+    uint8_t arming = 0;   ///< reports to wait for until one tells what became of an accepted arm command
 
     uint32_t now_ms() const { return static_cast<uint32_t>(now_us / 1000); }
     /// Motors may move, or would but for a fault: what is locked while armed is locked now.
     bool armed() const {
         return arming > 0 || latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE;
     }
-    /// A ground station gave a sign of life. @return false if the tick could not be told.
-    bool heartbeat();
+    /// A ground station gave a sign of life on this link. @return false if the tick could not be told.
+    bool heartbeat(size_t link);
+    /// A set-point or motion command of this link was accepted: it has the command from now on if its ground station is alive.
+    void commanded(size_t link);
+    /// The tick has reported once more.
+    void count_report();
     /// Send a STATUSTEXT on every link. @param severity MAV_SEVERITY.
     void say(uint8_t severity, const Text &text);
     /// The same on one link.

@@ -17,7 +17,31 @@ void StatusTexts::say_state(uint8_t state) {
     shared_.say(alarm ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_INFO, Text().add(name));
 }
 
+/// A ground station that leaves while it has the command stops the robot (link loss); another one's leaving is worth a word.
+void StatusTexts::say_links() {
+    if (!shared_.armed()) {
+        return;
+    }
+    for (size_t link = 0; link < shared_.board.port_count; ++link) {
+        const bool commands = shared_.stations.commander() == link;
+        Text text;
+        text.add("link ").add(static_cast<uint32_t>(link + 1));
+        switch (shared_.stations.watch(link, shared_.now_us)) {
+        case Stations::Change::lost:
+            shared_.say(MAV_SEVERITY_WARNING,
+                        text.add(commands ? " lost: it had the command" : " lost: its ground station is silent"));
+            break;
+        case Stations::Change::back:
+            shared_.say(MAV_SEVERITY_INFO, text.add(" is back"));
+            break;
+        default:
+            break;
+        }
+    }
+}
+
 void StatusTexts::serve() {
+    say_links();
     const omni_outputs_t &out = shared_.latest.outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {
         shared_.say(MAV_SEVERITY_CRITICAL, fault_text("failsafe: ", out.fault_history));

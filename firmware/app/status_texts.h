@@ -15,6 +15,7 @@ public:
 
 private:
     void say_state(uint8_t state);
+    void say_links();
 
     Shared &shared_;
     uint8_t state_ = OMNI_STATE_INIT;

@@ -136,7 +136,23 @@ void Telemetry::on_request_data_stream(const Frame &frame, const Sender &sender)
     }
 }
 
+/// A change of the safety state is told at once.
+void Telemetry::watch_state() {
+    const uint8_t before = state_;
+    state_ = shared_.latest.outputs.state;
+    if (state_ == before || before == OMNI_STATE_INIT) {
+        return;
+    }
+    for (const uint32_t id : {MAVLINK_MSG_ID_HEARTBEAT, MAVLINK_MSG_ID_OMNI_STATUS}) {
+        const size_t stream = find_stream(id);
+        for (size_t link = 0; link < Board::max_ports; ++link) {
+            due_[link][stream].next_us = shared_.now_us;
+        }
+    }
+}
+
 void Telemetry::serve() {
+    watch_state();
     for (size_t link = 0; link < shared_.board.port_count; ++link) {
         if (!shared_.links[link].connected()) {
             continue;

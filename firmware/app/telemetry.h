@@ -35,8 +35,10 @@ private:
         uint64_t next_us = 0;
     };
     void set_group(size_t link, uint8_t group, float rate_Hz);
+    void watch_state();
 
     Shared &shared_;
+    uint8_t state_ = OMNI_STATE_INIT;
     Due due_[Board::max_ports][stream_count] = {};
 };
 

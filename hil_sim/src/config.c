@@ -144,7 +144,32 @@ static hil_result_t check_wiring(const hil_world_config_t *config, const complai
 
 static bool needs_wheel(uint8_t kind) {
     return kind == HIL_FAULT_ENCODER_STUCK || kind == HIL_FAULT_ENCODER_REVERSED || kind == HIL_FAULT_ENCODER_INVALID ||
-           kind == HIL_FAULT_MOTOR_DEAD || kind == HIL_FAULT_WHEEL_TURNED;
+           kind == HIL_FAULT_ENCODER_NOISY || kind == HIL_FAULT_ENCODER_BIT || kind == HIL_FAULT_MOTOR_DEAD ||
+           kind == HIL_FAULT_MOTOR_STALLED || kind == HIL_FAULT_WHEEL_TURNED;
+}
+
+typedef struct fault_range_t {
+    uint8_t kind;
+    double minimum;
+    double maximum;
+    const char *allowed;
+} fault_range_t;
+
+static const fault_range_t FAULT_RANGES[] = {
+    {HIL_FAULT_BATTERY_SAG, 0.0, 1e6, "a voltage not below 0"}, {HIL_FAULT_ENCODER_NOISY, 0.0, 1e6, "counts, 0..1e6"},
+    {HIL_FAULT_ENCODER_BIT, 0.0, 31.0, "a bit number, 0..31"},  {HIL_FAULT_POSE_DELAY, 0.0, 1.0, "0..1 s"},
+    {HIL_FAULT_CLOCK_JUMP, -1e3, 1e3, "-1000..1000 s"},         {HIL_FAULT_TICK_LATE, 1e-4, 0.1, "0.0001..0.1 s"},
+};
+
+static hil_result_t check_fault_value(const hil_fault_t *fault, uint32_t index, const complaint_t *complaint) {
+    fault_range_t range = {fault->kind, -1e6, 1e6, "a finite number"};
+    for (size_t i = 0; i < sizeof FAULT_RANGES / sizeof FAULT_RANGES[0]; i++) {
+        range = FAULT_RANGES[i].kind == fault->kind ? FAULT_RANGES[i] : range;
+    }
+    if (!(fault->value >= range.minimum && fault->value <= range.maximum)) {
+        return refuse(complaint, "fault.value", (int32_t)index, fault->value, range.allowed);
+    }
+    return HIL_OK;
 }
 
 static hil_result_t check_fault(const hil_world_config_t *config, uint32_t index, const complaint_t *complaint) {
@@ -161,11 +186,7 @@ static hil_result_t check_fault(const hil_world_config_t *config, uint32_t index
     if (!(fault->stop_s > fault->start_s)) {
         return refuse(complaint, "fault.stop_s", (int32_t)index, fault->stop_s, "above start_s");
     }
-    const double minimum = fault->kind == HIL_FAULT_BATTERY_SAG ? 0.0 : -1e6;
-    if (!(fault->value >= minimum && fault->value <= 1e6)) {
-        return refuse(complaint, "fault.value", (int32_t)index, fault->value, "a finite number; a voltage not below 0");
-    }
-    return HIL_OK;
+    return check_fault_value(fault, index, complaint);
 }
 
 static hil_result_t check_faults(const hil_world_config_t *config, const complaint_t *complaint) {

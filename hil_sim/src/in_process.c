@@ -79,6 +79,6 @@ void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *
         enable(world, inputs, outputs);
         drive(world, outputs);
         record_tick(record, world, outputs);
-        hil_world_step(world, OMNI_TICK_US);
+        hil_world_step(world, hil_world_tick_us(world, OMNI_TICK_US));
     }
 }

@@ -241,7 +241,7 @@ static hil_result_t tick(hil_lockstep_t *link, hil_world_t *world, hil_record_t 
     }
     if (result == HIL_OK) {
         record_tick(record, world, &answer.message);
-        hil_world_step(world, OMNI_TICK_US);
+        hil_world_step(world, hil_world_tick_us(world, OMNI_TICK_US));
     }
     return result;
 }

@@ -14,7 +14,8 @@ enum {
     HIL_STREAM_FIX_X = 16,
     HIL_STREAM_FIX_Y,
     HIL_STREAM_FIX_THETA,
-    HIL_STREAM_FIX_DROP
+    HIL_STREAM_FIX_DROP,
+    HIL_STREAM_ENCODER = 24 /* per wheel */
 };
 
 /** How the electrics act on the motion during a step: V_i = gain_i * supply + offset_i, or a current that the winding can't change. */
@@ -44,6 +45,8 @@ void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const 
 
 /* sensors.c */
 void hil_encoders_update(hil_world_t *world);
+/** What the robot reads of its counters. */
+void hil_encoders_read(const hil_world_t *world, int32_t *counts);
 void hil_pose_sensor_update(hil_world_t *world);
 
 /* slip.c */
@@ -53,6 +56,8 @@ void hil_slip_update(hil_world_t *world, double time_s);
 /** Slip speeds of the step that begins now. */
 void hil_slip_hold(hil_world_t *world);
 
+/** The active fault of this kind that concerns the wheel (HIL_MAX_WHEELS or above: any), or NULL. */
+const hil_fault_t *hil_fault_find(const hil_world_t *world, uint8_t kind, uint32_t wheel);
 /** Value of an active fault of this kind, or `otherwise`. */
 double hil_fault_value(const hil_world_t *world, uint8_t kind, double otherwise);
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Encoders and the pose sensor. */
 #include <math.h>
+#include <stddef.h>
 
 #include "hil_sim/random.h"
 #include "parts.h"
@@ -29,6 +30,26 @@ void hil_encoders_update(hil_world_t *world) {
     }
 }
 
+static int32_t read_counter(const hil_world_t *world, uint32_t wheel) {
+    uint32_t count = (uint32_t)world->counts[wheel];
+    const hil_fault_t *noisy = hil_fault_find(world, HIL_FAULT_ENCODER_NOISY, wheel);
+    if (noisy != NULL) {
+        const double u = hil_uniform(world->config.seed, HIL_STREAM_ENCODER + wheel, world->steps);
+        count += (uint32_t)(int32_t)floor_int((2.0 * u - 1.0) * noisy->value + 0.5);
+    }
+    const hil_fault_t *stuck = hil_fault_find(world, HIL_FAULT_ENCODER_BIT, wheel);
+    if (stuck != NULL) {
+        count |= UINT32_C(1) << (uint32_t)stuck->value;
+    }
+    return (int32_t)count;
+}
+
+void hil_encoders_read(const hil_world_t *world, int32_t *counts) {
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        counts[i] = read_counter(world, i);
+    }
+}
+
 static double wrap_angle(double angle_rad) {
     return angle_rad - 2.0 * HIL_PI * floor(angle_rad / (2.0 * HIL_PI) + 0.5);
 }
@@ -42,6 +63,15 @@ static void measure(const hil_world_t *world, uint64_t sample, double age_s, dou
     }
     pose[0] += hil_fault_value(world, HIL_FAULT_POSE_JUMP, 0.0);
     pose[2] = wrap_angle(pose[2]);
+}
+
+static void freeze(hil_world_t *world, double *pose) {
+    const bool frozen = hil_world_fault_active(world, HIL_FAULT_POSE_FREEZE, HIL_MAX_WHEELS);
+    double *from = frozen ? world->frozen_pose : pose;
+    double *to = frozen ? pose : world->frozen_pose;
+    for (uint32_t axis = 0; axis < 3; axis++) {
+        to[axis] = from[axis];
+    }
 }
 
 static void queue(hil_world_t *world, const hil_fix_t *fix) {
@@ -73,8 +103,11 @@ void hil_pose_sensor_update(hil_world_t *world) {
         }
         world->fixes_taken++;
         if (!lost(world, sample)) {
-            hil_fix_t fix = {.taken_us = due_us, .arrives_us = due_us + (uint64_t)(config->fix_delay_s * 1e6 + 0.5)};
+            const double late_s = hil_fault_value(world, HIL_FAULT_POSE_DELAY, 0.0);
+            const uint64_t delay_us = (uint64_t)((config->fix_delay_s + late_s) * 1e6 + 0.5);
+            hil_fix_t fix = {.taken_us = due_us + (uint64_t)(late_s * 1e6 + 0.5), .arrives_us = due_us + delay_us};
             measure(world, sample, 1e-6 * (double)(world->time_us - due_us), fix.pose);
+            freeze(world, fix.pose);
             queue(world, &fix);
         }
     }

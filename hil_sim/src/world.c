@@ -38,23 +38,37 @@ static bool fault_covers(const hil_fault_t *fault, uint8_t kind, uint32_t wheel,
     return fault->kind == kind && concerns && now;
 }
 
-bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t wheel) {
+const hil_fault_t *hil_fault_find(const hil_world_t *world, uint8_t kind, uint32_t wheel) {
     for (uint32_t i = 0; i < world->config.fault_count; i++) {
-        if (fault_covers(&world->config.fault[i], kind, wheel, (double)world->time_us)) {
-            return true;
+        const hil_fault_t *fault = &world->config.fault[i];
+        if (fault_covers(fault, kind, wheel, (double)world->time_us)) {
+            return fault;
         }
     }
-    return false;
+    return NULL;
+}
+
+bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t wheel) {
+    return hil_fault_find(world, kind, wheel) != NULL;
 }
 
 double hil_fault_value(const hil_world_t *world, uint8_t kind, double otherwise) {
-    for (uint32_t i = 0; i < world->config.fault_count; i++) {
-        const hil_fault_t *fault = &world->config.fault[i];
-        if (fault_covers(fault, kind, HIL_MAX_WHEELS, (double)world->time_us)) {
-            return fault->value;
-        }
+    const hil_fault_t *fault = hil_fault_find(world, kind, HIL_MAX_WHEELS);
+    return fault != NULL ? fault->value : otherwise;
+}
+
+uint32_t hil_world_tick_us(const hil_world_t *world, uint32_t usual_us) {
+    return (uint32_t)(1e6 * hil_fault_value(world, HIL_FAULT_TICK_LATE, 1e-6 * usual_us) + 0.5);
+}
+
+/* What the robot takes for the time; never before the clock's zero. */
+static uint64_t robot_clock_us(const hil_world_t *world) {
+    const hil_fault_t *stuck = hil_fault_find(world, HIL_FAULT_CLOCK_STUCK, HIL_MAX_WHEELS);
+    if (stuck != NULL) {
+        return (uint64_t)(stuck->start_s * 1e6);
     }
-    return otherwise;
+    const double time_us = (double)world->time_us + 1e6 * hil_fault_value(world, HIL_FAULT_CLOCK_JUMP, 0.0);
+    return time_us > 0.0 ? (uint64_t)(time_us + 0.5) : 0;
 }
 
 static uint8_t valid_counts(const hil_world_t *world) {
@@ -76,8 +90,8 @@ static void take_due_fix(hil_world_t *world, hil_sensors_t *sensors) {
 
 void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors) {
     memset(sensors, 0, sizeof *sensors);
-    sensors->time_us = world->time_us;
-    memcpy(sensors->counts, world->counts, sizeof sensors->counts);
+    sensors->time_us = robot_clock_us(world);
+    hil_encoders_read(world, sensors->counts);
     sensors->counts_valid = valid_counts(world);
     sensors->battery_V = world->supply_V;
     sensors->i2c_status = world->i2c_status;
@@ -173,7 +187,9 @@ static uint8_t bus_fault(const hil_world_t *world) {
     if (hil_world_fault_active(world, HIL_FAULT_I2C_STUCK, HIL_MAX_WHEELS)) {
         return BUS_STUCK;
     }
-    return hil_world_fault_active(world, HIL_FAULT_I2C_NACK, HIL_MAX_WHEELS) ? NOT_ACKNOWLEDGED : 0;
+    const bool silent = hil_world_fault_active(world, HIL_FAULT_I2C_NACK, HIL_MAX_WHEELS) ||
+                        hil_world_fault_active(world, HIL_FAULT_CHIP_POWER, HIL_MAX_WHEELS);
+    return silent ? NOT_ACKNOWLEDGED : 0;
 }
 
 hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length) {
@@ -238,13 +254,25 @@ hil_result_t hil_world_drive_torque(hil_world_t *world, const double *torque_N_m
     return drive(world, HIL_SOURCE_TORQUE, torque_N_m);
 }
 
-/* Whatever the plant made of the wheel: a hand is stronger. */
+/* A chip without power drives nothing and wakes up with its power-up registers. */
+static void starve_chip(hil_world_t *world) {
+    if (!hil_world_fault_active(world, HIL_FAULT_CHIP_POWER, HIL_MAX_WHEELS)) {
+        return;
+    }
+    hil_pca9685_reset(&world->chip, world->config.pca9685_address);
+    memset(world->direct_in1, 0, sizeof world->direct_in1);
+    memset(world->direct_in2, 0, sizeof world->direct_in2);
+    outputs_to_bridges(world, world->direct);
+}
+
+/* Whatever the plant made of the wheel: a hand, and a blocked gear, are stronger. */
 static void turn_by_hand(hil_world_t *world, const double *angle_before_rad, double step_s) {
-    for (uint32_t i = 0; i < world->config.fault_count; i++) {
-        const hil_fault_t *fault = &world->config.fault[i];
-        if (fault_covers(fault, HIL_FAULT_WHEEL_TURNED, HIL_MAX_WHEELS, (double)world->time_us)) {
-            world->wheel_rad_s[fault->wheel] = fault->value;
-            world->wheel_angle_rad[fault->wheel] = angle_before_rad[fault->wheel] + fault->value * step_s;
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        const hil_fault_t *blocked = hil_fault_find(world, HIL_FAULT_MOTOR_STALLED, i);
+        const hil_fault_t *turned = hil_fault_find(world, HIL_FAULT_WHEEL_TURNED, i);
+        if (blocked != NULL || turned != NULL) {
+            world->wheel_rad_s[i] = blocked != NULL ? 0.0 : turned->value;
+            world->wheel_angle_rad[i] = angle_before_rad[i] + world->wheel_rad_s[i] * step_s;
         }
     }
 }
@@ -253,6 +281,7 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     if (step_us == 0) {
         return;
     }
+    starve_chip(world);
     const double step_s = 1e-6 * step_us;
     double open_end_A[HIL_MAX_WHEELS] = {0.0};
     double angle_before_rad[HIL_MAX_WHEELS];

@@ -277,14 +277,15 @@ def test_unusable_fixes_change_nothing() -> None:
     assert ekf.correct((math.nan, 0, 0)) == lib.OMNI_ERR_NOT_FINITE
     assert ekf.correct((0, math.inf, 0)) == lib.OMNI_ERR_NOT_FINITE
     assert ekf.correct(here, sd=(math.nan, 0.0)) == lib.OMNI_ERR_NOT_FINITE
+    assert ekf.correct((3e38, 0, 0)) == lib.OMNI_ERR_NOT_FINITE  # its distance squared overflows
     assert ekf.correct(here, -6_000) == lib.OMNI_ERR_TIME
     assert ekf.correct(here, 300_000) == lib.OMNI_ERR_TIME
     assert ekf.snapshot() == before
-    assert ekf.s.refused == 6
+    assert ekf.s.refused == 7
     assert ekf.s.refused_in_row == 0
     assert ekf.correct(here, -4_000) == lib.OMNI_OK
     assert ekf.correct(here) == lib.OMNI_ERR_TIME  # not newer than the last one
-    assert (ekf.s.accepted, ekf.s.refused) == (1, 7)
+    assert (ekf.s.accepted, ekf.s.refused) == (1, 8)
 
 
 def test_fix_brings_its_own_accuracy() -> None:

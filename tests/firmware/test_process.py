@@ -36,6 +36,7 @@ def test_help_and_version() -> None:
         (["--frobnicate", "1"], "--frobnicate"),
         (["--link"], "--link"),
         (["--params", "/no/such/file"], "/no/such/file"),
+        (["--params", "/tmp"], "/tmp: Is a directory"),
         (["--storage", "/no/such/folder/file"], "/no/such/folder/file"),
     ],
 )
@@ -56,6 +57,8 @@ def test_mistakes_are_explained_and_end_with_2(arguments: list[str], message: st
         ("NO_SUCH=1", ":1: NO_SUCH: there is no such parameter"),
         ("ISMC_LAM_XY", "NAME=VALUE"),
         ("W1_IN1_CH=8", "does not fit"),
+        ("ISMC_LAM_XY=9\n#" + "x" * 255, ":2: line too long"),
+        ("ISMC_LAM_XY=9\0 and much more that would go unnoticed\n", ":1: a zero byte"),
     ],
 )
 def test_mistakes_in_a_parameter_file_name_line_key_and_range(tmp_path: Path, text: str, message: str) -> None:

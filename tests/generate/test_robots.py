@@ -82,6 +82,31 @@ def test_errors_name_file_key_and_what_is_allowed(
     assert needle in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("value", "needle"),
+    [
+        ("9" * 400, "too large"),
+        ("9" * 5000, "cannot be read"),
+        ("0x" + "f" * 5000, "too large"),
+        ("[" * 20 + "]" * 20, "deeper than 16"),
+        ("[" * 5000 + "]" * 5000, "nested too deep"),
+    ],
+    ids=["integer beyond floats", "5000 digits", "huge hexadecimal", "deep list", "deeper than Python reads"],
+)
+def test_what_no_check_could_handle_is_refused_while_reading(tmp_path: Path, value: str, needle: str) -> None:
+    path = tmp_path / "r.toml"
+    path.write_text(f"[geometry]\nwheels = {value}\n")
+    with pytest.raises(SchemaError, match=needle):
+        load_robot(path, TABLE)
+
+
+def test_keys_nested_without_end_are_refused_while_reading(tmp_path: Path) -> None:
+    path = tmp_path / "r.toml"
+    path.write_text(f"a{'.a' * 900} = 1\n")
+    with pytest.raises(SchemaError, match="deeper than 16"):
+        load_robot(path, TABLE)
+
+
 @pytest.mark.parametrize(("section", "key"), [("robot", "name"), ("geometry", "wheels")])
 def test_what_must_be_there_is_asked_for(section: str, key: str) -> None:
     document = copy.deepcopy(THREE_WHEEL)

@@ -206,13 +206,14 @@ def test_an_unknown_trajectory_is_refused_and_the_robot_disarmed(url: str) -> No
     assert run_json("monitor", "--link", url)["state"] == "disarmed"
 
 
-def test_ctrl_c_disarms() -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_ctrl_c_a_kill_and_a_closed_terminal_disarm(number: signal.Signals) -> None:
     with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as firmware:
         process = start("drive", "velocity", "0", "0", "0", "--for", "600", "--link", firmware.urls[0])
         with connect(firmware.urls[1], timeout_s=60.0) as watcher:
             watcher.set_message_interval("HEARTBEAT", 20.0)
             next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=60.0) if beat.armed)
-            os.kill(process.pid, signal.SIGINT)
+            os.kill(process.pid, number)
             next(beat for beat in watcher.telemetry(Heartbeat, timeout_s=60.0) if not beat.armed)
             _, errors = process.communicate(timeout=60)
     assert process.returncode == 130

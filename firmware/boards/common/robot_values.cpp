@@ -60,6 +60,28 @@ bool take_line(const char *path, int number, char *line, omni_real_t *values) {
     return true;
 }
 
+constexpr const char *at_the_end = "end";
+
+/// Read up to the next line feed, which is left out. @return nullptr, or why there is no line.
+const char *read_line(std::FILE *file, char *line, size_t size) {
+    size_t length = 0;
+    int c = std::getc(file);
+    if (c == EOF) {
+        return at_the_end;
+    }
+    for (; c != EOF && c != '\n'; c = std::getc(file)) {
+        if (c == '\0') {
+            return "a zero byte: this is no text file";
+        }
+        if (length + 1 == size) {
+            return "line too long";
+        }
+        line[length++] = static_cast<char>(c);
+    }
+    line[length] = '\0';
+    return nullptr;
+}
+
 } // namespace
 
 bool use_robot(const char *name, omni_real_t *values) {
@@ -79,16 +101,17 @@ bool use_params_file(const char *path, omni_real_t *values) {
         return false;
     }
     char line[256];
-    int number = 0;
-    bool good = true;
-    while (good && std::fgets(line, sizeof line, file) != nullptr) {
+    int number = 1;
+    const char *problem = read_line(file, line, sizeof line);
+    while (problem == nullptr && take_line(path, number, line, values)) {
         ++number;
-        if (std::strchr(line, '\n') == nullptr && std::strlen(line) + 1 == sizeof line) {
-            std::fprintf(stderr, "omni-firmware: %s:%d: line too long\n", path, number);
-            good = false;
-        } else {
-            good = take_line(path, number, line, values);
-        }
+        problem = read_line(file, line, sizeof line);
+    }
+    const bool good = problem == at_the_end && std::ferror(file) == 0;
+    if (problem == at_the_end && !good) {
+        std::fprintf(stderr, "omni-firmware: --params %s: %s\n", path, std::strerror(errno));
+    } else if (problem != nullptr && !good) {
+        std::fprintf(stderr, "omni-firmware: %s:%d: %s\n", path, number, problem);
     }
     std::fclose(file);
     return good;

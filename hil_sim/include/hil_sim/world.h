@@ -73,6 +73,15 @@ typedef enum hil_fault_kind_t {
     HIL_FAULT_POSE_JUMP,        /**< pose fixes are off by `value` metres in x */
     HIL_FAULT_BATTERY_SAG,      /**< open-circuit voltage becomes `value` volts */
     HIL_FAULT_MOTOR_DEAD,       /**< motor of `wheel` is disconnected */
+    HIL_FAULT_MOTOR_STALLED,    /**< `wheel` is blocked */
+    HIL_FAULT_ENCODER_NOISY,    /**< counter of `wheel` reads up to `value` counts too much or too little, at random */
+    HIL_FAULT_ENCODER_BIT,      /**< bit number `value` of the counter of `wheel` always reads 1 */
+    HIL_FAULT_CHIP_POWER,       /**< the PWM chip has no power: it acknowledges nothing and forgets everything */
+    HIL_FAULT_POSE_FREEZE,      /**< pose fixes repeat the one before the fault */
+    HIL_FAULT_POSE_DELAY,       /**< pose fixes come `value` seconds later than usual, with their own time of arrival on them */
+    HIL_FAULT_CLOCK_JUMP,       /**< the robot's clock is ahead by `value` seconds */
+    HIL_FAULT_CLOCK_STUCK,      /**< the robot's clock stands still */
+    HIL_FAULT_TICK_LATE,        /**< ticks come `value` seconds apart */
     HIL_FAULT_WHEEL_TURNED,     /**< no fault: a hand turns `wheel` at `value` rad/s, whatever the motor does */
     HIL_FAULT_KIND_COUNT
 } hil_fault_kind_t;
@@ -213,6 +222,7 @@ typedef struct hil_world_t {
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
     uint64_t fixes_taken;
+    double frozen_pose[3]; /**< of the last fix before the pose sensor froze */
     uint32_t fix_head;
     uint32_t fix_count;
     hil_fix_t fix[HIL_MAX_FIXES];
@@ -259,6 +269,9 @@ void hil_world_step(hil_world_t *world, uint32_t step_us);
 
 /** Kinetic energy of body and wheels [J], for the energy tests. */
 double hil_world_kinetic_energy(const hil_world_t *world);
+
+/** Time from this tick to the next one: OMNI_TICK_US unless a fault makes ticks late. @param usual_us e.g. 1000. */
+uint32_t hil_world_tick_us(const hil_world_t *world, uint32_t usual_us);
 
 /** Is a fault of this kind active for this wheel (or any wheel, wheel >= HIL_MAX_WHEELS)? */
 bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t wheel);

@@ -4,7 +4,11 @@
 from __future__ import annotations
 
 import json
+import signal
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -119,6 +123,21 @@ def open_robot(link: str | None, *, timeout_s: float = DEFAULT_TIMEOUT_S, record
         robot.close()
         raise
     return robot
+
+
+@contextmanager
+def signals_interrupt() -> Iterator[None]:
+    """SIGTERM, and SIGHUP where there is one, end the block as Ctrl-C does: the robot is stopped on the way out."""
+    with ExitStack() as stack:
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None:
+                stack.callback(signal.signal, number, signal.signal(number, _interrupt))
+        yield
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 def writable_path(path: Path, what: str) -> Path:

@@ -21,6 +21,7 @@ from omniwheel.cli.common import (
     note,
     open_robot,
     print_json,
+    signals_interrupt,
 )
 from omniwheel.cli.keyboard import KEYS_HELP, KeyDriver, raw_keys
 from omniwheel.errors import OmniError
@@ -62,7 +63,7 @@ class StoppedError(OmniError):
 
 @contextmanager
 def _armed(link: str | None, timeout_s: float, quiet: bool) -> Iterator[Robot]:
-    with open_robot(link, timeout_s=timeout_s) as robot:
+    with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
         try:
             robot.arm()
             note("armed; Ctrl-C stops and disarms", quiet=quiet)

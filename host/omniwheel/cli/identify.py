@@ -22,6 +22,7 @@ from omniwheel.cli.common import (
     note,
     open_robot,
     print_json,
+    signals_interrupt,
     writable_path,
 )
 from omniwheel.identification import excitation
@@ -156,7 +157,8 @@ def live(
     profiles = steps if on_stand else excitation.appendix_d(angles, duration)
     writer = TlogWriter(writable_path(log, "the log")) if log is not None else None
     try:
-        with open_robot(link, timeout_s=timeout, recorder=writer.write if writer is not None else None) as connected:
+        recorder = writer.write if writer is not None else None
+        with signals_interrupt(), open_robot(link, timeout_s=timeout, recorder=recorder) as connected:
             run = excite(connected, profiles, lambda text: note(f"{text} …", quiet=as_json))
     finally:
         if writer is not None:

@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import math
-import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any
 
 import numpy as np
@@ -21,7 +19,16 @@ from rich.table import Table
 
 from hil_sim.scenario import MAX_SEED
 from omni_schema import Robot
-from omniwheel.cli.common import JsonOption, console, examples, note, parse_assignments, print_json, writable_path
+from omniwheel.cli.common import (
+    JsonOption,
+    console,
+    examples,
+    note,
+    parse_assignments,
+    print_json,
+    signals_interrupt,
+    writable_path,
+)
 from omniwheel.errors import LinkUrlError, MocapSourceError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettings, legacy_values
@@ -173,7 +180,7 @@ def motor(
 ) -> None:
     """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
     line = tuple(pwm if place == number else 0 for place in range(1, MOTORS + 1))
-    with _signals_stop(), _radio_link(port, baud) as link:
+    with signals_interrupt(), _radio_link(port, baud) as link:
         radio = PwmRadio(link, time.monotonic, baud=baud)
         end_s = time.monotonic() + duration
         try:
@@ -228,7 +235,7 @@ def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple
         what = f"--source {wanted.source} does not see the robot" if wanted.source else "--source is missing"
         hint = "--source vicon:HOST/OBJECT, or --simulate"
         raise MocapSourceError(f"{what}: a real robot needs real poses", hint=hint)
-    with _signals_stop():
+    with signals_interrupt():
         source = open_source(str(wanted.source))
         try:
             with _radio_link(wanted.port, wanted.baud) as link:
@@ -248,16 +255,6 @@ def _radio_link(port: str, baud: int) -> Iterator[Link]:
         link.close()
 
 
-@contextmanager
-def _signals_stop() -> Iterator[None]:
-    """SIGTERM ends the block as Ctrl-C does, so that the robot is stopped on the way out."""
-    previous = signal.signal(signal.SIGTERM, _interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
-
-
 def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapSource, Link, Any]:
     from omniwheel.legacy.simulated_robot import SimulatedLink, SimulatedRobot
 
@@ -274,10 +271,6 @@ def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapS
             truth.append(simulated.world.truth)
 
     return simulated, SimulatedLink(simulated), watch
-
-
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 def _rms(error: NDArray[np.float64], moving: bool) -> dict[str, float]:

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
 
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import start_sitl
-from omniwheel.cli.common import JsonOption, console, examples, print_json
+from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
 from omniwheel.cli.run_output import SeedOption
 
 EXAMPLES = examples(
@@ -62,9 +60,8 @@ def sitl(
     """
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
-    signal.signal(signal.SIGTERM, _interrupt)
     try:
-        with start_sitl(scenario, links, storage=storage) as running:
+        with signals_interrupt(), start_sitl(scenario, links, storage=storage) as running:
             if json_wanted:
                 ready = {"ready": True, "links": list(running.urls), "robot": scenario.robot.name}
                 print_json(ready, one_line=True)
@@ -77,7 +74,3 @@ def sitl(
                 running.advance()
     except KeyboardInterrupt:
         return
-
-
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

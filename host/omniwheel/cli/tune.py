@@ -22,6 +22,7 @@ from omniwheel.cli.common import (
     open_robot,
     parse_assignments,
     print_json,
+    signals_interrupt,
     writable_path,
 )
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
@@ -93,7 +94,7 @@ def tune(
 
     target = writable_path(out, "the picture")
     kept = False
-    with open_robot(link, timeout_s=timeout_s) as robot:
+    with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
         new = {name: robot.parameters.check(name, value) for name, value in wanted.items()}
         old = {name: robot.parameters[name] for name in new}
         try:

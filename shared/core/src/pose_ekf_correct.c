@@ -266,8 +266,12 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (result != OMNI_OK) {
         return refuse(state, result);
     }
+    const omni_real_t nis = normalised_square(&u);
+    if (!omni_is_finite(nis)) {
+        return refuse(state, OMNI_ERR_NOT_FINITE); /* so far away that its square overflows */
+    }
     memcpy(state->innovation, u.innovation, sizeof state->innovation);
-    state->nis = normalised_square(&u);
+    state->nis = nis;
     if (config->gate > 0.0f && !(state->nis <= config->gate)) {
         ++state->refused_in_row;
         if (state->refused_in_row < config->gate_restart) {

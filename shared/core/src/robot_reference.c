@@ -93,8 +93,29 @@ static void follow_trajectory(omni_robot_t *robot, omni_tick_t *tick) {
     omni_reference_t *reference = &tick->out->reference;
     omni_trajectory_evaluate(robot->trajectory, tick->in->time_us - robot->trajectory_start_us, reference);
     robot->governed = reference->pose;
-    robot->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
+    robot->ramped = reference->rate;
     tick->position_loop = true;
+}
+
+static bool is_velocity(uint8_t kind) {
+    return kind == OMNI_SETPOINT_VELOCITY_BODY || kind == OMNI_SETPOINT_VELOCITY_WORLD;
+}
+
+static bool has_rate(uint8_t kind) {
+    return kind == OMNI_SETPOINT_POSE || kind == OMNI_SETPOINT_TRAJECTORY;
+}
+
+/* Another kind of set-point takes over from the speed that the last one had asked for; after open-loop duties from the measured one. */
+static void continue_from(omni_robot_t *robot, const omni_tick_t *tick) {
+    const omni_real_t theta = tick->out->pose.theta;
+    const bool body = is_velocity(tick->kind);
+    if (robot->last_kind == OMNI_SETPOINT_DUTY) {
+        robot->ramped = body ? omni_twist_to_body(&tick->out->rate, theta) : tick->out->rate;
+    } else if (is_velocity(robot->last_kind) && !body) {
+        robot->ramped = omni_twist_to_world(&robot->ramped, theta);
+    } else if (has_rate(robot->last_kind) && body) {
+        robot->ramped = omni_twist_to_body(&robot->ramped, theta);
+    }
 }
 
 void omni_robot_reference(omni_robot_t *robot, omni_tick_t *tick) {
@@ -109,7 +130,7 @@ void omni_robot_reference(omni_robot_t *robot, omni_tick_t *tick) {
         tick->kind = OMNI_SETPOINT_NONE; /* none was started, or this tick's events stopped it */
     }
     if (tick->kind != robot->last_kind) {
-        robot->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
+        continue_from(robot, tick);
     }
     switch (tick->kind) {
     case OMNI_SETPOINT_POSE:

@@ -16,6 +16,9 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+_DEEPEST = 16
+_LARGEST = 2**64
+
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse the TOML file at ``path``; raise SchemaError if it cannot be read or is not TOML."""
@@ -27,7 +30,26 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SchemaError(str(path), "", f"cannot be read as UTF-8 text: {error}") from error
     except tomllib.TOMLDecodeError as error:
         raise SchemaError(str(path), "", f"is not valid TOML: {error}") from error
+    except ValueError as error:  # a number of more digits than Python reads
+        raise SchemaError(str(path), "", f"cannot be read: {error}") from error
+    except RecursionError:
+        raise SchemaError(str(path), "", "cannot be read: its tables or lists are nested too deep") from None
+    _refuse_monsters(str(path), "", document, 0)
     return document
+
+
+def _refuse_monsters(source: str, key: str, value: object, depth: int) -> None:
+    """Refuse what no check could handle or even show: nesting without end and integers that no float holds."""
+    if depth > _DEEPEST:
+        raise SchemaError(source, key, f"is nested deeper than {_DEEPEST} levels")
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _refuse_monsters(source, f"{key}.{name}" if key else name, item, depth + 1)
+    elif isinstance(value, list):
+        for number, item in enumerate(value):
+            _refuse_monsters(source, f"{key}[{number}]", item, depth + 1)
+    elif isinstance(value, int) and abs(value) > _LARGEST:
+        raise SchemaError(source, key, "is a number too large for a robot")
 
 
 def take_table(source: str, key: str, value: object) -> dict[str, Any]:

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: MIT
+"""The Teensy's encoders: which decoder counts which wheel, and that every edge is counted once."""
+
+from __future__ import annotations
+
+import ctypes
+import random
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from omni_schema.wiring import DECODERS, LAST_PIN
+from tests.boards.teensy40.chip import BOARD, HERE, build, write_wiring_header
+from tests.native import ROOT
+
+BY_INTERRUPT = 0xFF
+FINE, NO_PINS, NO_WAY_IN, SHARED_INPUT = range(4)
+XBAR = {0: 17, 1: 16, 2: 6, 3: 7, 4: 8, 5: 17, 7: 15, 8: 14, 30: 23, 31: 22, 32: 10, 33: 9}
+AUTO, HARDWARE, INTERRUPT = range(3)
+ORIGINAL = ((3, 2), (7, 6), (5, 4))
+MOVED = ((3, 2), (7, 8), (5, 4), (30, 31))
+PLAIN = ((10, 11), (14, 22), (29, 28), (24, 6))
+GRAY = ((0, 0), (1, 0), (1, 1), (0, 1))  # A leads B
+IRQ_GPIO6789 = 157
+
+
+@pytest.fixture(scope="module")
+def c(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    return build(tmp_path_factory.mktemp("io"))
+
+
+def plan(c: ctypes.CDLL, pins: Sequence[Sequence[int]], wanted: Sequence[int]) -> tuple[int, list[int]]:
+    units = (ctypes.c_uint8 * 4)()
+    flat = bytes(pin for pair in pins for pin in pair)
+    problem = c.encoder_plan(len(pins), flat, bytes(wanted), units)
+    return problem, list(units[: len(pins)])
+
+
+class Wheels:
+    """Encoders whose channels the test turns edge by edge."""
+
+    def __init__(self, c: ctypes.CDLL, pins: Sequence[tuple[int, int]], wanted: int = AUTO) -> None:
+        self.c = c
+        self.pins = pins
+        c.chip_reset()
+        self.problem, self.units = plan(c, pins, [wanted] * len(pins))
+        assert self.problem == FINE
+        c.encoders_begin()
+        self.phase = [2] * len(pins)  # the lines are pulled up
+        self.turned = [0] * len(pins)
+
+    def turn(self, wheel: int, step: int) -> None:
+        self.phase[wheel] += step
+        self.turned[wheel] += step
+        for pin, level in zip(self.pins[wheel], GRAY[self.phase[wheel] % 4], strict=True):
+            self.c.pin_level(pin, bool(level))
+
+    def counts(self) -> list[int]:
+        out = (ctypes.c_int32 * 4)()
+        assert self.c.encoders_read(out) == (1 << len(self.pins)) - 1
+        return list(out[: len(self.pins)])
+
+    def errors(self) -> list[int]:
+        out = (ctypes.c_uint32 * 4)()
+        self.c.encoders_errors(out)
+        return list(out[: len(self.pins)])
+
+
+# ---------------------------------------------------------------- which decoder
+
+
+def test_the_original_robot_has_two_hardware_decoders_and_one_by_interrupt(c: ctypes.CDLL) -> None:
+    assert plan(c, ORIGINAL, [AUTO] * 3) == (FINE, [0, BY_INTERRUPT, 1])
+    units = (ctypes.c_uint8 * 3)()
+    c.robot_plan(units)
+    assert list(units) == [0, BY_INTERRUPT, 1]  # three_wheel.toml, at compile time
+
+
+@given(st.data())
+def test_a_hardware_decoder_is_given_exactly_where_one_can_be(c: ctypes.CDLL, data: st.DataObject) -> None:
+    wheels = data.draw(st.sampled_from((3, 4)))
+    likely = st.sampled_from(sorted(XBAR)) | st.integers(0, LAST_PIN)
+    pins = data.draw(st.lists(likely, min_size=2 * wheels, max_size=2 * wheels, unique=True))
+    wanted = data.draw(st.lists(st.sampled_from((AUTO, HARDWARE, INTERRUPT)), min_size=wheels, max_size=wheels))
+    pairs = [pins[i : i + 2] for i in range(0, 2 * wheels, 2)]
+    problem, units = plan(c, pairs, wanted)
+    given_out = [unit for unit in units if unit != BY_INTERRUPT]
+    assert sorted(given_out) == list(range(len(given_out)))
+    inputs = [XBAR[pin] for pair, unit in zip(pairs, units, strict=True) if unit != BY_INTERRUPT for pin in pair]
+    assert len(set(inputs)) == len(inputs)
+    for pair, unit, wish in zip(pairs, units, wanted, strict=True):
+        if wish == INTERRUPT:
+            assert unit == BY_INTERRUPT
+        elif unit == BY_INTERRUPT:
+            assert any(pin not in XBAR for pin in pair) or {0, 5} & set(pair)
+            assert wish == AUTO or problem != FINE
+    if problem == NO_WAY_IN:
+        assert any(w == HARDWARE and set(p) - set(XBAR) for p, w in zip(pairs, wanted, strict=True))
+    elif problem == SHARED_INPUT:
+        assert {0, 5} <= set(pins)
+
+
+def test_pins_that_share_an_input_get_one_decoder(c: ctypes.CDLL) -> None:
+    assert plan(c, ((0, 2), (5, 4), (3, 1)), [AUTO] * 3) == (FINE, [0, BY_INTERRUPT, 1])
+    assert plan(c, ((0, 2), (5, 4), (3, 1)), [AUTO, HARDWARE, AUTO]) == (FINE, [BY_INTERRUPT, 0, 1])
+    assert plan(c, ((0, 2), (5, 4), (3, 1)), [HARDWARE, HARDWARE, AUTO])[0] == SHARED_INPUT
+    assert plan(c, ((0, 5), (2, 4), (3, 1)), [HARDWARE, AUTO, AUTO])[0] == SHARED_INPUT
+
+
+def compile_plan(tmp_path: Path, **wiring: str) -> subprocess.CompletedProcess[str]:
+    text = (ROOT / "shared" / "robots" / "three_wheel.toml").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith(tuple(wiring))]
+    at = lines.index("[wiring]") + 1
+    lines[at:at] = [f"{key} = {value}" for key, value in wiring.items() if value]
+    robot = tmp_path / "robot.toml"
+    robot.write_text("\n".join(lines), encoding="utf-8")
+    ours = [ROOT / "firmware", ROOT / "shared" / "core" / "include"]
+    includes = [HERE / "fakes_io", write_wiring_header(tmp_path, robot), *ours]
+    command = ["c++", "-std=c++17", "-fsyntax-only", *(f"-I{i}" for i in includes), str(BOARD / "encoders_robot.cpp")]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_an_impossible_wiring_does_not_compile_and_says_why(tmp_path: Path) -> None:
+    assert compile_plan(tmp_path).returncode == 0
+    hardware = str([DECODERS[HARDWARE]] * 3)
+    assert "only pins 0 1 2 3 4 5 7 8 30 31 32 33 reach" in compile_plan(tmp_path, encoder_decoder=hardware).stderr
+    assert compile_plan(tmp_path, encoder_decoder=hardware, encoder_pins="[[3, 2], [7, 8], [5, 4]]").returncode == 0
+    assert "give wiring.encoder_pins" in compile_plan(tmp_path, encoder_pins="").stderr
+
+
+# ---------------------------------------------------------------- counting
+
+
+@pytest.mark.parametrize("wanted", [AUTO, INTERRUPT], ids=("auto", "interrupt"))
+@pytest.mark.parametrize("pins", [ORIGINAL, MOVED, PLAIN], ids=("original", "moved", "plain"))
+def test_random_walks_are_counted_edge_by_edge(c: ctypes.CDLL, pins: tuple[tuple[int, int], ...], wanted: int) -> None:
+    wheels = Wheels(c, pins, wanted)
+    assert wheels.counts() == [0] * len(pins)
+    rng = random.Random(1)
+    lean = [1, -1, 0, 1]
+    for step in range(20_000):
+        wheel = rng.randrange(len(pins))
+        wheels.turn(wheel, rng.choice((-1, 1, lean[wheel] or 1)))
+        if step % 97 == 0:
+            assert wheels.counts() == wheels.turned
+    assert wheels.counts() == wheels.turned
+    assert wheels.errors() == [0] * len(pins)
+
+
+def test_both_decoders_count_the_same_way_round(c: ctypes.CDLL) -> None:
+    for wanted in (AUTO, INTERRUPT):
+        wheels = Wheels(c, MOVED, wanted)
+        for wheel in range(4):
+            for _ in range(10 * (wheel + 1)):
+                wheels.turn(wheel, 1)
+        assert wheels.counts() == [10, 20, 30, 40]
+
+
+@pytest.mark.parametrize("wanted", [AUTO, INTERRUPT], ids=("auto", "interrupt"))
+def test_swapped_channels_count_backwards(c: ctypes.CDLL, wanted: int) -> None:
+    wheels = Wheels(c, MOVED[:3], wanted)
+    wheels.pins = [(b, a) for a, b in MOVED[:3]]
+    wheels.turn(0, 1)
+    assert wheels.counts() == [-1, 0, 0]
+    for _ in range(100):
+        wheels.turn(1, -1)
+    assert wheels.counts() == [-1, 100, 0]
+
+
+def test_a_hardware_count_wraps_and_is_read_in_one_piece(c: ctypes.CDLL) -> None:
+    wheels = Wheels(c, MOVED)
+    for wheel, position in enumerate((0x0000FFFF, 0xFFFFFFFF, 0x7FFFFFFF, 0x80000000)):
+        c.decoder_position(wheels.units[wheel], position)
+        wheels.turn(wheel, 1)
+    assert wheels.counts() == [0x10000, 0, -0x80000000, -0x7FFFFFFF]
+
+
+def test_a_missed_edge_is_an_error_and_not_a_count(c: ctypes.CDLL) -> None:
+    wheels = Wheels(c, PLAIN)
+    for n in range(1, 5):
+        c.interrupts_held(True)
+        wheels.turn(1, 1)
+        wheels.turn(1, 1)
+        c.interrupts_held(False)
+        assert wheels.counts()[1] == 0
+        assert wheels.errors() == [0, n, 0, 0]
+    wheels.turn(1, 1)
+    assert wheels.counts()[1] == 1  # and it goes on counting
+
+
+def test_a_pulse_that_is_over_before_the_interrupt_counts_nothing(c: ctypes.CDLL) -> None:
+    wheels = Wheels(c, PLAIN)
+    c.interrupts_held(True)
+    wheels.turn(2, 1)
+    wheels.turn(2, -1)
+    c.interrupts_held(False)
+    assert wheels.counts() == [0] * 4
+    assert wheels.errors() == [0] * 4
+
+
+def test_a_hardware_decoder_that_saw_both_change_is_counted_once(c: ctypes.CDLL) -> None:
+    wheels = Wheels(c, ORIGINAL)
+    c.decoder_both_changed(wheels.units[2])
+    wheels.counts()
+    wheels.counts()
+    assert wheels.errors() == [0, 0, 1]
+    c.decoder_both_changed(wheels.units[2])
+    wheels.counts()
+    assert wheels.errors() == [0, 0, 2]
+
+
+def test_edges_interrupt_everything_else(c: ctypes.CDLL) -> None:
+    Wheels(c, PLAIN)
+    assert 0 <= c.irq_priority(IRQ_GPIO6789) < 32  # SysTick, the highest of Teensyduino

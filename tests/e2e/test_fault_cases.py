@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""Every named fault against the PC firmware and the emulated Cortex-M7.
+
+What counts is the voltage on the simulated motors: when it goes, that it stays away, what the robot says, and the way
+back. The same runs fill the table in docs/safety.md.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_sim.fault_bench import FaultResult, Firmware, run_case
+from hil_sim.fault_cases import CASES, CIRCLE, FAULT_S, FaultCase
+from hil_sim.fault_table import FAULTS, part_of, table
+from omniwheel import FirmwareProcess
+from omniwheel.emulated_firmware import EmulatedFirmware
+from tests.arm import need_emulator
+
+SOME = ("encoder_dead", "encoder_stuck", "i2c_stuck", "brown_out", "battery_low", "clock_forward", "ticks_late")
+"""Cases that the emulator runs too."""
+FIRMWARES: dict[str, Firmware] = {"pc": FirmwareProcess, "cortex-m7": EmulatedFirmware}
+DRIVING = 0.05
+DOCUMENT = Path(__file__).parents[2] / "docs" / "safety.md"
+
+
+@cache
+def result_of(name: str, firmware: str) -> FaultResult:
+    if firmware == "cortex-m7":
+        need_emulator()
+    return run_case(next(case for case in CASES if case.name == name), FIRMWARES[firmware])
+
+
+def check_stop(result: FaultResult) -> None:
+    """The motors lost their voltage in time and for good; the robot named the fault."""
+    case = result.case
+    assert case.stops is not None
+    assert f"failsafe: {case.stops}" in result.texts
+    assert case.stops in result.faults
+    if case.coasts:
+        assert result.latency_s is not None, "a motor kept its voltage"
+        assert result.latency_s <= case.bound_s(result.values) + 1e-9
+    else:
+        assert result.latency_s is None, "without the pin nothing could have stopped it"
+
+
+def check_drives_on(result: FaultResult) -> None:
+    """It took no notice worth a stop, and did not leave its path."""
+    case = result.case
+    assert result.stayed_armed
+    assert result.faults == ()
+    if case.drive == CIRCLE:
+        assert result.error_m <= case.error_m
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_a_fault_is_met_as_promised(case: FaultCase, firmware: str) -> None:
+    if firmware != "pc" and case.name not in SOME:
+        pytest.skip("on the PC only")
+    result = result_of(case.name, firmware)
+    before = result.record[result.record["time_s"] < FAULT_S - 0.0005]
+    assert np.abs(before["duty"][-1]).max() > DRIVING, "it must drive when the fault comes"
+    if case.stops is None:
+        check_drives_on(result)
+    else:
+        check_stop(result)
+    if case.warns is not None:
+        assert case.warns in result.warnings
+    if case.says is not None:
+        assert any(case.says in text for text in result.texts), result.texts
+    assert result.moved_after > DRIVING, "it must drive again afterwards"
+
+
+def test_both_processors_take_the_same_time() -> None:
+    pairs = {
+        case.name: tuple(result_of(case.name, firmware).latency_s for firmware in FIRMWARES)
+        for case in CASES
+        if case.name in SOME
+    }
+    assert {name: pair for name, pair in pairs.items() if pair[0] != pair[1]} == {}
+
+
+def test_the_table_in_the_documentation_is_what_was_measured() -> None:
+    """After a change, ``python -m hil_sim.fault_table --write`` brings it up to date."""
+    measured = table(result_of(case.name, "pc") for case in CASES).splitlines()
+    assert part_of(DOCUMENT.read_text(), FAULTS).splitlines() == measured

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+// extern "C" access to one link on a port whose connection and room the test decides.
+#include "app/link.h"
+#include "app/mavlink_types.h"
+
+namespace {
+
+struct Port final : omni::SerialPort {
+    size_t room = 0;
+    size_t written = 0;
+    uint32_t connection = 1;
+    size_t read(uint8_t *, size_t) override { return 0; }
+    size_t write_space() override { return room; }
+    bool write(const uint8_t *, size_t length) override {
+        written += length;
+        return true;
+    }
+    uint32_t session() override { return connection; }
+};
+
+Port port;
+omni::Link link;
+
+} // namespace
+
+extern "C" {
+
+void link_connect(uint32_t session) {
+    port.connection = session;
+    link.attach(&port);
+}
+
+void link_receive() {
+    link.receive(0);
+}
+
+bool link_send() {
+    return link.send(MAVLINK_MSG_ID_HEARTBEAT, mavlink_heartbeat_t{}, omni::Priority::reply);
+}
+
+/// Flush into this much room. @return bytes that went out.
+uint32_t link_flush(uint32_t room) {
+    port.room = room;
+    port.written = 0;
+    link.flush();
+    return static_cast<uint32_t>(port.written);
+}
+}

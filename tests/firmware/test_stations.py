@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: MIT
+"""Two links: whose silence stops the robot, and who may stop it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.firmware.client import Client, connect, firmware, mav
+from tests.firmware.test_commands import ARM, ARMED, DISARMED, FAILSAFE, send_velocity
+
+ESTOP = 4
+
+
+class TwoLinks:
+    """A robot in lockstep with the world and a ground station on link 1 and another ground station on link 2."""
+
+    def __init__(self, first: Client, second: Client) -> None:
+        self.first = first
+        self.second = second
+        self.texts: list[str] = []
+
+    def sync(self) -> None:
+        """Wait until the robot has read what the second station sent."""
+        self.second.mav.ping_send(1, self.first.sequence, 0, 0)
+        self.second.wait("PING", seq=self.first.sequence)
+        self.second.inbox.clear()
+
+    def run(self, seconds: float, *alive: Client) -> int:
+        """Let time pass with heartbeats of some stations; return the safety state at the end."""
+        state = 0
+        for tick in range(round(seconds * 1000)):
+            if tick % 200 == 0:
+                for station in alive:
+                    station.heartbeat()
+                self.sync()
+            answer = self.first.tick()
+            state = answer.actuators.state
+            self.texts += [m.text for m in answer.others if m.get_type() == "STATUSTEXT"]
+        return state
+
+
+@pytest.fixture
+def two() -> Iterator[TwoLinks]:
+    with firmware("--lockstep", links=("tcp:127.0.0.1:0", "tcp:127.0.0.1:0")) as robot:
+        links = TwoLinks(connect(robot, 0), connect(robot, 1))
+        links.first.set("SAFE_LINK_TO", 0.5)
+        yield links
+        links.first.socket.close()
+        links.second.socket.close()
+
+
+def test_only_the_commanding_station_keeps_the_robot_going(two: TwoLinks) -> None:
+    two.first.armed()
+    assert two.run(0.4, two.first, two.second) == ARMED
+    assert two.run(0.8, two.second) == FAILSAFE
+    assert "link 1 lost: it had the command" in two.texts
+    assert "failsafe: link loss" in two.texts
+
+
+def test_another_stations_silence_is_only_said(two: TwoLinks) -> None:
+    two.first.armed()
+    two.run(0.4, two.first, two.second)
+    assert two.run(0.8, two.first) == ARMED
+    assert "link 2 lost: its ground station is silent" in two.texts
+    assert two.run(0.3, two.first, two.second) == ARMED
+    assert "link 2 is back" in two.texts
+
+
+def test_silence_of_both_stops(two: TwoLinks) -> None:
+    two.first.armed()
+    two.run(0.4, two.first, two.second)
+    assert two.run(0.8) == FAILSAFE
+
+
+def test_a_set_point_hands_the_command_over(two: TwoLinks) -> None:
+    two.first.armed()
+    two.run(0.4, two.first, two.second)
+    send_velocity(two.second, 0.0, 0.0, 0.0)
+    two.sync()
+    two.second.command(mav.MAV_CMD_OMNI_TRAJECTORY_STOP)
+    assert two.run(0.8, two.second) == ARMED
+    assert "link 1 lost: its ground station is silent" in two.texts
+    assert two.run(0.8, two.first) == FAILSAFE
+
+
+def test_set_points_without_a_heartbeat_hand_nothing_over(two: TwoLinks) -> None:
+    """A program that only streams set-points is not somebody who watches the robot."""
+    two.first.armed()
+    send_velocity(two.second, 0.0, 0.0, 0.0)
+    two.second.command(mav.MAV_CMD_OMNI_TRAJECTORY_STOP)
+    assert two.run(0.8, two.first) == ARMED
+
+
+def test_any_station_can_stop_and_then_take_over(two: TwoLinks) -> None:
+    two.first.armed()
+    two.run(0.4, two.first, two.second)
+    assert two.second.command(mav.MAV_CMD_OMNI_ESTOP, 1) == mav.MAV_RESULT_ACCEPTED
+    assert two.first.tick().actuators.state == ESTOP
+    assert two.second.command(mav.MAV_CMD_OMNI_ESTOP, 0) == mav.MAV_RESULT_ACCEPTED
+    assert two.run(0.1, two.second) == DISARMED
+    assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert two.run(0.8, two.second) == ARMED
+    assert two.second.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    assert two.first.tick().actuators.state == DISARMED
+
+
+def test_after_a_lost_commander_the_other_station_gets_it_going_again(two: TwoLinks) -> None:
+    two.first.armed()
+    two.run(0.4, two.first, two.second)
+    assert two.run(0.8, two.second) == FAILSAFE
+    assert two.second.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    assert two.run(0.3, two.second) == DISARMED
+    assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert two.run(0.8, two.second) == ARMED
+
+
+def test_another_robots_heartbeat_is_no_sign_of_a_ground_station(robot: Client) -> None:
+    robot.set("SAFE_LINK_TO", 0.5)
+    robot.armed()
+    state = ARMED
+    for _ in range(8):
+        robot.mav.heartbeat_send(mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_GENERIC, 0, 0, 0)
+        state = robot.ticks(100)[-1].actuators.state
+    assert state == FAILSAFE
+
+
+def heartbeats(ticks: list[Any]) -> list[Any]:
+    return [m for tick in ticks for m in tick.others if m.get_type() == "HEARTBEAT"]
+
+
+def test_a_change_of_state_is_told_at_once(robot: Client) -> None:
+    robot.armed()
+    robot.ticks(50)
+    for wanted in (0, mav.MAV_MODE_FLAG_SAFETY_ARMED):
+        robot.heartbeat()
+        assert robot.command(ARM, int(wanted != 0)) == mav.MAV_RESULT_ACCEPTED
+        (beat,) = heartbeats(robot.ticks(3))
+        assert beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED == wanted
+
+
+def test_arming_right_after_disarming_is_not_mistaken_for_being_armed(robot: Client) -> None:
+    robot.armed()
+    robot.ticks(10)
+    assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    assert robot.ticks(5)[-1].actuators.state == DISARMED
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert robot.ticks(5)[-1].actuators.state == ARMED
+
+
+def test_a_fault_that_comes_with_the_arm_command_is_named(robot: Client) -> None:
+    robot.heartbeat()
+    robot.ticks(50)
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    ticks = robot.ticks(5, battery_v=float("nan"))
+    assert ticks[-1].actuators.state == DISARMED
+    texts = [m.text for t in ticks for m in t.others if m.get_type() == "STATUSTEXT"]
+    assert "not armed: not finite" in texts
+
+
+@pytest.mark.parametrize("value", [1.0, float("nan"), -1.0, 0.3])
+def test_only_a_clear_release_releases_the_emergency_stop(robot: Client, value: float) -> None:
+    robot.armed()
+    assert robot.command(mav.MAV_CMD_OMNI_ESTOP, value) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == ESTOP
+    assert robot.command(mav.MAV_CMD_OMNI_ESTOP, value) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == ESTOP

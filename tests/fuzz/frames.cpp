@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: MIT
+#include "frames.h"
+
+#include <cstring>
+#include <iterator>
+
+namespace fuzz {
+namespace {
+
+constexpr mavlink_msg_entry_t entries[] = MAVLINK_MESSAGE_CRCS;
+constexpr uint8_t magic_v1 = 0xFE;
+constexpr uint8_t magic_v2 = 0xFD;
+constexpr uint8_t flag_signed = 1;
+constexpr size_t signature_length = 13;
+
+/// CRC-16/MCRF4XX bit by bit: reflected 0x1021, initial value 0xFFFF.
+uint16_t crc_of(const uint8_t *bytes, size_t length, uint8_t extra) {
+    unsigned crc = 0xFFFF;
+    for (size_t i = 0; i <= length; ++i) {
+        crc ^= i < length ? bytes[i] : extra;
+        for (int bit = 0; bit < 8; ++bit) {
+            crc = (crc & 1u) != 0 ? crc >> 1 ^ 0x8408u : crc >> 1;
+        }
+    }
+    return static_cast<uint16_t>(crc);
+}
+
+template <class Message>
+Message as(const Found &frame) {
+    uint8_t whole[256] = {};
+    std::memcpy(whole, frame.payload, frame.payload_length);
+    Message message{};
+    std::memcpy(&message, whole, sizeof message);
+    return message;
+}
+
+} // namespace
+
+const mavlink_msg_entry_t *entry_of(uint32_t id) {
+    for (const mavlink_msg_entry_t &entry : entries) {
+        if (entry.msgid == id) {
+            return &entry;
+        }
+    }
+    return nullptr;
+}
+
+const mavlink_msg_entry_t &entry_number(size_t n) {
+    return entries[n % entry_count()];
+}
+
+size_t entry_count() {
+    return std::size(entries);
+}
+
+void append_frame(Bytes *out, const mavlink_msg_entry_t &entry, const uint8_t *payload, const Form &form) {
+    const bool v1 = form.v1 && entry.msgid < 256;
+    size_t length = v1 ? entry.min_msg_len : entry.max_msg_len;
+    while (!v1 && form.trim && length > 1 && payload[length - 1] == 0) {
+        --length;
+    }
+    const size_t begin = out->size();
+    const auto size = static_cast<uint8_t>(length);
+    const auto flags = static_cast<uint8_t>(form.incompatible | (form.is_signed ? flag_signed : 0));
+    const Bytes header =
+        v1 ? Bytes{magic_v1, size, form.sequence, form.system, form.component, static_cast<uint8_t>(entry.msgid)}
+           : Bytes{magic_v2,
+                   size,
+                   flags,
+                   0,
+                   form.sequence,
+                   form.system,
+                   form.component,
+                   static_cast<uint8_t>(entry.msgid),
+                   static_cast<uint8_t>(entry.msgid >> 8),
+                   static_cast<uint8_t>(entry.msgid >> 16)};
+    out->insert(out->end(), header.begin(), header.end());
+    out->insert(out->end(), payload, payload + length);
+    const uint16_t crc = crc_of(out->data() + begin + 1, out->size() - begin - 1, entry.crc_extra);
+    out->push_back(static_cast<uint8_t>(crc));
+    out->push_back(static_cast<uint8_t>(crc >> 8));
+    if (!v1 && form.is_signed) {
+        out->insert(out->end(), signature_length, form.sequence);
+    }
+}
+
+Found frame_at(const uint8_t *stream, size_t size, size_t begin) {
+    Found found;
+    found.begin = begin;
+    const uint8_t *bytes = stream + begin;
+    const size_t left = size - begin;
+    if (left == 0 || (bytes[0] != magic_v1 && bytes[0] != magic_v2)) {
+        return found;
+    }
+    const bool v1 = bytes[0] == magic_v1;
+    const size_t header = v1 ? 6 : 10;
+    if (left < header) {
+        found.kind = Found::Kind::incomplete;
+        found.length = left + 1;
+        return found;
+    }
+    if (!v1 && (bytes[2] & ~flag_signed) != 0) {
+        return found;
+    }
+    found.payload_length = bytes[1];
+    found.payload = bytes + header;
+    found.id = v1 ? bytes[5] : static_cast<uint32_t>(bytes[7] | bytes[8] << 8 | bytes[9] << 16);
+    found.system = v1 ? bytes[3] : bytes[5];
+    found.component = v1 ? bytes[4] : bytes[6];
+    found.length = header + found.payload_length + 2 + (!v1 && (bytes[2] & flag_signed) != 0 ? signature_length : 0);
+    if (left < found.length) {
+        found.kind = Found::Kind::incomplete;
+        return found;
+    }
+    const mavlink_msg_entry_t *entry = entry_of(found.id);
+    if (entry == nullptr) {
+        found.kind = Found::Kind::foreign;
+        return found;
+    }
+    const size_t covered = header + found.payload_length;
+    const unsigned sent = bytes[covered] | static_cast<unsigned>(bytes[covered + 1]) << 8;
+    found.kind = sent == crc_of(bytes + 1, covered - 1, entry->crc_extra) ? Found::Kind::valid : Found::Kind::damaged;
+    return found;
+}
+
+bool asks_to_arm(const uint8_t *stream, size_t size) {
+    for (size_t i = 0; i < size; ++i) {
+        const Found found = frame_at(stream, size, i);
+        if (found.kind != Found::Kind::valid) {
+            continue;
+        }
+        if (found.id == MAVLINK_MSG_ID_COMMAND_LONG) {
+            const auto message = as<mavlink_command_long_t>(found);
+            if (message.command == MAV_CMD_COMPONENT_ARM_DISARM && message.param1 == 1.0f) {
+                return true;
+            }
+        } else if (found.id == MAVLINK_MSG_ID_COMMAND_INT) {
+            const auto message = as<mavlink_command_int_t>(found);
+            if (message.command == MAV_CMD_COMPONENT_ARM_DISARM && message.param1 == 1.0f) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+} // namespace fuzz

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+/// @file frames.h  MAVLink frames for the fuzzers, made and recognised without the firmware's own codec.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "app/mavlink_types.h"
+#include "script.h"
+
+namespace fuzz {
+
+using Bytes = std::vector<uint8_t>;
+
+/// How a frame is put on the wire.
+struct Form {
+    bool v1 = false;
+    bool is_signed = false; ///< flag and 13 bytes of signature
+    uint8_t incompatible = 0;
+    uint8_t sequence = 0;
+    uint8_t system = 255;
+    uint8_t component = 190;
+    bool trim = true;
+};
+
+/// Entry of a message in the dialect, or nullptr.
+const mavlink_msg_entry_t *entry_of(uint32_t id);
+/// The n-th message of the dialect, n modulo their number.
+const mavlink_msg_entry_t &entry_number(size_t n);
+size_t entry_count();
+
+/// Append a frame with a correct checksum. @param payload max_msg_len bytes of the entry.
+void append_frame(Bytes *out, const mavlink_msg_entry_t &entry, const uint8_t *payload, const Form &form);
+
+/// A frame that stands somewhere in a stream.
+struct Found {
+    size_t begin = 0;
+    size_t length = 0; ///< as its header says; the checksum was not looked at if it is not whole
+    uint32_t id = 0;
+    uint8_t system = 0;
+    uint8_t component = 0;
+    const uint8_t *payload = nullptr;
+    size_t payload_length = 0;
+    enum class Kind { none, incomplete, foreign, damaged, valid } kind = Kind::none;
+};
+
+/// What stands at this place of a stream: nothing (no start byte, an unknown flag), or a frame and in which state it is.
+Found frame_at(const uint8_t *stream, size_t size, size_t begin);
+
+/// Whether these bytes hold, anywhere, a whole valid frame that asks to arm. A superset of what any parser may see.
+bool asks_to_arm(const uint8_t *stream, size_t size);
+
+} // namespace fuzz

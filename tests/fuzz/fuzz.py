@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""Builds and runs the firmware's fuzzers: a bounded seeded run that is the same everywhere, or libFuzzer for a while.
+
+usage: python -m tests.fuzz.fuzz [--bytes N] [--seconds N] [--seed N] [TARGET...]
+
+Without --seconds every target gets a seeded run of --bytes bytes. With it, libFuzzer searches for that long per target,
+from the corpus it leaves in build/fuzz/corpus; the reader of robot files, which is Python, has its seeded run all the
+same. What breaks a promise stays in build/fuzz/findings; build/fuzz/tests/fuzz/seeded_TARGET FILE runs it again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "build" / "fuzz"
+PROGRAMS = BUILD / "tests" / "fuzz"
+FINDINGS = BUILD / "findings"
+ROBOT_FILE = "robot_file"
+TARGETS = ("app", "parser", "params_file", "store", ROBOT_FILE)
+SHARES = {"app": 1.0, "parser": 0.5, "params_file": 0.1, "store": 0.5, ROBOT_FILE: 1.0}
+"""Bytes of a target per byte asked for: a byte of one costs more time than one of the other."""
+DEFAULT_BYTES = 4_000_000
+FIRST_INPUTS = 100
+
+
+def missing_tools() -> list[str]:
+    """Return what the fuzzers need and this computer does not have."""
+    return [tool for tool in ("clang", "clang++") if shutil.which(tool) is None]
+
+
+def build(targets: Sequence[str] = ("fuzzers",)) -> None:
+    """Configure and build in build/fuzz; what is up to date is left alone. Raises CalledProcessError."""
+    tools = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
+    options = ["OMNI_PYTHON=OFF", "OMNI_FUZZ=ON", f"Python_EXECUTABLE={sys.executable}"]
+    compilers = ["CMAKE_C_COMPILER=clang", "CMAKE_CXX_COMPILER=clang++"]
+    settings = [f"-D{option}" for option in (*options, *compilers)]
+    configure = ["cmake", "-S", str(ROOT), "-B", str(BUILD), "-G", "Ninja", *settings]
+    for command in (configure, ["cmake", "--build", str(BUILD), "--target", *targets]):
+        subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+
+
+def seeded_command(target: str, seed: int, size: int) -> list[str]:
+    """Return the command of a seeded run."""
+    if target == ROBOT_FILE:
+        return [sys.executable, "-m", "tests.fuzz.robot_file", str(seed), str(size)]
+    return [str(PROGRAMS / f"seeded_{target}"), str(seed), str(size)]
+
+
+def search_command(target: str, seed: int, seconds: int) -> list[str]:
+    """Return the command of a search by libFuzzer."""
+    corpus = BUILD / "corpus" / target
+    corpus.mkdir(parents=True, exist_ok=True)
+    if not any(corpus.iterdir()):
+        rng = random.Random(seed)
+        for number in range(FIRST_INPUTS):  # inputs are scripts: every byte string is a good one to begin with
+            (corpus / f"first-{number}").write_bytes(rng.randbytes(rng.randrange(1, 1000)))
+    limits = [f"-seed={seed}", f"-max_total_time={seconds}", "-timeout=10", "-max_len=4000", "-len_control=0"]
+    return [str(PROGRAMS / f"fuzz_{target}"), *limits, f"-artifact_prefix={FINDINGS / target}-", str(corpus)]
+
+
+def run(target: str, command: list[str]) -> bool:
+    """Run one fuzzer and say how it went; False if it found something."""
+    FINDINGS.mkdir(parents=True, exist_ok=True)
+    paths = [str(ROOT / "shared" / "generate"), os.environ.get("PYTHONPATH", "")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    environment["FUZZ_LAST"] = str(FINDINGS / f"{target}-last")
+    begin = time.monotonic()
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", env=environment, check=False, cwd=ROOT
+    )
+    seconds = time.monotonic() - begin
+    if done.returncode != 0:
+        sys.stdout.write(f"{target}: FOUND SOMETHING (exit code {done.returncode}), see {FINDINGS}\n")
+        sys.stdout.write(f"{done.stdout[-4000:]}\n{done.stderr[-8000:]}\n")
+        return False
+    figures = json.loads(next(line for line in reversed(done.stdout.splitlines()) if line.startswith("{")))
+    rate = figures["executions"] / seconds if seconds > 0 else 0.0
+    covered = re.findall(r" cov: (\d+)", done.stderr)
+    edges = f", {covered[-1]} edges covered" if covered else ""
+    sys.stdout.write(f"{target}: nothing found in {seconds:.1f} s, {rate:.0f} inputs/s{edges}, {json.dumps(figures)}\n")
+    return True
+
+
+def main() -> int:
+    """Run the fuzzers named on the command line; exit code 1 if one found something."""
+    parser = argparse.ArgumentParser(description="Fuzz the firmware and the reader of robot files.")
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"any of {', '.join(TARGETS)}; all by default")
+    parser.add_argument("--bytes", type=int, default=DEFAULT_BYTES, help="size of the seeded run [%(default)s]")
+    parser.add_argument("--seconds", type=int, help="let libFuzzer search for so long per target instead")
+    parser.add_argument("--seed", type=int, default=1, help="[%(default)s]")
+    options = parser.parse_args()
+    unknown = [target for target in options.targets if target not in TARGETS]
+    if unknown:
+        parser.error(f"there is no target {', '.join(unknown)}; there are {', '.join(TARGETS)}")
+    missing = missing_tools()
+    if missing:
+        parser.error(f"{' and '.join(missing)} missing (Debian: apt-get install clang libclang-rt-dev)")
+    build()
+    good = True
+    for target in options.targets or TARGETS:
+        if options.seconds is None or target == ROBOT_FILE:
+            command = seeded_command(target, options.seed, int(options.bytes * SHARES[target]))
+        else:
+            command = search_command(target, options.seed, options.seconds)
+        good = run(target, command) and good
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

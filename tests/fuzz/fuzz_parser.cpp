@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: MIT
+/// @file fuzz_parser.cpp  The frame parser beside two others: MAVLink's own C parser on clean streams, and a search of every
+/// byte on damaged ones. Nothing but valid frames is found, and no whole valid frame is lost unless something that looks like
+/// a frame of an unknown message, or an unfinished one, stands over it.
+#include <algorithm>
+#include <cstring>
+
+#include "app/codec.h"
+#include "check.h"
+#include "frames.h"
+#include "script.h"
+
+namespace fuzz {
+namespace {
+
+struct Seen {
+    uint32_t id;
+    uint8_t system;
+    uint8_t component;
+    uint8_t payload[omni::max_payload];
+};
+
+bool operator==(const Seen &a, const Seen &b) {
+    return a.id == b.id && a.system == b.system && a.component == b.component &&
+           std::memcmp(a.payload, b.payload, sizeof a.payload) == 0;
+}
+
+using Stream = std::vector<Seen>;
+
+Stream with_our_parser(const Bytes &stream, Script &script) {
+    static omni::FrameParser parser;
+    parser.reset();
+    Stream seen;
+    size_t at = 0;
+    const size_t largest = 1 + script.below(400);
+    while (at < stream.size()) {
+        size_t room = 0;
+        uint8_t *space = parser.space(&room);
+        check(room > 0, "there is always room for another byte");
+        const size_t count = std::min({room, largest, stream.size() - at});
+        std::memcpy(space, stream.data() + at, count);
+        parser.received(count);
+        at += count;
+        omni::Frame frame;
+        while (parser.next(&frame)) {
+            Seen one{frame.id, frame.system, frame.component, {}};
+            std::memcpy(one.payload, frame.payload, sizeof one.payload);
+            seen.push_back(one);
+        }
+    }
+    return seen;
+}
+
+Stream with_mavlinks_parser(const Bytes &stream) {
+    Stream seen;
+    mavlink_reset_channel_status(MAVLINK_COMM_0);
+    mavlink_message_t message{};
+    mavlink_status_t status{};
+    for (const uint8_t byte : stream) {
+        if (mavlink_parse_char(MAVLINK_COMM_0, byte, &message, &status) == MAVLINK_FRAMING_OK) {
+            Seen one{message.msgid, message.sysid, message.compid, {}};
+            std::memcpy(one.payload, _MAV_PAYLOAD(&message), std::min<size_t>(message.len, sizeof one.payload));
+            seen.push_back(one);
+        }
+    }
+    return seen;
+}
+
+Bytes random_frame(Script &script) {
+    const mavlink_msg_entry_t &entry = entry_number(script.byte());
+    uint8_t payload[256] = {};
+    script.bytes(payload, script.below(size_t{entry.max_msg_len} + 1));
+    const uint8_t bits = script.byte();
+    Form form;
+    form.v1 = (bits & 3) == 3;
+    form.is_signed = (bits & 12) == 12;
+    form.trim = (bits & 16) == 0;
+    form.sequence = bits;
+    form.system = script.byte();
+    form.component = script.byte();
+    Bytes bytes;
+    append_frame(&bytes, entry, payload, form);
+    return bytes;
+}
+
+void clean(Script &script) {
+    Bytes stream;
+    while (!script.ended()) {
+        const Bytes frame = random_frame(script);
+        stream.insert(stream.end(), frame.begin(), frame.end());
+    }
+    Script cuts(stream.data(), std::min<size_t>(stream.size(), 8));
+    const Stream ours = with_our_parser(stream, cuts);
+    check(ours == with_mavlinks_parser(stream), "both parsers find the same frames", static_cast<long>(ours.size()));
+    figures().frames += ours.size();
+    figures().bytes += stream.size();
+}
+
+Bytes damaged_stream(Script &script) {
+    Bytes stream;
+    while (!script.ended()) {
+        Bytes piece = random_frame(script);
+        const size_t how = script.below(8);
+        if (how == 1) {
+            piece.resize(script.below(piece.size()));
+        } else if (how == 2) {
+            piece[script.below(piece.size())] ^= static_cast<uint8_t>(1 + script.below(255));
+        } else if (how == 3) {
+            piece.resize(1 + script.below(60));
+            script.bytes(piece.data(), piece.size());
+        } else if (how == 4) {
+            const Bytes inner = random_frame(script);
+            piece.insert(piece.begin() + static_cast<std::ptrdiff_t>(script.below(piece.size())), inner.begin(), inner.end());
+        }
+        stream.insert(stream.end(), piece.begin(), piece.end());
+    }
+    return stream;
+}
+
+/// Something that starts before `begin` and claims bytes beyond it, so that the parser may pass over what stands there.
+bool hidden(const std::vector<Found> &claims, size_t begin) {
+    return std::any_of(claims.begin(), claims.end(), [begin](const Found &claim) {
+        return claim.begin < begin && claim.begin + claim.length > begin && claim.kind != Found::Kind::damaged;
+    });
+}
+
+Seen seen_of(const Found &found) {
+    Seen seen{found.id, found.system, found.component, {}};
+    const size_t most = entry_of(found.id)->max_msg_len;
+    std::memcpy(seen.payload, found.payload, std::min(found.payload_length, most));
+    return seen;
+}
+
+void damaged(Script &script) {
+    const Bytes stream = damaged_stream(script);
+    Script cuts(stream.data(), std::min<size_t>(stream.size(), 8));
+    const Stream ours = with_our_parser(stream, cuts);
+    std::vector<Found> claims;
+    size_t next = 0;
+    for (size_t i = 0; i < stream.size(); ++i) {
+        const Found found = frame_at(stream.data(), stream.size(), i);
+        if (found.kind == Found::Kind::none) {
+            continue;
+        }
+        claims.push_back(found);
+        if (found.kind != Found::Kind::valid) {
+            continue;
+        }
+        if (next < ours.size() && ours[next] == seen_of(found)) {
+            ++next;
+        } else {
+            check(hidden(claims, i), "no whole valid frame is lost", static_cast<long>(i));
+        }
+    }
+    check(next == ours.size(), "nothing is found that is not there", static_cast<long>(ours.size() - next));
+    figures().frames += ours.size();
+    figures().bytes += stream.size();
+}
+
+} // namespace
+} // namespace fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    fuzz::Script script(data, size);
+    ++fuzz::figures().executions;
+    if (script.below(2) == 0) {
+        fuzz::clean(script);
+    } else {
+        fuzz::damaged(script);
+    }
+    return 0;
+}

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: MIT
+/// @file fuzz_store.cpp  The parameter memory with any content, also with checksums that are right: nothing is read or written
+/// outside of it, foreign and damaged sets change nothing, a set that was stored comes back, and a robot that boots from it rests.
+#include <cstring>
+
+#include "app/core.h"
+#include "app/param_store.h"
+#include "check.h"
+#include "robot.h"
+
+namespace fuzz {
+namespace {
+
+uint32_t crc32(const uint8_t *bytes, size_t length) {
+    uint32_t crc = 0xFFFFFFFFu;
+    for (size_t i = 0; i < length; ++i) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; ++bit) {
+            crc = (crc & 1u) != 0 ? crc >> 1 ^ 0xEDB88320u : crc >> 1;
+        }
+    }
+    return ~crc;
+}
+
+void put32(uint8_t *at, uint32_t value) {
+    std::memcpy(at, &value, sizeof value);
+}
+
+size_t slot_size(const FakeStorage &storage) {
+    return std::min(storage.used / 2, omni::ParamStore::max_slot);
+}
+
+/// A slot as the firmware writes it, with entries of the script's choice.
+void forge(FakeStorage *storage, size_t slot, Script &script) {
+    const size_t size = slot_size(*storage);
+    if (size < 20) {
+        return;
+    }
+    uint8_t *at = storage->bytes + slot * size;
+    const size_t count = script.below((size - 20) / 6 + 1);
+    put32(at, script.one_in(16) ? script.number<uint32_t>() : 0x32504D4Fu);
+    put32(at + 4, script.one_in(8) ? script.number<uint32_t>() : omni_param_schema_crc);
+    put32(at + 8, script.number<uint32_t>());
+    put32(at + 12, script.one_in(16) ? script.number<uint32_t>() : static_cast<uint32_t>(count));
+    for (size_t i = 0; i < count; ++i) {
+        uint8_t *entry = at + 16 + 6 * i;
+        const auto index =
+            static_cast<uint16_t>(script.one_in(16) ? script.number<uint16_t>() : script.below(OMNI_PARAM_COUNT));
+        const float value = script.one_in(2) ? script.number<float>() : omni_param_table[index % OMNI_PARAM_COUNT].maximum;
+        std::memcpy(entry, &index, sizeof index);
+        std::memcpy(entry + 2, &value, sizeof value);
+    }
+    put32(at + 16 + 6 * count, script.one_in(16) ? script.number<uint32_t>() : crc32(at, 16 + 6 * count));
+}
+
+void fill(FakeStorage *storage, Script &script) {
+    static constexpr size_t sizes[] = {1080, 2048, 0, 1, 39, 40, 41, 64};
+    storage->used = sizes[script.below(std::size(sizes)) * (script.one_in(4) ? 1 : 0)];
+    std::memset(storage->bytes, 0xFF, sizeof storage->bytes);
+    if (script.one_in(4)) {
+        script.bytes(storage->bytes, storage->used);
+    }
+    for (size_t slot = 0; slot < 2; ++slot) {
+        if (!script.one_in(4)) {
+            forge(storage, slot, script);
+        }
+    }
+}
+
+void store_alone(FakeStorage *storage, Script &script) {
+    omni::ParamStore store(*storage);
+    omni_real_t robot[OMNI_PARAM_COUNT];
+    omni_params_defaults(robot);
+    omni_real_t values[OMNI_PARAM_COUNT];
+    std::memcpy(values, robot, sizeof values);
+    if (store.load(values) != omni::StoreResult::ok) {
+        check(std::memcmp(values, robot, sizeof values) == 0, "what cannot be used changes nothing");
+    }
+    omni_real_t changed[OMNI_PARAM_COUNT];
+    std::memcpy(changed, robot, sizeof changed);
+    for (size_t i = script.below(20); i > 0; --i) {
+        const size_t index = script.below(OMNI_PARAM_COUNT);
+        changed[index] = omni_param_table[index].maximum;
+    }
+    storage->writes_left = script.one_in(4) ? script.below(400) : SIZE_MAX;
+    const bool whole = storage->writes_left == SIZE_MAX;
+    const omni::StoreResult saved = store.save(changed, robot);
+    omni_real_t back[OMNI_PARAM_COUNT];
+    std::memcpy(back, robot, sizeof back);
+    const omni::StoreResult loaded = store.load(back);
+    if (saved == omni::StoreResult::ok) {
+        check(loaded == omni::StoreResult::ok && std::memcmp(back, changed, sizeof back) == 0, "what is stored comes back");
+    } else {
+        check(!whole || saved == omni::StoreResult::full || storage->used < 80, "a memory that works takes the set",
+              static_cast<long>(saved));
+    }
+}
+
+void robot_that_boots(Script &script) {
+    Setup setup;
+    setup.ports = 1;
+    Script nothing(nullptr, 0);
+    Robot robot(setup, nothing);
+    fill(&robot.storage, script);
+    robot.boot();
+    for (int tick = 0; tick < 20; ++tick) {
+        robot.tick();
+        robot.background();
+    }
+    figures().bytes += robot.storage.used;
+}
+
+} // namespace
+} // namespace fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    fuzz::Script script(data, size);
+    ++fuzz::figures().executions;
+    if (script.below(4) == 0) {
+        fuzz::robot_that_boots(script);
+    } else {
+        static fuzz::FakeStorage storage;
+        storage = fuzz::FakeStorage{};
+        fuzz::fill(&storage, script);
+        fuzz::figures().bytes += storage.used;
+        fuzz::store_alone(&storage, script);
+    }
+    return 0;
+}

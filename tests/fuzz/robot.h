@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: MIT
+/// @file robot.h  The firmware on a board made of fakes at the chip's pins, and what must hold whatever reaches it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "app/app.h"
+#include "chip.h"
+#include "frames.h"
+#include "script.h"
+
+namespace fuzz {
+
+struct FakeClock final : omni::Clock {
+    uint64_t us = 0;
+    uint64_t ns = 0;
+    uint64_t now_us() override { return us; }
+    uint64_t stopwatch_ns() override { return ns += 1000; }
+};
+
+struct FakeEncoders final : omni::Encoders {
+    int32_t counts[OMNI_MAX_WHEELS] = {};
+    uint8_t valid = 0x0F;
+    uint32_t illegal = 0;
+    uint8_t read(int32_t *to) override;
+    void errors(uint32_t *to) override;
+};
+
+struct FakeBus final : omni::I2cBus {
+    Chip chip;
+    omni::I2cStatus fate = omni::I2cStatus::done; ///< of every batch from now on
+    bool submit(const omni::I2cTransaction *batch, size_t count) override;
+    omni::I2cStatus poll(uint8_t *read) override;
+    void recover() override {}
+
+private:
+    bool busy_ = false;
+    uint8_t read_[omni::I2cTransaction::max_read] = {};
+};
+
+struct FakePin final : omni::OutputEnable {
+    bool is_wired = true;
+    bool is_on = false;
+    bool wired() override { return is_wired; }
+    void set(bool on) override { is_on = on; }
+};
+
+struct FakePort final : omni::SerialPort {
+    Bytes in;  ///< still to be read by the robot
+    Bytes out; ///< sent by the robot and not yet looked at
+    size_t piece = 64;
+    size_t space = 1 << 16;
+    uint32_t connection = 1;
+    uint32_t connections = 1;
+    size_t read(uint8_t *data, size_t capacity) override;
+    size_t write_space() override { return connection != 0 ? space : 0; }
+    bool write(const uint8_t *data, size_t length) override;
+    uint32_t session() override { return connection; }
+};
+
+struct FakeStorage final : omni::Storage {
+    static constexpr size_t capacity = 2048;
+    uint8_t bytes[capacity] = {};
+    size_t used = capacity;
+    size_t writes_left = SIZE_MAX; ///< bytes until the power fails
+    size_t size() override { return used; }
+    bool read(size_t offset, uint8_t *data, size_t length) override;
+    bool write(size_t offset, const uint8_t *data, size_t length) override;
+};
+
+struct FakeWatchdog final : omni::Watchdog {
+    omni::ResetCause cause = omni::ResetCause::power_on;
+    void feed() override {}
+    omni::ResetCause reset_cause() override { return cause; }
+    const char *crash_line(size_t number) override;
+    void reset() override {}
+};
+
+/// How a run is set up.
+struct Setup {
+    bool lockstep = false;
+    bool may_arm = false;       ///< the script may send valid arm commands
+    bool only_nonsense = false; ///< every floating-point field is NaN or infinite, wheels stand still: nothing may be driven
+    uint8_t robot = 0;          ///< number of the robot preset
+    uint8_t ports = 1;
+};
+
+class Robot {
+public:
+    Robot(const Setup &setup, Script &script);
+
+    const Setup setup;
+    FakeClock clock;
+    FakeEncoders encoders;
+    FakeBus bus;
+    FakePin pin;
+    FakePort ports[omni::Board::max_ports];
+    FakeStorage storage;
+    FakeWatchdog watchdog;
+
+    /// Power up (again).
+    void boot();
+    /// Bytes for a port; whether they ask to arm is noted.
+    void send(size_t port, const Bytes &bytes);
+    /// One timer tick, and sometimes what the background does after it.
+    void tick();
+    /// The background until every byte is read, a few passes at most.
+    void background();
+    void connect_anew(size_t port, bool gone);
+    /// Turn every wheel on by as many counts in the direction it is driven: a plant of the simplest kind.
+    void turn_wheels(int counts);
+    /// A correct OMNI_HIL_SENSORS for the next tick of the host's clock.
+    Bytes hil_sensors();
+
+    uint64_t hil_us = 1000;
+    float hil_battery_V = 12.0f;
+
+private:
+    void look(size_t port);
+    void take_frame(size_t port, const Found &frame);
+    void take_actuators(const Found &frame);
+    void check_motors(const Chip &chip, const char *promise);
+    bool drives(const Chip &chip) const;
+    /// Of the bridge: full forward is 4096.
+    int drive_of(const Chip &chip, size_t wheel) const;
+    void note_arming(size_t port, const Bytes &bytes);
+
+    omni::Board board_;
+    std::optional<omni::App> app_;
+    Chip hil_chip_;
+    uint8_t hil_read_[8] = {};
+    uint32_t hil_sequence_ = 0;
+    Bytes tail_[omni::Board::max_ports]; ///< end of what a port got, for frames that come in pieces
+    bool arming_asked_ = false;
+};
+
+} // namespace fuzz

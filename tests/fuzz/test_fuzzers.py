@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: MIT
+"""The fuzzers find nothing, do the same everywhere, and would find what is planted for them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from omni_schema import toml_file
+from tests.fuzz import fuzz, robot_file
+
+BYTES = 150_000
+TIMEOUT_S = 600
+
+
+@pytest.fixture(scope="session")
+def built() -> None:
+    missing = fuzz.missing_tools()
+    if missing and os.environ.get("CI") != "true":
+        pytest.skip(f"{' and '.join(missing)} missing")
+    fuzz.build(["fuzzers"])
+
+
+def run(command: list[str], **environment: str) -> subprocess.CompletedProcess[str]:
+    # Runtime libraries that are preloaded for other tests have no business here.
+    inherited = {name: value for name, value in os.environ.items() if name not in ("LD_PRELOAD", "FUZZ_LAST")}
+    environment = {**inherited, "PYTHONPATH": str(fuzz.ROOT / "shared" / "generate"), **environment}
+    return subprocess.run(
+        command, capture_output=True, text=True, errors="replace", env=environment, check=False, cwd=fuzz.ROOT,
+        timeout=TIMEOUT_S,
+    )  # fmt: skip
+
+
+@pytest.mark.usefixtures("built")
+@pytest.mark.parametrize("target", fuzz.TARGETS)
+def test_a_seeded_run_finds_nothing_and_is_the_same_every_time(target: str) -> None:
+    runs = [run(fuzz.seeded_command(target, 7, BYTES)) for _ in range(2)]
+    assert runs[0].returncode == 0, runs[0].stdout + runs[0].stderr
+    assert runs[0].stdout == runs[1].stdout
+    figures = json.loads(runs[0].stdout)
+    assert figures["bytes"] >= BYTES
+    if target == "app":
+        assert figures["armed_ticks"] > figures["driving_ticks"] > 50  # so that "no motor command" means something
+
+
+PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
+    "a bound that is not checked": (
+        "app",
+        "firmware/app/parameters.cpp",
+        "return index < OMNI_PARAM_COUNT ? index : -1;",
+        "return index;",
+        "parameters.cpp",
+    ),
+    "motors driven while disarmed": (
+        "app",
+        "shared/core/src/robot.c",
+        "finite && robot->state == OMNI_STATE_ARMED;",
+        "finite;",
+        "no motor is driven",
+    ),
+    "a command that arms although another was meant": (
+        "app",
+        "firmware/app/commands.cpp",
+        "if (wanted == 1.0f) {",
+        "if (wanted > 0.5f) {",
+        "no motor is driven",
+    ),
+    "a checksum that is checked by half": (
+        "parser",
+        "firmware/app/codec.cpp",
+        " || bytes[covered + 1] != crc >> 8",
+        "",
+        "broken promise",
+    ),
+    "a frame that hides another": (
+        "parser",
+        "firmware/app/codec.cpp",
+        "            begin_ += 1;\n            ++errors_;",
+        "            begin_ += std::min<size_t>(4, end_ - begin_);\n            ++errors_;",
+        "no whole valid frame is lost",
+    ),
+    "a loop without end": (
+        "parser",
+        "firmware/app/codec.cpp",
+        "            begin_ += 1;\n            ++errors_;",
+        "            ++errors_;",
+        signal.SIGALRM,
+    ),
+    "a memory that is read beyond its end": (
+        "store",
+        "firmware/app/param_store.cpp",
+        "|| count > (size - header_length - crc_length) / entry_length",
+        "",
+        "param_store.cpp",
+    ),
+}
+
+
+def plant(folder: Path, target: str, source: str, old: str, new: str) -> Path:
+    """Build a seeded fuzzer in which one source file is another; the archive's own object then is not taken."""
+    original = fuzz.ROOT / source
+    text = original.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{source} has changed: plant another bug"
+    changed = folder / original.name
+    changed.write_text(text.replace(old, new), encoding="utf-8")
+    commands = json.loads((fuzz.BUILD / "compile_commands.json").read_text(encoding="utf-8"))
+    command = shlex.split(next(entry["command"] for entry in commands if entry["file"] == str(original)))
+    planted = folder / "planted.o"
+    command[command.index("-o") + 1] = str(planted)
+    command[command.index("-c") + 1] = str(changed)
+    subprocess.run([*command, f"-I{original.parent}"], check=True, cwd=fuzz.BUILD)
+    objects = [
+        fuzz.PROGRAMS / "CMakeFiles" / f"{part}.dir" / f"{name}.cpp.o"
+        for part, name in ((f"omni_fuzz_{target}", f"fuzz_{target}"), (f"seeded_{target}", "seeded"))
+    ]
+    archives = [fuzz.PROGRAMS / "libomni_fuzz_common.a", fuzz.PROGRAMS / "libomni_fuzz_firmware.a"]
+    core = fuzz.BUILD / "shared" / "core" / "libomni_core.a"
+    program = folder / "planted"
+    flags = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
+    subprocess.run(["clang++", *flags, planted, *objects, *archives, core, "-o", program], check=True)
+    return program
+
+
+@pytest.mark.usefixtures("built")
+@pytest.mark.parametrize("bug", PLANTED)
+def test_a_planted_bug_is_found(tmp_path: Path, bug: str) -> None:
+    target, source, old, new, sign = PLANTED[bug]
+    program = plant(tmp_path, target, source, old, new)
+    last = tmp_path / "last"
+    found = run([str(program), "7", "20000000"], FUZZ_LAST=str(last), FUZZ_HANG_S="3")
+    assert found.returncode != 0
+    if isinstance(sign, str):
+        assert sign in found.stdout + found.stderr
+    else:
+        assert found.returncode == -sign
+    again = run([str(program), str(last)], FUZZ_HANG_S="3")
+    assert again.returncode == found.returncode
+
+
+def test_a_reader_that_lets_monsters_through_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(toml_file, "_refuse_monsters", lambda *_: None)
+    monkeypatch.setenv("FUZZ_LAST", str(tmp_path / "last"))
+    with pytest.raises((OverflowError, RecursionError, ValueError)):
+        robot_file.run(1, 2_000_000)
+    assert (tmp_path / "last").stat().st_size > 0
