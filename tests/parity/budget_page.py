@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -34,7 +33,7 @@ SIZES = {
     "size.omni_robot_t": "`omni_robot_t`: state of the core",
     "size.omni_robot_config_t": "`omni_robot_config_t`: a parameter set, derived",
     "size.omni_trajectory_t": "`omni_trajectory_t`: a planned path",
-    "size.ControlLoop": "`ControlLoop`: all of the tick's memory, with three parameter sets, three paths, three reports and the request queue",
+    "size.ControlLoop": "`ControlLoop`: all of the tick's memory, with parameter sets, paths, reports, requests",
     "stack.tick_painted": "stack below `ControlLoop::tick`, painted and looked at after all cases",
     "stack.core_bound": "stack of `omni_robot_tick`, bound from the call graph",
     "stack.tick_bound": "stack of `ControlLoop::tick`, bound from the call graph",
@@ -50,7 +49,10 @@ UPDATES = {
 
 def instruction_rows(figures: Mapping[str, int]) -> list[str]:
     """Return the table of instructions per tick."""
-    rows = ["| case | core, mean | core, max | whole tick, mean | max | share of the tick |", "|---|---:|---:|---:|---:|---:|"]
+    rows = [
+        "| case | core, mean | core, max | whole tick, mean | max | share of the tick |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
     for case, words in CASES.items():
         core, core_max, tick, tick_max = (
             figures[f"{case}.{name}"] for name in ("core_mean", "core_max", "tick_mean", "tick_max")
@@ -90,5 +92,6 @@ def write_page(page: Path, figures: Mapping[str, int]) -> None:
         "bus": bus_rows(),
     }.items():
         block = "\n".join([f"<!-- {name} -->", *rows, f"<!-- /{name} -->"])
-        text = re.sub(rf"<!-- {name} -->.*?<!-- /{name} -->", lambda _, block=block: block, text, flags=re.DOTALL)
+        before, rest = text.split(f"<!-- {name} -->", 1)
+        text = before + block + rest.split(f"<!-- /{name} -->", 1)[1]
     page.write_text(text)

@@ -60,7 +60,10 @@ def read_recorded() -> dict[str, int]:
 
 def write_recorded(figures: Mapping[str, int]) -> None:
     """Replace the recorded figures."""
-    lines = ["# SPDX-License-Identifier: MIT", "# Written by: make budgets ARGS=--write. What the figures are: docs/performance.md."]
+    lines = [
+        "# SPDX-License-Identifier: MIT",
+        "# Written by: make budgets ARGS=--write; see docs/performance.md.",
+    ]
     section = ""
     for name, value in figures.items():
         head, _, tail = name.rpartition(".")

@@ -45,9 +45,7 @@ class Build:
 
 
 GATE = (Build("gcc", "gcc"), Build("clang", "clang"), Build(CORTEX_M7, "arm-none-eabi-gcc"))
-EXTRA = tuple(
-    Build(f"{build.name}{level}", build.compiler, level) for build in GATE for level in ("-O0", "-O2")
-)
+EXTRA = tuple(Build(f"{build.name}{level}", build.compiler, level) for build in GATE for level in ("-O0", "-O2"))
 
 
 def usable(builds: Sequence[Build]) -> tuple[list[Build], list[str]]:

@@ -94,7 +94,7 @@ def compare(builds: Sequence[Build], ticks: int, seed: int, least: int, console:
 
 def main() -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description="compare the bits of the control tick between compilers and processors")
+    parser = argparse.ArgumentParser(description="compare the bits of the control tick between builds")
     parser.add_argument("--ticks", type=int, default=GATE_TICKS)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--all", action="store_true", help="also with other optimisation levels")
