@@ -14,9 +14,9 @@ BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt p
 C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[ch]' -o -name '*.[ch]pp')
 # Processes that run the tests; 0: in make's own terminal, one test after another.
 WORKERS ?= auto
-PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests
+PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware
 
-.PHONY: help setup demo test lint format bench sanitize core-checks parity budgets fuzz wheel clean
+.PHONY: help setup demo test lint format bench sanitize core-checks parity budgets fuzz wheel firmware flash clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -26,6 +26,8 @@ help:
 	@echo 'make parity       the tick gives the same bits with every compiler and on the Cortex-M7'
 	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
+	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
+	@echo 'make flash        the same, and upload it'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
 
 # Another answer means that the emulated firmware can be built now, or no more.
@@ -64,6 +66,21 @@ bench: $(VENV)/stamp-install
 wheel: $(VENV)/stamp-tools
 	$(PIP) wheel --no-build-isolation --no-deps -w dist .
 
+# A robot of platformio.ini by name, or a robot file.
+ROBOT ?= three_wheel
+ROBOT_FILE := $(filter %.toml,$(ROBOT))
+PIO := $(if $(ROBOT_FILE),OMNI_ROBOT=$(abspath $(ROBOT_FILE))) $(BIN)/pio run -e $(if $(ROBOT_FILE),robot,$(ROBOT))
+
+$(VENV)/stamp-platformio: $(VENV)/stamp-tools
+	$(PIP) install 'platformio>=6.1'
+	@touch $@
+
+firmware: $(VENV)/stamp-platformio
+	$(PIO)
+
+flash: $(VENV)/stamp-platformio
+	$(PIO) -t upload
+
 $(VENV)/stamp-lint: $(VENV)/stamp-install
 	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' pytest hypothesis
 	@touch $@
@@ -95,5 +112,5 @@ fuzz: setup
 	$(BIN)/python -m tests.fuzz.fuzz $(if $(BYTES),--bytes $(BYTES)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
 clean:
-	rm -rf build dist runs .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf build dist runs .pio .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

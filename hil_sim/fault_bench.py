@@ -16,8 +16,9 @@ from hil_sim.fault_cases import CIRCLE, FAULT_S, FaultCase, Kind
 from hil_sim.hil import HilLoop
 from hil_sim.metrics import STATE_ARMED
 from hil_sim.scenario import Event, Scenario, parse_scenario
+from hil_sim.world import World
 from omniwheel.firmware_process import FirmwareProcess
-from omniwheel.link import open_link
+from omniwheel.link import FileLink
 
 BACK_S = 0.4
 """How long the robot drives again after the fault."""
@@ -29,9 +30,8 @@ _START = (0.3, 0.0, 0.0)
 class RunningFirmware(Protocol):
     """What a started firmware offers."""
 
-    @property
-    def urls(self) -> tuple[str, ...]:
-        """Links to connect to."""
+    def open_link(self, number: int = 0) -> FileLink:
+        """Connect to one of its links."""
 
 
 Firmware = Callable[..., AbstractContextManager[RunningFirmware]]
@@ -78,12 +78,14 @@ def _entry(kind: Kind, case: FaultCase) -> dict[str, Any]:
 
 
 @contextmanager
-def firmware_loop(scenario: Scenario, firmware: Firmware = FirmwareProcess) -> Iterator[HilLoop]:
-    """Start firmware in the scenario's world and put the robot in its place, disarmed and ready."""
-    with firmware(parameters=scenario.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as running:
-        base = open_link(running.urls[0])
+def firmware_loop(
+    scenario: Scenario, firmware: Firmware = FirmwareProcess, world: World | None = None
+) -> Iterator[HilLoop]:
+    """Start firmware in the scenario's world, or in one that goes on, and tell the robot where it stands."""
+    with firmware(parameters=scenario.parameter_values(), lockstep=True) as running:
+        base = running.open_link()
         try:
-            loop = HilLoop(scenario, base)
+            loop = HilLoop(scenario, base, world)
             loop.advance(1)
             loop.place()
             yield loop

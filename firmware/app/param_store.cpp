@@ -50,6 +50,7 @@ ParamStore::Slot ParamStore::inspect(size_t number) {
     if (size < header_length + crc_length || !storage_.read(number * size, buffer_, size)) {
         return slot;
     }
+    slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
     const size_t count = get(buffer_ + at_count);
     if (get(buffer_) != magic || count > (size - header_length - crc_length) / entry_length) {
         return slot;
@@ -68,6 +69,12 @@ int ParamStore::newest() {
         return static_cast<int32_t>(second.sequence - first.sequence) > 0 ? 1 : 0;
     }
     return second.valid ? 1 : (first.valid ? 0 : -1);
+}
+
+bool ParamStore::damaged() {
+    const Slot first = inspect(0);
+    const Slot second = inspect(1);
+    return (!first.valid && !first.erased) || (!second.valid && !second.erased);
 }
 
 StoreResult ParamStore::load(omni_real_t *values) {

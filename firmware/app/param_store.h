@@ -31,12 +31,15 @@ public:
 
     /// Put the stored values over `values`, which holds the robot's own on entry. Unchanged unless `ok`.
     StoreResult load(omni_real_t *values);
+    /// A slot holds something that is neither a set nor erased memory, as a power cut while storing leaves it.
+    bool damaged();
     /// Store what differs between `values` and `robot_values`, and read it back.
     StoreResult save(const omni_real_t *values, const omni_real_t *robot_values);
 
 private:
     struct Slot {
         bool valid = false;
+        bool erased = false;
         uint32_t sequence = 0;
     };
     size_t slot_size();

@@ -54,6 +54,7 @@ void Parameters::boot() {
     std::memcpy(values, shared_.board.robot_values, sizeof values);
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
+    boot_damaged_ = store_.damaged();
     boot_result_ = store_.load(values);
     if (boot_result_ == StoreResult::ok && !adopt(values, &bad, &why)) {
         boot_result_ = StoreResult::failed;
@@ -204,6 +205,17 @@ uint8_t Parameters::storage_command(float action) {
     return MAV_RESULT_UNSUPPORTED;
 }
 
+void Parameters::say_boot_problems() {
+    if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
+        shared_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
+    }
+    if (boot_damaged_) {
+        shared_.say(MAV_SEVERITY_ERROR,
+                    Text().add(boot_result_ == StoreResult::ok ? "a stored parameter set is damaged: the other used"
+                                                               : "stored parameters are damaged: not used"));
+    }
+}
+
 void Parameters::serve() {
     for (size_t link = 0; link < shared_.board.port_count; ++link) {
         int32_t &next = list_next_[link];
@@ -214,9 +226,7 @@ void Parameters::serve() {
     }
     if (!boot_said_ && shared_.links[0].connected()) {
         boot_said_ = true;
-        if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
-            shared_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
-        }
+        say_boot_problems();
     }
 }
 

@@ -42,6 +42,7 @@ public:
     const omni_robot_config_t &config() const { return config_; }
 
 private:
+    void say_boot_problems();
     bool adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why);
     bool adopt_or_say(const omni_real_t *values);
     uint8_t load();
@@ -58,6 +59,7 @@ private:
     uint16_t sequence_ = 0;
     int32_t list_next_[Board::max_ports] = {OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT};
     StoreResult boot_result_ = StoreResult::empty;
+    bool boot_damaged_ = false; ///< a stored set cannot be read
     bool boot_said_ = false;
 };
 

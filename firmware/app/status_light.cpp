@@ -20,7 +20,7 @@ uint32_t light_pattern(omni_safety_state_t state, bool ground_station) {
 }
 
 bool light_on(omni_safety_state_t state, bool ground_station, uint64_t now_us) {
-    const auto slot = static_cast<uint32_t>(now_us / (light_slot_ms * 1000u) % light_slots);
+    const auto slot = static_cast<uint32_t>(now_us / light_slot_us % light_slots);
     return (light_pattern(state, ground_station) >> slot & 1u) != 0;
 }
 

@@ -8,9 +8,9 @@
 
 namespace omni {
 
-/// Length of a pattern: slots of slot_ms.
+/// Length of a pattern, and of each of its slots.
 constexpr uint32_t light_slots = 20;
-constexpr uint32_t light_slot_ms = 100;
+constexpr uint64_t light_slot_us = 100'000;
 
 /// Bit i: the lamp is on in slot i. @param ground_station somebody's heartbeats arrive.
 uint32_t light_pattern(omni_safety_state_t state, bool ground_station);

@@ -143,7 +143,7 @@ void Telemetry::watch_state() {
     if (state_ == before || before == OMNI_STATE_INIT) {
         return;
     }
-    for (const uint32_t id : {MAVLINK_MSG_ID_HEARTBEAT, MAVLINK_MSG_ID_OMNI_STATUS}) {
+    for (const uint32_t id : {uint32_t{MAVLINK_MSG_ID_HEARTBEAT}, uint32_t{MAVLINK_MSG_ID_OMNI_STATUS}}) {
         const size_t stream = find_stream(id);
         for (size_t link = 0; link < Board::max_ports; ++link) {
             due_[link][stream].next_us = shared_.now_us;

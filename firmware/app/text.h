@@ -30,6 +30,14 @@ public:
         } while (number != 0);
         return add(digits + at);
     }
+    /// Eight digits after 0x.
+    Text &add_hex(uint32_t number) {
+        char digits[11] = "0x00000000";
+        for (size_t at = 9; number != 0; --at, number >>= 4) {
+            digits[at] = "0123456789ABCDEF"[number & 0xF];
+        }
+        return add(digits);
+    }
     /// With up to four decimals below 100000; huge and non-finite values are named instead.
     Text &add(float value) {
         if (!(value == value)) {

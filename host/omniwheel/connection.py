@@ -8,7 +8,8 @@ advances the simulation, the same code runs deterministically.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from omniwheel.dialect import Message, mavlink
@@ -67,6 +68,15 @@ class Connection:
         """Call ``listener`` with every message from the robot; the returned function ends that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
+
+    @contextmanager
+    def without_heartbeats(self) -> Iterator[None]:
+        """Send no heartbeats while the context lasts: how a lost link looks to the robot."""
+        before, self._next_heartbeat_s = self._next_heartbeat_s, float("inf")
+        try:
+            yield
+        finally:
+            self._next_heartbeat_s = before
 
     def send(self, message: Message) -> None:
         """Send one message."""

@@ -12,18 +12,21 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import IO
 
-from omniwheel.errors import FirmwareNotFoundError, FirmwareStartError
+from omniwheel.errors import FirmwareNotFoundError, FirmwareStartError, LinkOpenError
 from omniwheel.firmware_child import FirmwareChild
+from omniwheel.link import FileLink, StreamLink
 from omniwheel.parameters import ParameterValue
 from omniwheel.paths import MissingFileError, emulated_firmware_path
 
 COMPILER = "the Arm compiler (Debian: apt-get install gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib)"
+DIRECT = "direct"
 EMULATOR = "qemu-system-arm"
 MACHINE = "mps2-an500"
 MAX_LINKS = 4
 READY = b'{"ready":true}'
 _INJECT_UART = 4
 _STORAGE = "storage"
+_LOG = "log"
 _LINK_KINDS = "tcp:HOST:PORT, udp:HOST:PORT or pty[:SYMLINK] is needed"
 
 
@@ -32,12 +35,16 @@ class EmulatedFirmware(FirmwareChild):
 
     ``robot``, ``links``, ``lockstep``, ``storage`` and ``parameters`` are :class:`omniwheel.FirmwareProcess`'s. A
     link is a serial port there: it does not see clients come and go, so nothing greets a new one, a robot in
-    host-in-the-loop stays in it, and a second client waits until the first has gone.
+    host-in-the-loop stays in it, and a second client waits until the first has gone. The emulator moves its bytes one
+    by one. With ``lockstep`` the last link may be ``direct`` instead: whole blocks, many times faster, to this process
+    only (:meth:`open_link`); the processor stands still while it waits for them.
 
     With ``icount_shift`` every instruction takes 2**shift ns of the emulated time, which then runs as fast as this
     computer can; without, it is real time. ``watchdog_ms`` 0 switches the watchdog off. With ``crash_resets`` the
-    processor starts again after a crash, as the robot's does, instead of ending. ``injectable`` makes
-    :meth:`crash` and :meth:`hang` work. Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
+    processor starts again after a crash, as the robot's does, instead of ending. ``injectable`` makes :meth:`crash` and
+    :meth:`hang` work. With ``pins`` a world at the board's pins keeps step with the emulated time (hil_sim.pins);
+    its serial line is the robot's link 1, before ``links``.
+    Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
     """
 
     def __init__(
@@ -54,27 +61,50 @@ class EmulatedFirmware(FirmwareChild):
         reset_cause: str = "power_on",
         crash_resets: bool = False,
         injectable: bool = False,
+        pins: bool = False,
     ) -> None:
         super().__init__(robot, parameters)
         if not 1 <= len(links) <= MAX_LINKS:
             raise FirmwareStartError(f"{len(links)} links: the emulated board has 1 to {MAX_LINKS}")
+        if DIRECT in links[:-1] or (links[-1] == DIRECT and not lockstep):
+            raise FirmwareStartError(f"only the last link may be {DIRECT}, and only with lockstep")
         self._wanted = tuple(links)
+        self._direct: socket.socket | None = None
         self._storage = None if storage is None else Path(storage)
         self._program = Path(program) if program is not None else _program()
         self._emulator = _emulator()
         self._icount = [] if icount_shift is None else ["-icount", f"shift={icount_shift},align=off,sleep=off"]
-        self._words = ["--links", str(len(links)), "--reset-cause", reset_cause]
+        self._words = ["--log", _LOG, "--links", str(len(links)), "--reset-cause", reset_cause]
         self._words += [] if watchdog_ms is None else ["--watchdog", str(watchdog_ms)]
         flags = {
             "--lockstep": lockstep,
+            "--console-link": links[-1] == DIRECT,
             "--catch-up": not lockstep and icount_shift is None,
             "--crash-resets": crash_resets,
+            "--pins": pins,
             "--inject": injectable,
         }
         self._words += [flag for flag, wanted in flags.items() if wanted]
         self._injectable = injectable
+        self._uses_stdio = pins or links[-1] == DIRECT
         self._inject: socket.socket | None = None
         self._symlinks: list[Path] = []
+
+    def open_link(self, number: int = 0) -> FileLink:
+        """Connect to one of the links; to a direct one at most once. Raises LinkOpenError."""
+        if self._wanted[number] != DIRECT:
+            return super().open_link(number)
+        if self._direct is None:
+            raise LinkOpenError("the direct link to the emulated firmware has been opened before")
+        mine, self._direct = self._direct, None
+        return StreamLink(DIRECT, mine)
+
+    def open_pins(self) -> socket.socket:
+        """Return the connection to the pins of a firmware with ``pins``; at most once. Closing it ends the emulator."""
+        if not self._uses_stdio or self._direct is None:
+            raise LinkOpenError("the emulated firmware has no pins for a world, or they have been taken before")
+        mine, self._direct = self._direct, None
+        return mine
 
     def crash(self) -> None:
         """Make the program fault, at once."""
@@ -91,9 +121,10 @@ class EmulatedFirmware(FirmwareChild):
 
     def stop(self) -> int | None:
         """End the emulator; return its exit code. Harmless when it has ended."""
-        if self._inject is not None:
-            self._inject.close()
-            self._inject = None
+        for mine in (self._inject, self._direct):
+            if mine is not None:
+                mine.close()
+        self._inject = self._direct = None
         for symlink in self._symlinks:
             symlink.unlink(missing_ok=True)
         self._symlinks.clear()
@@ -105,8 +136,8 @@ class EmulatedFirmware(FirmwareChild):
         if self._storage is not None:
             (folder / _STORAGE).symlink_to(_usable_storage(self._storage))
             words += ["--storage", _STORAGE]
-        semihosting = ",".join(["enable=on", "target=native", *(f"arg={word}" for word in words)])
         command = [*self._emulator, "-M", MACHINE, "-kernel", str(self._program), "-display", "none"]
+        semihosting = ",".join(["enable=on", "target=native", *(f"arg={word}" for word in words)])
         command += ["-monitor", "none", "-semihosting-config", semihosting, *self._icount]
         with ExitStack() as ours:
             serial = _SerialPorts(ours)
@@ -115,8 +146,14 @@ class EmulatedFirmware(FirmwareChild):
             serial.skip_to(_INJECT_UART)
             if self._injectable:
                 self._inject = serial.add_pair()
-            self._spawn([*command, *serial.options], stdout=log, stderr=log, cwd=folder, pass_fds=serial.fds)
-        log_path = folder / "log"
+            command += serial.options
+            if self._uses_stdio:
+                self._direct, its = socket.socketpair()
+                ours.enter_context(its)
+                self._spawn(command, stdin=its, stdout=its, stderr=log, cwd=folder, pass_fds=serial.fds)
+            else:
+                self._spawn(command, stdout=log, stderr=log, cwd=folder, pass_fds=serial.fds)
+        log_path = folder / _LOG
         if not self._wait_until(lambda: READY in log_path.read_bytes()):
             raise self._not_started()
         return self._named_links(serial.links, log_path.read_text(errors="replace"))
@@ -156,7 +193,9 @@ class _SerialPorts:
 
     def add_link(self, link: str) -> None:
         kind, _, address = link.partition(":")
-        if kind == "pty":
+        if link == DIRECT:
+            self.links.append(link)
+        elif kind == "pty":
             self._add("pty")
             self.links.append(link)
         elif kind == "tcp":
@@ -203,9 +242,12 @@ def _split(link: str, address: str) -> tuple[str, int]:
 
 def _listen(host: str, port: int) -> socket.socket:
     try:
-        return socket.create_server((host, port))
+        listener = socket.create_server((host, port))
     except OSError as error:
         raise FirmwareStartError(f"cannot listen at {host}:{port}: {error.strerror}") from error
+    # Connections inherit it; the emulated serial port sends byte by byte, and each must go at once.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return listener
 
 
 def _usable_storage(path: Path) -> Path:

@@ -21,6 +21,7 @@
     │   ├── FirmwareNotFoundError     it, or the emulator, is not installed
     │   ├── FirmwareStartError        it ended or did not get ready
     │   └── FirmwareEndedError        it ended while it was used; says its last words
+    ├── FlashError                    the Teensy's firmware could not be built, uploaded or found running
     ├── MocapError                    a stream of poses from motion capture
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
     │   ├── MocapLibraryError         the library that reads it is not installed
@@ -161,6 +162,10 @@ class FirmwareEndedError(FirmwareError):
         super().__init__(f"the firmware ended with exit code {code}{why}", hint="\n".join(said[1:]))
         self.code = code
         self.messages = messages
+
+
+class FlashError(OmniError):
+    """The Teensy's firmware could not be built, uploaded or found running afterwards."""
 
 
 class MocapError(OmniError):

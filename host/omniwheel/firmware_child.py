@@ -12,12 +12,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, TypeVar
 
-from omniwheel.errors import FirmwareEndedError, FirmwareStartError, LinkError
+from omniwheel.errors import FirmwareEndedError, FirmwareStartError, LinkLostError
+from omniwheel.link import FileLink, open_link
 from omniwheel.parameters import ParameterValue, checked_value
 from omniwheel.robots import parameter_table, read_robot
 
 READY_TIMEOUT_S = 20.0
 _STOP_TIMEOUT_S = 3.0
+_ENDING_S = 1.0
 _POLL_S = 0.01
 _MESSAGES_KEPT = 4000
 
@@ -48,16 +50,29 @@ class FirmwareChild(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        ended = None if self._process is None else self._process.poll()
+        ended = self._ending() if isinstance(error, LinkLostError) else None
         said = self.messages
         self.stop()
-        if ended is not None and isinstance(error, LinkError):
+        if ended is not None:
             raise FirmwareEndedError(ended, said) from error
+
+    def _ending(self) -> int | None:
+        """Return the exit code of a process that is ending by itself: its links are closed a moment before."""
+        if self._process is None:
+            return None
+        try:
+            return self._process.wait(_ENDING_S)
+        except subprocess.TimeoutExpired:
+            return None
 
     @property
     def urls(self) -> tuple[str, ...]:
         """Link URLs to connect to, in the order of ``links``."""
         return tuple(_as_url(link) for link in self.links)
+
+    def open_link(self, number: int = 0) -> FileLink:
+        """Connect to one of the links. Raises LinkOpenError."""
+        return open_link(self.urls[number])
 
     @property
     def pid(self) -> int | None:
@@ -68,6 +83,11 @@ class FirmwareChild(ABC):
     def running(self) -> bool:
         """Whether the process is there."""
         return self._process is not None and self._process.poll() is None
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code of a process that has ended by itself, None while it runs."""
+        return None if self._process is None else self._process.poll()
 
     @property
     def messages(self) -> str:
@@ -84,7 +104,7 @@ class FirmwareChild(ABC):
         folder = Path(self._folder.name)
         parameters = folder / "parameters"
         parameters.write_text("".join(f"{name}={value!r}\n" for name, value in self.values.items()), encoding="ascii")
-        self._log = (folder / "log").open("w+b")
+        self._log = (folder / "log").open("a+b")
         self.links = self._launch(folder, parameters, self._log)
 
     @abstractmethod
@@ -93,7 +113,7 @@ class FirmwareChild(ABC):
 
     def _spawn(self, command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
         try:
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, **options)
+            self._process = subprocess.Popen(command, **{"stdin": subprocess.DEVNULL, **options})
         except OSError as error:
             raise FirmwareStartError(f"cannot start {command[0]}: {error.strerror}") from error
         return self._process

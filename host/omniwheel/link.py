@@ -102,17 +102,12 @@ def _open_error(url: str, error: OSError, hint: str) -> LinkOpenError:
     return LinkOpenError(f"cannot open {url}: {reason[:1].lower()}{reason[1:]}", hint=hint)
 
 
-class TcpLink:
-    """A TCP client."""
+class StreamLink:
+    """A connected stream socket, which becomes the link's."""
 
-    def __init__(self, url: str, address: LinkAddress, timeout_s: float) -> None:
+    def __init__(self, url: str, connection: socket.socket) -> None:
         self.url = url
-        try:
-            self._socket = socket.create_connection((address.place, address.number), timeout_s)
-        except OSError as error:
-            hint = "is the robot or `omni sitl` listening there? check host and port"
-            raise _open_error(url, error, hint) from error
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket = connection
         self._socket.settimeout(None)  # the lockstep runner reads and writes the descriptor itself
 
     def fileno(self) -> int:
@@ -147,6 +142,19 @@ class TcpLink:
     def _lost(self) -> LinkLostError:
         hint = "the robot serves one client per port: is another program connected, or did the robot stop?"
         return LinkLostError(f"the robot closed the connection {self.url}", hint=hint)
+
+
+class TcpLink(StreamLink):
+    """A TCP client."""
+
+    def __init__(self, url: str, address: LinkAddress, timeout_s: float) -> None:
+        try:
+            connection = socket.create_connection((address.place, address.number), timeout_s)
+        except OSError as error:
+            hint = "is the robot or `omni sitl` listening there? check host and port"
+            raise _open_error(url, error, hint) from error
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        super().__init__(url, connection)
 
 
 class UdpLink:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import random
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -93,3 +94,17 @@ def test_the_lamp_plays_its_pattern_every_two_seconds(parts: ctypes.CDLL, state:
     for start_us in (0, 2_000_000, 86_400_000_000_000):
         seen = sum(parts.light_on(state, False, start_us + slot * 100_000 + 50_000) << slot for slot in range(SLOTS))
         assert seen == pattern
+
+
+def test_the_documentation_shows_the_patterns(parts: ctypes.CDLL) -> None:
+    text = (ROOT / "docs" / "teensy.md").read_text(encoding="utf-8")
+    shown = [int(bits[::-1], 2) for bits in re.findall(r"`([01]{20})`", text)]
+    order = [
+        ("init", True),
+        ("disarmed", True),
+        ("disarmed", False),
+        ("armed", True),
+        ("failsafe", True),
+        ("estop", True),
+    ]
+    assert shown == [parts.light_pattern(STATES[name], ground_station) for name, ground_station in order]

@@ -23,6 +23,7 @@ public:
     void check_outputs() const;
 
     static constexpr size_t channels = 16;
+    static constexpr uint8_t address = 0x40;
 
 private:
     uint8_t registers_[256] = {};

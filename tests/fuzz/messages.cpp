@@ -125,7 +125,11 @@ void fill_param_set(uint8_t *payload, Script &script, bool only_nonsense) {
 void fill_command(uint8_t *payload, Script &script, const Manners &manners) {
     constexpr size_t at_number = offsetof(mavlink_command_long_t, command);
     static_assert(at_number == offsetof(mavlink_command_int_t, command), "the number stands at the same place");
-    const uint16_t command = script.one_in(16) ? script.number<uint16_t>() : commands[script.below(std::size(commands))];
+    constexpr uint16_t first_of_ours = 60110;
+    uint16_t command = commands[script.below(std::size(commands))];
+    if (script.one_in(8)) {
+        command = script.one_in(4) ? script.number<uint16_t>() : static_cast<uint16_t>(first_of_ours + script.below(20));
+    }
     put(payload, at_number, command);
     if (command == MAV_CMD_COMPONENT_ARM_DISARM && !manners.may_arm) {
         float first = 0.0f;

@@ -61,6 +61,7 @@ bool FakeBus::submit(const omni::I2cTransaction *batch, size_t count) {
         return false;
     }
     busy_ = true;
+    foreign_ = count > 0 && batch[0].address != Chip::address;
     for (size_t i = 0; i < count && fate == omni::I2cStatus::done; ++i) {
         chip.transact(batch[i].address, batch[i].write, batch[i].write_length, read_, batch[i].read_length);
     }
@@ -73,7 +74,7 @@ omni::I2cStatus FakeBus::poll(uint8_t *read) {
         return busy_ ? omni::I2cStatus::busy : omni::I2cStatus::idle;
     }
     busy_ = false;
-    return fate;
+    return foreign_ && fate == omni::I2cStatus::done ? omni::I2cStatus::nack : fate;
 }
 
 size_t FakePort::read(uint8_t *data, size_t capacity) {
@@ -94,13 +95,17 @@ bool FakePort::write(const uint8_t *data, size_t length) {
 }
 
 bool FakeStorage::read(size_t offset, uint8_t *data, size_t length) {
-    check(offset <= used && length <= used - offset, "the memory is read within its bounds", static_cast<long>(offset));
+    if (offset > used || length > used - offset) {
+        return false;
+    }
     std::memcpy(data, bytes + offset, length);
     return true;
 }
 
 bool FakeStorage::write(size_t offset, const uint8_t *data, size_t length) {
-    check(offset <= used && length <= used - offset, "the memory is written within its bounds", static_cast<long>(offset));
+    if (offset > used || length > used - offset) {
+        return false;
+    }
     const size_t count = std::min(length, writes_left);
     std::memcpy(bytes + offset, data, count);
     writes_left -= count;

@@ -37,6 +37,7 @@ struct FakeBus final : omni::I2cBus {
 
 private:
     bool busy_ = false;
+    bool foreign_ = false; ///< what is on the wire is for nobody here
     uint8_t read_[omni::I2cTransaction::max_read] = {};
 };
 

@@ -264,6 +264,15 @@ void Teensy40I2c::recover() {
     timed_ = timer_.begin(on_timer, half_clock_us);
 }
 
+I2cStats Teensy40I2c::stats() {
+    I2cStats stats;
+    stats.nacks = counters_.nacks;
+    stats.timeouts = counters_.timeouts + counters_.arbitration_losses;
+    stats.recoveries = counters_.recoveries;
+    stats.last_us = static_cast<uint16_t>(std::min(counters_.last_us, uint32_t{UINT16_MAX}));
+    return stats;
+}
+
 void Teensy40I2c::end_clear(I2cBusClear::Result result) {
     counters_.scl_stuck += result == I2cBusClear::Result::scl_stuck;
     counters_.sda_stuck += result == I2cBusClear::Result::sda_stuck;

@@ -46,6 +46,8 @@ public:
     /// A batch longer than twice its time on the wire plus 0.5 ms is given up as stuck; so is one that lost the bus.
     I2cStatus poll(uint8_t *read) override;
     void recover() override;
+    /// A batch that lost the bus counts as a time-out here.
+    I2cStats stats() override;
     const I2cCounters &counters() const { return counters_; }
 
     /// Interrupt context.

@@ -10,9 +10,12 @@ import typer
 from omniwheel import __version__
 from omniwheel.cli import (
     bench,
+    bringup,
     demo,
     doctor,
     drive,
+    emulate,
+    flash,
     hil,
     identify,
     legacy,
@@ -27,6 +30,7 @@ from omniwheel.cli import (
     robots,
     sim,
     sitl,
+    soak,
     tune,
 )
 from omniwheel.cli.common import OmniGroup, console
@@ -58,8 +62,10 @@ def _options(
 
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 app.command("sitl", epilog=sitl.EXAMPLES)(sitl.sitl)
+app.command("emulate", epilog=emulate.EXAMPLES)(emulate.emulate)
 app.command("hil", epilog=hil.EXAMPLES)(hil.hil)
 app.command("sim", epilog=sim.EXAMPLES)(sim.sim)
+app.command("soak", epilog=soak.EXAMPLES)(soak.soak)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("plot", epilog=plot.EXAMPLES)(plot.plot)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
@@ -73,7 +79,9 @@ app.command("record", epilog=record.EXAMPLES)(record.record)
 app.add_typer(logs.app, name="logs")
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
+app.add_typer(bringup.app, name="bringup")
 app.add_typer(identify.app, name="identify")
+app.command("flash", epilog=flash.EXAMPLES)(flash.flash)
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 
 

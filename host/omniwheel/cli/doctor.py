@@ -8,7 +8,7 @@ import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -19,8 +19,9 @@ from rich.table import Table
 from omniwheel import __version__
 from omniwheel.cli.common import JsonOption, console, examples, print_json
 from omniwheel.paths import MissingFileError, firmware_path
-from omniwheel.ports import serial_ports
+from omniwheel.ports import Port, serial_ports
 from omniwheel.robots import robot_names
+from omniwheel.usb_access import SERIAL_GROUPS, missing_group, refused_ports, teensy_rule
 
 EXAMPLES = examples("omni doctor", "omni doctor --json")
 _PYTHON = (3, 10)
@@ -29,7 +30,7 @@ _TOOLS = {
     "mavproxy.py": ("MAVProxy", "a command-line ground station"),
     "pio": ("PlatformIO", "building and flashing the Teensy firmware"),
     "qemu-system-arm": ("QEMU", "running the firmware on an emulated Cortex-M7"),
-    "arm-none-eabi-gcc": ("Arm GCC", "compiling the control core for Cortex-M7"),
+    "arm-none-eabi-gcc": ("Arm GCC", "compiling core and firmware for the emulated Cortex-M7"),
     "cmake": ("CMake", "building from source"),
 }
 
@@ -45,8 +46,8 @@ class Finding:
 
 def doctor(as_json: JsonOption = False) -> None:
     """Check the installation, list serial ports and tools. Exit code 1: something required is missing."""
-    findings = [*_required(), *_tools()]
     ports = serial_ports()
+    findings = [*_required(), *_tools(), *_access(ports)]
     healthy = all(finding.ok is not False for finding in findings)
     if as_json:
         print_json({"ok": healthy, "checks": [asdict(f) for f in findings], "ports": [asdict(p) for p in ports]})
@@ -119,6 +120,23 @@ def _tool(program: str, name: str, purpose: str) -> Finding:
     beside_python = str(Path(sys.executable).parent)
     path = shutil.which(program) or shutil.which(program, path=beside_python)
     return Finding(name, True if path else None, f"{path}, for {purpose}" if path else f"not found; for {purpose}")
+
+
+def _access(ports: Sequence[Port]) -> list[Finding]:
+    """What Linux wants to be told before a Teensy may be used; never a reason to call the installation broken."""
+    if sys.platform != "linux":
+        return []
+    rule = teensy_rule()
+    no_rule = (
+        "not found; for flashing without root: put https://www.pjrc.com/teensy/00-teensy.rules into /etc/udev/rules.d"
+    )
+    findings = [Finding("Teensy udev rule", True if rule else None, str(rule) if rule else no_rule)]
+    refused, group = refused_ports([port.device for port in ports]), missing_group()
+    if refused or group:
+        what = f"no permission for {', '.join(refused)}" if refused else f"you are not in the group {group}"
+        how = f"sudo usermod -aG {group or SERIAL_GROUPS[0]} $USER, then log in again"
+        return [*findings, Finding("serial ports", None, f"{what}; {how}")]
+    return [*findings, Finding("serial ports", True, "may be opened")]
 
 
 def _findings_table(findings: list[Finding]) -> Table:

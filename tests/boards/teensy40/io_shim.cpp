@@ -133,6 +133,14 @@ void i2c_counters(uint32_t *out) {
     std::memcpy(out, &i2c->counters(), sizeof(I2cCounters));
 }
 
+void i2c_stats(uint32_t *out) {
+    const I2cStats stats = i2c->stats();
+    out[0] = stats.nacks;
+    out[1] = stats.timeouts;
+    out[2] = stats.recoveries;
+    out[3] = stats.last_us;
+}
+
 void bus_advance_us(uint32_t us) {
     fake::advance_us(us);
 }

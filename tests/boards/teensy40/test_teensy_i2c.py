@@ -121,7 +121,7 @@ def expected(batch: list[Transaction], events: list[int]) -> list[int]:
 
 def test_random_batches_leave_exactly_their_bytes(bus: Bus) -> None:
     rng = random.Random(4)
-    for _ in range(1500):
+    for _ in range(10_000):
         batch = random_batch(rng)
         assert bus.submit(*batch)
         status = bus.finish()
@@ -311,6 +311,24 @@ def test_recovery_of_a_bus_that_is_free_or_busy_harms_nothing(bus: Bus) -> None:
         bus.tick(200)
         assert works(bus)
     assert no_mistakes(bus)
+
+
+def test_what_went_wrong_is_told(bus: Bus) -> None:
+    bus.c.bus_refuse_byte(3)
+    for status, hold in (("nack", None), ("stuck", (SDA, 3, 9)), ("stuck", (SCL, 3, FOR_EVER))):
+        if hold:
+            bus.c.bus_hold(*hold)
+        assert bus.submit(*UPDATE)
+        assert bus.finish() == status
+        bus.c.bus_let_go()
+        if status == "stuck":
+            bus.c.i2c_recover()
+            bus.tick()
+    assert works(bus)
+    stats = (ctypes.c_uint32 * 4)()
+    bus.c.i2c_stats(stats)
+    assert list(stats[:3]) == [1, 2, 2]  # lost to a low SDA, and never ended
+    assert stats[3] == bus.counter("last_us") > 260
 
 
 # ---------------------------------------------------------------- the motor driver on this bus

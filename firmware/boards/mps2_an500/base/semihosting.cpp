@@ -20,6 +20,10 @@ enum class Service : uint32_t {
 };
 
 constexpr uintptr_t application_exit = 0x20026;
+constexpr const char *console_name = ":tt";
+
+/// Where text goes; -1: to the console.
+int print_handle = -1;
 
 intptr_t call(Service service, const void *argument) {
     register auto r0 asm("r0") = static_cast<uintptr_t>(service);
@@ -74,7 +78,24 @@ int semihosting_errno() {
 }
 
 void semihosting_print(const char *text) {
-    call(Service::write0, text);
+    if (print_handle < 0) {
+        call(Service::write0, text);
+    } else {
+        // QEMU writes there too, and does not keep to the end of a file that is opened for appending.
+        semihosting_seek(print_handle, static_cast<size_t>(semihosting_length(print_handle)));
+        semihosting_write(print_handle, text, std::strlen(text));
+    }
+}
+
+bool semihosting_print_to(const char *path) {
+    print_handle = semihosting_open(path, OpenMode::append);
+    return print_handle >= 0;
+}
+
+int semihosting_open_console(bool for_reading) {
+    const uintptr_t mode = for_reading ? 0 : 4;
+    const uintptr_t block[] = {word(console_name), mode, std::strlen(console_name)};
+    return call(Service::open, block);
 }
 
 bool semihosting_command_line(char *text, size_t capacity) {

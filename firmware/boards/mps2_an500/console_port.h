@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: MIT
+/// @file console_port.h  A MAVLink link over the emulator's standard input and output: whole blocks at a time, for lockstep.
+///
+/// An emulated serial port costs the emulator's main loop a round per byte; this link, one call per direction.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+
+namespace omni {
+
+class ConsolePort final : public SerialPort {
+public:
+    /// @return false if the emulator has no console.
+    bool open();
+    /// Until bytes come; the whole machine stands still. Ends the emulator when the other end has gone.
+    void wait();
+    bool waiting() const { return taken_ < filled_; }
+    /// True once after something was sent: there may be more to send, which waited for room.
+    bool has_sent();
+    size_t read(uint8_t *data, size_t capacity) override;
+    size_t write_space() override { return most_; }
+    bool write(const uint8_t *data, size_t length) override;
+    /// It does not see who is at the other end.
+    uint32_t session() override { return 1; }
+
+private:
+    static constexpr size_t most_ = 8192;
+    int in_ = -1;
+    int out_ = -1;
+    size_t filled_ = 0;
+    size_t taken_ = 0;
+    bool sent_ = false;
+    uint8_t bytes_[1024] = {};
+};
+
+} // namespace omni

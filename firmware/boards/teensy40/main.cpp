@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: MIT
+/// @file main.cpp  The firmware on a Teensy 4.0: puts the parts together, ticks by a timer interrupt, serves the links in loop().
+#include <Arduino.h>
+#include <IntervalTimer.h>
+
+#include "app/app.h"
+#include "app/core.h"
+#include "boards/teensy40/battery.h"
+#include "boards/teensy40/clock.h"
+#include "boards/teensy40/encoders.h"
+#include "boards/teensy40/i2c.h"
+#include "boards/teensy40/memory.h"
+#include "boards/teensy40/pins.h"
+#include "boards/teensy40/ports.h"
+#include "boards/teensy40/priorities.h"
+#include "boards/teensy40/storage.h"
+#include "boards/teensy40/watchdog.h"
+#include "omni/wiring_gen.h"
+
+namespace omni {
+namespace {
+
+constexpr bool battery_wired = wiring::battery_pin >= 0;
+constexpr uint32_t radio_baud = 9600;
+/// What was said before a reboot gets this long to leave.
+constexpr uint64_t farewell_us = 100'000;
+
+class Teensy40 {
+public:
+    Board begin();
+    void start(App &app, void (*on_timer)());
+    void tick();
+    void loop();
+    float battery_V() const { return battery_.volts(); }
+
+private:
+    [[noreturn]] void reboot();
+
+    Teensy40Clock clock_;
+    Teensy40OutputEnable output_enable_;
+    Teensy40Light light_;
+    Teensy40Watchdog watchdog_;
+    Teensy40Flash flash_{watchdog_};
+    FlashLog storage_{flash_};
+    UsbPort usb_;
+    RadioPort radio_;
+    Teensy40Encoders encoders_;
+    Teensy40I2c i2c_;
+    Battery battery_{battery_wired ? static_cast<uint8_t>(wiring::battery_pin) : uint8_t{0}, wiring::battery_divider};
+    IntervalTimer timer_;
+    App *app_ = nullptr;
+};
+
+Teensy40 &machine() {
+    static Teensy40 instance;
+    return instance;
+}
+
+void on_timer() {
+    machine().tick();
+}
+
+float battery_V() {
+    return machine().battery_V();
+}
+
+/// Everything that may take long comes before the watchdog is started.
+Board Teensy40::begin() {
+    output_enable_.begin();
+    paint_stack();
+    light_.begin();
+    light_.set(true);
+    watchdog_.begin();
+    storage_.begin();
+    radio_.begin(radio_baud);
+    encoders_.begin();
+    i2c_.begin();
+    if (battery_wired) {
+        battery_.begin();
+    }
+    Board board;
+    board.clock = &clock_;
+    board.encoders = &encoders_;
+    board.i2c = &i2c_;
+    board.output_enable = &output_enable_;
+    board.light = &light_;
+    board.ports[0] = &usb_;
+    board.ports[1] = &radio_;
+    board.port_count = 2;
+    board.storage = &storage_;
+    board.watchdog = &watchdog_;
+    board.robot_values = omni_robot_presets[0].values;
+    board.battery_V = battery_wired ? omni::battery_V : nullptr;
+    board.memory_free = memory_free;
+    return board;
+}
+
+void Teensy40::start(App &app, void (*callback)()) {
+    app_ = &app;
+    flash_.watched();
+    watchdog_.start();
+    timer_.priority(priority_tick);
+    timer_.begin(callback, static_cast<uint32_t>(OMNI_TICK_US));
+}
+
+void Teensy40::tick() {
+    watchdog_.tick();
+    app_->tick();
+    if (battery_wired) {
+        battery_.sample();
+    }
+}
+
+void Teensy40::loop() {
+    app_->background();
+    if (app_->reboot_wanted()) {
+        reboot();
+    }
+}
+
+void Teensy40::reboot() {
+    const uint64_t begin_us = clock_.now_us();
+    while (clock_.now_us() - begin_us < farewell_us) {
+        app_->background();
+    }
+    timer_.end();
+    output_enable_.set(false);
+    watchdog_.reset();
+}
+
+} // namespace
+} // namespace omni
+
+void setup() {
+    using namespace omni;
+    const Board board = machine().begin();
+    static App app(board, false);
+    machine().start(app, on_timer);
+}
+
+void loop() {
+    omni::machine().loop();
+}

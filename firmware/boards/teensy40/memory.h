@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: MIT
+/// @file memory.h  How much of the stack and of the heap was never used.
+#pragma once
+
+#include "app/board.h"
+
+namespace omni {
+
+/// Fill the unused part of the stack with a pattern. Early, and only once.
+void paint_stack();
+
+/// Looks how far the pattern has been written over.
+MemoryFree memory_free();
+
+} // namespace omni

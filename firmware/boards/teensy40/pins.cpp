@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+#include "boards/teensy40/pins.h"
+
+#include <Arduino.h>
+
+#include "boards/teensy40/faults.h"
+#include "omni/wiring_gen.h"
+
+namespace omni {
+namespace {
+
+constexpr bool oe_wired = wiring::output_enable_pin >= 0;
+constexpr uint8_t oe_pin = oe_wired ? static_cast<uint8_t>(wiring::output_enable_pin) : 0;
+
+void drive_outputs_off() {
+    *portSetRegister(oe_pin) = digitalPinToBitMask(oe_pin); // before the pin becomes an output
+    pinMode(oe_pin, OUTPUT);
+}
+
+} // namespace
+
+void Teensy40OutputEnable::begin() {
+    if (oe_wired) {
+        drive_outputs_off();
+        set_on_fault(portSetRegister(oe_pin), digitalPinToBitMask(oe_pin));
+    }
+}
+
+bool Teensy40OutputEnable::wired() {
+    return oe_wired;
+}
+
+void Teensy40OutputEnable::set(bool on) {
+    if (oe_wired) {
+        digitalWrite(oe_pin, on ? LOW : HIGH);
+    }
+}
+
+void Teensy40Light::begin() {
+    pinMode(wiring::light_pin, OUTPUT);
+}
+
+void Teensy40Light::set(bool on) {
+    digitalWrite(wiring::light_pin, on ? HIGH : LOW);
+}
+
+} // namespace omni
+
+/// Called by Teensyduino's start-up some milliseconds after reset, before it waits 300 ms for USB.
+extern "C" void startup_middle_hook() {
+    if (omni::oe_wired) {
+        omni::drive_outputs_off();
+    }
+}

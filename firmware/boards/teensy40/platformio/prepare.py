@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: MIT
+"""PlatformIO runs this before it builds: writes the robot's tables, its pins and the MAVLink codec into the build."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from SCons.Script import DefaultEnvironment
+
+PARTS = ("tables", "wiring", "mavlink-c")
+# Module name and what pip installs for it.
+PACKAGES = {"pymavlink": "pymavlink>=2.4.41"} | ({} if sys.version_info >= (3, 11) else {"tomli": "tomli>=2"})
+
+env: Any = DefaultEnvironment()
+root = Path(env.subst("$PROJECT_DIR"))
+generated = Path(env.subst("$BUILD_DIR")) / "generated"
+generator = root / "shared" / "generate"
+
+
+def stop(message: str) -> None:
+    """End the build with a message that says what to do."""
+    sys.stderr.write(f"Error: {message}\n")
+    env.Exit(1)
+
+
+def robot_file() -> Path:
+    """Return the robot file that this environment is for."""
+    name = os.environ.get("OMNI_ROBOT") or env.GetProjectOption("custom_robot", "")
+    if not name:
+        stop("which robot? OMNI_ROBOT=my_robot.toml pio run -e robot, or pio run -e three_wheel")
+    path = Path(name) if Path(name).is_absolute() else root / name
+    if not path.is_file():
+        stop(f"robot file {path} does not exist; give OMNI_ROBOT a path from {root}, or a whole one")
+    return path
+
+
+def need_packages() -> None:
+    """Install what the generator needs into PlatformIO's own Python."""
+    missing = [wanted for module, wanted in PACKAGES.items() if importlib.util.find_spec(module) is None]
+    if not missing:
+        return
+    names = " ".join(f'"{name}"' for name in missing)
+    command = f'"$PYTHONEXE" -m pip install {names}'
+    if env.Execute(env.VerboseAction(command, f"Installing {names} for the code generator")):
+        python = env.subst("$PYTHONEXE")
+        stop(f"could not install {names} (no network?); install it by hand: {python} -m pip install {names}")
+
+
+def fingerprint(robot: Path) -> str:
+    """Return a hash of everything that the generated files depend on, the version apart."""
+    files = [robot, root / "shared" / "params.toml", *(root / "shared" / "link").iterdir(), *generator.rglob("*.py")]
+    state = hashlib.sha256()
+    for path in sorted(files):
+        state.update(str(path).encode() + path.read_bytes())
+    return state.hexdigest()
+
+
+def generate(robot: Path, parts: tuple[str, ...]) -> None:
+    """Run the generator; its own message says what is wrong with a robot file."""
+    command = [env.subst("$PYTHONEXE"), str(generator / "generate.py"), "--out", str(generated), "--robot", str(robot)]
+    for part in parts:
+        command += ["--part", part]
+    if subprocess.run(command, check=False).returncode != 0:
+        env.Exit(1)
+
+
+def prepare() -> None:
+    """Bring the generated files up to date and put them and the system headers into the build."""
+    robot = robot_file()
+    need_packages()
+    stamp = generated / "stamp"
+    wanted = fingerprint(robot)
+    if not stamp.is_file() or stamp.read_text(encoding="utf-8") != wanted:
+        generate(robot, PARTS)
+        stamp.write_text(wanted, encoding="utf-8")
+    generate(robot, ("version",))
+    framework = Path(env.PioPlatform().get_package_dir("framework-arduinoteensy")) / "cores" / "teensy4"
+    # Headers of others, whose warnings are not ours to mend.
+    for folder in (generated / "mavlink", framework):
+        env.Append(CCFLAGS=["-isystem", str(folder)])
+    env.Append(CPPPATH=[str(generated / "include")])
+    if os.environ.get("OMNI_WERROR", "1") != "0":
+        env.Append(SRC_BUILD_FLAGS=["-Werror"])
+    env.BuildSources(str(generated / "objects"), str(generated / "src"))
+    print(f"Robot file: {robot}")
+
+
+prepare()

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#include "boards/teensy40/ports.h"
+
+#include <Arduino.h>
+
+#include <algorithm>
+
+namespace omni {
+
+uint32_t UsbPort::session() {
+    const bool open = usb_configuration != 0 && Serial.dtr() != 0;
+    if (open && !open_) {
+        ++sessions_;
+    }
+    open_ = open;
+    return open ? sessions_ : 0;
+}
+
+size_t UsbPort::read(uint8_t *data, size_t capacity) {
+    if (session() == 0) {
+        if (usb_configuration != 0) {
+            usb_serial_flush_input();
+        }
+        return 0;
+    }
+    const int count = usb_serial_read(data, static_cast<uint32_t>(capacity));
+    return count > 0 ? static_cast<size_t>(count) : 0;
+}
+
+size_t UsbPort::write_space() {
+    return session() != 0 ? static_cast<size_t>(std::max(usb_serial_write_buffer_free(), 0)) : 0;
+}
+
+bool UsbPort::write(const uint8_t *data, size_t length) {
+    if (length > write_space()) {
+        return false;
+    }
+    return usb_serial_write(data, static_cast<uint32_t>(length)) == static_cast<int>(length);
+}
+
+void RadioPort::begin(uint32_t baud) {
+    Serial1.addMemoryForWrite(write_memory_, sizeof write_memory_);
+    Serial1.addMemoryForRead(read_memory_, sizeof read_memory_);
+    set_baud(baud);
+    capacity_ = write_space();
+}
+
+void RadioPort::set_baud(uint32_t baud) {
+    if (baud != baud_) {
+        baud_ = baud;
+        Serial1.begin(baud);
+    }
+}
+
+size_t RadioPort::read(uint8_t *data, size_t capacity) {
+    const size_t count = std::min(capacity, static_cast<size_t>(std::max(Serial1.available(), 0)));
+    for (size_t i = 0; i < count; ++i) {
+        data[i] = static_cast<uint8_t>(Serial1.read());
+    }
+    return count;
+}
+
+size_t RadioPort::write_space() {
+    return static_cast<size_t>(std::max(Serial1.availableForWrite(), 0));
+}
+
+bool RadioPort::write(const uint8_t *data, size_t length) {
+    return length <= write_space() && Serial1.write(data, length) == length;
+}
+
+bool RadioPort::drained() {
+    return write_space() >= capacity_;
+}
+
+} // namespace omni

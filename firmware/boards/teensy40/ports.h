@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+/// @file ports.h  The two links: USB, and the radio on Serial1. Neither ever waits.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+
+namespace omni {
+
+/// USB serial port. A connection lasts as long as a program on the other side holds the port open (DTR).
+class UsbPort final : public SerialPort {
+public:
+    /// Discards what comes while nobody is connected, so that the next one does not execute a leftover.
+    size_t read(uint8_t *data, size_t capacity) override;
+    /// Whole free buffers only: Teensyduino's write would wait up to 120 ms for more. 0 while nobody is connected.
+    size_t write_space() override;
+    bool write(const uint8_t *data, size_t length) override;
+    uint32_t session() override;
+
+private:
+    bool open_ = false;
+    uint32_t sessions_ = 0;
+};
+
+/// Radio modem on Serial1: pins 0 (RX) and 1 (TX).
+class RadioPort final : public SerialPort {
+public:
+    void begin(uint32_t baud);
+    size_t read(uint8_t *data, size_t capacity) override;
+    size_t write_space() override;
+    bool write(const uint8_t *data, size_t length) override;
+    uint32_t session() override { return 1; }
+    /// Bytes on their way are lost when the baud rate changes.
+    void set_baud(uint32_t baud);
+    /// Everything has left the buffer.
+    bool drained();
+
+private:
+    /// A longest MAVLink frame twice: more would only make telemetry old.
+    static constexpr size_t more_for_writing = 560;
+    /// 0.35 s at 115200 baud: as long as a flash erase may hold up the background.
+    static constexpr size_t more_for_reading = 4096;
+
+    uint32_t baud_ = 0;
+    size_t capacity_ = 0;
+    uint8_t write_memory_[more_for_writing];
+    uint8_t read_memory_[more_for_reading];
+};
+
+} // namespace omni

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+#include "boards/teensy40/storage.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "boards/teensy40/processor.h"
+
+// Part of Teensyduino's eeprom.c, which declares them in no header.
+extern "C" void eepromemu_flash_write(void *address, const void *data, uint32_t length);
+extern "C" void eepromemu_flash_erase_sector(void *address);
+
+namespace omni {
+namespace {
+
+constexpr uint32_t base = 0x601F0000; ///< Teensy 4.0: the last 64 KB but one sector of the 2 MB chip
+/// The chip programs within pages of 256 bytes; less at once keeps interrupts off for less.
+constexpr size_t program_unit = 32;
+
+const uint8_t *memory_of(size_t sector, size_t offset) {
+    return flash_memory(base + static_cast<uint32_t>(sector * Flash::sector_size + offset));
+}
+
+} // namespace
+
+void Teensy40Flash::read(size_t sector, size_t offset, uint8_t *data, size_t length) {
+    std::memcpy(data, memory_of(sector, offset), length);
+}
+
+void Teensy40Flash::program(size_t sector, size_t offset, const uint8_t *data, size_t length) {
+    while (length > 0) {
+        const size_t count = std::min(length, program_unit - offset % program_unit);
+        // The address is a number for the flash controller; nothing is written through the pointer.
+        eepromemu_flash_write(const_cast<uint8_t *>(memory_of(sector, offset)), data, static_cast<uint32_t>(count));
+        offset += count;
+        data += count;
+        length -= count;
+    }
+}
+
+void Teensy40Flash::erase(size_t sector) {
+    if (watched_) {
+        watchdog_.expect_erase(true);
+    }
+    eepromemu_flash_erase_sector(const_cast<uint8_t *>(memory_of(sector, 0)));
+    if (watched_) {
+        watchdog_.expect_erase(false);
+    }
+}
+
+} // namespace omni

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: MIT
+/// @file watchdog.h  The RT watchdog (WDOG3), why the processor started, and what the fault handler kept of a crash.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/text.h"
+
+namespace omni {
+
+/// Says whether the tick and the background both live: the background asks, and hears yes only if a tick ran since it was last
+/// told yes.
+class AliveGate {
+public:
+    void tick() { ticks_.fetch_add(1, std::memory_order_relaxed); }
+    bool both_alive();
+
+private:
+    std::atomic<uint32_t> ticks_{0};
+    uint32_t seen_ = 0;
+};
+
+/// What a fault handler saw, as lines for people.
+class CrashLines {
+public:
+    static constexpr size_t line_count = 3;
+
+    /// @param address of the code. @param access address of the data, if `access_known`.
+    void compose(uint32_t address, uint32_t cfsr, uint32_t hfsr, bool access_known, uint32_t access);
+    const char *line(size_t number) const { return number < count_ ? lines_[number].data() : nullptr; }
+
+private:
+    size_t count_ = 0;
+    Text lines_[line_count];
+};
+
+class Teensy40Watchdog final : public Watchdog {
+public:
+    /// A hang of the tick or of the background ends after this.
+    static constexpr uint32_t time_out_ms = 200;
+    /// Longest sector erase by the flash chip's datasheet is 400 ms; interrupts are off meanwhile.
+    static constexpr uint32_t erase_time_out_ms = 1000;
+
+    /// Find out why the processor started. First of all: others clear the registers.
+    void begin();
+    /// Begin to watch. From here on only a reset ends it.
+    void start() { configure(time_out_ms); }
+    /// Bracket something that keeps the tick from running.
+    void expect_erase(bool begins) { configure(begins ? erase_time_out_ms : time_out_ms); }
+    /// The timer's tick, to be called in every one.
+    void tick() { alive_.tick(); }
+
+    void feed() override;
+    ResetCause reset_cause() override { return cause_; }
+    const char *crash_line(size_t number) override { return crash_.line(number); }
+    [[noreturn]] void reset() override;
+
+private:
+    void configure(uint32_t time_out_ms);
+
+    AliveGate alive_;
+    ResetCause cause_ = ResetCause::power_on;
+    CrashLines crash_;
+    bool started_ = false;
+};
+
+} // namespace omni

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: MIT
+"""From bare boards to a driving robot: one check per step, each says pass or what to do (docs/bring-up.md).
+
+Every check is a function of a connected robot, and of a person where eyes and hands are needed, and returns a
+:class:`Result`. None leaves the robot armed, whatever happens.
+"""
+
+from __future__ import annotations
+
+from omniwheel.bringup.drive import check_drive
+from omniwheel.bringup.encoders import check_encoders
+from omniwheel.bringup.i2c import check_i2c
+from omniwheel.bringup.link import check_link
+from omniwheel.bringup.motors import check_motors
+from omniwheel.bringup.person import Assumed, Person
+from omniwheel.bringup.radio import check_radio
+from omniwheel.bringup.result import Finding, Result
+from omniwheel.bringup.stops import check_stops
+
+__all__ = [
+    "Assumed",
+    "Finding",
+    "Person",
+    "Result",
+    "check_drive",
+    "check_encoders",
+    "check_i2c",
+    "check_link",
+    "check_motors",
+    "check_radio",
+    "check_stops",
+]

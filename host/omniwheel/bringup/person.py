@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: MIT
+"""Eyes and hands beside the robot, as the checks see them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from omniwheel.errors import OmniError
+
+
+class NotReadyError(OmniError):
+    """The person did not agree to what a check needs."""
+
+
+class Person(Protocol):
+    """Somebody beside the robot. The robot is disarmed whenever something is asked."""
+
+    def tell(self, text: str) -> None:
+        """Show a line."""
+
+    def confirm(self, question: str) -> bool:
+        """Return whether the robot may be moved, or whatever ``question`` asks leave for."""
+
+    def saw(self, question: str) -> bool | None:
+        """Return what the person saw; None: nobody looked."""
+
+
+class Assumed:
+    """Nobody there: agrees to everything and has seen nothing (``--yes``)."""
+
+    def tell(self, text: str) -> None:
+        """Drop the line."""
+
+    def confirm(self, question: str) -> bool:
+        """Agree."""
+        return True
+
+    def saw(self, question: str) -> bool | None:
+        """Nobody looked."""
+        return None
+
+
+def require(person: Person, question: str) -> None:
+    """Raise NotReadyError unless the person agrees."""
+    if not person.confirm(question):
+        raise NotReadyError("nothing was moved", hint="run the command again when the robot is ready")
+
+
+STAND = "The wheels will turn. Is the robot on a stand, all wheels off the floor, and the motor supply on?"

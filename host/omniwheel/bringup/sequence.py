@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT
+"""The checks one after the other, each only once those before it have passed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from omni_schema import Robot as RobotFile
+from omniwheel.bringup.drive import check_drive
+from omniwheel.bringup.encoders import check_encoders
+from omniwheel.bringup.i2c import check_i2c
+from omniwheel.bringup.link import check_link
+from omniwheel.bringup.motors import check_motors
+from omniwheel.bringup.person import Person
+from omniwheel.bringup.radio import BAUD, check_radio
+from omniwheel.bringup.result import Result
+from omniwheel.bringup.stops import check_stops
+from omniwheel.robot import Robot
+
+
+def bring_up(
+    robot: Robot,
+    person: Person,
+    *,
+    file: RobotFile | None = None,
+    radio: Robot | None = None,
+    baud: int = BAUD,
+    keep_going: bool = False,
+) -> Iterator[Result]:
+    """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it."""
+    checks: list[Callable[[], Result]] = [
+        lambda: check_link(robot, file, radio),
+        lambda: check_i2c(robot),
+        lambda: check_encoders(robot, person),
+        lambda: check_motors(robot, person),
+        lambda: check_stops(robot, person),
+        lambda: check_drive(robot, person),
+    ]
+    if radio is not None:
+        checks.append(lambda: check_radio(radio, baud=baud))
+    for check in checks:
+        result = check()
+        yield result
+        if not result.ok and not keep_going:
+            return

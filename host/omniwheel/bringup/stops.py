@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""The three ways to stop, tried on a stand while the wheels turn slowly: emergency stop, silence, lost link."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from omniwheel.bringup.bench import Layout, Samples, counted, layout_of, safety_of
+from omniwheel.bringup.person import STAND, Person, require
+from omniwheel.bringup.result import Findings, Result
+from omniwheel.errors import ArmingRefusedError, OmniError
+from omniwheel.robot import Robot
+
+DUTY = 0.15
+SPIN_S = 1.0
+STOP_LIMIT_S = 0.5
+"""From the moment the motors should stop until the last count."""
+LONGEST_TIMEOUT_S = 30.0
+_WATCH_S = 1.0
+_HEARTBEAT_S = 1.0
+
+
+def check_stops(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
+    """Try the emergency stop, the stop after the last set-point and the stop after the last heartbeat."""
+    require(person, STAND)
+    layout = layout_of(robot)
+    findings = Findings("estop")
+    try:
+        with Samples(robot) as samples:
+            for trial in (_emergency_stop, _command_loss, _link_loss):
+                trial(robot, findings, samples, layout, duty)
+    finally:
+        with suppress(OmniError):
+            robot.disarm()
+        with suppress(OmniError):
+            robot.estop_clear()
+    return findings.result()
+
+
+def _spin(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str) -> bool:
+    """Arm and turn all wheels; note if they do not turn."""
+    robot.arm()
+    robot.drive_duty([duty] * layout.wheels, SPIN_S, stop=False)
+    turning = any(counted(samples.all[-5], samples.all[-1], layout.wheels)) if len(samples.all) >= 5 else False
+    if not turning:
+        robot.disarm()
+        findings.bad(name, "the wheels do not turn, so nothing can be stopped", "run `omni bringup motors` first")
+    return turning
+
+
+def _rest_time_s(samples: Samples, layout: Layout, since_s: float) -> float | None:
+    """Return how long after ``since_s`` (robot's clock) the last count came; None: still turning at the end."""
+    last = since_s
+    for before, after in zip(samples.all, samples.all[1:], strict=False):
+        if after.time_s > since_s and any(counted(before, after, layout.wheels)):
+            last = after.time_s
+    return None if last >= samples.all[-1].time_s else last - since_s
+
+
+def _judge_time(findings: Findings, name: str, time_s: float | None, limit_s: float, advice: str) -> bool:
+    findings.measured[f"{name.replace(' ', '_')}_s"] = time_s
+    seen = "the wheels went on turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
+    ok = time_s is not None and time_s <= limit_s
+    return findings.judge(name, ok, f"{seen} (limit {limit_s:.2f} s)", advice)
+
+
+def _emergency_stop(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float) -> None:
+    name = "emergency stop"
+    if not _spin(robot, findings, samples, layout, duty, name):
+        return
+    since_s = samples.all[-1].time_s
+    robot.estop()
+    robot.pump(_WATCH_S)
+    advice = "do not drive: switch the motor supply off by hand and look for a bridge that is on by itself"
+    _judge_time(findings, name, _rest_time_s(samples, layout, since_s), STOP_LIMIT_S, advice)
+    try:
+        robot.arm()
+    except ArmingRefusedError:
+        findings.good("latch", "arming is refused until the emergency stop is released")
+    else:
+        robot.disarm()
+        findings.bad(
+            "latch", "the robot armed in an emergency stop", "do not drive: the firmware is broken, flash again"
+        )
+    robot.estop_clear()
+
+
+def _command_loss(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float) -> None:
+    name = "set-point loss"
+    limit_s = robot.parameters["SAFE_CMD_TO"]
+    _timed_stop(
+        robot, findings, samples, layout, duty, name, limit_s, "SAFE_CMD_TO", lambda: robot.pump(limit_s + _WATCH_S)
+    )
+
+
+def _link_loss(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float) -> None:
+    name = "link loss"
+    limit_s = robot.parameters["SAFE_LINK_TO"]
+
+    def fall_silent() -> None:
+        with robot.connection.without_heartbeats():
+            robot.drive_duty([duty] * layout.wheels, limit_s + _HEARTBEAT_S + _WATCH_S, stop=False)
+
+    _timed_stop(robot, findings, samples, layout, duty, name, limit_s, "SAFE_LINK_TO", fall_silent)
+
+
+def _timed_stop(
+    robot: Robot,
+    findings: Findings,
+    samples: Samples,
+    layout: Layout,
+    duty: float,
+    name: str,
+    limit_s: float,
+    parameter: str,
+    silence: Callable[[], None],
+) -> None:
+    """Turn the wheels, fall silent in some way, and see that the robot goes to failsafe in time."""
+    if limit_s > LONGEST_TIMEOUT_S:
+        advice = f"omni params set {parameter}=3 (at most {LONGEST_TIMEOUT_S:g}), store it, run this again"
+        findings.bad(name, f"{parameter} is {limit_s:g} s: too long to stop a robot", advice)
+        return
+    if not _spin(robot, findings, samples, layout, duty, name):
+        return
+    since_s = samples.all[-1].time_s
+    silence()
+    time_s = _rest_time_s(samples, layout, since_s)
+    advice = (
+        f"check {parameter}; is another ground station connected, whose heartbeats count too? Close it, run this again"
+    )
+    _judge_time(findings, name, time_s, limit_s + STOP_LIMIT_S, advice)
+    status = safety_of(robot)
+    findings.judge(
+        f"{name}: failsafe",
+        status.state == "failsafe",
+        f"state {status.state}, {', '.join(status.fault_history) or 'no fault'}",
+        advice,
+    )
+    robot.disarm()

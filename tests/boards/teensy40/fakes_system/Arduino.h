@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: MIT
+// The few Teensyduino names that the board layer's system part uses, as variables and functions of a model of the chip. Test
+// code moves the model through fake_teensy.h.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+// Processor
+extern volatile uint32_t F_CPU_ACTUAL;
+struct FakeCycleCounter {
+    operator uint32_t();
+};
+extern FakeCycleCounter ARM_DWT_CYCCNT;
+
+struct arm_fault_info_struct {
+    uint32_t len, ipsr, cfsr, hfsr, mmfar, bfar, ret, xpsr;
+    float temp;
+    uint32_t time, crc;
+};
+
+// Reset flags: a write of 1 clears.
+constexpr uint32_t SRC_SRSR_IPP_RESET_B = 1u << 0;
+constexpr uint32_t SRC_SRSR_LOCKUP_SYSRESETREQ = 1u << 1;
+constexpr uint32_t SRC_SRSR_WDOG_RST_B = 1u << 4;
+constexpr uint32_t SRC_SRSR_WDOG3_RST_B = 1u << 7;
+extern volatile uint32_t SRC_SRSR;
+extern volatile uint32_t SRC_GPR5;
+
+// Watchdog 3: what is written to the counter register is a command.
+struct FakeWatchdogCounter {
+    void operator=(uint32_t command);
+};
+struct FakeWatchdogControl {
+    void operator=(uint32_t value);
+    operator uint32_t() const;
+};
+extern FakeWatchdogCounter WDOG3_CNT;
+extern FakeWatchdogControl WDOG3_CS;
+extern volatile uint32_t WDOG3_TOVAL, WDOG3_WIN, CCM_CCGR5;
+constexpr uint32_t CCM_CCGR_ON = 3;
+constexpr uint32_t CCM_CCGR5_WDOG3(uint32_t n) {
+    return n << 4;
+}
+constexpr uint32_t WDOG_CS_UPDATE = 1u << 5, WDOG_CS_EN = 1u << 7, WDOG_CS_ULK = 1u << 11, WDOG_CS_CMD32EN = 1u << 13,
+                   WDOG_CS_FLG = 1u << 14;
+constexpr uint32_t WDOG_CS_CLK(uint32_t n) {
+    return n << 8;
+}
+
+// Analog-digital converters
+extern volatile uint32_t ADC1_HC0, ADC1_HS, ADC1_R0, ADC2_HC0, ADC2_HS, ADC2_R0;
+constexpr uint32_t ADC_HS_COCO0 = 1;
+void analogReadResolution(unsigned bits);
+int analogRead(uint8_t pin);
+
+// Pins
+constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1;
+void pinMode(uint8_t pin, uint8_t mode);
+void digitalWrite(uint8_t pin, uint8_t level);
+struct FakeSetRegister {
+    uint8_t pin;
+    void operator=(uint32_t mask) volatile;
+};
+volatile FakeSetRegister *portSetRegister(uint8_t pin);
+constexpr uint32_t digitalPinToBitMask(uint8_t pin) {
+    return 1u << pin;
+}
+
+// USB
+struct FakeUsbSerial {
+    uint8_t dtr();
+};
+extern FakeUsbSerial Serial;
+extern volatile uint8_t usb_configuration;
+int usb_serial_read(void *buffer, uint32_t size);
+int usb_serial_write(const void *buffer, uint32_t size);
+int usb_serial_write_buffer_free();
+void usb_serial_flush_input();
+
+// Serial1
+struct FakeHardwareSerial {
+    void addMemoryForWrite(void *memory, size_t length);
+    void addMemoryForRead(void *memory, size_t length);
+    void begin(uint32_t baud);
+    int available();
+    int read();
+    int availableForWrite();
+    size_t write(const uint8_t *data, size_t length);
+};
+extern FakeHardwareSerial Serial1;

@@ -1,0 +1,7 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+struct FakeCrashReport {
+    void clear();
+};
+extern FakeCrashReport CrashReport;

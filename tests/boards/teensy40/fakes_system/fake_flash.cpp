@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+// A model of the flash sectors: programming clears bits, erasing sets them, wear is counted, and power may fail in the middle of
+// any 16-bit word that is programmed and of any erase, leaving bits half-way.
+#include "boards/teensy40/processor.h"
+
+namespace {
+
+constexpr uint32_t base = 0x601F0000, sector_size = 4096, sectors = 15;
+constexpr uint32_t page = 256;
+
+struct {
+    uint8_t bytes[sectors * sector_size];
+    uint32_t erases[sectors];
+    uint32_t steps;  ///< words programmed and sectors erased
+    uint32_t cut_at; ///< power fails in this step
+    bool power;
+    uint32_t random;
+    uint32_t longest; ///< bytes programmed at once
+    bool page_crossed, set_a_bit;
+    bool worn[sectors]; ///< erasing does nothing any more
+} flash;
+
+uint8_t random_byte() {
+    flash.random = flash.random * 1664525u + 1013904223u;
+    return static_cast<uint8_t>(flash.random >> 24);
+}
+
+/// @return 0: no power, 1: power fails now, 2: all is well.
+int step() {
+    if (!flash.power) {
+        return 0;
+    }
+    flash.power = flash.steps++ != flash.cut_at;
+    return flash.power ? 2 : 1;
+}
+
+} // namespace
+
+namespace omni {
+
+const uint8_t *flash_memory(uint32_t address) {
+    return flash.bytes + (address - base);
+}
+
+} // namespace omni
+
+extern "C" {
+
+void eepromemu_flash_write(void *address, const void *data, uint32_t length) {
+    const auto at = static_cast<uint32_t>(static_cast<uint8_t *>(address) - flash.bytes);
+    const auto *bytes = static_cast<const uint8_t *>(data);
+    flash.longest = length > flash.longest ? length : flash.longest;
+    flash.page_crossed = flash.page_crossed || at / page != (at + length - 1) / page;
+    int outcome = 2;
+    for (uint32_t i = 0; i < length; ++i) {
+        outcome = i % 2 == 0 ? step() : outcome;
+        uint8_t &cell = flash.bytes[at + i];
+        flash.set_a_bit = flash.set_a_bit || (bytes[i] & ~cell) != 0;
+        if (outcome == 2) {
+            cell = static_cast<uint8_t>(cell & bytes[i]);
+        } else if (outcome == 1) {
+            cell = static_cast<uint8_t>(cell & (bytes[i] | random_byte()));
+        }
+    }
+}
+
+void eepromemu_flash_erase_sector(void *address) {
+    const auto sector = static_cast<uint32_t>(static_cast<uint8_t *>(address) - flash.bytes) / sector_size;
+    const int outcome = step();
+    flash.erases[sector] += outcome != 0 ? 1 : 0;
+    for (uint32_t i = sector * sector_size; outcome != 0 && !flash.worn[sector] && i < (sector + 1) * sector_size; ++i) {
+        flash.bytes[i] = outcome == 2 ? uint8_t{0xFF} : static_cast<uint8_t>(flash.bytes[i] | random_byte());
+    }
+}
+
+void flash_reset(uint8_t fill) {
+    flash = {};
+    std::memset(flash.bytes, fill, sizeof flash.bytes);
+    flash.power = true;
+    flash.cut_at = UINT32_MAX;
+    flash.random = 1;
+}
+/// Power fails after so many more steps; the torn bits come from the seed.
+void flash_cut_after(uint32_t steps, uint32_t seed) {
+    flash.cut_at = flash.steps + steps;
+    flash.random = seed;
+}
+bool flash_power_on() {
+    const bool failed = !flash.power;
+    flash.power = true;
+    flash.cut_at = UINT32_MAX;
+    return failed;
+}
+uint32_t flash_steps() {
+    return flash.steps;
+}
+uint32_t flash_erases(uint32_t sector) {
+    return flash.erases[sector];
+}
+void flash_wear_out(uint32_t sector) {
+    flash.worn[sector] = true;
+}
+uint32_t flash_longest() {
+    return flash.longest;
+}
+/// The code asked for something that the chip cannot do.
+bool flash_misused() {
+    return flash.page_crossed || flash.set_a_bit;
+}
+uint8_t *flash_bytes() {
+    return flash.bytes;
+}
+}

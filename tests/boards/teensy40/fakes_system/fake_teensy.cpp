@@ -1,0 +1,394 @@
+// SPDX-License-Identifier: MIT
+// The model of the chip behind fakes_system/Arduino.h, and extern "C" functions that move it and look at it.
+#include <CrashReport.h>
+#include <csetjmp>
+#include <IntervalTimer.h>
+
+#include "boards/teensy40/encoders.h"
+#include "boards/teensy40/faults.h"
+#include "boards/teensy40/i2c.h"
+#include "boards/teensy40/memory.h"
+#include "boards/teensy40/processor.h"
+
+volatile uint32_t F_CPU_ACTUAL = 600'000'000;
+FakeCycleCounter ARM_DWT_CYCCNT;
+volatile uint32_t SRC_SRSR, SRC_GPR5, WDOG3_TOVAL, WDOG3_WIN, CCM_CCGR5;
+volatile uint32_t ADC1_HC0, ADC1_HS, ADC1_R0, ADC2_HC0, ADC2_HS, ADC2_R0;
+volatile uint8_t usb_configuration;
+FakeWatchdogCounter WDOG3_CNT;
+FakeWatchdogControl WDOG3_CS;
+FakeUsbSerial Serial;
+FakeHardwareSerial Serial1;
+FakeCrashReport CrashReport;
+extern "C" const uint8_t pin_to_channel[32] = {7, 8, 12, 11, 6, 5, 15, 0, 13, 14, 1, 2, 128 + 3, 128 + 4,
+                                               7, 8, 12, 11, 6, 5, 15, 0, 13, 14, 1, 2, 128 + 3, 128 + 4};
+
+namespace {
+
+/// Everything that happened in order, one letter each; see the functions below.
+struct Journal {
+    char text[4096];
+    size_t length;
+    void add(char letter) {
+        if (length + 1 < sizeof text) {
+            text[length++] = letter;
+            text[length] = '\0';
+        }
+    }
+};
+
+struct Model {
+    Journal journal;
+    uint32_t cycles, cycles_per_look;
+    uint32_t feeds, unlocked, control, locks;
+    bool lock_was_open;
+    arm_fault_info_struct fault;
+    uint8_t latch[40], direction[40]; ///< pins
+    uint32_t glitches;                ///< an output that was switched on while its latch was low
+    void (*timer)();
+    uint8_t timer_priority;
+    uint32_t timer_period;
+    uint8_t fault_pin;
+} model;
+
+std::jmp_buf reset_point;
+constexpr uint8_t no_pin = 255;
+
+// ---- USB: a ring of transmit buffers, drained by the host in order
+constexpr uint32_t tx_buffers = 4, tx_size = 2048, rx_size = 4096;
+struct Usb {
+    bool dtr;
+    bool waited;
+    uint32_t head, in_flight, room; ///< room left in the buffer at head; 0: none begun
+    uint8_t out[1 << 16], in[rx_size];
+    uint32_t out_count, in_count;
+} usb;
+
+struct Radio {
+    size_t write_capacity, read_capacity;
+    uint32_t baud, begins;
+    bool waited;
+    uint8_t out[1 << 16], in[8192];
+    size_t out_count, queued, in_count;
+} radio;
+
+} // namespace
+
+FakeCycleCounter::operator uint32_t() {
+    return model.cycles += model.cycles_per_look;
+}
+
+// ---- watchdog
+void FakeWatchdogCounter::operator=(uint32_t command) {
+    if (command == 0xD928C520) {
+        model.unlocked = 1;
+        model.lock_was_open = model.lock_was_open || model.locks == 0;
+    } else if (command == 0xB480A602) {
+        ++model.feeds;
+        model.journal.add('f');
+    }
+}
+
+void FakeWatchdogControl::operator=(uint32_t value) {
+    if (model.unlocked != 0) {
+        model.control = value;
+        model.unlocked = 0;
+        model.journal.add('w');
+    }
+}
+
+FakeWatchdogControl::operator uint32_t() const {
+    return model.control | (model.unlocked != 0 ? WDOG_CS_ULK : 0);
+}
+
+void FakeCrashReport::clear() {
+    SRC_SRSR = 0;
+    SRC_GPR5 = 0;
+    model.fault = {};
+}
+
+namespace omni {
+
+InterruptLock::InterruptLock() {
+    ++model.locks;
+}
+InterruptLock::~InterruptLock() {
+    --model.locks;
+}
+const arm_fault_info_struct *fault_info() {
+    return &model.fault;
+}
+void system_reset() {
+    model.journal.add('R');
+    std::longjmp(reset_point, 1);
+}
+void set_on_fault(volatile FakeSetRegister *target, uint32_t) {
+    model.fault_pin = target->pin;
+}
+void paint_stack() {
+    model.journal.add('p');
+}
+MemoryFree memory_free() {
+    return {1000, 2000};
+}
+void Teensy40Encoders::begin() {
+    model.journal.add('e');
+}
+void Teensy40I2c::begin() {
+    model.journal.add('i');
+}
+
+} // namespace omni
+
+// ---- pins
+volatile FakeSetRegister *portSetRegister(uint8_t pin) {
+    static FakeSetRegister registers[40];
+    registers[pin].pin = pin;
+    return &registers[pin];
+}
+void FakeSetRegister::operator=(uint32_t) volatile {
+    model.latch[pin] = HIGH;
+}
+void pinMode(uint8_t pin, uint8_t mode) {
+    model.direction[pin] = mode;
+    model.glitches += mode == OUTPUT && model.latch[pin] == LOW ? 1 : 0;
+}
+void digitalWrite(uint8_t pin, uint8_t level) {
+    model.latch[pin] = level;
+    if (pin == 9) {
+        model.journal.add(level == LOW ? 'O' : 'o');
+    }
+}
+
+// ---- converters
+void analogReadResolution(unsigned) {}
+int analogRead(uint8_t) {
+    return 0;
+}
+
+// ---- timer
+void IntervalTimer::priority(uint8_t number) {
+    model.timer_priority = number;
+}
+bool IntervalTimer::begin(void (*callback)(), uint32_t period_us) {
+    model.timer = callback;
+    model.timer_period = period_us;
+    model.journal.add('t');
+    return true;
+}
+void IntervalTimer::end() {
+    model.timer = nullptr;
+    model.journal.add('T');
+}
+
+// ---- USB
+uint8_t FakeUsbSerial::dtr() {
+    return usb.dtr ? 1 : 0;
+}
+int usb_serial_write_buffer_free() {
+    // Buffers in flight are the ones before head; the one at head does not count.
+    const uint32_t others = tx_buffers - 1;
+    return static_cast<int>((others - (usb.in_flight < others ? usb.in_flight : others)) * tx_size);
+}
+int usb_serial_write(const void *data, uint32_t size) {
+    const auto *bytes = static_cast<const uint8_t *>(data);
+    for (uint32_t i = 0; i < size; ++i) {
+        if (usb.room == 0) {
+            if (usb.in_flight == tx_buffers) {
+                usb.waited = true; // up to 120 ms
+                return static_cast<int>(i);
+            }
+            usb.room = tx_size;
+        }
+        usb.out[usb.out_count++] = bytes[i];
+        if (--usb.room == 0) {
+            ++usb.in_flight;
+        }
+    }
+    return static_cast<int>(size);
+}
+int usb_serial_read(void *data, uint32_t size) {
+    const uint32_t count = size < usb.in_count ? size : usb.in_count;
+    std::memcpy(data, usb.in, count);
+    usb.in_count -= count;
+    std::memmove(usb.in, usb.in + count, usb.in_count);
+    return static_cast<int>(count);
+}
+void usb_serial_flush_input() {
+    usb.in_count = 0;
+}
+
+// ---- Serial1
+void FakeHardwareSerial::addMemoryForWrite(void *, size_t length) {
+    radio.write_capacity = 64 + length;
+}
+void FakeHardwareSerial::addMemoryForRead(void *, size_t length) {
+    radio.read_capacity = 64 + length;
+}
+void FakeHardwareSerial::begin(uint32_t baud) {
+    radio.baud = baud;
+    ++radio.begins;
+    radio.queued = 0;
+    radio.in_count = 0;
+}
+int FakeHardwareSerial::available() {
+    return static_cast<int>(radio.in_count);
+}
+int FakeHardwareSerial::read() {
+    if (radio.in_count == 0) {
+        return -1;
+    }
+    const int first = radio.in[0];
+    std::memmove(radio.in, radio.in + 1, --radio.in_count);
+    return first;
+}
+int FakeHardwareSerial::availableForWrite() {
+    return static_cast<int>(radio.write_capacity - 1 - radio.queued);
+}
+size_t FakeHardwareSerial::write(const uint8_t *data, size_t length) {
+    for (size_t i = 0; i < length; ++i) {
+        radio.waited = radio.waited || radio.queued + 1 >= radio.write_capacity;
+        radio.out[radio.out_count++] = data[i];
+        ++radio.queued;
+    }
+    return length;
+}
+
+extern "C" {
+
+void fake_reset() {
+    model = {};
+    model.fault_pin = no_pin;
+    usb = {};
+    radio = {};
+    radio.write_capacity = 64;
+    radio.read_capacity = 64;
+    SRC_SRSR = SRC_SRSR_IPP_RESET_B;
+    SRC_GPR5 = 0;
+    WDOG3_TOVAL = 0;
+    CCM_CCGR5 = 0;
+    ADC1_HS = ADC2_HS = 0;
+    usb_configuration = 0;
+}
+const char *fake_journal() {
+    return model.journal.text;
+}
+void fake_journal_add(char letter) {
+    model.journal.add(letter);
+}
+uint32_t fake_feeds() {
+    return model.feeds;
+}
+uint32_t fake_watchdog_control() {
+    return model.control;
+}
+uint32_t fake_watchdog_counts() {
+    return WDOG3_TOVAL;
+}
+/// The unlocking sequence was never open to an interrupt.
+bool fake_watchdog_atomic() {
+    return !model.lock_was_open;
+}
+void fake_reset_flags(uint32_t flags, uint32_t mark) {
+    SRC_SRSR = flags;
+    SRC_GPR5 = mark;
+}
+uint32_t fake_reset_mark() {
+    return SRC_GPR5;
+}
+void fake_fault(const uint32_t *words) {
+    std::memcpy(&model.fault, words, sizeof model.fault);
+}
+int fake_pin(uint8_t pin) {
+    return model.direction[pin] == OUTPUT ? model.latch[pin] : -1;
+}
+uint32_t fake_pin_glitches() {
+    return model.glitches;
+}
+uint8_t fake_fault_pin() {
+    return model.fault_pin;
+}
+void fake_cycles(uint32_t cycles) {
+    model.cycles = cycles;
+}
+/// Each look at the cycle counter finds a millisecond gone.
+void fake_time_passes(bool passes) {
+    model.cycles_per_look = passes ? 600'000 : 0;
+}
+uint32_t fake_timer_period() {
+    return model.timer_period;
+}
+uint8_t fake_timer_priority() {
+    return model.timer_priority;
+}
+bool fake_timer_fires() {
+    if (model.timer != nullptr) {
+        model.timer();
+    }
+    return model.timer != nullptr;
+}
+/// Run something that may reset the processor. @return true if it did.
+bool fake_resets(void (*function)()) {
+    if (setjmp(reset_point) != 0) {
+        return true;
+    }
+    function();
+    return false;
+}
+void fake_usb_plug(bool plugged) {
+    usb_configuration = plugged ? 1 : 0;
+}
+void fake_usb_dtr(bool dtr) {
+    usb.dtr = dtr;
+}
+void fake_usb_host_sends(const uint8_t *data, uint32_t length) {
+    std::memcpy(usb.in + usb.in_count, data, length);
+    usb.in_count += length;
+}
+/// The 75 us timer sends what was begun; the host reads `buffers` of what is under way.
+void fake_usb_host_reads(uint32_t buffers) {
+    if (usb.room != 0 && usb.in_flight < tx_buffers) {
+        usb.room = 0;
+        ++usb.in_flight;
+    }
+    usb.in_flight -= buffers < usb.in_flight ? buffers : usb.in_flight;
+}
+bool fake_usb_waited() {
+    return usb.waited;
+}
+uint32_t fake_usb_sent(uint8_t *out) {
+    std::memcpy(out, usb.out, usb.out_count);
+    return usb.out_count;
+}
+void fake_radio_arrives(const uint8_t *data, size_t length) {
+    for (size_t i = 0; i < length && radio.in_count + 1 < radio.read_capacity; ++i) {
+        radio.in[radio.in_count++] = data[i];
+    }
+}
+void fake_radio_sends(size_t bytes) {
+    radio.queued -= bytes < radio.queued ? bytes : radio.queued;
+}
+size_t fake_radio_sent(uint8_t *out) {
+    std::memcpy(out, radio.out, radio.out_count);
+    return radio.out_count;
+}
+uint32_t fake_radio_baud() {
+    return radio.baud;
+}
+uint32_t fake_radio_begins() {
+    return radio.begins;
+}
+bool fake_radio_waited() {
+    return radio.waited;
+}
+void fake_conversion(int converter, uint32_t result) {
+    (converter == 2 ? ADC2_R0 : ADC1_R0) = result;
+    (converter == 2 ? ADC2_HS : ADC1_HS) = ADC_HS_COCO0;
+    (converter == 2 ? ADC2_HC0 : ADC1_HC0) = 0x1F;
+}
+/// @return channel of the conversion under way, 31: none.
+uint32_t fake_converting(int converter) {
+    (converter == 2 ? ADC2_HS : ADC1_HS) = 0;
+    return converter == 2 ? ADC2_HC0 : ADC1_HC0;
+}
+}

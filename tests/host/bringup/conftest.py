@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: MIT
+"""The PC firmware in a simulated world whose wiring may be wrong, in simulated time, with a person beside it."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil_sim.faults import Fault
+from hil_sim.lockstep import LockstepLink
+from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel.link import FileLink, open_link
+from omniwheel.robots import read_robot
+
+STAND = 1e-3
+FLOOR = 0.6
+REVOLUTION_RAD_S = math.pi
+STEP_TICKS = 10
+HEADER, CHECKSUM = 10, 2
+
+
+class SteppedLink(LockstepLink):
+    """Runs a few ticks per read, which is finer than anything that these checks look at."""
+
+    def read(self, timeout_s: float) -> bytes:
+        data = self._take()
+        if not data and timeout_s > 0.0:
+            self.run(min(STEP_TICKS, max(1, round(timeout_s * 1e3))))
+            data = self._take()
+        return data
+
+
+class RadioLink:
+    """The robot's first link, lossy and slow on request; the world hangs on its second one, and reading moves it on."""
+
+    def __init__(self, base: FileLink, world: LockstepLink) -> None:
+        self.url = "radio"
+        self.loss = 0.0
+        self.delay_s = 0.0
+        self.written = 0
+        self.extra = b""
+        self._base = base
+        self._world = world
+        self._random = random.Random(1)
+        self._late: list[tuple[float, bytes]] = []
+
+    def clock_s(self) -> float:
+        return self._world.clock_s()
+
+    def read(self, timeout_s: float) -> bytes:
+        if timeout_s > 0.0:
+            self._world.run(min(STEP_TICKS, max(1, round(timeout_s * 1e3))), self._world.drop_received)
+            self._world.drop_received()
+        for frame in frames_of(self._base.read(0.0)):
+            if self._random.random() >= self.loss:
+                self._late.append((self.clock_s() + self.delay_s, frame))
+        due = [frame for due_s, frame in self._late if due_s <= self.clock_s()]
+        self._late = [entry for entry in self._late if entry[0] > self.clock_s()]
+        extra, self.extra = self.extra, b""
+        return extra + b"".join(due)
+
+    def write(self, data: bytes) -> None:
+        self.written += len(data)
+        if self._random.random() >= self.loss:
+            self._base.write(data)
+
+    def close(self) -> None:
+        self._base.close()
+        self._world.close()
+
+
+def frames_of(data: bytes) -> list[bytes]:
+    """Split unsigned MAVLink 2 frames."""
+    found = []
+    while data:
+        length = HEADER + data[1] + CHECKSUM
+        found.append(data[:length])
+        data = data[length:]
+    return found
+
+
+class Bench:
+    """A robot, the world it is in, and somebody who turns wheels, agrees to everything and says what really moved.
+
+    ``hands`` are radians per wheel that the person turns it by when told to.
+    """
+
+    def __init__(self, robot: Robot, world: World, link: LockstepLink) -> None:
+        self.robot = robot
+        self.world = world
+        self.link = link
+        self.told: list[str] = []
+        self.questions: list[str] = []
+        self.answers: dict[str, bool] = {}
+        self.agrees = True
+        self.hands = [2 * math.pi] * world.wheels
+        self._moved = np.zeros(world.wheels)
+
+    def tell(self, text: str) -> None:
+        self.told.append(text)
+        if text.startswith("Turn wheel "):
+            self._turn(int(text.split()[2]) - 1)
+
+    def confirm(self, question: str) -> bool:
+        assert not self.armed
+        self.questions.append(question)
+        return self.agrees
+
+    def saw(self, question: str) -> bool | None:
+        assert not self.armed
+        self.questions.append(question)
+        return next((answer for words, answer in self.answers.items() if words in question), None)
+
+    @property
+    def armed(self) -> bool:
+        return any(bridge > 0.0 for bridge in [*self.world.c.in1, *self.world.c.in2])
+
+    def _turn(self, wheel: int) -> None:
+        """Book a hand in the world, a little later."""
+        if not self.hands[wheel]:
+            return
+        config = self.world.c.config
+        fault = config.fault[config.fault_count]
+        config.fault_count += 1
+        fault.kind = Fault("wheel_turned", 0.0).kind
+        fault.wheel = wheel
+        fault.value = math.copysign(REVOLUTION_RAD_S, self.hands[wheel])
+        fault.start_s = self.link.clock_s() + 0.5
+        fault.stop_s = fault.start_s + abs(self.hands[wheel]) / REVOLUTION_RAD_S
+
+
+@pytest.fixture
+def radio() -> Iterator[tuple[Robot, RadioLink]]:
+    """A robot in a world, connected over a radio."""
+    with FirmwareProcess(lockstep=True, links=["tcp:127.0.0.1:0"] * 2) as firmware:
+        world = LockstepLink(open_link(firmware.urls[1]), World(world_config(read_robot("three_wheel"))))
+        link = RadioLink(open_link(firmware.urls[0]), world)
+        with connect(link, clock=link.clock_s) as robot:
+            yield robot, link
+
+
+MakeBench = Callable[..., Bench]
+
+
+@pytest.fixture
+def make_bench() -> Iterator[MakeBench]:
+    """Build a bench: ``change`` edits hil_world_config_t, ``parameters`` are the firmware's."""
+    with ExitStack() as stack:
+
+        def make(
+            *,
+            robot: str = "three_wheel",
+            on_floor: bool = False,
+            faults: Sequence[Fault] = (),
+            change: Callable[[Any], None] = lambda config: None,
+            parameters: dict[str, float] | None = None,
+        ) -> Bench:
+            file = read_robot(robot)
+            config = world_config(
+                file,
+                pose_sensor=NO_POSE_SENSOR,
+                faults=faults,
+                friction_coefficient=FLOOR if on_floor else STAND,
+            )
+            change(config)
+            firmware = stack.enter_context(FirmwareProcess(robot, lockstep=True, parameters=parameters or {}))
+            world = World(config)
+            link = SteppedLink(open_link(firmware.urls[0]), world)
+            connected = stack.enter_context(connect(link, clock=link.clock_s))
+            return Bench(connected, world, link)
+
+        yield make
+
+
+@pytest.fixture
+def bench(make_bench: MakeBench) -> Bench:
+    return make_bench()

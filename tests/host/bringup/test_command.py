@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: MIT
+"""The commands against `omni sitl` in real time: output, reports, exit codes. What they judge is tested elsewhere."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from omniwheel import connect
+from omniwheel.bringup import Finding, Result
+from omniwheel.bringup.report import write_report
+from omniwheel.cli import app
+
+runner = CliRunner()
+
+
+def run(*words: str, code: int = 0, answers: str = "") -> Any:
+    result = runner.invoke(app, ["bringup", *words], input=answers, env={"COLUMNS": "300"})
+    assert result.exit_code == code, (result.output, result.stderr, result.exception)
+    return result
+
+
+@pytest.fixture
+def stand(tmp_path: Path) -> Iterator[str]:
+    """A robot that believes that its wires are right, on a stand."""
+    command = [str(Path(sys.executable).with_name("omni")), "sitl", "stand", "--port", "0", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+        try:
+            assert process.stdout is not None
+            yield json.loads(process.stdout.readline())["links"][0]
+        finally:
+            process.terminate()
+            process.wait(60.0)
+
+
+@pytest.mark.parametrize("name", ["link", "i2c", "encoders", "motors", "estop", "drive", "radio", "all"])
+def test_every_command_has_help_with_examples(name: str) -> None:
+    text = run(name, "--help").output
+    assert "Examples" in text
+    assert f"omni bringup {name}" in text
+
+
+def test_i2c_and_link_print_json_and_pass(stand: str) -> None:
+    report = json.loads(run("i2c", "--json", "--link", stand).stdout)
+    assert report["ok"]
+    assert report["measured"]["addresses"] == [0x40]
+    assert "PCA9685" in run("i2c", "--link", stand).stdout
+
+
+def test_another_robot_file_fails_with_exit_code_1(stand: str) -> None:
+    report = json.loads(run("link", "--robot", "four_wheel", "--json", "--link", stand, code=1).stdout)
+    assert "WHEELS" in report["measured"]["differences"]
+
+
+def test_nobody_at_the_terminal_moves_nothing(stand: str) -> None:
+    with connect(stand) as robot:
+        before = robot.version
+    assert before
+    assert "add --yes" in run("motors", "--link", stand, code=1).stderr
+
+
+def test_all_ends_at_the_first_failure_and_leaves_a_report(stand: str, tmp_path: Path) -> None:
+    run("all", "--robot", "four_wheel", "--yes", "--folder", str(tmp_path), "--link", stand, code=1)
+    report = json.loads((tmp_path / "bringup.json").read_text(encoding="utf-8"))
+    assert [check["check"] for check in report["checks"]] == ["link"]
+    assert not report["ok"]
+    assert "# Bring-up of four_wheel" in (tmp_path / "bringup.md").read_text(encoding="utf-8")
+
+
+def test_a_report_holds_every_finding_and_all_advice(tmp_path: Path) -> None:
+    found = (Finding("bus", True, "free"), Finding("PCA9685", False, "nothing answers", "check the wires"))
+    json_path, text_path = write_report([Result("i2c", found, {"loss": float("nan")})], tmp_path, "Bring-up")
+    text = text_path.read_text(encoding="utf-8")
+    assert "i2c: FAIL" in text
+    assert "- check the wires" in text
+    assert json.loads(json_path.read_text(encoding="utf-8"))["checks"][0]["measured"]["loss"] is None
