@@ -16,7 +16,7 @@ constexpr size_t at_digest = at_time + time_length;
 constexpr size_t at_key = 4; ///< in the stored record
 constexpr uint64_t us_per_unit = 10;
 /// A new stream may start this far behind our clock: one minute.
-constexpr uint64_t new_stream_slack = 60u * 100'000u;
+constexpr uint64_t new_stream_slack = 6'000'000;
 
 /// Offset of a record in the memory; a memory that is too small makes every access fail.
 size_t at_tail(Storage &storage, size_t offset) {

@@ -7,7 +7,7 @@ namespace omni {
 namespace {
 
 /// The stored clock is at most this far behind while disarmed [10 us]: 50 s.
-constexpr uint64_t store_interval = 50u * 100'000u;
+constexpr uint64_t store_interval = 5'000'000;
 constexpr uint64_t latest_time = (uint64_t{1} << 48) - 1;
 constexpr uint64_t text_interval_us = 10'000'000;
 
