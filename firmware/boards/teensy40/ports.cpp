@@ -6,9 +6,22 @@
 #include <algorithm>
 
 namespace omni {
+namespace {
+
+constexpr uint32_t uploader_baud = 134;
+
+bool usb_awake() {
+    return usb_configuration != 0 && (USB1_PORTSC1 & USB_PORTSC1_SUSP) == 0;
+}
+
+} // namespace
+
+bool UsbPort::upload_asked() const {
+    return Serial.baud() == uploader_baud;
+}
 
 uint32_t UsbPort::session() {
-    const bool open = usb_configuration != 0 && Serial.dtr() != 0;
+    const bool open = usb_awake() && Serial.dtr() != 0;
     if (open && !open_) {
         ++sessions_;
     }
@@ -18,7 +31,7 @@ uint32_t UsbPort::session() {
 
 size_t UsbPort::read(uint8_t *data, size_t capacity) {
     if (session() == 0) {
-        if (usb_configuration != 0) {
+        if (usb_awake()) {
             usb_serial_flush_input();
         }
         return 0;

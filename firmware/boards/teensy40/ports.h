@@ -9,7 +9,8 @@
 
 namespace omni {
 
-/// USB serial port. A connection lasts as long as a program on the other side holds the port open (DTR).
+/// USB serial port. A connection lasts as long as a program on the other side holds the port open (DTR) and the bus is awake:
+/// Teensyduino does not notice a pulled cable, but the bus falls silent and the port takes that for suspend.
 class UsbPort final : public SerialPort {
 public:
     /// Discards what comes while nobody is connected, so that the next one does not execute a leftover.
@@ -18,6 +19,9 @@ public:
     size_t write_space() override;
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override;
+    /// The uploader's baud rate: Teensyduino jumps to the bootloader 10 ms (at 12 Mbit/s 80 ms) later, whatever the motors do.
+    /// From any context.
+    bool upload_asked() const;
 
 private:
     bool open_ = false;
