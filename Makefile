@@ -16,13 +16,15 @@ C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware
 
-.PHONY: help setup demo test lint format bench sanitize core-checks fuzz wheel firmware flash clean
+.PHONY: help setup demo test lint format bench sanitize core-checks parity budgets fuzz wheel firmware flash clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
 	@echo 'make lint         formatters and linters     make format      apply the formatters'
 	@echo 'make bench        benchmarks                 make sanitize    tests under ASan and UBSan'
 	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
+	@echo 'make parity       the tick gives the same bits with every compiler and on the Cortex-M7'
+	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
 	@echo 'make flash        the same, and upload it'
@@ -93,6 +95,12 @@ format: $(VENV)/stamp-lint
 	$(BIN)/ruff check --fix $(PYTHON_DIRS)
 	$(BIN)/ruff format $(PYTHON_DIRS)
 	clang-format -i $(C_FILES)
+
+parity: $(VENV)/stamp-install
+	.ci/parity $(VENV) $(ARGS)
+
+budgets: $(VENV)/stamp-install
+	$(BIN)/python tests/parity/budgets.py $(ARGS)
 
 core-checks: $(VENV)/stamp-tools
 	PYTHON=$(BIN)/python .ci/core-checks

@@ -29,6 +29,8 @@ from hil_sim.timeline import Progress, RunError, play
 from hil_sim.world import World
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
+from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
+from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import FileLink, open_link
 from omniwheel.robot import Robot
@@ -148,15 +150,18 @@ def run_hil(
     seed: int | None = None,
     out_dir: Path | None = None,
     progress: Progress | None = None,
+    emulated: bool = False,
 ) -> Run:
-    """Run a scenario with real firmware: the one behind ``link``, or a firmware process of its own.
+    """Run a scenario with real firmware: the one behind ``link``, or one of its own, as a process or ``emulated``.
 
     With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
     run and its own ones back afterwards; nothing is stored on it.
     """
     scenario = scenario.with_seed(seed)
     with ExitStack() as stack:
-        base = stack.enter_context(_own_firmware(scenario) if link is None else _linked_firmware(scenario, link))
+        base = stack.enter_context(
+            _own_firmware(scenario, emulated) if link is None else _linked_firmware(scenario, link)
+        )
         loop = HilLoop(scenario, base)
         if out_dir is not None:
             log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
@@ -186,9 +191,15 @@ def _tick_times(statuses: list[Status]) -> dict[str, float]:
 
 
 @contextmanager
-def _own_firmware(scenario: Scenario) -> Iterator[FileLink]:
-    with FirmwareProcess(parameters=scenario.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as firmware:
-        base = open_link(firmware.urls[0])
+def _own_firmware(scenario: Scenario, emulated: bool) -> Iterator[FileLink]:
+    values = scenario.parameter_values()
+    own: FirmwareChild = (
+        EmulatedFirmware(parameters=values, links=[DIRECT], lockstep=True)
+        if emulated
+        else FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True)
+    )
+    with own as firmware:
+        base = firmware.open_link()
         try:
             yield base
         finally:

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from omniwheel.emulated_firmware import EMULATOR, MACHINE
+from omniwheel.paths import MissingFileError, emulated_firmware_path
 from tests.native import ROOT, WARNINGS, generated_dir
 
 BOARD = ROOT / "firmware" / "boards" / "mps2_an500"
@@ -29,11 +30,24 @@ LINK = ("-nostartfiles", "-T", str(BOARD / "base" / "an500.ld"), "-Wl,--gc-secti
 
 def need_emulator() -> None:
     """Skip the test where compiler or emulator are missing; on CI they must be there."""
-    missing = [program for program in (*COMPILERS.values(), EMULATOR) if shutil.which(program) is None]
+    _need([program for program in (*COMPILERS.values(), EMULATOR) if shutil.which(program) is None])
+
+
+def need_emulated_firmware() -> None:
+    """Skip the test where the emulator or the firmware for it is missing; on CI they must be there."""
+    missing = [] if shutil.which(EMULATOR) else [EMULATOR]
+    try:
+        emulated_firmware_path()
+    except MissingFileError:
+        missing.append("omni-firmware-mps2.elf")
+    _need(missing)
+
+
+def _need(missing: Sequence[str]) -> None:
     if missing and os.environ.get("CI") == "true":
-        pytest.fail(f"not installed: {', '.join(missing)}")
+        pytest.fail(f"not there: {', '.join(missing)}")
     if missing:
-        pytest.skip(f"not installed: {', '.join(missing)}")
+        pytest.skip(f"not there: {', '.join(missing)}")
 
 
 def build_program(

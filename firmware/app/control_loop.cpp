@@ -23,7 +23,8 @@ void ControlLoop::restart() {
         setup_ = latest;
     }
     inputs_ = {};
-    outputs_ = {};
+    outputs_ = &report.writing().outputs;
+    *outputs_ = {};
     driver_.restart();
     driver_.set_wiring(setup_->wiring);
     driver_was_ready_ = false;
@@ -36,7 +37,7 @@ void ControlLoop::restart() {
 bool ControlLoop::apply(const Request &request) {
     switch (request.kind) {
     case Request::Kind::event:
-        if ((request.event & OMNI_EVENT_ARM) != 0 && outputs_.state != OMNI_STATE_ARMED) {
+        if ((request.event & OMNI_EVENT_ARM) != 0 && outputs_->state != OMNI_STATE_ARMED) {
             inputs_.setpoint.kind = OMNI_SETPOINT_NONE; // what moved the robot before its last disarm does not start again
         }
         if ((request.event & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
@@ -87,7 +88,7 @@ void ControlLoop::take_plan() {
 
 /// The motors are off already; the driver sets its chip up anew afterwards, and until then nobody arms.
 void ControlLoop::begin_scan() {
-    if (outputs_.state != OMNI_STATE_ARMED && !scan_.running()) {
+    if (outputs_->state != OMNI_STATE_ARMED && !scan_.running()) {
         driver_was_ready_ = false;
         scan_.start();
     }
@@ -112,12 +113,12 @@ bool ControlLoop::release(I2cBus &bus, OutputEnable &pin) {
 /// the last stop: the pin is not switched on over it.
 void ControlLoop::drive(I2cBus &bus, OutputEnable &pin, uint64_t now_us) {
     omni_bridge_counts_t bridge[OMNI_MAX_WHEELS];
-    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        bridge[i] = omni_bridge_counts(outputs_.duty[i], outputs_.drive);
+    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
+        bridge[i] = omni_bridge_counts(outputs_->duty[i], outputs_->drive);
     }
     driver_.drive(bus, now_us, bridge);
     driver_was_ready_ = driver_was_ready_ || driver_.ready();
-    powered_ = outputs_.drive && driver_.ready() && (powered_ || driver_.failures() == 0);
+    powered_ = outputs_->drive && driver_.ready() && (powered_ || driver_.failures() == 0);
     pin.set(powered_);
 }
 
@@ -135,15 +136,14 @@ void ControlLoop::measure(uint64_t duration_ns) {
 
 /// The voltage of this tick acts until the next one.
 void ControlLoop::integrate_voltage() {
-    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        volt_us_[i] += static_cast<uint32_t>(std::lround(outputs_.voltage_V[i] * static_cast<float>(OMNI_TICK_US)));
+    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
+        volt_us_[i] += static_cast<uint32_t>(std::lround(outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US)));
     }
 }
 
 void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     TickReport &out = report.writing();
-    out.outputs = outputs_;
-    out.arming_faults = omni_robot_arming_faults(&robot_, &outputs_);
+    out.arming_faults = omni_robot_arming_faults(&robot_, outputs_);
     out.ticks = ticks_;
     out.overruns = sensors.overruns;
     out.i2c_errors = driver_.errors();
@@ -178,7 +178,8 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pi
     inputs_.driver_failures = driver_.failures();
     // Until the chip has been set up for the first time nothing could stop a motor: no arming.
     inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
-    omni_robot_tick(&robot_, &inputs_, &outputs_);
+    outputs_ = &report.writing().outputs;
+    omni_robot_tick(&robot_, &inputs_, outputs_);
     if (scan_.running()) {
         scan(bus, pin);
     } else {

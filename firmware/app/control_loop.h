@@ -93,7 +93,7 @@ private:
     const RobotSetup *setup_ = nullptr;
     omni_robot_t robot_{};
     omni_inputs_t inputs_{};
-    omni_outputs_t outputs_{};
+    omni_outputs_t *outputs_ = &report.writing().outputs; ///< of the last tick, in its report: only the tick writes there
     Pca9685 driver_;
     I2cScan scan_;
     bool driver_was_ready_ = false;

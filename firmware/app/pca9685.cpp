@@ -10,6 +10,7 @@ namespace {
 constexpr uint8_t reg_mode1 = 0x00;
 constexpr uint8_t reg_mode2 = 0x01;
 constexpr uint8_t reg_led0 = 0x06;
+constexpr uint8_t channel_bytes = 4;
 constexpr uint8_t reg_all_led_off_high = 0xFD;
 constexpr uint8_t reg_prescale = 0xFE;
 constexpr uint8_t mode1_sleep = 0x30; ///< auto-increment, asleep
@@ -27,6 +28,10 @@ I2cTransaction write_of(std::initializer_list<uint8_t> bytes) {
     transaction.write_length = static_cast<uint8_t>(bytes.size());
     std::copy(bytes.begin(), bytes.end(), transaction.write);
     return transaction;
+}
+
+uint8_t register_of(uint8_t channel) {
+    return static_cast<uint8_t>(reg_led0 + channel_bytes * channel);
 }
 
 /// ON_L, ON_H, OFF_L, OFF_H of a channel that is high for `count` of 4096 steps.
@@ -58,6 +63,7 @@ void Pca9685::restart() {
 void Pca9685::set_wiring(const Wiring &wiring) {
     if (!(wiring == wiring_)) {
         wiring_ = wiring;
+        lay_out_update();
         phase_ = Phase::off; // channels that are no longer ours must not stay on
     }
 }
@@ -112,73 +118,87 @@ void Pca9685::poll(I2cBus &bus) {
     health_asked_ = false;
 }
 
-size_t Pca9685::update_batch(I2cTransaction *batch, const omni_bridge_counts_t *bridge) {
-    uint16_t counts[channels];
-    std::fill(counts, counts + channels, uint16_t{0xFFFF}); // not ours
+/// The update's addresses and lengths, which only the wiring decides; the tick fills in the counts.
+void Pca9685::lay_out_update() {
+    bool used[channels] = {};
     for (size_t i = 0; i < wiring_.wheels; ++i) {
-        counts[wiring_.in1[i] % channels] = bridge[i].in1;
-        counts[wiring_.in2[i] % channels] = bridge[i].in2;
+        used[wiring_.in1[i] % channels] = true;
+        used[wiring_.in2[i] % channels] = true;
     }
-    size_t used = 0;
+    bursts_ = 0;
     for (uint8_t channel = 0; channel < channels; ++channel) {
-        if (counts[channel] == 0xFFFF) {
+        if (!used[channel]) {
             continue;
         }
-        const bool joined = channel > 0 && counts[channel - 1] != 0xFFFF;
-        if (!joined) {
-            batch[used++] = write_of({static_cast<uint8_t>(reg_led0 + 4 * channel)});
+        if (channel == 0 || !used[channel - 1]) {
+            update_[bursts_++] = write_of({register_of(channel)});
         }
-        I2cTransaction &burst = batch[used - 1];
-        encode_channel(burst.write + burst.write_length, counts[channel]);
-        burst.write_length = static_cast<uint8_t>(burst.write_length + 4);
+        I2cTransaction &burst = update_[bursts_ - 1];
+        burst.write_length = static_cast<uint8_t>(burst.write_length + channel_bytes);
     }
-    health_asked_ = suspicious_ || ++since_health_ >= health_interval;
-    if (health_asked_) {
-        batch[used] = write_of({reg_mode1});
-        batch[used++].read_length = 1;
+    update_[bursts_] = write_of({reg_mode1});
+    update_[bursts_].read_length = 1;
+    for (size_t i = 0; i < wiring_.wheels; ++i) {
+        in1_[i] = place_of(wiring_.in1[i] % channels);
+        in2_[i] = place_of(wiring_.in2[i] % channels);
     }
-    return used;
 }
 
-size_t Pca9685::next_batch(I2cTransaction *batch, uint64_t now_us, const omni_bridge_counts_t *bridge) {
-    switch (phase_) {
-    case Phase::off:
-        batch[0] = write_of({reg_all_led_off_high, full});
-        return 1;
-    case Phase::configure:
-        batch[0] = write_of({reg_mode1, mode1_sleep});
-        batch[1] = write_of({reg_prescale, prescale_1526_Hz});
-        batch[2] = write_of({reg_mode2, mode2_outdrv});
-        return 3;
-    case Phase::wake:
-        batch[0] = write_of({reg_mode1, mode1_awake});
-        awake_us_ = now_us;
-        return 1;
-    case Phase::settle:
-        if (now_us - awake_us_ < oscillator_start_us) {
-            return 0;
-        }
-        phase_ = Phase::ready;
-        return update_batch(batch, bridge);
-    case Phase::ready:
-        return update_batch(batch, bridge);
+/// Where the bytes of a channel in use are in the update.
+uint8_t *Pca9685::place_of(uint8_t channel) {
+    const uint8_t wanted = register_of(channel);
+    I2cTransaction *burst = update_;
+    while (wanted >= burst->write[0] + burst->write_length - 1) {
+        ++burst;
     }
-    return 0;
+    return burst->write + 1 + (wanted - burst->write[0]);
+}
+
+size_t Pca9685::fill_update(const omni_bridge_counts_t *bridge) {
+    for (size_t i = 0; i < wiring_.wheels; ++i) {
+        encode_channel(in1_[i], bridge[i].in1);
+        encode_channel(in2_[i], bridge[i].in2);
+    }
+    health_asked_ = suspicious_ || ++since_health_ >= health_interval;
+    return health_asked_ ? bursts_ + 1 : bursts_;
+}
+
+void Pca9685::send(I2cBus &bus, const I2cTransaction *batch, size_t count) {
+    in_flight_ = true;
+    if (!bus.submit(batch, count)) {
+        in_flight_ = false;
+        failed(bus, true);
+    }
+}
+
+/// The next step of the power-up sequence.
+void Pca9685::send_setup(I2cBus &bus, uint64_t now_us) {
+    if (phase_ == Phase::off) {
+        const I2cTransaction off = write_of({reg_all_led_off_high, full});
+        send(bus, &off, 1);
+    } else if (phase_ == Phase::configure) {
+        const I2cTransaction setup[] = {write_of({reg_mode1, mode1_sleep}), write_of({reg_prescale, prescale_1526_Hz}),
+                                        write_of({reg_mode2, mode2_outdrv})};
+        send(bus, setup, sizeof setup / sizeof setup[0]);
+    } else if (phase_ == Phase::wake) {
+        const I2cTransaction wake = write_of({reg_mode1, mode1_awake});
+        awake_us_ = now_us;
+        send(bus, &wake, 1);
+    }
 }
 
 void Pca9685::drive(I2cBus &bus, uint64_t now_us, const omni_bridge_counts_t *bridge) {
     if (in_flight_) {
         return; // the last update is still on the wire; this one's successor replaces it
     }
-    I2cTransaction batch[channels / 2 + 1];
-    const size_t count = next_batch(batch, now_us, bridge);
-    if (count == 0) {
-        return;
+    if (phase_ == Phase::settle && now_us - awake_us_ >= oscillator_start_us) {
+        phase_ = Phase::ready;
     }
-    in_flight_ = true;
-    if (!bus.submit(batch, count)) {
-        in_flight_ = false;
-        failed(bus, true);
+    if (phase_ == Phase::ready) {
+        const size_t count = fill_update(bridge);
+        send(bus, update_, count);
+    } else {
+        send_setup(bus, now_us);
     }
 }
 

@@ -29,6 +29,10 @@ public:
     static constexpr uint8_t address = 0x40;
     static constexpr uint8_t channels = 16;
 
+    Pca9685() = default;
+    Pca9685(const Pca9685 &) = delete; // it points into itself
+    Pca9685 &operator=(const Pca9685 &) = delete;
+
     /// Begin again with the power-up sequence.
     void restart();
     void set_wiring(const Wiring &wiring);
@@ -49,12 +53,19 @@ public:
 private:
     enum class Phase : uint8_t { off, configure, wake, settle, ready };
 
-    size_t next_batch(I2cTransaction *batch, uint64_t now_us, const omni_bridge_counts_t *bridge);
-    size_t update_batch(I2cTransaction *batch, const omni_bridge_counts_t *bridge);
+    void lay_out_update();
+    uint8_t *place_of(uint8_t channel);
+    void send(I2cBus &bus, const I2cTransaction *batch, size_t count);
+    void send_setup(I2cBus &bus, uint64_t now_us);
+    size_t fill_update(const omni_bridge_counts_t *bridge);
     void succeeded(const uint8_t *read);
     void failed(I2cBus &bus, bool stuck);
 
     Wiring wiring_;
+    I2cTransaction update_[channels / 2 + 1]; ///< bursts of adjacent channels; after them the look at MODE1
+    size_t bursts_ = 0;
+    uint8_t *in1_[OMNI_MAX_WHEELS] = {}; ///< where a wheel's bytes are in the update
+    uint8_t *in2_[OMNI_MAX_WHEELS] = {};
     Phase phase_ = Phase::off;
     bool in_flight_ = false;
     bool health_asked_ = false; ///< the batch in flight reads MODE1 back

@@ -36,13 +36,15 @@ class EmulatedFirmware(FirmwareChild):
     ``robot``, ``links``, ``lockstep``, ``storage`` and ``parameters`` are :class:`omniwheel.FirmwareProcess`'s. A
     link is a serial port there: it does not see clients come and go, so nothing greets a new one, a robot in
     host-in-the-loop stays in it, and a second client waits until the first has gone. The emulator moves its bytes one
-    by one. With ``lockstep`` the first link may be ``direct`` instead: whole blocks, many times faster, to this process
+    by one. With ``lockstep`` the last link may be ``direct`` instead: whole blocks, many times faster, to this process
     only (:meth:`open_link`); the processor stands still while it waits for them.
 
     With ``icount_shift`` every instruction takes 2**shift ns of the emulated time, which then runs as fast as this
     computer can; without, it is real time. ``watchdog_ms`` 0 switches the watchdog off. With ``crash_resets`` the
     processor starts again after a crash, as the robot's does, instead of ending. ``injectable`` makes :meth:`crash` and
-    :meth:`hang` work. Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
+    :meth:`hang` work. With ``pins`` a world at the board's pins keeps step with the emulated time (hil_sim.pins);
+    its serial line is the robot's link 1, before ``links``.
+    Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
     """
 
     def __init__(
@@ -59,12 +61,13 @@ class EmulatedFirmware(FirmwareChild):
         reset_cause: str = "power_on",
         crash_resets: bool = False,
         injectable: bool = False,
+        pins: bool = False,
     ) -> None:
         super().__init__(robot, parameters)
         if not 1 <= len(links) <= MAX_LINKS:
             raise FirmwareStartError(f"{len(links)} links: the emulated board has 1 to {MAX_LINKS}")
-        if DIRECT in links[1:] or (links[0] == DIRECT and not lockstep):
-            raise FirmwareStartError(f"only the first link may be {DIRECT}, and only with lockstep")
+        if DIRECT in links[:-1] or (links[-1] == DIRECT and not lockstep):
+            raise FirmwareStartError(f"only the last link may be {DIRECT}, and only with lockstep")
         self._wanted = tuple(links)
         self._direct: socket.socket | None = None
         self._storage = None if storage is None else Path(storage)
@@ -75,24 +78,33 @@ class EmulatedFirmware(FirmwareChild):
         self._words += [] if watchdog_ms is None else ["--watchdog", str(watchdog_ms)]
         flags = {
             "--lockstep": lockstep,
-            "--console-link": links[0] == DIRECT,
+            "--console-link": links[-1] == DIRECT,
             "--catch-up": not lockstep and icount_shift is None,
             "--crash-resets": crash_resets,
+            "--pins": pins,
             "--inject": injectable,
         }
         self._words += [flag for flag, wanted in flags.items() if wanted]
         self._injectable = injectable
+        self._uses_stdio = pins or links[-1] == DIRECT
         self._inject: socket.socket | None = None
         self._symlinks: list[Path] = []
 
     def open_link(self, number: int = 0) -> FileLink:
         """Connect to one of the links; to a direct one at most once. Raises LinkOpenError."""
-        if number != 0 or self._wanted[0] != DIRECT:
+        if self._wanted[number] != DIRECT:
             return super().open_link(number)
         if self._direct is None:
             raise LinkOpenError("the direct link to the emulated firmware has been opened before")
         mine, self._direct = self._direct, None
         return StreamLink(DIRECT, mine)
+
+    def open_pins(self) -> socket.socket:
+        """Return the connection to the pins of a firmware with ``pins``; at most once. Closing it ends the emulator."""
+        if not self._uses_stdio or self._direct is None:
+            raise LinkOpenError("the emulated firmware has no pins for a world, or they have been taken before")
+        mine, self._direct = self._direct, None
+        return mine
 
     def crash(self) -> None:
         """Make the program fault, at once."""
@@ -135,7 +147,7 @@ class EmulatedFirmware(FirmwareChild):
             if self._injectable:
                 self._inject = serial.add_pair()
             command += serial.options
-            if self._wanted[0] == DIRECT:
+            if self._uses_stdio:
                 self._direct, its = socket.socketpair()
                 ours.enter_context(its)
                 self._spawn(command, stdin=its, stdout=its, stderr=log, cwd=folder, pass_fds=serial.fds)
@@ -182,7 +194,6 @@ class _SerialPorts:
     def add_link(self, link: str) -> None:
         kind, _, address = link.partition(":")
         if link == DIRECT:
-            self.skip_to(1)
             self.links.append(link)
         elif kind == "pty":
             self._add("pty")

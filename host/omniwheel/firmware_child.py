@@ -12,13 +12,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, TypeVar
 
-from omniwheel.errors import FirmwareEndedError, FirmwareStartError, LinkError
+from omniwheel.errors import FirmwareEndedError, FirmwareStartError, LinkLostError
 from omniwheel.link import FileLink, open_link
 from omniwheel.parameters import ParameterValue, checked_value
 from omniwheel.robots import parameter_table, read_robot
 
 READY_TIMEOUT_S = 20.0
 _STOP_TIMEOUT_S = 3.0
+_ENDING_S = 1.0
 _POLL_S = 0.01
 _MESSAGES_KEPT = 4000
 
@@ -49,11 +50,20 @@ class FirmwareChild(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        ended = None if self._process is None else self._process.poll()
+        ended = self._ending() if isinstance(error, LinkLostError) else None
         said = self.messages
         self.stop()
-        if ended is not None and isinstance(error, LinkError):
+        if ended is not None:
             raise FirmwareEndedError(ended, said) from error
+
+    def _ending(self) -> int | None:
+        """Return the exit code of a process that is ending by itself: its links are closed a moment before."""
+        if self._process is None:
+            return None
+        try:
+            return self._process.wait(_ENDING_S)
+        except subprocess.TimeoutExpired:
+            return None
 
     @property
     def urls(self) -> tuple[str, ...]:
@@ -73,6 +83,11 @@ class FirmwareChild(ABC):
     def running(self) -> bool:
         """Whether the process is there."""
         return self._process is not None and self._process.poll() is None
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code of a process that has ended by itself, None while it runs."""
+        return None if self._process is None else self._process.poll()
 
     @property
     def messages(self) -> str:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""A firmware process and a bare MAVLink client for it: what the tests here share."""
+"""A firmware and a bare MAVLink client for it: what the tests here share.
+
+The firmware is the PC's process, or the same on the emulated Cortex-M7 while :func:`on_board` says so.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import os
 import select
 import socket
 import subprocess
@@ -17,6 +21,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.paths import dialect_dir, firmware_path
 
 WAIT_S = 10.0
@@ -38,12 +43,34 @@ def load_dialect() -> ModuleType:
 mav = load_dialect()
 
 
+BOARDS = ("pc", "emulated")
+DIRECT = ("direct",)
+_board = ["pc"]
+
+
+@contextmanager
+def on_board(name: str) -> Iterator[None]:
+    """Run what starts a firmware in here on one of BOARDS."""
+    _board.append(name)
+    try:
+        yield
+    finally:
+        _board.pop()
+
+
 @dataclass
 class Firmware:
-    """A running firmware process and where it listens."""
+    """A running firmware and where it listens: as a process of this PC, or emulated."""
 
-    process: subprocess.Popen[str]
+    own: subprocess.Popen[str] | None
     links: list[str]
+    emulated: EmulatedFirmware | None = None
+
+    @property
+    def process(self) -> subprocess.Popen[str]:
+        """The process on this PC."""
+        assert self.own is not None, "this is about the PC firmware: mark the test pc_only"
+        return self.own
 
     def address(self, link: int = 0) -> tuple[str, int]:
         """Return host and port of a TCP link."""
@@ -54,6 +81,10 @@ class Firmware:
 @contextmanager
 def firmware(*arguments: str, links: Sequence[str] = ("tcp:127.0.0.1:0",)) -> Iterator[Firmware]:
     """Run omni-firmware and end it at the end, whatever happens."""
+    if _board[-1] == "emulated":
+        with _emulated(arguments, links) as running:
+            yield Firmware(None, list(running.links), running)
+        return
     options = [text for link in links for text in ("--link", link)]
     process = subprocess.Popen(
         [str(firmware_path()), *options, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -67,6 +98,19 @@ def firmware(*arguments: str, links: Sequence[str] = ("tcp:127.0.0.1:0",)) -> It
     finally:
         process.terminate()
         process.communicate(timeout=WAIT_S)
+
+
+def _emulated(arguments: Sequence[str], links: Sequence[str]) -> EmulatedFirmware:
+    words = iter(arguments)
+    options: dict[str, Any] = {"links": links}
+    for word in words:
+        if word == "--lockstep":
+            options["lockstep"] = True
+            options["links"] = links if len(links) > 1 else DIRECT
+        else:
+            assert word == "--storage", f"{word} is not an option of the emulated firmware here"
+            options["storage"] = next(words)
+    return EmulatedFirmware(**options)
 
 
 @dataclass
@@ -215,7 +259,10 @@ class Client:
 
 
 def connect(robot: Firmware, link: int = 0) -> Client:
-    """Connect to a TCP link."""
+    """Connect to a TCP link, or to a direct one."""
+    if robot.emulated is not None and robot.links[link] == DIRECT[0]:
+        direct = robot.emulated.open_link(link)
+        return Client(socket.socket(fileno=os.dup(direct.fileno())))
     connection = socket.create_connection(robot.address(link), timeout=WAIT_S)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return Client(connection)

@@ -1,15 +1,37 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 
 import pytest
 
-from tests.firmware.client import Client, lockstep_robot
+from tests.arm import need_emulated_firmware
+from tests.firmware.client import BOARDS, Client, lockstep_robot, on_board
+
+ON_ALL_BOARDS = ("test_commands", "test_driver", "test_link", "test_parameters")
+"""The modules whose tests must hold for the firmware on any processor; ``pc_only`` tests are about the process."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    everywhere = metafunc.module.__name__.rpartition(".")[2] in ON_ALL_BOARDS
+    alone = metafunc.definition.get_closest_marker("pc_only") is not None or "OMNI_SANITIZED" in os.environ
+    boards = BOARDS if everywhere and not alone else BOARDS[:1]
+    metafunc.parametrize("board", boards, indirect=True, scope="module")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def board(request: pytest.FixtureRequest) -> Iterator[str]:
+    """What the firmware runs on."""
+    name = str(request.param)
+    if name != BOARDS[0]:
+        need_emulated_firmware()
+    with on_board(name):
+        yield name
 
 
 @pytest.fixture
-def robot() -> Iterator[Client]:
+def robot(board: str) -> Iterator[Client]:
     """A fresh three-wheel robot in lockstep."""
     with lockstep_robot() as client:
         yield client

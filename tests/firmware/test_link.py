@@ -26,6 +26,7 @@ def rates(robot: Client, ticks: int = 2000) -> dict[str, float]:
     return {name: count * 1000 / ticks for name, count in counts.items()}
 
 
+@pytest.mark.pc_only
 def test_a_heartbeat_greets_each_new_connection(robot: Client) -> None:
     beat = robot.wait("HEARTBEAT")
     assert (beat.type, beat.autopilot) == (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_GENERIC)
@@ -122,6 +123,7 @@ def test_mavlink_1_is_understood(robot: Client) -> None:
     assert robot.wait("PING").seq == 77
 
 
+@pytest.mark.pc_only
 def test_a_second_client_is_sent_away_and_the_first_goes_on() -> None:
     with firmware("--lockstep") as running:
         first = connect(running)
@@ -132,6 +134,7 @@ def test_a_second_client_is_sent_away_and_the_first_goes_on() -> None:
         first.socket.close()
 
 
+@pytest.mark.pc_only
 def test_a_client_that_leaves_disarms_the_robot_for_the_next_one() -> None:
     with firmware("--lockstep") as running:
         first = connect(running).armed()
@@ -184,6 +187,7 @@ def test_host_in_the_loop_is_entered_and_left_by_command() -> None:
         robot.socket.close()
 
 
+@pytest.mark.pc_only
 def test_a_host_that_vanishes_from_the_loop_leaves_a_robot_on_its_own_clock() -> None:
     with firmware(links=("tcp:127.0.0.1:0", "tcp:127.0.0.1:0")) as running:
         watcher, host = connect(running, 0), connect(running, 1)

@@ -108,6 +108,7 @@ def test_stored_parameters_come_back_and_reset_forgets_them_in_use_only(tmp_path
         assert robot.get("ISMC_LAM_XY") == 7.5
 
 
+@pytest.mark.pc_only
 def test_a_power_cut_at_any_byte_leaves_the_old_or_the_new_set(tmp_path: Path) -> None:
     path = tmp_path / "eeprom"
     storage = storage_arguments(path)

@@ -30,7 +30,14 @@ size_t ConsolePort::read(uint8_t *data, size_t capacity) {
     return count;
 }
 
+bool ConsolePort::has_sent() {
+    const bool sent = sent_;
+    sent_ = false;
+    return sent;
+}
+
 bool ConsolePort::write(const uint8_t *data, size_t length) {
+    sent_ = true;
     return length <= most_ && an500::semihosting_write(out_, data, length) == static_cast<int>(length);
 }
 

@@ -18,6 +18,8 @@ public:
     /// Until bytes come; the whole machine stands still. Ends the emulator when the other end has gone.
     void wait();
     bool waiting() const { return taken_ < filled_; }
+    /// True once after something was sent: there may be more to send, which waited for room.
+    bool has_sent();
     size_t read(uint8_t *data, size_t capacity) override;
     size_t write_space() override { return most_; }
     bool write(const uint8_t *data, size_t length) override;
@@ -30,6 +32,7 @@ private:
     int out_ = -1;
     size_t filled_ = 0;
     size_t taken_ = 0;
+    bool sent_ = false;
     uint8_t bytes_[1024] = {};
 };
 

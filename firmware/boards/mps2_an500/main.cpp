@@ -13,6 +13,7 @@
 #include "boards/mps2_an500/kept.h"
 #include "boards/mps2_an500/options.h"
 #include "boards/mps2_an500/parts.h"
+#include "boards/mps2_an500/pins.h"
 #include "boards/mps2_an500/uart_port.h"
 
 namespace omni {
@@ -23,7 +24,7 @@ constexpr uint8_t tick_priority = 0x80;
 constexpr uint8_t inject_priority = 0x20;
 constexpr size_t inject_uart = 4;
 /// More missed ticks than this are not made up for: the core then sees time jump and says so.
-constexpr uint64_t catch_up_us = 1'000'000;
+constexpr uint64_t catch_up_us = 60'000'000;
 /// So many at a time, so that the links are served in between.
 constexpr int catch_up_ticks = 20;
 /// Pause after which a frame that stopped half-way is looked at again.
@@ -44,6 +45,8 @@ public:
     std::atomic<bool> woken{false};
 
 private:
+    bool open_pins();
+    static float supply_V();
     void open_inject();
     void start_timer(uint32_t period_us);
     void catch_up();
@@ -56,6 +59,7 @@ private:
     HostStorage storage_;
     TimerWatchdog watchdog_;
     ConsolePort console_;
+    Pins pins_;
     NoEncoders encoders_;
     NoMotorsBus bus_;
     NoOutputEnable output_enable_;
@@ -66,6 +70,10 @@ private:
 
 Machine machine;
 
+float Machine::supply_V() {
+    return machine.pins_.battery_V();
+}
+
 bool Machine::open(int argc, char **argv, int *exit_code) {
     if (!parse_options(argc, argv, &options_, exit_code)) {
         return false;
@@ -74,7 +82,8 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
     if (!storage_.open(options_.storage)) {
         return false;
     }
-    for (size_t i = 0; i < options_.link_count; ++i) {
+    const size_t uart_count = options_.link_count - (options_.console_link ? 1 : 0);
+    for (size_t i = 0; i < uart_count; ++i) {
         uarts[i].open(i);
         board_.ports[i] = &uarts[i];
     }
@@ -82,7 +91,7 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
         if (!console_.open()) {
             return false;
         }
-        board_.ports[0] = &console_;
+        board_.ports[uart_count] = &console_;
     }
     board_.port_count = options_.link_count;
     board_.clock = &clock_;
@@ -92,7 +101,21 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
     board_.storage = &storage_;
     board_.watchdog = &watchdog_;
     board_.robot_values = options_.values;
-    return true;
+    return !options_.pins || open_pins();
+}
+
+/// The host's world in place of the stand-ins, and its serial line in front of the others.
+bool Machine::open_pins() {
+    for (size_t i = board_.port_count++; i > 0; --i) {
+        board_.ports[i] = board_.ports[i - 1];
+    }
+    board_.ports[0] = &pins_.wire;
+    board_.encoders = &pins_;
+    board_.output_enable = &pins_;
+    board_.i2c = &pins_.bus;
+    board_.battery_V = supply_V;
+    pins_.start(clock_);
+    return pins_.open();
 }
 
 void Machine::open_inject() {
@@ -149,14 +172,19 @@ bool Machine::bytes_wait() const {
             return true;
         }
     }
-    return console_.waiting();
+    return console_.waiting() || pins_.wire.waiting();
 }
 
 /// Until the next interrupt. One that came since the last background pass began is not slept over.
 void Machine::sleep() {
+    if (options_.pins) {
+        return; // with -icount sleep=off, QEMU's time jumps over two periods of a timer that ends a sleep
+    }
     if (options_.console_link) {
-        if (!bytes_wait()) {
+        if (!console_.has_sent() && !bytes_wait()) {
+            watchdog_.pause();
             console_.wait();
+            watchdog_.resume();
         }
         return;
     }

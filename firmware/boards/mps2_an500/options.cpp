@@ -29,6 +29,11 @@ void print_help() {
         "  --links N        speak MAVLink on the first N serial ports, 1 to 4 (default 1)\n"
         "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
         "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+        "  --console-link   with --lockstep: the last link is the emulator's standard input and output, which is much\n"
+        "                   faster; give --log too\n"
+        "  --pins           encoders, I2C, supply and a first serial line are simulated by the host, over the emulator's\n"
+        "                   standard input and output (hil_sim/pins.py); give --log too\n"
+        "  --log FILE       append what is said to this file instead of saying it on the console\n"
         "  --catch-up       a host that was busy for a while makes no time jump: missed ticks run at their due times\n"
         "  --watchdog MS    reset after this time without a background pass (default 2000; 0: never)\n"
         "  --reset-cause C  begin as after power_on, watchdog, software or crash\n"
@@ -75,11 +80,9 @@ bool take_flag(const char *name, Options *options) {
     const struct {
         const char *name;
         bool *value;
-    } flags[] = {{"--lockstep", &options->lockstep},
-                 {"--console-link", &options->console_link},
-                 {"--catch-up", &options->catch_up},
-                 {"--crash-resets", &options->crash_resets},
-                 {"--inject", &options->inject}};
+    } flags[] = {
+        {"--lockstep", &options->lockstep}, {"--console-link", &options->console_link}, {"--pins", &options->pins},
+        {"--catch-up", &options->catch_up}, {"--crash-resets", &options->crash_resets}, {"--inject", &options->inject}};
     for (const auto &flag : flags) {
         if (std::strcmp(name, flag.name) == 0) {
             *flag.value = true;
@@ -159,6 +162,10 @@ bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
     }
     if (options->console_link && !(options->lockstep && options->log != nullptr)) {
         std::fputs("omni-firmware: --console-link needs --lockstep and --log\n", stderr);
+        return false;
+    }
+    if (options->pins && (options->lockstep || options->log == nullptr || options->link_count == Board::max_ports)) {
+        std::fputs("omni-firmware: --pins needs --log, less than 4 links and no --lockstep\n", stderr);
         return false;
     }
     return check_robot(options->values);

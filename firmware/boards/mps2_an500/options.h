@@ -11,14 +11,15 @@
 namespace omni {
 
 struct Options {
-    size_t link_count = 1; ///< UART0 and on
+    size_t link_count = 1; ///< UART0 and on, and the console
     const char *storage = nullptr;
     const char *log = nullptr; ///< file for text
     bool lockstep = false;
     bool catch_up = false;
     bool crash_resets = false;
     bool inject = false;
-    bool console_link = false;   ///< the first link is the console, not UART0
+    bool pins = false;           ///< the world is at the pins
+    bool console_link = false;   ///< the last link is the console
     uint32_t watchdog_ms = 2000; ///< 0: off
     ResetCause reset_cause = ResetCause::power_on;
     omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters

@@ -80,6 +80,14 @@ bool HostStorage::write(size_t offset, const uint8_t *data, size_t length) {
 void TimerWatchdog::start(uint32_t milliseconds, ResetCause first) {
     cause_ = begin_kept(first);
     load_ = milliseconds * (an500::clock_Hz / 1000);
+    resume();
+}
+
+void TimerWatchdog::pause() {
+    an500::watchdog_timer().control = 0;
+}
+
+void TimerWatchdog::resume() {
     if (load_ > 0) {
         an500::watchdog_timer().load = load_;
         an500::watchdog_timer().control = an500::watchdog_interrupt_enable | an500::watchdog_reset_enable;

@@ -49,6 +49,9 @@ public:
     /// @param milliseconds 0: never bites. @param first the reset cause if nothing is known of a reset before.
     void start(uint32_t milliseconds, ResetCause first);
     void feed() override;
+    /// Hold it while the machine stands still.
+    void pause();
+    void resume();
     ResetCause reset_cause() override { return cause_; }
     const char *crash_line(size_t number) override;
     void reset() override;

@@ -14,6 +14,7 @@ from omniwheel.cli import (
     demo,
     doctor,
     drive,
+    emulate,
     flash,
     hil,
     identify,
@@ -29,6 +30,7 @@ from omniwheel.cli import (
     robots,
     sim,
     sitl,
+    soak,
     tune,
 )
 from omniwheel.cli.common import OmniGroup, console
@@ -60,8 +62,10 @@ def _options(
 
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 app.command("sitl", epilog=sitl.EXAMPLES)(sitl.sitl)
+app.command("emulate", epilog=emulate.EXAMPLES)(emulate.emulate)
 app.command("hil", epilog=hil.EXAMPLES)(hil.hil)
 app.command("sim", epilog=sim.EXAMPLES)(sim.sim)
+app.command("soak", epilog=soak.EXAMPLES)(soak.soak)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("plot", epilog=plot.EXAMPLES)(plot.plot)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)

@@ -15,6 +15,7 @@ from hil_sim.summary import summarize
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, note, print_json
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
+    EmulatedOption,
     OutOption,
     PlantOption,
     PresetOption,
@@ -27,7 +28,9 @@ from omniwheel.cli.run_output import (
     store,
 )
 
-EXAMPLES = examples("omni demo", "omni demo --seed 7 --out /tmp/runs", "omni demo --json | jq .rmse")
+EXAMPLES = examples(
+    "omni demo", "omni demo --seed 7 --out /tmp/runs", "omni demo --emulated", "omni demo --json | jq .rmse"
+)
 COMPARED = ("original_law", "no_slip")
 
 
@@ -40,6 +43,7 @@ def demo(
         bool,
         typer.Option("--compare/--no-compare", help="Also run the robot's original control law, and without slip."),
     ] = True,
+    emulated: EmulatedOption = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Drive a simulated robot with its real firmware: start it as a process, put it host-in-the-loop over MAVLink,
@@ -51,7 +55,7 @@ def demo(
     folder = make_folder(out, scenario)
     note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
     with run_progress("firmware in the loop", json_wanted) as progress:
-        run = run_hil(scenario, out_dir=folder, progress=progress)
+        run = run_hil(scenario, out_dir=folder, progress=progress, emulated=emulated)
     summary = summarize(run)
     summary["comparison"] = {name: _compared(name, scenario, json_wanted) for name in COMPARED} if compare else {}
     store(run, summary, folder)

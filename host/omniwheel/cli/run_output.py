@@ -27,6 +27,9 @@ from omniwheel.presets import read_preset
 ScenarioArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A scenario of the package, or a .toml file.", show_default=True)
 ]
+EmulatedOption = Annotated[
+    bool, typer.Option("--emulated", help="Run the firmware on an emulated Cortex-M7 instead of as a process.")
+]
 SeedOption = Annotated[
     int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. [default: the scenario's]")
 ]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -22,35 +23,41 @@ EXAMPLES = examples(
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
 
+ScenarioNameArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="World, faults and parameters; its events are not played.")
+]
+RobotOption = Annotated[
+    str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
+]
+WorldRobotOption = Annotated[
+    str | None,
+    typer.Option(
+        "--world-robot",
+        metavar="NAME|FILE",
+        help="The robot that is really there, if the firmware is to be wrong about it: to try `omni bringup`.",
+    ),
+]
+PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")]
+HostOption = Annotated[str, typer.Option("--host", help="Address to listen on.")]
+LinksOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--link", metavar="LINK", help="Instead of --port: tcp:HOST:PORT, pty[:PATH], udp:HOST:PORT; repeatable."
+    ),
+]
+StorageOption = Annotated[
+    Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
+]
+
 
 def sitl(
-    scenario_name: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="World, faults and parameters; its events are not played.")
-    ] = "sitl",
-    robot: Annotated[
-        str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
-    ] = None,
-    world_robot: Annotated[
-        str | None,
-        typer.Option(
-            "--world-robot",
-            metavar="NAME|FILE",
-            help="The robot that is really there, if the firmware is to be wrong about it: to try `omni bringup`.",
-        ),
-    ] = None,
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")
-    ] = 5760,
-    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
-    link: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--link", metavar="LINK", help="Instead of --port: tcp:HOST:PORT, pty[:PATH], udp:HOST:PORT; repeatable."
-        ),
-    ] = None,
-    storage: Annotated[
-        Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
-    ] = None,
+    scenario_name: ScenarioNameArgument = "sitl",
+    robot: RobotOption = None,
+    world_robot: WorldRobotOption = None,
+    port: PortOption = 5760,
+    host: HostOption = "127.0.0.1",
+    link: LinksOption = None,
+    storage: StorageOption = None,
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -62,15 +69,17 @@ def sitl(
     links = link or [f"tcp:{host}:{port}"]
     try:
         with signals_interrupt(), start_sitl(scenario, links, storage=storage) as running:
-            if json_wanted:
-                ready = {"ready": True, "links": list(running.urls), "robot": scenario.robot.name}
-                print_json(ready, one_line=True)
-            else:
-                console.print(
-                    f"{scenario.robot.name} is there: connect to [bold]{'[/] or [bold]'.join(running.urls)}[/]"
-                )
-                console.print(f"{scenario.description}. Ctrl-C ends it.")
+            announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
             while True:
                 running.advance()
     except KeyboardInterrupt:
         return
+
+
+def announce(urls: Sequence[str], robot: str, description: str, json_wanted: bool) -> None:
+    """Say where the robot is to be found."""
+    if json_wanted:
+        print_json({"ready": True, "links": list(urls), "robot": robot}, one_line=True)
+    else:
+        console.print(f"{robot} is there: connect to [bold]{'[/] or [bold]'.join(urls)}[/]")
+        console.print(f"{description}. Ctrl-C ends it.")

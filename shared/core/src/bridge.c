@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/bridge.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 omni_bridge_counts_t omni_bridge_counts(omni_real_t duty, bool drive) {
     omni_bridge_counts_t counts = {0, 0};

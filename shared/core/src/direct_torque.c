@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "omni/math.h"
 #include "omni/saturation.h"
 #include "pose_control.h"
 
@@ -91,8 +90,9 @@ omni_real_t omni_direct_torque_step(const omni_direct_torque_config_t *config, c
         wanted_acceleration(config, 1, reference->acceleration.vy, wanted->vy - rate->vy, terms),
         wanted_acceleration(config, 2, reference->acceleration.wz, wanted->wz - rate->wz, terms),
     };
-    omni_twist_t body = omni_twist_to_body(&world, pose->theta);
-    const omni_twist_t body_rate = omni_twist_to_body(rate, pose->theta);
+    const omni_rotation_t heading = omni_rotation(pose->theta);
+    omni_twist_t body = omni_rotate_to_body(&world, &heading);
+    const omni_twist_t body_rate = omni_rotate_to_body(rate, &heading);
     omni_real_t force_N[OMNI_MAX_WHEELS] = {0};
     omni_real_t spin_N[OMNI_MAX_WHEELS] = {0};
     const omni_real_t gripped = body_forces(config, k, &body, force_N);

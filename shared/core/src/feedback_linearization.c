@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "omni/math.h"
 #include "pose_control.h"
 
 void omni_fl_reset(omni_fl_state_t *state) {

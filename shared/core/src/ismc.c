@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "omni/math.h"
 #include "pose_control.h"
 
 void omni_ismc_reset(omni_ismc_state_t *state) {
@@ -13,14 +12,14 @@ void omni_ismc_reset(omni_ismc_state_t *state) {
 /* sw(s); super-twisting also advances its own integral w. */
 static omni_real_t switching(const omni_ismc_config_t *config, int axis, omni_real_t surface, omni_real_t *twisting,
                              bool hold) {
-    const omni_real_t sign = omni_signf(surface);
-    const omni_real_t ratio = surface / config->phi[axis];
     if (config->switching == OMNI_ISMC_SWITCH_SIGN) {
-        return sign;
+        return omni_signf(surface);
     }
+    const omni_real_t ratio = surface / config->phi[axis];
     if (config->switching == OMNI_ISMC_SWITCH_BOUNDARY) {
         return omni_clampf(ratio, -1.0f, 1.0f);
     }
+    const omni_real_t sign = omni_signf(surface);
     const omni_real_t value = omni_sqrtf(omni_absf(ratio)) * sign + *twisting;
     const omni_real_t rate = 0.5f * config->k[axis] / config->phi[axis] * sign;
     *twisting = omni_integrate(*twisting, rate * config->step_s, 1.0f, hold);
@@ -47,8 +46,8 @@ omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *
                             const omni_pose_t *reference, const omni_twist_t *reference_rate, bool hold_integral,
                             omni_control_terms_t *terms) {
     omni_twist_t wanted = {0.0f, 0.0f, 0.0f};
-    memset(terms, 0, sizeof *terms);
     if (!omni_pose_is_finite(pose) || !omni_pose_is_finite(reference) || !omni_twist_is_finite(reference_rate)) {
+        memset(terms, 0, sizeof *terms);
         return wanted;
     }
     omni_pose_error(pose, reference, terms->error);

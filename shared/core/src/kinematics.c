@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/kinematics.h"
-
 #include <string.h>
 
-#include "omni/math.h"
+/* The inline functions get their callable form here. */
+#define OMNI_KINEMATICS_INLINE
+#include "kinematics_inline.h"
 
 /* A column of B that keeps less than this of its length beyond the other columns makes the layout singular. */
 static const omni_real_t smallest_independent = 1e-3f;
@@ -147,30 +147,6 @@ omni_result_t omni_kinematics_init(omni_kinematics_t *k, const omni_kinematics_c
     return OMNI_OK;
 }
 
-void omni_kinematics_inverse(const omni_kinematics_t *k, const omni_twist_t *body, const omni_real_t *slip_m_s,
-                             omni_real_t *wheel_rad_s) {
-    for (int i = 0; i < k->wheels; i++) {
-        /* eq. 20, corrected: phi' = (B v + v_s) / r */
-        const omni_real_t rolling = k->b[i][0] * body->vx + k->b[i][1] * body->vy + k->b[i][2] * body->wz;
-        const omni_real_t slip = slip_m_s != NULL ? slip_m_s[i] : 0.0f;
-        wheel_rad_s[i] = (rolling + slip) / k->radius_m[i];
-    }
-}
-
-void omni_kinematics_forward(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s, const omni_real_t *slip_m_s,
-                             omni_twist_t *body) {
-    omni_twist_t sum = {0.0f, 0.0f, 0.0f};
-    for (int i = 0; i < k->wheels; i++) {
-        /* eq. 22, corrected: v = B+ (r phi' - v_s) */
-        const omni_real_t slip = slip_m_s != NULL ? slip_m_s[i] : 0.0f;
-        const omni_real_t rolled = k->radius_m[i] * wheel_rad_s[i] - slip;
-        sum.vx += k->b_pinv[0][i] * rolled;
-        sum.vy += k->b_pinv[1][i] * rolled;
-        sum.wz += k->b_pinv[2][i] * rolled;
-    }
-    *body = sum;
-}
-
 omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s) {
     omni_real_t residual = 0.0f;
     /* n^T B = 0 in eq. 20 leaves n^T r phi' = n^T v_s */
@@ -181,19 +157,11 @@ omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni
 }
 
 omni_twist_t omni_twist_to_body(const omni_twist_t *world, omni_real_t theta) {
-    omni_real_t s;
-    omni_real_t c;
-    omni_sincosf(theta, &s, &c);
-    /* eq. 16: R(theta) */
-    const omni_twist_t body = {c * world->vx + s * world->vy, -s * world->vx + c * world->vy, world->wz};
-    return body;
+    const omni_rotation_t r = omni_rotation(theta);
+    return omni_rotate_to_body(world, &r);
 }
 
 omni_twist_t omni_twist_to_world(const omni_twist_t *body, omni_real_t theta) {
-    omni_real_t s;
-    omni_real_t c;
-    omni_sincosf(theta, &s, &c);
-    /* eq. 16: R(theta)^T */
-    const omni_twist_t world = {c * body->vx - s * body->vy, s * body->vx + c * body->vy, body->wz};
-    return world;
+    const omni_rotation_t r = omni_rotation(theta);
+    return omni_rotate_to_world(body, &r);
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/math.h"
+/* The inline functions get their callable form here. */
+#define OMNI_INLINE
+#include "math_inline.h"
 
-static const omni_real_t largest_finite = 3.402823466e38f;
 static const omni_real_t largest_angle = 1e6f;
 static const omni_real_t half_pi = 1.57079632679489661923f;
 
@@ -50,14 +51,14 @@ static omni_real_t arctangent_polynomial(omni_real_t x) {
 }
 
 void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine) {
-    const omni_real_t x = usable_angle(angle);
-    if (!omni_is_finite(x)) {
+    if (!(omni_absf(angle) <= largest_angle)) {
+        const omni_real_t x = usable_angle(angle); /* 0, or NaN */
         *sine = x;
-        *cosine = x;
+        *cosine = 1.0f + x;
         return;
     }
-    const int32_t quarters = nearest(x * 0.636619772f);
-    const omni_real_t rest = minus_quarters(x, (omni_real_t)quarters);
+    const int32_t quarters = nearest(angle * 0.636619772f);
+    const omni_real_t rest = minus_quarters(angle, (omni_real_t)quarters);
     const omni_real_t s = sine_polynomial(rest);
     const omni_real_t c = cosine_polynomial(rest);
     const uint32_t quadrant = (uint32_t)quarters & 3u;
@@ -88,6 +89,9 @@ omni_real_t omni_atan2f(omni_real_t y, omni_real_t x) {
 }
 
 omni_real_t omni_wrap_pi(omni_real_t angle) {
+    if (omni_absf(angle) < 3.0f) {
+        return angle + 0.0f; /* -0 gives 0, as below */
+    }
     const omni_real_t x = usable_angle(angle);
     if (!omni_is_finite(x)) {
         return x;
@@ -98,33 +102,4 @@ omni_real_t omni_wrap_pi(omni_real_t angle) {
         return wrapped - 2.0f * OMNI_PI_F;
     }
     return wrapped < -OMNI_PI_F ? wrapped + 2.0f * OMNI_PI_F : wrapped;
-}
-
-omni_real_t omni_sqrtf(omni_real_t value) {
-    return value > 0.0f ? __builtin_sqrtf(value) : 0.0f;
-}
-
-omni_real_t omni_clampf(omni_real_t value, omni_real_t low, omni_real_t high) {
-    const omni_real_t raised = value > low ? value : low;
-    return raised < high ? raised : high;
-}
-
-omni_real_t omni_absf(omni_real_t value) {
-    return __builtin_fabsf(value);
-}
-
-omni_real_t omni_signf(omni_real_t value) {
-    return (value > 0.0f ? 1.0f : 0.0f) - (value < 0.0f ? 1.0f : 0.0f);
-}
-
-bool omni_is_finite(omni_real_t value) {
-    return __builtin_fabsf(value) <= largest_finite;
-}
-
-bool omni_pose_is_finite(const omni_pose_t *pose) {
-    return omni_is_finite(pose->x) && omni_is_finite(pose->y) && omni_is_finite(pose->theta);
-}
-
-bool omni_twist_is_finite(const omni_twist_t *twist) {
-    return omni_is_finite(twist->vx) && omni_is_finite(twist->vy) && omni_is_finite(twist->wz);
 }

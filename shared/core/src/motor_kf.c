@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config) {
     memset(state, 0, sizeof *state);
@@ -37,7 +37,7 @@ static void predict_angle(omni_motor_kf_state_t *state, const omni_motor_discret
 }
 
 /* Time update of (w, i). */
-static void predict_motor(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V) {
+static inline void predict_motor(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V) {
     const omni_motor_discrete_t *model = &config->model;
     const omni_real_t a11 = model->a[1][1];
     const omni_real_t a12 = model->a[1][2];

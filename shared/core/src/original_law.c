@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "omni/math.h"
 #include "omni/saturation.h"
 #include "pose_control.h"
 

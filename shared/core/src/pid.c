@@ -1,46 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/pid.h"
-
-#include "omni/math.h"
+/* The inline functions get their callable form here. */
+#define OMNI_PID_INLINE
+#include "pid_inline.h"
 
 void omni_pid_reset(omni_pid_state_t *state) {
     state->integral = 0.0f;
     state->derivative = 0.0f;
     state->last_measurement = 0.0f;
     state->primed = false;
-}
-
-/* First-order low-pass of the measurement's rate, backward Euler. */
-static omni_real_t filtered_rate(const omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t measurement) {
-    const omni_real_t moved = state->primed ? measurement - state->last_measurement : 0.0f;
-    return state->derivative + (moved - config->step_s * state->derivative) / (config->derivative_time_s + config->step_s);
-}
-
-omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t reference,
-                          omni_real_t measurement, omni_real_t feed_forward) {
-    const omni_real_t error = reference - measurement;
-    const omni_real_t limit = config->integral_limit;
-    const omni_real_t integral = omni_clampf(state->integral + config->ki * config->step_s * error, -limit, limit);
-    const omni_real_t derivative = filtered_rate(state, config, measurement);
-    /* eq. 38 as an output: P and I on the error, D on the measurement so that a step of the reference gives no spike */
-    const omni_real_t output = config->kp * error + integral - config->kd * derivative + feed_forward;
-    if (!omni_is_finite(output) || !omni_is_finite(error) || !omni_is_finite(derivative)) {
-        return 0.0f;
-    }
-    state->integral = integral;
-    state->derivative = derivative;
-    state->last_measurement = measurement;
-    state->primed = true;
-    return output;
-}
-
-void omni_pid_limited(omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t wanted, omni_real_t applied) {
-    const omni_real_t cut = applied - wanted;
-    if (!omni_is_finite(cut)) {
-        return;
-    }
-    const omni_real_t per_step = config->ki * config->step_s;
-    const omni_real_t share = per_step < config->kp ? per_step / config->kp : 1.0f;
-    const omni_real_t limit = config->integral_limit;
-    state->integral = omni_clampf(state->integral + share * cut, -limit, limit);
 }

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "kinematics_inline.h"
 #include "pose_ekf_internal.h"
 
 /* A ratio beyond this is no slip any more: the wheel spins or is blocked, and the model says nothing. */
@@ -76,14 +76,6 @@ void omni_ekf_shift(omni_pose_ekf_state_t *state, const omni_real_t *delta, uint
     omni_ekf_history_rebase(state, slips);
 }
 
-static bool all_finite(const omni_real_t *values, uint8_t count) {
-    bool finite = true;
-    for (uint8_t i = 0; i < count; ++i) {
-        finite = finite && omni_is_finite(values[i]);
-    }
-    return finite;
-}
-
 static void elapse(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint64_t time_us,
                    omni_ekf_motion_t *motion) {
     const uint64_t longest_us = 1000000000;
@@ -151,8 +143,8 @@ static void spread_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config
 }
 
 /* With A = F P_ps and P_ps' = A + G P_ss:  P_pp += A G^T + G P_ps'^T,  P_ps = P_ps', P_ss += Q_ss. */
-static void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, const omni_real_t *moved,
-                         omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t slips) {
+static inline void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, const omni_real_t *moved,
+                                omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t slips) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     omni_real_t before[OMNI_AXES][OMNI_MAX_WHEELS];
     for (uint8_t i = 0; i < slips; ++i) {
@@ -181,15 +173,18 @@ static void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *
 static void spread(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_ekf_motion_t *motion,
                    const omni_real_t *moved, uint8_t slips) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
-    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS] = {{0}};
+    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];
     for (uint8_t i = 0; i < slips; ++i) {
         gain[0][i] = world_x(motion, motion->gain[0][i], motion->gain[1][i]);
         gain[1][i] = world_y(motion, motion->gain[0][i], motion->gain[1][i]);
         gain[2][i] = motion->gain[2][i];
     }
     spread_pose(state, config, moved, motion->steps);
-    if (slips > 0) {
-        spread_slips(state, motion, moved, gain, slips);
+    /* The count as a constant lets the compiler unroll the loops. */
+    if (slips == 3) {
+        spread_slips(state, motion, moved, gain, 3);
+    } else if (slips == 4) {
+        spread_slips(state, motion, moved, gain, 4);
     }
     p[1][0] = p[0][1];
     p[2][0] = p[0][2];
@@ -237,15 +232,14 @@ static void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t 
 void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                            const omni_real_t *wheel_delta_rad, uint64_t time_us) {
     static const omni_real_t still[OMNI_MAX_WHEELS] = {0};
-    const omni_real_t *turned = all_finite(wheel_delta_rad, k->wheels) ? wheel_delta_rad : still;
+    const omni_real_t *turned = omni_all_finite(wheel_delta_rad, k->wheels) ? wheel_delta_rad : still;
     const uint8_t slips = omni_ekf_slips(config, k);
     if (state->mode != config->mode) {
         omni_ekf_restart_slips(state, config, slips);
         omni_ekf_history_rebase(state, 0);
         state->mode = config->mode;
     }
-    omni_ekf_motion_t motion;
-    memset(&motion, 0, sizeof motion);
+    omni_ekf_motion_t motion; /* per wheel: as many entries as there are slip states */
     elapse(state, config, time_us, &motion);
     move_body(state, k, turned, slips, &motion);
     for (uint8_t i = 0; i < slips; ++i) {

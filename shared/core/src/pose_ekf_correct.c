@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "pose_ekf_internal.h"
 
 enum { FUTURE_US = 5000 };
@@ -26,7 +26,7 @@ typedef struct update_t {
     omni_real_t factor[OMNI_AXES][OMNI_AXES]; /* Cholesky factor of S */
 } update_t;
 
-static void fill_h(update_t *u) {
+static inline void fill_h(update_t *u, uint8_t slips) {
     const omni_real_t dx = u->window.move[0];
     const omni_real_t dy = u->window.move[1];
     u->h[0][0] = 1.0f;
@@ -34,7 +34,7 @@ static void fill_h(update_t *u) {
     u->h[1][1] = 1.0f;
     u->h[1][2] = -dx;
     u->h[2][2] = 1.0f;
-    for (uint8_t i = 0; i < u->slips; ++i) {
+    for (uint8_t i = 0; i < slips; ++i) {
         const omni_real_t turned = u->window.gain[2][i];
         u->h[0][OMNI_AXES + i] = -u->window.gain[0][i] - dy * turned;
         u->h[1][OMNI_AXES + i] = -u->window.gain[1][i] + dx * turned;
@@ -42,16 +42,16 @@ static void fill_h(update_t *u) {
     }
 }
 
-static void fill_m(update_t *u, const omni_pose_ekf_state_t *state) {
-    for (uint8_t a = 0; a < u->states; ++a) {
-        for (uint8_t b = 0; b < u->states; ++b) {
+static inline void fill_m(update_t *u, const omni_pose_ekf_state_t *state, uint8_t states) {
+    for (uint8_t a = 0; a < states; ++a) {
+        for (uint8_t b = 0; b < states; ++b) {
             u->m[a][b] = state->p[a][b] - u->window.noise[a][b];
         }
     }
     for (int row = 0; row < OMNI_AXES; ++row) {
-        for (uint8_t b = 0; b < u->states; ++b) {
+        for (uint8_t b = 0; b < states; ++b) {
             omni_real_t sum = 0.0f;
-            for (uint8_t a = 0; a < u->states; ++a) {
+            for (uint8_t a = 0; a < states; ++a) {
                 sum += u->h[row][a] * u->m[a][b];
             }
             u->hm[row][b] = sum;
@@ -60,11 +60,11 @@ static void fill_m(update_t *u, const omni_pose_ekf_state_t *state) {
 }
 
 /* S = H M H^T + R = L L^T. @return false if S is not positive definite. */
-static bool factor_s(update_t *u) {
+static inline bool factor_s(update_t *u, uint8_t states) {
     for (int i = 0; i < OMNI_AXES; ++i) {
         for (int j = 0; j <= i; ++j) {
             omni_real_t sum = i == j ? u->r[i] : 0.0f;
-            for (uint8_t a = 0; a < u->states; ++a) {
+            for (uint8_t a = 0; a < states; ++a) {
                 sum += u->hm[i][a] * u->h[j][a];
             }
             for (int c = 0; c < j; ++c) {
@@ -115,43 +115,59 @@ static void gain_row(const update_t *u, uint8_t a, omni_real_t *row) {
 }
 
 /* (I - K H) M for one row a, given row a of K. */
-static void shrink_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row) {
-    for (uint8_t b = 0; b < u->states; ++b) {
+static inline void shrink_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row, uint8_t states) {
+    for (uint8_t b = 0; b < states; ++b) {
         row[b] = u->m[a][b] - gain[0] * u->hm[0][b] - gain[1] * u->hm[1][b] - gain[2] * u->hm[2][b];
     }
 }
 
 /* Joseph form of eq. 67: P = (I - K H) M (I - K H)^T + K R K^T + W. */
-static void use(const update_t *u, omni_pose_ekf_state_t *state) {
+static inline void use_states(const update_t *u, omni_pose_ekf_state_t *state, uint8_t states) {
     omni_real_t gain[OMNI_EKF_STATES][OMNI_AXES];
     omni_real_t delta[OMNI_EKF_STATES] = {0};
-    for (uint8_t a = 0; a < u->states; ++a) {
+    for (uint8_t a = 0; a < states; ++a) {
         gain_row(u, a, gain[a]);
         for (int i = 0; i < OMNI_AXES; ++i) {
             delta[a] += gain[a][i] * u->innovation[i];
         }
     }
-    for (uint8_t a = 0; a < u->states; ++a) {
+    for (uint8_t a = 0; a < states; ++a) {
         omni_real_t row[OMNI_EKF_STATES] = {0};
         omni_real_t left[OMNI_AXES];
-        shrink_row(u, a, gain[a], row);
+        shrink_row(u, a, gain[a], row, states);
         for (int i = 0; i < OMNI_AXES; ++i) {
             left[i] = gain[a][i] * u->r[i];
-            for (uint8_t c = 0; c < u->states; ++c) {
+            for (uint8_t c = 0; c < states; ++c) {
                 left[i] -= row[c] * u->h[i][c];
             }
         }
-        for (uint8_t b = a; b < u->states; ++b) {
+        for (uint8_t b = a; b < states; ++b) {
             state->p[a][b] =
                 row[b] + left[0] * gain[b][0] + left[1] * gain[b][1] + left[2] * gain[b][2] + u->window.noise[a][b];
         }
     }
-    for (uint8_t a = 1; a < u->states; ++a) {
+    for (uint8_t a = 1; a < states; ++a) {
         for (uint8_t b = 0; b < a; ++b) {
             state->p[a][b] = state->p[b][a];
         }
     }
     omni_ekf_shift(state, delta, u->slips);
+}
+
+/* The count as a constant lets the compiler unroll the loops; three wheels are the ones to be fast. */
+static void use(const update_t *u, omni_pose_ekf_state_t *state) {
+    if (u->states == OMNI_AXES + 3) {
+        use_states(u, state, OMNI_AXES + 3);
+    } else {
+        use_states(u, state, u->states);
+    }
+}
+
+static inline bool fill(update_t *u, const omni_pose_ekf_state_t *state, uint8_t slips) {
+    const uint8_t states = (uint8_t)(OMNI_AXES + slips);
+    fill_h(u, slips);
+    fill_m(u, state, states);
+    return factor_s(u, states);
 }
 
 static void fill_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
@@ -212,9 +228,8 @@ static omni_result_t prepare(update_t *u, const omni_pose_ekf_state_t *state, co
     u->r[1] = u->r[0];
     u->r[2] = variance_of(fix->sd_theta, config->r_theta);
     fill_innovation(u, state, fix);
-    fill_h(u);
-    fill_m(u, state);
-    return factor_s(u) ? OMNI_OK : OMNI_ERR_RANGE;
+    const bool usable = u->slips == 3 ? fill(u, state, 3) : fill(u, state, u->slips);
+    return usable ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
 /* Age of the fix, or why its time cannot be used. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "pose_ekf_internal.h"
 
 /* Slot motion with the slip ratios known now, and its sensitivity, turned into the world frame. */
@@ -16,8 +16,8 @@ static void rotate(omni_real_t cosine, omni_real_t sine, omni_real_t *x, omni_re
     *x = turned;
 }
 
-bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, uint8_t slips) {
-    omni_ekf_slot_t *slot = &state->history[state->newest];
+static inline void add_motion(omni_ekf_slot_t *slot, const omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion,
+                              uint8_t slips) {
     const omni_real_t cosine = motion->cosine * state->slot_cosine + motion->sine * state->slot_sine;
     const omni_real_t sine = motion->sine * state->slot_cosine - motion->cosine * state->slot_sine;
     omni_real_t dx = motion->move[0];
@@ -37,6 +37,15 @@ bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t 
     slot->move[2] += motion->move[2];
     slot->steps += motion->steps;
     slot->duration_us += motion->duration_us;
+}
+
+bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, uint8_t slips) {
+    omni_ekf_slot_t *slot = &state->history[state->newest];
+    if (slips == 3) {
+        add_motion(slot, state, motion, 3);
+    } else {
+        add_motion(slot, state, motion, slips);
+    }
     ++state->slot_tick;
     return state->slot_tick >= OMNI_EKF_SLOT_TICKS;
 }
@@ -65,8 +74,8 @@ void omni_ekf_history_rebase(omni_pose_ekf_state_t *state, uint8_t slips) {
 }
 
 /* The last `share` of a slot that ended with heading `theta`. */
-static stretch_t stretch(const omni_pose_ekf_state_t *state, const omni_ekf_slot_t *slot, uint8_t slips, omni_real_t theta,
-                         omni_real_t share) {
+static inline stretch_t stretch(const omni_pose_ekf_state_t *state, const omni_ekf_slot_t *slot, uint8_t slips,
+                                omni_real_t theta, omni_real_t share) {
     stretch_t s;
     memcpy(s.move, slot->move, sizeof s.move);
     memcpy(s.gain, slot->gain, sizeof s.gain);
@@ -89,8 +98,8 @@ static stretch_t stretch(const omni_pose_ekf_state_t *state, const omni_ekf_slot
 }
 
 /* window->gain += F g, where F carries a pose change at the slot's end over `after`, the motion since. */
-static void carry_gain(omni_ekf_window_t *window, const omni_real_t *after, const stretch_t *s, uint8_t slips,
-                       omni_real_t factor) {
+static inline void carry_gain(omni_ekf_window_t *window, const omni_real_t *after, const stretch_t *s, uint8_t slips,
+                              omni_real_t factor) {
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_real_t turned = factor * s->gain[2][i];
         window->gain[0][i] += factor * s->gain[0][i] - after[1] * turned;
@@ -110,7 +119,7 @@ static void add_pose_noise(omni_ekf_window_t *window, omni_real_t xy, omni_real_
 }
 
 /* Noise of slip ratio i that entered when its effect on the pose of now was column i of window->gain. */
-static void add_slip_noise(omni_ekf_window_t *window, uint8_t i, omni_real_t variance) {
+static inline void add_slip_noise(omni_ekf_window_t *window, uint8_t i, omni_real_t variance) {
     for (int a = 0; a < OMNI_AXES; ++a) {
         const omni_real_t product = variance * window->gain[a][i];
         for (int b = a; b < OMNI_AXES; ++b) {
@@ -122,8 +131,8 @@ static void add_slip_noise(omni_ekf_window_t *window, uint8_t i, omni_real_t var
 }
 
 /* Put one slot in front of the window. A tick's noise enters after its motion: on average it sees `later` of the slot. */
-static void prepend(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot, const stretch_t *s, omni_real_t share,
-                    uint8_t slips, bool slip_noise, omni_ekf_window_t *window) {
+static inline void prepend(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot, const stretch_t *s,
+                           omni_real_t share, uint8_t slips, bool slip_noise, omni_ekf_window_t *window) {
     const omni_real_t later = 0.5f - 0.5f / (omni_real_t)OMNI_EKF_SLOT_TICKS;
     const omni_real_t after[2] = {window->move[0], window->move[1]};
     const omni_real_t steps = slot->steps * share;
@@ -147,9 +156,8 @@ static void mirror(omni_ekf_window_t *window) {
     }
 }
 
-bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                             const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
-    const uint8_t slips = omni_ekf_slips(config, k);
+static inline bool fill_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                               const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window, uint8_t slips) {
     /* The null-space measurements since t_f have already taken most of the slip noise out of P: see the derivation. */
     const bool slip_noise = !(k->has_null && config->r_null > 0.0f);
     memset(window, 0, sizeof *window);
@@ -170,4 +178,11 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
     }
     mirror(window);
     return true;
+}
+
+bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                             const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
+    /* The count as a constant lets the compiler unroll the loops; three wheels are the ones to be fast. */
+    const uint8_t slips = omni_ekf_slips(config, k);
+    return slips == 3 ? fill_window(state, config, k, age_us, window, 3) : fill_window(state, config, k, age_us, window, slips);
 }

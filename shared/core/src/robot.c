@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "robot_internal.h"
 
 void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
@@ -30,10 +30,7 @@ void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *confi
 /* Last line of defence: what is not finite or not wanted never leaves the tick. */
 static void seal(omni_robot_t *robot, omni_tick_t *tick) {
     omni_outputs_t *out = tick->out;
-    bool finite = true;
-    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        finite = finite && omni_is_finite(out->duty[i]);
-    }
+    const bool finite = omni_all_finite(out->duty, OMNI_MAX_WHEELS);
     if (!finite) {
         tick->faults |= OMNI_FAULT_NOT_FINITE;
         robot->fault_history |= OMNI_FAULT_NOT_FINITE;
@@ -52,7 +49,8 @@ static void seal(omni_robot_t *robot, omni_tick_t *tick) {
 /* A filter that has met a number it cannot digest starts over instead of staying lost. */
 static void heal(omni_robot_t *robot, const omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+    const bool finite = omni_all_finite(tick->out->wheel_rad_s, c->kinematics.wheels);
+    for (uint8_t i = 0; !finite && i < c->kinematics.wheels; ++i) {
         if (!omni_is_finite(tick->out->wheel_rad_s[i])) {
             omni_motor_kf_reset(&robot->motor_kf[i], &c->motor_kf);
         }
@@ -64,11 +62,14 @@ static void heal(omni_robot_t *robot, const omni_tick_t *tick) {
 }
 
 void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs) {
-    omni_tick_t tick;
-    memset(&tick, 0, sizeof tick);
+    omni_tick_t tick; /* per wheel: as many entries as there are wheels */
     memset(outputs, 0, sizeof *outputs);
     tick.in = inputs;
     tick.out = outputs;
+    tick.faults = 0;
+    tick.kind = OMNI_SETPOINT_NONE;
+    tick.position_loop = false;
+    tick.body_rate = (omni_twist_t){0.0f, 0.0f, 0.0f};
     omni_robot_estimate(robot, &tick);
     omni_robot_supervise(robot, &tick);
     omni_robot_transition(robot, &tick);

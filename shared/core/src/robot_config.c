@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "omni/robot.h"
 
 static const omni_real_t DEG = OMNI_PI_F / 180.0f;
@@ -74,6 +74,7 @@ static omni_result_t set_motor(omni_robot_config_t *c, const omni_real_t *v) {
     kf->r_speed = v[OMNI_PARAM_KF_R_W] * v[OMNI_PARAM_KF_R_W];
     const omni_real_t angle_sd = v[OMNI_PARAM_KF_R_CNT] * c->rad_per_count;
     kf->r_angle = angle_sd * angle_sd;
+    c->speed_gain_V_s = omni_motor_speed_gain(&c->motor);
     return omni_motor_discretise(&c->motor, c->step_s, &kf->model);
 }
 

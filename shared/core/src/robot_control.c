@@ -3,12 +3,13 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "kinematics_inline.h"
 #include "omni/saturation.h"
 
 /* Pose error to wanted body twist or, in direct torque control, to torques, by the controller in use. */
-static void step_position_controller(omni_robot_t *robot, const omni_outputs_t *out) {
+static void step_position_controller(omni_robot_t *robot, const omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
+    const omni_outputs_t *out = tick->out;
     const omni_reference_t *reference = &out->reference;
     omni_control_terms_t *terms = &robot->held_terms;
     omni_twist_t world;
@@ -23,13 +24,13 @@ static void step_position_controller(omni_robot_t *robot, const omni_outputs_t *
         world = omni_fl_step(&robot->fl, &c->fl, &out->pose, &out->rate, &reference->pose, &reference->rate, robot->saturated,
                              terms);
     }
-    robot->held_twist = omni_twist_to_body(&world, out->pose.theta);
+    robot->held_twist = omni_rotate_to_body(&world, &tick->heading);
 }
 
 /* The position controller steps every CTL_PERIOD ticks; what it wants of the wheels is held in between. */
 static void position_controller(omni_robot_t *robot, omni_tick_t *tick) {
     if (robot->control_ticks == 0) {
-        step_position_controller(robot, tick->out);
+        step_position_controller(robot, tick);
     }
     ++robot->control_ticks;
     if (robot->control_ticks >= robot->config->control_period) {
@@ -41,9 +42,9 @@ static void position_controller(omni_robot_t *robot, omni_tick_t *tick) {
 /* Wheel acceleration of the reference, from its exact second derivative: phi'' = B (R xi'' + R' xi') / r. */
 static void feed_acceleration(const omni_robot_config_t *c, omni_tick_t *tick) {
     const omni_reference_t *reference = &tick->out->reference;
-    const omni_real_t theta = reference->pose.theta;
-    const omni_twist_t rate = omni_twist_to_body(&reference->rate, theta);
-    omni_twist_t body = omni_twist_to_body(&reference->acceleration, theta);
+    const omni_rotation_t heading = omni_rotation(reference->pose.theta);
+    const omni_twist_t rate = omni_rotate_to_body(&reference->rate, &heading);
+    omni_twist_t body = omni_rotate_to_body(&reference->acceleration, &heading);
     if (tick->position_loop) { /* a body-frame velocity demand does not turn with the world */
         body.vx += rate.wz * rate.vy;
         body.vy -= rate.wz * rate.vx;
@@ -55,7 +56,7 @@ static void feed_acceleration(const omni_robot_config_t *c, omni_tick_t *tick) {
  * fixes keep the estimate honest: without them a wrong ratio would make the very slip that seems to confirm it. */
 static void compensate_slip(const omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP || !omni_robot_fix_is_fresh(robot, tick->in->time_us)) {
+    if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP || !tick->fix_is_fresh) {
         return;
     }
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
@@ -112,7 +113,7 @@ static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t
     omni_real_t factor = 1.0f;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         push[i] = omni_torque_curve_duty(&c->torque_curve, torque_N_m[i]) * c->limits.supply_nominal_V * per_V;
-        keep[i] = omni_clampf(c->torque_emf * omni_motor_speed_gain(&c->motor) * out->wheel_rad_s[i] * per_V, -limit, limit);
+        keep[i] = omni_clampf(c->torque_emf * c->speed_gain_V_s * out->wheel_rad_s[i] * per_V, -limit, limit);
         const omni_real_t room = limit - omni_signf(push[i]) * keep[i];
         const omni_real_t wanted = omni_absf(push[i]);
         factor = wanted * factor > room ? room / wanted : factor;
@@ -132,7 +133,7 @@ static void torque_control(omni_robot_t *robot, omni_tick_t *tick) {
     omni_real_t torque_N_m[OMNI_MAX_WHEELS];
     position_controller(robot, tick);
     memcpy(torque_N_m, robot->held_torque_N_m, sizeof torque_N_m);
-    const omni_twist_t floor = omni_twist_to_body(&out->reference.rate, out->pose.theta);
+    const omni_twist_t floor = omni_rotate_to_body(&out->reference.rate, &tick->heading);
     omni_kinematics_inverse(&c->kinematics, &floor, NULL, out->wheel_reference);
     out->wheel_scale = omni_direct_torque_protect(&c->torque, &c->kinematics, &floor, out->wheel_rad_s, torque_N_m);
     out->duty_scale = robot->held_scale * torque_duties(c, torque_N_m, out);

@@ -3,11 +3,11 @@
 
 #include <string.h>
 
-#include "omni/math.h"
+#include "kinematics_inline.h"
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
 static int32_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {
-    const omni_real_t no_load = supply_V / omni_motor_speed_gain(&c->motor);
+    const omni_real_t no_load = supply_V / c->speed_gain_V_s;
     const omni_real_t counts = 3.0f * no_load * c->step_s * (omni_real_t)steps / c->rad_per_count;
     return counts < 1e6f ? (int32_t)counts + 4 : 1000000;
 }
@@ -104,7 +104,7 @@ omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us) {
     return (omni_real_t)(uint32_t)(age_us < UINT32_MAX ? age_us : UINT32_MAX) * 1e-6f;
 }
 
-bool omni_robot_fix_is_fresh(const omni_robot_t *robot, uint64_t now_us) {
+static bool fix_is_fresh(const omni_robot_t *robot, uint64_t now_us) {
     const uint64_t last_us = robot->pose_ekf.last_fix_us;
     return last_us != 0 && omni_robot_age_s(now_us, last_us) <= robot->config->limits.fix_timeout_s;
 }
@@ -118,7 +118,8 @@ static void use_fix(omni_robot_t *robot, omni_tick_t *tick) {
     if (ekf->refused_in_row > 0) {
         tick->faults |= OMNI_WARN_FIX_REFUSED;
     }
-    if (ekf->last_fix_us != 0 && !omni_robot_fix_is_fresh(robot, tick->in->time_us)) {
+    tick->fix_is_fresh = fix_is_fresh(robot, tick->in->time_us);
+    if (ekf->last_fix_us != 0 && !tick->fix_is_fresh) {
         tick->faults |= OMNI_WARN_POSE_STALE;
     }
 }
@@ -134,7 +135,8 @@ static void report_estimate(const omni_robot_t *robot, omni_tick_t *tick) {
     omni_twist_t body;
     omni_kinematics_forward(&c->kinematics, out->wheel_rad_s, out->slip_m_s, &body);
     out->pose = ekf->pose;
-    out->rate = omni_twist_to_world(&body, ekf->pose.theta);
+    tick->heading = omni_rotation(ekf->pose.theta);
+    out->rate = omni_rotate_to_world(&body, &tick->heading);
     out->slip_residual_m_s = omni_kinematics_slip_residual(&c->kinematics, out->wheel_rad_s);
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
         out->pose_sd[axis] = omni_sqrtf(ekf->p[axis][axis]);
@@ -153,6 +155,7 @@ void omni_robot_estimate(omni_robot_t *robot, omni_tick_t *tick) {
     }
     elapse(robot, tick);
     const counted_t counted = read_counts(robot, tick);
+    tick->fix_is_fresh = false;
     if (robot->primed) {
         omni_real_t turned_rad[OMNI_MAX_WHEELS] = {0};
         estimate_wheels(robot, tick, &counted, turned_rad);

@@ -14,9 +14,11 @@ typedef struct omni_tick_t {
     int32_t delta_counts[OMNI_MAX_WHEELS];   /**< in the wheel's direction */
     omni_real_t body_wheel[OMNI_MAX_WHEELS]; /**< wanted wheel speed, rad/s */
     omni_real_t acceleration[OMNI_MAX_WHEELS];
-    uint8_t kind;           /**< omni_setpoint_kind_t in force */
-    bool position_loop;     /**< a pose reference is being tracked */
-    omni_twist_t body_rate; /**< velocity demand, body frame (velocity set-points) */
+    omni_rotation_t heading; /**< of the estimated pose */
+    uint8_t kind;            /**< omni_setpoint_kind_t in force */
+    bool fix_is_fresh;       /**< a pose fix has been accepted within FIX_TIMEOUT */
+    bool position_loop;      /**< a pose reference is being tracked */
+    omni_twist_t body_rate;  /**< velocity demand, body frame (velocity set-points) */
 } omni_tick_t;
 
 /** Time, counts, filters, pose: fills the estimates of `out`. */
@@ -24,9 +26,6 @@ void omni_robot_estimate(omni_robot_t *robot, omni_tick_t *tick);
 
 /** Seconds from `since_us` to `now_us`; 0 for a stamp from the future, at most 4295 s. */
 omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us);
-
-/** Has a pose fix been accepted within FIX_TIMEOUT? */
-bool omni_robot_fix_is_fresh(const omni_robot_t *robot, uint64_t now_us);
 
 /** Stop faults and warnings from inputs and estimates. */
 void omni_robot_supervise(omni_robot_t *robot, omni_tick_t *tick);

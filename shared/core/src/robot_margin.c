@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/math.h"
+#include "kinematics_inline.h"
 #include "robot_internal.h"
 
 /* How sure the bound on the slip error is, in standard deviations. */
@@ -9,12 +9,13 @@ static const omni_real_t sigmas = 3.0f;
 static const omni_real_t debounce_s = 0.5f;
 
 /* d(world twist) / d(slip ratios): rows of R^T B+ diag(r phi'). */
-static void sensitivity(const omni_robot_config_t *c, const omni_outputs_t *out, omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS]) {
-    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        const omni_real_t rim_m_s = c->kinematics.radius_m[i] * out->wheel_rad_s[i];
+static inline void sensitivity(const omni_robot_config_t *c, const omni_tick_t *tick,
+                               omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t wheels) {
+    for (uint8_t i = 0; i < wheels; ++i) {
+        const omni_real_t rim_m_s = c->kinematics.radius_m[i] * tick->out->wheel_rad_s[i];
         const omni_twist_t body = {c->kinematics.b_pinv[0][i] * rim_m_s, c->kinematics.b_pinv[1][i] * rim_m_s,
                                    c->kinematics.b_pinv[2][i] * rim_m_s};
-        const omni_twist_t world = omni_twist_to_world(&body, out->pose.theta);
+        const omni_twist_t world = omni_rotate_to_world(&body, &tick->heading);
         rows[0][i] = world.vx;
         rows[1][i] = world.vy;
         rows[2][i] = world.wz;
@@ -22,23 +23,30 @@ static void sensitivity(const omni_robot_config_t *c, const omni_outputs_t *out,
 }
 
 /* Largest plausible |B+ (v_s - v_s_hat)| on one axis: what of the estimate isn't fed forward, and what the estimate may be off by. */
-static omni_real_t slip_bound(const omni_robot_t *robot, const omni_real_t *row, omni_real_t fed) {
+static inline omni_real_t slip_bound(const omni_robot_t *robot, const omni_real_t *row, omni_real_t fed, uint8_t wheels) {
     const omni_robot_config_t *c = robot->config;
     const omni_pose_ekf_state_t *ekf = &robot->pose_ekf;
     const bool estimated = c->pose_ekf.mode == OMNI_EKF_MODE_SLIP;
     omni_real_t left = 0.0f;
     omni_real_t variance = 0.0f;
-    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+    for (uint8_t i = 0; i < wheels; ++i) {
         if (!estimated) {
             variance += row[i] * row[i] * c->pose_ekf.p_slip;
             continue;
         }
         left += row[i] * (1.0f - fed) * ekf->slip[i];
-        for (uint8_t j = 0; j < c->kinematics.wheels; ++j) {
+        for (uint8_t j = 0; j < wheels; ++j) {
             variance += row[i] * ekf->p[OMNI_AXES + i][OMNI_AXES + j] * row[j];
         }
     }
     return omni_absf(left) + sigmas * omni_sqrtf(variance);
+}
+
+static inline omni_twist_t slip_bounds(const omni_robot_t *robot, const omni_tick_t *tick, omni_real_t fed, uint8_t wheels) {
+    omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS];
+    sensitivity(robot->config, tick, rows, wheels);
+    return (omni_twist_t){slip_bound(robot, rows[0], fed, wheels), slip_bound(robot, rows[1], fed, wheels),
+                          slip_bound(robot, rows[2], fed, wheels)};
 }
 
 static bool covers(const omni_real_t margin[OMNI_AXES]) {
@@ -52,11 +60,10 @@ void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick) {
         robot->uncovered = false;
         return;
     }
-    omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS] = {{0.0f}};
-    const omni_real_t fed = omni_robot_fix_is_fresh(robot, tick->in->time_us) ? c->slip_feed : 0.0f;
-    sensitivity(c, tick->out, rows);
-    const omni_twist_t bound = {slip_bound(robot, rows[0], fed), slip_bound(robot, rows[1], fed),
-                                slip_bound(robot, rows[2], fed)};
+    const omni_real_t fed = tick->fix_is_fresh ? c->slip_feed : 0.0f;
+    /* The count as a constant lets the compiler unroll the loops. */
+    const omni_twist_t bound =
+        c->kinematics.wheels == 3 ? slip_bounds(robot, tick, fed, 3) : slip_bounds(robot, tick, fed, OMNI_MAX_WHEELS);
     omni_ismc_gain_margin(&c->ismc, &bound, tick->out->ismc_margin);
     /* Super-twisting has a condition of its own on the rate of the slip error. */
     const bool judged = c->ismc.switching != OMNI_ISMC_SWITCH_SUPER_TWISTING;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "omni/saturation.h"
 
 /* How fast a governed reference closes in on its target, 1/s. */
@@ -57,10 +57,11 @@ static void govern_pose(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_real_t dtheta = omni_wrap_pi(setpoint->pose.theta + setpoint->twist.wz * age - pose->theta);
     const omni_twist_t wanted = {setpoint->twist.vx + GOVERNOR_RATE * dx, setpoint->twist.vy + GOVERNOR_RATE * dy,
                                  setpoint->twist.wz + GOVERNOR_RATE * dtheta};
-    const omni_twist_t body = omni_twist_to_body(&wanted, pose->theta);
+    const omni_rotation_t heading = omni_rotation(pose->theta);
+    const omni_twist_t body = omni_rotate_to_body(&wanted, &heading);
     const omni_twist_t limited = limit_twist(c, body, c->limits.reference_share);
     omni_reference_t *reference = &tick->out->reference;
-    reference->acceleration = ramp(robot, omni_twist_to_world(&limited, pose->theta));
+    reference->acceleration = ramp(robot, omni_rotate_to_world(&limited, &heading));
     pose->x += robot->ramped.vx * c->step_s;
     pose->y += robot->ramped.vy * c->step_s;
     pose->theta += robot->ramped.wz * c->step_s;
@@ -79,14 +80,13 @@ static void hold(omni_robot_t *robot, omni_tick_t *tick) {
 static void follow_velocity(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
     const omni_twist_t *twist = &tick->in->setpoint.twist;
-    const omni_real_t theta = tick->out->pose.theta;
-    const omni_twist_t body = tick->kind == OMNI_SETPOINT_VELOCITY_WORLD ? omni_twist_to_body(twist, theta) : *twist;
+    const omni_twist_t body = tick->kind == OMNI_SETPOINT_VELOCITY_WORLD ? omni_rotate_to_body(twist, &tick->heading) : *twist;
     const omni_twist_t body_acceleration = ramp(robot, limit_twist(c, body, 1.0f));
     tick->body_rate = robot->ramped;
     robot->governed = tick->out->pose;
     tick->out->reference.pose = tick->out->pose;
-    tick->out->reference.rate = omni_twist_to_world(&robot->ramped, theta);
-    tick->out->reference.acceleration = omni_twist_to_world(&body_acceleration, theta);
+    tick->out->reference.rate = omni_rotate_to_world(&robot->ramped, &tick->heading);
+    tick->out->reference.acceleration = omni_rotate_to_world(&body_acceleration, &tick->heading);
 }
 
 static void follow_trajectory(omni_robot_t *robot, omni_tick_t *tick) {
@@ -125,6 +125,9 @@ void omni_robot_reference(omni_robot_t *robot, omni_tick_t *tick) {
         robot->off_track = false;
         tick->kind = OMNI_SETPOINT_NONE;
         return;
+    }
+    if (tick->kind == OMNI_SETPOINT_TRAJECTORY && robot->trajectory == NULL) {
+        tick->kind = OMNI_SETPOINT_NONE; /* none was started, or this tick's events stopped it */
     }
     if (tick->kind != robot->last_kind) {
         continue_from(robot, tick);

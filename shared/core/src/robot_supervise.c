@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
  * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through; one that stands still
  * uses up stall_s as time goes by, one that turns the other way at most twice as fast (a reversal of the voltage is legal). */
 static void supervise_wheels(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    const omni_real_t tenth_per_V = 0.1f / omni_motor_speed_gain(&c->motor);
+    const omni_real_t tenth_per_V = 0.1f / c->speed_gain_V_s;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         const omni_real_t voltage = robot->last_voltage_V[i];
         if (!(omni_absf(voltage) >= c->limits.stall_V)) {
@@ -45,11 +45,8 @@ static void supervise_link(const omni_robot_t *robot, omni_tick_t *tick) {
 }
 
 static bool setpoint_is_finite(const omni_setpoint_t *setpoint) {
-    bool finite = omni_pose_is_finite(&setpoint->pose) && omni_twist_is_finite(&setpoint->twist);
-    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        finite = finite && omni_is_finite(setpoint->duty[i]);
-    }
-    return finite;
+    return omni_pose_is_finite(&setpoint->pose) && omni_twist_is_finite(&setpoint->twist) &&
+           omni_all_finite(setpoint->duty, OMNI_MAX_WHEELS);
 }
 
 static bool is_streamed(uint8_t kind) {
@@ -73,10 +70,6 @@ static void supervise_setpoint(const omni_robot_t *robot, omni_tick_t *tick) {
     } else if (tick->kind == OMNI_SETPOINT_POSE &&
                (omni_absf(setpoint->pose.x) > limits->position_m || omni_absf(setpoint->pose.y) > limits->position_m)) {
         tick->faults |= OMNI_WARN_SETPOINT;
-        tick->kind = OMNI_SETPOINT_NONE;
-    }
-    if (tick->kind == OMNI_SETPOINT_TRAJECTORY && robot->trajectory == NULL &&
-        !((tick->in->events & OMNI_EVENT_TRAJECTORY_START) != 0 && tick->in->trajectory != NULL)) {
         tick->kind = OMNI_SETPOINT_NONE;
     }
 }
@@ -120,13 +113,14 @@ static void apply(omni_robot_t *robot, omni_safety_event_t event) {
 }
 
 /* Events that move the estimate or the trajectory. */
-static void apply_requests(omni_robot_t *robot, const omni_tick_t *tick) {
+static void apply_requests(omni_robot_t *robot, omni_tick_t *tick) {
     const uint32_t events = tick->in->events;
     if ((events & OMNI_EVENT_SET_POSE) != 0 && robot->state != OMNI_STATE_ARMED && omni_pose_is_finite(&tick->in->pose)) {
         const omni_pose_ekf_config_t *ekf = &robot->config->pose_ekf;
         omni_pose_ekf_reset(&robot->pose_ekf, ekf, &tick->in->pose, omni_sqrtf(ekf->r_xy), omni_sqrtf(ekf->r_theta));
         robot->pose_ekf.time_us = tick->in->time_us;
         tick->out->pose = robot->pose_ekf.pose;
+        tick->heading = omni_rotation(tick->out->pose.theta);
     }
     if ((events & OMNI_EVENT_TRAJECTORY_START) != 0 && tick->in->trajectory != NULL) {
         robot->trajectory = tick->in->trajectory;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/saturation.h"
 
-#include "omni/math.h"
+#include "math_inline.h"
 
 static omni_real_t refuse(omni_real_t *values, uint8_t count) {
     for (uint8_t i = 0; i < count; i++) {
@@ -13,13 +13,10 @@ static omni_real_t refuse(omni_real_t *values, uint8_t count) {
 omni_real_t omni_saturate_direction(omni_real_t *values, uint8_t count, omni_real_t limit) {
     omni_real_t peak = 0.0f;
     for (uint8_t i = 0; i < count; i++) {
-        if (!omni_is_finite(values[i])) {
-            return refuse(values, count);
-        }
         const omni_real_t magnitude = omni_absf(values[i]);
         peak = magnitude > peak ? magnitude : peak;
     }
-    if (!(limit > 0.0f)) {
+    if (!(limit > 0.0f) || !omni_all_finite(values, count)) {
         return refuse(values, count);
     }
     if (peak <= limit) {

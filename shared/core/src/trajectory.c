@@ -29,12 +29,12 @@ void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, 
 }
 
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {
-    const uint64_t lead_in_us = omni_nanoseconds(plan->lead_in_s) / 1000u;
+    const uint64_t lead_in_us = plan->timing.lead_in_us;
     reference->path_time_s = 0.0f;
     if (time_us < lead_in_us) {
         reference->phase = OMNI_PHASE_LEAD_IN;
-        omni_leg(&plan->origin, &plan->start, plan->lead_in_s, (omni_real_t)time_us / (omni_real_t)lead_in_us, &reference->pose,
-                 &reference->rate, &reference->acceleration);
+        omni_leg(&plan->origin, &plan->start, plan->lead_in_s, omni_real_of(time_us) / omni_real_of(lead_in_us),
+                 &reference->pose, &reference->rate, &reference->acceleration);
         return;
     }
     omni_twist_t first;
@@ -42,6 +42,6 @@ void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, o
     const omni_path_clock_t clock = omni_path_clock(plan, (time_us - lead_in_us) * 1000u);
     omni_path_at(plan, clock.path_ns, &reference->pose, &first, &second);
     omni_path_chain(&clock, &first, &second, &reference->rate, &reference->acceleration);
-    reference->path_time_s = (omni_real_t)clock.path_ns * 1e-9f;
+    reference->path_time_s = omni_real_of(clock.path_ns) * 1e-9f;
     reference->phase = clock.done ? OMNI_PHASE_DONE : OMNI_PHASE_PATH;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/math.h"
+#include "math_inline.h"
 #include "trajectory_internal.h"
 
 /* The clock's rate 1/scale as a fraction of 2^24: exact in a float, and products with it are exact in integers. */
@@ -7,22 +7,10 @@ enum { RATE_BITS = 24 };
 
 static const uint64_t one = (uint64_t)1 << RATE_BITS;
 
-typedef struct timing_t {
-    uint64_t rate;         /* fraction of 2^24 */
-    uint64_t duration_ns;  /* path time */
-    uint64_t ramp_ns;      /* real time */
-    uint64_t ramp_path_ns; /* path time that a ramp covers: half of what it would be at full rate */
-    uint64_t cruise_ns;    /* real time at full rate */
-} timing_t;
-
 uint64_t omni_nanoseconds(omni_real_t seconds) {
     const uint32_t whole = (uint32_t)seconds;
     const omni_real_t rest = seconds - (omni_real_t)whole;
     return (uint64_t)whole * 1000000000u + (uint64_t)(rest * 1e9f);
-}
-
-omni_real_t omni_phase(uint64_t ns, uint64_t period_ns) {
-    return (omni_real_t)(ns % period_ns) / (omni_real_t)period_ns;
 }
 
 static uint64_t slowed(uint64_t ns, uint64_t rate) {
@@ -37,59 +25,65 @@ static uint64_t stretched(uint64_t ns, uint64_t rate) {
     return ((ns / rate) << RATE_BITS) + (((ns % rate) << RATE_BITS) / rate);
 }
 
-static timing_t timing(const omni_trajectory_t *plan) {
-    timing_t t;
+void omni_path_set_lengths(omni_trajectory_t *plan) {
+    plan->timing.period_ns = omni_path_period_ns(plan);
+    plan->timing.lap_ns = omni_path_lap_ns(plan);
+    plan->timing.duration_ns = omni_path_duration_ns(plan);
+    plan->timing.period_s = omni_real_of(plan->timing.period_ns) * 1e-9f;
+    plan->timing.lap_s = omni_real_of(plan->timing.lap_ns) * 1e-9f;
+}
+
+void omni_path_set_clock(omni_trajectory_t *plan) {
+    omni_trajectory_timing_t *t = &plan->timing;
     const omni_real_t rate = omni_clampf((omni_real_t)one / plan->scale, 1.0f, (omni_real_t)one);
-    t.rate = (uint64_t)rate;
-    t.duration_ns = omni_path_duration_ns(plan);
-    t.ramp_ns = omni_nanoseconds(plan->config.ramp_s);
-    if (t.duration_ns == OMNI_ENDLESS_NS) {
-        t.ramp_path_ns = slowed(t.ramp_ns, t.rate) / 2;
-        t.cruise_ns = OMNI_ENDLESS_NS;
-        return t;
+    t->rate = (uint64_t)rate;
+    t->ramp_ns = omni_nanoseconds(plan->config.ramp_s);
+    if (t->duration_ns == OMNI_ENDLESS_NS) {
+        t->ramp_path_ns = slowed(t->ramp_ns, t->rate) / 2;
+        t->cruise_ns = OMNI_ENDLESS_NS;
+        return;
     }
     /* A short path has shorter ramps and no cruise. */
-    const uint64_t longest_ns = stretched(t.duration_ns, t.rate);
-    t.ramp_ns = t.ramp_ns < longest_ns ? t.ramp_ns : longest_ns;
-    t.ramp_path_ns = slowed(t.ramp_ns, t.rate) / 2;
-    t.cruise_ns = stretched(t.duration_ns - 2 * t.ramp_path_ns, t.rate);
-    return t;
+    const uint64_t longest_ns = stretched(t->duration_ns, t->rate);
+    t->ramp_ns = t->ramp_ns < longest_ns ? t->ramp_ns : longest_ns;
+    t->ramp_path_ns = slowed(t->ramp_ns, t->rate) / 2;
+    t->cruise_ns = stretched(t->duration_ns - 2 * t->ramp_path_ns, t->rate);
 }
 
 uint64_t omni_path_real_ns(const omni_trajectory_t *plan) {
-    const timing_t t = timing(plan);
-    return t.cruise_ns == OMNI_ENDLESS_NS ? OMNI_ENDLESS_NS : 2 * t.ramp_ns + t.cruise_ns;
+    const omni_trajectory_timing_t *t = &plan->timing;
+    return t->cruise_ns == OMNI_ENDLESS_NS ? OMNI_ENDLESS_NS : 2 * t->ramp_ns + t->cruise_ns;
 }
 
 /* The rising ramp at time_ns < ramp_ns; path_ns counts from the ramp's start. */
-static omni_path_clock_t ramp(const timing_t *t, uint64_t time_ns) {
-    const omni_real_t full = (omni_real_t)t->rate / (omni_real_t)one;
-    const omni_real_t length_ns = (omni_real_t)t->ramp_ns;
-    const omni_real_t p = (omni_real_t)time_ns / length_ns;
+static omni_path_clock_t ramp(const omni_trajectory_timing_t *t, uint64_t time_ns) {
+    const omni_real_t full = (omni_real_t)(uint32_t)t->rate / (omni_real_t)one;
+    const omni_real_t length_ns = omni_real_of(t->ramp_ns);
+    const omni_real_t p = omni_real_of(time_ns) / length_ns;
     const omni_jet_t rise = omni_quintic(p);
     /* Twice the integral of the quintic. */
     const omni_real_t covered = p * p * p * p * (5.0f + p * (-6.0f + 2.0f * p));
     omni_path_clock_t clock = {0, full * rise.d[0], full * rise.d[1] / (length_ns * 1e-9f), false};
-    clock.path_ns = (uint64_t)(covered * (omni_real_t)t->ramp_path_ns);
+    clock.path_ns = (uint64_t)(covered * omni_real_of(t->ramp_path_ns));
     return clock;
 }
 
 omni_path_clock_t omni_path_clock(const omni_trajectory_t *plan, uint64_t time_ns) {
-    const timing_t t = timing(plan);
-    const omni_real_t full = (omni_real_t)t.rate / (omni_real_t)one;
-    if (time_ns < t.ramp_ns) {
-        return ramp(&t, time_ns);
+    const omni_trajectory_timing_t *t = &plan->timing;
+    const omni_real_t full = (omni_real_t)(uint32_t)t->rate / (omni_real_t)one;
+    if (time_ns < t->ramp_ns) {
+        return ramp(t, time_ns);
     }
-    const uint64_t cruised_ns = time_ns - t.ramp_ns;
-    if (cruised_ns < t.cruise_ns) {
-        return (omni_path_clock_t){t.ramp_path_ns + slowed(cruised_ns, t.rate), full, 0.0f, false};
+    const uint64_t cruised_ns = time_ns - t->ramp_ns;
+    if (cruised_ns < t->cruise_ns) {
+        return (omni_path_clock_t){t->ramp_path_ns + slowed(cruised_ns, t->rate), full, 0.0f, false};
     }
-    const uint64_t braked_ns = cruised_ns - t.cruise_ns;
-    if (braked_ns < t.ramp_ns) {
-        omni_path_clock_t clock = ramp(&t, t.ramp_ns - 1 - braked_ns);
-        clock.path_ns = t.duration_ns - clock.path_ns;
+    const uint64_t braked_ns = cruised_ns - t->cruise_ns;
+    if (braked_ns < t->ramp_ns) {
+        omni_path_clock_t clock = ramp(t, t->ramp_ns - 1 - braked_ns);
+        clock.path_ns = t->duration_ns - clock.path_ns;
         clock.rate_change = -clock.rate_change;
         return clock;
     }
-    return (omni_path_clock_t){t.duration_ns, 0.0f, 0.0f, true};
+    return (omni_path_clock_t){t->duration_ns, 0.0f, 0.0f, true};
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/math.h"
+#include "math_inline.h"
 #include "trajectory_internal.h"
 
 enum { SEGMENTS = 4 }; /* circle and spin, both ways each */
@@ -87,7 +87,7 @@ static void spin(omni_real_t turn_rad, const laps_t *laps, omni_jet_t *theta) {
 }
 
 void omni_path_identify(const omni_trajectory_t *plan, uint64_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
-    const uint64_t round_ns = omni_identify_round_ns(plan);
+    const uint64_t round_ns = plan->timing.lap_ns;
     const uint64_t segment_ns = round_ns / SEGMENTS;
     const uint64_t ns = path_ns % round_ns;
     const uint64_t segment = ns / segment_ns;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "trajectory_internal.h"
 
 static const omni_real_t two_pi = 6.28318530717958647692f;
@@ -25,7 +25,7 @@ static bool has_heading(const omni_trajectory_t *plan) {
     return plan->config.type == OMNI_TRJ_TYPE_REPORT || plan->config.type == OMNI_TRJ_TYPE_IDENTIFY || has_points(plan);
 }
 
-static uint64_t period_ns(const omni_trajectory_t *plan) {
+uint64_t omni_path_period_ns(const omni_trajectory_t *plan) {
     const uint64_t ns = omni_nanoseconds(plan->config.period_s);
     return ns > 0 ? ns : 1;
 }
@@ -34,7 +34,7 @@ uint64_t omni_path_lap_ns(const omni_trajectory_t *plan) {
     if (plan->config.type == OMNI_TRJ_TYPE_IDENTIFY) {
         return omni_identify_round_ns(plan);
     }
-    return period_ns(plan) * (has_points(plan) ? plan->waypoints.count : 1u);
+    return omni_path_period_ns(plan) * (has_points(plan) ? plan->waypoints.count : 1u);
 }
 
 uint64_t omni_path_duration_ns(const omni_trajectory_t *plan) {
@@ -49,7 +49,7 @@ uint64_t omni_path_duration_ns(const omni_trajectory_t *plan) {
     const omni_real_t rest = plan->config.laps - (omni_real_t)whole;
     const uint64_t laps_ns = whole * lap_ns + (uint64_t)(rest * (omni_real_t)lap_ns);
     /* A tour of n points has n - 1 legs if it does not come back to the first. */
-    const uint64_t back_ns = has_points(plan) ? period_ns(plan) : 0;
+    const uint64_t back_ns = has_points(plan) ? omni_path_period_ns(plan) : 0;
     return laps_ns > back_ns ? laps_ns - back_ns : 0;
 }
 
@@ -65,13 +65,27 @@ static void add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, 
 }
 
 /* (x, y) += amplitude exp(i phase), the phase growing by half_turns per period. */
-static void add_phasor(omni_jet_t *x, omni_jet_t *y, omni_real_t amplitude, int32_t half_turns, uint64_t ns, uint64_t lap_ns) {
+static void add_phasor(omni_jet_t *x, omni_jet_t *y, omni_real_t amplitude, int32_t half_turns, uint64_t ns,
+                       const omni_trajectory_timing_t *timing) {
+    const uint64_t lap_ns = timing->period_ns;
     const uint64_t count = (uint64_t)(half_turns < 0 ? -half_turns : half_turns);
     const omni_real_t sign = half_turns < 0 ? -1.0f : 1.0f;
-    const omni_real_t turns = omni_phase((ns % (2 * lap_ns)) * count, 2 * lap_ns);
-    const omni_real_t omega = 0.5f * two_pi * (omni_real_t)half_turns / ((omni_real_t)lap_ns * 1e-9f);
-    add_sine(x, amplitude, sign * turns + 0.25f, omega);
-    add_sine(y, amplitude, sign * turns, omega);
+    const omni_real_t turns = omni_phase(omni_modulo(ns, 2 * lap_ns) * count, 2 * lap_ns);
+    const omni_real_t omega = 0.5f * two_pi * (omni_real_t)half_turns / timing->period_s;
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(two_pi * (sign * turns), &sine, &cosine);
+    const omni_real_t first = amplitude * omega;
+    const omni_real_t second = first * omega;
+    const omni_real_t third = second * omega;
+    x->d[0] += amplitude * cosine;
+    x->d[1] -= first * sine;
+    x->d[2] -= second * cosine;
+    x->d[3] += third * sine;
+    y->d[0] += amplitude * sine;
+    y->d[1] += first * cosine;
+    y->d[2] -= second * sine;
+    y->d[3] -= third * cosine;
 }
 
 void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference) {
@@ -85,9 +99,8 @@ static void rose(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni
     int32_t sum;
     int32_t difference;
     omni_rose_half_turns(plan->config.petals, &sum, &difference);
-    const uint64_t lap_ns = period_ns(plan);
-    add_phasor(x, y, 0.5f * plan->config.size_m, sum, ns, lap_ns);
-    add_phasor(x, y, 0.5f * plan->config.size_m, difference, ns, lap_ns);
+    add_phasor(x, y, 0.5f * plan->config.size_m, sum, ns, &plan->timing);
+    add_phasor(x, y, 0.5f * plan->config.size_m, difference, ns, &plan->timing);
 }
 
 /* sin(2 pi u / sine_s) + cos(2 pi u / cosine_s), times the amplitude. */
@@ -105,11 +118,11 @@ static void report(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, om
 }
 
 /* Share of the leg done, derivatives by path time. */
-static omni_jet_t leg_share(uint64_t ns, uint64_t leg_ns) {
-    omni_jet_t jet = omni_quintic(omni_phase(ns, leg_ns));
+static omni_jet_t leg_share(uint64_t ns, const omni_trajectory_timing_t *timing) {
+    omni_jet_t jet = omni_quintic(omni_phase(ns, timing->period_ns));
     omni_real_t factor = 1.0f;
     for (int i = 1; i < OMNI_JET_LENGTH; ++i) {
-        factor /= (omni_real_t)leg_ns * 1e-9f;
+        factor /= timing->period_s;
         jet.d[i] *= factor;
     }
     return jet;
@@ -125,15 +138,15 @@ static omni_jet_t between(omni_real_t from, omni_real_t to, const omni_jet_t *sh
 }
 
 static void line(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x) {
-    const uint64_t leg_ns = period_ns(plan);
-    const omni_jet_t share = leg_share(ns, leg_ns);
+    const uint64_t leg_ns = plan->timing.period_ns;
+    const omni_jet_t share = leg_share(ns, &plan->timing);
     const bool back = ns / leg_ns % 2 == 1;
     *x = between(back ? plan->config.size_m : 0.0f, back ? 0.0f : plan->config.size_m, &share);
 }
 
 static void points(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
-    const uint64_t leg_ns = period_ns(plan);
-    const omni_jet_t share = leg_share(ns, leg_ns);
+    const uint64_t leg_ns = plan->timing.period_ns;
+    const omni_jet_t share = leg_share(ns, &plan->timing);
     const uint8_t count = plan->waypoints.count;
     const omni_pose_t *from = &plan->waypoints.pose[ns / leg_ns % count];
     const omni_pose_t *to = &plan->waypoints.pose[(ns / leg_ns + 1) % count];
@@ -152,7 +165,7 @@ void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *
         line(plan, path_ns, &x);
         break;
     case OMNI_TRJ_TYPE_CIRCLE:
-        add_phasor(&x, &y, plan->config.size_m, 2, path_ns, period_ns(plan));
+        add_phasor(&x, &y, plan->config.size_m, 2, path_ns, &plan->timing);
         break;
     case OMNI_TRJ_TYPE_ROSE:
         rose(plan, path_ns, &x, &y);
@@ -182,7 +195,7 @@ void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *
 
 void omni_path_evaluate(const omni_trajectory_t *plan, omni_real_t path_time_s, omni_pose_t *pose, omni_twist_t *first,
                         omni_twist_t *second) {
-    const uint64_t duration_ns = omni_path_duration_ns(plan);
+    const uint64_t duration_ns = plan->timing.duration_ns;
     const uint64_t ns = omni_nanoseconds(omni_clampf(path_time_s, 0.0f, 1e9f));
     omni_path_at(plan, ns < duration_ns ? ns : duration_ns, pose, first, second);
 }

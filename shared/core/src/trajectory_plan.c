@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "omni/math.h"
+#include "math_inline.h"
 #include "trajectory_internal.h"
 
 enum {
@@ -86,8 +86,8 @@ static demand_t scan(const omni_trajectory_t *plan, const omni_kinematics_t *k) 
     const omni_trajectory_config_t *c = &plan->config;
     demand_t demand = {0.0f, 0.0f, 0.0f};
     const uint32_t laps = laps_repeat(c) ? 1 : SCAN_LAPS;
-    const uint64_t duration_ns = omni_path_duration_ns(plan);
-    uint64_t length_ns = omni_path_lap_ns(plan) * laps;
+    const uint64_t duration_ns = plan->timing.duration_ns;
+    uint64_t length_ns = plan->timing.lap_ns * laps;
     omni_real_t samples = (omni_real_t)SCAN_SAMPLES + (omni_real_t)CYCLE_SAMPLES * (omni_real_t)c->petals;
     samples =
         (samples + (omni_real_t)CYCLE_SAMPLES * (c->rotation_cycles + (omni_real_t)plan->waypoints.count)) * (omni_real_t)laps;
@@ -142,13 +142,16 @@ static void set_scale(omni_trajectory_t *plan, const omni_kinematics_t *k) {
     plan->peak_voltage_V = demand.voltage_V;
     plan->needed_scale = demand.scale;
     plan->scale = larger(demand.scale, 1.0f);
+    omni_path_set_clock(plan);
     const omni_real_t limit = plan->config.margin * plan->config.voltage_limit_V;
     for (int round = 0; round < RAMP_ROUNDS && ramp_voltage(plan, k) > limit * 1.0001f; ++round) {
         plan->scale *= 1.05f;
         plan->needed_scale = plan->scale;
+        omni_path_set_clock(plan);
     }
     if (!plan->config.scale) {
         plan->scale = 1.0f;
+        omni_path_set_clock(plan);
     }
 }
 
@@ -168,6 +171,7 @@ static void set_lead_in(omni_trajectory_t *plan, const omni_kinematics_t *k) {
         add_demand(&demand, &plan->config, k, pose.theta, &rate, &acceleration);
     }
     plan->lead_in_s = larger(demand.scale, shortest_lead_in_s);
+    plan->timing.lead_in_us = omni_nanoseconds(plan->lead_in_s) / 1000u;
 }
 
 /* Hold `at` for ever; also what is left of a refused plan. */
@@ -182,6 +186,8 @@ static void hold(omni_trajectory_t *plan, const omni_pose_t *at) {
     plan->config.period_s = 1.0f;
     plan->scale = 1.0f;
     plan->duration_s = -1.0f;
+    omni_path_set_lengths(plan);
+    omni_path_set_clock(plan);
 }
 
 /* Start of the path, its heading within half a turn of the robot's. */
@@ -254,8 +260,9 @@ omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajector
     plan->config = *config;
     plan->scale = 1.0f;
     omni_path_points(plan, waypoints);
+    omni_path_set_lengths(plan);
     set_start(plan);
-    const uint64_t duration_ns = omni_path_duration_ns(plan);
+    const uint64_t duration_ns = plan->timing.duration_ns;
     plan->duration_s = duration_ns == OMNI_ENDLESS_NS ? -1.0f : (omni_real_t)duration_ns * 1e-9f;
     set_scale(plan, k);
     set_lead_in(plan, k);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "omni/math.h"
+#include "math_inline.h"
 #include "trajectory_internal.h"
 
 static const omni_real_t two_pi = 6.28318530717958647692f;
@@ -11,19 +11,23 @@ omni_real_t omni_whole_laps(omni_real_t turns, uint64_t laps) {
     return (omni_real_t)(fraction >> 31 ? (int64_t)fraction - 4294967296 : (int64_t)fraction) / unit;
 }
 
-static omni_jet_t spin(omni_real_t turn_rad, uint64_t path_ns, uint64_t lap_ns) {
+static omni_jet_t spin(omni_real_t turn_rad, uint64_t path_ns, const omni_trajectory_timing_t *timing) {
+    const uint64_t lap_ns = timing->lap_ns;
     omni_jet_t jet = {{0}};
     jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + two_pi * omni_whole_laps(turn_rad / two_pi, path_ns / lap_ns);
-    jet.d[1] = turn_rad / ((omni_real_t)lap_ns * 1e-9f);
+    jet.d[1] = turn_rad / timing->lap_s;
     return jet;
 }
 
-static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path_ns, uint64_t lap_ns) {
+static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path_ns, const omni_trajectory_timing_t *timing) {
+    const uint64_t lap_ns = timing->lap_ns;
     const uint32_t whole = (uint32_t)cycles;
     const omni_real_t rest = cycles - (omni_real_t)whole;
-    const omni_real_t turns = omni_phase(path_ns % lap_ns * whole, lap_ns) + rest * omni_phase(path_ns, lap_ns) +
-                              omni_whole_laps(rest, path_ns / lap_ns);
-    const omni_real_t omega = two_pi * cycles / ((omni_real_t)lap_ns * 1e-9f);
+    omni_real_t turns = omni_phase(omni_modulo(path_ns, lap_ns) * whole, lap_ns);
+    if (rest > 0.0f) {
+        turns = turns + rest * omni_phase(path_ns, lap_ns) + omni_whole_laps(rest, path_ns / lap_ns);
+    }
+    const omni_real_t omega = two_pi * cycles / timing->lap_s;
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(two_pi * turns, &sine, &cosine);
@@ -45,7 +49,7 @@ static omni_real_t direction(const omni_trajectory_t *plan, uint64_t path_ns, ui
     const uint64_t apart = difference == 0 ? 0 : (uint64_t)(sum - difference);
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(-two_pi * omni_phase(path_ns % (2 * lap_ns) * apart, 2 * lap_ns), &sine, &cosine);
+    omni_sincosf(-two_pi * omni_phase(omni_modulo(path_ns, 2 * lap_ns) * apart, 2 * lap_ns), &sine, &cosine);
     return 0.5f * two_pi * ((omni_real_t)sum * omni_phase(path_ns, lap_ns) + 0.5f) +
            omni_atan2f(ratio * sine, 1.0f + ratio * cosine);
 }
@@ -69,17 +73,16 @@ static omni_jet_t tangent(const omni_trajectory_t *plan, uint64_t path_ns, uint6
 
 omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, uint64_t path_ns, const omni_jet_t *x, const omni_jet_t *y) {
     const omni_trajectory_config_t *c = &plan->config;
-    const uint64_t lap_ns = omni_path_lap_ns(plan);
     if (c->rotation == OMNI_TRJ_ROT_SPIN) {
-        return spin(c->rotation_amplitude_rad, path_ns, lap_ns);
+        return spin(c->rotation_amplitude_rad, path_ns, &plan->timing);
     }
     if (c->rotation == OMNI_TRJ_ROT_SINE) {
-        return swing(c->rotation_amplitude_rad, c->rotation_cycles, path_ns, lap_ns);
+        return swing(c->rotation_amplitude_rad, c->rotation_cycles, path_ns, &plan->timing);
     }
     /* A line is driven back in reverse: at its ends the speed vanishes and the direction is kept. */
     const bool curved = c->type == OMNI_TRJ_TYPE_CIRCLE || c->type == OMNI_TRJ_TYPE_ROSE;
     if (c->rotation == OMNI_TRJ_ROT_TANGENT && curved) {
-        return tangent(plan, path_ns, lap_ns, x, y);
+        return tangent(plan, path_ns, plan->timing.lap_ns, x, y);
     }
     return (omni_jet_t){{0}};
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/wheel_speed.h"
 
-#include "omni/math.h"
 #include "omni/saturation.h"
+#include "pid_inline.h"
 
 /* Below this reference the Coulomb feed-forward fades, so that it does not chatter around standstill. */
 static const omni_real_t fade_per_rad_s = 1.0f / 0.05f;
@@ -15,12 +15,7 @@ void omni_wheel_speed_reset(omni_wheel_speed_state_t *state) {
 
 static bool inputs_are_finite(uint8_t wheels, const omni_real_t *reference, const omni_real_t *acceleration,
                               const omni_real_t *measured) {
-    for (int i = 0; i < wheels; i++) {
-        if (!omni_is_finite(reference[i]) || !omni_is_finite(acceleration[i]) || !omni_is_finite(measured[i])) {
-            return false;
-        }
-    }
-    return true;
+    return omni_all_finite(reference, wheels) && omni_all_finite(acceleration, wheels) && omni_all_finite(measured, wheels);
 }
 
 /* eq. 24 and 25 solved for the voltage of the wanted motion, plus Coulomb friction. */

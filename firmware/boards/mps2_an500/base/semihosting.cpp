@@ -81,6 +81,8 @@ void semihosting_print(const char *text) {
     if (print_handle < 0) {
         call(Service::write0, text);
     } else {
+        // QEMU writes there too, and does not keep to the end of a file that is opened for appending.
+        semihosting_seek(print_handle, static_cast<size_t>(semihosting_length(print_handle)));
         semihosting_write(print_handle, text, std::strlen(text));
     }
 }

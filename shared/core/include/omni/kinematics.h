@@ -50,6 +50,20 @@ void omni_kinematics_forward(const omni_kinematics_t *k, const omni_real_t *whee
 /** n^T r phi' [m/s]: the part of the wheel speeds no rolling motion explains. 0 for three wheels. */
 omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s);
 
+/** Sine and cosine of a heading, for turning several twists by it. */
+typedef struct omni_rotation_t {
+    omni_real_t sine;
+    omni_real_t cosine;
+} omni_rotation_t;
+
+omni_rotation_t omni_rotation(omni_real_t theta);
+
+/** World twist -> body twist by R(theta) of eq. 16. */
+omni_twist_t omni_rotate_to_body(const omni_twist_t *world, const omni_rotation_t *r);
+
+/** Body twist -> world twist by R(theta)^T. */
+omni_twist_t omni_rotate_to_world(const omni_twist_t *body, const omni_rotation_t *r);
+
 /** World twist -> body twist for heading theta, R(theta) of eq. 16. */
 omni_twist_t omni_twist_to_body(const omni_twist_t *world, omni_real_t theta);
 

@@ -69,8 +69,9 @@ typedef struct omni_robot_config_t {
     int8_t encoder_direction[OMNI_MAX_WHEELS]; /**< -1 or 1 */
     int8_t motor_direction[OMNI_MAX_WHEELS];   /**< -1 or 1 */
     omni_real_t rad_per_count;
-    omni_real_t slip_feed;  /**< 0..1 share of the slip estimate fed forward */
-    omni_real_t torque_emf; /**< 0..1 share of back-EMF and viscous friction made up for in direct torque control */
+    omni_real_t speed_gain_V_s; /**< omni_motor_speed_gain of `motor` */
+    omni_real_t slip_feed;      /**< 0..1 share of the slip estimate fed forward */
+    omni_real_t torque_emf;     /**< 0..1 share of back-EMF and viscous friction made up for in direct torque control */
     omni_real_t step_s;
     uint16_t sequence; /**< caller's number of this set; telemetry repeats it */
 } omni_robot_config_t;

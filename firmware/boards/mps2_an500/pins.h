@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+/// @file pins.h  The world at the board's pins: encoders, I2C, supply and one serial line, simulated by the host.
+///
+/// At each tick what the pins did goes out and what they see comes in, while the emulated time stands still. So the firmware runs
+/// on the emulated processor's own timing, and the world in step with it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/hil.h"
+#include "boards/mps2_an500/uart_port.h"
+
+namespace omni {
+
+/// The serial line: so many bytes per tick and direction as 115200 baud carry.
+class WirePort final : public SerialPort {
+public:
+    static constexpr size_t bytes_per_tick = 12;
+
+    size_t read(uint8_t *data, size_t capacity) override;
+    size_t write_space() override { return out_.free(); }
+    bool write(const uint8_t *data, size_t length) override;
+    uint32_t session() override { return 1; }
+
+    bool waiting() const { return in_.used() > 0; }
+    /// @return bytes put into `data`, bytes_per_tick at most.
+    size_t take_sent(uint8_t *data);
+    /// What does not fit is lost, as on a line without flow control.
+    void put_received(const uint8_t *data, size_t length);
+
+private:
+    Ring<4096> in_;
+    Ring<8192> out_;
+};
+
+class Pins final : public Encoders, public OutputEnable {
+public:
+    HilBus bus;
+    WirePort wire;
+
+    /// @return false if the emulator has no standard input and output.
+    bool open();
+    /// Exchanges; called once per tick.
+    uint8_t read(int32_t *counts) override;
+    void errors(uint32_t *errors) override;
+    bool wired() override { return true; }
+    void set(bool on) override { enabled_ = on; }
+    float battery_V() const { return battery_V_; }
+    void start(Clock &clock) { clock_ = &clock; }
+
+private:
+    Clock *clock_ = nullptr;
+    int in_ = -1;
+    int out_ = -1;
+    bool enabled_ = false;
+    float battery_V_ = 0.0f;
+};
+
+} // namespace omni

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: MIT
+"""``omni emulate``: the firmware on an emulated Cortex-M7, for any MAVLink program."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from hil_sim.scenario import load_scenario
+from hil_sim.sitl import start_sitl
+from omniwheel.cli.common import JsonOption, examples, signals_interrupt
+from omniwheel.cli.run_output import SeedOption
+from omniwheel.cli.sitl import (
+    HostOption,
+    LinksOption,
+    PortOption,
+    RobotOption,
+    ScenarioNameArgument,
+    StorageOption,
+    WorldRobotOption,
+    announce,
+)
+from omniwheel.emulated_firmware import EmulatedFirmware
+from omniwheel.errors import FirmwareEndedError
+
+EXAMPLES = examples(
+    "omni emulate                                # a robot in a simulated world, as omni sitl",
+    "omni emulate --robot four_wheel --link pty:/tmp/robot",
+    "omni emulate --no-world                     # the board alone, for:",
+    "omni hil --link tcp:127.0.0.1:5760",
+    "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
+)
+POLL_S = 0.1
+
+
+def emulate(
+    scenario_name: ScenarioNameArgument = "sitl",
+    robot: RobotOption = None,
+    world_robot: WorldRobotOption = None,
+    port: PortOption = 5760,
+    host: HostOption = "127.0.0.1",
+    link: LinksOption = None,
+    storage: StorageOption = None,
+    world: Annotated[
+        bool, typer.Option("--world/--no-world", help="Simulate robot and floor around it; else wheels stand still.")
+    ] = True,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="With --no-world: tick only when a host sends sensors, from the start.")
+    ] = False,
+    seed: SeedOption = None,
+    json_wanted: JsonOption = False,
+) -> None:
+    """Run the firmware on an emulated Cortex-M7 (QEMU), in real time, until Ctrl-C: connect to it as to a robot.
+
+    A link is a serial port of the board: a second client waits until the first has gone.
+    """
+    if lockstep and world:
+        raise typer.BadParameter("--lockstep needs --no-world: the world drives the ticks itself")
+    scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
+    links = link or [f"tcp:{host}:{port}"]
+    try:
+        with signals_interrupt():
+            if not world:
+                _bare(links, scenario.robot.name, storage, lockstep, json_wanted, scenario.parameter_values())
+            with start_sitl(scenario, links, storage=storage, emulated=True) as running:
+                announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
+                while True:
+                    running.advance()
+    except KeyboardInterrupt:
+        return
+
+
+def _bare(
+    links: Sequence[str], name: str, storage: Path | None, lockstep: bool, json_wanted: bool, values: dict[str, float]
+) -> NoReturn:
+    with EmulatedFirmware(links=links, lockstep=lockstep, storage=storage, parameters=values) as firmware:
+        announce(firmware.urls, name, "No world: its wheels stand still", json_wanted)
+        while firmware.running:
+            time.sleep(POLL_S)
+        raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)

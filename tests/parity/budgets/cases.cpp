@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+#include "cases.h"
+
+namespace {
+
+constexpr Setting ismc{OMNI_PARAM_CTL_MODE, OMNI_CTL_MODE_ISMC};
+constexpr Setting rose{OMNI_PARAM_TRJ_TYPE, OMNI_TRJ_TYPE_ROSE};
+
+constexpr Setting controller(int mode) {
+    return {OMNI_PARAM_CTL_MODE, static_cast<omni_real_t>(mode)};
+}
+
+} // namespace
+
+// The robots' own parameters: three-state motor filters and the pose filter with slip states, rose with a swinging heading.
+const Case cases[] = {
+    {"every_filter", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose}, 2},
+    {"every_filter_no_fix", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 0, 0, {ismc, rose}, 2},
+    {"every_filter_late_fix", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 250, {ismc, rose}, 2},
+    {"four_wheels", "four_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose}, 2},
+    {"four_wheels_late_fix", "four_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 250, {ismc, rose}, 2},
+    {"super_twisting",
+     "three_wheel",
+     OMNI_SETPOINT_TRAJECTORY,
+     20,
+     20,
+     {ismc, rose, {OMNI_PARAM_ISMC_SWITCH, OMNI_ISMC_SWITCH_SUPER_TWISTING}},
+     3},
+    {"p", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {controller(OMNI_CTL_MODE_P), rose}, 2},
+    {"pd", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {controller(OMNI_CTL_MODE_PD), rose}, 2},
+    {"pid", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {controller(OMNI_CTL_MODE_PID), rose}, 2},
+    {"original", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {controller(OMNI_CTL_MODE_ORIGINAL), rose}, 2},
+    {"torque", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {controller(OMNI_CTL_MODE_TORQUE), rose}, 2},
+    {"report_path", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, {OMNI_PARAM_TRJ_TYPE, OMNI_TRJ_TYPE_REPORT}}, 2},
+    {"pose_setpoint", "three_wheel", OMNI_SETPOINT_POSE, 20, 20, {ismc}, 1},
+    {"velocity", "three_wheel", OMNI_SETPOINT_VELOCITY_BODY, 20, 20, {controller(OMNI_CTL_MODE_NONE)}, 1},
+    {"filters_off",
+     "three_wheel",
+     OMNI_SETPOINT_TRAJECTORY,
+     0,
+     0,
+     {ismc, rose, {OMNI_PARAM_KF_MODE, OMNI_KF_MODE_OFF}, {OMNI_PARAM_EKF_MODE, OMNI_EKF_MODE_ODOMETRY}},
+     4},
+};
+
+const size_t case_count = sizeof cases / sizeof cases[0];

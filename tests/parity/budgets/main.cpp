@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: MIT
+/// @file main.cpp  Measures the firmware's control tick (ControlLoop::tick: requests, core, PWM chip, report) and the core's part of it
+/// on an emulated Cortex-M7. Prints two lines per case, "core" and "tick": name, mean and largest number of instructions of that, and
+/// the deepest that the stack got below the caller of ControlLoop::tick.
+#include <cstdio>
+#include <cstring>
+#include <new>
+
+#include "app/control_loop.h"
+#include "base/stack.h"
+#include "cases.h"
+#include "meter.h"
+
+extern "C" {
+#include "../program/world.h"
+
+// The linker puts the second in the place of the first: --wrap=omni_robot_tick.
+void __real_omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs);
+void __wrap_omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs);
+}
+
+namespace {
+
+constexpr uint32_t warm_up_ticks = 400; ///< the power-up of the PWM chip, arming, the first fixes
+constexpr uint32_t measured_ticks = 640;
+
+struct Figure {
+    uint64_t sum = 0;
+    uint32_t largest = 0;
+    void add(uint32_t count) {
+        sum += count;
+        largest = count > largest ? count : largest;
+    }
+    uint32_t mean() const { return static_cast<uint32_t>((sum + measured_ticks / 2) / measured_ticks); }
+};
+
+bool core_watched = false; ///< measuring the core costs the whole tick a little: one run for each
+uint32_t core_instructions = 0;
+
+/// Takes everything and has done it by the next tick.
+class Bus final : public omni::I2cBus {
+public:
+    bool submit(const omni::I2cTransaction *, size_t) override {
+        status_ = omni::I2cStatus::done;
+        return true;
+    }
+    omni::I2cStatus poll(uint8_t *read) override {
+        read[0] = 0x20; // MODE1 of a chip that is awake
+        return status_;
+    }
+    void recover() override {}
+
+private:
+    omni::I2cStatus status_ = omni::I2cStatus::idle;
+};
+
+class Pin final : public omni::OutputEnable {
+public:
+    bool wired() override { return true; }
+    void set(bool) override {}
+};
+
+/// Counters are read by a function of about this size on a real board too.
+class Stopwatch final : public omni::Clock {
+public:
+    uint64_t now_us() override { return 0; }
+    uint64_t stopwatch_ns() override { return 0; }
+};
+
+class Bench {
+public:
+    explicit Bench(const Case &c) : case_(c) {}
+    bool prepare();
+    bool run();
+    const Figure &figure() const { return figure_; }
+    size_t depth() const { return an500::stack_used() - depth_before_; }
+
+private:
+    void ask(uint64_t now_us);
+    void tell_fix();
+    void tick(uint64_t now_us, bool counted);
+
+    const Case &case_;
+    omni::ControlLoop loop_;
+    const omni_robot_config_t *config_ = nullptr;
+    world_t world_{};
+    random_t random_{};
+    uint32_t tick_ = 0;
+    Bus bus_;
+    Pin pin_;
+    Stopwatch stopwatch_;
+    Figure figure_;           ///< of the core if it is watched, else of the whole tick
+    size_t depth_before_ = 0; ///< of the stack when ControlLoop::tick is called
+};
+
+bool Bench::prepare() {
+    const int32_t preset = omni_robot_preset_find(case_.robot);
+    omni_real_t values[OMNI_PARAM_COUNT];
+    std::memcpy(values, omni_robot_presets[preset].values, sizeof values);
+    for (size_t i = 0; i < case_.settings_used; ++i) {
+        values[case_.settings[i].parameter] = case_.settings[i].value;
+    }
+    omni::RobotSetup &setup = loop_.setups.scratch();
+    if (omni_robot_config(&setup.config, values, nullptr) != OMNI_OK) {
+        return false;
+    }
+    config_ = &setup.config;
+    setup.wiring.wheels = config_->kinematics.wheels;
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        setup.wiring.in1[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN1_CH + i]);
+        setup.wiring.in2[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN2_CH + i]);
+    }
+    loop_.setups.publish();
+    loop_.restart();
+    omni_trajectory_t &plan = loop_.plans.scratch();
+    const omni_pose_t origin{};
+    if (omni_trajectory_plan(&plan, &config_->trajectory, &config_->kinematics, nullptr, &origin) != OMNI_OK) {
+        return false;
+    }
+    plan.timing.lead_in_us = 0;
+    world_reset(&world_, &random_, &plan.start);
+    omni::Request request;
+    request.kind = omni::Request::Kind::set_pose;
+    request.pose = plan.start;
+    return loop_.request(request);
+}
+
+/// What a ground station sends: a heartbeat a second, set-points at 50 Hz.
+void Bench::ask(uint64_t now_us) {
+    omni::Request request;
+    if (tick_ % 1000 == 1) {
+        request.kind = omni::Request::Kind::heartbeat;
+        request.time_us = now_us;
+        loop_.request(request);
+    }
+    if (case_.setpoint != OMNI_SETPOINT_TRAJECTORY && tick_ % 20 == 0) {
+        request.kind = omni::Request::Kind::setpoint;
+        request.setpoint.kind = case_.setpoint;
+        request.setpoint.time_us = now_us;
+        request.setpoint.pose = {0.4f, 0.3f, 1.0f};
+        request.setpoint.twist = {0.08f, 0.02f, 0.1f};
+        loop_.request(request);
+    }
+    if (tick_ == 100) {
+        loop_.request_event(OMNI_EVENT_ARM);
+    }
+    if (tick_ == 102 && case_.setpoint == OMNI_SETPOINT_TRAJECTORY) {
+        loop_.plans.publish();
+    }
+}
+
+void Bench::tell_fix() {
+    if (case_.fix_period == 0 || tick_ % case_.fix_period != 7 || tick_ <= case_.fix_age) {
+        return;
+    }
+    omni::Request request;
+    request.kind = omni::Request::Kind::fix;
+    request.fix.pose = world_pose(&world_, case_.fix_age, &request.fix.time_us);
+    request.fix.pose.x += 0.004f * random_normal(&random_);
+    request.fix.pose.y += 0.004f * random_normal(&random_);
+    request.fix.pose.theta += 0.004f * random_normal(&random_);
+    loop_.request(request);
+}
+
+void Bench::tick(uint64_t now_us, bool counted) {
+    omni::TickSensors sensors;
+    sensors.time_us = now_us;
+    std::memcpy(sensors.counts, world_.counts, sizeof sensors.counts);
+    sensors.counts_valid = 0x0F;
+    sensors.battery_V = 12.0f;
+    depth_before_ = an500::stack_depth();
+    const uint32_t begin = meter::timer();
+    loop_.tick(sensors, bus_, pin_, stopwatch_);
+    const uint32_t end = meter::timer();
+    if (counted) {
+        figure_.add(core_watched ? core_instructions : meter::between(begin, end));
+    }
+}
+
+bool Bench::run() {
+    const omni_outputs_t *out = &loop_.report.reading().outputs;
+    uint64_t now_us = 1000;
+    for (tick_ = 0; tick_ < warm_up_ticks + measured_ticks; ++tick_) {
+        now_us += OMNI_TICK_US;
+        world_step(&world_, config_, out->voltage_V, now_us);
+        ask(now_us);
+        tell_fix();
+        tick(now_us, tick_ >= warm_up_ticks);
+        loop_.report.update();
+        out = &loop_.report.reading().outputs;
+        if (tick_ >= warm_up_ticks && out->state != OMNI_STATE_ARMED) {
+            std::printf("%s: not armed in tick %u, faults %x\n", case_.name, static_cast<unsigned>(tick_),
+                        static_cast<unsigned>(out->fault_history));
+            return false;
+        }
+    }
+    return true;
+}
+
+/// Measure a case, the core or the whole tick, and print its figures.
+bool measure(const Case &c, bool core) {
+    static uint8_t memory alignas(Bench)[sizeof(Bench)];
+    auto *bench = new (memory) Bench(c);
+    core_watched = core;
+    if (!bench->prepare()) {
+        return false;
+    }
+    an500::repaint_stack();
+    if (!bench->run()) {
+        return false;
+    }
+    const size_t depth = bench->depth();
+    std::printf("%s %s %u %u %u\n", core ? "core" : "tick", c.name, static_cast<unsigned>(bench->figure().mean()),
+                static_cast<unsigned>(bench->figure().largest), static_cast<unsigned>(depth));
+    return true;
+}
+
+} // namespace
+
+void __wrap_omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs) {
+    if (!core_watched) {
+        __real_omni_robot_tick(robot, inputs, outputs);
+        return;
+    }
+    const uint32_t begin = meter::timer();
+    __real_omni_robot_tick(robot, inputs, outputs);
+    core_instructions = meter::between(begin, meter::timer());
+}
+
+namespace {
+
+/// Bytes of the structs that make up most of the tick's memory.
+void print_sizes() {
+    std::printf("omni_robot_t %u\n", static_cast<unsigned>(sizeof(omni_robot_t)));
+    std::printf("omni_robot_config_t %u\n", static_cast<unsigned>(sizeof(omni_robot_config_t)));
+    std::printf("omni_trajectory_t %u\n", static_cast<unsigned>(sizeof(omni_trajectory_t)));
+    std::printf("ControlLoop %u\n", static_cast<unsigned>(sizeof(omni::ControlLoop)));
+}
+
+} // namespace
+
+int main(int argc, char **argv) {
+    if (argc > 1 && std::strcmp(argv[1], "--sizes") == 0) {
+        print_sizes();
+        return 0;
+    }
+    meter::start();
+    for (size_t i = 0; i < case_count; ++i) {
+        if (!measure(cases[i], true) || !measure(cases[i], false)) {
+            return 1;
+        }
+    }
+    return 0;
+}

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: MIT
+"""The gates can fail: they find a broken parity and name the place, and a figure that has grown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from tests.parity.budget_page import UPDATES, bus_us
+from tests.parity.budgets import LIMITS, PAGE, read_recorded, too_large
+from tests.parity.builds import GATE, Build, usable
+from tests.parity.compare import compare
+from tests.parity.stack_bound import LIBRARY_BYTES, StackBoundError, read_call_graph
+
+
+def test_fused_multiply_add_is_found_and_located() -> None:
+    fused = Build("cortex-m7-fused", "arm-none-eabi-gcc", "-ffp-contract=fast")
+    builds, missing = usable([GATE[0], fused])
+    if missing:
+        pytest.skip(missing[0])
+    console = Console(record=True, width=1000)
+    assert not compare(builds, 2000, 1, 0, console)
+    assert "tick and output: " in console.export_text()
+
+
+def test_a_figure_that_grew_is_named() -> None:
+    recorded = read_recorded()
+    assert too_large(recorded, recorded) == []
+    name = next(iter(LIMITS))
+    grown = {**recorded, name: LIMITS[name] * 2}
+    assert [sentence.split(":")[0] for sentence in too_large(grown, recorded)] == [name, name]
+
+
+def test_the_page_shows_what_was_recorded() -> None:
+    page = PAGE.read_text()
+    for name, value in read_recorded().items():
+        assert f" {value} " in page, name
+
+
+def test_the_bound_is_the_deepest_path(tmp_path: Path) -> None:
+    graph = tmp_path / "graph.ci"
+    node = 'node: {{ title: "{0}" label: "{0}\\nfile.c:1:1\\n{1} bytes (static)\\n0 dynamic objects" }}\n'
+    edge = 'edge: {{ sourcename: "{}" targetname: "{}" }}\n'
+    calls = [("top", "left"), ("top", "right"), ("left", "memcpy"), ("right", "low")]
+    sizes = {"top": 40, "left": 8, "right": 16, "low": 100}
+    graph.write_text("".join(node.format(*n) for n in sizes.items()) + "".join(edge.format(*e) for e in calls))
+    assert read_call_graph([graph]).bound("top") == 40 + 16 + 100
+    assert read_call_graph([graph]).bound("left") == 8 + LIBRARY_BYTES
+    graph.write_text(graph.read_text() + edge.format("low", "top"))
+    with pytest.raises(StackBoundError, match="recursion"):
+        read_call_graph([graph]).bound("top")
+
+
+def test_three_pair_bursts_stay_within_the_bus_budget() -> None:
+    assert bus_us(UPDATES["three pair bursts (ours)"], 1000) <= 300
+    assert bus_us(UPDATES["six single-channel writes"], 100) == 3360
