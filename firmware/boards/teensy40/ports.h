@@ -36,18 +36,20 @@ public:
     size_t write_space() override;
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return 1; }
-    /// Bytes on their way are lost when the baud rate changes.
-    void set_baud(uint32_t baud);
-    /// Everything has left the buffer.
-    bool drained();
+    /// Done in a later read(), when what was written before has left; until then nothing new is taken.
+    void set_baud(uint32_t baud) { wanted_baud_ = baud; }
 
 private:
+    void follow_baud();
+    bool line_idle();
+    static size_t free_space();
     /// A longest MAVLink frame twice: more would only make telemetry old.
     static constexpr size_t more_for_writing = 560;
     /// 0.35 s at 115200 baud: as long as a flash erase may hold up the background.
     static constexpr size_t more_for_reading = 4096;
 
     uint32_t baud_ = 0;
+    uint32_t wanted_baud_ = 0;
     size_t capacity_ = 0;
     uint8_t write_memory_[more_for_writing];
     uint8_t read_memory_[more_for_reading];

@@ -93,3 +93,5 @@ struct FakeHardwareSerial {
     size_t write(const uint8_t *data, size_t length);
 };
 extern FakeHardwareSerial Serial1;
+extern volatile uint32_t LPUART6_STAT;
+constexpr uint32_t LPUART_STAT_TC = 1u << 22; ///< the shift register is empty

@@ -15,7 +15,7 @@ FakeCycleCounter ARM_DWT_CYCCNT;
 volatile uint32_t SRC_SRSR, SRC_GPR5, WDOG3_TOVAL, WDOG3_WIN, CCM_CCGR5;
 volatile uint32_t ADC1_HC0, ADC1_HS, ADC1_R0, ADC2_HC0, ADC2_HS, ADC2_R0;
 volatile uint8_t usb_configuration;
-volatile uint32_t USB1_PORTSC1;
+volatile uint32_t USB1_PORTSC1, LPUART6_STAT;
 FakeWatchdogCounter WDOG3_CNT;
 FakeWatchdogControl WDOG3_CS;
 FakeUsbSerial Serial;
@@ -310,6 +310,7 @@ void fake_reset() {
     ADC1_HS = ADC2_HS = 0;
     usb_configuration = 0;
     USB1_PORTSC1 = 0;
+    LPUART6_STAT = LPUART_STAT_TC;
 }
 const char *fake_journal() {
     return model.journal.text;
@@ -420,6 +421,10 @@ void fake_radio_sends(size_t bytes) {
 size_t fake_radio_sent(uint8_t *out) {
     std::memcpy(out, radio.out, radio.out_count);
     return radio.out_count;
+}
+/// The last byte is still in the shift register, or gone.
+void fake_radio_shifts(bool shifts) {
+    LPUART6_STAT = shifts ? 0 : LPUART_STAT_TC;
 }
 uint32_t fake_radio_baud() {
     return radio.baud;
