@@ -141,6 +141,10 @@ void Commands::warn_of_missing_pin() {
 
 uint8_t Commands::arm(size_t link) {
     const uint8_t state = shared_.latest.outputs.state;
+    if (shared_.reboot) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
+        return MAV_RESULT_DENIED;
+    }
     if (shared_.stopping > 0 && (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE)) {
         return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet
     }

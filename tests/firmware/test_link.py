@@ -221,6 +221,19 @@ def test_a_tight_budget_drops_telemetry_but_no_reply_and_no_list() -> None:
         robot.socket.close()
 
 
+def test_nobody_arms_a_robot_that_is_about_to_reboot(robot: Client) -> None:
+    """A board leaves its last words some time to go out; motors that start meanwhile would run on through the reset."""
+    robot.heartbeat()
+    robot.ticks(20)
+    encode = robot.mav.command_long_encode
+    reboot = encode(1, 1, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0, 1, 0, 0, 0, 0, 0, 0)
+    arm = encode(1, 1, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
+    robot.write(reboot.pack(robot.mav) + arm.pack(robot.mav))
+    ack = robot.wait("COMMAND_ACK", command=mav.MAV_CMD_COMPONENT_ARM_DISARM)
+    assert ack.result == mav.MAV_RESULT_DENIED
+    robot.wait("STATUSTEXT", text="cannot arm: rebooting")
+
+
 def test_a_reboot_keeps_the_connection_and_forgets_what_was_not_stored(robot: Client) -> None:
     default = robot.get("ISMC_LAM_XY")
     robot.set("ISMC_LAM_XY", 7.0)

@@ -10,9 +10,11 @@
 #include "boards/teensy40/encoders.h"
 #include "boards/teensy40/i2c.h"
 #include "boards/teensy40/memory.h"
+#include "boards/teensy40/motor_stop.h"
 #include "boards/teensy40/pins.h"
 #include "boards/teensy40/ports.h"
 #include "boards/teensy40/priorities.h"
+#include "boards/teensy40/processor.h"
 #include "boards/teensy40/storage.h"
 #include "boards/teensy40/watchdog.h"
 #include "omni/wiring_gen.h"
@@ -24,6 +26,8 @@ constexpr bool battery_wired = wiring::battery_pin >= 0;
 constexpr uint32_t radio_baud = 9600;
 /// What was said before a reboot gets this long to leave.
 constexpr uint64_t farewell_us = 100'000;
+/// A few attempts at 100 kHz, each with the bus freed before. A chip that is silent for longer is the driver's to try.
+constexpr uint64_t motor_stop_us = 10'000;
 
 class Teensy40 {
 public:
@@ -34,6 +38,7 @@ public:
     float battery_V() const { return battery_.volts(); }
 
 private:
+    void stop_motors();
     [[noreturn]] void reboot();
 
     Teensy40Clock clock_;
@@ -46,6 +51,7 @@ private:
     RadioPort radio_;
     Teensy40Encoders encoders_;
     Teensy40I2c i2c_;
+    MotorStop motor_stop_;
     Battery battery_{battery_wired ? static_cast<uint8_t>(wiring::battery_pin) : uint8_t{0}, wiring::battery_divider};
     IntervalTimer timer_;
     App *app_ = nullptr;
@@ -64,17 +70,28 @@ float battery_V() {
     return machine().battery_V();
 }
 
-/// Everything that may take long comes before the watchdog is started.
+/// The loop sees the I2C interrupt no more than the tick does: half-way.
+void Teensy40::stop_motors() {
+    const uint64_t begin_us = clock_.now_us();
+    bool stopped = false;
+    while (!stopped && clock_.now_us() - begin_us < motor_stop_us) {
+        const InterruptLock lock;
+        stopped = motor_stop_.step(i2c_);
+    }
+}
+
+/// Motors first: erasing flash memory may take seconds. Everything that may take long comes before the watchdog is started.
 Board Teensy40::begin() {
     output_enable_.begin();
     paint_stack();
+    i2c_.begin();
+    stop_motors();
     light_.begin();
     light_.set(true);
     watchdog_.begin();
     storage_.begin();
     radio_.begin(radio_baud);
     encoders_.begin();
-    i2c_.begin();
     if (battery_wired) {
         battery_.begin();
     }
@@ -105,6 +122,11 @@ void Teensy40::start(App &app, void (*callback)()) {
 
 void Teensy40::tick() {
     watchdog_.tick();
+    if (usb_.upload_asked()) {
+        output_enable_.set(false);
+        motor_stop_.step(i2c_);
+        return;
+    }
     app_->tick();
     if (battery_wired) {
         battery_.sample();

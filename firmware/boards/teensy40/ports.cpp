@@ -6,9 +6,22 @@
 #include <algorithm>
 
 namespace omni {
+namespace {
+
+constexpr uint32_t uploader_baud = 134;
+
+bool usb_awake() {
+    return usb_configuration != 0 && (USB1_PORTSC1 & USB_PORTSC1_SUSP) == 0;
+}
+
+} // namespace
+
+bool UsbPort::upload_asked() const {
+    return Serial.baud() == uploader_baud;
+}
 
 uint32_t UsbPort::session() {
-    const bool open = usb_configuration != 0 && Serial.dtr() != 0;
+    const bool open = usb_awake() && Serial.dtr() != 0;
     if (open && !open_) {
         ++sessions_;
     }
@@ -41,17 +54,29 @@ bool UsbPort::write(const uint8_t *data, size_t length) {
 void RadioPort::begin(uint32_t baud) {
     Serial1.addMemoryForWrite(write_memory_, sizeof write_memory_);
     Serial1.addMemoryForRead(read_memory_, sizeof read_memory_);
-    baud_ = baud;
-    wanted_baud_ = baud;
+    baud_ = wanted_baud_ = baud;
     Serial1.begin(baud);
-    capacity_ = write_space();
+    capacity_ = free_space();
 }
 
-size_t RadioPort::read(uint8_t *data, size_t capacity) {
-    if (wanted_baud_ != baud_ && drained()) {
+size_t RadioPort::free_space() {
+    return static_cast<size_t>(std::max(Serial1.availableForWrite(), 0));
+}
+
+/// Buffer, FIFO and shift register are empty.
+bool RadioPort::line_idle() {
+    return free_space() >= capacity_ && (LPUART6_STAT & LPUART_STAT_TC) != 0;
+}
+
+void RadioPort::follow_baud() {
+    if (wanted_baud_ != baud_ && line_idle()) {
         baud_ = wanted_baud_;
         Serial1.begin(baud_);
     }
+}
+
+size_t RadioPort::read(uint8_t *data, size_t capacity) {
+    follow_baud();
     const size_t count = std::min(capacity, static_cast<size_t>(std::max(Serial1.available(), 0)));
     for (size_t i = 0; i < count; ++i) {
         data[i] = static_cast<uint8_t>(Serial1.read());
@@ -60,15 +85,11 @@ size_t RadioPort::read(uint8_t *data, size_t capacity) {
 }
 
 size_t RadioPort::write_space() {
-    return static_cast<size_t>(std::max(Serial1.availableForWrite(), 0));
+    return wanted_baud_ == baud_ ? free_space() : 0;
 }
 
 bool RadioPort::write(const uint8_t *data, size_t length) {
     return length <= write_space() && Serial1.write(data, length) == length;
-}
-
-bool RadioPort::drained() {
-    return write_space() >= capacity_;
 }
 
 } // namespace omni

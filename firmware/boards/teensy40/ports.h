@@ -9,7 +9,8 @@
 
 namespace omni {
 
-/// USB serial port. A connection lasts as long as a program on the other side holds the port open (DTR).
+/// USB serial port. A connection lasts as long as a program on the other side holds the port open (DTR) and the bus is awake:
+/// Teensyduino does not notice a pulled cable, but the bus falls silent and the port takes that for suspend.
 class UsbPort final : public SerialPort {
 public:
     /// Discards what comes while nobody is connected, so that the next one does not execute a leftover.
@@ -18,6 +19,9 @@ public:
     size_t write_space() override;
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override;
+    /// The uploader's baud rate: Teensyduino jumps to the bootloader 10 ms (at 12 Mbit/s 80 ms) later, whatever the motors do.
+    /// From any context.
+    bool upload_asked() const;
 
 private:
     bool open_ = false;
@@ -32,13 +36,14 @@ public:
     size_t write_space() override;
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return 1; }
-    bool has_baud() override { return true; }
-    /// Takes effect in read(), once everything has left the buffer.
+    /// Done in a later read(), when what was written before has left; until then nothing new is taken.
     void set_baud(uint32_t baud) override { wanted_baud_ = baud; }
-    /// Everything has left the buffer.
-    bool drained();
+    bool has_baud() override { return true; }
 
 private:
+    void follow_baud();
+    bool line_idle();
+    static size_t free_space();
     /// A longest MAVLink frame twice: more would only make telemetry old.
     static constexpr size_t more_for_writing = 560;
     /// 0.35 s at 115200 baud: as long as a flash erase may hold up the background.

@@ -35,7 +35,7 @@ def flash(
 ) -> None:
     """Build the firmware for a Teensy 4.0 with PlatformIO, upload it, wait for the board and ask it what it runs.
 
-    Works from a source checkout. Motors are off during the upload and after it.
+    Works from a source checkout. The firmware switches the motors off when the upload begins.
     """
     if not build_only and not blank:
         require_board(port)

@@ -38,6 +38,7 @@ def build(out: Path) -> ctypes.CDLL:
     sources = [
         *sorted(BOARD.glob("encoders*.cpp")),
         *sorted(BOARD.glob("i2c*.cpp")),
+        BOARD / "motor_stop.cpp",
         ROOT / "firmware" / "app" / "pca9685.cpp",
         ROOT / "hil_sim" / "src" / "pca9685.c",
         *sorted((HERE / "fakes_io").glob("*.cpp")),
@@ -45,7 +46,7 @@ def build(out: Path) -> ctypes.CDLL:
     ]
     includes = [HERE / "fakes_io", wiring, ROOT / "hil_sim" / "include"]
     library = ctypes.CDLL(str(build_library(out, "teensy_io", sources, includes)))
-    for name in ("i2c_submit", "driver_tick"):
+    for name in ("i2c_submit", "driver_tick", "driver_tick_scattered", "motor_stop_step"):
         getattr(library, name).restype = ctypes.c_bool
     library.chip_duty.restype = ctypes.c_double
     library.batch_ns.restype = ctypes.c_uint64

@@ -14,7 +14,7 @@ from tests.native import ROOT, build_library, generated_dir
 HERE = Path(__file__).resolve().parent
 FAKES = HERE / "fakes_system"
 BOARD = ROOT / "firmware" / "boards" / "teensy40"
-BOARD_PARTS = ("battery", "clock", "flash_log", "main", "pins", "ports", "storage", "watchdog")
+BOARD_PARTS = ("battery", "clock", "flash_log", "main", "motor_stop", "pins", "ports", "storage", "watchdog")
 _RESULTS: dict[str, type] = {
     "time_us": ctypes.c_uint64,
     "time_ns": ctypes.c_uint64,
@@ -45,7 +45,7 @@ _BOOLEAN = (
 def system_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sources = [
         *(BOARD / f"{name}.cpp" for name in BOARD_PARTS),
-        ROOT / "firmware" / "app" / "param_store.cpp",
+        *(ROOT / "firmware" / "app" / name for name in ("param_store.cpp", "pca9685.cpp")),
         *(ROOT / "shared" / "core" / "src" / name for name in ("params.c", "math.c")),
         *(generated_dir() / "src").glob("*_gen.c"),
         FAKES / "fake_teensy.cpp",

@@ -7,6 +7,7 @@
 #include "app/pca9685.h"
 #include "boards/teensy40/encoders.h"
 #include "boards/teensy40/i2c.h"
+#include "boards/teensy40/motor_stop.h"
 #include "chip.h"
 
 extern "C" {
@@ -24,7 +25,8 @@ using namespace omni;
 EncoderPlan plan;
 std::optional<Teensy40Encoders> encoders;
 std::optional<Teensy40I2c> i2c;
-Pca9685 driver;
+std::optional<Pca9685> driver;
+MotorStop motor_stop;
 
 template <size_t wheels>
 EncoderPlan plan_of(const uint8_t *pins, const uint8_t *wanted) {
@@ -112,7 +114,8 @@ int irq_priority(int irq) {
 void i2c_begin(uint32_t speed_Hz) {
     i2c.emplace(speed_Hz);
     i2c->begin();
-    driver = Pca9685();
+    driver.emplace();
+    motor_stop = MotorStop();
 }
 
 bool i2c_submit(const uint8_t *packed, size_t count) {
@@ -191,15 +194,40 @@ bool driver_tick(uint64_t now_us, const uint16_t *counts) {
         bridge[i].in1 = counts[2 * i];
         bridge[i].in2 = counts[2 * i + 1];
     }
-    driver.set_wiring(wiring);
-    driver.poll(*i2c);
-    driver.drive(*i2c, now_us, bridge);
+    driver->set_wiring(wiring);
+    driver->poll(*i2c);
+    driver->drive(*i2c, now_us, bridge);
     fake::advance_us(1000);
-    return driver.ready();
+    return driver->ready();
+}
+
+/// The same for four wheels on channels of which no two are neighbours: the longest batch that there is. A quarter voltage.
+bool driver_tick_scattered(uint64_t now_us) {
+    static const Wiring wiring{4, {0, 4, 8, 12}, {2, 6, 10, 14}};
+    omni_bridge_counts_t bridge[OMNI_MAX_WHEELS] = {};
+    for (omni_bridge_counts_t &counts : bridge) {
+        counts.in1 = 1024;
+    }
+    driver->set_wiring(wiring);
+    driver->poll(*i2c);
+    driver->drive(*i2c, now_us, bridge);
+    fake::advance_us(1000);
+    return driver->ready();
+}
+
+/// A step without the driver, then 50 us.
+bool motor_stop_step() {
+    const bool stopped = motor_stop.step(*i2c);
+    fake::advance_us(50);
+    return stopped;
+}
+
+uint32_t driver_errors() {
+    return driver->errors();
 }
 
 uint32_t driver_failures() {
-    return driver.failures();
+    return driver->failures();
 }
 
 double chip_duty(uint32_t channel) {

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import ctypes
 
+import pytest
+
 OUTPUT_ENABLE, LIGHT = 9, 13
 HIGH, LOW = 1, 0
 PRIORITY_SYSTICK, PRIORITY_SERIAL1 = 32, 64
@@ -17,7 +19,60 @@ def test_outputs_are_off_from_the_first_moment_and_the_watchdog_starts_last(chip
     assert chip.fake_pin(OUTPUT_ENABLE) == HIGH
     assert chip.fake_pin_glitches() <= 1  # the lamp may begin low, the motors' power may not
     assert chip.fake_fault_pin() == OUTPUT_ENABLE
-    assert chip.fake_journal().decode() == "peiAwt"  # stack painted, encoders, I2C, application, watchdog, timer
+    # stack painted, I2C, ALL_LED_OFF, encoders, application, watchdog, timer
+    assert chip.fake_journal().decode() == "pixeAwt"
+
+
+def test_motors_are_switched_off_before_flash_memory_is_erased(chip: ctypes.CDLL) -> None:
+    """Without an output-enable pin the chip drives on through a reset in motion."""
+    chip.storage_begin(False)
+    for value in range(8):
+        assert chip.storage_write(0, bytes([value]) * 2048, 2048)  # each fills a bank
+    before = len(chip.fake_journal())
+    chip.main_setup()
+    journal = chip.fake_journal().decode()[before:]
+    assert journal.count("E") >= 4
+    assert 0 < journal.index("x") < journal.index("E")
+
+
+@pytest.mark.parametrize(
+    ("answers", "expected"),
+    [
+        (b"nnd", "xxxe"),  # no acknowledge at first
+        (b"sd", "xcxe"),  # stuck since the reset cut a transfer short: freed, and again
+        (b"bbbd", "xe"),
+    ],
+)
+def test_motors_are_switched_off_on_a_bus_that_needs_patience(chip: ctypes.CDLL, answers: bytes, expected: str) -> None:
+    chip.fake_i2c_answers(answers)
+    chip.main_setup()
+    journal = chip.fake_journal().decode()
+    assert journal == f"pi{expected}Awt"
+
+
+@pytest.mark.parametrize("answers", [b"n" * 1000, b"s" * 1000, b"b" * 1000])
+def test_a_dead_bus_does_not_keep_the_board_from_starting(chip: ctypes.CDLL, answers: bytes) -> None:
+    chip.fake_time_passes(True)
+    chip.fake_i2c_answers(answers)
+    chip.main_setup()
+    assert chip.fake_journal().decode().endswith("eAwt")
+
+
+def test_the_uploaders_baud_rate_takes_the_motors_power_away(chip: ctypes.CDLL) -> None:
+    """Teensyduino jumps to the bootloader 10 ms later; nothing would stop a motor there."""
+    chip.main_setup()
+    chip.board_output_enable(True)
+    chip.fake_usb_baud(115200)
+    chip.fake_timer_fires()
+    assert chip.fake_pin(OUTPUT_ENABLE) == LOW
+    before = len(chip.fake_journal())
+    chip.fake_usb_baud(134)
+    chip.fake_timer_fires()
+    chip.fake_timer_fires()
+    assert chip.fake_pin(OUTPUT_ENABLE) == HIGH
+    journal = chip.fake_journal().decode()[before:]
+    assert "x" in journal
+    assert "1" not in journal  # the application drives no more
 
 
 def test_the_tick_has_its_period_and_its_place_among_the_interrupts(chip: ctypes.CDLL) -> None:

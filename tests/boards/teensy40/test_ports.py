@@ -62,6 +62,11 @@ def test_usb_takes_nothing_and_gives_nothing_while_nobody_is_there(ports: ctypes
     assert ports.usb_read(data, 3) == 3
     assert ports.usb_read(data, 16) == 2
     assert data.raw[:2] == b"lo"
+    ports.fake_usb_host_sends(b"arm!", 4)
+    ports.fake_usb_plug(False)
+    assert ports.usb_read(data, 16) == 0
+    ports.fake_usb_plug(True)
+    assert ports.usb_read(data, 16) == 0  # nor does what came before the cable was pulled
 
 
 def test_usb_never_waits_when_the_host_stops_reading(ports: ctypes.CDLL) -> None:
@@ -122,16 +127,32 @@ def test_the_radio_is_always_connected_and_reads_what_has_arrived(ports: ctypes.
     assert ports.radio_read(data, 8192) == len(burst) - 10
 
 
-def test_the_baud_rate_changes_only_when_it_is_another_and_everything_has_left(ports: ctypes.CDLL) -> None:
+def test_the_baud_rate_changes_only_when_it_is_another(ports: ctypes.CDLL) -> None:
     data = ctypes.create_string_buffer(16)
     assert (ports.fake_radio_baud(), ports.fake_radio_begins()) == (9600, 1)
     ports.radio_set_baud(9600)
     ports.radio_read(data, 16)
     assert ports.fake_radio_begins() == 1
-    assert ports.radio_write(b"answer", 6)
     ports.radio_set_baud(115200)
     ports.radio_read(data, 16)
-    assert ports.fake_radio_begins() == 1
-    ports.fake_radio_sends(6)
-    ports.radio_read(data, 16)
     assert (ports.fake_radio_baud(), ports.fake_radio_begins()) == (115200, 2)
+
+
+def test_what_was_written_leaves_at_the_old_baud_rate(ports: ctypes.CDLL) -> None:
+    """The answer to the command that changes the rate must still be understood."""
+    data = ctypes.create_string_buffer(16)
+    space = ports.radio_space()
+    assert ports.radio_write(bytes(50), 50)
+    ports.radio_set_baud(115200)
+    assert ports.radio_space() == 0  # nothing new goes at the old rate
+    assert not ports.radio_write(b"x", 1)
+    ports.radio_read(data, 16)
+    assert ports.fake_radio_baud() == 9600
+    ports.fake_radio_sends(50)
+    ports.fake_radio_shifts(True)
+    ports.radio_read(data, 16)
+    assert ports.fake_radio_baud() == 9600
+    ports.fake_radio_shifts(False)
+    ports.radio_read(data, 16)
+    assert ports.fake_radio_baud() == 115200
+    assert ports.radio_space() == space

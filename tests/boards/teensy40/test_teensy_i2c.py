@@ -385,3 +385,32 @@ def test_a_chip_that_lost_its_power_is_set_up_again(bus: Bus) -> None:
             bus.c.chip_power_cycle()
             assert duties(bus) == [0.0] * 16
     assert duties(bus) == expected_duties()
+
+
+@pytest.mark.parametrize("speed_hz", SPEEDS)
+def test_the_longest_update_is_not_taken_for_a_stuck_bus(library: ctypes.CDLL, speed_hz: int) -> None:
+    """Four wheels on scattered channels, and MODE1 read back: more than 5 ms at 100 kHz."""
+    bus = Bus(library, speed_hz)
+    for tick in range(1000):
+        bus.c.driver_tick_scattered(ctypes.c_uint64(1000 * tick))
+    assert bus.c.driver_errors() == 0
+    assert [duty for duty in duties(bus) if duty > 0.0] == [0.25] * 4
+    assert no_mistakes(bus)
+
+
+@pytest.mark.parametrize("line", [None, SDA])
+@pytest.mark.parametrize("from_event", [0, 1, 5, 33])
+def test_motors_are_stopped_after_a_reset_in_the_middle_of_an_update(
+    bus: Bus, line: int | None, from_event: int
+) -> None:
+    for tick in range(20):
+        bus.drive(1000 * tick, COUNTS)
+    assert any(duties(bus))
+    bus.events()
+    if line is not None:
+        bus.c.bus_hold(line, from_event, 5)  # a chip that waits for the clocks of a cut transfer
+        bus.drive(20_000, COUNTS)
+    steps = next((n for n in range(200) if bus.c.motor_stop_step()), None)
+    assert steps is not None, "within 10 ms"
+    assert not any(duties(bus))
+    assert no_mistakes(bus)

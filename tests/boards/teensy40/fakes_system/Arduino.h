@@ -71,9 +71,12 @@ constexpr uint32_t digitalPinToBitMask(uint8_t pin) {
 // USB
 struct FakeUsbSerial {
     uint8_t dtr();
+    uint32_t baud();
 };
 extern FakeUsbSerial Serial;
 extern volatile uint8_t usb_configuration;
+extern volatile uint32_t USB1_PORTSC1;
+constexpr uint32_t USB_PORTSC1_SUSP = 1u << 7;
 int usb_serial_read(void *buffer, uint32_t size);
 int usb_serial_write(const void *buffer, uint32_t size);
 int usb_serial_write_buffer_free();
@@ -90,3 +93,5 @@ struct FakeHardwareSerial {
     size_t write(const uint8_t *data, size_t length);
 };
 extern FakeHardwareSerial Serial1;
+extern volatile uint32_t LPUART6_STAT;
+constexpr uint32_t LPUART_STAT_TC = 1u << 22; ///< the shift register is empty

@@ -3,6 +3,8 @@
 // any 16-bit word that is programmed and of any erase, leaving bits half-way.
 #include "boards/teensy40/processor.h"
 
+extern "C" void fake_journal_add(char letter);
+
 namespace {
 
 constexpr uint32_t base = 0x601F0000, sector_size = 4096, sectors = 15;
@@ -67,6 +69,7 @@ void eepromemu_flash_write(void *address, const void *data, uint32_t length) {
 void eepromemu_flash_erase_sector(void *address) {
     const auto sector = static_cast<uint32_t>(static_cast<uint8_t *>(address) - flash.bytes) / sector_size;
     const int outcome = step();
+    fake_journal_add('E');
     flash.erases[sector] += outcome != 0 ? 1 : 0;
     for (uint32_t i = sector * sector_size; outcome != 0 && !flash.worn[sector] && i < (sector + 1) * sector_size; ++i) {
         flash.bytes[i] = outcome == 2 ? uint8_t{0xFF} : static_cast<uint8_t>(flash.bytes[i] | random_byte());

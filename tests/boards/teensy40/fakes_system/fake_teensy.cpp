@@ -15,6 +15,7 @@ FakeCycleCounter ARM_DWT_CYCCNT;
 volatile uint32_t SRC_SRSR, SRC_GPR5, WDOG3_TOVAL, WDOG3_WIN, CCM_CCGR5;
 volatile uint32_t ADC1_HC0, ADC1_HS, ADC1_R0, ADC2_HC0, ADC2_HS, ADC2_R0;
 volatile uint8_t usb_configuration;
+volatile uint32_t USB1_PORTSC1, LPUART6_STAT;
 FakeWatchdogCounter WDOG3_CNT;
 FakeWatchdogControl WDOG3_CS;
 FakeUsbSerial Serial;
@@ -51,6 +52,12 @@ struct Model {
     uint8_t fault_pin;
 } model;
 
+// ---- I2C: one answer per batch, at the next poll
+struct Bus {
+    const char *answers; ///< for the batches to come: d done, n nack, s stuck, b busy; then always done
+    bool waiting;
+} bus;
+
 std::jmp_buf reset_point;
 constexpr uint8_t no_pin = 255;
 
@@ -59,6 +66,7 @@ constexpr uint32_t tx_buffers = 4, tx_size = 2048, rx_size = 4096;
 struct Usb {
     bool dtr;
     bool waited;
+    uint32_t baud;
     uint32_t head, in_flight, room; ///< room left in the buffer at head; 0: none begun
     uint8_t out[1 << 16], in[rx_size];
     uint32_t out_count, in_count;
@@ -137,6 +145,34 @@ void Teensy40Encoders::begin() {
 void Teensy40I2c::begin() {
     model.journal.add('i');
 }
+bool Teensy40I2c::submit(const I2cTransaction *batch, size_t count) {
+    constexpr uint8_t all_off[] = {0xFD, 0x10};
+    const bool off = count == 1 && batch->address == 0x40 && batch->write_length == sizeof all_off &&
+                     std::memcmp(batch->write, all_off, sizeof all_off) == 0;
+    model.journal.add(off ? 'x' : '?');
+    bus.waiting = true;
+    return true;
+}
+I2cStatus Teensy40I2c::poll(uint8_t *) {
+    if (!bus.waiting) {
+        return I2cStatus::idle;
+    }
+    const char answer = bus.answers != nullptr && *bus.answers != 0 ? *bus.answers++ : 'd';
+    bus.waiting = answer == 'b';
+    switch (answer) {
+    case 'n':
+        return I2cStatus::nack;
+    case 's':
+        return I2cStatus::stuck;
+    case 'b':
+        return I2cStatus::busy;
+    default:
+        return I2cStatus::done;
+    }
+}
+void Teensy40I2c::recover() {
+    model.journal.add('c');
+}
 
 } // namespace omni
 
@@ -184,6 +220,9 @@ void IntervalTimer::end() {
 // ---- USB
 uint8_t FakeUsbSerial::dtr() {
     return usb.dtr ? 1 : 0;
+}
+uint32_t FakeUsbSerial::baud() {
+    return usb.baud;
 }
 int usb_serial_write_buffer_free() {
     // Buffers in flight are the ones before head; the one at head does not count.
@@ -260,6 +299,7 @@ void fake_reset() {
     model = {};
     model.fault_pin = no_pin;
     usb = {};
+    bus = {};
     radio = {};
     radio.write_capacity = 64;
     radio.read_capacity = 64;
@@ -269,6 +309,8 @@ void fake_reset() {
     CCM_CCGR5 = 0;
     ADC1_HS = ADC2_HS = 0;
     usb_configuration = 0;
+    USB1_PORTSC1 = 0;
+    LPUART6_STAT = LPUART_STAT_TC;
 }
 const char *fake_journal() {
     return model.journal.text;
@@ -335,8 +377,16 @@ bool fake_resets(void (*function)()) {
     function();
     return false;
 }
+/// Teensyduino never takes the configuration back; a pulled cable looks like suspend.
 void fake_usb_plug(bool plugged) {
-    usb_configuration = plugged ? 1 : 0;
+    usb_configuration = plugged ? 1 : usb_configuration;
+    USB1_PORTSC1 = plugged ? 0 : USB_PORTSC1_SUSP;
+}
+void fake_usb_baud(uint32_t baud) {
+    usb.baud = baud;
+}
+void fake_i2c_answers(const char *answers) {
+    bus.answers = answers;
 }
 void fake_usb_dtr(bool dtr) {
     usb.dtr = dtr;
@@ -371,6 +421,10 @@ void fake_radio_sends(size_t bytes) {
 size_t fake_radio_sent(uint8_t *out) {
     std::memcpy(out, radio.out, radio.out_count);
     return radio.out_count;
+}
+/// The last byte is still in the shift register, or gone.
+void fake_radio_shifts(bool shifts) {
+    LPUART6_STAT = shifts ? 0 : LPUART_STAT_TC;
 }
 uint32_t fake_radio_baud() {
     return radio.baud;

@@ -9,9 +9,9 @@ namespace omni {
 class Teensy40I2c final : public I2cBus {
 public:
     void begin();
-    bool submit(const I2cTransaction *, size_t) override { return true; }
-    I2cStatus poll(uint8_t *) override { return I2cStatus::idle; }
-    void recover() override {}
+    bool submit(const I2cTransaction *batch, size_t count) override;
+    I2cStatus poll(uint8_t *) override;
+    void recover() override;
 };
 
 } // namespace omni
