@@ -29,6 +29,7 @@ void ControlLoop::restart() {
     driver_.set_wiring(setup_->wiring);
     driver_was_ready_ = false;
     scan_.restart();
+    silencing_ = 0;
     powered_ = false;
     ticks_ = 0;
     omni_robot_init(&robot_, &setup_->config);
@@ -86,10 +87,11 @@ void ControlLoop::take_plan() {
     }
 }
 
-/// The motors are off already; the driver sets its chip up anew afterwards, and until then nobody arms.
+/// The driver sets its chip up anew afterwards, and until then nobody arms.
 void ControlLoop::begin_scan() {
     if (outputs_->state != OMNI_STATE_ARMED && !scan_.running()) {
         driver_was_ready_ = false;
+        silencing_ = silence_attempts;
         scan_.start();
     }
 }
@@ -97,6 +99,11 @@ void ControlLoop::begin_scan() {
 void ControlLoop::scan(I2cBus &bus, OutputEnable &pin) {
     powered_ = false;
     pin.set(false);
+    if (silencing_ > 0) {
+        // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the bus.
+        silencing_ = driver_.all_off(bus) ? 0 : static_cast<uint8_t>(silencing_ - 1);
+        return;
+    }
     scan_.step(bus);
     if (!scan_.running()) {
         driver_.restart();

@@ -90,12 +90,14 @@ private:
     void publish(const TickSensors &sensors, I2cBus &bus);
 
     static constexpr uint32_t window_ticks = 1000;
+    static constexpr uint8_t silence_attempts = 10;
     const RobotSetup *setup_ = nullptr;
     omni_robot_t robot_{};
     omni_inputs_t inputs_{};
     omni_outputs_t *outputs_ = &report.writing().outputs; ///< of the last tick, in its report: only the tick writes there
     Pca9685 driver_;
     I2cScan scan_;
+    uint8_t silencing_ = 0; ///< ticks that a scan still waits for the bus to take "all off"
     bool driver_was_ready_ = false;
     bool powered_ = false; ///< the output-enable pin is on
     Queue<Request, 32> requests_;

@@ -77,17 +77,18 @@ def test_nobody_answers_on_a_dead_bus(robot: Client, kind: str, stuck: int) -> N
     assert result.stuck == stuck
 
 
-def test_every_address_is_asked_once_and_nothing_is_written(robot: Client) -> None:
+def test_the_motors_are_told_off_again_then_every_address_is_asked_once(robot: Client) -> None:
     robot.ticks(20)
     assert robot.command(SCAN) == mav.MAV_RESULT_ACCEPTED
     asked = []
-    for _ in range(len(ADDRESSES) + 1):
+    for _ in range(len(ADDRESSES) + 2):
         robot.sequence += 1
         robot.time_us += 1000
         robot.mav.omni_hil_sensors_send(robot.time_us, robot.sequence, [0] * 4, 12.0, 15, 0, 0, [0] * 8)
         actuators = robot.wait("OMNI_HIL_ACTUATORS", sequence=robot.sequence)
         asked.append(bytes(actuators.i2c[: actuators.i2c_length]))
-    probes = [data for data in asked if data]
+    off, *probes = [data for data in asked if data]
+    assert off == bytes([PCA9685, 2, 0xFD, 0x10, 0])
     assert probes == [bytes([address, 0, 0]) for address in ADDRESSES]
 
 
