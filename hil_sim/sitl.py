@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,10 +17,31 @@ from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import open_link
+from omniwheel.presets import read_preset
+from omniwheel.radio_model import RadioBridge, RadioSettings
+from omniwheel.robots import parameter_table
 
 WORLD_LINK = "tcp:127.0.0.1:0"
 SLICE_TICKS = 50
 """How often the world can be asked to end."""
+RADIO_SLICE_TICKS = 5
+"""How often the radio's bytes go on."""
+RADIO_LINK = 2
+"""Number of the firmware's link that is the radio."""
+
+
+@dataclass(frozen=True)
+class SimulatedRadio:
+    """A radio in front of the robot's second link, and where the ground station's side listens."""
+
+    settings: RadioSettings
+    host: str = "127.0.0.1"
+    port: int = 0
+    seed: int = 1
+
+    def parameters(self) -> dict[str, float]:
+        """Return the telemetry profile that goes with the baud rate."""
+        return read_preset(f"radio_{self.settings.baud}", parameter_table()).parameters
 
 
 @dataclass(frozen=True)
@@ -29,10 +51,15 @@ class Sitl:
     urls: tuple[str, ...]
     firmware: FirmwareChild
     link: LockstepLink
+    radio: RadioBridge | None = None
 
     def advance(self, ticks: int = SLICE_TICKS) -> None:
         """Go on by this many ticks, in real time. Raises LinkError if the firmware ended."""
-        self.link.run(ticks, self.link.drop_received)
+        step = ticks if self.radio is None else RADIO_SLICE_TICKS
+        for _ in range(0, ticks, step):
+            self.link.run(step, self.link.drop_received)
+            if self.radio is not None:
+                self.radio.pump(time.monotonic())
         self.link.drop_received()
         self.link.forget_samples()
 
@@ -44,12 +71,20 @@ def start_sitl(
     *,
     storage: Path | None = None,
     realtime_factor: float = 1.0,
+    radio: SimulatedRadio | None = None,
     emulated: bool = False,
 ) -> Iterator[Sitl]:
-    """Start firmware with these links in the scenario's world; ``storage`` keeps parameters over restarts."""
-    start = _start_emulated if emulated else _start_process
-    with start(scenario, links, storage, realtime_factor) as running:
-        yield running
+    """Start firmware with these links in the scenario's world; ``storage`` keeps parameters over restarts.
+
+    With ``radio``, of one link given, a second is behind it (not on the emulated processor). The world's own link is
+    never a radio.
+    """
+    if emulated:
+        with _start_emulated(scenario, links, storage, realtime_factor) as running:
+            yield running
+    else:
+        with _start_process(scenario, links, storage, realtime_factor, radio) as running:
+            yield running
 
 
 @contextmanager
@@ -69,13 +104,29 @@ def _start_emulated(
 
 @contextmanager
 def _start_process(
-    scenario: Scenario, links: Sequence[str], storage: Path | None, realtime_factor: float
+    scenario: Scenario,
+    links: Sequence[str],
+    storage: Path | None,
+    realtime_factor: float,
+    radio: SimulatedRadio | None,
 ) -> Iterator[Sitl]:
-    parameters = scenario.parameter_values()
-    with FirmwareProcess(links=[*links, WORLD_LINK], storage=storage, parameters=parameters) as firmware:
+    parameters = {**scenario.parameter_values(), **(radio.parameters() if radio is not None else {})}
+    inner = [*links, *([WORLD_LINK] if radio is not None else [])]
+    number = RADIO_LINK if radio is not None else 0
+    with ExitStack() as stack:
+        firmware = stack.enter_context(
+            FirmwareProcess(links=[*inner, WORLD_LINK], storage=storage, parameters=parameters, radio=number)
+        )
+        urls = firmware.urls[:-1]
+        bridge = None
+        if radio is not None:
+            behind = open_link(urls[RADIO_LINK - 1])
+            address = (radio.host, radio.port)
+            bridge = stack.enter_context(RadioBridge(behind, radio.settings, address, seed=radio.seed))
+            urls = (urls[0], bridge.url)
         base = open_link(firmware.urls[-1])
-        with omniwheel.connect(base, heartbeat=False) as robot:
-            robot.enter_hil()
-            link = LockstepLink(base, new_world(scenario), realtime_factor=realtime_factor)
-            link.run(1)
-            yield Sitl(firmware.urls[:-1], firmware, link)
+        robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
+        robot.enter_hil()
+        link = LockstepLink(base, new_world(scenario), realtime_factor=realtime_factor)
+        link.run(1)
+        yield Sitl(urls, firmware, link, bridge)

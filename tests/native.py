@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sysconfig
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -30,11 +31,12 @@ def build_library(
     includes: Sequence[Path] = (),
     system_includes: Sequence[Path] = (),
     flags: Sequence[str] = (),
+    archives: Sequence[Path] = (),
 ) -> Path:
     """Compile ``sources`` (.c as C99, .cpp as C++17), warnings as errors, and return the path of the shared library.
 
     ``includes`` come before the firmware's and the core's own folders, so that a fake header can take the place of a
-    vendor's. Raises AssertionError with the compiler's words.
+    vendor's; ``archives`` are linked behind the sources. Raises AssertionError with the compiler's words.
     """
     folders = [*includes, ROOT / "firmware", ROOT / "shared" / "core" / "include", generated_dir() / "include"]
     common = ["-O1", "-fPIC", "-ffp-contract=off", *WARNINGS, *flags]
@@ -42,18 +44,26 @@ def build_library(
     common += [word for folder in (*system_includes, generated_dir() / "mavlink") for word in ("-isystem", str(folder))]
     if os.environ.get("OMNI_SANITIZED"):
         common += _SANITIZERS
-    objects = []
-    for number, source in enumerate(sources):
+
+    def compiled(number: int, source: Path) -> str:
         target = out_dir / f"{number}-{source.stem}.o"
         cpp = source.suffix == ".cpp"
         compiler = _compiler("CXX", "c++") if cpp else _compiler("CC", "cc")
         standard = ["-std=c++17", "-fno-exceptions", "-fno-rtti"] if cpp else ["-std=c99"]
         _run([*compiler, *standard, *common, "-c", str(source), "-o", str(target)])
-        objects.append(str(target))
+        return str(target)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        objects = list(pool.map(compiled, range(len(sources)), sources))
     library = out_dir / f"{name}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     sanitizers = _SANITIZERS if os.environ.get("OMNI_SANITIZED") else ()
-    _run([*_compiler("CXX", "c++"), "-shared", *sanitizers, *objects, "-o", str(library)])
+    _run([*_compiler("CXX", "c++"), "-shared", *sanitizers, *objects, *map(str, archives), "-o", str(library)])
     return library
+
+
+def core_archive() -> Path:
+    """Return the control core as the installed package was built from it, tables included (not sanitized)."""
+    return generated_dir().parent / "shared" / "core" / "libomni_core.a"
 
 
 def _compiler(variable: str, default: str) -> list[str]:

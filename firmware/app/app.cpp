@@ -13,21 +13,30 @@ constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
 /// A bus that stays busy this long is not waited for.
 constexpr uint32_t release_limit = 50;
+/// Whose line LINK2_BAUD and LINK2_LEGACY are about.
+constexpr size_t radio_port = 1;
 
 } // namespace
 
 App::App(const Board &board, bool lockstep)
-    : board_(board), shared_(board_), lockstep_(lockstep), parameters_(shared_, *this), telemetry_(shared_),
-      trajectories_(shared_, parameters_), setpoints_(shared_, parameters_), pose_fixes_(shared_, parameters_),
-      status_texts_(shared_), commands_(shared_, parameters_, telemetry_, trajectories_, *this),
-      owner_(lockstep ? Owner::background : Owner::timer) {
-    for (size_t i = 0; i < board_.port_count; ++i) {
-        shared_.links[i].attach(board_.ports[i]);
-        shared_.links[i].set_unlimited(lockstep);
-    }
+    : board_(board), shared_(board_), lockstep_(lockstep), signing_service_(shared_), parameters_(shared_, *this),
+      telemetry_(shared_), trajectories_(shared_, parameters_), setpoints_(shared_, parameters_),
+      pose_fixes_(shared_, parameters_), status_texts_(shared_),
+      commands_(shared_, parameters_, telemetry_, trajectories_, *this), owner_(lockstep ? Owner::background : Owner::timer) {
+    attach_links();
     shared_.hil = lockstep;
+    signing_service_.boot();
     parameters_.boot();
     restart_control(lockstep ? 0 : board_.clock->now_us());
+}
+
+void App::attach_links() {
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        const bool radio = (board_.radios >> i & 1) != 0;
+        shared_.links[i].attach(board_.ports[i], static_cast<uint8_t>(i), radio ? &shared_.signing : nullptr);
+        shared_.links[i].set_unlimited(lockstep_);
+    }
+    shared_.links[radio_port].set_text(&shared_.legacy_line);
 }
 
 void App::parameters_changed() {
@@ -43,6 +52,7 @@ void App::parameters_changed() {
             telemetry_.set_rates(i, values);
         }
     }
+    shared_.links[radio_port].set_baud(static_cast<uint32_t>(values[OMNI_PARAM_LINK2_BAUD]));
 }
 
 void App::watch_overrun(TickSensors *sensors) {
@@ -250,6 +260,9 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
     case MAVLINK_MSG_ID_COMMAND_INT:
         commands_.on_command_int(frame, sender);
         break;
+    case MAVLINK_MSG_ID_SETUP_SIGNING:
+        signing_service_.on_setup(frame, sender);
+        break;
     case MAVLINK_MSG_ID_SET_MODE:
         commands_.on_set_mode(frame, sender);
         break;
@@ -301,14 +314,28 @@ void App::receive(size_t link) {
     }
     const auto own = static_cast<uint8_t>(parameters_.values()[OMNI_PARAM_SYS_ID]);
     Frame frame;
+    shared_.legacy_line.set_on(parameters_.values()[OMNI_PARAM_LINK2_LEGACY] != 0.0f && !shared_.signing.required());
     while (owner_.load(std::memory_order_acquire) != Owner::handing_over && channel.next(&frame)) {
         const bool for_us = frame.target_system == 0 || frame.target_system == own;
         const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
-        if (for_us && for_component && frame.system != own) {
+        if (for_us && for_component && frame.system != own && channel.admits(frame)) {
             dispatch(frame, {link, frame.system, frame.component});
             if (shared_.hil && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
                 serve(); // what is sent must depend on the frames, not on how often background() is called
             }
+        }
+    }
+    take_legacy_line(link);
+}
+
+/// The original robot's host sends nothing but lines: each is a sign of life too. None arms.
+void App::take_legacy_line(size_t link) {
+    LegacySetpoint setpoint;
+    if (link == radio_port && shared_.legacy_line.take(&setpoint)) {
+        shared_.heartbeat(link);
+        setpoints_.on_legacy_line(setpoint);
+        if (!setpoints_.refused()) {
+            shared_.commanded(link);
         }
     }
 }
@@ -317,6 +344,7 @@ void App::serve() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         shared_.links[i].refill(shared_.now_us);
     }
+    signing_service_.serve();
     status_texts_.serve();
     commands_.serve();
     telemetry_.serve();

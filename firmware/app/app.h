@@ -13,6 +13,7 @@
 #include "app/pose_fixes.h"
 #include "app/setpoints.h"
 #include "app/shared.h"
+#include "app/signing_service.h"
 #include "app/status_texts.h"
 #include "app/telemetry.h"
 #include "app/tick_jitter.h"
@@ -53,6 +54,8 @@ private:
     bool dispatch_setpoint(const Frame &frame, size_t link);
     /// Pose fixes and signs of life.
     bool dispatch_signs(const Frame &frame, size_t link);
+    void attach_links();
+    void take_legacy_line(size_t link);
     void hil_tick(const Frame &frame, size_t link);
     void serve();
     void take_report();
@@ -63,6 +66,7 @@ private:
     Shared shared_;
     const bool lockstep_;
     Hil hil_;
+    SigningService signing_service_;
     Parameters parameters_;
     Telemetry telemetry_;
     Trajectories trajectories_;

@@ -99,6 +99,10 @@ public:
     virtual bool write(const uint8_t *data, size_t length) = 0;
     /// Number of the present connection: rises with each new one, 0 while nobody is there. A radio is always connected: 1.
     virtual uint32_t session() = 0;
+    /// Whether set_baud() does anything.
+    virtual bool has_baud() { return false; }
+    /// Speed of the line [bit/s]. What was given to write() before still goes at the old one.
+    virtual void set_baud(uint32_t) {}
 
 protected:
     ~SerialPort() = default;
@@ -158,6 +162,7 @@ struct Board {
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;
+    uint8_t radios = 0b10; ///< a bit per port that others reach through the air: there, a signing key closes the door
     Storage *storage = nullptr;
     Watchdog *watchdog = nullptr;
     const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries

@@ -14,7 +14,6 @@ constexpr uint8_t magic_v2 = 0xFD;
 constexpr size_t header_v1 = 6;
 constexpr size_t header_v2 = 10;
 constexpr size_t checksum_length = 2;
-constexpr size_t signature_length = 13;
 constexpr uint8_t flag_signed = 0x01;
 
 constexpr mavlink_msg_entry_t entries[] = MAVLINK_MESSAGE_CRCS;
@@ -68,6 +67,9 @@ void fill(Frame *frame, const Layout &layout, const uint8_t *bytes, const mavlin
     frame->id = layout.id;
     frame->system = layout.source[0];
     frame->component = layout.source[1];
+    frame->is_signed = layout.total > layout.header + layout.payload + checksum_length;
+    frame->bytes = bytes;
+    frame->length = layout.total;
     const size_t length = std::min<size_t>(layout.payload, entry.max_msg_len);
     std::memcpy(frame->payload, bytes + layout.header, length);
     std::memset(frame->payload + length, 0, max_payload - length);
@@ -79,7 +81,7 @@ void fill(Frame *frame, const Layout &layout, const uint8_t *bytes, const mavlin
 
 } // namespace
 
-size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload) {
+size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload, bool is_signed) {
     const mavlink_msg_entry_t *entry = find_entry(id);
     if (entry == nullptr) {
         return 0;
@@ -91,7 +93,7 @@ size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id,
     }
     const uint8_t header[header_v2] = {magic_v2,
                                        static_cast<uint8_t>(length),
-                                       0,
+                                       is_signed ? flag_signed : uint8_t{0},
                                        0,
                                        sequence,
                                        system,
@@ -104,6 +106,15 @@ size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id,
     out[header_v2 + length] = static_cast<uint8_t>(crc);
     out[header_v2 + length + 1] = static_cast<uint8_t>(crc >> 8);
     return header_v2 + length + checksum_length;
+}
+
+size_t frame_length(const uint8_t *frame) {
+    return layout_of(frame).total;
+}
+
+size_t longest_frame(uint32_t id) {
+    const mavlink_msg_entry_t *entry = find_entry(id);
+    return entry != nullptr ? header_v2 + entry->max_msg_len + checksum_length + signature_length : 0;
 }
 
 uint8_t *FrameParser::space(size_t *room) {
@@ -145,6 +156,12 @@ FrameParser::Match FrameParser::match(Frame *frame, size_t *length) const {
     return Match::frame;
 }
 
+void FrameParser::skip_byte() {
+    const bool text = text_ != nullptr && text_->on_byte(buffer_[begin_]);
+    errors_ += text ? 0 : 1;
+    begin_ += 1;
+}
+
 bool FrameParser::next(Frame *frame) {
     while (begin_ < end_) {
         size_t length = 1;
@@ -154,13 +171,15 @@ bool FrameParser::next(Frame *frame) {
             return false;
         case Match::frame:
             begin_ += length;
+            if (text_ != nullptr) {
+                text_->on_frame();
+            }
             return true;
         case Match::foreign:
             begin_ += length;
             break;
         case Match::no:
-            begin_ += 1;
-            ++errors_;
+            skip_byte();
             break;
         }
     }
@@ -169,8 +188,7 @@ bool FrameParser::next(Frame *frame) {
 
 void FrameParser::give_up_frame() {
     if (begin_ < end_) {
-        begin_ += 1;
-        ++errors_;
+        skip_byte();
     }
 }
 

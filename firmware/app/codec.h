@@ -9,15 +9,19 @@
 namespace omni {
 
 constexpr size_t max_payload = 255;
-constexpr size_t max_frame = 12 + max_payload + 13;
+constexpr size_t signature_length = 13;
+constexpr size_t max_frame = 12 + max_payload + signature_length;
 
 /// One received message, checksum verified.
 struct Frame {
     uint32_t id = 0;
     uint8_t system = 0;
     uint8_t component = 0;
-    uint8_t target_system = 0;         ///< 0: everybody
-    uint8_t target_component = 0;      ///< 0: every component
+    uint8_t target_system = 0;      ///< 0: everybody
+    uint8_t target_component = 0;   ///< 0: every component
+    bool is_signed = false;         ///< carries a signature, not looked at yet
+    const uint8_t *bytes = nullptr; ///< as received, signature included; valid until the parser gets new bytes
+    size_t length = 0;
     uint8_t payload[max_payload] = {}; ///< zero behind the bytes received (MAVLink 2 trims zeros)
 
     /// The payload as the generated struct of this message.
@@ -30,11 +34,28 @@ struct Frame {
     }
 };
 
-/// Write one MAVLink 2 frame. @param out at least max_frame bytes. @return its length, 0 if the dialect has no such message.
-size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload);
+/// Write one MAVLink 2 frame. @param out at least max_frame bytes. @param is_signed say that a signature follows; it is not
+/// written. @return length without signature, 0 if the dialect has no such message.
+size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload, bool is_signed);
+/// Length of a MAVLink 2 frame, signature included, from its header.
+size_t frame_length(const uint8_t *frame);
+/// Bytes of the longest signed frame of this message, 0 if the dialect has no such message.
+size_t longest_frame(uint32_t id);
+
+/// Gets the bytes that belong to no frame, in the order of the stream.
+class TextSink {
+public:
+    /// @return true if the byte may belong to a line of text; false: noise.
+    virtual bool on_byte(uint8_t byte) = 0;
+    /// A whole frame came in between.
+    virtual void on_frame() = 0;
+
+protected:
+    ~TextSink() = default;
+};
 
 /// Finds frames in a byte stream. After a damaged or false frame it looks again from the next byte on, so nothing that
-/// arrived whole is lost. Reads MAVLink 1 too; a signature is skipped, not checked.
+/// arrived whole is lost. Reads MAVLink 1 too; a signature is passed on, not checked.
 class FrameParser {
 public:
     /// Where new bytes go. @param room out: how many fit, at least 1 after next() has returned false.
@@ -48,17 +69,21 @@ public:
     void give_up_frame();
     /// Forget everything (new connection).
     void reset() { begin_ = end_ = 0; }
+    /// @param text where the bytes between frames go; nullptr: nowhere.
+    void set_text(TextSink *text) { text_ = text; }
     /// Bytes thrown away and frames with a wrong checksum, since boot.
     uint32_t errors() const { return errors_; }
 
 private:
     enum class Match { incomplete, no, frame, foreign };
     Match match(Frame *frame, size_t *length) const;
+    void skip_byte();
 
     uint8_t buffer_[2 * max_frame] = {};
     size_t begin_ = 0;
     size_t end_ = 0;
     uint32_t errors_ = 0;
+    TextSink *text_ = nullptr;
 };
 
 } // namespace omni

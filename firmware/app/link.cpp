@@ -8,25 +8,40 @@ namespace {
 
 /// A frame whose rest does not come within this time was none: longer than any pause within a frame at 9600 baud.
 constexpr uint64_t idle_limit_ns = 200'000'000;
-/// The largest burst is what the budget gives in this time, or one frame.
+/// The largest burst is what the budget gives in this time, or one frame of each kind of a slow profile's telemetry.
 constexpr float burst_s = 0.1f;
+constexpr float least_burst = 400.0f;
 /// Telemetry waits while this much is buffered: what waits is old by the time it arrives.
 constexpr size_t telemetry_backlog = 2048;
 /// Lists leave room for telemetry in front of the port.
 constexpr size_t bulk_backlog = 1024;
 
+/// Share of a serial line, in bytes per bit: ten bits are a byte, and half of them are ours.
+constexpr float bytes_per_baud = 0.05f;
+
+/// A modem behind a fast line overflows when a burst comes faster than it goes through the air: bytes leave at this many times
+/// the budget at most, a packet at a time.
+constexpr float line_share = 1.5f;
+
 float burst_of(float bytes_s) {
-    return std::max(bytes_s * burst_s, static_cast<float>(max_frame));
+    return std::max(bytes_s * burst_s, least_burst);
 }
 
 } // namespace
+
+float Link::budget() const {
+    const bool limited = port_->has_baud() && applied_baud_ != 0;
+    return limited ? std::min(budget_, bytes_per_baud * static_cast<float>(applied_baud_)) : budget_;
+}
 
 void Link::refill(uint64_t now_us) {
     // A clock that went back (entering or leaving host-in-the-loop) starts a new account.
     const float seconds = now_us >= refilled_us_ ? static_cast<float>(now_us - refilled_us_) * 1e-6f : burst_s;
     refilled_us_ = now_us;
-    tokens_ = std::min(tokens_ + budget_ * seconds, burst_of(budget_));
-    bulk_tokens_ = std::min(bulk_tokens_ + 0.5f * budget_ * seconds, burst_of(0.5f * budget_));
+    const float bytes_s = budget();
+    tokens_ = std::min(tokens_ + bytes_s * seconds, burst_of(bytes_s));
+    bulk_tokens_ = std::min(bulk_tokens_ + 0.5f * bytes_s * seconds, burst_of(0.5f * bytes_s));
+    line_tokens_ = std::min(line_tokens_ + line_share * bytes_s * seconds, static_cast<float>(radio_frame));
 }
 
 void Link::receive(uint64_t idle_ns) {
@@ -36,16 +51,24 @@ void Link::receive(uint64_t idle_ns) {
         new_session_ = session != 0;
         parser_.reset();
         pending_ = 0;
-        tokens_ = burst_of(budget_);
-        bulk_tokens_ = burst_of(0.5f * budget_);
+        tokens_ = burst_of(budget());
+        bulk_tokens_ = burst_of(0.5f * budget());
+    }
+    if (port_->has_baud() && pending_ == 0 && baud_ != applied_baud_) {
+        port_->set_baud(baud_);
+        applied_baud_ = baud_;
     }
     size_t room = 0;
     uint8_t *space = parser_.space(&room);
     const size_t count = room > 0 ? port_->read(space, room) : 0;
-    if (count > 0 || !parser_.waiting()) {
+    const bool silent = idle_ns - heard_ns_ > idle_limit_ns;
+    if (silent && text_ != nullptr) {
+        text_->on_frame();
+    }
+    if (count > 0) {
         heard_ns_ = idle_ns;
         parser_.received(count);
-    } else if (idle_ns - heard_ns_ > idle_limit_ns) {
+    } else if (silent && parser_.waiting()) {
         parser_.give_up_frame();
     }
 }
@@ -76,7 +99,11 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
         return false;
     }
     uint8_t frame[max_frame];
-    const size_t length = encode_frame(frame, sequence_, system_, id, payload);
+    const bool is_signed = signing_ != nullptr && signing_->required();
+    size_t length = encode_frame(frame, sequence_, system_, id, payload, is_signed);
+    if (is_signed && length != 0) {
+        length = signing_->sign(frame, length, number_);
+    }
     if (length == 0 || !admits(priority, length)) {
         tx_dropped_ += priority == Priority::bulk ? 0 : 1;
         return false;
@@ -91,9 +118,29 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
     return true;
 }
 
+/// Whole frames only: a modem makes a packet of what comes without a pause.
+void Link::flush_frames() {
+    size_t done = 0;
+    while (done < pending_) {
+        const size_t length = frame_length(out_ + done);
+        const bool due = line_tokens_ >= static_cast<float>(std::min(length, radio_frame));
+        if (!due || length > port_->write_space() || !port_->write(out_ + done, length)) {
+            break;
+        }
+        line_tokens_ -= static_cast<float>(length);
+        done += length;
+    }
+    pending_ -= done;
+    std::memmove(out_, out_ + done, pending_);
+}
+
 void Link::flush() {
     if (port_->session() != session_) {
         return; // what waits was meant for somebody who has gone: receive() clears it
+    }
+    if (port_->has_baud()) {
+        flush_frames();
+        return;
     }
     const size_t count = std::min(pending_, port_->write_space());
     if (count > 0 && port_->write(out_, count)) {

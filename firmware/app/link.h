@@ -7,6 +7,7 @@
 
 #include "app/board.h"
 #include "app/codec.h"
+#include "app/signing.h"
 
 namespace omni {
 
@@ -22,12 +23,31 @@ class Link {
 public:
     static constexpr size_t buffer_size = 8192;
 
-    void attach(SerialPort *port) { port_ = port; }
+    /// Longest frame that a radio is sent unasked: an XBee cuts its stream into packets of about this many bytes.
+    static constexpr size_t radio_frame = 100;
+
+    /// @param number of the link, from 0. @param signing of a radio; nullptr where whoever is connected has the robot in hand.
+    void attach(SerialPort *port, uint8_t number = 0, Signing *signing = nullptr) {
+        port_ = port;
+        number_ = number;
+        signing_ = signing;
+    }
+    bool is_radio() const { return signing_ != nullptr; }
+    /// Whether this frame may do anything; counted if not.
+    bool admits(const Frame &frame) { return signing_ == nullptr || signing_->admits(frame); }
+    /// Where bytes between frames go; silence counts as a frame.
+    void set_text(TextSink *text) {
+        text_ = text;
+        parser_.set_text(text);
+    }
+    /// Speed of the port's line [bit/s], for ports that have one: from when the buffer is empty on.
+    void set_baud(uint32_t baud) { baud_ = baud; }
     void set_system(uint8_t system) { system_ = system; }
-    /// @param bytes_s what the link may carry, B/s.
+    /// @param bytes_s what the link may carry, B/s; a line with a baud rate carries no more than half of that.
     void set_budget(float bytes_s) { budget_ = bytes_s; }
     /// Budgets are off in host-in-the-loop: its wire carries far more than telemetry anyway, and its clock may stand still.
-    void set_unlimited(bool unlimited) { unlimited_ = unlimited; }
+    /// Except on a line with a baud rate.
+    void set_unlimited(bool unlimited) { unlimited_ = unlimited && !port_->has_baud(); }
     /// Add what the time since the last call allows to send.
     void refill(uint64_t now_us);
     /// Read waiting bytes and look after a frame that stopped arriving half-way. @param idle_ns free-running time.
@@ -52,10 +72,17 @@ public:
     uint32_t tx_dropped() const { return tx_dropped_; }
 
 private:
+    float budget() const;
+    void flush_frames();
     bool send_payload(uint32_t id, const uint8_t *payload, Priority priority);
 
     SerialPort *port_ = nullptr;
     FrameParser parser_;
+    Signing *signing_ = nullptr;
+    TextSink *text_ = nullptr;
+    uint8_t number_ = 0;
+    uint32_t baud_ = 0;
+    uint32_t applied_baud_ = 0;
     uint8_t out_[buffer_size] = {};
     size_t pending_ = 0;
     uint8_t system_ = 1;
@@ -66,6 +93,7 @@ private:
     float budget_ = 0.0f;
     float tokens_ = 0.0f;
     float bulk_tokens_ = 0.0f;
+    float line_tokens_ = 0.0f;
     uint64_t refilled_us_ = 0;
     uint64_t heard_ns_ = 0;
     uint32_t tx_dropped_ = 0;

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cstring>
 
+#include "app/crc32.h"
+#include "app/storage_layout.h"
+
 namespace omni {
 namespace {
 
@@ -14,18 +17,6 @@ constexpr size_t at_count = 12;
 constexpr size_t header_length = 16;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
-
-/// CRC-32 (IEEE 802.3, reflected).
-uint32_t crc32(const uint8_t *bytes, size_t length) {
-    uint32_t crc = 0xFFFFFFFFu;
-    for (size_t i = 0; i < length; ++i) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; ++bit) {
-            crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xEDB88320u : 0);
-        }
-    }
-    return ~crc;
-}
 
 void put(uint8_t *at, uint32_t value) {
     std::memcpy(at, &value, sizeof value);
@@ -40,7 +31,8 @@ uint32_t get(const uint8_t *at) {
 } // namespace
 
 size_t ParamStore::slot_size() {
-    return std::min(storage_.size() / 2, max_slot);
+    const size_t size = storage_.size();
+    return size > storage_tail ? std::min((size - storage_tail) / 2, max_slot) : 0;
 }
 
 /// Reads the slot into buffer_ and checks it.

@@ -147,7 +147,7 @@ bool report_health(const Shared &shared, Link &link, Priority priority, bool ask
     message.i2c_timeouts = latest.i2c.timeouts;
     message.i2c_recoveries = latest.i2c.recoveries;
     message.i2c_us = latest.i2c.last_us;
-    message.signing_refused = shared.signing_refused;
+    message.signing_refused = shared.signing.counts().total();
     message.stack_free = memory.stack;
     message.heap_free = memory.heap;
     message.tick_jitter_us_max = latest.tick_jitter_us_max;
@@ -292,6 +292,21 @@ bool report_odometry(const Shared &shared, Link &link, Priority priority, bool) 
     message.velocity_covariance[0] = std::numeric_limits<float>::quiet_NaN();
     message.estimator_type = MAV_ESTIMATOR_TYPE_VISION;
     return link.send(MAVLINK_MSG_ID_ODOMETRY, message, priority);
+}
+
+bool report_signing(const Shared &shared, Link &link, Priority priority, bool) {
+    const SigningCounts &counts = shared.signing.counts();
+    mavlink_omni_signing_t message{};
+    message.time = shared.signing.time() * 10;
+    message.time_boot_ms = shared.now_ms();
+    message.fingerprint = shared.signing.fingerprint();
+    message.refused_unsigned = counts.not_signed;
+    message.refused_wrong = counts.wrong;
+    message.refused_replayed = counts.replayed;
+    message.refused_keys = counts.keys;
+    message.refused_lines = shared.legacy_line.refused();
+    message.state = static_cast<uint8_t>(shared.signing.state());
+    return link.send(MAVLINK_MSG_ID_OMNI_SIGNING, message, priority);
 }
 
 bool report_version(const Shared &, Link &link, Priority priority, bool) {

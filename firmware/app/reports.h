@@ -22,6 +22,7 @@ bool report_sample(const Shared &shared, Link &link, Priority priority, bool ask
 bool report_battery(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_position_target(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_odometry(const Shared &shared, Link &link, Priority priority, bool asked);
+bool report_signing(const Shared &shared, Link &link, Priority priority, bool asked);
 bool report_version(const Shared &shared, Link &link, Priority priority, bool asked);
 
 } // namespace omni

@@ -56,6 +56,14 @@ const char *Setpoints::check_twist(const omni_twist_t &twist) const {
     return omni_absf(twist.wz) > limits.turn_rad_s * rounding ? "turn rate beyond LIM_W" : nullptr;
 }
 
+const char *Setpoints::check_position(const omni_pose_t &pose) const {
+    if (!omni_pose_is_finite(&pose)) {
+        return "pose is not finite";
+    }
+    const float limit = parameters_.config().limits.position_m;
+    return omni_absf(pose.x) > limit || omni_absf(pose.y) > limit ? "position beyond LIM_POS" : nullptr;
+}
+
 /// @return nullptr, or why it is refused.
 const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const {
     const unsigned mask = message.type_mask;
@@ -75,12 +83,9 @@ const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t
     if ((mask & ignore_yaw_rate) == 0) {
         rate.wz = message.yaw_rate;
     }
-    if (!omni_pose_is_finite(&ned)) {
-        return "pose is not finite";
-    }
-    const float limit = parameters_.config().limits.position_m;
-    if (omni_absf(ned.x) > limit || omni_absf(ned.y) > limit) {
-        return "position beyond LIM_POS";
+    const char *why = check_position(ned);
+    if (why != nullptr) {
+        return why;
     }
     setpoint->kind = OMNI_SETPOINT_POSE;
     setpoint->pose = flip_frame(ned);
@@ -135,6 +140,20 @@ void Setpoints::on_manual_control(const Frame &frame) {
     omni_setpoint_t setpoint{};
     setpoint.kind = OMNI_SETPOINT_VELOCITY_BODY;
     setpoint.twist = flip_frame(stick);
+    accept(setpoint);
+}
+
+void Setpoints::on_legacy_line(const LegacySetpoint &line) {
+    const char *why = check_position(line.pose);
+    why = why != nullptr ? why : check_twist(line.rate);
+    if (why != nullptr) {
+        refuse(why);
+        return;
+    }
+    omni_setpoint_t setpoint{};
+    setpoint.kind = OMNI_SETPOINT_POSE;
+    setpoint.pose = line.pose;
+    setpoint.twist = line.rate;
     accept(setpoint);
 }
 

@@ -5,6 +5,7 @@
 /// that is too old (SAFE_CMD_TO).
 #pragma once
 
+#include "app/legacy_line.h"
 #include "app/parameters.h"
 #include "app/shared.h"
 
@@ -17,6 +18,8 @@ public:
     void on_position_target(const Frame &frame);
     void on_manual_control(const Frame &frame);
     void on_duty(const Frame &frame);
+    /// A set-point line of the original robot (LINK2_LEGACY).
+    void on_legacy_line(const LegacySetpoint &line);
     /// The latest set-point was refused.
     bool refused() const { return refused_; }
     void restart();
@@ -26,6 +29,7 @@ private:
     void refuse(const char *why);
     const char *pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
     const char *velocity_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
+    const char *check_position(const omni_pose_t &pose) const;
     const char *check_twist(const omni_twist_t &twist) const;
 
     Shared &shared_;

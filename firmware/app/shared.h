@@ -7,8 +7,10 @@
 
 #include "app/board.h"
 #include "app/control_loop.h"
+#include "app/legacy_line.h"
 #include "app/link.h"
 #include "app/mavlink_types.h"
+#include "app/signing.h"
 #include "app/stations.h"
 #include "app/text.h"
 
@@ -22,17 +24,18 @@ struct Sender {
 };
 
 struct Shared {
-    explicit Shared(const Board &b) : board(b) {}
+    explicit Shared(const Board &b) : board(b), signing(*b.storage) {}
 
     const Board &board;
+    Signing signing;
+    LegacyLine legacy_line; ///< on the radio
     Link links[Board::max_ports];
     ControlLoop control;
-    TickReport latest;            ///< of the last tick, refreshed once per background pass
-    uint64_t now_us = 0;          ///< robot clock of this pass: the board's, or the simulated one
-    bool hil = false;             ///< host-in-the-loop
-    bool reboot = false;          ///< asked for
-    uint32_t signing_refused = 0; ///< messages refused for their signature
-    bool i2c_scanning = false;    ///< asked for, and its result not sent yet
+    TickReport latest;         ///< of the last tick, refreshed once per background pass
+    uint64_t now_us = 0;       ///< robot clock of this pass: the board's, or the simulated one
+    bool hil = false;          ///< host-in-the-loop
+    bool reboot = false;       ///< asked for
+    bool i2c_scanning = false; ///< asked for, and its result not sent yet
     Stations stations;
     uint8_t stopping = 0; ///< reports to wait for until one tells what became of a disarm or an emergency stop
     uint8_t arming = 0;   ///< reports to wait for until one tells what became of an accepted arm command

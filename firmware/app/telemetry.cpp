@@ -32,8 +32,10 @@ constexpr Stream streams[Telemetry::stream_count] = {
     {MAVLINK_MSG_ID_BATTERY_STATUS, group_status, report_battery},
     {MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, group_state, report_position_target},
     {MAVLINK_MSG_ID_ODOMETRY, group_state, report_odometry},
+    {MAVLINK_MSG_ID_OMNI_SIGNING, group_asked, report_signing},
 };
 
+constexpr uint64_t radio_spread_us = 70'000;
 constexpr float min_interval_us = 1000.0f;
 constexpr float max_interval_us = 4.0e9f;
 
@@ -74,8 +76,10 @@ bool is_valid_id(float id) {
 
 void Telemetry::set_group(size_t link, uint8_t group, float rate_Hz) {
     for (size_t i = 0; i < stream_count; ++i) {
+        // A frame that a radio would cut in two is sent there only if it was asked for by name.
+        const bool too_long = shared_.links[link].is_radio() && longest_frame(streams[i].id) > Link::radio_frame;
         if (streams[i].group == group) {
-            due_[link][i].interval_us = interval_of(rate_Hz);
+            due_[link][i].interval_us = too_long ? 0 : interval_of(rate_Hz);
         }
     }
 }
@@ -172,8 +176,10 @@ void Telemetry::serve() {
 }
 
 void Telemetry::restart(size_t link) {
-    for (Due &due : due_[link]) {
-        due.next_us = shared_.now_us;
+    // On a radio one after the other: all at once would be more than its budget's burst.
+    const uint64_t spread_us = shared_.links[link].is_radio() ? radio_spread_us : 0;
+    for (size_t i = 0; i < stream_count; ++i) {
+        due_[link][i].next_us = shared_.now_us + i * spread_us;
     }
 }
 

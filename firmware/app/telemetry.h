@@ -11,7 +11,7 @@ namespace omni {
 
 class Telemetry {
 public:
-    static constexpr size_t stream_count = 13;
+    static constexpr size_t stream_count = 14;
 
     explicit Telemetry(Shared &shared) : shared_(shared) {}
 

@@ -9,7 +9,8 @@ from omniwheel.errors import ArmingRefusedError, CommandRefusedError, LinkTimeou
 from omniwheel.texts import TextLog
 
 ACK_TIMEOUT_S = 1.0
-TRIES = 4
+TRIES = 10
+"""On a radio that loses a fifth of the packets, half of the exchanges fail."""
 BUSY_TIMEOUT_S = 2.0
 BUSY_PERIOD_S = 0.05
 PARAMS = 7

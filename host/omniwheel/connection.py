@@ -14,6 +14,7 @@ from typing import Any
 
 from omniwheel.dialect import Message, mavlink
 from omniwheel.link import Link
+from omniwheel.signing import Signer, default_key
 
 GROUND_STATION_ID = 255
 GROUND_COMPONENT_ID = 190
@@ -38,7 +39,8 @@ class _Output:
 class Connection:
     """One end of a MAVLink conversation.
 
-    ``recorder`` gets every whole frame of either direction. ``rx_bytes`` and ``rx_bad_bytes`` count what came and what
+    ``recorder`` gets every whole frame of either direction. ``signer`` signs what is sent (default: with the process's
+    default key, if there is one). ``rx_bytes`` and ``rx_bad_bytes`` count what came and what
     was no MAVLink 2, to tell silence from a wrong baud rate.
     """
 
@@ -51,6 +53,7 @@ class Connection:
         component_id: int = GROUND_COMPONENT_ID,
         heartbeat: bool = True,
         recorder: Recorder | None = None,
+        signer: Signer | None = None,
     ) -> None:
         self.link = link
         self.clock = clock
@@ -61,6 +64,10 @@ class Connection:
         self.rx_bad_bytes = 0
         self._codec: Any = mavlink.MAVLink(_Output(self), system_id, component_id)
         self._codec.robust_parsing = True
+        key = default_key()
+        self.signer = Signer(key) if signer is None and key is not None else signer
+        if self.signer is not None:
+            self.signer.attach(self._codec)
         self._listeners: list[Listener] = []
         self._next_heartbeat_s = clock() if heartbeat else float("inf")
 
@@ -80,6 +87,8 @@ class Connection:
 
     def send(self, message: Message) -> None:
         """Send one message."""
+        if self.signer is not None:
+            self.signer.before_sending(self._codec)
         self._codec.send(message)
 
     def write_frame(self, frame: bytes) -> None:
@@ -87,6 +96,11 @@ class Connection:
         self.link.write(frame)
         if self.recorder is not None:
             self.recorder(frame)
+
+    @property
+    def wrongly_signed(self) -> int:
+        """How many frames came that were signed with another key, or were recordings."""
+        return int(self._codec.signing.badsig_count)
 
     def poll(self, timeout_s: float) -> list[Message]:
         """Send a due heartbeat, read the link once, hand out and return what the robot sent."""

@@ -8,7 +8,8 @@
     │   ├── LinkUrlError              the link URL cannot be understood            (bad input)
     │   ├── LinkOpenError             port or address cannot be opened
     │   ├── LinkLostError             the other end went away
-    │   └── LinkTimeoutError          no answer in time
+    │   ├── LinkTimeoutError          no answer in time
+    │   └── SigningKeyError           a signing key is missing, malformed, exposed or another one  (bad input)
     ├── ParameterError
     │   ├── UnknownParameterError     no such name; says which one is close        (bad input, a KeyError)
     │   ├── ParameterRangeError       the value is not allowed; says what is       (bad input, a ValueError)
@@ -79,6 +80,12 @@ class LinkLostError(LinkError):
 
 class LinkTimeoutError(LinkError, TimeoutError):
     """No answer in time."""
+
+
+class SigningKeyError(LinkError, ValueError):
+    """A signing key that is missing, malformed, readable by others, or not the robot's."""
+
+    exit_code = 2
 
 
 class ParameterError(OmniError):

@@ -23,6 +23,8 @@ class FirmwareProcess(FirmwareChild):
     ``robot`` is a packaged name or a path, ``parameters`` are set over it, ``links`` are the firmware's own link
     specifications (``tcp:127.0.0.1:0`` picks a free port, ``pty`` a pseudo-terminal), ``storage`` is the file of its
     non-volatile memory (None: it forgets). With ``lockstep`` it ticks only on OMNI_HIL_SENSORS from the start.
+    ``radio`` is the number of the link that is a radio, as slow as LINK2_BAUD, from 1; 0: none (None: the second,
+    unlimited).
     Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
     """
 
@@ -35,9 +37,12 @@ class FirmwareProcess(FirmwareChild):
         storage: Path | str | None = None,
         parameters: Mapping[str, ParameterValue] | None = None,
         program: Path | str | None = None,
+        radio: int | None = None,
     ) -> None:
         super().__init__(robot, parameters)
         self._options = _options(links, lockstep, storage)
+        if radio is not None:
+            self._options += ["--radio", str(radio)]
         self._program = Path(program) if program is not None else _program()
 
     def _launch(self, folder: Path, parameters: Path, log: IO[bytes]) -> tuple[str, ...]:

@@ -24,11 +24,16 @@ from omniwheel.errors import (
 )
 from omniwheel.texts import TextLog
 
-REPLY_TIMEOUT_S = 1.5
-TRIES = 4
+REPLY_TIMEOUT_S = 1.2
+TRIES = 10
+"""On a radio that loses a fifth of the packets, half of the exchanges fail: a frame may lie across two."""
+SET_TRIES = 3
+SINGLE_TRIES = 2
+"""From then on a request is sent twice."""
 DOWNLOAD_TRIES = 6
 QUIET_S = 0.7
-WINDOW = 8
+WINDOW = 12
+FEW = 4
 NOT_AN_INDEX = -1
 
 Progress = Callable[[int, int], None]
@@ -155,6 +160,8 @@ class Parameters(MutableMapping[str, float]):
             self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
             return
         missing = [index for index in range(self._count) if index not in self._names]
+        if len(missing) <= FEW:
+            times = max(times, 2)
         for index in missing[: max(WINDOW // times, 1)] * times:
             self._connection.send(self._request(b"", index))
 
@@ -218,10 +225,22 @@ class Parameters(MutableMapping[str, float]):
         message = mavlink.MAVLink_param_set_message(
             *self._target(), name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
         )
-        self._ask(message, name)
-        kept = self._by_name[name]
-        if kept != value:
-            raise ParameterRefusedError(name, value, kept, self._texts.reasons_since(mark))
+        for _ in range(SET_TRIES):
+            self._ask(message, name)
+            if self._by_name[name] == value:
+                return
+            reasons = self._texts.reasons_since(mark)
+            if reasons or self._confirmed_late(name, value):
+                break
+        if self._by_name[name] != value:
+            raise ParameterRefusedError(name, value, self._by_name[name], reasons)
+
+    def _confirmed_late(self, name: str, value: float) -> bool:
+        """Whether the value comes yet: without a reason, the other one may be the late answer to an earlier request."""
+        answer = self._connection.wait(
+            lambda m: _is_parameter(m) and _name_of(m) == name and m.param_value == value, REPLY_TIMEOUT_S
+        )
+        return answer is not None
 
     # ---- files
 
@@ -254,8 +273,9 @@ class Parameters(MutableMapping[str, float]):
             self._names[message.param_index] = name
 
     def _ask(self, message: Message, name: str) -> None:
-        for _ in range(TRIES):
-            self._connection.send(message)
+        for number in range(TRIES):
+            for _ in range(1 if number < SINGLE_TRIES else 2):
+                self._connection.send(message)
             answer = self._connection.wait(lambda m: _is_parameter(m) and _name_of(m) == name, REPLY_TIMEOUT_S)
             if answer is not None:
                 return

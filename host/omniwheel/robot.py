@@ -13,15 +13,23 @@ from omni_schema import ParameterTable, load_parameters
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
-from omniwheel.errors import ArmingRefusedError, LinkTimeoutError, OmniError, VersionMismatchError
+from omniwheel.errors import (
+    ArmingRefusedError,
+    CommandRefusedError,
+    LinkTimeoutError,
+    OmniError,
+    SigningKeyError,
+    VersionMismatchError,
+)
 from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link, open_link
 from omniwheel.parameters import Parameters, checked_value
 from omniwheel.paths import params_path
 from omniwheel.setpoints import duty_target, finite, pose_fix_message, pose_target, velocity_target
+from omniwheel.signing import Signer, fingerprint, is_signed, setup_message
 from omniwheel.status import RobotStatus, StatusBoard
-from omniwheel.telemetry import TelemetryT, decode
+from omniwheel.telemetry import SigningStatus, TelemetryT, decode
 from omniwheel.texts import TextLog
 
 DEFAULT_TIMEOUT_S = 5.0
@@ -32,6 +40,8 @@ _DISARM_TIMEOUT_S = 1.0
 _BUFFERED = 10000
 _AS_PARAMETER = -1.0
 _STORE, _RESTORE, _RESET = 1, 0, 2
+_SIGNING_TRIES = 3
+_NO_KEY = "00000000"
 _ROBOT_TYPES_IGNORED = ("MAV_TYPE_GCS", "MAV_TYPE_ONBOARD_CONTROLLER", "MAV_TYPE_ADSB")
 
 
@@ -274,6 +284,30 @@ class Robot:
         """Set all parameters to the robot file's values (not stored until :meth:`store`)."""
         self._storage(_RESET, "to reset the parameters")
 
+    # ---- message signing on the radio
+
+    def signing_status(self) -> SigningStatus:
+        """Ask for the state of the radio's signing: key's fingerprint and what was refused."""
+        message = self.commands.request_message(SigningStatus.message, self.timeout_s)
+        status = decode(SigningStatus, message)
+        assert status is not None
+        return status
+
+    def setup_signing(self, key: bytes | None) -> None:
+        """Give the robot a signing key, or take its key away; over USB only, while disarmed.
+
+        Raises CommandRefusedError with the robot's reasons.
+        """
+        wanted = fingerprint(key) if key is not None else _NO_KEY
+        mark = self.texts.mark()
+        for _ in range(_SIGNING_TRIES):
+            target = (self.connection.target_system, self.connection.target_component)
+            self.send(setup_message(*target, key, time.time()))
+            status = self.signing_status()
+            if status.fingerprint == wanted and status.state == ("on" if key is not None else "off"):
+                return
+        raise CommandRefusedError("the signing key", "DENIED", self.texts.reasons_since(mark))
+
     def _storage(self, action: int, what: str) -> None:
         self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
         self.parameters.forget()
@@ -291,6 +325,10 @@ class Robot:
         self.commands.send(mavlink.MAV_CMD_OMNI_HIL, 0.0, what="to leave host-in-the-loop")
 
 
+_KEY_HINT = "`omni radio key show` tells the fingerprints of the robot's key (over USB) and of a file's"
+_SIGN_HINT = "give its key with --signing-key FILE or OMNI_SIGNING_KEY; over USB none is needed"
+
+
 def connect(
     url: str | Link,
     *,
@@ -299,16 +337,19 @@ def connect(
     heartbeat: bool = True,
     clock: Callable[[], float] = time.monotonic,
     recorder: Recorder | None = None,
+    signing_key: bytes | None = None,
 ) -> Robot:
     """Connect to a robot and wait for its heartbeat.
 
     ``url`` is a link URL (:mod:`omniwheel.link`) or a link of one's own; ``system_id`` picks a robot where several
     share a link; ``recorder`` gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`). Without
-    ``heartbeat`` the robot does not count this program as a ground station. Raises LinkUrlError, LinkOpenError,
-    LinkLostError, LinkTimeoutError.
+    ``heartbeat`` the robot does not count this program as a ground station. ``signing_key`` (32 bytes,
+    :mod:`omniwheel.signing`) signs what is sent, as a robot's radio wants it once a key is set. Raises LinkUrlError,
+    LinkOpenError, LinkLostError, LinkTimeoutError, SigningKeyError.
     """
     link: Link = open_link(url, timeout_s=timeout_s) if isinstance(url, str) else url
-    connection = Connection(link, clock=clock, heartbeat=heartbeat, recorder=recorder)
+    signer = Signer(signing_key) if signing_key is not None else None
+    connection = Connection(link, clock=clock, heartbeat=heartbeat, recorder=recorder, signer=signer)
     try:
         robot = Robot(connection, table=load_parameters(params_path()), timeout_s=timeout_s)
         _await_robot(connection, system_id, timeout_s)
@@ -320,8 +361,12 @@ def connect(
 
 def _await_robot(connection: Connection, system_id: int | None, timeout_s: float) -> None:
     found = connection.wait(lambda m: _is_robot(m) and system_id in (None, m.get_srcSystem()), timeout_s)
+    if found is None and connection.wrongly_signed:
+        raise SigningKeyError(f"what comes from {connection.link.url} is signed with another key", hint=_KEY_HINT)
     if found is None:
         raise _no_heartbeat(connection, system_id, timeout_s)
+    if connection.signer is None and is_signed(found.get_msgbuf()):
+        raise SigningKeyError(f"the robot at {connection.link.url} wants signed messages", hint=_SIGN_HINT)
     connection.target_system = found.get_srcSystem()
     connection.target_component = found.get_srcComponent()
 

@@ -15,6 +15,7 @@ from omniwheel import _core
 from omniwheel.dialect import Message, enum_name, mavlink
 from omniwheel.frames import Pose, Twist, flip
 
+SIGNING_STATES = ("off", "on", "damaged")
 RESET_CAUSES = ("power", "watchdog", "software", "crash")
 PHASES = ("none", "lead-in", "path", "done")
 _MS = 1e-3
@@ -176,6 +177,21 @@ class Battery(Telemetry):
 
 
 @dataclass(frozen=True)
+class SigningStatus(Telemetry):
+    """Message signing: ``state`` off, on or damaged; ``time_s`` since 2015; what the radio refused since boot."""
+
+    message = "OMNI_SIGNING"
+    state: str
+    fingerprint: str
+    time_s: float
+    refused_unsigned: int
+    refused_wrong: int
+    refused_replayed: int
+    refused_keys: int
+    refused_lines: int
+
+
+@dataclass(frozen=True)
 class StatusText(Telemetry):
     """A line of text from the robot; ``severity`` as in syslog: 0 emergency ... 7 debug."""
 
@@ -269,6 +285,19 @@ def _sample(m: Message) -> Sample:
     )
 
 
+def _signing(m: Message) -> SigningStatus:
+    return SigningStatus(
+        state=SIGNING_STATES[m.state] if m.state < len(SIGNING_STATES) else str(m.state),
+        fingerprint=f"{m.fingerprint:08x}",
+        time_s=m.time * 1e-6,
+        refused_unsigned=m.refused_unsigned,
+        refused_wrong=m.refused_wrong,
+        refused_replayed=m.refused_replayed,
+        refused_keys=m.refused_keys,
+        refused_lines=m.refused_lines,
+    )
+
+
 def _phase(number: int) -> str:
     return PHASES[number] if number < len(PHASES) else str(number)
 
@@ -335,6 +364,7 @@ _DECODERS: dict[type[Telemetry], Callable[[Message], Telemetry]] = {
     LocalPosition: _local_position,
     Battery: _battery,
     StatusText: _status_text,
+    SigningStatus: _signing,
 }
 
 

@@ -81,15 +81,15 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a frame that hides another": (
         "parser",
         "firmware/app/codec.cpp",
-        "            begin_ += 1;\n            ++errors_;",
-        "            begin_ += std::min<size_t>(4, end_ - begin_);\n            ++errors_;",
+        "    begin_ += 1;\n}",
+        "    begin_ += std::min<size_t>(4, end_ - begin_);\n}",
         "no whole valid frame is lost",
     ),
     "a loop without end": (
         "parser",
         "firmware/app/codec.cpp",
-        "            begin_ += 1;\n            ++errors_;",
-        "            ++errors_;",
+        "    begin_ += 1;\n}",
+        "}",
         signal.SIGALRM,
     ),
     "a memory that is read beyond its end": (

@@ -110,6 +110,7 @@ bool Machine::open_pins() {
         board_.ports[i] = board_.ports[i - 1];
     }
     board_.ports[0] = &pins_.wire;
+    board_.radios = static_cast<uint8_t>(board_.radios << 1);
     board_.encoders = &pins_;
     board_.output_enable = &pins_;
     board_.i2c = &pins_.bus;

@@ -92,6 +92,9 @@ bool Process::open() {
         if (port == nullptr || !port->open(address)) {
             return false;
         }
+        if (options_.radio_line && (options_.radios >> i & 1) != 0) {
+            port->set_has_baud();
+        }
         ports_[i] = port;
         board_.ports[i] = port;
         board_.port_count = i + 1;
@@ -103,6 +106,7 @@ bool Process::open() {
     board_.storage = &storage_;
     board_.watchdog = &watchdog_;
     board_.robot_values = options_.values;
+    board_.radios = options_.radios;
     return true;
 }
 

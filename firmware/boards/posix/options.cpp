@@ -13,25 +13,28 @@ namespace {
 constexpr int usage_error = 2;
 
 void print_help() {
-    std::puts("usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
-              "\n"
-              "The robot's firmware as a process of this computer.\n"
-              "\n"
-              "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
-              "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
-              "                   --robot it changes single values\n"
-              "  --link LINK      where MAVLink is spoken, up to four times (default tcp:127.0.0.1:5760)\n"
-              "                     tcp:HOST:PORT   listen there, port 0 picks a free one\n"
-              "                     udp:HOST:PORT   send there, receive the answers\n"
-              "                     pty[:SYMLINK]   a pseudo-terminal, like a USB serial port\n"
-              "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
-              "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
-              "  --version, --help\n"
-              "\n"
-              "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
-              "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments or a link that cannot be opened.\n"
-              "\n"
-              "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
+    std::puts(
+        "usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
+        "\n"
+        "The robot's firmware as a process of this computer.\n"
+        "\n"
+        "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
+        "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
+        "                   --robot it changes single values\n"
+        "  --link LINK      where MAVLink is spoken, up to four times (default tcp:127.0.0.1:5760)\n"
+        "                     tcp:HOST:PORT   listen there, port 0 picks a free one\n"
+        "                     udp:HOST:PORT   send there, receive the answers\n"
+        "                     pty[:SYMLINK]   a pseudo-terminal, like a USB serial port\n"
+        "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
+        "  --radio N        that link, 1..4, is a radio: a signing key closes it, and its line is as slow as LINK2_BAUD (only\n"
+        "                   link 2); 0: no link is (default: 2, as fast as it goes)\n"
+        "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+        "  --version, --help\n"
+        "\n"
+        "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
+        "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments or a link that cannot be opened.\n"
+        "\n"
+        "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
 }
 
 bool add_link(const char *link, Options *options) {
@@ -40,6 +43,16 @@ bool add_link(const char *link, Options *options) {
         return false;
     }
     options->links[options->link_count++] = link;
+    return true;
+}
+
+bool use_radio(const char *number, Options *options) {
+    if (number[0] < '0' || number[0] > '0' + static_cast<char>(Board::max_ports) || number[1] != '\0') {
+        std::fprintf(stderr, "omni-firmware: --radio '%s': the number of a link, 1..4, or 0 is needed\n", number);
+        return false;
+    }
+    options->radio_line = true;
+    options->radios = number[0] == '0' ? uint8_t{0} : static_cast<uint8_t>(1u << (number[0] - '1'));
     return true;
 }
 
@@ -56,6 +69,9 @@ bool take_option(const char *name, const char *value, Options *options) {
     if (std::strcmp(name, "--storage") == 0) {
         options->storage = value;
         return true;
+    }
+    if (std::strcmp(name, "--radio") == 0) {
+        return use_radio(value, options);
     }
     std::fprintf(stderr, "omni-firmware: unknown option '%s'; see --help\n", name);
     return false;

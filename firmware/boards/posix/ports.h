@@ -30,6 +30,9 @@ public:
     size_t write_space() override { return session_ != 0 ? sizeof out_ - pending_ : 0; }
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return session_; }
+    bool has_baud() override { return has_baud_; }
+    /// Behind this port is a modem; the program keeps to its baud rate.
+    void set_has_baud() { has_baud_ = true; }
 
 protected:
     ~PosixPort() = default;
@@ -41,6 +44,7 @@ protected:
 
     char url_[192] = {};
     int fd_ = -1; ///< connection
+    bool has_baud_ = false;
     uint32_t session_ = 0;
     uint32_t sessions_ = 0;
     size_t pending_ = 0;

@@ -48,6 +48,8 @@ public:
     void recover() override;
     /// A batch that lost the bus counts as a time-out here.
     I2cStats stats() override;
+    /// A batch is on its way, and needs interrupts to get there.
+    bool on_wire() const { return state_ == State::running || state_ == State::stopping; }
     const I2cCounters &counters() const { return counters_; }
 
     /// Interrupt context.

@@ -23,7 +23,7 @@ namespace omni {
 namespace {
 
 constexpr bool battery_wired = wiring::battery_pin >= 0;
-constexpr uint32_t radio_baud = 9600;
+constexpr uint32_t radio_baud = 9600; ///< until the stored LINK2_BAUD is known
 /// What was said before a reboot gets this long to leave.
 constexpr uint64_t farewell_us = 100'000;
 /// A few attempts at 100 kHz, each with the bus freed before. A chip that is silent for longer is the driver's to try.
@@ -45,7 +45,7 @@ private:
     Teensy40OutputEnable output_enable_;
     Teensy40Light light_;
     Teensy40Watchdog watchdog_;
-    Teensy40Flash flash_{watchdog_};
+    Teensy40Flash flash_{watchdog_, &i2c_};
     FlashLog storage_{flash_};
     UsbPort usb_;
     RadioPort radio_;

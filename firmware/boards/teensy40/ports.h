@@ -37,7 +37,8 @@ public:
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return 1; }
     /// Done in a later read(), when what was written before has left; until then nothing new is taken.
-    void set_baud(uint32_t baud) { wanted_baud_ = baud; }
+    void set_baud(uint32_t baud) override { wanted_baud_ = baud; }
+    bool has_baud() override { return true; }
 
 private:
     void follow_baud();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "boards/teensy40/storage.h"
 
+#include <Arduino.h>
+
 #include <algorithm>
 #include <cstring>
 
@@ -16,6 +18,8 @@ namespace {
 constexpr uint32_t base = 0x601F0000; ///< Teensy 4.0: the last 64 KB but one sector of the 2 MB chip
 /// The chip programs within pages of 256 bytes; less at once keeps interrupts off for less.
 constexpr size_t program_unit = 32;
+/// Longer than any batch of the I2C bus takes, or is given.
+constexpr uint32_t bus_patience_ms = 20;
 
 const uint8_t *memory_of(size_t sector, size_t offset) {
     return flash_memory(base + static_cast<uint32_t>(sector * Flash::sector_size + offset));
@@ -38,7 +42,13 @@ void Teensy40Flash::program(size_t sector, size_t offset, const uint8_t *data, s
     }
 }
 
+void Teensy40Flash::wait_for_bus() {
+    const uint32_t begin = ARM_DWT_CYCCNT;
+    while (bus_ != nullptr && bus_->on_wire() && ARM_DWT_CYCCNT - begin < F_CPU_ACTUAL / 1000 * bus_patience_ms) {}
+}
+
 void Teensy40Flash::erase(size_t sector) {
+    wait_for_bus();
     if (watched_) {
         watchdog_.expect_erase(true);
     }

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "boards/teensy40/flash_log.h"
+#include "boards/teensy40/i2c.h"
 #include "boards/teensy40/watchdog.h"
 
 namespace omni {
@@ -14,7 +15,8 @@ namespace omni {
 /// 400 ms for an erase (ticks are lost, and the edges of encoders that interrupts count).
 class Teensy40Flash final : public Flash {
 public:
-    explicit Teensy40Flash(Teensy40Watchdog &watchdog) : watchdog_(watchdog) {}
+    /// @param bus not to be cut short by an erase: the update on it may be the one that stops the motors. nullptr: none.
+    explicit Teensy40Flash(Teensy40Watchdog &watchdog, const Teensy40I2c *bus = nullptr) : watchdog_(watchdog), bus_(bus) {}
     /// From now on erasing must not look like a hang.
     void watched() { watched_ = true; }
 
@@ -24,7 +26,10 @@ public:
     void erase(size_t sector) override;
 
 private:
+    void wait_for_bus();
+
     Teensy40Watchdog &watchdog_;
+    const Teensy40I2c *bus_;
     bool watched_ = false;
 };
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,6 +25,7 @@ from omniwheel.cli import (
     monitor,
     params,
     plot,
+    radio,
     record,
     replay,
     reproduce,
@@ -33,7 +35,7 @@ from omniwheel.cli import (
     soak,
     tune,
 )
-from omniwheel.cli.common import OmniGroup, console
+from omniwheel.cli.common import OmniGroup, console, use_signing_key
 
 app = typer.Typer(
     name="omni",
@@ -56,8 +58,20 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit.")
     ] = False,
+    signing_key: Annotated[
+        Path | None,
+        typer.Option(
+            "--signing-key",
+            envvar="OMNI_SIGNING_KEY",
+            metavar="FILE",
+            help="Sign with the key in this file (omni radio key), as a robot's radio may want it. For every command "
+            "that takes --link, at any place in the line.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Drive, tune and simulate omni-wheel robots."""
+    use_signing_key(signing_key)
 
 
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
@@ -74,6 +88,7 @@ app.add_typer(params.app, name="params")
 app.add_typer(drive.app, name="drive")
 app.add_typer(legacy.app, name="legacy")
 app.add_typer(mocap.app, name="mocap")
+app.add_typer(radio.app, name="radio")
 app.command("monitor", epilog=monitor.EXAMPLES)(monitor.monitor)
 app.command("record", epilog=record.EXAMPLES)(record.record)
 app.add_typer(logs.app, name="logs")

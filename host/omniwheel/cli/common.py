@@ -17,6 +17,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 
 from omni_schema import SchemaError
+from omniwheel import signing
 from omniwheel.connection import Recorder
 from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
 from omniwheel.paths import MissingFileError
@@ -28,6 +29,7 @@ BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130
 _JSON_WANTED = "omniwheel.json"
+_SIGNING_KEY = "--signing-key"
 
 console = Console(highlight=False)
 error_console = Console(stderr=True, highlight=False)
@@ -49,6 +51,24 @@ class OmniGroup(TyperGroup):
         except KeyboardInterrupt:
             error_console.print("interrupted", style="yellow")
             raise typer.Exit(INTERRUPTED) from None
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
+        return super().parse_args(ctx, _signing_key_first(args))
+
+
+def _signing_key_first(args: list[str]) -> list[str]:
+    end = args.index("--") if "--" in args else len(args)
+    for at, word in enumerate(args[:end]):
+        if word == _SIGNING_KEY or word.startswith(f"{_SIGNING_KEY}="):
+            after = at + 1 if "=" in word else at + 2
+            return [*args[at:after], *args[:at], *args[after:]]
+    return args
+
+
+def use_signing_key(path: Path | None) -> None:
+    """Sign with the key in this file on every link from now on; None: don't."""
+    signing.set_default_key(signing.read_key_file(path) if path is not None else None)
 
 
 def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -> typer.Exit:
@@ -72,7 +92,8 @@ LinkOption = Annotated[
         "-l",
         envvar="OMNI_LINK",
         metavar="URL",
-        help="Robot: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one Teensy.",
+        help="Robot: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one Teensy. "
+        "A radio with a key: --signing-key FILE.",
         show_default=False,
     ),
 ]

@@ -10,18 +10,21 @@ from typing import Annotated
 import typer
 
 from hil_sim.scenario import load_scenario
-from hil_sim.sitl import start_sitl
+from hil_sim.sitl import SimulatedRadio, start_sitl
 from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
 from omniwheel.cli.run_output import SeedOption
+from omniwheel.radio_model import RadioSettings
 
 EXAMPLES = examples(
     "omni sitl",
     "omni sitl --robot four_wheel --port 5761",
     "omni sitl --host 0.0.0.0                # let other computers connect",
     "omni sitl --link pty:/tmp/robot         # a pseudo-terminal instead of TCP",
+    "omni sitl --radio 9600 --loss 0.2 --latency 0.2     # a second port, behind a bad XBee",
     "omni sitl fault_battery_sag             # another scenario's world and faults",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
+_PROFILES = (9600, 57600, 115200)
 
 ScenarioNameArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="World, faults and parameters; its events are not played.")
@@ -58,6 +61,21 @@ def sitl(
     host: HostOption = "127.0.0.1",
     link: LinksOption = None,
     storage: StorageOption = None,
+    radio: Annotated[
+        int | None,
+        typer.Option(
+            "--radio",
+            metavar="BAUD",
+            help="A second port, behind a simulated XBee: 9600, 57600 or 115200.",
+            show_default=False,
+        ),
+    ] = None,
+    loss: Annotated[
+        float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
+    ] = 0.0,
+    latency: Annotated[
+        float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
+    ] = 0.02,
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -65,15 +83,28 @@ def sitl(
 
     A TCP port serves one client at a time; give --link more than once for several.
     """
+    simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     try:
-        with signals_interrupt(), start_sitl(scenario, links, storage=storage) as running:
+        with signals_interrupt(), start_sitl(scenario, links, storage=storage, radio=simulated) as running:
             announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
             while True:
                 running.advance()
     except KeyboardInterrupt:
         return
+
+
+def _simulated_radio(
+    baud: int | None, settings: RadioSettings, host: str, seed: int, links: list[str] | None
+) -> SimulatedRadio | None:
+    if baud is None:
+        return None
+    if baud not in _PROFILES:
+        raise typer.BadParameter(f"--radio {baud}: there are profiles for {', '.join(map(str, _PROFILES))} baud")
+    if links and len(links) > 1:
+        raise typer.BadParameter("--radio makes the second link itself: give --link once at most")
+    return SimulatedRadio(settings, host, seed=seed)
 
 
 def announce(urls: Sequence[str], robot: str, description: str, json_wanted: bool) -> None:

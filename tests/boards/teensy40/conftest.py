@@ -37,6 +37,7 @@ _BOOLEAN = (
     "radio_write",
     "storage_write",
     "storage_read",
+    "board_storage_fill",
     "board_output_enable_wired",
 )
 

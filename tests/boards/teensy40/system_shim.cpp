@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // extern "C" access to the board layer's system part, and the application that main.cpp drives in the tests.
+#include <algorithm>
 #include <new>
 
 #include "app/app.h"
@@ -189,6 +190,12 @@ void app_asks_for_reboot() {
 }
 uint64_t board_now_us() {
     return app_board.clock->now_us();
+}
+/// Fill the application's memory with this byte.
+bool board_storage_fill(uint8_t value) {
+    uint8_t bytes[omni::FlashLog::capacity];
+    std::fill(bytes, bytes + sizeof bytes, value);
+    return app_board.storage->write(0, bytes, sizeof bytes);
 }
 size_t board_ports() {
     return app_board.port_count;

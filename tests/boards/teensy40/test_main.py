@@ -124,3 +124,21 @@ def test_a_reboot_waits_for_what_was_said_and_leaves_the_outputs_off(chip: ctype
     journal = chip.fake_journal().decode()
     assert journal.endswith("ToR")  # the timer first, so that no tick switches them on again
     assert chip.board_now_us() >= 100_000
+
+
+@pytest.mark.parametrize("looks", [3, 1_000_000])
+def test_an_erase_does_not_cut_short_the_update_that_stops_the_motors(chip: ctypes.CDLL, looks: int) -> None:
+    """What is stored at a disarm may need an erase: interrupts are off for up to 400 ms, and the bus needs them."""
+    chip.main_setup()
+    before = len(chip.fake_journal())
+    for value in range(1, 15):  # uses the whole ring up
+        assert chip.board_storage_fill(value)
+    assert "E" not in chip.fake_journal().decode()[before:]
+    chip.fake_time_passes(True)
+    chip.fake_i2c_on_wire(looks)
+    for value in range(15, 18):
+        assert chip.board_storage_fill(value)
+    events = chip.fake_journal().decode()[before:].replace("w", "")
+    assert "E" in events
+    waited = events[: events.index("E")]
+    assert waited.endswith("bbbq") if looks == 3 else 15 <= waited.count("b") <= 25

@@ -56,6 +56,7 @@ struct Model {
 struct Bus {
     const char *answers; ///< for the batches to come: d done, n nack, s stuck, b busy; then always done
     bool waiting;
+    uint32_t looks; ///< on_wire() says yes so many times more
 } bus;
 
 std::jmp_buf reset_point;
@@ -169,6 +170,12 @@ I2cStatus Teensy40I2c::poll(uint8_t *) {
     default:
         return I2cStatus::done;
     }
+}
+bool Teensy40I2c::on_wire() const {
+    const bool busy = bus.looks > 0;
+    bus.looks -= busy ? 1 : 0;
+    model.journal.add(busy ? 'b' : 'q');
+    return busy;
 }
 void Teensy40I2c::recover() {
     model.journal.add('c');
@@ -384,6 +391,9 @@ void fake_usb_plug(bool plugged) {
 }
 void fake_usb_baud(uint32_t baud) {
     usb.baud = baud;
+}
+void fake_i2c_on_wire(uint32_t looks) {
+    bus.looks = looks;
 }
 void fake_i2c_answers(const char *answers) {
     bus.answers = answers;

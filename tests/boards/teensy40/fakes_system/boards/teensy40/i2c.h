@@ -12,6 +12,7 @@ public:
     bool submit(const I2cTransaction *batch, size_t count) override;
     I2cStatus poll(uint8_t *) override;
     void recover() override;
+    bool on_wire() const;
 };
 
 } // namespace omni

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: MIT
+#include "app/signing.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "app/mavlink_types.h"
+
+namespace omni {
+namespace {
+
+constexpr size_t time_length = 6;
+constexpr size_t digest_length = 6;
+constexpr size_t at_time = 1; ///< in the signature, behind the link id
+constexpr size_t at_digest = at_time + time_length;
+constexpr size_t at_key = 4; ///< in the stored record
+constexpr uint64_t us_per_unit = 10;
+/// A new stream may start this far behind our clock: one minute.
+constexpr uint64_t new_stream_slack = 6'000'000;
+
+/// Offset of a record in the memory; a memory that is too small makes every access fail.
+size_t at_tail(Storage &storage, size_t offset) {
+    const size_t size = storage.size();
+    return size >= storage_tail ? size - storage_tail + offset : size;
+}
+
+/// First 48 bits of SHA-256 over the key and `length` bytes.
+void digest(const uint8_t *key, const uint8_t *bytes, size_t length, uint8_t *out) {
+    mavlink_sha256_ctx context;
+    mavlink_sha256_init(&context);
+    mavlink_sha256_update(&context, key, Signing::key_length);
+    mavlink_sha256_update(&context, bytes, static_cast<uint32_t>(length));
+    mavlink_sha256_final_48(&context, out);
+}
+
+/// In a time that does not depend on where they differ.
+bool equal(const uint8_t *a, const uint8_t *b, size_t length) {
+    uint8_t difference = 0;
+    for (size_t i = 0; i < length; ++i) {
+        difference = static_cast<uint8_t>(difference | (a[i] ^ b[i]));
+    }
+    return difference == 0;
+}
+
+} // namespace
+
+Signing::Signing(Storage &storage)
+    : key_store_(storage, at_tail(storage, 0), key_content), time_store_(storage, at_tail(storage, key_slots), time_content) {}
+
+void Signing::boot() {
+    uint8_t record[key_content] = {};
+    const RecordStore::Result found = key_store_.load(record);
+    if (found == RecordStore::Result::damaged) {
+        forget_key(State::damaged);
+    } else if (found == RecordStore::Result::ok && record[0] == 1) {
+        use_key(record + at_key);
+    }
+    uint64_t time = 0;
+    if (time_store_.load(reinterpret_cast<uint8_t *>(&time)) == RecordStore::Result::ok) {
+        set_on(time);
+        stored_time_ = time;
+    }
+}
+
+bool Signing::is_key(const uint8_t *key) const {
+    return state_ == State::on && equal(key, key_, key_length);
+}
+
+void Signing::use_key(const uint8_t *key) {
+    std::memcpy(key_, key, key_length);
+    uint8_t hash[digest_length];
+    digest(key_, key_, 0, hash);
+    fingerprint_ = static_cast<uint32_t>(hash[0]) << 24 | static_cast<uint32_t>(hash[1]) << 16 |
+                   static_cast<uint32_t>(hash[2]) << 8 | hash[3];
+    std::fill(streams_, streams_ + max_streams, Stream{});
+    state_ = State::on;
+}
+
+void Signing::forget_key(State state) {
+    std::memset(key_, 0, sizeof key_);
+    fingerprint_ = 0;
+    std::fill(streams_, streams_ + max_streams, Stream{});
+    state_ = state;
+}
+
+/// Into both slots: an old key is gone then, and damage to the new one is not taken for a memory that never held any.
+/// @param key nullptr: none.
+bool Signing::store_key(const uint8_t *key) {
+    uint8_t record[key_content] = {};
+    if (key != nullptr) {
+        record[0] = 1;
+        std::memcpy(record + at_key, key, key_length);
+    }
+    return key_store_.save(record) && key_store_.save(record);
+}
+
+bool Signing::set_key(const uint8_t *key, uint64_t time) {
+    set_on(time);
+    if (is_key(key)) {
+        return true; // a repeated request wears nothing
+    }
+    if (!store_key(key)) {
+        return false;
+    }
+    use_key(key);
+    store_time(); // tried again every minute if it fails
+    return true;
+}
+
+bool Signing::remove_key() {
+    if (state_ != State::off && !store_key(nullptr)) {
+        return false;
+    }
+    forget_key(State::off);
+    return true;
+}
+
+Signing::Stream *Signing::find(const Frame &frame, uint8_t link_id) {
+    for (Stream &stream : streams_) {
+        if (stream.used && stream.system == frame.system && stream.component == frame.component && stream.link_id == link_id) {
+            return &stream;
+        }
+    }
+    return nullptr;
+}
+
+/// A free place, or that of a stream so old that all it ever sent would be refused as a new stream's. nullptr: none.
+Signing::Stream *Signing::vacant() {
+    for (Stream &stream : streams_) {
+        if (!stream.used || stream.last + new_stream_slack < time_) {
+            return &stream;
+        }
+    }
+    return nullptr;
+}
+
+/// Take note of an authentic frame's time stamp. @return false if it may be a recording.
+bool Signing::is_fresh(const Frame &frame, uint8_t link_id, uint64_t time) {
+    Stream *stream = find(frame, link_id);
+    if (stream != nullptr && time <= stream->last) {
+        return false;
+    }
+    if (stream == nullptr) {
+        stream = time + new_stream_slack >= time_ ? vacant() : nullptr;
+        if (stream == nullptr) {
+            return false;
+        }
+    }
+    *stream = {true, frame.system, frame.component, link_id, time};
+    set_on(time + 1); // a peer that takes its clock from ours has this time already
+    return true;
+}
+
+bool Signing::admits(const Frame &frame) {
+    if (!required()) {
+        return true;
+    }
+    if (!frame.is_signed) {
+        const bool from_the_air = frame.id == MAVLINK_MSG_ID_HEARTBEAT || frame.id == MAVLINK_MSG_ID_RADIO_STATUS;
+        counts_.not_signed += from_the_air ? 0 : 1;
+        return false;
+    }
+    const uint8_t *signature = frame.bytes + frame.length - signature_length;
+    uint8_t expected[digest_length];
+    digest(key_, frame.bytes, frame.length - digest_length, expected);
+    if (state_ == State::damaged || !equal(expected, signature + at_digest, digest_length)) {
+        ++counts_.wrong;
+        return false;
+    }
+    uint64_t time = 0;
+    std::memcpy(&time, signature + at_time, time_length);
+    if (!is_fresh(frame, signature[0], time)) {
+        ++counts_.replayed;
+        return false;
+    }
+    return true;
+}
+
+size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {
+    last_sent_ = std::max(last_sent_ + 1, time_);
+    frame[length] = link_id;
+    std::memcpy(frame + length + at_time, &last_sent_, time_length);
+    digest(key_, frame, length + at_digest, frame + length + at_digest);
+    return length + signature_length;
+}
+
+void Signing::advance(uint64_t now_us) {
+    rest_us_ += now_us > advanced_us_ ? now_us - advanced_us_ : 0;
+    advanced_us_ = now_us;
+    time_ += rest_us_ / us_per_unit;
+    rest_us_ %= us_per_unit;
+}
+
+bool Signing::store_time() {
+    if (!time_store_.save(reinterpret_cast<const uint8_t *>(&time_))) {
+        return false;
+    }
+    stored_time_ = time_;
+    return true;
+}
+
+} // namespace omni

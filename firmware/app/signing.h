@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT
+/// @file signing.h  MAVLink 2 message signing: who may command the robot through the air.
+///
+/// With a key set, a frame from a radio counts only if its signature is right and its time stamp is newer than the last one of
+/// its stream (system, component, link id), or, for a new stream, no older than a minute before our clock. See docs/protocol.md
+/// for the table, and https://mavlink.io/en/guide/message_signing.html for the format.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/codec.h"
+#include "app/record_store.h"
+
+namespace omni {
+
+/// Frames refused since boot, by reason.
+struct SigningCounts {
+    uint32_t not_signed = 0;
+    uint32_t wrong = 0;    ///< signature of another key, or of other bytes
+    uint32_t replayed = 0; ///< time stamp not newer than the stream's last, or too old for a new stream
+    uint32_t keys = 0;     ///< keys that came over a radio; not frames
+    uint32_t total() const { return not_signed + wrong + replayed; }
+};
+
+class Signing {
+public:
+    static constexpr size_t key_length = 32;
+    enum class State : uint8_t {
+        off,     ///< no key: radios are open
+        on,      ///< a key is set
+        damaged, ///< there was a key and it cannot be read: nothing passes until one is set or removed over USB
+    };
+
+    explicit Signing(Storage &storage);
+
+    /// Take key and clock from the memory.
+    void boot();
+    State state() const { return state_; }
+    /// Whether radios are closed to frames that are not signed.
+    bool required() const { return state_ != State::off; }
+    /// First bytes of the key's SHA-256, to compare keys by; 0 without a key.
+    uint32_t fingerprint() const { return fingerprint_; }
+    bool is_key(const uint8_t *key) const;
+    /// Use and store a key. @param time our clock is set on to it [10 us since 2015]. @return false if the memory failed; the old
+    /// key stays.
+    bool set_key(const uint8_t *key, uint64_t time);
+    bool remove_key();
+
+    /// Judge a frame from a radio, and count it if it is refused. An unsigned HEARTBEAT or RADIO_STATUS is refused and not
+    /// counted: other stations and the modems themselves send them.
+    bool admits(const Frame &frame);
+    /// Sign a frame that was encoded with `is_signed`. @param frame room for signature_length more. @return its new length.
+    size_t sign(uint8_t *frame, size_t length, uint8_t link_id);
+
+    /// Let the clock go on; a time that went back only starts a new count. @param now_us robot clock.
+    void advance(uint64_t now_us);
+    /// The clock [10 us since 2015].
+    uint64_t time() const { return time_; }
+    void set_on(uint64_t time) { time_ = time > time_ ? time : time_; }
+    /// How far the clock is ahead of the stored one [10 us].
+    uint64_t not_stored() const { return time_ - stored_time_; }
+    bool store_time();
+    void count_refused_key() { ++counts_.keys; }
+    const SigningCounts &counts() const { return counts_; }
+
+private:
+    struct Stream {
+        bool used = false;
+        uint8_t system = 0;
+        uint8_t component = 0;
+        uint8_t link_id = 0;
+        uint64_t last = 0;
+    };
+    static constexpr size_t max_streams = 16;
+
+    bool store_key(const uint8_t *key);
+    void use_key(const uint8_t *key);
+    void forget_key(State state);
+    bool is_fresh(const Frame &frame, uint8_t link_id, uint64_t time);
+    Stream *find(const Frame &frame, uint8_t link_id);
+    Stream *vacant();
+
+    RecordStore key_store_;
+    RecordStore time_store_;
+    State state_ = State::off;
+    uint8_t key_[key_length] = {};
+    uint32_t fingerprint_ = 0;
+    Stream streams_[max_streams];
+    uint64_t time_ = 0;
+    uint64_t stored_time_ = 0;
+    uint64_t last_sent_ = 0;
+    uint64_t advanced_us_ = 0;
+    uint64_t rest_us_ = 0;
+    SigningCounts counts_;
+};
+
+} // namespace omni

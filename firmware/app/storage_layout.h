@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+/// @file storage_layout.h  Who owns which bytes of the non-volatile memory.
+///
+///     0                     parameters, slot 0    ┐ (size - tail) / 2 each, see param_store.h
+///     (size - tail) / 2     parameters, slot 1    ┘
+///     size - tail           signing key, slots 0 and 1
+///     size - tail + 2 key   signing time, slots 0 and 1
+///
+/// A memory of 2048 bytes takes every parameter. The smallest one tested has the 1080 bytes of the Teensy core's EEPROM emulation:
+/// 444 bytes per parameter slot, room for 70 parameters that differ from the robot's own.
+#pragma once
+
+#include <cstddef>
+
+namespace omni {
+
+/// Bytes of one record slot around its content: magic, sequence, CRC-32.
+constexpr size_t record_overhead = 12;
+/// Signing key: 1 byte present, 3 spare, 32 key.
+constexpr size_t key_content = 36;
+/// Signing time: 8 bytes.
+constexpr size_t time_content = 8;
+constexpr size_t key_slots = 2 * (record_overhead + key_content);
+constexpr size_t time_slots = 2 * (record_overhead + time_content);
+/// Bytes at the end of the memory that are not the parameters'; some of them are spare.
+constexpr size_t storage_tail = 192;
+static_assert(key_slots + time_slots <= storage_tail, "the records do not fit");
+
+} // namespace omni

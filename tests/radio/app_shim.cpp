@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: MIT
+/// @file app_shim.cpp  The whole firmware on a board made of memory, in simulated time: port 1 is USB, port 2 a serial line with a
+/// baud rate, the storage has a Teensy's size and counts what wears it.
+#include <algorithm>
+#include <cstring>
+#include <deque>
+#include <optional>
+
+#include "app/app.h"
+
+using namespace omni;
+
+namespace {
+
+constexpr size_t storage_size = 1080;
+
+struct FakeClock final : Clock {
+    uint64_t time_us = 0;
+    uint64_t now_us() override { return time_us; }
+    uint64_t stopwatch_ns() override { return time_us * 1000; }
+};
+
+struct FakeEncoders final : Encoders {
+    uint8_t read(int32_t *counts) override {
+        std::fill(counts, counts + OMNI_MAX_WHEELS, 0);
+        return 0xF;
+    }
+    void errors(uint32_t *errors) override { std::fill(errors, errors + OMNI_MAX_WHEELS, 0u); }
+};
+
+/// A chip that keeps what is written.
+struct FakeBus final : I2cBus {
+    uint8_t registers[256] = {};
+    uint8_t pointer = 0;
+    bool submitted = false;
+    bool submit(const I2cTransaction *batch, size_t count) override {
+        for (size_t i = 0; i < count; ++i) {
+            for (size_t at = 0; at < batch[i].write_length; ++at) {
+                if (at == 0) {
+                    pointer = batch[i].write[0];
+                } else {
+                    registers[static_cast<uint8_t>(pointer + at - 1)] = batch[i].write[at];
+                }
+            }
+        }
+        submitted = true;
+        return true;
+    }
+    I2cStatus poll(uint8_t *read) override {
+        read[0] = registers[pointer];
+        const bool done = submitted;
+        submitted = false;
+        return done ? I2cStatus::done : I2cStatus::idle;
+    }
+    void recover() override {}
+};
+
+struct FakeOutputEnable final : OutputEnable {
+    bool wired() override { return false; }
+    void set(bool) override {}
+};
+
+struct FakePort final : SerialPort {
+    static constexpr size_t capacity = 1024;
+    std::deque<uint8_t> in, line, out;
+    bool paced = false;
+    uint32_t baud = 0;
+    double credit = 0.0;
+    uint32_t connection = 1;
+
+    size_t read(uint8_t *data, size_t room) override {
+        const size_t count = std::min(room, in.size());
+        std::copy_n(in.begin(), count, data);
+        in.erase(in.begin(), in.begin() + static_cast<std::ptrdiff_t>(count));
+        return count;
+    }
+    size_t write_space() override { return paced ? capacity - line.size() : 65536; }
+    bool write(const uint8_t *data, size_t length) override {
+        if (length > write_space()) {
+            return false;
+        }
+        auto &queue = paced ? line : out;
+        queue.insert(queue.end(), data, data + length);
+        return true;
+    }
+    uint32_t session() override { return connection; }
+    bool has_baud() override { return paced; }
+    void set_baud(uint32_t bits_s) override { baud = bits_s; }
+    /// One tick of the line: ten bits are a byte.
+    void drain() {
+        credit = line.empty() ? 0.0 : credit + baud * 1e-4;
+        while (credit >= 1.0 && !line.empty()) {
+            out.push_back(line.front());
+            line.pop_front();
+            credit -= 1.0;
+        }
+    }
+};
+
+struct FakeStorage final : Storage {
+    uint8_t bytes[storage_size];
+    uint32_t writes[storage_size] = {};
+    uint32_t calls = 0;
+    bool broken = false;
+    size_t size() override { return storage_size; }
+    bool read(size_t offset, uint8_t *data, size_t length) override {
+        if (offset + length > storage_size) {
+            return false;
+        }
+        std::memcpy(data, bytes + offset, length);
+        return true;
+    }
+    bool write(size_t offset, const uint8_t *data, size_t length) override {
+        if (broken || offset + length > storage_size) {
+            return false;
+        }
+        ++calls;
+        for (size_t i = 0; i < length; ++i) { // as the core's emulation: a byte that stays wears nothing
+            writes[offset + i] += bytes[offset + i] != data[i] ? 1 : 0;
+            bytes[offset + i] = data[i];
+        }
+        return true;
+    }
+};
+
+struct FakeWatchdog final : Watchdog {
+    void feed() override {}
+    ResetCause reset_cause() override { return ResetCause::power_on; }
+    const char *crash_line(size_t) override { return nullptr; }
+    void reset() override {}
+};
+
+struct Robot {
+    FakeClock clock;
+    FakeEncoders encoders;
+    FakeBus bus;
+    FakeOutputEnable output_enable;
+    FakePort ports[2];
+    FakeStorage storage;
+    FakeWatchdog watchdog;
+    Board board;
+    std::optional<App> app;
+    bool lockstep = false;
+
+    void boot() {
+        clock.time_us = 0;
+        app.emplace(board, lockstep);
+    }
+};
+
+} // namespace
+
+extern "C" {
+
+Robot *robot_new(const uint8_t *image, int lockstep) {
+    auto *robot = new Robot;
+    Board &board = robot->board;
+    board.clock = &robot->clock;
+    board.encoders = &robot->encoders;
+    board.i2c = &robot->bus;
+    board.output_enable = &robot->output_enable;
+    board.storage = &robot->storage;
+    board.watchdog = &robot->watchdog;
+    board.ports[0] = &robot->ports[0];
+    board.ports[1] = &robot->ports[1];
+    board.port_count = 2;
+    board.robot_values = omni_robot_presets[omni_robot_preset_find("three_wheel")].values;
+    robot->ports[1].paced = true;
+    std::memcpy(robot->storage.bytes, image, storage_size);
+    robot->lockstep = lockstep != 0;
+    robot->boot();
+    return robot;
+}
+
+void robot_delete(Robot *robot) {
+    delete robot;
+}
+
+void robot_reboot(Robot *robot) {
+    robot->boot();
+}
+
+/// Ticks of 1 ms; in lockstep only the background and the line go on.
+void robot_run(Robot *robot, uint32_t ticks) {
+    for (uint32_t i = 0; i < ticks; ++i) {
+        robot->clock.time_us += 1000;
+        robot->app->tick();
+        robot->app->background();
+        robot->ports[1].drain();
+    }
+    if (robot->app->reboot_wanted()) {
+        robot->boot();
+    }
+}
+
+void robot_background(Robot *robot) {
+    robot->app->background();
+}
+
+void robot_write(Robot *robot, uint32_t port, const uint8_t *data, uint32_t length) {
+    auto &queue = robot->ports[port].in;
+    queue.insert(queue.end(), data, data + length);
+}
+
+uint32_t robot_read(Robot *robot, uint32_t port, uint8_t *data, uint32_t room) {
+    auto &queue = robot->ports[port].out;
+    const auto count = std::min<size_t>(room, queue.size());
+    std::copy_n(queue.begin(), count, data);
+    queue.erase(queue.begin(), queue.begin() + static_cast<std::ptrdiff_t>(count));
+    return static_cast<uint32_t>(count);
+}
+
+uint32_t robot_baud(Robot *robot) {
+    return robot->ports[1].baud;
+}
+
+void robot_break_storage(Robot *robot, int broken) {
+    robot->storage.broken = broken != 0;
+}
+
+/// @param image out, @param writes out: how often each byte has changed. @return write calls
+uint32_t robot_storage(Robot *robot, uint8_t *image, uint32_t *writes) {
+    std::memcpy(image, robot->storage.bytes, storage_size);
+    std::memcpy(writes, robot->storage.writes, sizeof robot->storage.writes);
+    return robot->storage.calls;
+}
+}

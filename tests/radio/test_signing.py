@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: MIT
+"""Message signing on the radio: pymavlink on one side, the firmware's own C++ on the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from omniwheel import signing
+from omniwheel.dialect import mavlink
+from tests.radio.memory_robot import ERASED, RADIO, USB, MemoryRobot
+from tests.radio.station import ARM, KEY, OTHER_KEY, START, Station, state_of, usb
+
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+MINUTE = 6_000_000
+
+
+@pytest.fixture
+def robot() -> Iterator[MemoryRobot]:
+    """A robot whose key is set and which is ready to be armed."""
+    with MemoryRobot() as robot:
+        robot.run(100)
+        assert any("set" in text for text in usb(robot).give_key(KEY))
+        robot.run(2000)
+        robot.read(RADIO)  # what was on the line before
+        yield robot
+
+
+def refused(robot: MemoryRobot) -> tuple[int, int, int]:
+    status = usb(robot).signing_status()
+    return status.refused_unsigned, status.refused_wrong, status.refused_replayed
+
+
+def test_without_a_key_the_radio_is_open() -> None:
+    with MemoryRobot() as robot:
+        robot.run(100)
+        assert Station(robot).command(ARM, 1) == ACCEPTED
+        assert state_of(robot) == "armed"
+
+
+def test_a_signed_station_arms_and_drives_and_the_answers_are_signed(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    assert station.command(ARM, 1) == ACCEPTED
+    assert state_of(robot) == "armed"
+    station.mav.param_set_send(1, 1, b"ISMC_LAM_XY", 7.0, mavlink.MAV_PARAM_TYPE_REAL32)
+    answers = [m for m in station.run(300) if m.get_type() == "PARAM_VALUE"]
+    assert answers[-1].param_value == 7.0
+    assert all(m.get_signed() for m in answers)
+    assert station.mav.signing.badsig_count == 0
+    assert station.mav.signing.goodsig_count > 0
+    assert refused(robot) == (0, 0, 0)
+
+
+def test_an_unsigned_or_wrongly_signed_arm_command_is_refused_counted_and_said(robot: MemoryRobot) -> None:
+    assert Station(robot).command(ARM, 1) is None
+    assert Station(robot, key=OTHER_KEY).command(ARM, 1) is None
+    assert state_of(robot) == "disarmed"
+    assert refused(robot) == (1, 1, 0)
+    robot.run(10_000)
+    assert "radio refused: 1 unsigned, 1 wrong, 0 old" in [
+        m.text for m in usb(robot).run(1) if m.get_type() == "STATUSTEXT"
+    ]
+
+
+def test_mavlink_1_cannot_be_signed_and_is_refused(robot: MemoryRobot) -> None:
+    station = Station(robot)
+    message = mavlink.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0)
+    station.write(message.pack(station.mav, force_mavlink1=True))
+    station.run()
+    assert state_of(robot) == "disarmed"
+    assert refused(robot) == (1, 0, 0)
+
+
+def test_a_recording_played_again_does_nothing(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    assert station.command(ARM, 1) == ACCEPTED
+    assert station.command(ARM, 0) == ACCEPTED
+    recording = list(station.frames)
+    for frame in recording:
+        robot.write(station.port, frame)
+        robot.run(100)
+        assert state_of(robot) == "disarmed"
+    assert refused(robot) == (0, 0, len(recording))
+
+
+def test_any_flipped_bit_makes_a_signed_command_worthless(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY, time=START + 2 * MINUTE)
+    message = mavlink.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0)
+    frame = bytes(message.pack(station.mav))
+    for bit in range(8 * len(frame)):
+        damaged = bytearray(frame)
+        damaged[bit // 8] ^= 1 << bit % 8
+        robot.write(station.port, bytes(damaged))
+        robot.run(250)  # long enough to end a frame that seems to go on
+        if bit % 8 == 7:
+            assert state_of(robot) == "disarmed", f"bit {bit}"
+    robot.write(station.port, frame)
+    robot.run(100)
+    assert state_of(robot) == "armed"
+
+
+def test_an_unsigned_heartbeat_does_not_keep_the_robot_alive_a_signed_one_does(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    assert station.command(ARM, 1) == ACCEPTED
+    for _ in range(6):
+        station.heartbeat()
+        robot.run(1000)
+    assert state_of(robot) == "armed"
+    before = refused(robot)
+    stranger = Station(robot)
+    for _ in range(6):
+        stranger.heartbeat()
+        robot.run(1000)
+    assert state_of(robot) == "failsafe"
+    assert refused(robot) == before  # other stations' heartbeats are no attack
+
+
+def test_a_stream_that_begins_more_than_a_minute_ago_is_refused(robot: MemoryRobot) -> None:
+    assert Station(robot, key=KEY, time=START - MINUTE - 1000, link_id=1).command(ARM, 1) is None
+    assert Station(robot, key=KEY, time=START - MINUTE + 1_000_000, link_id=2).command(ARM, 1) == ACCEPTED
+
+
+def test_programs_with_different_link_ids_do_not_disturb_each_other(robot: MemoryRobot) -> None:
+    ahead = Station(robot, key=KEY, time=START + MINUTE // 2, link_id=1)
+    behind = Station(robot, key=KEY, time=START, link_id=2)
+    for _ in range(3):
+        ahead.command(ARM, 1)
+        assert state_of(robot) == "armed"
+        behind.command(ARM, 0)
+        assert state_of(robot) == "disarmed"
+    assert refused(robot) == (0, 0, 0)
+
+
+def test_many_streams_over_time_find_room_and_old_ones_stay_refused(robot: MemoryRobot) -> None:
+    first = Station(robot, key=KEY, time=START, link_id=0)
+    assert first.command(ARM, 0) == ACCEPTED
+    for number in range(1, 60):
+        station = Station(robot, key=KEY, time=START + number * MINUTE // 4, link_id=number)
+        assert station.command(ARM, 0) == ACCEPTED, number
+    robot.write(first.port, first.frames[0])
+    robot.run(100)
+    assert refused(robot) == (0, 0, 1)
+
+
+def test_a_full_house_of_present_streams_refuses_another(robot: MemoryRobot) -> None:
+    results = [Station(robot, key=KEY, time=START, link_id=n).command(ARM, 0) for n in range(17)]
+    assert results == [ACCEPTED] * 16 + [None]
+
+
+def test_keys_come_in_over_usb_only(robot: MemoryRobot) -> None:
+    signed = Station(robot, key=KEY)
+    signed.mav.setup_signing_send(1, 1, list(OTHER_KEY), START)
+    texts = [m.text for m in signed.run(300) if m.get_type() == "STATUSTEXT"]
+    assert "signing key refused: set it over USB (link 1)" in texts
+    status = usb(robot).signing_status()
+    assert status.refused_keys == 1
+    assert f"{status.fingerprint:08x}" == signing.fingerprint(KEY)
+    with MemoryRobot() as fresh:
+        fresh.run(100)
+        Station(fresh).give_key(KEY)
+        assert usb(fresh).signing_status().state == 0
+
+
+def test_no_key_comes_in_while_armed(robot: MemoryRobot) -> None:
+    station = usb(robot)
+    assert station.command(ARM, 1) == ACCEPTED
+    assert any("disarm first" in text for text in station.give_key(OTHER_KEY))
+    assert f"{station.signing_status().fingerprint:08x}" == signing.fingerprint(KEY)
+
+
+def test_usb_takes_unsigned_commands_and_answers_unsigned(robot: MemoryRobot) -> None:
+    station = usb(robot)
+    assert station.command(ARM, 1) == ACCEPTED
+    assert not any(m.get_signed() for m in station.run(1000))
+
+
+def test_a_key_of_zeros_opens_the_radio_again_for_good(robot: MemoryRobot) -> None:
+    assert "signing key removed: the radio is open" in usb(robot).give_key(bytes(32), 0)
+    robot.reboot()
+    robot.run(100)
+    assert Station(robot).command(ARM, 1) == ACCEPTED
+
+
+def test_the_key_survives_a_reboot_and_so_does_the_clock(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    assert station.command(ARM, 1) == ACCEPTED
+    assert station.command(ARM, 0) == ACCEPTED
+    recording = list(station.frames)
+    for _ in range(130):
+        station.heartbeat()
+        station.run(1000)  # listening, pymavlink takes its clock from the robot's frames
+    robot.reboot()
+    robot.run(100)
+    for frame in recording:
+        robot.write(station.port, frame)
+        robot.run(100)
+        assert state_of(robot) == "disarmed"
+    assert Station(robot).command(ARM, 1) is None
+    assert station.command(ARM, 1) == ACCEPTED
+
+
+def test_while_disarmed_the_stored_clock_is_never_a_minute_behind(robot: MemoryRobot) -> None:
+    for _ in range(4):
+        robot.run(61_000)
+        now = usb(robot).signing_status().time
+        image, _, _ = robot.storage()
+        with MemoryRobot(image) as copy:
+            copy.run(10)
+            assert 0 <= now - usb(copy).signing_status().time < 60e6
+
+
+def test_nothing_is_written_while_armed_and_the_clock_at_once_after(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    assert station.command(ARM, 1) == ACCEPTED
+    writes = robot.storage()[2]
+    for _ in range(150):
+        station.heartbeat()
+        robot.run(1000)
+    assert state_of(robot) == "armed"
+    assert robot.storage()[2] == writes
+    assert station.command(ARM, 0) == ACCEPTED
+    assert robot.storage()[2] == writes + 1
+
+
+def test_a_clock_in_a_station_ahead_pulls_the_robots_along(robot: MemoryRobot) -> None:
+    assert Station(robot, key=KEY, time=START + 100 * MINUTE, link_id=1).command(ARM, 0) == ACCEPTED
+    assert usb(robot).signing_status().time >= (START + 100 * MINUTE) * 10
+    assert Station(robot, key=KEY, time=START, link_id=2).command(ARM, 0) is None
+
+
+def test_a_key_that_cannot_be_read_closes_the_radio_until_it_is_set_again(robot: MemoryRobot) -> None:
+    usb(robot).give_key(OTHER_KEY)  # now both slots are written
+    image = bytearray(robot.storage()[0])
+    tail = len(image) - 192
+    for slot in range(2):
+        image[tail + 48 * slot + 20] ^= 1
+    with MemoryRobot(bytes(image)) as damaged:
+        damaged.run(100)
+        texts = [m.text for m in usb(damaged).run(1) if m.get_type() == "STATUSTEXT"]
+        assert "signing key unreadable, radio closed: set it again" in texts
+        for station in (Station(damaged), Station(damaged, key=KEY), Station(damaged, key=bytes(32))):
+            assert station.command(ARM, 1) is None
+        assert usb(damaged).signing_status().state == 2
+        usb(damaged).give_key(KEY)
+        assert Station(damaged, key=KEY).command(ARM, 1) == ACCEPTED
+
+
+def test_a_memory_that_fails_changes_nothing_and_is_said(robot: MemoryRobot) -> None:
+    robot.break_storage()
+    assert "the memory failed: signing key not changed" in usb(robot).give_key(OTHER_KEY)
+    assert "the memory failed: signing key not changed" in usb(robot).give_key(bytes(32), 0)
+    assert Station(robot, key=KEY).command(ARM, 1) == ACCEPTED
+
+
+def test_the_same_key_again_wears_nothing(robot: MemoryRobot) -> None:
+    writes = robot.storage()[2]
+    for _ in range(5):
+        usb(robot).give_key(KEY)
+    assert robot.storage()[2] == writes
+
+
+def test_storing_the_clock_for_years_does_not_wear_the_flash_out(robot: MemoryRobot) -> None:
+    """A Teensy 4.0's emulation: 15 sectors of 2048 records, a record per byte changed, addresses dealt out in fours."""
+    _, before, _ = robot.storage()
+    minutes = 12
+    robot.run(minutes * 60_000)
+    _, after, _ = robot.storage()
+    sectors = [0] * 15
+    for address, (old, new) in enumerate(zip(before, after, strict=True)):
+        sectors[address // 4 % 15] += new - old
+    erases_per_year = max(sectors) / 2048 / minutes * 60 * 24 * 365
+    assert 0 < erases_per_year < 2000  # of 100 000 that the flash stands: 50 years of being switched on
+
+
+def test_every_frame_on_the_radio_is_signed_and_short_and_none_on_usb(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    station.mav.request_data_stream_send(1, 1, 0, 1, 1)
+    heard = [m for m in station.run(5000) if m.get_type() != "BAD_DATA"]  # half a frame from before
+    assert len(heard) > 15
+    assert [m for m in heard if len(m.get_msgbuf()) > 100 or not m.get_signed()] == []
+    assert {"HEARTBEAT", "OMNI_TRACKING", "SYS_STATUS", "OMNI_STATUS"} <= {m.get_type() for m in heard}
+
+
+def test_nothing_on_the_radio_moves_the_key_when_the_memory_is_erased() -> None:
+    with MemoryRobot(ERASED) as robot:
+        robot.run(50)
+        assert usb(robot).signing_status().state == 0
+        assert Station(robot, USB).give_key(KEY)
