@@ -2,12 +2,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hil_sim.faults import Fault
 from omniwheel.bringup import Result, check_drive
+from omniwheel.robots import find_robot_file
 from tests.host.bringup.conftest import Bench, MakeBench
 
 
@@ -40,6 +42,18 @@ def test_a_good_robot_drives_its_square(make_bench: MakeBench, robot: str) -> No
     assert result.measured["forward"][0] == pytest.approx(0.2, abs=0.02)
     assert result.measured["turn_left"][2] == pytest.approx(math.pi / 2, abs=0.1)
     assert not bench.armed
+
+
+def test_small_wheels_take_longer_instead_of_failing(make_bench: MakeBench, tmp_path: Path) -> None:
+    small = tmp_path / "small.toml"
+    text = find_robot_file("three_wheel").read_text(encoding="utf-8")
+    small.write_text(text.replace("wheel_radius_m = 0.0508", "wheel_radius_m = 0.03"), encoding="utf-8")
+    bench = make_bench(robot=str(small), on_floor=True)
+    assert bench.robot.parameters["WHEEL_RADIUS"] == pytest.approx(0.03)
+    watch(bench)
+    result = check_drive(bench.robot, bench)
+    assert result.ok, failures(result)
+    assert result.measured["turn_left"][2] == pytest.approx(math.pi / 2, abs=0.1)
 
 
 def test_everything_the_wrong_way_round_is_seen_by_the_person_only(make_bench: MakeBench) -> None:
