@@ -71,14 +71,20 @@ ROBOT ?= three_wheel
 ROBOT_FILE := $(filter %.toml,$(ROBOT))
 PIO := $(if $(ROBOT_FILE),OMNI_ROBOT=$(abspath $(ROBOT_FILE))) $(BIN)/pio run -e $(if $(ROBOT_FILE),robot,$(ROBOT))
 
+# The robot file is looked at first: PlatformIO would only do so after it has fetched its tools.
+CHECK_ROBOT = $(BIN)/python shared/generate/generate.py --out build/robot-check --part wiring \
+              --robot $(or $(ROBOT_FILE),shared/robots/$(ROBOT).toml)
+
 $(VENV)/stamp-platformio: $(VENV)/stamp-tools
 	$(PIP) install 'platformio>=6.1'
 	@touch $@
 
 firmware: $(VENV)/stamp-platformio
+	$(CHECK_ROBOT)
 	$(PIO)
 
 flash: $(VENV)/stamp-platformio
+	$(CHECK_ROBOT)
 	$(PIO) -t upload
 
 $(VENV)/stamp-lint: $(VENV)/stamp-install
