@@ -69,5 +69,6 @@ def test_the_robot_keeps_its_path_and_its_memory() -> None:
             last_client.wait("HEARTBEAT")
         run(driver, 200)
         assert open_files(robot) <= files + 1
-        assert resident_kb(robot) <= memory + 256
+        if not os.environ.get("OMNI_SANITIZED"):  # the sanitizers keep books of their own
+            assert resident_kb(robot) <= memory + 256
         driver.socket.close()
