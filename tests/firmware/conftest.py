@@ -9,7 +9,17 @@ import pytest
 from tests.arm import need_emulated_firmware
 from tests.firmware.client import BOARDS, Client, lockstep_robot, on_board
 
-ON_ALL_BOARDS = ("test_commands", "test_driver", "test_link", "test_parameters")
+ON_ALL_BOARDS = (
+    "test_commands",
+    "test_damaged_storage",
+    "test_driver",
+    "test_estop",
+    "test_i2c_scan",
+    "test_link",
+    "test_not_finite",
+    "test_parameters",
+    "test_stations",
+)
 """The modules whose tests must hold for the firmware on any processor; ``pc_only`` tests are about the process."""
 
 
