@@ -6,6 +6,7 @@
 
 #include "app/crc32.h"
 #include "app/storage_layout.h"
+#include "app/words.h"
 
 namespace omni {
 namespace {
@@ -17,16 +18,6 @@ constexpr size_t at_count = 12;
 constexpr size_t header_length = 16;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
-
-void put(uint8_t *at, uint32_t value) {
-    std::memcpy(at, &value, sizeof value);
-}
-
-uint32_t get(const uint8_t *at) {
-    uint32_t value = 0;
-    std::memcpy(&value, at, sizeof value);
-    return value;
-}
 
 } // namespace
 
@@ -43,13 +34,13 @@ ParamStore::Slot ParamStore::inspect(size_t number) {
         return slot;
     }
     slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
-    const size_t count = get(buffer_ + at_count);
-    if (get(buffer_) != magic || count > (size - header_length - crc_length) / entry_length) {
+    const size_t count = get_word(buffer_ + at_count);
+    if (get_word(buffer_) != magic || count > (size - header_length - crc_length) / entry_length) {
         return slot;
     }
     const size_t length = header_length + count * entry_length;
-    slot.valid = get(buffer_ + length) == crc32(buffer_, length);
-    slot.sequence = get(buffer_ + at_sequence);
+    slot.valid = get_word(buffer_ + length) == crc32(buffer_, length);
+    slot.sequence = get_word(buffer_ + at_sequence);
     return slot;
 }
 
@@ -74,10 +65,10 @@ StoreResult ParamStore::load(omni_real_t *values) {
     if (slot < 0 || !inspect(static_cast<size_t>(slot)).valid) {
         return StoreResult::empty;
     }
-    if (get(buffer_ + at_schema) != omni_param_schema_crc) {
+    if (get_word(buffer_ + at_schema) != omni_param_schema_crc) {
         return StoreResult::foreign;
     }
-    const size_t count = get(buffer_ + at_count);
+    const size_t count = get_word(buffer_ + at_count);
     for (size_t i = 0; i < count; ++i) {
         const uint8_t *entry = buffer_ + header_length + i * entry_length;
         const size_t index = static_cast<size_t>(entry[0] | entry[1] << 8);
@@ -106,11 +97,11 @@ size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_v
         length += entry_length;
         ++count;
     }
-    put(buffer_, magic);
-    put(buffer_ + at_schema, omni_param_schema_crc);
-    put(buffer_ + at_sequence, sequence);
-    put(buffer_ + at_count, count);
-    put(buffer_ + length, crc32(buffer_, length));
+    put_word(buffer_, magic);
+    put_word(buffer_ + at_schema, omni_param_schema_crc);
+    put_word(buffer_ + at_sequence, sequence);
+    put_word(buffer_ + at_count, count);
+    put_word(buffer_ + length, crc32(buffer_, length));
     return length + crc_length;
 }
 

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "app/crc32.h"
+#include "app/words.h"
 
 namespace omni {
 namespace {
@@ -12,16 +13,6 @@ namespace {
 constexpr uint32_t magic = 0x31524D4F; // "OMR1"
 constexpr size_t at_sequence = 4;
 constexpr size_t at_content = 8;
-
-void put(uint8_t *at, uint32_t value) {
-    std::memcpy(at, &value, sizeof value);
-}
-
-uint32_t get(const uint8_t *at) {
-    uint32_t value = 0;
-    std::memcpy(&value, at, sizeof value);
-    return value;
-}
 
 } // namespace
 
@@ -34,8 +25,8 @@ RecordStore::Slot RecordStore::inspect(size_t number) {
     }
     const size_t covered = at_content + content_;
     slot.erased = std::all_of(buffer_, buffer_ + size, [](uint8_t byte) { return byte == 0xFF; });
-    slot.valid = get(buffer_) == magic && get(buffer_ + covered) == crc32(buffer_, covered);
-    slot.sequence = get(buffer_ + at_sequence);
+    slot.valid = get_word(buffer_) == magic && get_word(buffer_ + covered) == crc32(buffer_, covered);
+    slot.sequence = get_word(buffer_ + at_sequence);
     return slot;
 }
 
@@ -66,10 +57,10 @@ bool RecordStore::save(const uint8_t *data) {
     const uint32_t sequence = last < 0 ? 1 : inspect(static_cast<size_t>(last)).sequence + 1;
     const size_t target = last == 0 ? 1 : 0;
     const size_t covered = at_content + content_;
-    put(buffer_, magic);
-    put(buffer_ + at_sequence, sequence);
+    put_word(buffer_, magic);
+    put_word(buffer_ + at_sequence, sequence);
     std::memcpy(buffer_ + at_content, data, content_);
-    put(buffer_ + covered, crc32(buffer_, covered));
+    put_word(buffer_ + covered, crc32(buffer_, covered));
     if (!storage_.write(offset_ + target * slot_size(), buffer_, slot_size())) {
         return false;
     }
