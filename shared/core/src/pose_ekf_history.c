@@ -204,6 +204,5 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
     if (slips == 3) {
         return fill_window(state, config, k, age_us, window, 3);
     }
-    return slips == 0 ? fill_window(state, config, k, age_us, window, 0)
-                      : fill_window(state, config, k, age_us, window, slips);
+    return slips == 0 ? fill_window(state, config, k, age_us, window, 0) : fill_window(state, config, k, age_us, window, slips);
 }
