@@ -116,6 +116,7 @@ public:
         return number(zip(a.v, a.v, [](auto x, auto) { return -x; }));
     }
     LANES_INLINE friend number operator+(number a) { return a; }
+    // NOLINTBEGIN(bugprone-macro-parentheses): an operator cannot be put in parentheses
 #define LANES_OPERATION(sign)                                                                                                  \
     LANES_INLINE friend number operator sign(number a, number b) {                                                             \
         return number(zip(a.v, b.v, [](auto x, auto y) { return x sign y; }));                                                 \
@@ -127,6 +128,7 @@ public:
     LANES_INLINE friend mask_type operator sign(number a, number b) {                                                          \
         return mask_type(compare(a.v, b.v, [](auto x, auto y) { return x sign y; }));                                          \
     }
+    // NOLINTEND(bugprone-macro-parentheses)
     LANES_OPERATION(+)
     LANES_OPERATION(-)
     LANES_OPERATION(*)
