@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import bus, downloads, estimators, filter_study, original_law
+from bench import bus, downloads, estimators, filter_study, original_law, simulation
 from bench.build import OUT, BenchError
 from bench.options import Options
 from bench.tables import Table, write_page
@@ -23,6 +23,7 @@ from tests.native import ROOT
 PAGE = ROOT / "docs" / "performance.md"
 RESULT = OUT / "result.json"
 BENCHMARKS: dict[str, Callable[[Options], list[Table]]] = {
+    "simulation": simulation.measure,
     "filter-study": filter_study.measure,
     "estimators": estimators.measure,
     "law": original_law.measure,

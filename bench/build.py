@@ -82,7 +82,7 @@ def has_valgrind() -> bool:
 
 
 def count(program: Path, words: Sequence[str], function: str, inside: Sequence[str] = ()) -> Counted:
-    """Count the instructions of ``function`` with all that it calls, and of the functions ``inside`` it, by callgrind."""
+    """Count the instructions of ``function`` with all that it calls, and of functions ``inside`` it, by callgrind."""
     report = program.with_suffix(".callgrind")
     tool = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={report}", f"--toggle-collect={function}"]
     call([*tool, str(program), *words])
@@ -94,7 +94,7 @@ def count(program: Path, words: Sequence[str], function: str, inside: Sequence[s
 
 
 def _inclusive(table: str, function: str) -> int:
-    """Return a function's instructions from callgrind_annotate's table; copies that the compiler made of it count too."""
+    """Return a function's instructions from callgrind_annotate's table, with the copies that the compiler made."""
     found = 0
     for line in table.splitlines():
         words = line.split()

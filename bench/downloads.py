@@ -49,8 +49,8 @@ def measure(options: Options) -> list[Table]:
         rows = list(with_ratios(rows, heading, OURS, ratio))
         columns += [heading, ratio]
     note = (
-        f"{count} parameters, profile `radio_{BAUD}`, simulated time, mean over {len(seeds)} radio seeds from {options.seed}. "
-        "The peers are a model of their timing and send nothing else."
+        f"{count} parameters, profile `radio_{BAUD}`, simulated time, mean over {len(seeds)} radio seeds "
+        f"from {options.seed}. The peers are a model of their timing and send nothing else."
     )
     return [Table("download", f"parameters at {BAUD} baud", tuple(columns), tuple(rows), note)]
 

@@ -63,7 +63,7 @@ class FilterModel:
 
 @dataclass(frozen=True)
 class FilterRun:
-    """What a peer's run leaves: RMS errors (4, 3), and truth (steps, 3) and estimates (steps, 4, 3) where it keeps them."""
+    """What a peer's run leaves: RMS errors (4, 3); truth (steps, 3) and estimates (steps, 4, 3) if it keeps them."""
 
     rmse: Array
     truth: Array | None = None
@@ -88,7 +88,7 @@ def filter_model(setting: Setting) -> FilterModel:
         kf_q=np.asarray(setting.kf_step_q, dtype=float),
         ekf_q=np.stack([per_axis(row) for row in believed_pose_noise(setting)]),
         to_body=body,
-        to_wheels=np.linalg.pinv(body),
+        to_wheels=np.asarray(np.linalg.pinv(body), dtype=np.float64),
         ismc_lambda=np.asarray(setting.ismc_lambda),
         ismc_k=np.asarray(setting.ismc_k),
         drive_true=setting.drive == "true",

@@ -28,7 +28,9 @@ class Options:
 
     def measure(self, measurements: dict[str, Measurement]) -> dict[str, Spread]:
         """Do the measurements in turn, ``rounds`` times over."""
-        return alternate(measurements, self.rounds, lambda name, number: self.say(f"{name} ({number + 1}/{self.rounds})"))
+        return alternate(
+            measurements, self.rounds, lambda name, number: self.say(f"{name} ({number + 1}/{self.rounds})")
+        )
 
     @property
     def how(self) -> str:

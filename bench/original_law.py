@@ -41,11 +41,7 @@ def measure(options: Options) -> list[Table]:
     rows = [Row(label, _cells(label, x86, m7)) for label in (DOUBLE, FLOAT, TICKS)]
     if DOUBLE in m7:
         rows = list(with_ratios(rows, M7, DOUBLE, RATIO))
-    note = (
-        "Per 20 ms of the robot's time. The last row is “Instructions per tick” above, core, times 20. The Cortex-M7 has double "
-        "precision in hardware; QEMU counts such an instruction like any other, while additions and multiplications take it about twice, "
-        "divisions and roots about twice as long."
-    )
+    note = "Per 20 ms of the robot's time. The last row is the first of “Instructions per tick”, core, times 20."
     return [Table("law", "control per 20 ms", (X86, M7, RATIO, SHARE), tuple(rows), note)]
 
 

@@ -72,7 +72,7 @@ def with_ratios(rows: Sequence[Row], column: str, reference: str, heading: str) 
     """Return the rows with a column more: a row's figure in units of the reference row's."""
     base = next(row.cells[column] for row in rows if row.label == reference)
     if not isinstance(base, float):
-        raise ValueError(f"{reference}: {column} is {base!r}, not a figure to compare with")
+        raise TypeError(f"{reference}: {column} is {base!r}, not a figure to compare with")
     result = []
     for row in rows:
         value = row.cells.get(column)
@@ -82,7 +82,10 @@ def with_ratios(rows: Sequence[Row], column: str, reference: str, heading: str) 
 
 
 def replace_block(text: str, name: str, lines: Sequence[str]) -> str:
-    """Return the page with what is between ``<!-- NAME -->`` and ``<!-- /NAME -->`` replaced. ValueError without markers."""
+    """Return the page with what is between ``<!-- NAME -->`` and ``<!-- /NAME -->`` replaced.
+
+    Raises ValueError if one of the markers is missing or stands twice.
+    """
     begin, end = f"<!-- {name} -->", f"<!-- /{name} -->"
     if text.count(begin) != 1 or text.count(end) != 1 or text.index(end) < text.index(begin):
         raise ValueError(f"the page needs the markers {begin} and {end}, once each")

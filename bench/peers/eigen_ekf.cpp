@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: MIT
 /// @file eigen_ekf.cpp  The same filters with Eigen's fixed-size matrices of float: what a C++ user would write, letting the compiler
 /// unroll. Own writing. Left out: late fixes, gates, checks of the inputs, Joseph form, wrapped angles, compensated sums.
-#include <Eigen/Dense>
 #include <cmath>
+#include <Eigen/Dense>
 
 #include "estimators.h"
 
 namespace {
 
-template <int N, int M> struct Filter {
+template <int N, int M>
+struct Filter {
     using State = Eigen::Matrix<float, N, 1>;
     using Square = Eigen::Matrix<float, N, N>;
     using Measurement = Eigen::Matrix<float, M, 1>;
@@ -32,7 +33,8 @@ template <int N, int M> struct Filter {
     }
 };
 
-template <int Rows, int Columns> Eigen::Matrix<float, Rows, Columns> matrix(const float *values) {
+template <int Rows, int Columns>
+Eigen::Matrix<float, Rows, Columns> matrix(const float *values) {
     constexpr int order = Columns == 1 ? Eigen::ColMajor : Eigen::RowMajor;
     return Eigen::Map<const Eigen::Matrix<float, Rows, Columns, order>>(values);
 }

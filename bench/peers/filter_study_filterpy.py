@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The filter study with FilterPy: its KalmanFilter for the motors, its ExtendedKalmanFilter for the pose.
 
-What a Python user would reach for; the robot around the filters is NumPy, step by step. Left out: checks of the inputs, late
-fixes, gates, wrapped angles. FilterPy keeps more than asked for (copies of prior and posterior, residuals).
+What a Python user would reach for; the robot around the filters is NumPy, step by step. Left out: checks of the inputs,
+late fixes, gates, wrapped angles. FilterPy keeps more than asked for (copies of prior and posterior, residuals).
 """
 
 from __future__ import annotations

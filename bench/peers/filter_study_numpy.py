@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The filter study as a plain script: Python with NumPy matrices, one step after the other.
 
-The joint eight-state motor filter and two EKFs with ``numpy.linalg.inv``, in double precision, as the report's equations
-read. Left out: checks of the inputs, late fixes, gates, wrapped angles (the path does not need them).
+The joint eight-state motor filter and two EKFs with ``numpy.linalg.inv``, in double precision, as the report's
+equations read. Left out: checks of the inputs, late fixes, gates, wrapped angles (the path does not need them).
 """
 
 from __future__ import annotations

@@ -19,8 +19,7 @@ struct Candidate {
 };
 
 constexpr Candidate candidates[] = {
-    {"core_pose", core_pose},   {"core_motor", core_motor},
-    {"tiny_pose", tiny_pose},   {"tiny_motor", tiny_motor},
+    {"core_pose", core_pose},   {"core_motor", core_motor},   {"tiny_pose", tiny_pose}, {"tiny_motor", tiny_motor},
 #ifdef BENCH_EIGEN
     {"eigen_pose", eigen_pose}, {"eigen_motor", eigen_motor},
 #endif
