@@ -12,9 +12,6 @@ static const double HIL_PI = 3.14159265358979323846;
 /** For functions that the loop over the wheels is unrolled in. */
 #define HIL_INLINE static inline __attribute__((always_inline))
 
-/** `condition ? a : b` where data decides. */
-#define hil_select(condition, a, b) ((condition) ? (a) : (b))
-
 #define hil_sqrt sqrt
 #define hil_abs fabs
 #define hil_copysign copysign

@@ -1,11 +1,19 @@
 /* SPDX-License-Identifier: MIT */
-/** @file real.h  The numbers of the simulated world: whatever can differ between two runs of a study that share one flow of control. */
+/**
+ * @file real.h
+ * The numbers that the world is computed in. What is compiled a second time for eight runs at once (lanes) uses these types for
+ * everything that may differ between runs, and hil_select where data decide; everything else is one value for all of them.
+ */
 #ifndef HIL_SIM_REAL_H
 #define HIL_SIM_REAL_H
 
 #include <stdint.h>
 
+#ifndef hil_select /* the build for lanes brings its own types and its own blend */
 typedef double hil_real_t;
-typedef int32_t hil_int_t; /**< counters */
+typedef int32_t hil_int_t;   /**< counters */
+typedef uint64_t hil_seed_t; /**< of the random numbers */
+#define hil_select(condition, a, b) ((condition) ? (a) : (b))
+#endif
 
 #endif

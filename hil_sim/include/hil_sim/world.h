@@ -134,7 +134,7 @@ typedef struct hil_world_config_t {
     double fix_delay_s;
     hil_real_t fix_drop_probability;
     hil_real_t start_pose[3]; /**< x [m], y [m], theta [rad] */
-    uint64_t seed;
+    hil_seed_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];
 } hil_world_config_t;
