@@ -3,7 +3,6 @@
  *
  * Every contact says r w_i (1 - s_i) - u_i = t_i . (v + wz x p_i). Three wheels say it exactly; four contradict each other by what slips,
  * and the velocity in between is the one of least squares. */
-#include <math.h>
 #include <string.h>
 
 #include "motion.h"
@@ -37,9 +36,12 @@ static void steady_wheels(hil_world_t *world, const hil_electrics_t *electrics, 
 /* Constant body velocity turns the body along an arc of a circle: heading in the middle, chord instead of arc. */
 static void advance_arc(hil_world_t *world, const hil_real_t *v, double step_s) {
     const hil_real_t half_rad = 0.5 * step_s * v[2];
-    const hil_real_t chord = fabs(half_rad) < 1e-4 ? 1.0 - half_rad * half_rad / 6.0 : sin(half_rad) / half_rad;
-    const hil_real_t c = step_s * chord * cos(world->pose[2] + half_rad);
-    const hil_real_t s = step_s * chord * sin(world->pose[2] + half_rad);
+    hil_real_t half[2], heading[2];
+    hil_cos_sin(half_rad, half);
+    hil_cos_sin(world->pose[2] + half_rad, heading);
+    const hil_real_t chord = hil_select(hil_abs(half_rad) < 1e-4, 1.0 - half_rad * half_rad / 6.0, half[1] / half_rad);
+    const hil_real_t c = step_s * chord * heading[0];
+    const hil_real_t s = step_s * chord * heading[1];
     world->pose[0] += c * v[0] - s * v[1];
     world->pose[1] += s * v[0] + c * v[1];
     world->pose[2] += 2.0 * half_rad;
@@ -57,7 +59,8 @@ void hil_kinematic_step(hil_world_t *world, const hil_electrics_t *electrics, do
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         world->wheel_angle_rad[i] += step_s * y.w[i];
     }
-    const hil_real_t cos_sin[2] = {cos(world->pose[2]), sin(world->pose[2])};
+    hil_real_t cos_sin[2];
+    hil_cos_sin(world->pose[2], cos_sin);
     hil_motion_store(world, &y, cos_sin);
     world->supply_V = electrics->battery_V;
 }

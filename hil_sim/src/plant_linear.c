@@ -5,7 +5,6 @@
  *     r_i w_i (1 - s_i) - u_i = t_i . (v + wz x p_i)
  * B = diag(B_v, B_vn, B_w), C = diag(C_v, C_vn, C_w); M is the body's plus J / (r_i^2 (1 - s_i)) from each wheel. The same Rosenbrock
  * W-method as in plant_contact.c, with friction and back EMF in A, because Coulomb friction is stiff at rest. */
-#include <math.h>
 #include <string.h>
 
 #include "motion.h"
@@ -25,7 +24,7 @@ static void friction_of_motors(hil_plant_t *plant, const hil_world_config_t *con
                                          plant->arm_m[i] / plant->radius_m[i]};
         for (int axis = 0; axis < 3; axis++) {
             plant->linear_viscous[axis] += config->motor_viscous_N_m_s * per_speed[axis] * per_speed[axis];
-            plant->linear_coulomb[axis] += config->motor_coulomb_N_m * fabs(per_speed[axis]);
+            plant->linear_coulomb[axis] += config->motor_coulomb_N_m * hil_abs(per_speed[axis]);
         }
     }
     plant->linear_viscous[0] += plant->drag_xx;
@@ -95,7 +94,7 @@ static void balance_at(const hil_world_t *world, const hil_electrics_t *electric
     push_of_wheels(world, electrics, v, balance);
     for (int axis = 0; axis < 3; axis++) {
         const hil_real_t width = plant->coulomb_width[axis];
-        const hil_real_t q = 1.0 / sqrt(v[axis] * v[axis] + width * width);
+        const hil_real_t q = 1.0 / hil_sqrt(v[axis] * v[axis] + width * width);
         balance->force[axis] -= plant->linear_viscous[axis] * v[axis] + plant->linear_coulomb[axis] * v[axis] * q;
         balance->damping[DIAGONAL[axis]] +=
             plant->linear_viscous[axis] + plant->linear_coulomb[axis] * width * width * q * q * q;

@@ -12,11 +12,18 @@ static const double HIL_PI = 3.14159265358979323846;
 /** For functions that the loop over the wheels is unrolled in. */
 #define HIL_INLINE static inline __attribute__((always_inline))
 
+#ifndef HIL_OWN_NUMBERS
 #define hil_sqrt sqrt
 #define hil_abs fabs
 #define hil_copysign copysign
 #define hil_exp exp
 #define hil_log1p log1p
+
+/** A counter after `edges` more, a whole number; it wraps as a hardware counter does. */
+HIL_INLINE hil_int_t hil_count_on(hil_int_t count, hil_real_t edges) {
+    return (hil_int_t)((uint32_t)count + (uint32_t)(int64_t)edges);
+}
+#endif
 
 /* Not fmax and fmin, which are calls. */
 HIL_INLINE hil_real_t hil_max(hil_real_t a, hil_real_t b) {
@@ -64,11 +71,6 @@ HIL_INLINE void hil_cos_sin(hil_real_t angle_rad, hil_real_t *cos_sin) {
     const hil_real_t odd = turn * turn;                                    /* 1: a quarter turn, 4: a half, 0: none */
     cos_sin[0] = hil_select(odd == 1.0, hil_select(turn > 0.0, -s, s), hil_select(odd > 1.0, -c, c));
     cos_sin[1] = hil_select(odd == 1.0, hil_select(turn > 0.0, c, -c), hil_select(odd > 1.0, -s, s));
-}
-
-/** A counter after `edges` more, a whole number; it wraps as a hardware counter does. */
-HIL_INLINE hil_int_t hil_count_on(hil_int_t count, hil_real_t edges) {
-    return (hil_int_t)((uint32_t)count + (uint32_t)(int64_t)edges);
 }
 
 #endif

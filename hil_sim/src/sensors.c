@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Encoders and the pose sensor. */
 #include <stddef.h>
+#include <string.h>
 
 #include "hil_sim/random.h"
 #include "parts.h"
@@ -58,12 +59,14 @@ static void measure(const hil_world_t *world, uint64_t sample, double age_s, hil
     pose[2] = wrap_angle(pose[2]);
 }
 
-static void freeze(hil_world_t *world, hil_real_t *pose) {
+static void freeze(hil_world_t *world, hil_fix_t *fix) {
     const bool frozen = hil_fault_find(world, HIL_FAULT_POSE_FREEZE, HIL_MAX_WHEELS) != NULL;
-    hil_real_t *from = frozen ? world->frozen_pose : pose;
-    hil_real_t *to = frozen ? pose : world->frozen_pose;
     for (uint32_t axis = 0; axis < 3; axis++) {
-        to[axis] = from[axis];
+        if (frozen) {
+            fix->pose[axis] = world->frozen_pose[axis];
+        } else {
+            world->frozen_pose[axis] = hil_select(fix->lost, world->frozen_pose[axis], fix->pose[axis]);
+        }
     }
 }
 
@@ -76,10 +79,25 @@ static void queue(hil_world_t *world, const hil_fix_t *fix) {
     world->fix_count++;
 }
 
-static bool lost(const hil_world_t *world, uint64_t sample) {
+static hil_flag_t lost(const hil_world_t *world, uint64_t sample) {
     const hil_world_config_t *config = &world->config;
-    return hil_fault_find(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) != NULL ||
-           hil_uniform(config->seed, HIL_STREAM_FIX_DROP, sample) < config->fix_drop_probability;
+    if (hil_fault_find(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) != NULL) {
+        return true;
+    }
+    return (hil_flag_t)(hil_uniform(config->seed, HIL_STREAM_FIX_DROP, sample) < config->fix_drop_probability);
+}
+
+static void take_sample(hil_world_t *world, uint64_t sample, uint64_t due_us) {
+    const hil_fault_t *late = hil_fault_find(world, HIL_FAULT_POSE_DELAY, HIL_MAX_WHEELS);
+    const double late_s = late != NULL ? late->value : 0.0;
+    hil_fix_t fix;
+    memset(&fix, 0, sizeof fix);
+    fix.taken_us = due_us + (uint64_t)(late_s * 1e6 + 0.5);
+    fix.arrives_us = due_us + (uint64_t)((world->config.fix_delay_s + late_s) * 1e6 + 0.5);
+    fix.lost = lost(world, sample);
+    measure(world, sample, 1e-6 * (double)(world->time_us - due_us), fix.pose);
+    freeze(world, &fix);
+    queue(world, &fix);
 }
 
 /* Samples are due at k / rate, which need not fall on a tick: the pose is carried back to that time. */
@@ -95,16 +113,6 @@ void hil_pose_sensor_update(hil_world_t *world) {
             return;
         }
         world->fixes_taken++;
-        if (!lost(world, sample)) {
-            const hil_fault_t *late = hil_fault_find(world, HIL_FAULT_POSE_DELAY, HIL_MAX_WHEELS);
-            const double late_s = late != NULL ? late->value : 0.0;
-            const uint64_t delay_us = (uint64_t)((config->fix_delay_s + late_s) * 1e6 + 0.5);
-            hil_fix_t fix;
-            fix.taken_us = due_us + (uint64_t)(late_s * 1e6 + 0.5);
-            fix.arrives_us = due_us + delay_us;
-            measure(world, sample, 1e-6 * (double)(world->time_us - due_us), fix.pose);
-            freeze(world, fix.pose);
-            queue(world, &fix);
-        }
+        take_sample(world, sample, due_us);
     }
 }

@@ -18,9 +18,9 @@ static uint8_t valid_counts(const hil_world_t *world) {
 }
 
 static void take_due_fix(hil_world_t *world, hil_sensors_t *sensors) {
-    sensors->has_fix = world->fix_count > 0 && world->fix[world->fix_head].arrives_us <= world->time_us;
-    if (sensors->has_fix) {
+    while (!sensors->has_fix && world->fix_count > 0 && world->fix[world->fix_head].arrives_us <= world->time_us) {
         sensors->fix = world->fix[world->fix_head];
+        sensors->has_fix = !sensors->fix.lost;
         world->fix_head = (world->fix_head + 1) % HIL_MAX_FIXES;
         world->fix_count--;
     }
@@ -86,11 +86,11 @@ void hil_world_output_enable(hil_world_t *world, bool on) {
     }
 }
 
-static double share_of_period(uint16_t steps) {
-    return (steps < PWM_STEPS ? steps : PWM_STEPS) / (double)PWM_STEPS;
+static hil_real_t share_of_period(hil_steps_t steps) {
+    return hil_min((hil_real_t)steps, (double)PWM_STEPS) * (1.0 / PWM_STEPS);
 }
 
-void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps) {
+void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps) {
     world->i2c_status = hil_bus_fault(world);
     if (world->i2c_status != 0) {
         return;

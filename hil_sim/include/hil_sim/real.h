@@ -7,11 +7,14 @@
 #ifndef HIL_SIM_REAL_H
 #define HIL_SIM_REAL_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
-#ifndef hil_select /* the build for lanes brings its own types and its own blend */
+#ifndef HIL_OWN_NUMBERS
 typedef double hil_real_t;
-typedef int32_t hil_int_t;   /**< counters */
+typedef int32_t hil_int_t;    /**< counters */
+typedef uint16_t hil_steps_t; /**< of a PWM period */
+typedef bool hil_flag_t;
 typedef uint64_t hil_seed_t; /**< of the random numbers */
 #define hil_select(condition, a, b) ((condition) ? (a) : (b))
 #endif

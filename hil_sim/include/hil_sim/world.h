@@ -143,6 +143,7 @@ typedef struct hil_fix_t {
     uint64_t taken_us; /**< when the sensor saw it */
     uint64_t arrives_us;
     hil_real_t pose[3]; /**< x, y, theta wrapped to -pi..pi */
+    hil_flag_t lost;    /**< it never arrives: a place in the queue only */
 } hil_fix_t;
 
 /** What the robot's electronics see of the world at one tick. */
@@ -246,7 +247,7 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
  * Set the bridge inputs directly, in PWM steps 0..4096 per wheel at 1526 Hz, instead of through the chip (in-process runs). I2C faults act
  * as on the chip: the bridges keep what they have and the next i2c_status says so.
  */
-void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
+void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps);
 
 /**
  * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Off after hil_world_init.
