@@ -22,10 +22,15 @@ BLOCK = 8
 
 @dataclass(frozen=True)
 class LoopTime:
-    """What a loop took [s] for how much simulated time [s]; ``tick_us`` is what the firmware itself measured."""
+    """What a loop took [s] for how much simulated time [s].
+
+    ``cpu_s`` is the time that processors spent on it [s], 0 where other processes have their part in it; ``tick_us``
+    what the firmware itself measured.
+    """
 
     wall_s: float
     simulated_s: float
+    cpu_s: float = 0.0
     tick_us: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -48,7 +53,7 @@ def loops(seconds: float, seed: int = 1) -> dict[str, Loop]:
     scenario = replace(load_scenario(SCENARIO), duration_s=seconds, seed=seed)
     found = {
         "hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario))),
-        "in_process": Loop("in process: world and control core", 300.0, lambda: _of(run_in_process(scenario))),
+        "in_process": Loop("in process: world and control core", 300.0, lambda: _in_process(scenario)),
         "monte_carlo": Loop("Monte Carlo, 1 worker", 1000.0, lambda: monte_carlo(scenario, 1)),
         "monte_carlo_2": Loop("Monte Carlo, 2 workers", None, lambda: monte_carlo(scenario, 2)),
     }
@@ -61,10 +66,10 @@ def loops(seconds: float, seed: int = 1) -> dict[str, Loop]:
 def monte_carlo(scenario: Scenario, workers: int, blocks: int = 4) -> LoopTime:
     """Run ``blocks`` blocks of consecutive seeds, shared by workers."""
     firsts = [scenario.seed + BLOCK * number for number in range(blocks)]
-    start = time.perf_counter()
+    start, cpu_start = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(workers) as pool:
         simulated_s = sum(pool.map(lambda first: _block_s(scenario, first), firsts))
-    return LoopTime(time.perf_counter() - start, simulated_s)
+    return LoopTime(time.perf_counter() - start, simulated_s, time.process_time() - cpu_start)
 
 
 def _block_s(scenario: Scenario, first: int) -> float:
@@ -72,8 +77,14 @@ def _block_s(scenario: Scenario, first: int) -> float:
     return sum(run_in_process(scenario, first + number).ticks for number in range(BLOCK)) * 1e-3
 
 
+def _in_process(scenario: Scenario) -> LoopTime:
+    cpu_start = time.process_time()
+    run = run_in_process(scenario)
+    return replace(_of(run), cpu_s=time.process_time() - cpu_start)
+
+
 def _of(run: Run) -> LoopTime:
-    return LoopTime(run.wall_s, run.ticks * 1e-3, run.tick_us)
+    return LoopTime(run.wall_s, run.ticks * 1e-3, tick_us=run.tick_us)
 
 
 def _has_emulator() -> bool:
