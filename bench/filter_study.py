@@ -44,7 +44,8 @@ def measure(options: Options) -> list[Table]:
     reference = LANES if LANES in spreads else SCALAR
     note = (
         "CPU time of one thread. A step is one step of one run with all four combinations; "
-        f"ours {setting.steps} steps a run, scripts {steps}, batched {runs} runs. Setting “{setting.title}”, seed {options.seed}; {options.how}."
+        f"ours {setting.steps} steps a run, scripts {steps}, batched {runs} runs. "
+        f"Setting “{setting.title}”, seed {options.seed}; {options.how}."
     )
     columns = (PER_STEP, MEDIAN, RATIO, FULL)
     ratios = with_ratios(rows, PER_STEP, reference, RATIO)
