@@ -204,8 +204,8 @@ def run_hil(
     """Run a scenario with real firmware: the one behind ``link``, or one of its own, as a process or ``emulated``.
 
     With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
-    run and its own ones back afterwards; nothing is stored on it. ``asleep``: this end and a firmware process of its own
-    wait for each other without looking (:class:`LockstepLink`), for comparison.
+    run and its own ones back afterwards; nothing is stored on it. ``asleep``: this end and a firmware process of its
+    own wait for each other without looking (:class:`LockstepLink`), for comparison.
     """
     scenario = scenario.with_seed(seed)
     with ExitStack() as stack:

@@ -77,6 +77,10 @@ class LockstepLink:
         """Return the simulated time."""
         return self.ticks * 1e-3
 
+    def set_realtime_factor(self, factor: float) -> None:
+        """Change how fast it runs; see the class."""
+        self._lockstep.realtime_factor = factor
+
     @property
     def silent(self) -> bool:
         """Whether the ground station's messages get lost now."""
@@ -160,8 +164,8 @@ class LockstepLink:
     def take_samples(self) -> NDArray[Any]:
         """Return the samples of all ticks since the last call."""
         self._flush()
-        samples, self._samples = np.concatenate(self._samples), []
-        return samples
+        samples, self._samples = self._samples, []
+        return samples[0] if len(samples) == 1 else np.concatenate(samples)
 
     def _flush(self) -> None:
         self._samples.append(self._record.samples.copy())

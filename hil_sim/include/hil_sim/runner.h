@@ -77,11 +77,12 @@ typedef struct hil_lockstep_t {
     int32_t fd;        /**< open, connected; stays the caller's */
     uint8_t system_id; /**< of this end */
     uint8_t component_id;
-    uint32_t sequence;           /**< of the next tick; own */
-    uint64_t ticks;              /**< run so far, the simulated clock; own */
-    omni_patience_t patience;    /**< how answers are waited for: looks = false is always asleep, as is a run with a realtime_factor */
-    bool send_fixes;             /**< pose fixes go out as VICON_POSITION_ESTIMATE */
-    double timeout_s;            /**< wall time to wait for an answer */
+    uint32_t sequence; /**< of the next tick; own */
+    uint64_t ticks;    /**< run so far, the simulated clock; own */
+    omni_patience_t
+        patience;     /**< how answers are waited for: looks = false is always asleep, as is a run with a realtime_factor */
+    bool send_fixes;  /**< pose fixes go out as VICON_POSITION_ESTIMATE */
+    double timeout_s; /**< wall time to wait for an answer */
     double realtime_factor;      /**< 0: as fast as it goes; 1: real time */
     uint8_t rx[HIL_LOCKSTEP_RX]; /**< every other frame the robot sent, whole, for the caller to take: set both lengths to 0 */
     uint32_t rx_length;

@@ -21,20 +21,21 @@ extern "C" {
 #endif
 
 enum {
-    OMNI_PATIENCE_LOOK_us = 200, /**< longest look; more than waking the other end takes, or two sleepers would never meet awake */
+    OMNI_PATIENCE_LOOK_us =
+        200, /**< longest look; more than waking the other end takes, or two sleepers would never meet awake */
     OMNI_PATIENCE_NEAR_us = 500, /**< a longer wait has another reason than the other end's tick */
     OMNI_PATIENCE_SLEEPS = 254   /**< most waits asleep between two looks in vain */
 };
 
 /** One end's experience. Zero with `looks` set is a good start. */
 typedef struct omni_patience_t {
-    bool looks;         /**< false: always asleep */
-    uint8_t failures;   /**< looks in vain; they wear off with success */
-    uint8_t successes;  /**< since a failure last wore off */
-    uint16_t sleeps;    /**< waits still to be slept through */
-    uint64_t looked;    /**< waits that ended while looking */
-    uint64_t in_vain;   /**< looks after which it had to sleep all the same */
-    uint64_t slept;     /**< waits without a look */
+    bool looks;        /**< false: always asleep */
+    uint8_t failures;  /**< looks in vain; they wear off with success */
+    uint8_t successes; /**< since a failure last wore off */
+    uint16_t sleeps;   /**< waits still to be slept through */
+    uint64_t looked;   /**< waits that ended while looking */
+    uint64_t in_vain;  /**< looks after which it had to sleep all the same */
+    uint64_t slept;    /**< waits without a look */
 } omni_patience_t;
 
 /** Start anew. Looking is for two processors: with one, the other end could not run meanwhile. */
