@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
 #ifdef __linux__
-#define _GNU_SOURCE /* sched_getaffinity */
 #include <sched.h>
 #endif
 #include "omni_link/patience.h"
