@@ -21,7 +21,7 @@ TICK_S = 1e-3
 def measure(options: Options) -> list[Table]:
     """Return the tables of speed and of instructions."""
     seconds = float(options.pick(2, 20))
-    found = loops(seconds, options.seed)
+    found = loops(seconds, options.seed, compared=True)
     note = (
         f"Scenario `{SCENARIO}`, 1 kHz, {seconds:g} s simulated, seed {options.seed}; "
         f"best and median of {options.rounds}, measured in turn."

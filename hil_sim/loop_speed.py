@@ -9,6 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
+from hil_sim.batch import run_batch
 from hil_sim.hil import run_hil
 from hil_sim.runs import Run, run_in_process
 from hil_sim.scenario import Scenario, load_scenario
@@ -16,7 +17,8 @@ from omniwheel.emulated_firmware import EMULATOR
 from omniwheel.paths import MissingFileError, emulated_firmware_path
 
 SCENARIO = "demo"
-BLOCK = 8
+TICK_S = 1e-3
+BLOCK_RUNS = 16
 """Runs that a worker does at a time."""
 
 
@@ -48,8 +50,11 @@ class Loop:
     run: Callable[[], LoopTime]
 
 
-def loops(seconds: float, seed: int = 1) -> dict[str, Loop]:
-    """Return the loops that can run here, over ``seconds`` of the demo's scenario."""
+def loops(seconds: float, seed: int = 1, *, compared: bool = False) -> dict[str, Loop]:
+    """Return the loops that can run here, over ``seconds`` of the demo's scenario.
+
+    ``compared``: with what they are compared with, too: waiting asleep, and Monte Carlo run after run.
+    """
     scenario = replace(load_scenario(SCENARIO), duration_s=seconds, seed=seed)
     found = {
         "hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario))),
@@ -60,12 +65,15 @@ def loops(seconds: float, seed: int = 1) -> dict[str, Loop]:
     if _has_emulator():
         words = "firmware on an emulated Cortex-M7 in the loop"
         found["emulated"] = Loop(words, 2.0, lambda: _of(run_hil(scenario, emulated=True)))
+    if compared:
+        words = "firmware process, both ends asleep while they wait"
+        found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, asleep=True)))
     return found
 
 
 def monte_carlo(scenario: Scenario, workers: int, blocks: int = 4) -> LoopTime:
     """Run ``blocks`` blocks of consecutive seeds, shared by workers."""
-    firsts = [scenario.seed + BLOCK * number for number in range(blocks)]
+    firsts = [scenario.seed + BLOCK_RUNS * number for number in range(blocks)]
     start, cpu_start = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(workers) as pool:
         simulated_s = sum(pool.map(lambda first: _block_s(scenario, first), firsts))
@@ -74,7 +82,7 @@ def monte_carlo(scenario: Scenario, workers: int, blocks: int = 4) -> LoopTime:
 
 def _block_s(scenario: Scenario, first: int) -> float:
     """Run a block and return the time it simulated [s]."""
-    return sum(run_in_process(scenario, first + number).ticks for number in range(BLOCK)) * 1e-3
+    return float(run_batch(scenario, first, BLOCK_RUNS).rows["ticks"].sum()) * TICK_S
 
 
 def _in_process(scenario: Scenario) -> LoopTime:
@@ -84,7 +92,7 @@ def _in_process(scenario: Scenario) -> LoopTime:
 
 
 def _of(run: Run) -> LoopTime:
-    return LoopTime(run.wall_s, run.ticks * 1e-3, tick_us=run.tick_us)
+    return LoopTime(run.wall_s, run.ticks * TICK_S, tick_us=run.tick_us)
 
 
 def _has_emulator() -> bool:
