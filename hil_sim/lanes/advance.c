@@ -23,6 +23,11 @@ typedef struct lanes_t {
 } lanes_t;
 
 static __thread hil_lanes_stats_t stats_of_thread;
+static volatile hil_lanes_level_t level = HIL_LANES_BEST;
+
+void hil_lanes_use(hil_lanes_level_t wanted) {
+    level = wanted;
+}
 
 void hil_lanes_take_stats(hil_lanes_stats_t *stats) {
     *stats = stats_of_thread;
@@ -34,7 +39,7 @@ static size_t aligned(size_t bytes) {
 }
 
 static bool open_lanes(lanes_t *lanes) {
-    const hil_lanes_runs_t *how = hil_lanes_runs();
+    const hil_lanes_runs_t *how = level == HIL_LANES_BEST ? hil_lanes_runs() : &hil_lanes_runs_baseline;
     const size_t size[5] = {how->world_bytes, how->metrics_bytes, how->core->robot_bytes, how->core->inputs_bytes,
                             how->core->outputs_bytes};
     void **part[5] = {&lanes->live.world, &lanes->live.metrics, &lanes->live.robot, &lanes->live.inputs, &lanes->live.outputs};
@@ -122,6 +127,11 @@ static void unpack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_
     hil_lanes_unpack(layout, from, each);
 }
 
+/* Is this lane the first once more? */
+static bool repeats(hil_run_t *const runs[HIL_LANES], int lane) {
+    return lane > 0 && runs[lane] == runs[0];
+}
+
 static void unpack(const lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
     const hil_lanes_runs_t *how = lanes->how;
     const hil_lanes_core_t *core = how->core;
@@ -133,7 +143,7 @@ static void unpack(const lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint6
     unpack_member(&core->outputs, runs, offsetof(hil_run_t, outputs), lanes->live.outputs);
     for (int lane = 0; lane < HIL_LANES; lane++) {
         runs[lane]->robot.trajectory = plans == NULL ? NULL : (const omni_trajectory_t *)plans->plan[lane];
-        runs[lane]->ticks += ticks;
+        runs[lane]->ticks += repeats(runs, lane) ? 0 : ticks;
     }
 }
 
@@ -166,7 +176,9 @@ static uint64_t together(const lanes_t *lanes, uint64_t ticks) {
 
 static void each_alone(hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
     for (int lane = 0; lane < HIL_LANES; lane++) {
-        hil_run_advance(runs[lane], ticks);
+        if (!repeats(runs, lane)) {
+            hil_run_advance(runs[lane], ticks);
+        }
     }
     stats_of_thread.alone += ticks;
 }
@@ -197,7 +209,7 @@ uint64_t hil_lanes_advance(hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
             return 0;
         }
     }
-    if (!open_lanes(&lanes)) {
+    if (level == HIL_LANES_NONE || !open_lanes(&lanes)) {
         return 0;
     }
     (void)hil_lanes_take_parted();

@@ -9,6 +9,7 @@
 #include "hil_sim/figures.h"
 #include "hil_sim/filter_study.h"
 #include "hil_sim/metrics.h"
+#include "hil_sim/lanes.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/random.h"
 #include "hil_sim/run.h"

@@ -10,7 +10,7 @@
 
 /**
  * As hil_run_advance for each of eight runs, bit for bit. They share one flow of control; where their data would part it, each goes on
- * by itself for some ticks. @return ticks done, fewer than asked for if the runs differ in more than numbers (states, faults, wheels,
+ * by itself for some ticks. Fewer than eight: the first again and again after the last. @return ticks done, fewer than asked for if the runs differ in more than numbers (states, faults, wheels,
  * times ...), or record, or there is no memory: 0 if so from the start. The rest is for hil_run_advance.
  */
 uint64_t hil_lanes_advance(hil_run_t *const runs[8], uint64_t ticks);
@@ -24,6 +24,15 @@ typedef struct hil_lanes_stats_t {
     uint64_t packed;   /**< times that runs were put into lanes */
     uint64_t refused;  /**< times that they could not be */
 } hil_lanes_stats_t;
+
+/** What to use: HIL_LANES_BEST of this processor unless said otherwise, for tests and benchmarks; of the whole process. */
+typedef enum hil_lanes_level_t {
+    HIL_LANES_NONE = 0, /**< hil_lanes_advance does nothing */
+    HIL_LANES_BASELINE, /**< what every processor of this kind has */
+    HIL_LANES_BEST
+} hil_lanes_level_t;
+
+void hil_lanes_use(hil_lanes_level_t level);
 
 /** Of the calling thread since its last call of this. */
 void hil_lanes_take_stats(hil_lanes_stats_t *stats);
