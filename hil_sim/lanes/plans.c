@@ -5,21 +5,26 @@
 
 #include "omni/trajectory.h"
 
+/* Bit for bit: holes that differ cost time only. */
+static bool same(const void *a, const void *b) {
+    return memcmp(a, b, sizeof(omni_trajectory_t)) == 0;
+}
+
 /* After the lead-in, the pose at plan time matters only to a robot that holds it. */
 static bool same_path(const omni_trajectory_t *a, const omni_trajectory_t *b) {
     omni_trajectory_t moved;
     memcpy(&moved, b, sizeof moved);
     moved.origin = a->origin;
-    return a->config.type != OMNI_TRJ_TYPE_HOLD && memcmp(a, &moved, sizeof moved) == 0;
+    return a->config.type != OMNI_TRJ_TYPE_HOLD && same(a, &moved);
 }
 
 void hil_lanes_plans_set(hil_lanes_plans_t *plans, const void *const plan[HIL_LANES]) {
     memcpy(plans->plan, plan, sizeof plans->plan);
-    for (uint8_t lane = 0; lane < HIL_LANES; ++lane) {
-        plans->same[lane] = plans->path[lane] = lane;
-        for (uint8_t i = lane; i-- > 0;) {
-            plans->same[lane] = memcmp(plan[i], plan[lane], sizeof(omni_trajectory_t)) == 0 ? i : plans->same[lane];
-            plans->path[lane] = same_path(plan[i], plan[lane]) ? i : plans->path[lane];
+    for (int lane = 0; lane < HIL_LANES; ++lane) {
+        plans->same[lane] = plans->path[lane] = (uint8_t)lane;
+        for (int i = lane; i-- > 0;) {
+            plans->same[lane] = same(plan[i], plan[lane]) ? (uint8_t)i : plans->same[lane];
+            plans->path[lane] = same_path(plan[i], plan[lane]) ? (uint8_t)i : plans->path[lane];
         }
     }
 }
