@@ -18,7 +18,10 @@ double hil_uniform(uint64_t seed, uint32_t stream, uint64_t index);
 /** Standard normal (Box-Muller). */
 double hil_normal(uint64_t seed, uint32_t stream, uint64_t index);
 
-/** Four independent standard normals from one Philox block, within 6.7 standard deviations: for loops that draw many. */
-void hil_normal4(uint64_t seed, uint32_t stream, uint64_t index, double *out);
+/**
+ * Four independent standard normals from one Philox block, for loops that draw many: single precision (within 4e-7 times the larger of
+ * 1 and a pair's distance from 0), no libm, |normal| <= 6.77; the same bits on every machine.
+ */
+void hil_normal4(uint64_t seed, uint32_t stream, uint64_t index, float *out);
 
 #endif
