@@ -4,10 +4,9 @@
 #include <string.h>
 
 #include <cstdlib>
-#include <memory>
-#include <new>
 
 #include "../src/filter_study_lanes.h"
+#include "divergence.h"
 #include "filters.hpp"
 #include "words.hpp"
 
@@ -23,61 +22,63 @@ typedef lanes::wide_t hil_real_t;
 #include "../src/filter_study_sums.c"
 #include "../src/filter_study_truth.c"
 
-} // namespace core
-
-struct release {
-    void operator()(core::hil_filter_run_t *run) const { std::free(run); }
-};
-
 /* Steps between two looks at whether the lanes have parted. */
-constexpr uint32_t stretch = 1024;
+constexpr uint32_t steps_per_look = 1024;
 
-bool run_steps(core::hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference, const double *rate) {
+bool run_all(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference, const double *rate,
+             const omni_uint_t *seed) {
+    (void)hil_lanes_take_parted();
+    if (!hil_filter_begin(run, config, reference, seed)) {
+        return false;
+    }
     for (uint32_t step = 0; step < config->steps; ++step) {
-        core::hil_real_t fix[3];
-        core::hil_filter_step(run, config, reference, rate, step, fix);
-        if (step % stretch == 0 && hil_lanes_take_parted()) {
+        hil_real_t fix[3];
+        hil_filter_step(run, config, reference, rate, step, fix);
+        if (step % steps_per_look == 0 && hil_lanes_take_parted()) {
             return false;
         }
     }
-    core::hil_filter_end(run);
+    hil_filter_end(run);
     return !hil_lanes_take_parted();
 }
 
-/* Lane by lane: the sums are nothing but numbers. */
-void unpack(const core::hil_filter_sums_t &from, double *const *sums) {
-    constexpr size_t numbers = sizeof from / sizeof(core::hil_real_t);
+/* Lane by lane: sums are nothing but numbers. */
+void unpack(const hil_filter_sums_t *from, ::hil_filter_sums_t *to) {
+    constexpr size_t numbers = sizeof *from / sizeof(hil_real_t);
     static_assert(numbers == sizeof(hil_filter_result_t) / sizeof(double), "a sum per figure");
-    const auto *wide = reinterpret_cast<const core::hil_real_t *>(&from);
-    for (size_t i = 0; i < numbers; ++i) {
-        for (int lane = 0; lane < lanes::count; ++lane) {
-            sums[lane][i] = wide[i].get(lane);
+    const auto *wide = reinterpret_cast<const hil_real_t *>(from);
+    auto *narrow = reinterpret_cast<double *>(to);
+    for (size_t lane = 0; lane < lanes::count; ++lane) {
+        for (size_t i = 0; i < numbers; ++i) {
+            narrow[lane * numbers + i] = wide[i].get(static_cast<int>(lane));
         }
     }
 }
 
+} // namespace core
 } // namespace
 
-#define JOINED(name, level) name##_##level
-#define NAMED(name, level) JOINED(name, level)
+#define LANES_NAME_OF(name, level) name##_##level
+#define LANES_NAME(name, level) LANES_NAME_OF(name, level)
 
-extern "C" bool NAMED(hil_filter_eight, OMNI_LANES_LEVEL)(const hil_filter_config_t *config, const double *reference,
-                                                          const double *rate, const uint64_t *seeds, double *const *sums) {
+extern "C" bool LANES_NAME(hil_filter_eight, OMNI_LANES_LEVEL)(const hil_filter_config_t *config, const double *reference,
+                                                               const double *rate, const uint64_t *seeds,
+                                                               hil_filter_sums_t *sums) {
     static_assert(lanes::count == HIL_FILTER_LANES);
     void *room = std::aligned_alloc(alignof(core::hil_filter_run_t), sizeof(core::hil_filter_run_t));
     if (room == nullptr) {
         return false;
     }
-    const std::unique_ptr<core::hil_filter_run_t, release> run(new (room) core::hil_filter_run_t);
     core::omni_uint_t words[2];
     for (int lane = 0; lane < lanes::count; ++lane) {
         words[0].set(lane, static_cast<uint32_t>(seeds[lane]));
         words[1].set(lane, static_cast<uint32_t>(seeds[lane] >> 32));
     }
-    (void)hil_lanes_take_parted();
-    if (!core::hil_filter_begin(run.get(), config, reference, words) || !run_steps(run.get(), config, reference, rate)) {
-        return false;
+    auto *run = static_cast<core::hil_filter_run_t *>(room);
+    const bool together = core::run_all(run, config, reference, rate, words);
+    if (together) {
+        core::unpack(&run->sums, sums);
     }
-    unpack(run->sums, sums);
-    return true;
+    std::free(room);
+    return together;
 }

@@ -70,3 +70,54 @@ int32_t hil_filter_study(const hil_filter_config_t *config, const double *refere
     finish(config, &run.sums, result);
     return 0;
 }
+
+static hil_filter_eight_t *path_of(hil_filter_path_t path) {
+#ifdef __x86_64__
+    const bool avx2 = __builtin_cpu_supports("avx2");
+    if (avx2 && (path == HIL_FILTER_PATH_AVX2 || path == HIL_FILTER_PATH_BEST)) {
+        return hil_filter_eight_avx2;
+    }
+#endif
+    return path == HIL_FILTER_PATH_BASELINE || path == HIL_FILTER_PATH_BEST ? hil_filter_eight_baseline : NULL;
+}
+
+/* Up to eight seeds; too few are filled up. @return false if they cannot go together. */
+static bool run_eight(hil_filter_eight_t *eight, const hil_filter_config_t *config, const double *reference, const double *rate,
+                      const uint64_t *seeds, uint32_t count, hil_filter_result_t *results) {
+    uint64_t seed[HIL_FILTER_LANES];
+    hil_filter_sums_t sums[HIL_FILTER_LANES];
+    for (uint32_t i = 0; i < HIL_FILTER_LANES; i++) {
+        seed[i] = seeds[i < count ? i : 0];
+    }
+    if (!eight(config, reference, rate, seed, sums)) {
+        return false;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        finish(config, &sums[i], &results[i]);
+    }
+    return true;
+}
+
+int32_t hil_filter_study_many(const hil_filter_config_t *config, const double *reference, const double *rate,
+                              const uint64_t *seeds, uint32_t count, hil_filter_path_t path, hil_filter_result_t *results) {
+    hil_filter_eight_t *eight = path_of(path);
+    if (!in_range(config)) {
+        return -1;
+    }
+    if (eight == NULL && path != HIL_FILTER_PATH_SINGLE) {
+        return -2;
+    }
+    for (uint32_t done = 0; done < count;) {
+        const uint32_t left = count - done;
+        const uint32_t group = left < HIL_FILTER_LANES ? left : HIL_FILTER_LANES;
+        if (eight == NULL || group == 1 || !run_eight(eight, config, reference, rate, seeds + done, group, results + done)) {
+            for (uint32_t i = done; i < done + group; i++) {
+                if (hil_filter_study(config, reference, rate, seeds[i], &results[i], NULL) != 0) {
+                    return -1;
+                }
+            }
+        }
+        done += group;
+    }
+    return 0;
+}

@@ -14,15 +14,20 @@ extern "C" {
 
 enum { HIL_FILTER_LANES = 8 };
 
+/** hil_filter_sums_t of filter_study_parts.h, which has other numbers in lanes. */
+struct hil_filter_sums_t;
+
 /**
- * Run eight seeds of a setting that is within its ranges. @param sums out: per seed the hil_filter_sums_t.
- * @return false: not possible (lanes part, no memory); run the seeds one by one.
+ * Run eight seeds of a setting that is within its ranges. @param sums out: eight, by seed.
+ * @return false: not possible (lanes part, no memory, wheels that the core refuses); run the seeds one by one.
  */
 typedef bool hil_filter_eight_t(const hil_filter_config_t *config, const double *reference, const double *rate,
-                                const uint64_t *seeds, double *const *sums);
+                                const uint64_t *seeds, struct hil_filter_sums_t *sums);
 
 hil_filter_eight_t hil_filter_eight_baseline;
+#ifdef __x86_64__
 hil_filter_eight_t hil_filter_eight_avx2;
+#endif
 
 #ifdef __cplusplus
 }

@@ -34,7 +34,7 @@ void hil_filter_truth_reset(hil_filter_truth_t *truth, const hil_filter_config_t
 static void draw_noise(hil_filter_truth_t *truth, uint32_t step) {
     for (int block = 0; block < BLOCKS; block++) {
         omni_uint_t word[BLOCK];
-        hil_draw(truth->seed, STREAM, (uint64_t)step * BLOCKS + (uint64_t)block, HIL_KIND_NORMAL4, word);
+        hil_draw(truth->seed, STREAM, (uint64_t)step * BLOCKS + (uint64_t)block, HIL_KIND_NORMALS, word);
         for (int pair = 0; pair < BLOCK && BLOCK * block + pair < HIL_FILTER_NORMALS; pair += 2) {
             hil_normal_pair(word[pair], word[pair + 1], &truth->normal[BLOCK * block + pair]);
         }

@@ -12,7 +12,7 @@
 
 #include "numbers.h"
 
-enum { HIL_PHILOX_ROUNDS = 10, HIL_KIND_UNIFORM = 0, HIL_KIND_NORMAL = 1, HIL_KIND_NORMAL4 = 2 };
+enum { HIL_PHILOX_ROUNDS = 10, HIL_KIND_UNIFORM = 0, HIL_KIND_NORMAL = 1, HIL_KIND_NORMALS = 2 };
 
 /** @param key 2 words, @param counter 4 words, @param out 4 words. */
 static inline void hil_philox_words(const omni_uint_t *key, const omni_uint_t *counter, omni_uint_t *out) {

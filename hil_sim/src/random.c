@@ -35,9 +35,11 @@ double hil_normal(uint64_t seed, uint32_t stream, uint64_t index) {
     return radius * cos(TWO_PI * unit_interval(word[2], word[3]));
 }
 
-void hil_normal4(uint64_t seed, uint32_t stream, uint64_t index, float *out) {
-    uint32_t word[4];
-    draw(seed, stream, index, HIL_KIND_NORMAL4, word);
-    hil_normal_pair(word[0], word[1], &out[0]);
-    hil_normal_pair(word[2], word[3], &out[2]);
+void hil_normals(uint64_t seed, uint32_t stream, uint64_t index, uint32_t blocks, float *out) {
+    for (uint32_t block = 0; block < blocks; block++) {
+        uint32_t word[4];
+        draw(seed, stream, index + block, HIL_KIND_NORMALS, word);
+        hil_normal_pair(word[0], word[1], &out[4 * (size_t)block]);
+        hil_normal_pair(word[2], word[3], &out[4 * (size_t)block + 2]);
+    }
 }

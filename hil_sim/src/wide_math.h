@@ -30,10 +30,12 @@ static inline void hil_sincos(hil_real_t angle, hil_real_t *sine, hil_real_t *co
     const hil_real_t x = (angle - quarters * half_pi) - quarters * half_pi_rest;
     const hil_real_t z = x * x;
     /* minimax over |x| <= pi / 4: errors 2.3e-15 and 1e-16 */
-    const hil_real_t s_tail = -0.1666666666660604 + z * (0.008333333321921465 + z * (-0.0001984126236480448 +
-                              z * (2.7555098680187325e-06 + z * -2.4745443420112847e-08)));
-    const hil_real_t c_tail = 0.04166666666660296 + z * (-0.0013888888878348788 + z * (2.4801580998212162e-05 +
-                              z * (-2.755557107618807e-07 + z * 2.0647948156759975e-09)));
+    const hil_real_t s_tail =
+        -0.1666666666660604 +
+        z * (0.008333333321921465 + z * (-0.0001984126236480448 + z * (2.7555098680187325e-06 + z * -2.4745443420112847e-08)));
+    const hil_real_t c_tail =
+        0.04166666666660296 +
+        z * (-0.0013888888878348788 + z * (2.4801580998212162e-05 + z * (-2.755557107618807e-07 + z * 2.0647948156759975e-09)));
     const hil_real_t s = x + x * z * s_tail;
     const hil_real_t c = 1.0 - 0.5 * z + z * z * c_tail;
     /* quarters = 2 halves + odd; an odd number of halves turns the signs */

@@ -19,9 +19,10 @@ double hil_uniform(uint64_t seed, uint32_t stream, uint64_t index);
 double hil_normal(uint64_t seed, uint32_t stream, uint64_t index);
 
 /**
- * Four independent standard normals from one Philox block, for loops that draw many: single precision (within 4e-7 times the larger of
- * 1 and a pair's distance from 0), no libm, |normal| <= 6.77; the same bits on every machine.
+ * Independent standard normals for loops that draw many, four per Philox block: single precision, no libm, the same bits on every machine.
+ * A pair (R cos a, R sin a) is within 4e-7 R of the exact one; R <= 6.77, which cuts off 1.3e-11 of a normal distribution.
+ * @param index  of the first block. @param out  4 blocks.
  */
-void hil_normal4(uint64_t seed, uint32_t stream, uint64_t index, float *out);
+void hil_normals(uint64_t seed, uint32_t stream, uint64_t index, uint32_t blocks, float *out);
 
 #endif
