@@ -15,7 +15,7 @@ from tests.native import ROOT, build_library
 Words = npt.NDArray[np.uint32]
 Array = npt.NDArray[np.float64]
 CELLS = 2.0**32
-EDGES = [0, 1, 2, 2**16 - 1, 2**16, 2**24, 2**31 - 1, 2**31, 0xBFFFFFFF, 0xC0000000, 2**32 - 2**16, 2**32 - 2, 2**32 - 1]
+EDGES = [0, 1, 2, 2**16 - 1, 2**16, 2**24, 2**31, 0xBFFFFFFF, 0xC0000000, 2**32 - 2**16, 2**32 - 2, 2**32 - 1]
 COUNT = 1 << 20
 
 
