@@ -14,6 +14,9 @@ namespace { // NOLINT(cert-dcl59-cpp): each CPU level has its own copy
 namespace core {
 
 typedef lanes::wide_t hil_real_t;
+typedef lanes::int_t hil_int_t;
+#define HIL_OWN_NUMBERS
+#define hil_select lanes::select
 #define hil_bits lanes::bits
 #define hil_of_bits lanes::of_bits
 #define hil_product lanes::product

@@ -8,11 +8,10 @@
 #define HIL_SIM_FILTER_STUDY_PARTS_H
 
 #include "hil_sim/filter_study.h"
-#include "numbers.h"
 #include "omni/ismc.h"
 #include "omni/motor_kf.h"
 #include "omni/pose_ekf.h"
-#include "wide_math.h"
+#include "real_math.h"
 
 /** Standard normals of one step: motors (w, i per wheel), measured speeds, pose, fix. */
 enum { HIL_FILTER_NORMALS = 18 };

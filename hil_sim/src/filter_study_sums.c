@@ -29,7 +29,7 @@ static void gather(hil_filter_run_t *run, const hil_filter_config_t *config, con
             sums->square[f][axis] += error[axis] * error[axis];
         }
         const hil_real_t reach = square_sum((hil_real_t)estimate->x, (hil_real_t)estimate->y);
-        sums->closer[f] += omni_select(reach < distance, 1.0, 0.0);
+        sums->closer[f] += hil_select(reach < distance, 1.0, 0.0);
     }
     const hil_real_t off[3] = {pose[0] - reference[0], pose[1] - reference[1], hil_wrap(pose[2] - reference[2])};
     for (int axis = 0; axis < 3; axis++) {

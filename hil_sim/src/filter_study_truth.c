@@ -76,11 +76,10 @@ void hil_filter_truth_pose(hil_filter_truth_t *truth, const hil_filter_config_t 
             moved[axis] += truth->to_move[axis][i] * speed;
         }
     }
-    hil_real_t sine;
-    hil_real_t cosine;
-    hil_sincos(before[2] + 0.5 * moved[2], &sine, &cosine);
-    truth->pose[0] += cosine * moved[0] - sine * moved[1];
-    truth->pose[1] += sine * moved[0] + cosine * moved[1];
+    hil_real_t turn[2]; /* cosine, sine */
+    hil_cos_sin(before[2] + 0.5 * moved[2], turn);
+    truth->pose[0] += turn[0] * moved[0] - turn[1] * moved[1];
+    truth->pose[1] += turn[1] * moved[0] + turn[0] * moved[1];
     truth->pose[2] += moved[2];
     for (int axis = 0; axis < 3; axis++) {
         truth->pose[axis] += truth->pose_sd[axis == 2] * (hil_real_t)truth->normal[POSE + axis];

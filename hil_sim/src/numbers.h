@@ -1,21 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file numbers.h
- * Numbers of sources that are compiled for one run and for eight runs at once: next to the core's types (omni/types.h) a wide one, and
- * what C does to single bits. hil_sim/lanes has its own for eight.
+ * What C does to the single bits of the core's numbers, for sources that are compiled for one run and for eight runs at once; hil_sim/lanes
+ * has its own for eight.
  */
 #ifndef HIL_SIM_NUMBERS_H
 #define HIL_SIM_NUMBERS_H
 
-#include <math.h>
 #include <string.h>
 
 #include "omni/types.h"
 
 #ifndef OMNI_OWN_NUMBERS
-/** Double precision: truth and sums. */
-typedef double hil_real_t;
-
 /** The bits of a number. */
 static inline omni_uint_t hil_bits(omni_real_t value) {
     omni_uint_t bits;

@@ -3,12 +3,12 @@
 #include <stddef.h>
 
 #include "normal.h"
-#include "wide_math.h"
+#include "real_math.h"
 
 void minus_log(size_t count, const uint32_t *word, float *out);
 void normal_pairs(size_t count, const uint32_t *word, float *out);
-void wide_sincos(size_t count, const double *angle, double *sine, double *cosine);
-void wide_wrap(size_t count, const double *angle, double *out);
+void real_cos_sin(size_t count, const double *angle, double *out);
+void real_wrap(size_t count, const double *angle, double *out);
 
 void minus_log(size_t count, const uint32_t *word, float *out) {
     for (size_t i = 0; i < count; ++i) {
@@ -22,13 +22,13 @@ void normal_pairs(size_t count, const uint32_t *word, float *out) {
     }
 }
 
-void wide_sincos(size_t count, const double *angle, double *sine, double *cosine) {
+void real_cos_sin(size_t count, const double *angle, double *out) {
     for (size_t i = 0; i < count; ++i) {
-        hil_sincos(angle[i], &sine[i], &cosine[i]);
+        hil_cos_sin(angle[i], &out[2 * i]);
     }
 }
 
-void wide_wrap(size_t count, const double *angle, double *out) {
+void real_wrap(size_t count, const double *angle, double *out) {
     for (size_t i = 0; i < count; ++i) {
         out[i] = hil_wrap(angle[i]);
     }
