@@ -13,7 +13,8 @@ from bench.peers import filter_study_batched, filter_study_filterpy, filter_stud
 from bench.tables import Cell, Row, Table, with_ratios
 from hil_sim.speed import Measurement, Spread
 from omni_reproduce.experiment import read_spec
-from omni_reproduce.filters import Setting, Study, read_setting, shortened
+from omni_reproduce.filters import Setting, read_setting, run_seeds, shortened
+from omniwheel._core import lib
 
 SETTING = "published"
 FULL_STEPS = 30_000_000
@@ -24,6 +25,7 @@ FILTERPY = "Python and FilterPy"
 NUMPY = "Python and NumPy, step by step"
 BATCHED = "NumPy, all runs at once"
 OCTAVE = "GNU Octave, growing arrays"
+LANE_RUNS = 8
 PER_STEP = "µs per step"
 MEDIAN = "median"
 RATIO = "× ours"
@@ -53,17 +55,23 @@ def measurements(setting: Setting, steps: int, runs: int, seed: int) -> dict[str
     """Return what is there to be measured, each in seconds per step."""
     short = shortened(setting, steps * setting.step_s)
     model = filter_model(short)
-    study = Study(setting)
     batch_steps = max(steps // 30, 10)
     found = {
-        SCALAR: _timed(lambda: study.result(seed), setting.steps),
+        SCALAR: _timed(lambda: run_seeds(setting, [seed], 1, _silent), setting.steps),
         FILTERPY: _timed(lambda: filter_study_filterpy.run(model, draw_normals(seed, steps)), steps),
         NUMPY: _timed(lambda: filter_study_numpy.run(model, draw_normals(seed, steps)), steps),
         BATCHED: _timed(lambda: filter_study_batched.run(model, runs, batch_steps, seed), runs * batch_steps),
     }
+    if hasattr(lib, "hil_filter_study_many"):
+        seeds = range(seed, seed + LANE_RUNS)
+        found[LANES] = _timed(lambda: run_seeds(setting, seeds, 1, _silent), LANE_RUNS * setting.steps)
     if octave.installed():
         found[OCTAVE] = lambda: octave.run(model, steps)[1] / steps
     return found
+
+
+def _silent(_: float) -> None:
+    """Say nothing of the progress."""
 
 
 def _timed(work: Callable[[], object], steps: int) -> Measurement:

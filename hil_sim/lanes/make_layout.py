@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Writes down where every member of the structs lies that move between eight runs and lanes.
 
-The C compiler preprocesses the headers (as for the Python extension), cffi reads the types. The output is a header of macros,
-``HIL_LAYOUT_type(X)``, one ``X(kind, type, first member, last member, count)`` per stretch of neighbours of one kind; C and C++
-take the offsets from the compiler.
+The C compiler preprocesses the headers (as for the Python extension), cffi reads the types. The output is a header of
+macros, ``HIL_LAYOUT_type(X)``: ``X(kind, type, first member, last member, count)`` for each stretch of neighbours of a
+kind. C and C++ take the offsets from the compiler.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from pathlib import Path
 
 from cffi import FFI
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "host" / "native"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "host"))
 
-from make_extension import own_declarations, preprocess
+from native.make_extension import own_declarations, preprocess
 
 LANE_TYPES = {
     "omni_real_t": ("WORD", "float"),

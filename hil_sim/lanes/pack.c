@@ -18,12 +18,12 @@ static const char *at(const void *base, uint32_t offset) {
 
 static bool pack_same(const hil_stretch_t *s, const void *const scalar[HIL_LANES], char *to) {
     const char *first = at(scalar[0], s->offset);
-    int different = 0;
+    bool same = true;
     for (int lane = 1; lane < HIL_LANES; ++lane) {
-        different |= memcmp(at(scalar[lane], s->offset), first, s->size);
+        same = same && memcmp(at(scalar[lane], s->offset), first, s->size) == 0;
     }
     memcpy(to, first, s->size);
-    return different == 0;
+    return same;
 }
 
 static void pack_words(const hil_stretch_t *s, const void *const scalar[HIL_LANES], char *to) {

@@ -3,6 +3,8 @@
 #ifndef HIL_SIM_HIL_SIM_H
 #define HIL_SIM_HIL_SIM_H
 
+#include "hil_sim/batch.h"
+#include "hil_sim/dispersion.h"
 #include "hil_sim/drv8871.h"
 #include "hil_sim/figures.h"
 #include "hil_sim/filter_study.h"
@@ -11,6 +13,8 @@
 #include "hil_sim/random.h"
 #include "hil_sim/run.h"
 #include "hil_sim/runner.h"
+#include "hil_sim/statistics.h"
+#include "hil_sim/timeline.h"
 #include "hil_sim/world.h"
 
 #endif
