@@ -9,7 +9,8 @@ enum { MOTOR = 0, MEASURED = 8, POSE = 12, FIX = 15 };
 
 void hil_filter_truth_reset(hil_filter_truth_t *truth, const hil_filter_config_t *config, const double *pose,
                             const omni_uint_t *seed) {
-    memset(truth, 0, sizeof *truth);
+    memset(truth->motor, 0, sizeof truth->motor);
+    memset(truth->open_loop, 0, sizeof truth->open_loop);
     truth->seed[0] = seed[0];
     truth->seed[1] = seed[1];
     for (int axis = 0; axis < 3; axis++) {
