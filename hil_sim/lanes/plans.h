@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file plans.h
- * Trajectories in lanes. Each run has its own plan, and its reference comes from the core's ordinary functions, plan by plan; a pointer to
- * this is what stands in `trajectory` of robot and inputs in lanes.
+ * Trajectories in lanes. Each run has its own plan; a pointer to this is what stands in `trajectory` of robot and inputs in lanes. As far as
+ * the plans take the same way they are evaluated together, else one by one by the core's ordinary functions.
  */
 #ifndef HIL_LANES_PLANS_H
 #define HIL_LANES_PLANS_H
@@ -13,9 +13,12 @@
 extern "C" {
 #endif
 
+enum { HIL_LANES_PLAN_BYTES = 6144 };
+
 typedef struct hil_lanes_plans_t {
-    const void *plan[HIL_LANES]; /**< omni_trajectory_t of each run */
-    bool same;                   /**< they say the same: one evaluation serves all */
+    const void *plan[HIL_LANES];                                   /**< omni_trajectory_t of each run */
+    bool packed;                                                   /**< `lanes` is usable */
+    __attribute__((aligned(32))) char lanes[HIL_LANES_PLAN_BYTES]; /**< omni_trajectory_t in lanes */
 } hil_lanes_plans_t;
 
 /** Take over eight plans. */
