@@ -37,7 +37,7 @@ namespace core {
 /* `plan` stands for eight plans. Where they part, on the way from one phase of a path to the next, each run evaluates for itself. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {
     const auto *plans = reinterpret_cast<const hil_lanes_plans_t *>(plan);
-    if (plans->packed) {
+    if (plans->packed && !hil_lanes_plans_are_one(plans, time_us)) {
         const bool before = hil_lanes_take_parted();
         evaluate_together(reinterpret_cast<const omni_trajectory_t *>(plans->lanes), time_us, reference);
         const bool parted = hil_lanes_take_parted();
