@@ -48,6 +48,7 @@ def loops(seconds: float, seed: int = 1) -> dict[str, Loop]:
     scenario = replace(load_scenario(SCENARIO), duration_s=seconds, seed=seed)
     found = {
         "hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario))),
+        "hil_asleep": Loop("the same, each end asleep while it waits", None, lambda: _of(run_hil(scenario, asleep=True))),
         "in_process": Loop("in process: world and control core", 300.0, lambda: _of(run_in_process(scenario))),
         "monte_carlo": Loop("Monte Carlo, 1 worker", 1000.0, lambda: monte_carlo(scenario, 1)),
         "monte_carlo_2": Loop("Monte Carlo, 2 workers", None, lambda: monte_carlo(scenario, 2)),
