@@ -45,7 +45,8 @@ class Counted:
 
 def includes() -> list[str]:
     """Return the compiler's words for the folders that programs may include from."""
-    folders = [PROGRAMS, ROOT / "shared/core/include", ROOT / "hil_sim/include", generated_dir() / "include"]
+    own = ("shared/core/include", "shared/link/include", "hil_sim/include")
+    folders = [PROGRAMS, *(ROOT / folder for folder in own), generated_dir() / "include"]
     return [f"-I{folder}" for folder in folders]
 
 

@@ -31,8 +31,9 @@ def ways() -> list[str]:
 
 def program() -> Path:
     """Build the program."""
-    archive = generated_dir().parent / "hil_sim" / "libhil_sim.a"
-    return build.build("ticks", [build.PROGRAMS / "ticks.c"], archives=[archive])
+    built = generated_dir().parent
+    archives = [built / "hil_sim" / "libhil_sim.a", *sorted((built / "shared" / "link").glob("*.a"))]
+    return build.build("ticks", [build.PROGRAMS / "ticks.c"], archives=archives)
 
 
 def write_inputs(folder: Path, seed: int) -> list[str]:
