@@ -13,6 +13,7 @@ from hil_sim.batch import run_batch
 from hil_sim.hil import run_hil
 from hil_sim.runs import Run, run_in_process
 from hil_sim.scenario import Scenario, load_scenario
+from omniwheel._core import lib
 from omniwheel.emulated_firmware import EMULATOR
 from omniwheel.paths import MissingFileError, emulated_firmware_path
 
@@ -68,6 +69,9 @@ def loops(seconds: float, seed: int = 1, *, compared: bool = False) -> dict[str,
     if compared:
         words = "firmware process, both ends asleep while they wait"
         found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, asleep=True)))
+        found["monte_carlo_single"] = Loop(
+            "Monte Carlo, 1 worker, run after run", None, lambda: _run_after_run(scenario)
+        )
     return found
 
 
@@ -78,6 +82,14 @@ def monte_carlo(scenario: Scenario, workers: int, blocks: int = 4) -> LoopTime:
     with ThreadPoolExecutor(workers) as pool:
         simulated_s = sum(pool.map(lambda first: _block_s(scenario, first), firsts))
     return LoopTime(time.perf_counter() - start, simulated_s, time.process_time() - cpu_start)
+
+
+def _run_after_run(scenario: Scenario) -> LoopTime:
+    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+    try:
+        return monte_carlo(scenario, 1, blocks=1)
+    finally:
+        lib.hil_lanes_use(lib.HIL_LANES_BEST)
 
 
 def _block_s(scenario: Scenario, first: int) -> float:
