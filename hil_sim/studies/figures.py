@@ -23,6 +23,7 @@ class Figure:
     unit: str
     factor: float
     digits: int
+    detail: bool = False
 
     @property
     def heading(self) -> str:
@@ -38,18 +39,25 @@ class Figure:
 
 FIGURES: Mapping[str, Figure] = {
     "position_m": Figure("position RMSE", "mm", 1e3, 3),
-    "x_m": Figure("x RMSE", "mm", 1e3, 3),
-    "y_m": Figure("y RMSE", "mm", 1e3, 3),
+    "max_position_m": Figure("largest distance", "mm", 1e3, 3),
+    "final_position_m": Figure("distance at the end", "mm", 1e3, 3),
+    "x_m": Figure("x RMSE", "mm", 1e3, 3, detail=True),
+    "y_m": Figure("y RMSE", "mm", 1e3, 3, detail=True),
     "theta_rad": Figure("heading RMSE", "mrad", 1e3, 3),
+    "max_theta_rad": Figure("largest heading", "mrad", 1e3, 3),
+    "final_theta_rad": Figure("heading at the end", "mrad", 1e3, 3),
     "estimate_position_m": Figure("estimated position", "mm", 1e3, 3),
+    "estimate_x_m": Figure("estimated x", "mm", 1e3, 3, detail=True),
+    "estimate_y_m": Figure("estimated y", "mm", 1e3, 3, detail=True),
     "estimate_theta_rad": Figure("estimated heading", "mrad", 1e3, 3),
+    "nis": Figure("fixes' NIS (right: 3)", "", 1.0, 2),
     "peak_wheel_rad_s": Figure("peak wheel speed", "rad/s", 1.0, 2),
     "peak_duty": Figure("peak duty", "%", 100.0, 2),
     "rms_duty": Figure("RMS duty", "%", 100.0, 2),
     "saturated_share": Figure("time at a limit", "%", 100.0, 2),
     "chatter": Figure("chatter index", "", 1.0, 4),
 }
-"""Columns of a row that have a distribution; NaN where a run was not on its path."""
+"""Columns of a row that have a distribution; NaN where a run has none. Those that are a ``detail`` stay out of tables."""
 
 COMPLETED = "completed"
 _PLAIN = ("mean", "sd", "median", "min", "max")

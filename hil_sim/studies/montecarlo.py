@@ -71,9 +71,10 @@ def run_study(plan: Plan, folder: StudyFolder, pool: Pool, progress: Progress = 
     return Outcome(summary, rows, tuple(path for path, _ in worst))
 
 
-def median_run(rows: NDArray[Any], figure: str) -> int:
-    """Return the number of the row in the middle of the ranking."""
-    return int(ranking(rows, figure)[len(rows) // 2])
+def typical_runs(rows: NDArray[Any], figure: str) -> tuple[int, int] | None:
+    """Return the numbers of the rows in the middle and at the worst end of those that have the figure, if any has."""
+    order = [int(row) for row in ranking(rows, figure) if np.isfinite(rows[figure][row])]
+    return (order[len(order) // 2], order[0]) if order else None
 
 
 def _summary(plan: Plan, rows: NDArray[Any], worst: list[tuple[Path, int]]) -> dict[str, Any]:
@@ -99,7 +100,9 @@ def _keep_worst(plan: Plan, rows: NDArray[Any], folder: Path) -> list[tuple[Path
     folder.mkdir(exist_ok=True)
     for old in folder.glob("*_seed_*.toml"):
         old.unlink()
-    kept = []
+    kept: list[tuple[Path, int]] = []
+    if not np.any(np.isfinite(rows[plan.worst_by])):
+        return kept
     for place, row in enumerate(ranking(rows, plan.worst_by)[: plan.worst], start=1):
         seed = int(rows["seed"][row])
         path = folder / f"{place:02d}_seed_{seed}.toml"

@@ -14,9 +14,9 @@ from hil_sim.metrics import PHASE_PATH, STATE_ARMED
 from hil_sim.report import INK, MARK, TRUTH, WANTED
 from hil_sim.runs import run_in_process
 from hil_sim.studies.figures import FIGURES
-from hil_sim.studies.montecarlo import Outcome, Plan, median_run
+from hil_sim.studies.montecarlo import Outcome, Plan, typical_runs
 from hil_sim.studies.picture_parts import draw_facts, draw_spread, sheet
-from hil_sim.studies.statistics import counted, ranking
+from hil_sim.studies.statistics import counted
 
 SHOWN = ("position_m", "theta_rad", "estimate_position_m", "peak_wheel_rad_s")
 
@@ -39,12 +39,11 @@ def draw_montecarlo(plan: Plan, outcome: Outcome, path: Path) -> None:
 
 
 def _draw_paths(axes: Axes, plan: Plan, rows: NDArray[Any]) -> None:
-    figure = FIGURES[plan.worst_by]
-    chosen = (
-        ("middle", median_run(rows, plan.worst_by), TRUTH),
-        ("worst", int(ranking(rows, plan.worst_by)[0]), MARK),
-    )
-    for word, row, colour in chosen:
+    figure, chosen = FIGURES[plan.worst_by], typical_runs(rows, plan.worst_by)
+    if chosen is None:
+        axes.text(0.5, 0.5, f"no run has a {figure.label}", transform=axes.transAxes, ha="center", color="#555555")
+        return
+    for word, row, colour in zip(("middle", "worst"), chosen, (TRUTH, MARK), strict=True):
         samples = run_in_process(plan.scenario, int(rows["seed"][row])).record
         driven = samples[(samples["phase"] >= PHASE_PATH) & (samples["state"] == STATE_ARMED)]
         if word == "middle":

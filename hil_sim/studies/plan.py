@@ -10,13 +10,12 @@ from dataclasses import dataclass, field
 
 from hil_sim import core
 from hil_sim.scenario import MAX_SEED, Scenario
+from hil_sim.studies.engine import RUNS_AT_ONCE
 from hil_sim.studies.errors import StudyInputError
 from hil_sim.studies.store import KEY_BYTES
 
 WORLD_PREFIX = "world."
 DEFAULT_BATCH = 32
-LANES = 8
-"""Batches hold a multiple of this many runs: the engine takes as many at once."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,8 @@ def check_plan(scenario: Scenario, first_seed: int, runs: int, batch_runs: int) 
     """Refuse a plan that has no runs, no end, or seeds that do not exist. Raises StudyInputError, CoreError."""
     if runs < 1:
         raise StudyInputError(f"{runs} runs are no study", hint="give --runs a number from 1")
-    if batch_runs < LANES or batch_runs % LANES:
-        raise StudyInputError(f"a batch of {batch_runs} runs", hint=f"give --batch a multiple of {LANES}")
+    if batch_runs < RUNS_AT_ONCE or batch_runs % RUNS_AT_ONCE:
+        raise StudyInputError(f"a batch of {batch_runs} runs", hint=f"give --batch a multiple of {RUNS_AT_ONCE}")
     if not 0 <= first_seed <= MAX_SEED - runs:
         raise StudyInputError(f"seeds from {first_seed} on do not exist", hint=f"the largest seed is {MAX_SEED}")
     core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)

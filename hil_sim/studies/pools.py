@@ -13,8 +13,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.batch import BatchCancelledError, Cancel
 from hil_sim.studies import engine
 from hil_sim.studies.plan import Batch
+from hil_sim.world import WorldError
 from omni_schema import SchemaError
 from omniwheel.errors import OmniError
 
@@ -41,18 +43,20 @@ class Pool(Protocol):
         """Let go of everything."""
 
 
-def perform(batch: Batch) -> Done:
-    """Do a batch here and now."""
+def perform(batch: Batch, cancel: Cancel | None = None) -> Done:
+    """Do a batch here and now. Raises BatchCancelledError."""
     try:
-        return Done(batch, engine.run_rows(batch.point.applied(), batch.first_seed, batch.runs))
-    except (OmniError, SchemaError) as error:
+        return Done(batch, engine.run_rows(batch.point.applied(), batch.first_seed, batch.runs, cancel))
+    except BatchCancelledError:
+        raise
+    except (OmniError, SchemaError, WorldError) as error:
         return Done(batch, refusal=str(error), hint=getattr(error, "hint", ""))
 
 
 class LocalPool:
     """Threads of this process. None: as many as there are processors that it may use.
 
-    They are daemons: Ctrl-C does not wait for the batches under way.
+    They are daemons, and are told to stop: Ctrl-C does not wait for the batches under way.
     """
 
     def __init__(self, workers: int | None = None) -> None:
@@ -62,10 +66,10 @@ class LocalPool:
         """Do batches on all threads."""
         todo: queue.SimpleQueue[Batch | None] = queue.SimpleQueue()
         done: queue.SimpleQueue[Done | BaseException] = queue.SimpleQueue()
-        stop = threading.Event()
+        cancel = Cancel()
         waiting = iter(batches)
         for _ in range(self.workers):
-            threading.Thread(target=_work, args=(todo, done, stop), daemon=True).start()
+            threading.Thread(target=_work, args=(todo, done, cancel), daemon=True).start()
         under_way = 0
         try:
             for batch in _take(waiting, 2 * self.workers):
@@ -79,7 +83,7 @@ class LocalPool:
                     under_way += 1
                 yield result
         finally:
-            stop.set()
+            cancel.set()
             for _ in range(self.workers):
                 todo.put(None)
 
@@ -113,11 +117,9 @@ def _next(done: queue.SimpleQueue[Done | BaseException]) -> Done:
         return result
 
 
-def _work(
-    todo: queue.SimpleQueue[Batch | None], done: queue.SimpleQueue[Done | BaseException], stop: threading.Event
-) -> None:
-    while (batch := todo.get()) is not None and not stop.is_set():
+def _work(todo: queue.SimpleQueue[Batch | None], done: queue.SimpleQueue[Done | BaseException], cancel: Cancel) -> None:
+    while (batch := todo.get()) is not None and not cancel.is_set:
         try:
-            done.put(perform(batch))
+            done.put(perform(batch, cancel))
         except BaseException as error:  # whoever waits for the batch must hear of it
             done.put(error)

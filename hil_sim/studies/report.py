@@ -20,7 +20,7 @@ def spread_rows(summary: dict[str, Any]) -> list[list[str]]:
     rows = []
     for name, figure in FIGURES.items():
         entry = summary["figures"][name]
-        if entry["runs"] == 0:
+        if entry["runs"] == 0 or figure.detail:
             continue
         interval = entry["mean_95"]
         half = None if interval is None else 0.5 * (interval[1] - interval[0])
@@ -41,11 +41,9 @@ def completion_line(summary: dict[str, Any]) -> str:
 
 def fault_lines(summary: dict[str, Any]) -> list[str]:
     """Say which faults and warnings were seen in how many runs."""
-    runs = summary["runs"]
-    return [
-        f"{word}: {counted(summary['faults'][key], runs)}"
-        for key, word in (("stops", "faults"), ("warnings", "warnings"))
-    ]
+    runs, kinds = summary["runs"], (("stops", "faults"), ("warnings", "warnings"))
+    refused = [f"could not be run: {counted(summary['not_run'], runs)}"] if summary["not_run"] else []
+    return [*refused, *(f"{word}: {counted(summary['faults'][key], runs)}" for key, word in kinds)]
 
 
 def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

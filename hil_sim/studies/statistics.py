@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core
+from hil_sim.batch import STATUSES
+from hil_sim.studies.engine import OK
 from hil_sim.studies.figures import COMPLETED, FIGURES
 
 QUANTILES = {"median": 0.5, "p5": 0.05, "p95": 0.95, "p99": 0.99}
@@ -24,6 +26,7 @@ def summarise(rows: NDArray[Any]) -> dict[str, Any]:
         "runs": len(rows),
         "simulated_s": float(np.sum(rows["ticks"]) * 1e-3),
         "completed": {"runs": reached, "share": reached / len(rows), "share_95": wilson(reached, len(rows))},
+        "not_run": not_run(rows),
         "faults": {name: fault_counts(rows, name) for name in ("stops", "warnings")},
         "figures": {name: spread(rows[name]) for name in FIGURES},
     }
@@ -79,6 +82,12 @@ def wilson(successes: int, count: int) -> list[float]:
     scale = 1.0 + z2 / count
     low = 0.0 if successes == 0 else (centre - half) / scale
     return [low, 1.0 if successes == count else (centre + half) / scale]
+
+
+def not_run(rows: NDArray[Any]) -> dict[str, int]:
+    """Return how many runs could not start or go on, by why."""
+    numbers, counts = np.unique(rows["status"], return_counts=True)
+    return {STATUSES[int(n)]: int(c) for n, c in zip(numbers, counts, strict=True) if n != OK}
 
 
 def fault_counts(rows: NDArray[Any], what: str) -> dict[str, int]:

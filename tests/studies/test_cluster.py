@@ -69,9 +69,7 @@ def test_the_cluster_gives_the_local_pools_bytes_though_a_worker_is_killed(
     assert remote == do(plan, tmp_path / "local", LocalPool(2))
 
 
-def test_a_refused_batch_and_one_that_fails_are_told_apart(
-    quick: Scenario, pool: DaskPool
-) -> None:
+def test_a_refused_batch_and_one_that_fails_are_told_apart(quick: Scenario, pool: DaskPool) -> None:
     refused = Batch(Point(quick, {"W1_ANGLE": 120.0}), 1, 8)
     (done,) = pool.results([refused])
     assert done.refusal
@@ -85,9 +83,7 @@ class _Broken(Point):
         raise RuntimeError("this breaks")
 
 
-def test_workers_that_compute_other_numbers_are_refused(
-    dask_cluster: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_that_compute_other_numbers_are_refused(dask_cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     own = engine.identity()
     for name, message in (("probe", "computes other numbers"), ("omniwheel", "has omniwheel")):
         monkeypatch.setattr(cluster.engine, "identity", lambda name=name: {**own, name: "another"})

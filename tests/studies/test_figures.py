@@ -27,7 +27,16 @@ def test_every_figure_is_a_column() -> None:
 
 
 def test_statistics_are_what_they_say(rows: np.ndarray) -> None:
-    wanted = {"": 0.5, ".mean": 0.5, ".median": 0.5, ".p95": 0.95, ".p2.5": 0.025, ".p100": 1.0, ".min": 0.0, ".max": 1.0}
+    wanted = {
+        "": 0.5,
+        ".mean": 0.5,
+        ".median": 0.5,
+        ".p95": 0.95,
+        ".p2.5": 0.025,
+        ".p100": 1.0,
+        ".min": 0.0,
+        ".max": 1.0,
+    }
     for statistic, value in wanted.items():
         assert parse_number(f"position_m{statistic}").of(rows) == pytest.approx(value)
     assert parse_number("position_m.sd").of(rows) == pytest.approx(np.std(rows["position_m"], ddof=1))
@@ -51,7 +60,9 @@ def test_unknown_numbers_are_refused(text: str) -> None:
         parse_number(text)
 
 
-@pytest.mark.parametrize("text", ["position_m", "position_m<0.1", "position_m<=", "position_m<=x", "position_m<=1e999", "<=1"])
+@pytest.mark.parametrize(
+    "text", ["position_m", "position_m<0.1", "position_m<=", "position_m<=x", "position_m<=1e999", "<=1"]
+)
 def test_what_is_no_constraint_is_refused(text: str) -> None:
     with pytest.raises(StudyInputError):
         parse_constraint(text)

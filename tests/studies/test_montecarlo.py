@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,10 @@ def test_the_worst_runs_can_be_driven_again(plan: Plan, tmp_path: Path) -> None:
     for path, row in zip(outcome.worst, worst, strict=True):
         again = run_in_process(load_scenario(path))
         assert again.scenario.seed == row["seed"]
+        assert again.ticks == row["ticks"]
+        error = metrics.pose_error(again.record[metrics.on_path(again.record)])
+        assert math.hypot(*error[-1, :2]) == row["final_position_m"]
+        assert np.max(np.abs(again.record["wheel_rad_s"][metrics.on_path(again.record)])) == row["peak_wheel_rad_s"]
         original = run_in_process(plan.scenario, int(row["seed"]))
         assert again.record.tobytes() == original.record.tobytes()
 
@@ -107,9 +112,10 @@ def test_another_study_in_the_folder_is_refused_and_named(plan: Plan, tmp_path: 
             do(other, tmp_path / "study", LocalPool(1))
     assert files(tmp_path / "study") == before
     do(others["batch was 8, is 16"], tmp_path / "study", LocalPool(1), fresh=True)
-    assert json.loads(before["summary.json"])["figures"] == json.loads(
-        (tmp_path / "study" / "summary.json").read_text()
-    )["figures"]
+    assert (
+        json.loads(before["summary.json"])["figures"]
+        == json.loads((tmp_path / "study" / "summary.json").read_text())["figures"]
+    )
 
 
 def test_a_folder_of_somebody_elses_is_left_alone(plan: Plan, tmp_path: Path) -> None:
