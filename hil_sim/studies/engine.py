@@ -38,7 +38,7 @@ def run_rows(scenario: Scenario, first_seed: int, count: int, cancel: Cancel | N
 def identity() -> dict[str, Any]:
     """Return what two programs must have in common to compute the same numbers.
 
-    ``probe`` is a digest over the rows of a few short runs: it tells apart builds that call themselves the same version.
+    ``probe`` is a digest over the rows of a few short runs: it tells apart builds of one version.
     """
     rows = run_rows(load_scenario("demo").with_duration(1.0), 1, RUNS_AT_ONCE)
     return {

@@ -57,7 +57,7 @@ FIGURES: Mapping[str, Figure] = {
     "saturated_share": Figure("time at a limit", "%", 100.0, 2),
     "chatter": Figure("chatter index", "", 1.0, 4),
 }
-"""Columns of a row that have a distribution; NaN where a run has none. Those that are a ``detail`` stay out of tables."""
+"""Columns of a row that have a distribution; NaN where a run has none. A ``detail`` stays out of tables."""
 
 COMPLETED = "completed"
 _PLAIN = ("mean", "sd", "median", "min", "max")

@@ -106,9 +106,11 @@ def test_when_the_last_worker_goes_the_study_ends(quick: Scenario) -> None:
     with LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as small:
         pool = DaskPool(small.scheduler_address, connect_s=60.0, no_worker_s=0.5)
         plan = (Batch(Point(quick), 1 + 8 * number, 8) for number in range(10_000))
+        results = pool.results(plan)
+        next(results)
+        small.scale(0)
         with pytest.raises(ClusterError, match="no worker for"):
-            for _ in pool.results(plan):
-                small.scale(0)
+            list(results)
         pool.close()
 
 
