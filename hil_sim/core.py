@@ -12,6 +12,7 @@ from omniwheel.core_config import plan_trajectory, robot_config
 from omniwheel.errors import CoreError
 
 __all__ = [
+    "ENDLESS",
     "TICK_US",
     "CoreError",
     "fault_names",
@@ -24,6 +25,7 @@ __all__ = [
 ]
 
 TICK_US = 1000
+ENDLESS = "the trajectory has no end (TRJ_LAPS = 0): give times in seconds and a duration"
 
 
 def path_ticks(config: Any, share: float) -> int:
@@ -32,7 +34,7 @@ def path_ticks(config: Any, share: float) -> int:
     plan = plan_trajectory(config, pose)
     plan = plan_trajectory(config, ffi.addressof(plan, "start"))
     if plan.duration_s < 0.0:
-        raise CoreError("the trajectory has no end (TRJ_LAPS = 0): give times in seconds and a duration")
+        raise CoreError(ENDLESS)
     reference = ffi.new("omni_reference_t *")
 
     def driven(ticks: int) -> bool:

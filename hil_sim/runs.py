@@ -14,26 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core
+from hil_sim.c_scenario import NEVER, CScenario, scenario_world
 from hil_sim.metrics import STATE_ARMED
 from hil_sim.record import Record
-from hil_sim.scenario import Event, Scenario
-from hil_sim.timeline import Applied, Played, Progress, RunError, play
-from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from hil_sim.scenario import Scenario
+from hil_sim.timeline import TICKS_PER_S, Applied, Played, Progress, RunError
+from hil_sim.world import World, WorldError
 from omniwheel._core import ffi, lib
+from omniwheel.core_config import PLAN_REFUSED, refused_parameters
+from omniwheel.errors import CoreError, OmniError
 
 Measure = TypeVar("Measure")
 
-EVENTS = {
-    "arm": "OMNI_EVENT_ARM",
-    "disarm": "OMNI_EVENT_DISARM",
-    "estop": "OMNI_EVENT_ESTOP",
-    "trajectory_start": "OMNI_EVENT_TRAJECTORY_START",
-    "trajectory_stop": "OMNI_EVENT_TRAJECTORY_STOP",
-}
-
-
-_WORLD_FIELDS = {"coulomb_friction_N_m": "motor_coulomb_N_m"}
-"""Keys of a scenario's [world] that ``hil_world_config_t`` names differently."""
+PIECE_TICKS = 4000
+"""Ticks between two calls of a run's progress."""
 
 
 @dataclass(frozen=True)
@@ -65,100 +59,86 @@ class Run:
 
 def new_world(scenario: Scenario) -> World:
     """Return the scenario's world at time zero."""
-    numbers = {_WORLD_FIELDS.get(name, name): value for name, value in scenario.world.items()}
-    return World(
-        world_config(
-            scenario.world_robot or scenario.robot,
-            plant=scenario.plant,
-            seed=scenario.seed,
-            pose_sensor=NO_POSE_SENSOR,
-            start_pose=scenario.start_pose,
-            faults=scenario.faults,
-            **numbers,
-        )
-    )
+    return World(scenario_world(scenario))
 
 
-class InProcessLoop:
-    """The world around ``omni_robot_tick``, with the set-points and events a link would bring."""
+class Player:
+    """A scenario's timeline on a run in this process; all of it happens in C."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._table = scenario.robot.table
-        self.values = scenario.parameter_values()
-        self.world = new_world(scenario)
-        self._robot = ffi.new("omni_robot_t *")
-        self._inputs = ffi.new("omni_inputs_t *")
-        self._outputs = ffi.new("omni_outputs_t *")
-        self._ticks = 0
-        self._sequence = 0
-        self._config = core.robot_config(self.values, self._table, 0)
-        self._plan: Any = None
-        lib.omni_robot_init(self._robot, self._config)
-        self._start_pose = scenario.start_pose
+        self.scenario = scenario
+        self._plan = CScenario(scenario)
+        self._run = ffi.new("hil_run_t *")
+        self._path = ffi.new("hil_path_t *")
+        self._moments = ffi.new("hil_moment_t[]", len(scenario.events))
+        self._timeline = ffi.new("hil_timeline_t *")
+        lib.hil_timeline_init(self._timeline, self._plan.c, scenario.seed, self._run, self._moments, self._path)
+
+    def play(self, progress: Progress | None = None) -> Played:
+        """Run to the end and return what happened. Raises RunError or CoreError if the run cannot start or go on."""
+        pieces = []
+        going = True
+        while going:
+            record = Record(PIECE_TICKS + lib.HIL_LOOK_TICKS)
+            self._run.record = record.c
+            going = bool(lib.hil_timeline_play(self._timeline, PIECE_TICKS))
+            pieces.append(record.samples)
+            if progress is not None:
+                progress(self._run.ticks / TICKS_PER_S, self._expected_end_s())
+        self._check()
+        return Played(np.concatenate(pieces), self.applied, int(self._run.ticks), self._timeline.done != NEVER)
 
     @property
-    def ticks(self) -> int:
-        """Ticks run so far."""
-        return self._ticks
+    def applied(self) -> tuple[Applied, ...]:
+        """Events so far, in their order."""
+        moments = self._moments[0 : self._timeline.applied]
+        events = self.scenario.events
+        return tuple(Applied(moment.applied_tick / TICKS_PER_S, events[moment.event]) for moment in moments)
 
-    def advance(self, ticks: int) -> NDArray[Any]:
-        """Run ticks in C and return their samples."""
-        record = Record(ticks)
-        lib.hil_run_in_process(self.world.c, self._robot, self._inputs, self._outputs, ticks, record.c)
-        self._ticks += ticks
-        return record.samples
+    @property
+    def values(self) -> dict[str, float]:
+        """The parameters as they are now."""
+        values = self.scenario.parameter_values()
+        for entry in self.applied:
+            values.update(entry.event.settings or {})
+        return values
 
-    def place(self) -> None:
-        """Restart the pose estimate where the robot stands."""
-        self._inputs.pose.x, self._inputs.pose.y, self._inputs.pose.theta = self._start_pose
-        self._inputs.events |= lib.OMNI_EVENT_SET_POSE
+    def _expected_end_s(self) -> float | None:
+        end = lib.hil_timeline_expected_end(self._timeline)
+        return None if end == NEVER else end / TICKS_PER_S
 
-    def apply(self, event: Event) -> None:
-        """Hand an event to the next tick."""
-        if event.settings is not None:
-            self._set(event)
-        elif event.velocity is not None:
-            self._inputs.setpoint.kind = lib.OMNI_SETPOINT_VELOCITY_BODY
-            twist = self._inputs.setpoint.twist
-            twist.vx, twist.vy, twist.wz = event.velocity
-        elif event.duty is not None:
-            self._inputs.setpoint.kind = lib.OMNI_SETPOINT_DUTY
-            for wheel, duty in enumerate(event.duty):
-                self._inputs.setpoint.duty[wheel] = duty
-        else:
-            self._command(str(event.command))
+    def _check(self) -> None:
+        status, detail = self._timeline.status, self._timeline.detail
+        if status == lib.HIL_RUN_WORLD:
+            raise WorldError(ffi.string(self._timeline.why).decode())
+        if status == lib.HIL_RUN_PARAMETERS:
+            raise refused_parameters(list(self._timeline.values), self.scenario.robot.table, detail)
+        if status != lib.HIL_RUN_OK:
+            raise refusal(status, detail & 0xFFFFFFFF)
 
-    def path_ticks(self, share: float) -> int:
-        """Return the ticks from the path's start until this share of it is driven."""
-        return core.path_ticks(self._config, share)
 
-    def _set(self, event: Event) -> None:
-        self.values.update(event.settings or {})
-        self._sequence += 1
-        self._config = core.robot_config(self.values, self._table, self._sequence)
-        lib.omni_robot_set_config(self._robot, self._config)
+def refusal(status: int, faults: int) -> OmniError:
+    """Return the error that says why a run with this ``hil_run_status_t`` could not start or go on."""
+    if status == lib.HIL_RUN_ARMING:
+        return RunError(f"the robot refuses to arm: {', '.join(core.fault_names(faults))}")
+    return CoreError(_REFUSALS[status])
 
-    def _command(self, command: str) -> None:
-        if command == "arm":
-            faults = lib.omni_robot_arming_faults(self._robot, self._outputs)
-            if faults:
-                raise RunError(f"the robot refuses to arm: {', '.join(core.fault_names(faults))}")
-        if command == "trajectory_start":
-            self._plan = core.plan_trajectory(self._config, ffi.addressof(self._outputs, "pose"))
-            self._inputs.trajectory = self._plan
-            self._inputs.setpoint.kind = lib.OMNI_SETPOINT_TRAJECTORY
-        if command == "trajectory_stop":
-            self._inputs.setpoint.kind = lib.OMNI_SETPOINT_NONE
-        self._inputs.events |= getattr(lib, EVENTS[command])
+
+_REFUSALS = {
+    lib.HIL_RUN_WORLD: "the world that the dispersion gives makes no sense; narrow its [dispersion]",
+    lib.HIL_RUN_PARAMETERS: "a change of parameters is refused by the core",
+    lib.HIL_RUN_TRAJECTORY: PLAN_REFUSED,
+    lib.HIL_RUN_ENDLESS: core.ENDLESS,
+}
 
 
 def run_in_process(scenario: Scenario, seed: int | None = None, progress: Progress | None = None) -> Run:
     """Run a scenario in this process."""
     scenario = scenario.with_seed(seed)
-    loop = InProcessLoop(scenario)
+    player = Player(scenario)
     start = time.perf_counter()
-    played = play(scenario, loop, progress)
-    return finish(scenario, "in-process", played, time.perf_counter() - start, loop.values, "in-process")
+    played = player.play(progress)
+    return finish(scenario, "in-process", played, time.perf_counter() - start, player.values, "in-process")
 
 
 def run_seeds(scenario: Scenario, seeds: Iterable[int], measure: Callable[[Run], Measure]) -> Iterator[Measure]:

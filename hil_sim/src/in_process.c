@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "hil_sim/runner.h"
+#include "in_process.h"
 #include "omni/bridge.h"
 #include "record.h"
 
@@ -68,17 +68,26 @@ static void record_tick(hil_record_t *record, const hil_world_t *world, const om
     row->phase = outputs->reference.phase;
 }
 
+void hil_in_process_tick(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs,
+                         hil_record_t *record) {
+    hil_sensors_t sensors;
+    hil_world_sense(world, &sensors);
+    take_sensors(inputs, &sensors, world->config.wheels);
+    omni_robot_tick(robot, inputs, outputs);
+    inputs->events = 0;
+    enable(world, inputs, outputs);
+    drive(world, outputs);
+    record_tick(record, world, outputs);
+}
+
+void hil_in_process_step(hil_world_t *world) {
+    hil_world_step(world, hil_world_tick_us(world, OMNI_TICK_US));
+}
+
 void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
                         hil_record_t *record) {
-    hil_sensors_t sensors;
     for (uint64_t tick = 0; tick < ticks; tick++) {
-        hil_world_sense(world, &sensors);
-        take_sensors(inputs, &sensors, world->config.wheels);
-        omni_robot_tick(robot, inputs, outputs);
-        inputs->events = 0;
-        enable(world, inputs, outputs);
-        drive(world, outputs);
-        record_tick(record, world, outputs);
-        hil_world_step(world, hil_world_tick_us(world, OMNI_TICK_US));
+        hil_in_process_tick(world, robot, inputs, outputs, record);
+        hil_in_process_step(world);
     }
 }

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from omni_schema import ParameterTable
 from omniwheel._core import ffi, lib
 from omniwheel.errors import CoreError
+
+PLAN_REFUSED = "the trajectory cannot be planned; check the TRJ_ parameters"
 
 
 def robot_config(values: Mapping[str, float], table: ParameterTable, sequence: int) -> Any:
@@ -17,12 +19,17 @@ def robot_config(values: Mapping[str, float], table: ParameterTable, sequence: i
     config = ffi.new("omni_robot_config_t *")
     bad_index = ffi.new("int32_t *", -1)
     if lib.omni_robot_config(config, array, bad_index) != lib.OMNI_OK:
-        if bad_index[0] < 0:
-            raise CoreError("the parameters do not fit together; check the geometry and the motor model")
-        parameter = table.parameters[bad_index[0]]
-        raise CoreError(f"{parameter.name} = {values[parameter.name]:g} cannot be used; allowed is {parameter.allowed}")
+        raise refused_parameters(list(array), table, bad_index[0])
     config.sequence = sequence & 0xFFFF
     return config
+
+
+def refused_parameters(values: Sequence[float], table: ParameterTable, bad_index: int) -> CoreError:
+    """Return the error for a parameter set, in the table's order, of which the core refuses ``bad_index`` (-1: all)."""
+    if bad_index < 0:
+        return CoreError("the parameters do not fit together; check the geometry and the motor model")
+    parameter = table.parameters[bad_index]
+    return CoreError(f"{parameter.name} = {values[bad_index]:g} cannot be used; allowed is {parameter.allowed}")
 
 
 def plan_trajectory(config: Any, pose: Any) -> Any:
@@ -32,5 +39,5 @@ def plan_trajectory(config: Any, pose: Any) -> Any:
         plan, ffi.addressof(config, "trajectory"), ffi.addressof(config, "kinematics"), ffi.NULL, pose
     )
     if result != lib.OMNI_OK:
-        raise CoreError("the trajectory cannot be planned; check the TRJ_ parameters")
+        raise CoreError(PLAN_REFUSED)
     return plan

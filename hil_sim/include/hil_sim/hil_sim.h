@@ -3,11 +3,18 @@
 #ifndef HIL_SIM_HIL_SIM_H
 #define HIL_SIM_HIL_SIM_H
 
+#include "hil_sim/batch.h"
+#include "hil_sim/dispersion.h"
 #include "hil_sim/drv8871.h"
+#include "hil_sim/figures.h"
 #include "hil_sim/filter_study.h"
+#include "hil_sim/metrics.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/random.h"
+#include "hil_sim/run.h"
 #include "hil_sim/runner.h"
+#include "hil_sim/statistics.h"
+#include "hil_sim/timeline.h"
 #include "hil_sim/world.h"
 
 #endif

@@ -29,11 +29,12 @@ typedef struct update_t {
 static inline void fill_h(update_t *u, uint8_t slips) {
     const omni_real_t dx = u->window.move[0];
     const omni_real_t dy = u->window.move[1];
-    u->h[0][0] = 1.0f;
-    u->h[0][2] = dy;
-    u->h[1][1] = 1.0f;
-    u->h[1][2] = -dx;
-    u->h[2][2] = 1.0f;
+    const omni_real_t pose[OMNI_AXES][OMNI_AXES] = {{1.0f, 0.0f, dy}, {0.0f, 1.0f, -dx}, {0.0f, 0.0f, 1.0f}};
+    for (int row = 0; row < OMNI_AXES; ++row) {
+        for (int axis = 0; axis < OMNI_AXES; ++axis) {
+            u->h[row][axis] = pose[row][axis];
+        }
+    }
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_real_t turned = u->window.gain[2][i];
         u->h[0][OMNI_AXES + i] = -u->window.gain[0][i] - dy * turned;
@@ -154,20 +155,30 @@ static inline void use_states(const update_t *u, omni_pose_ekf_state_t *state, u
     omni_ekf_shift(state, delta, u->slips);
 }
 
-/* The count as a constant lets the compiler unroll the loops; three wheels are the ones to be fast. */
+/* The count as a constant lets the compiler unroll the loops; three wheels and no slip are the ones to be fast. */
 static void use(const update_t *u, omni_pose_ekf_state_t *state) {
     if (u->states == OMNI_AXES + 3) {
         use_states(u, state, OMNI_AXES + 3);
+    } else if (u->states == OMNI_AXES) {
+        use_states(u, state, OMNI_AXES);
     } else {
         use_states(u, state, u->states);
     }
 }
 
-static inline bool fill(update_t *u, const omni_pose_ekf_state_t *state, uint8_t slips) {
+static inline bool fill_states(update_t *u, const omni_pose_ekf_state_t *state, uint8_t slips) {
     const uint8_t states = (uint8_t)(OMNI_AXES + slips);
     fill_h(u, slips);
     fill_m(u, state, states);
     return factor_s(u, states);
+}
+
+/* As in `use`. @return false if the innovation's covariance is not positive definite. */
+static bool fill(update_t *u, const omni_pose_ekf_state_t *state) {
+    if (u->slips == 3) {
+        return fill_states(u, state, 3);
+    }
+    return u->slips == 0 ? fill_states(u, state, 0) : fill_states(u, state, u->slips);
 }
 
 static void fill_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
@@ -228,8 +239,7 @@ static omni_result_t prepare(update_t *u, const omni_pose_ekf_state_t *state, co
     u->r[1] = u->r[0];
     u->r[2] = variance_of(fix->sd_theta, config->r_theta);
     fill_innovation(u, state, fix);
-    const bool usable = u->slips == 3 ? fill(u, state, 3) : fill(u, state, u->slips);
-    return usable ? OMNI_OK : OMNI_ERR_RANGE;
+    return fill(u, state) ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
 /* Age of the fix, or why its time cannot be used. */
@@ -251,8 +261,7 @@ static omni_result_t refuse(omni_pose_ekf_state_t *state, omni_result_t why) {
 
 omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                     const omni_kinematics_t *k, const omni_pose_fix_t *fix) {
-    update_t u;
-    memset(&u, 0, sizeof u);
+    update_t u; /* Only what its number of states needs gets a value, and is used. */
     if (config->mode == OMNI_EKF_MODE_ODOMETRY) {
         return OMNI_ERR_LOCKED;
     }

@@ -43,6 +43,8 @@ bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t 
     omni_ekf_slot_t *slot = &state->history[state->newest];
     if (slips == 3) {
         add_motion(slot, state, motion, 3);
+    } else if (slips == 0) {
+        add_motion(slot, state, motion, 0);
     } else {
         add_motion(slot, state, motion, slips);
     }
@@ -148,8 +150,23 @@ static inline void prepend(const omni_pose_ekf_config_t *config, const omni_ekf_
     }
 }
 
-static void mirror(omni_ekf_window_t *window) {
-    for (int a = 1; a < OMNI_EKF_STATES; ++a) {
+/* What `slips` slip ratios use of a window. */
+static inline void clear(omni_ekf_window_t *window, uint8_t slips) {
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        window->move[axis] = 0.0f;
+        for (uint8_t i = 0; i < slips; ++i) {
+            window->gain[axis][i] = 0.0f;
+        }
+    }
+    for (int a = 0; a < OMNI_AXES + slips; ++a) {
+        for (int b = 0; b < OMNI_AXES + slips; ++b) {
+            window->noise[a][b] = 0.0f;
+        }
+    }
+}
+
+static inline void mirror(omni_ekf_window_t *window, uint8_t slips) {
+    for (int a = 1; a < OMNI_AXES + slips; ++a) {
         for (int b = 0; b < a; ++b) {
             window->noise[a][b] = window->noise[b][a];
         }
@@ -160,7 +177,7 @@ static inline bool fill_window(const omni_pose_ekf_state_t *state, const omni_po
                                const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window, uint8_t slips) {
     /* The null-space measurements since t_f have already taken most of the slip noise out of P: see the derivation. */
     const bool slip_noise = !(k->has_null && config->r_null > 0.0f);
-    memset(window, 0, sizeof *window);
+    clear(window, slips);
     uint32_t left_us = age_us;
     for (uint8_t back = 0; left_us > 0; ++back) {
         if (back > state->filled) {
@@ -176,13 +193,16 @@ static inline bool fill_window(const omni_pose_ekf_state_t *state, const omni_po
         prepend(config, slot, &s, share, slips, slip_noise, window);
         left_us -= used_us;
     }
-    mirror(window);
+    mirror(window, slips);
     return true;
 }
 
 bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                              const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
-    /* The count as a constant lets the compiler unroll the loops; three wheels are the ones to be fast. */
+    /* The count as a constant lets the compiler unroll the loops; three wheels and no slip are the ones to be fast. */
     const uint8_t slips = omni_ekf_slips(config, k);
-    return slips == 3 ? fill_window(state, config, k, age_us, window, 3) : fill_window(state, config, k, age_us, window, slips);
+    if (slips == 3) {
+        return fill_window(state, config, k, age_us, window, 3);
+    }
+    return slips == 0 ? fill_window(state, config, k, age_us, window, 0) : fill_window(state, config, k, age_us, window, slips);
 }

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file statistics.h
+ * What many values come to, one at a time: mean and variance (Welford 1962, merged as Chan et al. 1979) and extremes. Only IEEE
+ * operations in a fixed order: the same values in the same order and pieces give the same bits on every machine.
+ */
+#ifndef HIL_SIM_STATISTICS_H
+#define HIL_SIM_STATISTICS_H
+
+#include <stdint.h>
+
+/** All zero: no values yet. */
+typedef struct hil_spread_t {
+    uint64_t count;   /**< finite values */
+    uint64_t missing; /**< values that are not a number or infinite */
+    double mean;      /**< of the finite ones, like everything below */
+    double m2;        /**< sum of the squares of the deviations from the mean */
+    double min;
+    double max;
+} hil_spread_t;
+
+/** Add `count` values, the first one at `values`, `stride` bytes apart. */
+void hil_spread_add(hil_spread_t *spread, const double *values, uint32_t stride, uint32_t count);
+
+/** Add what another spread holds: values that come after those of `spread`. */
+void hil_spread_merge(hil_spread_t *spread, const hil_spread_t *other);
+
+#endif

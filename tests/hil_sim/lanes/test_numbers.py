@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+"""Numbers of eight lanes do in each lane what the scalar does, and say so when the lanes would part."""
+
+from __future__ import annotations
+
+import ctypes
+import platform
+from pathlib import Path
+
+import pytest
+
+from tests.native import ROOT, build_library
+
+LANES = ROOT / "hil_sim" / "lanes"
+LEVELS = ["baseline", *(["avx2"] if platform.machine() in ("x86_64", "AMD64") else [])]
+
+
+def _runs_here(level: str) -> bool:
+    return level == "baseline" or "avx2" in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
+
+
+@pytest.fixture(scope="module", params=LEVELS)
+def lib(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    level = request.param
+    if not _runs_here(level):
+        pytest.skip(f"this processor is no {level}")
+    flags = ["-Wno-psabi", "-Wno-float-equal", "-fno-math-errno", f"-DOMNI_LANES_LEVEL={level}"]
+    flags += ["-mavx2"] if level == "avx2" else []
+    sources = [Path(__file__).with_name("numbers.cpp"), LANES / "divergence.c"]
+    return ctypes.CDLL(
+        str(build_library(tmp_path_factory.mktemp(level), f"lanes_{level}", sources, includes=[LANES], flags=flags))
+    )
+
+
+def test_every_operation_gives_the_bits_of_the_scalar_one(lib: ctypes.CDLL) -> None:
+    assert lib.lanes_wrong_numbers() == 0
+
+
+def test_whole_numbers_wrap_and_shift_like_scalars(lib: ctypes.CDLL) -> None:
+    assert lib.lanes_wrong_whole_numbers() == 0
+
+
+def test_a_mixed_condition_is_always_noticed_and_answered_by_lane_0(lib: ctypes.CDLL) -> None:
+    for bits in range(256):
+        parted = bits not in (0, 255)
+        assert lib.lanes_condition(bits) == (bits & 1) + 2 * parted
+
+
+def test_a_cast_of_unequal_lanes_is_noticed(lib: ctypes.CDLL) -> None:
+    assert lib.lanes_cast(-1) == 3
+    for lane in range(8):
+        assert lib.lanes_cast(lane) == (104 if lane == 0 else 103)
