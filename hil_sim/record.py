@@ -19,18 +19,23 @@ def _field_format(ctype: Any) -> Any:
     return _FORMATS[ctype.cname]
 
 
-def sample_dtype() -> np.dtype[np.void]:
-    """Return the layout of ``hil_sample_t``, from its C declaration; ``runner.h`` has units and meaning."""
-    sample = ffi.typeof("hil_sample_t")
-    names, fields = zip(*sample.fields, strict=True)
+def struct_dtype(name: str) -> np.dtype[np.void]:
+    """Return the layout of a C struct of numbers and arrays of them, from its declaration."""
+    struct = ffi.typeof(name)
+    names, fields = zip(*struct.fields, strict=True)
     return np.dtype(
         {
             "names": list(names),
             "formats": [_field_format(field.type) for field in fields],
             "offsets": [field.offset for field in fields],
-            "itemsize": ffi.sizeof(sample),
+            "itemsize": ffi.sizeof(struct),
         }
     )
+
+
+def sample_dtype() -> np.dtype[np.void]:
+    """Return the layout of ``hil_sample_t``; ``runner.h`` has units and meaning."""
+    return struct_dtype("hil_sample_t")
 
 
 class Record:

@@ -14,7 +14,7 @@ from hil_sim import core, timeline
 from hil_sim.core import CoreError
 from hil_sim.record import Record
 from hil_sim.runs import new_world, run_in_process
-from hil_sim.scenario import Event, Scenario, load_scenario, scenario_names
+from hil_sim.scenario import MAX_DURATION_S, Event, Scenario, load_scenario, scenario_names
 from hil_sim.timeline import Played, RunError, play
 from omniwheel._core import ffi, lib
 
@@ -28,7 +28,7 @@ BITS = {
 ARM = Event(at_s=0.5, command="arm")
 DRIVE = (Event(at_s=0.5, command="trajectory_start"), ARM)
 TO_THE_END = ("demo", "fault_encoder_stuck")
-SHORT = {"TRJ_SIZE": 0.1, "TRJ_PERIOD": 2.0, "TRJ_PETALS": 2.0}
+SHORT = {"TRJ_SIZE": 0.02, "TRJ_PERIOD": 2.0, "TRJ_PETALS": 2.0}
 
 
 class PythonLoop:
@@ -94,7 +94,7 @@ def assert_same(scenario: Scenario) -> Played:
 
 
 def scenario(*events: Event, name: str = "demo", duration_s: float | None = None, **parameters: float) -> Scenario:
-    base = replace(load_scenario(name), events=events, duration_s=duration_s)
+    base = replace(load_scenario(name), events=events, duration_s=duration_s, start_pose=(0.02, 0.0, 0.0))
     return base.with_parameters({**SHORT, **parameters})
 
 
@@ -163,7 +163,7 @@ def test_the_constants_are_the_same() -> None:
     names = {"CHUNK": "LOOK", "AFTER": "AFTER", "DISARMED": "DISARMED", "START": "START"}
     for ours, theirs in names.items():
         assert getattr(timeline, f"{ours}_TICKS") == getattr(lib, f"HIL_{theirs}_TICKS")
-    assert lib.HIL_MAX_TICKS == timeline.MAX_DURATION_S * timeline.TICKS_PER_S
+    assert lib.HIL_MAX_TICKS == MAX_DURATION_S * timeline.TICKS_PER_S
 
 
 def test_progress_is_told_with_the_expected_end() -> None:
