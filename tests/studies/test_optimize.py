@@ -15,7 +15,6 @@ from hil_sim.studies import optimize
 from hil_sim.studies.errors import StudyError, StudyInputError
 from hil_sim.studies.figures import parse_constraint, parse_number
 from hil_sim.studies.optimize import Outcome, Plan, open_study, run_study
-from hil_sim.studies.optimize_picture import draw_history
 from hil_sim.studies.pools import LocalPool, Pool
 from hil_sim.studies.space import parse_axes
 from omniwheel.errors import MissingPackageError
@@ -31,7 +30,7 @@ def plan(quick: Scenario) -> Plan:
         axes=parse_axes(["ISMC_LAM_XY=1:30:log", "TRJ_PETALS=3:8"], quick.robot.table),
         minimise=parse_number("peak_duty.mean"),
         constraints=(parse_constraint("completed>=0"),),
-        trials=14,
+        trials=12,
         runs=8,
         first_seed=2,
         batch_runs=8,
@@ -47,7 +46,7 @@ def same(first: Path, second: Path) -> bool:
     return all((first / name).read_bytes() == (second / name).read_bytes() for name in FILES)
 
 
-@pytest.mark.parametrize("sampler", optimize.SAMPLERS)
+@pytest.mark.parametrize("sampler", ["tpe", "cmaes"])
 def test_workers_and_interruptions_change_nothing(
     plan: Plan, tmp_path: Path, interrupted_after: Callable[[int], Pool], sampler: str
 ) -> None:
@@ -78,13 +77,11 @@ def test_the_first_trial_is_the_scenario_itself_and_the_best_can_be_loaded(plan:
     assert read_preset(tmp_path / "study" / "best.toml", plan.scenario.robot.table).parameters == outcome.best.values
     assert outcome.fresh_seeds == (10, 17)
     assert outcome.after.objective < outcome.before.objective
-    draw_history(plan, outcome, tmp_path / "history.png")
-    assert (tmp_path / "history.png").stat().st_size > 10_000
 
 
 def test_the_best_keeps_the_constraints(plan: Plan, tmp_path: Path) -> None:
     free = do(plan, tmp_path / "free", LocalPool(2))
-    bound = sorted(trial.objective for trial in free.trials)[7]
+    bound = sorted(trial.objective for trial in free.trials)[6]
     tight = replace(plan, constraints=(*plan.constraints, parse_constraint(f"peak_duty.mean>={bound!r}")))
     outcome = do(tight, tmp_path / "tight", LocalPool(2))
     assert outcome.best.objective >= bound > free.best.objective
