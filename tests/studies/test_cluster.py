@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import dask
+import distributed
 import pytest
-from distributed import LocalCluster
 
 from hil_sim.scenario import Scenario
 from hil_sim.studies import cluster, engine
@@ -23,6 +23,7 @@ from hil_sim.studies.pools import LocalPool, Pool
 from omniwheel.errors import MissingPackageError
 
 NOBODY = "tcp://127.0.0.1:9"
+make_cluster: Any = distributed.LocalCluster
 FILES = ("summary.json", "runs.npy", "study.json")
 
 
@@ -34,7 +35,7 @@ def dask_cluster() -> Iterator[Any]:
     }
     with (
         dask.config.set(settings),
-        LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=":0") as running,
+        make_cluster(n_workers=4, threads_per_worker=1, dashboard_address=":0") as running,
     ):
         yield running
 
@@ -56,7 +57,7 @@ def test_the_cluster_gives_the_local_pools_bytes_though_a_worker_is_killed(
     quick: Scenario, tmp_path: Path, pool: DaskPool, dask_cluster: Any
 ) -> None:
     plan = Plan(quick, 120, 1, 8, worst=2)
-    killed = []
+    killed: list[int] = []
 
     def kill_one(runs: int, simulated_s: float, kept: bool) -> None:
         if not killed:
@@ -86,7 +87,7 @@ class _Broken(Point):
 def test_workers_that_compute_other_numbers_are_refused(dask_cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     own = engine.identity()
     for name, message in (("probe", "computes other numbers"), ("omniwheel", "has omniwheel")):
-        monkeypatch.setattr(cluster.engine, "identity", lambda name=name: {**own, name: "another"})
+        monkeypatch.setattr("hil_sim.studies.engine.identity", lambda name=name: {**own, name: "another"})
         with pytest.raises(ClusterError, match=message):
             DaskPool(dask_cluster.scheduler_address, connect_s=60.0)
 
@@ -98,12 +99,12 @@ def test_no_scheduler_and_no_address_are_clear_errors() -> None:
 
 
 def test_a_cluster_without_workers_is_not_waited_for_for_ever() -> None:
-    with LocalCluster(n_workers=0, dashboard_address=":0") as empty, pytest.raises(ClusterError, match="no workers"):
+    with make_cluster(n_workers=0, dashboard_address=":0") as empty, pytest.raises(ClusterError, match="no workers"):
         DaskPool(empty.scheduler_address, connect_s=1.0)
 
 
 def test_when_the_last_worker_goes_the_study_ends(quick: Scenario) -> None:
-    with LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as small:
+    with make_cluster(n_workers=1, processes=False, dashboard_address=":0") as small:
         pool = DaskPool(small.scheduler_address, connect_s=60.0, no_worker_s=0.5)
         plan = (Batch(Point(quick), 1 + 8 * number, 8) for number in range(10_000))
         results = pool.results(plan)
