@@ -11,17 +11,18 @@ BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake
 BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt pyproject.toml \
                   \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' -o -name '*.ld' \
                   -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
-C_FILES = $(shell find shared/core firmware hil_sim host/native tests -name '*.[ch]' -o -name '*.[ch]pp')
+C_FILES = $(shell find shared/core firmware hil_sim host/native tests bench -name '*.[ch]' -o -name '*.[ch]pp')
 # Processes that run the tests; 0: in make's own terminal, one test after another.
 WORKERS ?= auto
-PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware
+PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
 
-.PHONY: help setup demo test lint format bench sanitize core-checks parity budgets fuzz wheel firmware flash clean
+.PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets fuzz wheel firmware flash clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
 	@echo 'make lint         formatters and linters     make format      apply the formatters'
-	@echo 'make bench        benchmarks                 make sanitize    tests under ASan and UBSan'
+	@echo 'make bench        ours beside its peers      make sanitize    tests under ASan and UBSan'
+	@echo 'make bench-gates  instruction counts and ratios that must not get worse'
 	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
 	@echo 'make parity       the tick gives the same bits with every compiler and on the Cortex-M7'
 	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
@@ -60,8 +61,11 @@ demo: $(VENV)/stamp-install
 test: setup
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
-bench: $(VENV)/stamp-install
-	$(BIN)/omni bench $(ARGS)
+bench: setup
+	$(BIN)/python -m bench $(ARGS)
+
+bench-gates: setup
+	$(BIN)/python -m bench.gates $(ARGS)
 
 wheel: $(VENV)/stamp-tools
 	$(PIP) wheel --no-build-isolation --no-deps -w dist .

@@ -180,7 +180,7 @@ bool report_tracking(const Shared &shared, Link &link, Priority priority, bool) 
     copy_pose(message.pose, out.pose);
     copy(message.pose_sd, out.pose_sd);
     message.path_time = out.reference.path_time_s;
-    message.phase = out.reference.phase;
+    message.phase = static_cast<uint8_t>(out.reference.phase);
     return link.send(MAVLINK_MSG_ID_OMNI_TRACKING, message, priority);
 }
 
@@ -232,7 +232,7 @@ bool report_sample(const Shared &shared, Link &link, Priority priority, bool) {
     std::memcpy(message.volt_seconds, shared.latest.volt_us, sizeof message.volt_seconds);
     message.supply = out.supply_V;
     copy_pose(message.pose, out.pose);
-    message.phase = out.reference.phase;
+    message.phase = static_cast<uint8_t>(out.reference.phase);
     return link.send(MAVLINK_MSG_ID_OMNI_SAMPLE, message, priority);
 }
 

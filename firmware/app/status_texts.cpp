@@ -52,7 +52,7 @@ void StatusTexts::serve() {
         shared_.say(MAV_SEVERITY_INFO, Text().add("trajectory done"));
     }
     state_ = out.state;
-    phase_ = out.reference.phase;
+    phase_ = static_cast<uint8_t>(out.reference.phase);
     history_ = out.fault_history;
 }
 

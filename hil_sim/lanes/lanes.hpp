@@ -76,7 +76,8 @@ public:
 
     number() = default;
     /** The same in all lanes. A whole number takes whole numbers only: C's truncation wants a cast. */
-    template <typename S, std::enable_if_t<std::is_arithmetic_v<S> && (!whole || std::is_integral_v<S>), int> = 0>
+    template <typename S,
+              std::enable_if_t<std::is_enum_v<S> || std::is_integral_v<S> || (std::is_arithmetic_v<S> && !whole), int> = 0>
     LANES_INLINE constexpr number(S value) : v(broadcast<T, count>(static_cast<T>(value))) {}
     LANES_INLINE constexpr explicit number(vector value) : v(value) {}
     /** float to double is exact and needs no cast; every other conversion is C's cast. */
@@ -211,7 +212,7 @@ LANES_INLINE auto select(mask<Bits> condition, A a, B b) {
     const result first(a);
     const result second(b);
     if constexpr (std::is_same_v<result, mask<std::int32_t>> || std::is_same_v<result, mask<std::int64_t>>) {
-        return (result(condition) & first) | (!result(condition) & second);
+        return (result(condition) & first) | ((!result(condition)) & second);
     } else {
         using choice = typename result::mask_type;
         return result(choose(choice(condition).v, first.v, second.v));
@@ -221,6 +222,15 @@ template <typename A, typename B>
 LANES_INLINE auto select(bool condition, A a, B b) {
     using result = typename either<A, B>::type;
     return condition ? result(a) : result(b);
+}
+
+template <typename Bits>
+LANES_INLINE bool all(mask<Bits> condition) {
+    return condition.all();
+}
+template <typename Bits>
+LANES_INLINE bool any(mask<Bits> condition) {
+    return condition.any();
 }
 
 template <typename T>

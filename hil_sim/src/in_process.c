@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "in_process.h"
 #include "omni/bridge.h"
-#include "record.h"
 
-static omni_pose_t to_pose(const double *pose) {
+static omni_pose_t to_pose(const hil_real_t *pose) {
     return (omni_pose_t){(omni_real_t)pose[0], (omni_real_t)pose[1], (omni_real_t)pose[2]};
 }
 
@@ -34,8 +33,8 @@ static void enable(hil_world_t *world, const omni_inputs_t *inputs, const omni_o
 }
 
 static void drive(hil_world_t *world, const omni_outputs_t *outputs) {
-    uint16_t in1[HIL_MAX_WHEELS];
-    uint16_t in2[HIL_MAX_WHEELS];
+    hil_steps_t in1[HIL_MAX_WHEELS];
+    hil_steps_t in2[HIL_MAX_WHEELS];
     for (uint32_t i = 0; i < HIL_MAX_WHEELS; i++) {
         const omni_bridge_counts_t counts = omni_bridge_counts(outputs->duty[i], outputs->drive);
         in1[i] = counts.in1;
@@ -44,32 +43,7 @@ static void drive(hil_world_t *world, const omni_outputs_t *outputs) {
     hil_world_bridge(world, in1, in2);
 }
 
-static void copy_pose(double *to, const omni_pose_t *pose) {
-    to[0] = (double)pose->x;
-    to[1] = (double)pose->y;
-    to[2] = (double)pose->theta;
-}
-
-static void record_tick(hil_record_t *record, const hil_world_t *world, const omni_outputs_t *outputs) {
-    hil_sample_t *row = hil_record_row(record, world);
-    if (row == NULL) {
-        return;
-    }
-    copy_pose(row->reference, &outputs->reference.pose);
-    copy_pose(row->estimate, &outputs->pose);
-    for (uint32_t i = 0; i < world->config.wheels; i++) {
-        row->wheel_reference[i] = (double)outputs->wheel_reference[i];
-    }
-    row->wheel_scale = (double)outputs->wheel_scale;
-    row->duty_scale = (double)outputs->duty_scale;
-    row->faults = outputs->faults;
-    row->config_sequence = outputs->config_sequence;
-    row->state = outputs->state;
-    row->phase = outputs->reference.phase;
-}
-
-void hil_in_process_tick(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs,
-                         hil_record_t *record) {
+void hil_in_process_tick(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs) {
     hil_sensors_t sensors;
     hil_world_sense(world, &sensors);
     take_sensors(inputs, &sensors, world->config.wheels);
@@ -77,17 +51,8 @@ void hil_in_process_tick(hil_world_t *world, omni_robot_t *robot, omni_inputs_t 
     inputs->events = 0;
     enable(world, inputs, outputs);
     drive(world, outputs);
-    record_tick(record, world, outputs);
 }
 
 void hil_in_process_step(hil_world_t *world) {
     hil_world_step(world, hil_world_tick_us(world, OMNI_TICK_US));
-}
-
-void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
-                        hil_record_t *record) {
-    for (uint64_t tick = 0; tick < ticks; tick++) {
-        hil_in_process_tick(world, robot, inputs, outputs, record);
-        hil_in_process_step(world);
-    }
 }

@@ -3,11 +3,11 @@
 #ifndef HIL_SIM_IN_PROCESS_H
 #define HIL_SIM_IN_PROCESS_H
 
-#include "hil_sim/runner.h"
+#include "hil_sim/world.h"
+#include "omni/robot.h"
 
-/** Sense, decide, drive, record: everything up to the world's step. @param record may be NULL. */
-void hil_in_process_tick(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs,
-                         hil_record_t *record);
+/** Sense, decide, drive: everything up to the world's step. */
+void hil_in_process_tick(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs);
 
 /** The step to the next tick. */
 void hil_in_process_step(hil_world_t *world);

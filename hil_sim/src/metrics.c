@@ -85,7 +85,7 @@ static void add_path_tick(hil_metrics_t *metrics, const hil_world_t *world, cons
 static void add_armed_tick(hil_metrics_t *metrics, const hil_world_t *world, const omni_outputs_t *outputs) {
     metrics->faults = metrics->was_armed ? metrics->faults | outputs->faults : outputs->faults;
     metrics->was_armed = true;
-    const uint8_t phase = outputs->reference.phase;
+    const omni_uint_t phase = outputs->reference.phase;
     if (phase == OMNI_PHASE_PATH || phase == OMNI_PHASE_DONE) {
         tracking_error(metrics->final_error, world, &outputs->reference.pose);
     }

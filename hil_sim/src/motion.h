@@ -6,10 +6,25 @@
 #include "parts.h"
 
 typedef struct hil_motion_t {
-    double v[3]; /**< body frame: vx, vy, wz */
-    double w[HIL_MAX_WHEELS];
-    double i[HIL_MAX_WHEELS];
+    hil_real_t v[3]; /**< body frame: vx, vy, wz */
+    hil_real_t w[HIL_MAX_WHEELS];
+    hil_real_t i[HIL_MAX_WHEELS];
 } hil_motion_t;
+
+/** What of wheels on the floor stays the same during a tick. g h: of a substep (plant_contact.c). */
+typedef struct hil_contact_t {
+    hil_real_t h;
+    hil_real_t gh;
+    hil_real_t rim_m[HIL_MAX_WHEELS];      /**< r (1 - s): floor that a radian covers */
+    hil_real_t inductance[HIL_MAX_WHEELS]; /**< 1 / L, 0 for an open winding */
+    hil_real_t current[HIL_MAX_WHEELS];    /**< 1 / (1 + g h R / L), 0 for an open winding */
+    hil_real_t emf[HIL_MAX_WHEELS];        /**< g h K / L of that */
+    hil_real_t diagonal[HIL_MAX_WHEELS];   /**< of the wheel's equation, without traction and Coulomb friction */
+    hil_real_t torque;                     /**< g h K / J */
+    hil_real_t per_inertia;                /**< g h / J */
+    hil_real_t coulomb_slope;              /**< T_c w_0^2 */
+    hil_real_t mass[6];                    /**< of the body's equation, without the wheels */
+} hil_contact_t;
 
 /** Width of the smoothed sign of Coulomb friction, at a wheel. */
 static const double HIL_COULOMB_WIDTH_rad_s = 0.01;
@@ -17,23 +32,25 @@ static const double HIL_ROSENBROCK_GAMMA = 0.29289321881345254;
 
 /* plant.c */
 /** World frame from and to body frame; cos_sin: cosine and sine of the heading. */
-void hil_motion_load(const hil_world_t *world, hil_motion_t *y, const double *cos_sin);
-void hil_motion_store(hil_world_t *world, const hil_motion_t *y, const double *cos_sin);
+void hil_motion_load(const hil_world_t *world, hil_motion_t *y, const hil_real_t *cos_sin);
+void hil_motion_store(hil_world_t *world, const hil_motion_t *y, const hil_real_t *cos_sin);
 /** Speed of the floor below the body at wheel i, along the wheel [m/s]: t_i . (v + wz x p_i). */
-double hil_floor_speed(const hil_plant_t *plant, const double *v, uint32_t wheel);
+hil_real_t hil_floor_speed(const hil_plant_t *plant, const hil_real_t *v, uint32_t wheel);
 
 /* plant_contact.c: full, slip; the motors of kinematic+motors */
-void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s);
+/** Before the substeps of a tick. */
+void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const hil_electrics_t *electrics, double step_s);
+void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y);
 
 /* plant_kinematic.c */
 /** Body velocity that fits the wheels' speeds and the imposed slip best, in least squares. */
-void hil_rolling_twist(const hil_world_t *world, const double *wheel_rad_s, double *v);
+void hil_rolling_twist(const hil_world_t *world, const hil_real_t *wheel_rad_s, hil_real_t *v);
 void hil_kinematic_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
 
 /* plant_linear.c */
 void hil_linear_init(hil_plant_t *plant, const hil_world_config_t *config);
 /** Wheel speeds of rolling at body velocity v with the imposed slip. */
-void hil_linear_wheels(const hil_world_t *world, const double *v, double *wheel_rad_s);
+void hil_linear_wheels(const hil_world_t *world, const hil_real_t *v, hil_real_t *wheel_rad_s);
 void hil_linear_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s);
 
 #endif

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /* Bridges and windings: what the electrics apply during a step. */
-#include <math.h>
+#include <string.h>
 
 #include "parts.h"
 
-void hil_motors_apply_inputs(hil_world_t *world, uint32_t wheel, double phase1, double phase2, double period_s) {
+void hil_motors_apply_inputs(hil_world_t *world, uint32_t wheel, hil_real_t phase1, hil_real_t phase2, double period_s) {
     hil_drv8871_inputs(&world->bridge[wheel], world->in1[wheel], phase1, world->in2[wheel], phase2, period_s);
 }
 
@@ -15,10 +15,10 @@ static hil_winding_t winding_of(const hil_world_t *world, uint32_t wheel) {
 }
 
 /* Works in the bridge's direction and turns the results into the wheel's. */
-static void open_winding(hil_world_t *world, uint32_t wheel, double step_s, double *end_A) {
+static void open_winding(hil_world_t *world, uint32_t wheel, double step_s, hil_real_t *end_A) {
     const double direction = world->config.motor_direction[wheel];
     const hil_winding_t winding = winding_of(world, wheel);
-    double current_A = direction * world->current_A[wheel];
+    hil_real_t current_A = direction * world->current_A[wheel];
     world->current_A[wheel] = direction * hil_drv8871_freewheel(&winding, world->supply_V, step_s, &current_A);
     *end_A = direction * current_A;
 }
@@ -37,7 +37,7 @@ static void drive_winding(const hil_world_t *world, uint32_t wheel, hil_electric
 }
 
 /* A torque is a current that the winding can't change; speeds pass the motors by. */
-static void ideal_source(hil_world_t *world, uint32_t wheel, hil_electrics_t *electrics, double *end_A) {
+static void ideal_source(hil_world_t *world, uint32_t wheel, hil_electrics_t *electrics, hil_real_t *end_A) {
     if (world->source == HIL_SOURCE_VOLTAGE) {
         electrics->closed[wheel] = 1.0;
         electrics->offset_V[wheel] = world->driven[wheel];
@@ -47,10 +47,11 @@ static void ideal_source(hil_world_t *world, uint32_t wheel, hil_electrics_t *el
     }
 }
 
-void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double step_s, double *open_end_A) {
-    *electrics = (hil_electrics_t){.battery_V = hil_fault_value(world, HIL_FAULT_BATTERY_SAG, world->config.battery_V)};
+void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double step_s, hil_real_t *open_end_A) {
+    memset(electrics, 0, sizeof *electrics);
+    electrics->battery_V = hil_fault_value(world, HIL_FAULT_BATTERY_SAG, world->config.battery_V);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        if (hil_world_fault_active(world, HIL_FAULT_MOTOR_DEAD, i)) {
+        if (hil_fault_find(world, HIL_FAULT_MOTOR_DEAD, i) != NULL) {
             world->current_A[i] = 0.0;
             open_end_A[i] = 0.0;
         } else if (world->source != HIL_SOURCE_BRIDGES) {
@@ -63,10 +64,9 @@ void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double ste
     }
 }
 
-void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const double *open_end_A) {
+void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *open_end_A) {
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        const bool closed = electrics->closed[i] > 0.0;
-        world->current_A[i] = closed ? world->current_A[i] : open_end_A[i];
+        world->current_A[i] = hil_select(electrics->closed[i] > 0.0, world->current_A[i], open_end_A[i]);
         world->voltage_V[i] = electrics->gain[i] * world->supply_V + electrics->offset_V[i];
     }
 }

@@ -3,9 +3,10 @@
 #ifndef HIL_SIM_PARTS_H
 #define HIL_SIM_PARTS_H
 
-#include "hil_sim/world.h"
+#include <stddef.h>
 
-static const double HIL_PI = 3.14159265358979323846;
+#include "hil_sim/world.h"
+#include "real_math.h"
 
 /* Random streams of a run; those per wheel take HIL_MAX_WHEELS numbers from their start. */
 enum {
@@ -18,13 +19,16 @@ enum {
     HIL_STREAM_ENCODER = 24 /* per wheel */
 };
 
+/** Bits of i2c_status. */
+enum { HIL_I2C_NOT_ACKNOWLEDGED = 1, HIL_I2C_BUS_STUCK = 2 };
+
 /** How the electrics act on the motion during a step: V_i = gain_i * supply + offset_i, or a current that the winding can't change. */
 typedef struct hil_electrics_t {
-    double gain[HIL_MAX_WHEELS];
-    double offset_V[HIL_MAX_WHEELS];
-    double closed[HIL_MAX_WHEELS]; /**< 1: the winding is connected, 0: open */
-    double battery_V;
-    double drive[HIL_MAX_WHEELS]; /**< share of the motor current that the battery sees */
+    hil_real_t gain[HIL_MAX_WHEELS];
+    hil_real_t offset_V[HIL_MAX_WHEELS];
+    hil_real_t closed[HIL_MAX_WHEELS]; /**< 1: the winding is connected, 0: open */
+    hil_real_t battery_V;
+    hil_real_t drive[HIL_MAX_WHEELS]; /**< share of the motor current that the battery sees */
 } hil_electrics_t;
 
 /* config.c */
@@ -39,14 +43,14 @@ void hil_plant_source(hil_world_t *world, uint32_t source);
 void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
 
 /* motors.c */
-void hil_motors_apply_inputs(hil_world_t *world, uint32_t wheel, double phase1, double phase2, double period_s);
-void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double step_s, double *open_end_A);
-void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const double *open_end_A);
+void hil_motors_apply_inputs(hil_world_t *world, uint32_t wheel, hil_real_t phase1, hil_real_t phase2, double period_s);
+void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double step_s, hil_real_t *open_end_A);
+void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *open_end_A);
 
 /* sensors.c */
 void hil_encoders_update(hil_world_t *world);
 /** What the robot reads of its counters. */
-void hil_encoders_read(const hil_world_t *world, int32_t *counts);
+void hil_encoders_read(const hil_world_t *world, hil_int_t *counts);
 void hil_pose_sensor_update(hil_world_t *world);
 
 /* slip.c */
@@ -56,9 +60,30 @@ void hil_slip_update(hil_world_t *world, double time_s);
 /** Slip speeds of the step that begins now. */
 void hil_slip_hold(hil_world_t *world);
 
+/* faults.c */
+/** Which kinds act at this time; to be called whenever the time has changed. */
+void hil_faults_update(hil_world_t *world);
+const hil_fault_t *hil_fault_search(const hil_world_t *world, uint8_t kind, uint32_t wheel);
+/** What the robot takes for the time. */
+uint64_t hil_robot_clock_us(const hil_world_t *world);
+/** Bits of i2c_status that faults of the bus set. */
+uint8_t hil_bus_fault(const hil_world_t *world);
+
 /** The active fault of this kind that concerns the wheel (HIL_MAX_WHEELS or above: any), or NULL. */
-const hil_fault_t *hil_fault_find(const hil_world_t *world, uint8_t kind, uint32_t wheel);
+static inline const hil_fault_t *hil_fault_find(const hil_world_t *world, uint8_t kind, uint32_t wheel) {
+    return (world->active_faults >> kind & 1u) == 0 ? NULL : hil_fault_search(world, kind, wheel);
+}
+
 /** Value of an active fault of this kind, or `otherwise`. */
-double hil_fault_value(const hil_world_t *world, uint8_t kind, double otherwise);
+static inline hil_real_t hil_fault_value(const hil_world_t *world, uint8_t kind, hil_real_t otherwise) {
+    const hil_fault_t *fault = hil_fault_find(world, kind, HIL_MAX_WHEELS);
+    return fault != NULL ? (hil_real_t)fault->value : otherwise;
+}
+
+/* world_step.c */
+/** Every input low. */
+void hil_bridges_init(hil_world_t *world);
+/** Take over the inputs: those set directly, or the chip's outputs. */
+void hil_bridges_follow(hil_world_t *world, bool direct);
 
 #endif

@@ -3,17 +3,17 @@
  *
  * Every contact says r w_i (1 - s_i) - u_i = t_i . (v + wz x p_i). Three wheels say it exactly; four contradict each other by what slips,
  * and the velocity in between is the one of least squares. */
-#include <math.h>
 #include <string.h>
 
 #include "motion.h"
 #include "spd3.h"
 
-void hil_rolling_twist(const hil_world_t *world, const double *wheel_rad_s, double *v) {
+void hil_rolling_twist(const hil_world_t *world, const hil_real_t *wheel_rad_s, hil_real_t *v) {
     const hil_plant_t *plant = &world->plant;
-    double b[3] = {0.0};
+    hil_real_t b[3] = {0.0};
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        const double rolled_m_s = plant->radius_m[i] * wheel_rad_s[i] * (1.0 - world->slip_ratio[i]) - world->slip_speed_m_s[i];
+        const hil_real_t rolled_m_s =
+            plant->radius_m[i] * wheel_rad_s[i] * (1.0 - world->slip_ratio[i]) - world->slip_speed_m_s[i];
         b[0] += plant->along_x[i] * rolled_m_s;
         b[1] += plant->along_y[i] * rolled_m_s;
         b[2] += plant->arm_m[i] * rolled_m_s;
@@ -24,21 +24,24 @@ void hil_rolling_twist(const hil_world_t *world, const double *wheel_rad_s, doub
 /* The steady state of (24), (25) without load: K i = b w, V = R i + K w. */
 static void steady_wheels(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y) {
     const hil_world_config_t *config = &world->config;
-    const double amperes_per_speed = config->motor_viscous_N_m_s / config->motor_constant_N_m_A;
-    const double volts_per_speed = config->motor_constant_N_m_A + config->motor_resistance_ohm * amperes_per_speed;
+    const hil_real_t amperes_per_speed = config->motor_viscous_N_m_s / config->motor_constant_N_m_A;
+    const hil_real_t volts_per_speed = config->motor_constant_N_m_A + config->motor_resistance_ohm * amperes_per_speed;
     for (uint32_t i = 0; i < config->wheels; i++) {
-        const double volts = electrics->gain[i] * electrics->battery_V + electrics->offset_V[i];
+        const hil_real_t volts = electrics->gain[i] * electrics->battery_V + electrics->offset_V[i];
         y->w[i] = electrics->closed[i] * volts / volts_per_speed;
         y->i[i] = electrics->closed[i] * y->w[i] * amperes_per_speed;
     }
 }
 
 /* Constant body velocity turns the body along an arc of a circle: heading in the middle, chord instead of arc. */
-static void advance_arc(hil_world_t *world, const double *v, double step_s) {
-    const double half_rad = 0.5 * step_s * v[2];
-    const double chord = fabs(half_rad) < 1e-4 ? 1.0 - half_rad * half_rad / 6.0 : sin(half_rad) / half_rad;
-    const double c = step_s * chord * cos(world->pose[2] + half_rad);
-    const double s = step_s * chord * sin(world->pose[2] + half_rad);
+static void advance_arc(hil_world_t *world, const hil_real_t *v, double step_s) {
+    const hil_real_t half_rad = 0.5 * step_s * v[2];
+    hil_real_t half[2], heading[2];
+    hil_cos_sin(half_rad, half);
+    hil_cos_sin(world->pose[2] + half_rad, heading);
+    const hil_real_t chord = hil_select(hil_abs(half_rad) < 1e-4, 1.0 - half_rad * half_rad / 6.0, half[1] / half_rad);
+    const hil_real_t c = step_s * chord * heading[0];
+    const hil_real_t s = step_s * chord * heading[1];
     world->pose[0] += c * v[0] - s * v[1];
     world->pose[1] += s * v[0] + c * v[1];
     world->pose[2] += 2.0 * half_rad;
@@ -56,7 +59,8 @@ void hil_kinematic_step(hil_world_t *world, const hil_electrics_t *electrics, do
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         world->wheel_angle_rad[i] += step_s * y.w[i];
     }
-    const double cos_sin[2] = {cos(world->pose[2]), sin(world->pose[2])};
+    hil_real_t cos_sin[2];
+    hil_cos_sin(world->pose[2], cos_sin);
     hil_motion_store(world, &y, cos_sin);
     world->supply_V = electrics->battery_V;
 }

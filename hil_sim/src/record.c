@@ -20,3 +20,27 @@ hil_sample_t *hil_record_row(hil_record_t *record, const hil_world_t *world) {
     row->supply_V = world->supply_V;
     return row;
 }
+
+static void copy_pose(double *to, const omni_pose_t *pose) {
+    to[0] = (double)pose->x;
+    to[1] = (double)pose->y;
+    to[2] = (double)pose->theta;
+}
+
+void hil_record_tick(hil_record_t *record, const hil_world_t *world, const omni_outputs_t *outputs) {
+    hil_sample_t *row = hil_record_row(record, world);
+    if (row == NULL) {
+        return;
+    }
+    copy_pose(row->reference, &outputs->reference.pose);
+    copy_pose(row->estimate, &outputs->pose);
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        row->wheel_reference[i] = (double)outputs->wheel_reference[i];
+    }
+    row->wheel_scale = (double)outputs->wheel_scale;
+    row->duty_scale = (double)outputs->duty_scale;
+    row->faults = outputs->faults;
+    row->config_sequence = outputs->config_sequence;
+    row->state = outputs->state;
+    row->phase = outputs->reference.phase;
+}

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "in_process.h"
+#include "record.h"
 
 hil_result_t hil_run_init(hil_run_t *run, const hil_world_config_t *world, const omni_robot_config_t *robot, char *why,
                           uint32_t why_size) {
@@ -60,9 +61,19 @@ omni_result_t hil_run_start_trajectory(hil_run_t *run) {
 
 void hil_run_advance(hil_run_t *run, uint64_t ticks) {
     for (uint64_t tick = 0; tick < ticks; tick++) {
-        hil_in_process_tick(&run->world, &run->robot, &run->inputs, &run->outputs, run->record);
+        hil_in_process_tick(&run->world, &run->robot, &run->inputs, &run->outputs);
+        hil_record_tick(run->record, &run->world, &run->outputs);
         hil_metrics_tick(&run->metrics, &run->world, &run->outputs);
         hil_in_process_step(&run->world);
     }
     run->ticks += ticks;
+}
+
+void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
+                        hil_record_t *record) {
+    for (uint64_t tick = 0; tick < ticks; tick++) {
+        hil_in_process_tick(world, robot, inputs, outputs);
+        hil_record_tick(record, world, outputs);
+        hil_in_process_step(world);
+    }
 }

@@ -1,76 +1,72 @@
 /* SPDX-License-Identifier: MIT */
 /* Encoders and the pose sensor. */
-#include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "hil_sim/random.h"
 #include "parts.h"
 
-static int64_t floor_int(double x) {
-    const int64_t whole = (int64_t)x;
-    return whole - ((double)whole > x);
-}
-
 static int32_t count_direction(const hil_world_t *world, uint32_t wheel) {
-    if (hil_world_fault_active(world, HIL_FAULT_ENCODER_STUCK, wheel)) {
+    if (hil_fault_find(world, HIL_FAULT_ENCODER_STUCK, wheel) != NULL) {
         return 0;
     }
     const int32_t direction = world->config.encoder_direction[wheel];
-    return hil_world_fault_active(world, HIL_FAULT_ENCODER_REVERSED, wheel) ? -direction : direction;
+    return hil_fault_find(world, HIL_FAULT_ENCODER_REVERSED, wheel) != NULL ? -direction : direction;
 }
 
 void hil_encoders_update(hil_world_t *world) {
     const double edges_per_rad = world->config.counts_per_revolution / (2.0 * HIL_PI);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        const int64_t edges = floor_int(world->wheel_angle_rad[i] * edges_per_rad);
-        const int64_t passed = (edges - world->encoder_edges[i]) * count_direction(world, i);
+        const hil_real_t edges = hil_floor(world->wheel_angle_rad[i] * edges_per_rad);
+        const hil_real_t passed = (edges - world->encoder_edges[i]) * count_direction(world, i);
         world->encoder_edges[i] = edges;
-        /* Unsigned, because a hardware counter wraps. */
-        world->counts[i] = (int32_t)((uint32_t)world->counts[i] + (uint32_t)passed);
+        world->counts[i] = hil_count_on(world->counts[i], passed);
     }
 }
 
-static int32_t read_counter(const hil_world_t *world, uint32_t wheel) {
-    uint32_t count = (uint32_t)world->counts[wheel];
+static hil_int_t read_counter(const hil_world_t *world, uint32_t wheel) {
+    hil_int_t count = world->counts[wheel];
     const hil_fault_t *noisy = hil_fault_find(world, HIL_FAULT_ENCODER_NOISY, wheel);
     if (noisy != NULL) {
-        const double u = hil_uniform(world->config.seed, HIL_STREAM_ENCODER + wheel, world->steps);
-        count += (uint32_t)(int32_t)floor_int((2.0 * u - 1.0) * noisy->value + 0.5);
+        const hil_real_t u = hil_uniform(world->config.seed, HIL_STREAM_ENCODER + wheel, world->steps);
+        count = hil_count_on(count, hil_floor((2.0 * u - 1.0) * noisy->value + 0.5));
     }
     const hil_fault_t *stuck = hil_fault_find(world, HIL_FAULT_ENCODER_BIT, wheel);
     if (stuck != NULL) {
-        count |= UINT32_C(1) << (uint32_t)stuck->value;
+        count = count | (int32_t)(UINT32_C(1) << (uint32_t)stuck->value);
     }
-    return (int32_t)count;
+    return count;
 }
 
-void hil_encoders_read(const hil_world_t *world, int32_t *counts) {
+void hil_encoders_read(const hil_world_t *world, hil_int_t *counts) {
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         counts[i] = read_counter(world, i);
     }
 }
 
-static double wrap_angle(double angle_rad) {
-    return angle_rad - 2.0 * HIL_PI * floor(angle_rad / (2.0 * HIL_PI) + 0.5);
+static hil_real_t wrap_angle(hil_real_t angle_rad) {
+    return angle_rad - 2.0 * HIL_PI * hil_floor(angle_rad / (2.0 * HIL_PI) + 0.5);
 }
 
-static void measure(const hil_world_t *world, uint64_t sample, double age_s, double *pose) {
+static void measure(const hil_world_t *world, uint64_t sample, double age_s, hil_real_t *pose) {
     const hil_world_config_t *config = &world->config;
-    const double sd[3] = {config->fix_sd_xy_m, config->fix_sd_xy_m, config->fix_sd_theta_rad};
+    const hil_real_t sd[3] = {config->fix_sd_xy_m, config->fix_sd_xy_m, config->fix_sd_theta_rad};
     for (uint32_t axis = 0; axis < 3; axis++) {
-        const double noise = sd[axis] * hil_normal(config->seed, HIL_STREAM_FIX_X + axis, sample);
+        const hil_real_t noise = sd[axis] * hil_normal(config->seed, HIL_STREAM_FIX_X + axis, sample);
         pose[axis] = world->pose[axis] - age_s * world->twist[axis] + noise;
     }
     pose[0] += hil_fault_value(world, HIL_FAULT_POSE_JUMP, 0.0);
     pose[2] = wrap_angle(pose[2]);
 }
 
-static void freeze(hil_world_t *world, double *pose) {
-    const bool frozen = hil_world_fault_active(world, HIL_FAULT_POSE_FREEZE, HIL_MAX_WHEELS);
-    double *from = frozen ? world->frozen_pose : pose;
-    double *to = frozen ? pose : world->frozen_pose;
+static void freeze(hil_world_t *world, hil_fix_t *fix) {
+    const bool frozen = hil_fault_find(world, HIL_FAULT_POSE_FREEZE, HIL_MAX_WHEELS) != NULL;
     for (uint32_t axis = 0; axis < 3; axis++) {
-        to[axis] = from[axis];
+        if (frozen) {
+            fix->pose[axis] = world->frozen_pose[axis];
+        } else {
+            world->frozen_pose[axis] = hil_select(fix->lost, world->frozen_pose[axis], fix->pose[axis]);
+        }
     }
 }
 
@@ -83,10 +79,25 @@ static void queue(hil_world_t *world, const hil_fix_t *fix) {
     world->fix_count++;
 }
 
-static bool lost(const hil_world_t *world, uint64_t sample) {
+static hil_flag_t lost(const hil_world_t *world, uint64_t sample) {
     const hil_world_config_t *config = &world->config;
-    return hil_world_fault_active(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) ||
-           hil_uniform(config->seed, HIL_STREAM_FIX_DROP, sample) < config->fix_drop_probability;
+    if (hil_fault_find(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) != NULL) {
+        return true;
+    }
+    return (hil_flag_t)(hil_uniform(config->seed, HIL_STREAM_FIX_DROP, sample) < config->fix_drop_probability);
+}
+
+static void take_sample(hil_world_t *world, uint64_t sample, uint64_t due_us) {
+    const hil_fault_t *late = hil_fault_find(world, HIL_FAULT_POSE_DELAY, HIL_MAX_WHEELS);
+    const double late_s = late != NULL ? late->value : 0.0;
+    hil_fix_t fix;
+    memset(&fix, 0, sizeof fix);
+    fix.taken_us = due_us + (uint64_t)(late_s * 1e6 + 0.5);
+    fix.arrives_us = due_us + (uint64_t)((world->config.fix_delay_s + late_s) * 1e6 + 0.5);
+    fix.lost = lost(world, sample);
+    measure(world, sample, 1e-6 * (double)(world->time_us - due_us), fix.pose);
+    freeze(world, &fix);
+    queue(world, &fix);
 }
 
 /* Samples are due at k / rate, which need not fall on a tick: the pose is carried back to that time. */
@@ -102,13 +113,6 @@ void hil_pose_sensor_update(hil_world_t *world) {
             return;
         }
         world->fixes_taken++;
-        if (!lost(world, sample)) {
-            const double late_s = hil_fault_value(world, HIL_FAULT_POSE_DELAY, 0.0);
-            const uint64_t delay_us = (uint64_t)((config->fix_delay_s + late_s) * 1e6 + 0.5);
-            hil_fix_t fix = {.taken_us = due_us + (uint64_t)(late_s * 1e6 + 0.5), .arrives_us = due_us + delay_us};
-            measure(world, sample, 1e-6 * (double)(world->time_us - due_us), fix.pose);
-            freeze(world, fix.pose);
-            queue(world, &fix);
-        }
+        take_sample(world, sample, due_us);
     }
 }

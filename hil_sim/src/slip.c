@@ -3,7 +3,7 @@
 #include "hil_sim/random.h"
 #include "parts.h"
 
-static double knot_value(const hil_world_t *world, uint32_t wheel, uint64_t knot) {
+static hil_real_t knot_value(const hil_world_t *world, uint32_t wheel, uint64_t knot) {
     return world->config.slip_max * hil_uniform(world->config.seed, HIL_STREAM_SLIP + wheel, knot);
 }
 
@@ -19,7 +19,7 @@ static void draw_speeds(hil_world_t *world, uint64_t knot) {
     const hil_world_config_t *config = &world->config;
     world->slip_speed_knot = knot;
     for (uint32_t i = 0; i < config->wheels; i++) {
-        const double share = 2.0 * hil_uniform(config->seed, HIL_STREAM_SLIP_SPEED + i, knot) - 1.0;
+        const hil_real_t share = 2.0 * hil_uniform(config->seed, HIL_STREAM_SLIP_SPEED + i, knot) - 1.0;
         world->slip_speed_m_s[i] = config->slip_speed_max_m_s * share;
     }
 }
@@ -48,7 +48,7 @@ void hil_slip_update(hil_world_t *world, double time_s) {
 void hil_slip_hold(hil_world_t *world) {
     /* A millionth of an interval, because times given in seconds are rounded. */
     const uint64_t knot = (uint64_t)(1e-6 * (double)world->time_us / world->config.slip_time_s + 1e-6);
-    if (world->config.slip_speed_max_m_s > 0.0 && knot != world->slip_speed_knot) {
+    if (knot != world->slip_speed_knot && world->config.slip_speed_max_m_s > 0.0) {
         draw_speeds(world, knot);
     }
 }

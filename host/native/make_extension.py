@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import re
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 from cffi import FFI
@@ -21,10 +22,10 @@ _ATTRIBUTE = re.compile(r"__attribute__\s*\(\(.*?\)\)|__extension__")
 _STATIC_ASSERT = re.compile(r"_Static_assert\s*\([^;]*\)\s*;")
 
 
-def preprocess(compiler: str, header: Path, include_dirs: list[Path]) -> str:
+def preprocess(compiler: str, header: Path, include_dirs: list[Path], defines: Sequence[str] = ()) -> str:
     """Return the preprocessed text of ``header``, with line markers."""
     includes = [argument for folder in include_dirs for argument in ("-I", str(folder))]
-    command = [compiler, "-E", "-std=c99", *includes, str(header)]
+    command = [compiler, "-E", "-std=c99", *(f"-D{name}" for name in defines), *includes, str(header)]
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 

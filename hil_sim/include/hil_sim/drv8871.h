@@ -12,35 +12,38 @@
 
 #include <stdbool.h>
 
+#include "hil_sim/real.h"
+
 /** Shares of a PWM period. */
 typedef struct hil_drv8871_t {
-    double drive; /**< forward minus reverse, -1..1 */
-    double coast; /**< both inputs low, 0..1 */
+    hil_real_t drive; /**< forward minus reverse, -1..1 */
+    hil_real_t coast; /**< both inputs low, 0..1 */
     double period_s;
 } hil_drv8871_t;
 
 /** The motor on a bridge. */
 typedef struct hil_winding_t {
-    double resistance_ohm;
-    double inductance_H;
-    double back_emf_V;
+    hil_real_t resistance_ohm;
+    hil_real_t inductance_H;
+    hil_real_t back_emf_V;
 } hil_winding_t;
 
 /**
  * Take over the inputs: share of the period each is high and phase of its rising edge, all 0..1. A bridge that coasts for more than 1 ms
  * of a period falls asleep and loses its waking time at the start of the next drive.
  */
-void hil_drv8871_inputs(hil_drv8871_t *bridge, double in1, double phase1, double in2, double phase2, double period_s);
+void hil_drv8871_inputs(hil_drv8871_t *bridge, hil_real_t in1, hil_real_t phase1, hil_real_t in2, hil_real_t phase2,
+                        double period_s);
 
 /** Is the winding open for the whole period? */
 bool hil_drv8871_open(const hil_drv8871_t *bridge);
 
 /** Mean winding voltage [V] over a period in the steady state; while the winding is open it counts as its back EMF. */
-double hil_drv8871_mean_V(const hil_drv8871_t *bridge, const hil_winding_t *winding, double supply_V);
+hil_real_t hil_drv8871_mean_V(const hil_drv8871_t *bridge, const hil_winding_t *winding, hil_real_t supply_V);
 
 /**
  * Let the current of an open winding die for `time_s`. @param current_A in and out. @return mean current [A] over that time.
  */
-double hil_drv8871_freewheel(const hil_winding_t *winding, double supply_V, double time_s, double *current_A);
+hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, double time_s, hil_real_t *current_A);
 
 #endif

@@ -23,6 +23,7 @@
 
 #include "hil_sim/drv8871.h"
 #include "hil_sim/pca9685.h"
+#include "hil_sim/real.h"
 
 enum {
     HIL_MAX_WHEELS = 4,
@@ -96,29 +97,29 @@ typedef struct hil_fault_t {
 
 typedef struct hil_world_config_t {
     uint32_t wheels; /**< 3 or 4 */
-    double wheel_radius_m[HIL_MAX_WHEELS];
-    double wheel_distance_m[HIL_MAX_WHEELS];
-    double wheel_angle_rad[HIL_MAX_WHEELS];
-    double motor_inertia_kg_m2;
-    double motor_viscous_N_m_s;
-    double motor_coulomb_N_m;
-    double motor_constant_N_m_A;
-    double motor_resistance_ohm;
-    double motor_inductance_H;
-    double battery_V; /**< open circuit */
-    double battery_resistance_ohm;
-    double mass_kg;
-    double inertia_kg_m2;
-    double friction_coefficient;
-    double slip_stiffness_N_s_m;
-    double roller_friction_N_s_m;
-    double slip_max;           /**< imposed slip ratio is drawn from [0, slip_max] */
-    double slip_time_s;        /**< and changes linearly between draws this far apart */
-    double slip_speed_max_m_s; /**< imposed slip speed is drawn from [-max, max] every slip_time_s and held */
-    uint32_t plant;            /**< hil_plant_kind_t */
-    double linear_viscous
+    hil_real_t wheel_radius_m[HIL_MAX_WHEELS];
+    hil_real_t wheel_distance_m[HIL_MAX_WHEELS];
+    hil_real_t wheel_angle_rad[HIL_MAX_WHEELS];
+    hil_real_t motor_inertia_kg_m2;
+    hil_real_t motor_viscous_N_m_s;
+    hil_real_t motor_coulomb_N_m;
+    hil_real_t motor_constant_N_m_A;
+    hil_real_t motor_resistance_ohm;
+    hil_real_t motor_inductance_H;
+    hil_real_t battery_V; /**< open circuit */
+    hil_real_t battery_resistance_ohm;
+    hil_real_t mass_kg;
+    hil_real_t inertia_kg_m2;
+    hil_real_t friction_coefficient;
+    hil_real_t slip_stiffness_N_s_m;
+    hil_real_t roller_friction_N_s_m;
+    hil_real_t slip_max;           /**< imposed slip ratio is drawn from [0, slip_max] */
+    double slip_time_s;            /**< and changes linearly between draws this far apart */
+    hil_real_t slip_speed_max_m_s; /**< imposed slip speed is drawn from [-max, max] every slip_time_s and held */
+    uint32_t plant;                /**< hil_plant_kind_t */
+    hil_real_t linear_viscous
         [3]; /**< plant `linear`: B_v, B_vn [N s/m], B_w [N m s]; -1: from the motors' friction and the roller drag */
-    double linear_coulomb[3]; /**< plant `linear`: C_v, C_vn [N], C_w [N m]; -1: from the motors' Coulomb friction */
+    hil_real_t linear_coulomb[3]; /**< plant `linear`: C_v, C_vn [N], C_w [N m]; -1: from the motors' Coulomb friction */
     int32_t counts_per_revolution;
     int32_t encoder_direction[HIL_MAX_WHEELS];
     int32_t motor_direction[HIL_MAX_WHEELS];
@@ -128,12 +129,12 @@ typedef struct hil_world_config_t {
     uint8_t i2c_stranger;     /**< address of something else on the bus that acknowledges everything; 0: nothing */
     bool output_enable_wired; /**< the chip's OE pin hangs on the processor, pulled up; false: tied to ground */
     double fix_rate_Hz;       /**< 0: no pose sensor */
-    double fix_sd_xy_m;
-    double fix_sd_theta_rad;
+    hil_real_t fix_sd_xy_m;
+    hil_real_t fix_sd_theta_rad;
     double fix_delay_s;
-    double fix_drop_probability;
-    double start_pose[3]; /**< x [m], y [m], theta [rad] */
-    uint64_t seed;
+    hil_real_t fix_drop_probability;
+    hil_real_t start_pose[3]; /**< x [m], y [m], theta [rad] */
+    hil_seed_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];
 } hil_world_config_t;
@@ -141,15 +142,16 @@ typedef struct hil_world_config_t {
 typedef struct hil_fix_t {
     uint64_t taken_us; /**< when the sensor saw it */
     uint64_t arrives_us;
-    double pose[3]; /**< x, y, theta wrapped to -pi..pi */
+    hil_real_t pose[3]; /**< x, y, theta wrapped to -pi..pi */
+    hil_flag_t lost;    /**< it never arrives: a place in the queue only */
 } hil_fix_t;
 
 /** What the robot's electronics see of the world at one tick. */
 typedef struct hil_sensors_t {
     uint64_t time_us;
-    int32_t counts[HIL_MAX_WHEELS];
+    hil_int_t counts[HIL_MAX_WHEELS];
     uint8_t counts_valid; /**< bit per wheel */
-    double battery_V;
+    hil_real_t battery_V;
     uint8_t i2c_status; /**< bit 0: not acknowledged, bit 1: bus stuck (of the last tick's transactions) */
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
@@ -160,32 +162,32 @@ typedef struct hil_sensors_t {
 
 /** A symmetric positive definite 3 x 3 matrix as L D L'. */
 typedef struct hil_spd3_t {
-    double inv_d[3];
-    double l10, l20, l21;
+    hil_real_t inv_d[3];
+    hil_real_t l10, l20, l21;
 } hil_spd3_t;
 
 /** Constants of the motion, derived once. Wheels that the robot doesn't have are weightless: zero in every array. */
 typedef struct hil_plant_t {
-    double radius_m[HIL_MAX_WHEELS];
-    double along_x[HIL_MAX_WHEELS]; /**< t_i in the body frame */
-    double along_y[HIL_MAX_WHEELS];
-    double arm_m[HIL_MAX_WHEELS]; /**< p_i x t_i */
-    double drag_xx;               /**< roller drag, sum over the wheels [N s/m] */
-    double drag_xy;
-    double drag_yy;
-    double stiffness_N_s_m;
-    double inverse_limit_N; /**< 1 / (mu N) */
-    double inverse_mass;
-    double inverse_inertia;
-    double inverse_motor_inertia;
-    double inverse_inductance;
-    double viscous_N_m_s; /**< of a wheel */
-    double coulomb_N_m;
-    double battery_resistance_ohm;
-    hil_spd3_t rolling;       /**< sum over the wheels of the square of (along_x, along_y, arm) */
-    double linear_viscous[3]; /**< plant `linear`: along body x, y, about z */
-    double linear_coulomb[3];
-    double coulomb_width[3]; /**< speed [m/s, m/s, rad/s] below which Coulomb friction fades */
+    hil_real_t radius_m[HIL_MAX_WHEELS];
+    hil_real_t along_x[HIL_MAX_WHEELS]; /**< t_i in the body frame */
+    hil_real_t along_y[HIL_MAX_WHEELS];
+    hil_real_t arm_m[HIL_MAX_WHEELS]; /**< p_i x t_i */
+    hil_real_t drag_xx;               /**< roller drag, sum over the wheels [N s/m] */
+    hil_real_t drag_xy;
+    hil_real_t drag_yy;
+    hil_real_t stiffness_N_s_m;
+    hil_real_t inverse_limit_N; /**< 1 / (mu N) */
+    hil_real_t inverse_mass;
+    hil_real_t inverse_inertia;
+    hil_real_t inverse_motor_inertia;
+    hil_real_t inverse_inductance;
+    hil_real_t viscous_N_m_s; /**< of a wheel */
+    hil_real_t coulomb_N_m;
+    hil_real_t battery_resistance_ohm;
+    hil_spd3_t rolling;           /**< sum over the wheels of the square of (along_x, along_y, arm) */
+    hil_real_t linear_viscous[3]; /**< plant `linear`: along body x, y, about z */
+    hil_real_t linear_coulomb[3];
+    hil_real_t coulomb_width[3]; /**< speed [m/s, m/s, rad/s] below which Coulomb friction fades */
 } hil_plant_t;
 
 typedef struct hil_world_t {
@@ -193,36 +195,37 @@ typedef struct hil_world_t {
     hil_plant_t plant;
     uint64_t time_us;
     uint64_t steps;
-    double pose[3];  /**< truth; theta not wrapped */
-    double twist[3]; /**< truth, world frame */
-    double wheel_angle_rad[HIL_MAX_WHEELS];
-    double wheel_rad_s[HIL_MAX_WHEELS];
-    double current_A[HIL_MAX_WHEELS];
-    double voltage_V[HIL_MAX_WHEELS];      /**< mean bridge voltage, wheel direction; 0 while the winding is open */
-    double slip_ratio[HIL_MAX_WHEELS];     /**< imposed */
-    double slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step that begins now */
-    double traction_N[HIL_MAX_WHEELS];     /**< 0 on plants without a contact */
-    double supply_V;                       /**< under load */
-    double in1[HIL_MAX_WHEELS];            /**< share of the period IN1 is high */
-    double in2[HIL_MAX_WHEELS];
+    uint32_t active_faults; /**< bit per hil_fault_kind_t, of now */
+    hil_real_t pose[3];     /**< truth; theta not wrapped */
+    hil_real_t twist[3];    /**< truth, world frame */
+    hil_real_t wheel_angle_rad[HIL_MAX_WHEELS];
+    hil_real_t wheel_rad_s[HIL_MAX_WHEELS];
+    hil_real_t current_A[HIL_MAX_WHEELS];
+    hil_real_t voltage_V[HIL_MAX_WHEELS];      /**< mean bridge voltage, wheel direction; 0 while the winding is open */
+    hil_real_t slip_ratio[HIL_MAX_WHEELS];     /**< imposed */
+    hil_real_t slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step that begins now */
+    hil_real_t traction_N[HIL_MAX_WHEELS];     /**< 0 on plants without a contact */
+    hil_real_t supply_V;                       /**< under load */
+    hil_real_t in1[HIL_MAX_WHEELS];            /**< share of the period IN1 is high */
+    hil_real_t in2[HIL_MAX_WHEELS];
     hil_drv8871_t bridge[HIL_MAX_WHEELS];
-    uint32_t source;                       /**< hil_source_t */
-    double driven[HIL_MAX_WHEELS];         /**< what the source asks for [rad/s, V or N m] */
-    int64_t encoder_edges[HIL_MAX_WHEELS]; /**< edges the disc has passed */
-    int32_t counts[HIL_MAX_WHEELS];        /**< the electronics' counter: wraps */
-    uint64_t slip_knot;                    /**< number of the draw before now */
-    double slip_before[HIL_MAX_WHEELS];
-    double slip_after[HIL_MAX_WHEELS];
+    uint32_t source;                          /**< hil_source_t */
+    hil_real_t driven[HIL_MAX_WHEELS];        /**< what the source asks for [rad/s, V or N m] */
+    hil_real_t encoder_edges[HIL_MAX_WHEELS]; /**< edges the disc has passed, a whole number */
+    hil_int_t counts[HIL_MAX_WHEELS];         /**< the electronics' counter: wraps */
+    uint64_t slip_knot;                       /**< number of the draw before now */
+    hil_real_t slip_before[HIL_MAX_WHEELS];
+    hil_real_t slip_after[HIL_MAX_WHEELS];
     uint64_t slip_speed_knot;
     hil_pca9685_t chip;
-    bool direct;                       /**< the bridges follow hil_world_bridge instead of the chip */
-    double direct_in1[HIL_MAX_WHEELS]; /**< share of the period that it asked for, as far as the bus carried it */
-    double direct_in2[HIL_MAX_WHEELS];
+    bool direct;                           /**< the bridges follow hil_world_bridge instead of the chip */
+    hil_real_t direct_in1[HIL_MAX_WHEELS]; /**< share of the period that it asked for, as far as the bus carried it */
+    hil_real_t direct_in2[HIL_MAX_WHEELS];
     uint8_t i2c_status;
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
     uint64_t fixes_taken;
-    double frozen_pose[3]; /**< of the last fix before the pose sensor froze */
+    hil_real_t frozen_pose[3]; /**< of the last fix before the pose sensor froze */
     uint32_t fix_head;
     uint32_t fix_count;
     hil_fix_t fix[HIL_MAX_FIXES];
@@ -244,7 +247,7 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
  * Set the bridge inputs directly, in PWM steps 0..4096 per wheel at 1526 Hz, instead of through the chip (in-process runs). I2C faults act
  * as on the chip: the bridges keep what they have and the next i2c_status says so.
  */
-void hil_world_bridge(hil_world_t *world, const uint16_t *in1_steps, const uint16_t *in2_steps);
+void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps);
 
 /**
  * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Off after hil_world_init.

@@ -117,18 +117,19 @@ typedef struct bound_t {
 static bound_t bound(const omni_direct_torque_config_t *config, omni_real_t room_m_s, omni_real_t fade_m_s,
                      omni_real_t radius_m) {
     bound_t b = {omni_clampf(room_m_s / fade_m_s, 0.0f, 1.0f), 0.0f};
-    if (room_m_s < 0.0f) {
-        b.brake_N_m = -room_m_s * brake_share * config->wheel_inertia_kg_m2 / (radius_m * config->step_s);
+    if (omni_any(room_m_s < 0.0f)) {
+        omni_real_t brake_N_m = -room_m_s * brake_share * config->wheel_inertia_kg_m2 / (radius_m * config->step_s);
         if (config->torque_limit_N_m > 0.0f) {
-            b.brake_N_m = omni_clampf(b.brake_N_m, 0.0f, config->torque_limit_N_m);
+            brake_N_m = omni_clampf(brake_N_m, 0.0f, config->torque_limit_N_m);
         }
+        b.brake_N_m = omni_select(room_m_s < 0.0f, brake_N_m, 0.0f);
     }
     return b;
 }
 
 static bound_t tighter(bound_t a, bound_t b) {
-    a.share = b.share < a.share ? b.share : a.share;
-    a.brake_N_m = b.brake_N_m > a.brake_N_m ? b.brake_N_m : a.brake_N_m;
+    a.share = omni_select(b.share < a.share, b.share, a.share);
+    a.brake_N_m = omni_select(b.brake_N_m > a.brake_N_m, b.brake_N_m, a.brake_N_m);
     return a;
 }
 
@@ -167,16 +168,15 @@ omni_real_t omni_direct_torque_protect(const omni_direct_torque_config_t *config
         const bound_t up = outward(config, 1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
         const bound_t down = outward(config, -1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
         const omni_real_t asked = torque_N_m[i];
-        omni_real_t share = asked > 0.0f ? up.share : (asked < 0.0f ? down.share : 1.0f);
-        torque_N_m[i] = share * asked;
-        if (up.brake_N_m > 0.0f && torque_N_m[i] > -up.brake_N_m) {
-            torque_N_m[i] = -up.brake_N_m;
-            share = 0.0f;
-        } else if (down.brake_N_m > 0.0f && torque_N_m[i] < down.brake_N_m) {
-            torque_N_m[i] = down.brake_N_m;
-            share = 0.0f;
-        }
-        smallest = share < smallest ? share : smallest;
+        const omni_real_t inward = omni_select(asked < 0.0f, down.share, 1.0f);
+        const omni_real_t left = omni_select(asked > 0.0f, up.share, inward);
+        const omni_real_t kept = left * asked;
+        const omni_flag_t brakes_up = up.brake_N_m > 0.0f && kept > -up.brake_N_m;
+        const omni_flag_t brakes_down = down.brake_N_m > 0.0f && kept < down.brake_N_m;
+        const omni_real_t raised = omni_select(brakes_down, down.brake_N_m, kept);
+        torque_N_m[i] = omni_select(brakes_up, -up.brake_N_m, raised);
+        const omni_real_t share = omni_select(brakes_up || brakes_down, 0.0f, left);
+        smallest = omni_select(share < smallest, share, smallest);
     }
     return smallest;
 }

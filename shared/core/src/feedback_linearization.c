@@ -10,7 +10,7 @@ void omni_fl_reset(omni_fl_state_t *state) {
 }
 
 static omni_real_t step_axis(omni_fl_state_t *state, const omni_fl_config_t *config, int axis, omni_real_t rate,
-                             omni_real_t reference_rate, bool hold, omni_control_terms_t *terms) {
+                             omni_real_t reference_rate, omni_flag_t hold, omni_control_terms_t *terms) {
     const omni_real_t error = terms->error[axis];
     terms->integral[axis] = state->integral[axis];
     /* eq. 34 */
@@ -23,7 +23,7 @@ static omni_real_t step_axis(omni_fl_state_t *state, const omni_fl_config_t *con
 
 omni_twist_t omni_fl_step(omni_fl_state_t *state, const omni_fl_config_t *config, const omni_pose_t *pose,
                           const omni_twist_t *rate, const omni_pose_t *reference, const omni_twist_t *reference_rate,
-                          bool hold_integral, omni_control_terms_t *terms) {
+                          omni_flag_t hold_integral, omni_control_terms_t *terms) {
     omni_twist_t wanted = {0.0f, 0.0f, 0.0f};
     memset(terms, 0, sizeof *terms);
     if (!omni_pose_is_finite(pose) || !omni_twist_is_finite(rate) || !omni_pose_is_finite(reference) ||

@@ -11,7 +11,7 @@ void omni_ismc_reset(omni_ismc_state_t *state) {
 
 /* sw(s); super-twisting also advances its own integral w. */
 static omni_real_t switching(const omni_ismc_config_t *config, int axis, omni_real_t surface, omni_real_t *twisting,
-                             bool hold) {
+                             omni_flag_t hold) {
     if (config->switching == OMNI_ISMC_SWITCH_SIGN) {
         return omni_signf(surface);
     }
@@ -27,8 +27,8 @@ static omni_real_t switching(const omni_ismc_config_t *config, int axis, omni_re
 }
 
 /* The surface takes the integral of the errors before this one: with forward differences s then changes by -k sw T exactly. */
-static omni_real_t step_axis(omni_ismc_state_t *state, const omni_ismc_config_t *config, int axis, omni_real_t rate, bool hold,
-                             omni_control_terms_t *terms) {
+static omni_real_t step_axis(omni_ismc_state_t *state, const omni_ismc_config_t *config, int axis, omni_real_t rate,
+                             omni_flag_t hold, omni_control_terms_t *terms) {
     const omni_real_t error = terms->error[axis];
     terms->integral[axis] = state->integral[axis];
     /* eq. 39 */
@@ -43,7 +43,7 @@ static omni_real_t step_axis(omni_ismc_state_t *state, const omni_ismc_config_t 
 }
 
 omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *config, const omni_pose_t *pose,
-                            const omni_pose_t *reference, const omni_twist_t *reference_rate, bool hold_integral,
+                            const omni_pose_t *reference, const omni_twist_t *reference_rate, omni_flag_t hold_integral,
                             omni_control_terms_t *terms) {
     omni_twist_t wanted = {0.0f, 0.0f, 0.0f};
     if (!omni_pose_is_finite(pose) || !omni_pose_is_finite(reference) || !omni_twist_is_finite(reference_rate)) {

@@ -9,7 +9,7 @@
 static const omni_real_t smallest_independent = 1e-3f;
 
 /* What omni_sincosf can reduce. */
-static const omni_real_t largest_angle = 1e6f;
+static const omni_real_t largest_bearing = 1e6f;
 
 typedef omni_real_t column_t[OMNI_MAX_WHEELS];
 
@@ -39,7 +39,7 @@ static omni_result_t check(const omni_kinematics_config_t *config) {
         if (!omni_is_finite(radius) || !omni_is_finite(distance) || !omni_is_finite(angle)) {
             return OMNI_ERR_NOT_FINITE;
         }
-        if (!(radius > 0.0f) || !(distance > 0.0f) || omni_absf(angle) > largest_angle) {
+        if (!(radius > 0.0f) || !(distance > 0.0f) || omni_absf(angle) > largest_bearing) {
             return OMNI_ERR_RANGE;
         }
     }

@@ -16,8 +16,8 @@ static const omni_real_t c3 = -4.5299530029297e-6f; /* -19 / 2^22 */
 static const omni_real_t c4 = 7.5497899548918821e-8f;
 
 /* Nearest whole number, halves away from zero. |value| < 2^23. */
-static int32_t nearest(omni_real_t value) {
-    return (int32_t)(value + (value < 0.0f ? -0.5f : 0.5f));
+static omni_int_t nearest(omni_real_t value) {
+    return (omni_int_t)(value + omni_select(value < 0.0f, -0.5f, 0.5f));
 }
 
 /* angle - quotient * pi/2. */
@@ -30,7 +30,7 @@ static omni_real_t usable_angle(omni_real_t angle) {
     if (!omni_is_finite(angle)) {
         return 0.0f * angle;
     }
-    return __builtin_fabsf(angle) <= largest_angle ? angle : 0.0f;
+    return omni_select(OMNI_FABSF(angle) <= largest_angle, angle, 0.0f);
 }
 
 /* Minimax polynomials over |x| <= 0.79, error 2e-9. */
@@ -57,20 +57,20 @@ void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine) {
         *cosine = 1.0f + x;
         return;
     }
-    const int32_t quarters = nearest(angle * 0.636619772f);
+    const omni_int_t quarters = nearest(angle * 0.636619772f);
     const omni_real_t rest = minus_quarters(angle, (omni_real_t)quarters);
     const omni_real_t s = sine_polynomial(rest);
     const omni_real_t c = cosine_polynomial(rest);
-    const uint32_t quadrant = (uint32_t)quarters & 3u;
-    const omni_real_t swapped_s = (quadrant & 1u) != 0u ? c : s;
-    const omni_real_t swapped_c = (quadrant & 1u) != 0u ? s : c;
-    *sine = (quadrant & 2u) != 0u ? -swapped_s : swapped_s;
-    *cosine = (quadrant == 1u || quadrant == 2u) ? -swapped_c : swapped_c;
+    const omni_uint_t quadrant = (omni_uint_t)quarters & 3u;
+    const omni_real_t swapped_s = omni_select((quadrant & 1u) != 0u, c, s);
+    const omni_real_t swapped_c = omni_select((quadrant & 1u) != 0u, s, c);
+    *sine = omni_select((quadrant & 2u) != 0u, -swapped_s, swapped_s);
+    *cosine = omni_select(quadrant == 1u || quadrant == 2u, -swapped_c, swapped_c);
 }
 
 omni_real_t omni_atan2f(omni_real_t y, omni_real_t x) {
-    const omni_real_t ax = __builtin_fabsf(x);
-    const omni_real_t ay = __builtin_fabsf(y);
+    const omni_real_t ax = OMNI_FABSF(x);
+    const omni_real_t ay = OMNI_FABSF(y);
     if (!omni_is_finite(ax) || !omni_is_finite(ay)) {
         return 0.0f * ax + 0.0f * ay; /* NaN */
     }
@@ -89,7 +89,7 @@ omni_real_t omni_atan2f(omni_real_t y, omni_real_t x) {
 }
 
 omni_real_t omni_wrap_pi(omni_real_t angle) {
-    if (omni_absf(angle) < 3.0f) {
+    if (omni_all(omni_absf(angle) < 3.0f)) {
         return angle + 0.0f; /* -0 gives 0, as below */
     }
     const omni_real_t x = usable_angle(angle);
@@ -98,8 +98,6 @@ omni_real_t omni_wrap_pi(omni_real_t angle) {
     }
     const omni_real_t turns = (omni_real_t)nearest(x * 0.159154943f);
     const omni_real_t wrapped = minus_quarters(x, 4.0f * turns);
-    if (wrapped >= OMNI_PI_F) {
-        return wrapped - 2.0f * OMNI_PI_F;
-    }
-    return wrapped < -OMNI_PI_F ? wrapped + 2.0f * OMNI_PI_F : wrapped;
+    const omni_real_t raised = omni_select(wrapped < -OMNI_PI_F, wrapped + 2.0f * OMNI_PI_F, wrapped);
+    return omni_select(wrapped >= OMNI_PI_F, wrapped - 2.0f * OMNI_PI_F, raised);
 }

@@ -15,25 +15,25 @@
 #endif
 
 OMNI_INLINE omni_real_t omni_sqrtf(omni_real_t value) {
-    return value > 0.0f ? __builtin_sqrtf(value) : 0.0f;
+    return omni_select(value > 0.0f, OMNI_SQRTF(value), 0.0f);
 }
 
 OMNI_INLINE omni_real_t omni_clampf(omni_real_t value, omni_real_t low, omni_real_t high) {
-    const omni_real_t raised = value > low ? value : low;
-    return raised < high ? raised : high;
+    const omni_real_t raised = omni_select(value > low, value, low);
+    return omni_select(raised < high, raised, high);
 }
 
 OMNI_INLINE omni_real_t omni_absf(omni_real_t value) {
-    return __builtin_fabsf(value);
+    return OMNI_FABSF(value);
 }
 
 OMNI_INLINE omni_real_t omni_signf(omni_real_t value) {
-    return (value > 0.0f ? 1.0f : 0.0f) - (value < 0.0f ? 1.0f : 0.0f);
+    return omni_select(value > 0.0f, 1.0f, 0.0f) - omni_select(value < 0.0f, 1.0f, 0.0f);
 }
 
 OMNI_INLINE bool omni_is_finite(omni_real_t value) {
     const omni_real_t largest_finite = 3.402823466e38f;
-    return __builtin_fabsf(value) <= largest_finite;
+    return OMNI_FABSF(value) <= largest_finite;
 }
 
 /* Are all `count` values finite? x - x is 0, or NaN for a NaN or an infinity. */

@@ -163,7 +163,7 @@ static void note_validity(omni_motor_kf_state_t *state, bool valid) {
 }
 
 omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
-                               int32_t delta_counts, bool valid) {
+                               omni_int_t delta_counts, bool valid) {
     const omni_real_t voltage = omni_is_finite(voltage_V) ? voltage_V : 0.0f;
     const omni_real_t moved_rad = (omni_real_t)delta_counts * config->rad_per_count;
     switch (config->mode) {

@@ -60,7 +60,7 @@ static void motor_law(omni_original_state_t *state, const omni_original_config_t
 }
 
 void omni_original_step(omni_original_state_t *state, const omni_original_config_t *config, const omni_kinematics_t *k,
-                        const int32_t *delta_counts, const omni_pose_t *pose, const omni_pose_t *reference,
+                        const omni_int_t *delta_counts, const omni_pose_t *pose, const omni_pose_t *reference,
                         const omni_twist_t *reference_rate, omni_real_t supply_V) {
     for (uint8_t i = 0; i < k->wheels; i++) {
         state->moved_counts[i] += delta_counts[i];

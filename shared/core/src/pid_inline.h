@@ -39,7 +39,7 @@ OMNI_PID_INLINE void omni_pid_limited(omni_pid_state_t *state, const omni_pid_co
         return;
     }
     const omni_real_t per_step = config->ki * config->step_s;
-    const omni_real_t share = per_step < config->kp ? per_step / config->kp : 1.0f;
+    const omni_real_t share = omni_select(per_step < config->kp, per_step / config->kp, 1.0f);
     const omni_real_t limit = config->integral_limit;
     state->integral = omni_clampf(state->integral + share * cut, -limit, limit);
 }

@@ -15,9 +15,9 @@ static inline void omni_pose_error(const omni_pose_t *pose, const omni_pose_t *r
 /**
  * integral + increment, limited to [-limit, limit]. @param hold true: it may shrink but not grow.
  */
-static inline omni_real_t omni_integrate(omni_real_t integral, omni_real_t increment, omni_real_t limit, bool hold) {
+static inline omni_real_t omni_integrate(omni_real_t integral, omni_real_t increment, omni_real_t limit, omni_flag_t hold) {
     const omni_real_t next = omni_clampf(integral + increment, -limit, limit);
-    return hold && omni_absf(next) > omni_absf(integral) ? integral : next;
+    return omni_select(hold && omni_absf(next) > omni_absf(integral), integral, next);
 }
 
 #endif

@@ -56,12 +56,15 @@ static void move_pose(omni_pose_ekf_state_t *state, const omni_real_t *delta) {
     accumulate(&pose->x, &state->carry[0], delta[0]);
     accumulate(&pose->y, &state->carry[1], delta[1]);
     accumulate(&pose->theta, &state->carry[2], delta[2]);
-    if (pose->theta >= OMNI_PI_F) {
-        pose->theta -= two_pi;
-        state->carry[2] -= two_pi_rest;
-    } else if (pose->theta < -OMNI_PI_F) {
-        pose->theta += two_pi;
-        state->carry[2] += two_pi_rest;
+    const omni_flag_t above = pose->theta >= OMNI_PI_F;
+    const omni_flag_t below = pose->theta < -OMNI_PI_F;
+    if (omni_any(above)) {
+        pose->theta = omni_select(above, pose->theta - two_pi, pose->theta);
+        state->carry[2] = omni_select(above, state->carry[2] - two_pi_rest, state->carry[2]);
+    }
+    if (omni_any(below)) {
+        pose->theta = omni_select(below, pose->theta + two_pi, pose->theta);
+        state->carry[2] = omni_select(below, state->carry[2] + two_pi_rest, state->carry[2]);
     }
     if (omni_absf(pose->theta) > OMNI_PI_F) {
         pose->theta = omni_wrap_pi(pose->theta);
@@ -243,8 +246,8 @@ void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_con
     elapse(state, config, time_us, &motion);
     move_body(state, k, turned, slips, &motion);
     for (uint8_t i = 0; i < slips; ++i) {
-        const bool known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
-        motion.noise[i] = turned[i] != 0.0f && known ? config->q_slip * motion.steps : 0.0f;
+        const omni_flag_t known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
+        motion.noise[i] = omni_select(turned[i] != 0.0f && known, config->q_slip * motion.steps, 0.0f);
         state->wheel_m[i] += k->radius_m[i] * turned[i];
     }
     const omni_real_t moved[OMNI_AXES] = {world_x(&motion, motion.move[0], motion.move[1]),

@@ -224,7 +224,7 @@ static void restart(update_t *u, const omni_pose_ekf_config_t *config, const omn
 
 static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
     const omni_real_t variance = sd > 0.0f ? sd * sd : configured;
-    return variance > least_variance ? variance : least_variance;
+    return omni_select(variance > least_variance, variance, least_variance);
 }
 
 /* Fill everything up to the Cholesky factor. */

@@ -90,6 +90,6 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 }
 
 uint32_t omni_robot_arming_faults(const omni_robot_t *robot, const omni_outputs_t *last) {
-    const uint32_t faults = last->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
+    const uint32_t faults = (uint32_t)(last->faults & (uint32_t)OMNI_FAULT_STOP_MASK);
     return robot->state == OMNI_STATE_DISARMED ? faults : faults | (uint32_t)OMNI_FAULT_CONFIG;
 }

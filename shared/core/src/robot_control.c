@@ -116,7 +116,7 @@ static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t
         keep[i] = omni_clampf(c->torque_emf * c->speed_gain_V_s * out->wheel_rad_s[i] * per_V, -limit, limit);
         const omni_real_t room = limit - omni_signf(push[i]) * keep[i];
         const omni_real_t wanted = omni_absf(push[i]);
-        factor = wanted * factor > room ? room / wanted : factor;
+        factor = omni_select(wanted * factor > room, room / wanted, factor);
     }
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         out->duty[i] = omni_clampf(keep[i] + factor * push[i], -limit, limit);

@@ -6,10 +6,10 @@
 #include "kinematics_inline.h"
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
-static int32_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {
+static omni_int_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {
     const omni_real_t no_load = supply_V / c->speed_gain_V_s;
     const omni_real_t counts = 3.0f * no_load * c->step_s * (omni_real_t)steps / c->rad_per_count;
-    return counts < 1e6f ? (int32_t)counts + 4 : 1000000;
+    return omni_select(counts < 1e6f, (omni_int_t)counts + 4, 1000000);
 }
 
 static void elapse(omni_robot_t *robot, omni_tick_t *tick) {
@@ -37,11 +37,11 @@ typedef struct counted_t {
 /* Differences of the counters. */
 static counted_t read_counts(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_robot_config_t *c = robot->config;
-    const int32_t largest = largest_step(c, tick->out->supply_V, tick->steps);
+    const omni_int_t largest = largest_step(c, tick->out->supply_V, tick->steps);
     counted_t counted = {0, 0};
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        const uint32_t moved = (uint32_t)tick->in->counts[i] - (uint32_t)robot->last_counts[i];
-        int32_t delta;
+        const omni_uint_t moved = (omni_uint_t)tick->in->counts[i] - (omni_uint_t)robot->last_counts[i];
+        omni_int_t delta;
         memcpy(&delta, &moved, sizeof delta);
         const bool reported = (tick->in->counts_valid >> i & 1) != 0;
         const bool possible = robot->primed && delta <= largest && delta >= -largest;

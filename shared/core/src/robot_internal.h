@@ -9,10 +9,10 @@
 typedef struct omni_tick_t {
     const omni_inputs_t *in;
     omni_outputs_t *out;
-    uint32_t faults;                         /**< omni_fault_t bits found so far */
-    uint32_t steps;                          /**< tick periods since the last tick, 0 on the first */
-    int32_t delta_counts[OMNI_MAX_WHEELS];   /**< in the wheel's direction */
-    omni_real_t body_wheel[OMNI_MAX_WHEELS]; /**< wanted wheel speed, rad/s */
+    omni_uint_t faults;                       /**< omni_fault_t bits found so far */
+    uint32_t steps;                           /**< tick periods since the last tick, 0 on the first */
+    omni_int_t delta_counts[OMNI_MAX_WHEELS]; /**< in the wheel's direction */
+    omni_real_t body_wheel[OMNI_MAX_WHEELS];  /**< wanted wheel speed, rad/s */
     omni_real_t acceleration[OMNI_MAX_WHEELS];
     omni_rotation_t heading; /**< of the estimated pose */
     uint8_t kind;            /**< omni_setpoint_kind_t in force */

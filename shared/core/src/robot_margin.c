@@ -49,7 +49,7 @@ static inline omni_twist_t slip_bounds(const omni_robot_t *robot, const omni_tic
                           slip_bound(robot, rows[2], fed, wheels)};
 }
 
-static bool covers(const omni_real_t margin[OMNI_AXES]) {
+static omni_flag_t covers(const omni_real_t margin[OMNI_AXES]) {
     return margin[0] >= 0.0f && margin[1] >= 0.0f && margin[2] >= 0.0f;
 }
 
@@ -67,12 +67,10 @@ void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick) {
     omni_ismc_gain_margin(&c->ismc, &bound, tick->out->ismc_margin);
     /* Super-twisting has a condition of its own on the rate of the slip error. */
     const bool judged = c->ismc.switching != OMNI_ISMC_SWITCH_SUPER_TWISTING;
-    const omni_real_t change = judged && !covers(tick->out->ismc_margin) ? c->step_s : -c->step_s;
+    const omni_flag_t open = judged && !covers(tick->out->ismc_margin);
+    const omni_real_t change = omni_select(open, c->step_s, -c->step_s);
     robot->uncovered_s = omni_clampf(robot->uncovered_s + change, 0.0f, debounce_s);
-    if (robot->uncovered_s == 0.0f || robot->uncovered_s == debounce_s) {
-        robot->uncovered = robot->uncovered_s > 0.0f;
-    }
-    if (robot->uncovered) {
-        tick->faults |= OMNI_WARN_ISMC_GAIN;
-    }
+    const omni_flag_t settled = robot->uncovered_s == 0.0f || robot->uncovered_s == debounce_s;
+    robot->uncovered = omni_select(settled, robot->uncovered_s > 0.0f, robot->uncovered);
+    tick->faults |= omni_select(robot->uncovered, (uint32_t)OMNI_WARN_ISMC_GAIN, 0u);
 }

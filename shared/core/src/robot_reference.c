@@ -13,12 +13,8 @@ static omni_twist_t limit_twist(const omni_robot_config_t *c, omni_twist_t body,
     omni_real_t wheel[OMNI_MAX_WHEELS] = {0};
     omni_kinematics_inverse(&c->kinematics, &body, NULL, wheel);
     omni_real_t scale = omni_saturate_direction(wheel, c->kinematics.wheels, share * c->limits.wheel_rad_s);
-    if (speed * scale > c->limits.speed_m_s) {
-        scale = c->limits.speed_m_s / speed;
-    }
-    if (omni_absf(body.wz) * scale > c->limits.turn_rad_s) {
-        scale = c->limits.turn_rad_s / omni_absf(body.wz);
-    }
+    scale = omni_select(speed * scale > c->limits.speed_m_s, c->limits.speed_m_s / speed, scale);
+    scale = omni_select(omni_absf(body.wz) * scale > c->limits.turn_rad_s, c->limits.turn_rad_s / omni_absf(body.wz), scale);
     return (omni_twist_t){body.vx * scale, body.vy * scale, body.wz * scale};
 }
 
@@ -27,7 +23,7 @@ static omni_twist_t approach(omni_twist_t from, omni_twist_t to, omni_real_t ste
     const omni_real_t dx = to.vx - from.vx;
     const omni_real_t dy = to.vy - from.vy;
     const omni_real_t distance = omni_sqrtf(dx * dx + dy * dy);
-    const omni_real_t share = distance > step ? step / distance : 1.0f;
+    const omni_real_t share = omni_select(distance > step, step / distance, 1.0f);
     from.vx += dx * share;
     from.vy += dy * share;
     from.wz += omni_clampf(to.wz - from.wz, -turn_step, turn_step);

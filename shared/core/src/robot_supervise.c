@@ -11,7 +11,8 @@ static void supervise_wheels(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_real_t tenth_per_V = 0.1f / c->speed_gain_V_s;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         const omni_real_t voltage = robot->last_voltage_V[i];
-        if (!(omni_absf(voltage) >= c->limits.stall_V)) {
+        const omni_flag_t pushed = omni_absf(voltage) >= c->limits.stall_V;
+        if (!omni_any(pushed)) {
             robot->stalled_s[i] = 0.0f;
             continue;
         }
@@ -19,7 +20,8 @@ static void supervise_wheels(omni_robot_t *robot, omni_tick_t *tick) {
         const omni_real_t enough = omni_absf(voltage) * tenth_per_V * elapsed;
         const omni_real_t moved = (omni_real_t)tick->delta_counts[i] * c->rad_per_count * omni_signf(voltage);
         const omni_real_t missing = omni_clampf(1.0f - moved / enough, -2.0f, 2.0f);
-        robot->stalled_s[i] = omni_clampf(robot->stalled_s[i] + elapsed * missing, 0.0f, 2.0f * c->limits.stall_s);
+        const omni_real_t stalled_s = omni_clampf(robot->stalled_s[i] + elapsed * missing, 0.0f, 2.0f * c->limits.stall_s);
+        robot->stalled_s[i] = omni_select(pushed, stalled_s, 0.0f);
         if (robot->stalled_s[i] > c->limits.stall_s) {
             tick->faults |= OMNI_FAULT_STALL;
         }
@@ -83,9 +85,7 @@ void omni_robot_supervise(omni_robot_t *robot, omni_tick_t *tick) {
     supervise_supply(robot, tick);
     supervise_link(robot, tick);
     supervise_setpoint(robot, tick);
-    if (robot->saturated) {
-        tick->faults |= OMNI_WARN_SATURATED;
-    }
+    tick->faults |= omni_select(robot->saturated, (uint32_t)OMNI_WARN_SATURATED, 0u);
     if (robot->off_track) {
         tick->faults |= OMNI_FAULT_TRACKING;
     }
@@ -153,7 +153,7 @@ void omni_robot_transition(omni_robot_t *robot, omni_tick_t *tick) {
     }
     if ((tick->faults & (uint32_t)OMNI_FAULT_STOP_MASK) != 0) {
         if (robot->state == OMNI_STATE_ARMED) {
-            robot->fault_history |= tick->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
+            robot->fault_history |= (uint32_t)(tick->faults & (uint32_t)OMNI_FAULT_STOP_MASK);
         }
         apply(robot, OMNI_SAFETY_FAULT);
     }

@@ -14,16 +14,16 @@ omni_real_t omni_saturate_direction(omni_real_t *values, uint8_t count, omni_rea
     omni_real_t peak = 0.0f;
     for (uint8_t i = 0; i < count; i++) {
         const omni_real_t magnitude = omni_absf(values[i]);
-        peak = magnitude > peak ? magnitude : peak;
+        peak = omni_select(magnitude > peak, magnitude, peak);
     }
     if (!(limit > 0.0f) || !omni_all_finite(values, count)) {
         return refuse(values, count);
     }
-    if (peak <= limit) {
+    if (omni_all(peak <= limit)) {
         return 1.0f;
     }
     /* eq. 30: all are scaled by limit / absmax */
-    const omni_real_t factor = limit / peak;
+    const omni_real_t factor = omni_select(peak <= limit, 1.0f, limit / peak);
     for (uint8_t i = 0; i < count; i++) {
         /* rounding may have put the largest a bit beyond the limit */
         values[i] = omni_clampf(values[i] * factor, -limit, limit);

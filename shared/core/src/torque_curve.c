@@ -47,13 +47,18 @@ omni_real_t omni_torque_curve_duty(const omni_torque_curve_t *curve, omni_real_t
         return share > 0.0f ? omni_signf(torque_N_m) : 0.0f;
     }
     knots(curve, knot);
-    for (int i = 1; i < KNOTS; ++i) {
-        if (share <= knot[i].share) {
-            const omni_real_t way = (share - knot[i - 1].share) / (knot[i].share - knot[i - 1].share);
-            return omni_signf(torque_N_m) * (knot[i - 1].duty + way * (knot[i].duty - knot[i - 1].duty));
-        }
+    knot_t low = knot[0];
+    knot_t high = knot[1];
+    for (int i = 1; i < KNOTS - 1 && !omni_all(share <= knot[i].share); ++i) {
+        const omni_flag_t beyond = share > knot[i].share;
+        low.share = omni_select(beyond, knot[i].share, low.share);
+        low.duty = omni_select(beyond, knot[i].duty, low.duty);
+        high.share = omni_select(beyond, knot[i + 1].share, high.share);
+        high.duty = omni_select(beyond, knot[i + 1].duty, high.duty);
     }
-    return omni_signf(torque_N_m);
+    const omni_real_t way = (share - low.share) / (high.share - low.share);
+    const omni_real_t duty = low.duty + way * (high.duty - low.duty);
+    return omni_signf(torque_N_m) * omni_select(share <= 1.0f, duty, 1.0f);
 }
 
 omni_real_t omni_torque_curve_torque(const omni_torque_curve_t *curve, omni_real_t duty) {

@@ -27,6 +27,6 @@ void omni_fl_reset(omni_fl_state_t *state);
 /** One tick. @param rate measured world twist (for e'). @param hold_integral as in omni_ismc_step. */
 omni_twist_t omni_fl_step(omni_fl_state_t *state, const omni_fl_config_t *config, const omni_pose_t *pose,
                           const omni_twist_t *rate, const omni_pose_t *reference, const omni_twist_t *reference_rate,
-                          bool hold_integral, omni_control_terms_t *terms);
+                          omni_flag_t hold_integral, omni_control_terms_t *terms);
 
 #endif

@@ -46,7 +46,7 @@ void omni_ismc_reset(omni_ismc_state_t *state);
  * @return the wanted world twist.
  */
 omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *config, const omni_pose_t *pose,
-                            const omni_pose_t *reference, const omni_twist_t *reference_rate, bool hold_integral,
+                            const omni_pose_t *reference, const omni_twist_t *reference_rate, omni_flag_t hold_integral,
                             omni_control_terms_t *terms);
 
 /**

@@ -53,7 +53,7 @@ void omni_motor_kf_rebase(omni_motor_kf_state_t *state);
  * @return the wheel speed estimate [rad/s].
  */
 omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
-                               int32_t delta_counts, bool valid);
+                               omni_int_t delta_counts, bool valid);
 
 /**
  * One tick of mode SPEED with a speed that was measured as such, whatever config->mode says.

@@ -31,7 +31,7 @@ typedef struct omni_original_state_t {
     omni_real_t wheel_window[OMNI_MAX_WHEELS][OMNI_ORIGINAL_WINDOW];
     uint8_t next;                                 /**< slot the next sample goes to */
     uint16_t tick;                                /**< ticks since the last period began */
-    int32_t moved_counts[OMNI_MAX_WHEELS];        /**< counts moved in this period */
+    omni_int_t moved_counts[OMNI_MAX_WHEELS];     /**< counts moved in this period */
     omni_real_t wheel_reference[OMNI_MAX_WHEELS]; /**< rad/s */
     omni_real_t voltage_V[OMNI_MAX_WHEELS];       /**< held over the period */
 } omni_original_state_t;
@@ -43,7 +43,7 @@ void omni_original_reset(omni_original_state_t *state);
 
 /** One tick (the law itself runs every period_ticks). Results are read from `state`. */
 void omni_original_step(omni_original_state_t *state, const omni_original_config_t *config, const omni_kinematics_t *k,
-                        const int32_t *delta_counts, const omni_pose_t *pose, const omni_pose_t *reference,
+                        const omni_int_t *delta_counts, const omni_pose_t *pose, const omni_pose_t *reference,
                         const omni_twist_t *reference_rate, omni_real_t supply_V);
 
 #endif

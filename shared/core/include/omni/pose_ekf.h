@@ -75,9 +75,9 @@ typedef struct omni_pose_ekf_state_t {
     uint64_t time_us;                  /**< of the estimate; 0: no tick yet */
     omni_real_t nis;                   /**< normalised innovation squared of the last fix that could be used */
     omni_real_t innovation[OMNI_AXES]; /**< its innovation: m, m, rad */
-    uint32_t accepted;                 /**< fixes used */
-    uint32_t refused;                  /**< fixes gated out, too old, from the future, or not finite */
-    uint32_t restarts;
+    omni_uint_t accepted;              /**< fixes used */
+    omni_uint_t refused;               /**< fixes gated out, too old, from the future, or not finite */
+    omni_uint_t restarts;
     uint16_t refused_in_row; /**< gated out in a row */
     uint64_t last_fix_us;    /**< arrival of the last accepted fix; 0: none yet */
     uint64_t last_taken_us;  /**< when the last accepted fix was taken; 0: none yet */

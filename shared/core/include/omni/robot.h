@@ -112,9 +112,9 @@ typedef enum omni_event_t {
 
 /** What one tick is told. */
 typedef struct omni_inputs_t {
-    uint64_t time_us;                /**< robot clock, monotonic */
-    int32_t counts[OMNI_MAX_WHEELS]; /**< raw encoder counters, may wrap */
-    uint8_t counts_valid;            /**< bit per wheel */
+    uint64_t time_us;                   /**< robot clock, monotonic */
+    omni_int_t counts[OMNI_MAX_WHEELS]; /**< raw encoder counters, may wrap */
+    uint8_t counts_valid;               /**< bit per wheel */
     bool has_fix;
     omni_pose_fix_t fix;
     omni_real_t battery_V;               /**< <= 0: not measured */
@@ -134,7 +134,7 @@ typedef struct omni_outputs_t {
     bool drive;             /**< motors may be powered; false: switch the bridges off */
     uint8_t controller;     /**< enum omni_ctl_mode in use */
     uint8_t setpoint_kind;  /**< in use */
-    uint32_t faults;        /**< omni_fault_t bits present now */
+    omni_uint_t faults;     /**< omni_fault_t bits present now */
     uint32_t fault_history; /**< stop faults since arming */
     uint16_t config_sequence;
     omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1 in the motor's own direction; 0 unless `drive` */
@@ -156,8 +156,8 @@ typedef struct omni_outputs_t {
     omni_real_t duty_scale;  /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
     omni_real_t supply_V;
     omni_real_t nis;
-    uint32_t fixes_accepted;
-    uint32_t fixes_refused;
+    omni_uint_t fixes_accepted;
+    omni_uint_t fixes_refused;
 } omni_outputs_t;
 
 /** What makes the duties. */
@@ -189,7 +189,7 @@ typedef struct omni_robot_t {
     omni_pose_t governed; /**< reference on its way to a pose set-point; the pose held otherwise */
     omni_twist_t ramped;  /**< its rate (world), or the ramped velocity demand (body) */
     omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
-    int32_t last_counts[OMNI_MAX_WHEELS];
+    omni_int_t last_counts[OMNI_MAX_WHEELS];
     omni_real_t guessed_rad[OMNI_MAX_WHEELS]; /**< turned since the last valid count, as far as the pose has been told */
     omni_real_t stalled_s[OMNI_MAX_WHEELS];   /**< how long each wheel has looked stalled or reversed */
     uint32_t encoder_ticks[OMNI_MAX_WHEELS];  /**< ticks in a row without a valid count */
@@ -198,12 +198,12 @@ typedef struct omni_robot_t {
     uint64_t armed_since_us;
     uint32_t fault_history;
     uint8_t last_controller;
-    uint8_t last_driver; /**< omni_driver_t that last had the wheels */
-    uint8_t last_kind;   /**< set-point kind of the last tick */
-    bool primed;         /**< last_* hold a first sample */
-    bool saturated;      /**< the last tick cut wheel speeds or duties */
-    bool uncovered;      /**< condition 44 counts as violated */
-    bool off_track;      /**< the last tick's pose error was beyond the limit */
+    uint8_t last_driver;   /**< omni_driver_t that last had the wheels */
+    uint8_t last_kind;     /**< set-point kind of the last tick */
+    bool primed;           /**< last_* hold a first sample */
+    omni_flag_t saturated; /**< the last tick cut wheel speeds or duties */
+    omni_flag_t uncovered; /**< condition 44 counts as violated */
+    bool off_track;        /**< the last tick's pose error was beyond the limit */
 } omni_robot_t;
 
 /** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */

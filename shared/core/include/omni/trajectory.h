@@ -94,7 +94,7 @@ typedef struct omni_reference_t {
     omni_twist_t rate;         /**< world frame */
     omni_twist_t acceleration; /**< world frame */
     omni_real_t path_time_s;   /**< u */
-    uint8_t phase;             /**< omni_trajectory_phase_t */
+    omni_uint_t phase;         /**< omni_trajectory_phase_t */
 } omni_reference_t;
 
 /**

@@ -13,8 +13,28 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/*
+ * The simulation compiles this core for eight runs at once, with numbers of its own (hil_sim/lanes). What may differ from run to
+ * run is therefore one of these types; everything else is common to the runs, as are the ways through `if` and `?:`.
+ */
+#ifndef OMNI_OWN_NUMBERS
 /** Scalar of the control core: IEEE-754 binary32 on every target. */
 typedef float omni_real_t;
+
+typedef int32_t omni_int_t;
+typedef uint32_t omni_uint_t;
+typedef bool omni_flag_t;
+
+/** For conditions that the data often decide. Both values may be evaluated: they have no side effects. */
+#define omni_select(condition, a, b) ((condition) ? (a) : (b))
+
+/** For short cuts: the condition holds in every run, or in one at least. What comes after must do without the short cut, too. */
+#define omni_all(condition) (condition)
+#define omni_any(condition) (condition)
+
+#define OMNI_FABSF __builtin_fabsf
+#define OMNI_SQRTF __builtin_sqrtf
+#endif
 
 enum {
     OMNI_MAX_WHEELS = 4, /**< array length of everything per wheel */

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: MIT
+"""Benchmark: the filter study of the report's Tables 5 and 7, ours beside scripts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from bench import octave
+from bench.filter_model import draw_normals, filter_model
+from bench.options import Options
+from bench.peers import filter_study_batched, filter_study_filterpy, filter_study_numpy
+from bench.tables import Cell, Row, Table, with_ratios
+from hil_sim.speed import Measurement, Spread
+from omni_reproduce.experiment import read_spec
+from omni_reproduce.filters import Setting, read_setting, run_seeds, shortened
+from omniwheel._core import lib
+
+SETTING = "published"
+FULL_STEPS = 30_000_000
+"""1000 runs of 600 s at 50 Hz."""
+SCALAR = "ours, run after run"
+LANES = "ours, eight runs at once"
+FILTERPY = "Python and FilterPy"
+NUMPY = "Python and NumPy, step by step"
+BATCHED = "NumPy, all runs at once"
+OCTAVE = "GNU Octave, growing arrays"
+LANE_RUNS = 8
+PER_STEP = "µs per step"
+MEDIAN = "median"
+RATIO = "× ours"
+FULL = "1000 runs of 600 s"
+
+
+def measure(options: Options) -> list[Table]:
+    """Return the table."""
+    setting = read_setting(read_spec("table7"), SETTING)
+    steps = options.pick(300, 1500)
+    runs = options.pick(200, 1000)
+    spreads = options.measure(measurements(setting, steps, runs, options.seed))
+    rows = [Row(name, _cells(spread)) for name, spread in spreads.items()]
+    if not octave.installed():
+        rows.append(Row(OCTAVE, {PER_STEP: "not installed"}))
+    reference = LANES if LANES in spreads else SCALAR
+    note = (
+        f"One thread. A step is one step of one run with all four combinations; ours {setting.steps} steps a run, "
+        f"scripts {steps}, batched {runs} runs. Setting “{setting.title}”, seed {options.seed}; {options.how}."
+    )
+    columns = (PER_STEP, MEDIAN, RATIO, FULL)
+    ratios = with_ratios(rows, PER_STEP, reference, RATIO)
+    return [Table("filter-study", "filter study", columns, ratios, note)]
+
+
+def measurements(setting: Setting, steps: int, runs: int, seed: int) -> dict[str, Measurement]:
+    """Return what is there to be measured, each in seconds per step."""
+    short = shortened(setting, steps * setting.step_s)
+    model = filter_model(short)
+    batch_steps = max(steps // 30, 10)
+    found = {
+        SCALAR: _timed(lambda: run_seeds(setting, [seed], 1, _silent), setting.steps),
+        FILTERPY: _timed(lambda: filter_study_filterpy.run(model, draw_normals(seed, steps)), steps),
+        NUMPY: _timed(lambda: filter_study_numpy.run(model, draw_normals(seed, steps)), steps),
+        BATCHED: _timed(lambda: filter_study_batched.run(model, runs, batch_steps, seed), runs * batch_steps),
+    }
+    if hasattr(lib, "hil_filter_study_many"):
+        seeds = range(seed, seed + LANE_RUNS)
+        found[LANES] = _timed(lambda: run_seeds(setting, seeds, 1, _silent), LANE_RUNS * setting.steps)
+    if octave.installed():
+        found[OCTAVE] = lambda: octave.run(model, steps)[1] / steps
+    return found
+
+
+def _silent(_: float) -> None:
+    """Say nothing of the progress."""
+
+
+def _timed(work: Callable[[], object], steps: int) -> Measurement:
+    def run() -> float:
+        start = time.perf_counter()
+        work()
+        return (time.perf_counter() - start) / steps
+
+    return run
+
+
+def _cells(spread: Spread) -> dict[str, Cell]:
+    return {
+        PER_STEP: spread.least * 1e6,
+        MEDIAN: spread.median * 1e6,
+        FULL: duration(spread.least * FULL_STEPS),
+    }
+
+
+def duration(seconds: float) -> str:
+    """Return a time in the unit that suits it."""
+    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.1f} s"

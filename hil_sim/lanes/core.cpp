@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+// The control core for eight runs at once: the rest of its very sources. Left out is what no tick calls: planning, building
+// configurations, parameters, duties as PWM counts; and trajectories, which each run evaluates for itself.
+#include "core.h"
+
+#include "filters.hpp"
+#include "plans.h"
+
+namespace {
+namespace core {
+
+#include "direct_torque.c"
+#include "feedback_linearization.c"
+#include "original_law.c"
+#include "pid.c"
+#include "robot.c"
+#include "robot_control.c"
+#include "robot_estimate.c"
+#include "robot_margin.c"
+#include "robot_reference.c"
+#include "robot_supervise.c"
+#include "safety.c"
+#include "saturation.c"
+#include "torque_curve.c"
+#include "wheel_speed.c"
+
+void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {
+    hil_lanes_plans_evaluate(reinterpret_cast<const hil_lanes_plans_t *>(plan), time_us, &layout_omni_reference_t, reference);
+}
+
+void tick(void *robot, const void *inputs, void *outputs) {
+    omni_robot_tick(static_cast<omni_robot_t *>(robot), static_cast<const omni_inputs_t *>(inputs),
+                    static_cast<omni_outputs_t *>(outputs));
+}
+
+void connect(void *robot, const void *config, const hil_lanes_plans_t *plans) {
+    auto *lanes = static_cast<omni_robot_t *>(robot);
+    lanes->config = static_cast<const omni_robot_config_t *>(config);
+    lanes->trajectory = reinterpret_cast<const omni_trajectory_t *>(plans);
+}
+
+const hil_lanes_plans_t *plans_of(const void *robot) {
+    return reinterpret_cast<const hil_lanes_plans_t *>(static_cast<const omni_robot_t *>(robot)->trajectory);
+}
+
+void offer(void *inputs, const hil_lanes_plans_t *plans) {
+    static_cast<omni_inputs_t *>(inputs)->trajectory = reinterpret_cast<const omni_trajectory_t *>(plans);
+}
+
+} // namespace core
+} // namespace
+
+#define LANES_NAME_OF(level) hil_lanes_core_##level
+#define LANES_NAME(level) LANES_NAME_OF(level)
+
+extern "C" const hil_lanes_core_t LANES_NAME(OMNI_LANES_LEVEL) = {
+    sizeof(core::omni_robot_t),
+    sizeof(core::omni_robot_config_t),
+    sizeof(core::omni_inputs_t),
+    sizeof(core::omni_outputs_t),
+    core::layout_omni_robot_t,
+    core::layout_omni_robot_config_t,
+    core::layout_omni_inputs_t,
+    core::layout_omni_outputs_t,
+    core::tick,
+    core::connect,
+    core::plans_of,
+    core::offer,
+};

@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: MIT */
+#include "core.h"
+
+const hil_lanes_core_t *hil_lanes_core(void) {
+#ifdef __x86_64__
+    if (__builtin_cpu_supports("avx2")) {
+        return &hil_lanes_core_avx2;
+    }
+#endif
+    return &hil_lanes_core_baseline;
+}

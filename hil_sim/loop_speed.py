@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: MIT
+"""How fast the loops around the robot run on this computer: what ``omni bench`` and ``make bench`` measure."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+from hil_sim.hil import run_hil
+from hil_sim.runs import Run, run_in_process
+from hil_sim.scenario import Scenario, load_scenario
+from omniwheel.emulated_firmware import EMULATOR
+from omniwheel.paths import MissingFileError, emulated_firmware_path
+
+SCENARIO = "demo"
+BLOCK = 8
+"""Runs that a worker does at a time."""
+
+
+@dataclass(frozen=True)
+class LoopTime:
+    """What a loop took [s] for how much simulated time [s]; ``tick_us`` is what the firmware itself measured."""
+
+    wall_s: float
+    simulated_s: float
+    tick_us: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated time per wall time."""
+        return self.simulated_s / self.wall_s
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A loop in words, the factor of real time that the project asks of it, and a function that runs it once."""
+
+    words: str
+    wanted: float | None
+    run: Callable[[], LoopTime]
+
+
+def loops(seconds: float, seed: int = 1) -> dict[str, Loop]:
+    """Return the loops that can run here, over ``seconds`` of the demo's scenario."""
+    scenario = replace(load_scenario(SCENARIO), duration_s=seconds, seed=seed)
+    found = {
+        "hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario))),
+        "in_process": Loop("in process: world and control core", 300.0, lambda: _of(run_in_process(scenario))),
+        "monte_carlo": Loop("Monte Carlo, 1 worker", 1000.0, lambda: monte_carlo(scenario, 1)),
+        "monte_carlo_2": Loop("Monte Carlo, 2 workers", None, lambda: monte_carlo(scenario, 2)),
+    }
+    if _has_emulator():
+        words = "firmware on an emulated Cortex-M7 in the loop"
+        found["emulated"] = Loop(words, 2.0, lambda: _of(run_hil(scenario, emulated=True)))
+    return found
+
+
+def monte_carlo(scenario: Scenario, workers: int, blocks: int = 4) -> LoopTime:
+    """Run ``blocks`` blocks of consecutive seeds, shared by workers."""
+    firsts = [scenario.seed + BLOCK * number for number in range(blocks)]
+    start = time.perf_counter()
+    with ThreadPoolExecutor(workers) as pool:
+        simulated_s = sum(pool.map(lambda first: _block_s(scenario, first), firsts))
+    return LoopTime(time.perf_counter() - start, simulated_s)
+
+
+def _block_s(scenario: Scenario, first: int) -> float:
+    """Run a block and return the time it simulated [s]."""
+    return sum(run_in_process(scenario, first + number).ticks for number in range(BLOCK)) * 1e-3
+
+
+def _of(run: Run) -> LoopTime:
+    return LoopTime(run.wall_s, run.ticks * 1e-3, run.tick_us)
+
+
+def _has_emulator() -> bool:
+    try:
+        emulated_firmware_path()
+    except MissingFileError:
+        return False
+    return shutil.which(EMULATOR) is not None

@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: MIT */
+/* Constants of the plants, and what may drive them. */
+#include <math.h>
+
+#include "motion.h"
+#include "spd3.h"
+
+static const double GRAVITY_m_s2 = 9.80665;
+
+static void wheels_init(hil_plant_t *plant, const hil_world_config_t *config) {
+    double rolling[6] = {0.0};
+    for (uint32_t i = 0; i < config->wheels; i++) {
+        const double cos_a = cos(config->wheel_angle_rad[i]);
+        const double sin_a = sin(config->wheel_angle_rad[i]);
+        plant->radius_m[i] = config->wheel_radius_m[i];
+        plant->along_x[i] = -sin_a;
+        plant->along_y[i] = cos_a;
+        plant->arm_m[i] = config->wheel_distance_m[i]; /* (cos, sin) x (-sin, cos) = 1 */
+        plant->drag_xx += config->roller_friction_N_s_m * cos_a * cos_a;
+        plant->drag_xy += config->roller_friction_N_s_m * cos_a * sin_a;
+        plant->drag_yy += config->roller_friction_N_s_m * sin_a * sin_a;
+        hil_spd3_add(rolling, 1.0, plant->along_x[i], plant->along_y[i], plant->arm_m[i]);
+    }
+    hil_spd3_factor(&plant->rolling, rolling);
+}
+
+/* The report's models leave out what `full` adds. */
+static void leave_out(hil_plant_t *plant, uint32_t kind) {
+    if (kind == HIL_PLANT_FULL) {
+        return;
+    }
+    plant->battery_resistance_ohm = 0.0;
+    plant->drag_xx = plant->drag_xy = plant->drag_yy = 0.0;
+    plant->coulomb_N_m = kind == HIL_PLANT_SLIP ? 0.0 : plant->coulomb_N_m;
+    plant->stiffness_N_s_m = kind == HIL_PLANT_SLIP ? plant->stiffness_N_s_m : 0.0;
+}
+
+void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config) {
+    *plant = (hil_plant_t){0};
+    wheels_init(plant, config);
+    const double load_N = config->mass_kg * GRAVITY_m_s2 / config->wheels;
+    plant->stiffness_N_s_m = config->slip_stiffness_N_s_m;
+    plant->inverse_limit_N = 1.0 / (config->friction_coefficient * load_N);
+    plant->inverse_mass = 1.0 / config->mass_kg;
+    plant->inverse_inertia = 1.0 / config->inertia_kg_m2;
+    plant->inverse_motor_inertia = 1.0 / config->motor_inertia_kg_m2;
+    plant->inverse_inductance = 1.0 / config->motor_inductance_H;
+    plant->viscous_N_m_s = config->motor_viscous_N_m_s;
+    plant->coulomb_N_m = config->motor_coulomb_N_m;
+    plant->battery_resistance_ohm = config->battery_resistance_ohm;
+    hil_linear_init(plant, config);
+    leave_out(plant, config->plant);
+}
+
+bool hil_plant_takes(uint32_t plant, uint32_t source) {
+    const bool kinematic = plant == HIL_PLANT_KINEMATIC;
+    switch (source) {
+    case HIL_SOURCE_SPEED:
+        return kinematic;
+    case HIL_SOURCE_TORQUE:
+        return !kinematic && plant != HIL_PLANT_KINEMATIC_MOTORS;
+    default:
+        return true;
+    }
+}

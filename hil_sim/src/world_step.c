@@ -1,0 +1,149 @@
+/* SPDX-License-Identifier: MIT */
+/* One tick of the world: what the sensors show, bridges, step. */
+#include <string.h>
+
+#include "parts.h"
+
+enum { PWM_STEPS = 4096 };
+
+/* PRESCALE 3, the chip's fastest. */
+static const double DIRECT_PERIOD_s = 4096.0 * 4.0 / 25e6;
+
+static uint8_t valid_counts(const hil_world_t *world) {
+    uint32_t valid = 0;
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        valid |= (uint32_t)(hil_fault_find(world, HIL_FAULT_ENCODER_INVALID, i) == NULL) << i;
+    }
+    return (uint8_t)valid;
+}
+
+static void take_due_fix(hil_world_t *world, hil_sensors_t *sensors) {
+    while (!sensors->has_fix && world->fix_count > 0 && world->fix[world->fix_head].arrives_us <= world->time_us) {
+        sensors->fix = world->fix[world->fix_head];
+        sensors->has_fix = !sensors->fix.lost;
+        world->fix_head = (world->fix_head + 1) % HIL_MAX_FIXES;
+        world->fix_count--;
+    }
+}
+
+void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors) {
+    memset(sensors, 0, sizeof *sensors);
+    sensors->time_us = hil_robot_clock_us(world);
+    hil_encoders_read(world, sensors->counts);
+    sensors->counts_valid = valid_counts(world);
+    sensors->battery_V = world->supply_V;
+    sensors->i2c_status = world->i2c_status;
+    sensors->i2c_read_length = world->i2c_read_length;
+    memcpy(sensors->i2c_read, world->i2c_read, sizeof sensors->i2c_read);
+    sensors->link_silent = hil_fault_find(world, HIL_FAULT_LINK_SILENCE, HIL_MAX_WHEELS) != NULL;
+    take_due_fix(world, sensors);
+}
+
+void hil_bridges_init(hil_world_t *world) {
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
+    }
+}
+
+static void direct_to_bridges(hil_world_t *world) {
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        world->in1[i] = world->chip.output_enable_high ? 0.0 : world->direct_in1[i];
+        world->in2[i] = world->chip.output_enable_high ? 0.0 : world->direct_in2[i];
+        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
+    }
+}
+
+static void chip_to_bridges(hil_world_t *world) {
+    const double period_s = 1.0 / hil_pca9685_frequency_Hz(&world->chip);
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        const uint32_t channel1 = world->config.in1_channel[i];
+        const uint32_t channel2 = world->config.in2_channel[i];
+        world->in1[i] = hil_pca9685_duty(&world->chip, channel1);
+        world->in2[i] = hil_pca9685_duty(&world->chip, channel2);
+        hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1), hil_pca9685_phase(&world->chip, channel2),
+                                period_s);
+    }
+}
+
+void hil_bridges_follow(hil_world_t *world, bool direct) {
+    world->direct = direct;
+    hil_plant_source(world, HIL_SOURCE_BRIDGES);
+    if (direct) {
+        direct_to_bridges(world);
+    } else {
+        chip_to_bridges(world);
+    }
+}
+
+void hil_world_output_enable(hil_world_t *world, bool on) {
+    const bool high = world->config.output_enable_wired && !on;
+    if (high == world->chip.output_enable_high) {
+        return;
+    }
+    world->chip.output_enable_high = high;
+    if (world->source == HIL_SOURCE_BRIDGES) {
+        hil_bridges_follow(world, world->direct);
+    }
+}
+
+static hil_real_t share_of_period(hil_steps_t steps) {
+    return hil_min((hil_real_t)steps, (double)PWM_STEPS) * (1.0 / PWM_STEPS);
+}
+
+void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps) {
+    world->i2c_status = hil_bus_fault(world);
+    if (world->i2c_status != 0) {
+        return;
+    }
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        world->direct_in1[i] = share_of_period(in1_steps[i]);
+        world->direct_in2[i] = share_of_period(in2_steps[i]);
+    }
+    hil_bridges_follow(world, true);
+}
+
+/* A chip without power drives nothing and wakes up with its power-up registers. */
+static void starve_chip(hil_world_t *world) {
+    if (hil_fault_find(world, HIL_FAULT_CHIP_POWER, HIL_MAX_WHEELS) == NULL) {
+        return;
+    }
+    hil_pca9685_reset(&world->chip, world->config.pca9685_address);
+    memset(world->direct_in1, 0, sizeof world->direct_in1);
+    memset(world->direct_in2, 0, sizeof world->direct_in2);
+    hil_bridges_follow(world, world->direct);
+}
+
+/* Whatever the plant made of the wheel: a hand, and a blocked gear, are stronger. */
+static void turn_by_hand(hil_world_t *world, const hil_real_t *angle_before_rad, double step_s) {
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        const hil_fault_t *blocked = hil_fault_find(world, HIL_FAULT_MOTOR_STALLED, i);
+        const hil_fault_t *turned = hil_fault_find(world, HIL_FAULT_WHEEL_TURNED, i);
+        if (blocked != NULL || turned != NULL) {
+            world->wheel_rad_s[i] = blocked != NULL ? 0.0 : turned->value;
+            world->wheel_angle_rad[i] = angle_before_rad[i] + world->wheel_rad_s[i] * step_s;
+        }
+    }
+}
+
+void hil_world_step(hil_world_t *world, uint32_t step_us) {
+    if (step_us == 0) {
+        return;
+    }
+    starve_chip(world);
+    const double step_s = 1e-6 * step_us;
+    hil_real_t open_end_A[HIL_MAX_WHEELS] = {0.0};
+    hil_real_t angle_before_rad[HIL_MAX_WHEELS];
+    hil_electrics_t electrics;
+    memcpy(angle_before_rad, world->wheel_angle_rad, sizeof angle_before_rad);
+    hil_slip_update(world, 1e-6 * (double)world->time_us + 0.5 * step_s);
+    hil_motors_begin(world, &electrics, step_s, open_end_A);
+    hil_plant_step(world, &electrics, step_s);
+    hil_motors_end(world, &electrics, open_end_A);
+    turn_by_hand(world, angle_before_rad, step_s);
+    hil_encoders_update(world);
+    world->time_us += step_us;
+    world->steps++;
+    hil_faults_update(world);
+    hil_slip_hold(world);
+    hil_pose_sensor_update(world);
+}

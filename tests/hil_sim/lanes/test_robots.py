@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""Eight robots in lanes do, bit for bit, what each does alone; where they would part, they say so."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+import pytest
+
+from tests.native import ROOT, build_library, core_archive, generated_dir
+
+PROGRAM = ROOT / "tests" / "parity" / "program"
+LANES = ROOT / "hil_sim" / "lanes"
+TICKS = 30_000
+
+
+class Tally(ctypes.Structure):
+    """lanes_tally_t of robots.c."""
+
+    _fields_ = [
+        ("ticks", ctypes.c_uint32),
+        ("compared", ctypes.c_uint32),
+        ("parted", ctypes.c_uint32),
+        ("unequal", ctypes.c_uint32),
+        ("wrong", ctypes.c_uint32),
+        ("armed", ctypes.c_uint32 * 8),
+        ("kinds", ctypes.c_uint32 * 8),
+        ("fixes", ctypes.c_uint32),
+        ("in_a_row", ctypes.c_uint32),
+    ]
+
+
+@pytest.fixture(scope="module")
+def lib(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    sources = [Path(__file__).with_name("robots.c")]
+    sources += [PROGRAM / f"{name}.c" for name in ("scene", "world", "draw", "random", "digest")]
+    flags = ["-O2", "-fno-math-errno", "-std=c11", "-Domni_robot_tick=lanes_scene_tick"]
+    archives = [generated_dir().parent / "hil_sim" / "libhil_sim.a", core_archive()]
+    built = build_library(
+        tmp_path_factory.mktemp("robots"), "robots", sources, [LANES, PROGRAM], flags=flags, archives=archives
+    )
+    return ctypes.CDLL(str(built))
+
+
+def run(lib: ctypes.CDLL, seed: int, level: int) -> Tally:
+    tally = Tally()
+    lib.lanes_scene(seed, TICKS, level, ctypes.byref(tally))
+    return tally
+
+
+@pytest.mark.parametrize("level", [0, 1], ids=["baseline", "best"])
+def test_eight_in_lanes_are_bit_for_bit_eight_alone(lib: ctypes.CDLL, level: int) -> None:
+    tally = run(lib, 7 + level, level)
+    assert tally.wrong == 0
+    assert tally.compared > 0.5 * tally.ticks
+    assert tally.parted + tally.unequal > 0, "a scene in which nothing goes wrong shows nothing"
+    assert tally.fixes > 100
+    assert tally.in_a_row > 1000
+    assert all(tally.kinds[kind] > 0 for kind in range(6))
+    assert all(tally.armed[controller] > 0 for controller in range(7))
