@@ -49,7 +49,7 @@ class DaskPool:
             ) from error
         try:
             self._wait_for_a_worker(connect_s)
-            self._check_workers()
+            self._check_workers(connect_s)
         except BaseException:
             self.close()
             raise
@@ -89,10 +89,21 @@ class DaskPool:
             hint = f"start some with `dask worker {self._address}`"
             raise ClusterError(f"the scheduler at {self._address} has no workers", hint=hint) from error
 
-    def _check_workers(self) -> None:
-        for worker, found in self._client.run(worker_identity, on_error="return").items():
-            if isinstance(found, BaseException):
-                raise ClusterError(f"the worker {worker} cannot run omniwheel: {found}", hint=_INSTALL)
+    def _check_workers(self, limit_s: float) -> None:
+        """Ask every worker what it computes with; one that is silent is looked at with its first batch."""
+        asked = {
+            worker: self._client.submit(worker_identity, workers=[worker], allow_other_workers=False, pure=False)
+            for worker in self._client.nthreads()
+        }
+        deadline_s = time.monotonic() + limit_s
+        for worker, future in asked.items():
+            try:
+                found = future.result(timeout=max(0.1, deadline_s - time.monotonic()))
+            except (TimeoutError, self._distributed.TimeoutError):
+                future.cancel()
+                continue
+            except Exception as error:  # whatever a worker without this package comes up with
+                raise ClusterError(f"the worker {worker} cannot run omniwheel: {error}", hint=_INSTALL) from error
             _refuse_other_engine(worker, found)
 
     def _room(self) -> int:
