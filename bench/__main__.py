@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import bus, downloads, estimators, filter_study, original_law, simulation
+from bench import bus, downloads, estimators, filter_study, memory, original_law, simulation
 from bench.build import OUT, BenchError
 from bench.options import Options
 from bench.tables import Table, write_page
@@ -24,6 +24,7 @@ PAGE = ROOT / "docs" / "performance.md"
 RESULT = OUT / "result.json"
 BENCHMARKS: dict[str, Callable[[Options], list[Table]]] = {
     "simulation": simulation.measure,
+    "memory": memory.measure,
     "filter-study": filter_study.measure,
     "estimators": estimators.measure,
     "law": original_law.measure,

@@ -45,7 +45,8 @@ class Counted:
 
 def includes() -> list[str]:
     """Return the compiler's words for the folders that programs may include from."""
-    folders = [PROGRAMS, ROOT / "shared/core/include", ROOT / "hil_sim/include", generated_dir() / "include"]
+    own = ("shared/core/include", "shared/link/include", "hil_sim/include")
+    folders = [PROGRAMS, *(ROOT / folder for folder in own), generated_dir() / "include"]
     return [f"-I{folder}" for folder in folders]
 
 
@@ -105,9 +106,9 @@ def _inclusive(table: str, function: str) -> int:
     return found
 
 
-def call(command: Sequence[str]) -> str:
+def call(command: Sequence[str], folder: Path | None = None) -> str:
     """Run a tool and return its output. Raises BenchError with its words."""
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIMEOUT_S)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIMEOUT_S, cwd=folder)
     if done.returncode != 0:
         raise BenchError(f"{shlex.join(command)}\n{done.stdout}{done.stderr}")
     return done.stdout

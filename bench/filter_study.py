@@ -43,8 +43,9 @@ def measure(options: Options) -> list[Table]:
         rows.append(Row(OCTAVE, {PER_STEP: "not installed"}))
     reference = LANES if LANES in spreads else SCALAR
     note = (
-        f"One thread. A step is one step of one run with all four combinations; ours {setting.steps} steps a run, "
-        f"scripts {steps}, batched {runs} runs. Setting “{setting.title}”, seed {options.seed}; {options.how}."
+        "CPU time of one thread. A step is one step of one run with all four combinations; "
+        f"ours {setting.steps} steps a run, scripts {steps}, batched {runs} runs. "
+        f"Setting “{setting.title}”, seed {options.seed}; {options.how}."
     )
     columns = (PER_STEP, MEDIAN, RATIO, FULL)
     ratios = with_ratios(rows, PER_STEP, reference, RATIO)
@@ -76,9 +77,9 @@ def _silent(_: float) -> None:
 
 def _timed(work: Callable[[], object], steps: int) -> Measurement:
     def run() -> float:
-        start = time.perf_counter()
+        start = time.process_time()
         work()
-        return (time.perf_counter() - start) / steps
+        return (time.process_time() - start) / steps
 
     return run
 

@@ -98,9 +98,10 @@ def study_times() -> dict[str, Spread]:
 
 
 def read_recorded() -> dict[str, int]:
-    """Return the recorded instructions per tick."""
+    """Return the recorded instructions per tick of the ways that can be counted here."""
     with RECORDED.open("rb") as file:
-        return dict(tomllib.load(file)["instructions"])
+        recorded = tomllib.load(file)["instructions"]
+    return {way: recorded[way] for way in ticks.ways() if way in recorded}
 
 
 def write_recorded(counts: Mapping[str, int]) -> None:

@@ -23,7 +23,7 @@ def installed() -> bool:
 
 
 def run(model: FilterModel, steps: int, normals: Array | None = None) -> tuple[FilterRun, float]:
-    """Run ``steps`` steps and return what came of them and how long the loop took [s].
+    """Run ``steps`` steps and return what came of them and how much CPU time the loop took [s].
 
     ``normals`` (steps, NORMALS): the noise; without it Octave draws its own.
     """

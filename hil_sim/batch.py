@@ -13,7 +13,10 @@ run them, changes no bit of it, and ``run_in_process`` with that seed is the sam
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections import deque
+from collections.abc import Generator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -149,6 +152,30 @@ def run_batch(
     if done < count:
         raise BatchCancelledError(f"cancelled after {done} of {count} runs")
     return BatchResult(rows)
+
+
+def run_batches(
+    spec: BatchSpec | Scenario, first_seed: int, count: int, workers: int | None = None
+) -> Generator[BatchResult, None, None]:
+    """Run seeds on ``workers`` threads (None: one per processor), BLOCK at a time; yield the results in their order.
+
+    Whoever stops taking them, by Ctrl-C or otherwise, stops the runs. Raises as run_batch does.
+    """
+    cancel = Cancel()
+    threads = workers or os.cpu_count() or 1
+    with ThreadPoolExecutor(threads) as pool:
+        pending: deque[Future[BatchResult]] = deque()
+        try:
+            for start in range(first_seed, first_seed + count, BLOCK):
+                runs = min(BLOCK, first_seed + count - start)
+                pending.append(pool.submit(run_batch, spec, start, runs, cancel))
+                if len(pending) > 2 * threads:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            cancel.set()
+            pool.shutdown(cancel_futures=True)
 
 
 def statistics_of(rows: NDArray[Any]) -> Statistics:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from hil_sim import core
+from hil_sim.dispersion import check_extremes, dispersion_table, drawn_values
 from hil_sim.scenario import Event, Scenario
 from hil_sim.timeline import TICKS_PER_S
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
@@ -24,9 +25,21 @@ _WORLD_FIELDS = {"coulomb_friction_N_m": "motor_coulomb_N_m"}
 
 
 def scenario_world(scenario: Scenario) -> Any:
-    """Return a new ``hil_world_config_t *`` of the scenario, before dispersion."""
+    """Return a new ``hil_world_config_t *`` of the scenario and its seed. Raises WorldError, SchemaError."""
+    config = _middle_world(scenario)
+    entries = scenario.dispersion
+    lib.hil_disperse(config, dispersion_table(entries, config.wheels), len(entries), scenario.seed)
+    return config
+
+
+def drawn_world(scenario: Scenario) -> dict[str, float | list[float]]:
+    """Return the quantities that differ from run to run as they are with this scenario's seed; SI units."""
+    return drawn_values(scenario.dispersion, scenario_world(scenario)) if scenario.dispersion else {}
+
+
+def _middle_world(scenario: Scenario) -> Any:
     numbers = {_WORLD_FIELDS.get(name, name): value for name, value in scenario.world.items()}
-    return world_config(
+    config = world_config(
         scenario.world_robot or scenario.robot,
         plant=scenario.plant,
         seed=scenario.seed,
@@ -35,6 +48,8 @@ def scenario_world(scenario: Scenario) -> Any:
         faults=scenario.faults,
         **numbers,
     )
+    check_extremes(scenario.source, scenario.dispersion, config)
+    return config
 
 
 class CScenario:
@@ -47,8 +62,9 @@ class CScenario:
         self.scenario = scenario
         table = scenario.robot.table
         values = scenario.parameter_values()
-        self._world = scenario_world(scenario)
+        self._world = _middle_world(scenario)
         World(self._world)
+        self._dispersion = dispersion_table(scenario.dispersion, self._world.wheels)
         self._config = core.robot_config(values, table, 0)
         self._values = ffi.new("omni_real_t[]", [values[parameter.name] for parameter in table.parameters])
         self._index = {parameter.name: number for number, parameter in enumerate(table.parameters)}
@@ -58,6 +74,7 @@ class CScenario:
         self.c: Any = ffi.new("hil_scenario_t *")
         self.c.world, self.c.robot, self.c.values = self._world, self._config, self._values
         self.c.events, self.c.event_count, self.c.settings = self._events, len(scenario.events), self._settings
+        self.c.dispersion, self.c.dispersion_count = self._dispersion, len(scenario.dispersion)
         ends = scenario.duration_s is not None
         self.c.end_tick = round((scenario.duration_s or 0.0) * TICKS_PER_S) if ends else NEVER
 

@@ -8,6 +8,7 @@ asked now and then; the answers go into the summary and not into the log.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 import omniwheel
 from hil_sim import core
-from hil_sim.lockstep import LockstepLink
+from hil_sim.lockstep import LockstepLink, Served
 from hil_sim.runs import Run, finish, new_world
 from hil_sim.scenario import Event, Scenario
 from hil_sim.summary import TLOG_FILE
@@ -49,17 +50,31 @@ MEASURE_TICKS = 5000
 """The firmware is asked for the times of its ticks this often."""
 
 _ID_BYTES = slice(7, 10)
+_UNHEARD = (
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY,
+    mavlink.MAVLINK_MSG_ID_OMNI_TRACKING,
+    mavlink.MAVLINK_MSG_ID_OMNI_WHEELS,
+    mavlink.MAVLINK_MSG_ID_OMNI_CONTROL,
+    mavlink.MAVLINK_MSG_ID_OMNI_STATUS,
+    mavlink.MAVLINK_MSG_ID_OMNI_HEALTH,
+)
+"""Streams that nobody here listens to while ticks run: logged, not decoded."""
 _STATUS_ID = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
 
 
 class HilLoop:
     """The world and the firmware over a lockstep link."""
 
-    def __init__(self, scenario: Scenario, base: FileLink, world: World | None = None) -> None:
+    def __init__(self, scenario: Scenario, base: FileLink, world: World | None = None, *, asleep: bool = False) -> None:
         """``world`` goes on where an earlier loop left it; without it, the scenario's starts."""
         self._table = scenario.robot.table
         self.values = scenario.parameter_values()
-        self.link = LockstepLink(base, world or new_world(scenario))
+        self.link = LockstepLink(base, world or new_world(scenario), asleep=asleep)
         self.measured: list[Status] = []
         connection = Connection(self.link, clock=self.link.clock_s)
         connection.target_system = int(self.values["SYS_ID"])
@@ -69,24 +84,57 @@ class HilLoop:
         self._stream: Callable[[], None] | None = None
         self._start_pose = scenario.start_pose
         self._next_measurement = MEASURE_TICKS
+        self._log: TlogWriter | None = None
+        self.link.serve_every(SERVICE_TICKS, _UNHEARD, None)
 
     @property
     def ticks(self) -> int:
         """Ticks run so far."""
         return self.link.ticks
 
+    def log_to(self, log: TlogWriter) -> None:
+        """Keep every frame from now on."""
+        self._log = log
+        self.robot.connection.recorder = log.write
+        self.link.serve_every(SERVICE_TICKS, _UNHEARD, EPOCH_US)
+
     def advance(self, ticks: int) -> NDArray[Any]:
-        """Run ticks and return the samples since the last call."""
+        """Run ticks and return the samples since the last call.
+
+        Compiled code looks after the robot's messages meanwhile; this returns to Python only to send. What the robot
+        streams often is not listened to, so :attr:`robot`'s status has only its heartbeats and texts.
+        """
         end = self.link.ticks + ticks
         while self.link.ticks < end:
-            self.robot.pump()
+            self.robot.connection.beat()
+            self._take(self.link.serve())
             if self.link.ticks >= self._next_measurement and not self.link.silent:
                 self._measure()
             if self._stream is not None and self.link.ticks % STREAM_TICKS < SERVICE_TICKS:
                 self._stream()
-            stop = (self.link.ticks // SERVICE_TICKS + 1) * SERVICE_TICKS
-            self.link.run(max(min(stop, end) - self.link.ticks, 0), self.robot.pump)
+            self.link.run_served(max(min(self._next_sending(), end) - self.link.ticks, 0), self._take)
         return self.link.take_samples()
+
+    def _next_sending(self) -> int:
+        """Return the next of the ticks at which messages are taken and there is something to send."""
+        now = self.link.ticks // SERVICE_TICKS + 1
+        stops = [max(now, -(-self._next_measurement // SERVICE_TICKS)) * SERVICE_TICKS]
+        if self._stream is not None:
+            stops.append((self.link.ticks // STREAM_TICKS + 1) * STREAM_TICKS)
+        due_s = self.robot.connection.next_heartbeat_s
+        if math.isfinite(due_s):
+            beat = max(now, math.floor(due_s * 1e3 / SERVICE_TICKS))
+            while beat * SERVICE_TICKS * 1e-3 < due_s:
+                beat += 1
+            stops.append(beat * SERVICE_TICKS)
+        return min(stops)
+
+    def _take(self, served: Served) -> None:
+        if self._log is not None:
+            self._log.write_records(served.records, served.record_count)
+        if served.frames:
+            with self.robot.connection.unrecorded():
+                self.robot.connection.feed(served.frames)
 
     def apply(self, event: Event) -> None:
         """Send what the event says and wait, in simulated time, for the robot's confirmation."""
@@ -151,21 +199,23 @@ def run_hil(
     out_dir: Path | None = None,
     progress: Progress | None = None,
     emulated: bool = False,
+    asleep: bool = False,
 ) -> Run:
     """Run a scenario with real firmware: the one behind ``link``, or one of its own, as a process or ``emulated``.
 
     With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
-    run and its own ones back afterwards; nothing is stored on it.
+    run and its own ones back afterwards; nothing is stored on it. ``asleep``: this end and a firmware process of its
+    own wait for each other without looking (:class:`LockstepLink`), for comparison.
     """
     scenario = scenario.with_seed(seed)
     with ExitStack() as stack:
         base = stack.enter_context(
-            _own_firmware(scenario, emulated) if link is None else _linked_firmware(scenario, link)
+            _own_firmware(scenario, emulated, asleep) if link is None else _linked_firmware(scenario, link)
         )
-        loop = HilLoop(scenario, base)
+        loop = HilLoop(scenario, base, asleep=asleep)
         if out_dir is not None:
             log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
-            loop.robot.connection.recorder = stack.enter_context(log).write
+            loop.log_to(stack.enter_context(log))
         return _run(scenario, loop, progress)
 
 
@@ -191,12 +241,12 @@ def _tick_times(statuses: list[Status]) -> dict[str, float]:
 
 
 @contextmanager
-def _own_firmware(scenario: Scenario, emulated: bool) -> Iterator[FileLink]:
+def _own_firmware(scenario: Scenario, emulated: bool, asleep: bool) -> Iterator[FileLink]:
     values = scenario.parameter_values()
     own: FirmwareChild = (
         EmulatedFirmware(parameters=values, links=[DIRECT], lockstep=True)
         if emulated
-        else FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True)
+        else FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True, asleep=asleep)
     )
     with own as firmware:
         base = firmware.open_link()

@@ -7,7 +7,8 @@ that it waits by is the simulation's.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,32 +24,62 @@ WORLD_SYSTEM_ID = 254
 WORLD_COMPONENT_ID = 1
 ANY_WHEEL = 255
 RECORD_ROWS = 1000
+LOG_BYTES = 8 * lib.HIL_LOCKSTEP_RX
+
+
+@dataclass(frozen=True)
+class Served:
+    """Frames that were not skipped, one after the other, and log records of all of them."""
+
+    frames: bytes
+    records: bytes
+    record_count: int
 
 
 class LockstepLink:
     """The link to a robot in host-in-the-loop, with the world that its sensors and motors are in.
 
     ``timeout_s`` is the wall time the robot has for one tick, ``realtime_factor`` 0 runs as fast as it goes, 1 in
-    real time. While the world's fault link_silence is active, what is written gets lost.
+    real time. While the world's fault link_silence is active, what is written gets lost. An answer is looked for a
+    moment before the process goes to sleep over it, unless it is to be ``asleep`` or runs in real time.
     """
 
-    def __init__(self, base: FileLink, world: World, *, timeout_s: float = 5.0, realtime_factor: float = 0.0) -> None:
+    def __init__(
+        self,
+        base: FileLink,
+        world: World,
+        *,
+        timeout_s: float = 5.0,
+        realtime_factor: float = 0.0,
+        asleep: bool = False,
+    ) -> None:
         self.url = base.url
-        self.ticks = 0
         self._base = base
         self._world = world
         self._record = Record(RECORD_ROWS)
         self._samples: list[NDArray[Any]] = []
+        self._serve_ticks = 0
+        self._log: Any = None
         self._done = ffi.new("uint64_t *")
         self._lockstep = ffi.new("hil_lockstep_t *")
         lib.hil_lockstep_init(self._lockstep, base.fileno(), WORLD_SYSTEM_ID, WORLD_COMPONENT_ID)
         self._lockstep.send_fixes = True
         self._lockstep.timeout_s = timeout_s
         self._lockstep.realtime_factor = realtime_factor
+        lib.omni_patience_init(ffi.addressof(self._lockstep, "patience"), not asleep)
+
+    @property
+    def ticks(self) -> int:
+        """Ticks run so far."""
+        return int(self._lockstep.ticks)
 
     def clock_s(self) -> float:
         """Return the simulated time."""
         return self.ticks * 1e-3
+
+    def set_realtime_factor(self, factor: float) -> None:
+        """Change how fast it runs; see the class."""
+        self._lockstep.realtime_factor = factor
 
     @property
     def silent(self) -> bool:
@@ -67,6 +98,47 @@ class LockstepLink:
         """Drop what the robot sent, for runs that nobody listens to."""
         self._lockstep.rx_length = 0
 
+    def serve_every(self, ticks: int, skipped: Sequence[int], log_epoch_us: int | None) -> None:
+        """Let :meth:`run_served` look after the robot's messages at every multiple of ``ticks``.
+
+        It passes over those with a number in ``skipped``; with ``log_epoch_us``, what the clock's zero is in a
+        telemetry log, it makes log records of all.
+        """
+        self._serve_ticks = ticks
+        self._lockstep.skipped[0 : len(skipped)] = list(skipped)
+        self._lockstep.skipped_count = len(skipped)
+        if log_epoch_us is not None:
+            self._log = ffi.new("uint8_t[]", LOG_BYTES)
+            self._lockstep.log = self._log
+            self._lockstep.log_capacity = LOG_BYTES
+            self._lockstep.log_epoch_us = log_epoch_us
+
+    def run_served(self, ticks: int, take: Callable[[Served], None]) -> None:
+        """Run ticks like :meth:`run`; ``take`` gets what was looked after. The rest stays for whoever reads next."""
+        self._lockstep.serve_ticks = self._serve_ticks
+        try:
+            self.run(ticks, lambda: take(self.serve()))
+        finally:
+            self._lockstep.serve_ticks = 0
+        take(self._take_served())
+
+    def serve(self) -> Served:
+        """Look after what has come, now."""
+        lib.hil_lockstep_serve(self._lockstep)
+        return self._take_served()
+
+    def _take_served(self) -> Served:
+        c = self._lockstep
+        served, length = int(c.rx_served), int(c.rx_length)
+        frames = bytes(ffi.buffer(c.rx, served)) if served else b""
+        if served:
+            ffi.memmove(c.rx, c.rx + served, length - served)
+        c.rx_length, c.rx_served = length - served, 0
+        records = bytes(ffi.buffer(c.log, c.log_length)) if c.log_length else b""
+        count = int(c.log_frames)
+        c.log_length = c.log_frames = 0
+        return Served(frames, records, count)
+
     def write(self, data: bytes) -> None:
         """Send to the robot; it arrives before the next tick's sensors."""
         if not self.silent:
@@ -84,7 +156,6 @@ class LockstepLink:
                 self._flush()
             step = min(end - self.ticks, RECORD_ROWS - len(self._record))
             result = lib.hil_lockstep_run(self._lockstep, self._world.c, step, self._record.c, self._done)
-            self.ticks += int(self._done[0])
             if result != lib.HIL_OK:
                 raise self._error(result)
             if self.ticks < end and between is not None:
@@ -93,8 +164,8 @@ class LockstepLink:
     def take_samples(self) -> NDArray[Any]:
         """Return the samples of all ticks since the last call."""
         self._flush()
-        samples, self._samples = np.concatenate(self._samples), []
-        return samples
+        samples, self._samples = self._samples, []
+        return samples[0] if len(samples) == 1 else np.concatenate(samples)
 
     def _flush(self) -> None:
         self._samples.append(self._record.samples.copy())

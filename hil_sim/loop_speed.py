@@ -9,23 +9,31 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
+from hil_sim.batch import run_batch
 from hil_sim.hil import run_hil
 from hil_sim.runs import Run, run_in_process
 from hil_sim.scenario import Scenario, load_scenario
+from omniwheel._core import lib
 from omniwheel.emulated_firmware import EMULATOR
 from omniwheel.paths import MissingFileError, emulated_firmware_path
 
 SCENARIO = "demo"
-BLOCK = 8
+TICK_S = 1e-3
+BLOCK_RUNS = 16
 """Runs that a worker does at a time."""
 
 
 @dataclass(frozen=True)
 class LoopTime:
-    """What a loop took [s] for how much simulated time [s]; ``tick_us`` is what the firmware itself measured."""
+    """What a loop took [s] for how much simulated time [s].
+
+    ``cpu_s`` is the time that processors spent on it [s], 0 where other processes have their part in it; ``tick_us``
+    what the firmware itself measured.
+    """
 
     wall_s: float
     simulated_s: float
+    cpu_s: float = 0.0
     tick_us: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -43,37 +51,60 @@ class Loop:
     run: Callable[[], LoopTime]
 
 
-def loops(seconds: float, seed: int = 1) -> dict[str, Loop]:
-    """Return the loops that can run here, over ``seconds`` of the demo's scenario."""
+def loops(seconds: float, seed: int = 1, *, compared: bool = False) -> dict[str, Loop]:
+    """Return the loops that can run here, over ``seconds`` of the demo's scenario.
+
+    ``compared``: with what they are compared with, too: waiting asleep, and Monte Carlo run after run.
+    """
     scenario = replace(load_scenario(SCENARIO), duration_s=seconds, seed=seed)
     found = {
         "hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario))),
-        "in_process": Loop("in process: world and control core", 300.0, lambda: _of(run_in_process(scenario))),
+        "in_process": Loop("in process: world and control core", 300.0, lambda: _in_process(scenario)),
         "monte_carlo": Loop("Monte Carlo, 1 worker", 1000.0, lambda: monte_carlo(scenario, 1)),
         "monte_carlo_2": Loop("Monte Carlo, 2 workers", None, lambda: monte_carlo(scenario, 2)),
     }
     if _has_emulator():
         words = "firmware on an emulated Cortex-M7 in the loop"
         found["emulated"] = Loop(words, 2.0, lambda: _of(run_hil(scenario, emulated=True)))
+    if compared:
+        words = "firmware process, both ends asleep while they wait"
+        found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, asleep=True)))
+        found["monte_carlo_single"] = Loop(
+            "Monte Carlo, 1 worker, run after run", None, lambda: _run_after_run(scenario)
+        )
     return found
 
 
 def monte_carlo(scenario: Scenario, workers: int, blocks: int = 4) -> LoopTime:
     """Run ``blocks`` blocks of consecutive seeds, shared by workers."""
-    firsts = [scenario.seed + BLOCK * number for number in range(blocks)]
-    start = time.perf_counter()
+    firsts = [scenario.seed + BLOCK_RUNS * number for number in range(blocks)]
+    start, cpu_start = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(workers) as pool:
         simulated_s = sum(pool.map(lambda first: _block_s(scenario, first), firsts))
-    return LoopTime(time.perf_counter() - start, simulated_s)
+    return LoopTime(time.perf_counter() - start, simulated_s, time.process_time() - cpu_start)
+
+
+def _run_after_run(scenario: Scenario) -> LoopTime:
+    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+    try:
+        return monte_carlo(scenario, 1, blocks=1)
+    finally:
+        lib.hil_lanes_use(lib.HIL_LANES_BEST)
 
 
 def _block_s(scenario: Scenario, first: int) -> float:
     """Run a block and return the time it simulated [s]."""
-    return sum(run_in_process(scenario, first + number).ticks for number in range(BLOCK)) * 1e-3
+    return float(run_batch(scenario, first, BLOCK_RUNS).rows["ticks"].sum()) * TICK_S
+
+
+def _in_process(scenario: Scenario) -> LoopTime:
+    cpu_start = time.process_time()
+    run = run_in_process(scenario)
+    return replace(_of(run), cpu_s=time.process_time() - cpu_start)
 
 
 def _of(run: Run) -> LoopTime:
-    return LoopTime(run.wall_s, run.ticks * 1e-3, run.tick_us)
+    return LoopTime(run.wall_s, run.ticks * TICK_S, tick_us=run.tick_us)
 
 
 def _has_emulator() -> bool:

@@ -6,14 +6,15 @@ A scenario is a TOML file::
     [scenario]
     name = "demo"                 # a-z 0-9 _
     description = "what it shows"
-    extends = "demo"              # optional: start from another scenario; tables are merged, event and fault lists
-    replaced robot = "three_wheel"         # a robot of the package, or the path of a robot file
+    extends = "demo"              # optional: start from another scenario; tables are merged, lists replaced
+    robot = "three_wheel"         # a robot of the package, or the path of a robot file
     seed = 1
     duration_s = "until_done"     # seconds, or until the trajectory is done
 
     [parameters]                  # set before arming, over the robot file
     [world]                       # see WORLD_NUMBERS; numbers of the robot file's [simulation] may be replaced here
     plant = "full"                # what stands in for the robot: one of PLANTS
+    [dispersion]                  # what differs from run to run: see dispersion.py
     [[event]]                     # at_s, or at_progress (share of the path); and one of set, command, velocity, duty
     [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
 
@@ -30,6 +31,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from hil_sim.dispersion import Dispersion, parse_dispersion
 from hil_sim.faults import KINDS, Fault
 from hil_sim.world import DEFAULT_PLANT, PLANTS
 from omni_schema import ParameterTable, Robot, SchemaError
@@ -85,7 +87,8 @@ WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
 """Numbers allowed in ``[world]`` and their ranges; units are in the names."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
-_SECTIONS = ("scenario", "parameters", "world", "event", "fault")
+_SECTIONS = ("scenario", "parameters", "world", "dispersion", "event", "fault")
+_MERGED = ("scenario", "parameters", "world", "dispersion")
 _ACTIONS = ("set", "command", "velocity", "duty")
 _HEAD = ("name", "description", "extends", "robot", "world_robot", "seed", "duration_s")
 
@@ -137,6 +140,7 @@ class Scenario:
     faults: tuple[Fault, ...]
     plant: str = DEFAULT_PLANT
     world_robot: Robot | None = None
+    dispersion: tuple[Dispersion, ...] = ()
 
     def parameter_values(self) -> dict[str, float]:
         """Return every parameter the run starts with: defaults, robot file, scenario."""
@@ -245,6 +249,7 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
         ),
         plant=plant,
         world_robot=_world_robot(source, head, robot),
+        dispersion=parse_dispersion(source, document.get("dispersion", {})),
     )
 
 
@@ -269,12 +274,9 @@ def _with_base(path: Path, document: dict[str, Any], seen: tuple[Path, ...]) -> 
         raise SchemaError(str(path), "scenario.extends", f"is {base_text!r}, which leads back to this file")
     base = _with_base(base_path, read_toml(base_path), (*seen, path.resolve()))
     merged = dict(base)
-    merged.update({key: value for key, value in document.items() if key not in ("scenario", "parameters", "world")})
-    for key, own in (
-        ("scenario", head),
-        ("parameters", document.get("parameters", {})),
-        ("world", document.get("world", {})),
-    ):
+    merged.update({key: value for key, value in document.items() if key not in _MERGED})
+    for key in _MERGED:
+        own = head if key == "scenario" else document.get(key, {})
         merged[key] = {**base.get(key, {}), **take_table(str(path), key, own)}
     return merged
 

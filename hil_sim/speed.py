@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 Measurement = Callable[[], float]
-"""Does its work once and returns its figure, a time: the smaller the better."""
+"""Does its work once and returns its figure, a time or a time per something: the smaller the better."""
 
 
 @dataclass(frozen=True)

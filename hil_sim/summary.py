@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core, metrics
+from hil_sim.c_scenario import drawn_world
 from hil_sim.runs import Run, faults_seen
 from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
@@ -65,6 +66,7 @@ def summarize(run: Run) -> dict[str, Any]:
         "firmware_version": run.firmware_version,
         "versions": _versions(table),
         "world": {"plant": scenario.plant, **scenario.world, "start_pose": list(scenario.start_pose)},
+        "dispersion": drawn_world(scenario),
         "parameters": run.parameters,
     }
     return {key: finite(value) for key, value in summary.items()}

@@ -4,7 +4,7 @@
 % Left out: checks of the inputs, late fixes, gates, wrapped angles. Growing arrays get slower the longer a run is: the time
 % per step is that of the given number of steps.
 %
-% usage: octave-cli filter_study.m FOLDER, where model.m (variables), and perhaps normals.txt, are. Prints the seconds of the loop;
+% usage: octave-cli filter_study.m FOLDER, where model.m (variables), and perhaps normals.txt, are. Prints the CPU seconds of the loop;
 % leaves truth.txt (3 x steps) and estimates.txt (12 x steps) in the folder.
 1;
 
@@ -47,7 +47,7 @@ voltage = zeros(wheels, 0);
 measured = zeros(wheels, 0);
 fix = zeros(3, 0);
 
-tic;
+begin = cputime();
 for k = 1:steps
     if given
         n = normals(:, k);
@@ -100,7 +100,7 @@ for k = 1:steps
     kf_ekf(:, k + 1) = kf_ekf(:, k) + moved + K * (fix(:, k) - kf_ekf(:, k) - moved);
     P2 = (eye(3) - K) * P2;
 end
-printf('%.9f\n', toc);
+printf('%.9f\n', cputime() - begin);
 
 truth = truth(:, 2:end);
 estimates = [none(:, 2:end); only_kf(:, 2:end); ekf(:, 2:end); kf_ekf(:, 2:end)];

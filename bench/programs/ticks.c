@@ -9,13 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hil_sim/run.h"
-#if __has_include("hil_sim/lanes.h")
 #include "hil_sim/lanes.h"
-#define HAVE_LANES 1
-#else
-#define HAVE_LANES 0
-#endif
+#include "hil_sim/run.h"
 
 enum { RUNS = 8, CHUNK = 200, START = 500, WARM_UP = 2500 };
 
@@ -34,7 +29,6 @@ static uint64_t advance_run(uint64_t ticks) {
     return ticks;
 }
 
-#if HAVE_LANES
 static uint64_t advance_lanes(uint64_t ticks) {
     hil_run_t *all[RUNS];
     for (int i = 0; i < RUNS; i++) {
@@ -46,7 +40,6 @@ static uint64_t advance_lanes(uint64_t ticks) {
     }
     return RUNS * ticks;
 }
-#endif
 
 __attribute__((noinline)) uint64_t counted(advance_t *advance, uint64_t ticks);
 
@@ -87,11 +80,9 @@ static int start(hil_run_t *run, const hil_world_config_t *world, const omni_rob
 }
 
 static advance_t *chosen(const char *name) {
-#if HAVE_LANES
     if (strcmp(name, "lanes") == 0) {
         return advance_lanes;
     }
-#endif
     return strcmp(name, "run") == 0 ? advance_run : strcmp(name, "in_process") == 0 ? advance_in_process : NULL;
 }
 

@@ -27,6 +27,7 @@ namespace core {
 
 typedef lanes::real_t omni_real_t;
 typedef lanes::int_t omni_int_t;
+typedef lanes::int_t omni_steps_t;
 typedef lanes::uint_t omni_uint_t;
 typedef lanes::mask_t omni_flag_t;
 

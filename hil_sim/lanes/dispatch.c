@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "core.h"
+#include "runs.h"
 
 const hil_lanes_core_t *hil_lanes_core(void) {
 #ifdef __x86_64__
@@ -8,4 +9,13 @@ const hil_lanes_core_t *hil_lanes_core(void) {
     }
 #endif
     return &hil_lanes_core_baseline;
+}
+
+const hil_lanes_runs_t *hil_lanes_runs(void) {
+#ifdef __x86_64__
+    if (__builtin_cpu_supports("avx2")) {
+        return &hil_lanes_runs_avx2;
+    }
+#endif
+    return &hil_lanes_runs_baseline;
 }

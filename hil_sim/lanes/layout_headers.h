@@ -3,6 +3,8 @@
 #ifndef HIL_LANES_LAYOUT_HEADERS_H
 #define HIL_LANES_LAYOUT_HEADERS_H
 
+#include "hil_sim/metrics.h"
+#include "hil_sim/world.h"
 #include "omni/robot.h"
 
 #endif

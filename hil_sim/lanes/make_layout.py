@@ -26,6 +26,11 @@ LANE_TYPES = {
     "omni_uint_t": ("WORD", "uint32_t"),
     "omni_flag_t": ("FLAG", "bool"),
     "hil_real_t": ("WIDE", "double"),
+    "hil_int_t": ("WORD", "int32_t"),
+    "hil_time_t": ("WIDE", "uint64_t"),
+    "hil_seed_t": ("WIDE", "uint64_t"),
+    "hil_flag_t": ("FLAG", "bool"),
+    "hil_steps_t": ("WORD", "uint16_t"),
 }
 """Kind of the types that differ from run to run, and what they are in C."""
 
@@ -77,7 +82,7 @@ def layout(compiler: str, header: Path, include_dirs: list[Path], types: list[st
     """Return the text of the header of macros."""
     ffi = FFI()
     own = "".join(f"typedef struct {{ {plain} lane; }} {name};\n" for name, (_, plain) in LANE_TYPES.items())
-    text = preprocess(compiler, header, include_dirs, ["OMNI_OWN_NUMBERS"])
+    text = preprocess(compiler, header, include_dirs, ["OMNI_OWN_NUMBERS", "HIL_OWN_NUMBERS"])
     ffi.cdef(own + own_declarations(text, include_dirs))
     lines = ["/* Written by hil_sim/lanes/make_layout.py. */"]
     for name in types:

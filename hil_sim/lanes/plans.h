@@ -15,7 +15,8 @@ extern "C" {
 
 typedef struct hil_lanes_plans_t {
     const void *plan[HIL_LANES]; /**< omni_trajectory_t of each run */
-    bool same;                   /**< they say the same: one evaluation serves all */
+    uint8_t same[HIL_LANES];     /**< first run with the same plan */
+    uint8_t path[HIL_LANES];     /**< first run whose plan differs at most in the way to the path's start */
 } hil_lanes_plans_t;
 
 /** Take over eight plans. */

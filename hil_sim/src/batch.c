@@ -5,6 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "hil_sim/lanes.h"
+
+enum { LANES_PAY = 4 /* runs from which on they take less time in lanes than one by one */ };
+
 typedef struct slot_t {
     hil_run_t run;
     hil_timeline_t timeline;
@@ -59,10 +63,19 @@ static uint64_t next_piece(const block_t *block, uint32_t runs) {
 }
 
 static void advance(block_t *block, uint32_t runs, uint64_t piece) {
+    hil_run_t *going[HIL_BLOCK];
+    uint32_t count = 0;
     for (uint32_t i = 0; i < runs; i++) {
         if (block->slot[i].left > 0) {
-            hil_run_advance(&block->slot[i].run, piece);
+            going[count++] = &block->slot[i].run;
         }
+    }
+    for (uint32_t i = count; i < HIL_BLOCK; i++) {
+        going[i] = going[0];
+    }
+    const uint64_t together = count < LANES_PAY ? 0 : hil_lanes_advance(going, piece);
+    for (uint32_t i = 0; i < count && together < piece; i++) {
+        hil_run_advance(going[i], piece - together);
     }
 }
 

@@ -12,6 +12,7 @@ enum {
     HEADER = 10,
     CHECKSUM = 2,
     SIGNATURE = 13,
+    STAMP = 8,
     FLAG_SIGNED = 1,
     RX_ENOUGH = HIL_LOCKSTEP_RX / 4 * 3,
     RESYNC_us = 200000,    /* silence within a frame after which its start was a false one */
@@ -31,6 +32,7 @@ void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint
     link->component_id = component_id;
     link->send_fixes = true;
     link->timeout_s = 5.0;
+    omni_patience_init(&link->patience, true);
 }
 
 /* ------------------------------------------------------------------ sending */
@@ -158,7 +160,8 @@ static void drop_false_start(hil_lockstep_t *link, answer_t *answer) {
 static hil_result_t read_some(hil_lockstep_t *link, int64_t deadline_us) {
     uint32_t got = 0;
     const uint32_t room = HIL_LOCKSTEP_INPUT - link->input_length;
-    const hil_result_t result = hil_wire_read(link->fd, link->input + link->input_length, room, deadline_us, &got);
+    omni_patience_t *patience = link->realtime_factor > 0.0 ? NULL : &link->patience;
+    const hil_result_t result = hil_wire_read(link->fd, patience, link->input + link->input_length, room, deadline_us, &got);
     link->input_length += got;
     return result;
 }
@@ -178,6 +181,50 @@ static hil_result_t await_answer(hil_lockstep_t *link, int64_t deadline_us, answ
         }
     }
     return answer->result;
+}
+
+/* ------------------------------------------------------------------ serving */
+
+static bool skips(const hil_lockstep_t *link, uint32_t id) {
+    bool found = false;
+    for (uint32_t i = 0; i < link->skipped_count; i++) {
+        found = found || link->skipped[i] == id;
+    }
+    return found;
+}
+
+static void log_frame(hil_lockstep_t *link, const uint8_t *frame, uint32_t length) {
+    if (link->log == NULL || link->log_capacity - link->log_length < STAMP + length) {
+        return;
+    }
+    const uint64_t time_us = link->log_epoch_us + link->ticks * OMNI_TICK_US;
+    uint8_t *to = link->log + link->log_length;
+    for (int i = 0; i < STAMP; i++) {
+        to[i] = (uint8_t)(time_us >> (8 * (STAMP - 1 - i)));
+    }
+    memcpy(to + STAMP, frame, length);
+    link->log_length += STAMP + length;
+    link->log_frames++;
+}
+
+void hil_lockstep_serve(hil_lockstep_t *link) {
+    uint32_t kept = link->rx_served;
+    for (uint32_t at = kept; at < link->rx_length;) {
+        const uint8_t *frame = link->rx + at;
+        const uint32_t length = frame_length(frame);
+        const bool keeps = !skips(link, message_id(frame));
+        log_frame(link, frame, length);
+        memmove(link->rx + kept, frame, keeps ? length : 0);
+        kept += keeps ? length : 0;
+        at += length;
+    }
+    link->rx_length = kept;
+    link->rx_served = kept;
+}
+
+static bool has_room(const hil_lockstep_t *link) {
+    const bool log_has_room = link->log == NULL || link->log_capacity - link->log_length >= 2 * HIL_LOCKSTEP_RX;
+    return link->rx_length < RX_ENOUGH && log_has_room;
 }
 
 /* ------------------------------------------------------------------ running */
@@ -248,11 +295,15 @@ static hil_result_t tick(hil_lockstep_t *link, hil_world_t *world, hil_record_t 
 
 hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record, uint64_t *done) {
     hil_result_t result = HIL_OK;
-    for (*done = 0; *done < ticks && link->rx_length < RX_ENOUGH; ++*done) {
+    for (*done = 0; *done < ticks && has_room(link); ++*done) {
+        if (link->serve_ticks != 0 && link->ticks % link->serve_ticks == 0) {
+            hil_lockstep_serve(link);
+        }
         result = tick(link, world, record);
         if (result != HIL_OK) {
             return result;
         }
+        link->ticks++;
     }
     return result;
 }

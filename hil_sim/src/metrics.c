@@ -79,7 +79,7 @@ static void add_path_tick(hil_metrics_t *metrics, const hil_world_t *world, cons
     if (metrics->path_ticks == 0) {
         metrics->path_start_us = world->time_us;
     }
-    metrics->path_ticks++;
+    metrics->path_ticks += 1;
 }
 
 static void add_armed_tick(hil_metrics_t *metrics, const hil_world_t *world, const omni_outputs_t *outputs) {
@@ -91,8 +91,8 @@ static void add_armed_tick(hil_metrics_t *metrics, const hil_world_t *world, con
     }
     if (phase == OMNI_PHASE_PATH) {
         add_path_tick(metrics, world, outputs);
-    } else if (phase == OMNI_PHASE_DONE && metrics->done_us == UINT64_MAX) {
-        metrics->done_us = world->time_us;
+    } else if (phase == OMNI_PHASE_DONE) {
+        metrics->done_us = hil_select(metrics->done_us == UINT64_MAX, world->time_us, metrics->done_us);
     }
 }
 

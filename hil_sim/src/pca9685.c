@@ -203,7 +203,7 @@ static double programmed_duty(const uint8_t *led) {
     if ((led[1] & FULL) != 0) {
         return 1.0;
     }
-    return (double)((twelve_bits(led + 2) - twelve_bits(led)) % STEPS) / STEPS;
+    return (double)((twelve_bits(led + 2) - twelve_bits(led)) % STEPS) / (double)STEPS;
 }
 
 static const uint8_t *channel_registers(const hil_pca9685_t *chip, uint32_t channel) {
@@ -237,9 +237,9 @@ double hil_pca9685_phase(const hil_pca9685_t *chip, uint32_t channel) {
     }
     const uint8_t *led = channel_registers(chip, channel);
     const bool inverted = (chip->registers[MODE2] & MODE2_INVERT) != 0;
-    return (double)twelve_bits(inverted ? led + 2 : led) / STEPS;
+    return (double)twelve_bits(inverted ? led + 2 : led) / (double)STEPS;
 }
 
 double hil_pca9685_frequency_Hz(const hil_pca9685_t *chip) {
-    return OSCILLATOR_Hz / (STEPS * (chip->registers[PRESCALE] + 1.0));
+    return OSCILLATOR_Hz / ((double)STEPS * (chip->registers[PRESCALE] + 1.0));
 }

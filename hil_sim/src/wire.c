@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <limits.h>
 #include <poll.h>
+#include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -50,36 +51,94 @@ static bool try_again(void) {
     return errno == EINTR || errno == EAGAIN || errno == EWOULDBLOCK;
 }
 
+/* Without waiting. A descriptor that is no socket may block: it is asked first. @return as read() and write(). */
+static ssize_t receive_now(int32_t fd, uint8_t *data, uint32_t capacity) {
+    const ssize_t count = recv(fd, data, capacity, MSG_DONTWAIT);
+    if (count >= 0 || errno != ENOTSOCK) {
+        return count;
+    }
+    struct pollfd poller = {.fd = fd, .events = POLLIN};
+    if (poll(&poller, 1, 0) == 0) {
+        errno = EAGAIN;
+        return -1;
+    }
+    return read(fd, data, capacity);
+}
+
+static ssize_t send_now(int32_t fd, const uint8_t *data, uint32_t length) {
+    const ssize_t count = send(fd, data, length, MSG_DONTWAIT);
+    if (count >= 0 || errno != ENOTSOCK) {
+        return count;
+    }
+    struct pollfd poller = {.fd = fd, .events = POLLOUT};
+    if (poll(&poller, 1, 0) == 0) {
+        errno = EAGAIN;
+        return -1;
+    }
+    return write(fd, data, length);
+}
+
 hil_result_t hil_wire_write(int32_t fd, const uint8_t *data, uint32_t length, int64_t deadline_us) {
     uint32_t written = 0;
     while (written < length) {
-        const hil_result_t ready = wait_for(fd, POLLOUT, deadline_us);
-        if (ready != HIL_OK) {
-            return ready;
-        }
-        const ssize_t count = write(fd, data + written, length - written);
+        const ssize_t count = send_now(fd, data + written, length - written);
         if (count > 0) {
             written += (uint32_t)count;
-        } else if (!try_again()) {
-            return HIL_ERR_LINK;
+            continue;
+        }
+        const hil_result_t result = try_again() ? wait_for(fd, POLLOUT, deadline_us) : HIL_ERR_LINK;
+        if (result != HIL_OK) {
+            return result;
         }
     }
     return HIL_OK;
 }
 
-hil_result_t hil_wire_read(int32_t fd, uint8_t *data, uint32_t capacity, int64_t deadline_us, uint32_t *got) {
-    for (;;) {
+/* @return HIL_ERR_TIMEOUT: nothing has come. */
+static hil_result_t take(int32_t fd, uint8_t *data, uint32_t capacity, uint32_t *got) {
+    const ssize_t count = receive_now(fd, data, capacity);
+    if (count > 0) {
+        *got = (uint32_t)count;
+        return HIL_OK;
+    }
+    return count < 0 && try_again() ? HIL_ERR_TIMEOUT : HIL_ERR_LINK;
+}
+
+static hil_result_t look(int32_t fd, uint8_t *data, uint32_t capacity, int64_t end_us, uint32_t *got) {
+    hil_result_t result = take(fd, data, capacity, got);
+    while (result == HIL_ERR_TIMEOUT && hil_wire_now_us() < end_us) {
+        omni_patience_pause();
+        result = take(fd, data, capacity, got);
+    }
+    return result;
+}
+
+static hil_result_t sleep_and_take(int32_t fd, uint8_t *data, uint32_t capacity, int64_t deadline_us, uint32_t *got) {
+    hil_result_t result = HIL_ERR_TIMEOUT;
+    while (result == HIL_ERR_TIMEOUT) {
         const hil_result_t ready = wait_for(fd, POLLIN, deadline_us);
         if (ready != HIL_OK) {
             return ready;
         }
-        const ssize_t count = read(fd, data, capacity);
-        if (count > 0) {
-            *got = (uint32_t)count;
-            return HIL_OK;
-        }
-        if (count == 0 || !try_again()) {
-            return HIL_ERR_LINK;
-        }
+        result = take(fd, data, capacity, got);
     }
+    return result;
+}
+
+hil_result_t hil_wire_read(int32_t fd, omni_patience_t *patience, uint8_t *data, uint32_t capacity, int64_t deadline_us,
+                           uint32_t *got) {
+    const int64_t begin_us = hil_wire_now_us();
+    const bool looks = patience != NULL && omni_patience_looks(patience);
+    hil_result_t result = HIL_ERR_TIMEOUT;
+    if (looks) {
+        const int64_t enough_us = begin_us + OMNI_PATIENCE_LOOK_us;
+        result = look(fd, data, capacity, enough_us < deadline_us ? enough_us : deadline_us, got);
+    }
+    if (result == HIL_ERR_TIMEOUT) {
+        result = sleep_and_take(fd, data, capacity, deadline_us, got);
+    }
+    if (patience != NULL) {
+        omni_patience_learn(patience, looks, (uint64_t)(hil_wire_now_us() - begin_us));
+    }
+    return result;
 }

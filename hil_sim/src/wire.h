@@ -4,6 +4,7 @@
 #define HIL_SIM_WIRE_H
 
 #include "hil_sim/world.h"
+#include "omni_link/patience.h"
 
 /** Monotonic wall time [us]. */
 int64_t hil_wire_now_us(void);
@@ -14,7 +15,11 @@ void hil_wire_sleep_until(int64_t wall_us);
 /** Write all bytes. @return HIL_OK, HIL_ERR_LINK or HIL_ERR_TIMEOUT. */
 hil_result_t hil_wire_write(int32_t fd, const uint8_t *data, uint32_t length, int64_t deadline_us);
 
-/** Wait for bytes and read what there is. @param got out, at least 1 if HIL_OK. */
-hil_result_t hil_wire_read(int32_t fd, uint8_t *data, uint32_t capacity, int64_t deadline_us, uint32_t *got);
+/**
+ * Wait for bytes and read what there is.
+ * @param patience how to wait; it learns from it. NULL: asleep. @param got out, at least 1 if HIL_OK.
+ */
+hil_result_t hil_wire_read(int32_t fd, omni_patience_t *patience, uint8_t *data, uint32_t capacity, int64_t deadline_us,
+                           uint32_t *got);
 
 #endif

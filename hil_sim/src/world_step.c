@@ -87,7 +87,7 @@ void hil_world_output_enable(hil_world_t *world, bool on) {
 }
 
 static hil_real_t share_of_period(hil_steps_t steps) {
-    return hil_min((hil_real_t)steps, (double)PWM_STEPS) * (1.0 / PWM_STEPS);
+    return hil_min((hil_real_t)steps, (double)PWM_STEPS) * (1.0 / (double)PWM_STEPS);
 }
 
 void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps) {

@@ -39,7 +39,8 @@ class _Output:
 class Connection:
     """One end of a MAVLink conversation.
 
-    ``recorder`` gets every whole frame of either direction. ``signer`` signs what is sent (default: with the process's
+    ``recorder`` gets every whole frame of either direction. ``next_heartbeat_s`` is when the next one is due on
+    ``clock``. ``signer`` signs what is sent (default: with the process's
     default key, if there is one). ``rx_bytes`` and ``rx_bad_bytes`` count what came and what
     was no MAVLink 2, to tell silence from a wrong baud rate.
     """
@@ -69,7 +70,7 @@ class Connection:
         if self.signer is not None:
             self.signer.attach(self._codec)
         self._listeners: list[Listener] = []
-        self._next_heartbeat_s = clock() if heartbeat else float("inf")
+        self.next_heartbeat_s = clock() if heartbeat else float("inf")
 
     def add_listener(self, listener: Listener) -> Callable[[], None]:
         """Call ``listener`` with every message from the robot; the returned function ends that."""
@@ -79,11 +80,11 @@ class Connection:
     @contextmanager
     def without_heartbeats(self) -> Iterator[None]:
         """Send no heartbeats while the context lasts: how a lost link looks to the robot."""
-        before, self._next_heartbeat_s = self._next_heartbeat_s, float("inf")
+        before, self.next_heartbeat_s = self.next_heartbeat_s, float("inf")
         try:
             yield
         finally:
-            self._next_heartbeat_s = before
+            self.next_heartbeat_s = before
 
     def send(self, message: Message) -> None:
         """Send one message."""
@@ -102,13 +103,27 @@ class Connection:
         """How many frames came that were signed with another key, or were recordings."""
         return int(self._codec.signing.badsig_count)
 
+    def beat(self) -> None:
+        """Send the heartbeat if it is due."""
+        now = self.clock()
+        if now >= self.next_heartbeat_s:
+            self.next_heartbeat_s = max(self.next_heartbeat_s + HEARTBEAT_PERIOD_S, now)
+            self._send_heartbeat()
+
+    @contextmanager
+    def unrecorded(self) -> Iterator[None]:
+        """Keep what happens while the context lasts from the recorder."""
+        before, self.recorder = self.recorder, None
+        try:
+            yield
+        finally:
+            self.recorder = before
+
     def poll(self, timeout_s: float) -> list[Message]:
         """Send a due heartbeat, read the link once, hand out and return what the robot sent."""
         now = self.clock()
-        if now >= self._next_heartbeat_s:
-            self._next_heartbeat_s = max(self._next_heartbeat_s + HEARTBEAT_PERIOD_S, now)
-            self._send_heartbeat()
-        data = self.link.read(max(0.0, min(timeout_s, _POLL_S, self._next_heartbeat_s - now)))
+        self.beat()
+        data = self.link.read(max(0.0, min(timeout_s, _POLL_S, self.next_heartbeat_s - now)))
         return self.feed(data) if data else []
 
     def feed(self, data: bytes) -> list[Message]:

@@ -22,7 +22,8 @@ class FirmwareProcess(FirmwareChild):
 
     ``robot`` is a packaged name or a path, ``parameters`` are set over it, ``links`` are the firmware's own link
     specifications (``tcp:127.0.0.1:0`` picks a free port, ``pty`` a pseudo-terminal), ``storage`` is the file of its
-    non-volatile memory (None: it forgets). With ``lockstep`` it ticks only on OMNI_HIL_SENSORS from the start.
+    non-volatile memory (None: it forgets). With ``lockstep`` it ticks only on OMNI_HIL_SENSORS from the start,
+    and looks for them for a moment before it goes to sleep over them, unless it is to be ``asleep``.
     ``radio`` is the number of the link that is a radio, as slow as LINK2_BAUD, from 1; 0: none (None: the second,
     unlimited).
     Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
@@ -34,13 +35,16 @@ class FirmwareProcess(FirmwareChild):
         *,
         links: Sequence[str] = ("tcp:127.0.0.1:0",),
         lockstep: bool = False,
+        asleep: bool = False,
         storage: Path | str | None = None,
         parameters: Mapping[str, ParameterValue] | None = None,
         program: Path | str | None = None,
         radio: int | None = None,
     ) -> None:
         super().__init__(robot, parameters)
-        self._options = _options(links, lockstep, storage)
+        self._options = _options(links, storage)
+        self._options += ["--lockstep"] if lockstep else []
+        self._options += ["--asleep"] if asleep else []
         if radio is not None:
             self._options += ["--radio", str(radio)]
         self._program = Path(program) if program is not None else _program()
@@ -77,8 +81,6 @@ def _program() -> Path:
         raise FirmwareNotFoundError(str(error), hint=hint) from error
 
 
-def _options(links: Sequence[str], lockstep: bool, storage: Path | str | None) -> list[str]:
+def _options(links: Sequence[str], storage: Path | str | None) -> list[str]:
     options = [word for link in links for word in ("--link", link)]
-    if storage is not None:
-        options += ["--storage", str(storage)]
-    return [*options, "--lockstep"] if lockstep else options
+    return options if storage is None else [*options, "--storage", str(storage)]

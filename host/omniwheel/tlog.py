@@ -32,6 +32,11 @@ class TlogWriter:
         self._file.write(frame)
         self.frames += 1
 
+    def write_records(self, records: bytes, frames: int) -> None:
+        """Append whole records that have been made elsewhere."""
+        self._file.write(records)
+        self.frames += frames
+
     def close(self) -> None:
         """Finish the file."""
         self._file.close()

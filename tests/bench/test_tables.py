@@ -78,5 +78,5 @@ def test_short_runs_do_not_get_onto_the_page() -> None:
 
 def test_the_real_page_has_a_place_for_every_table() -> None:
     text = PAGE.read_text()
-    for name in ("machine", "loops", "ticks", "filter-study", "pose", "motor", "law", "download", "bus"):
+    for name in ("machine", "loops", "ticks", "memory", "filter-study", "pose", "motor", "law", "download", "bus"):
         replace_block(text, f"bench-{name}", [])

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib.util
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
 from omni_schema import Robot, load_parameters, load_robot
+from omniwheel.paths import dialect_dir
+from tests.hil_sim.echo_robot import Bench
 
 SHARED = Path(__file__).parents[2] / "shared"
 
@@ -36,3 +41,23 @@ def make_world(robots: dict[str, Robot]) -> WorldMaker:
         return World(world_config(robots[robot] if isinstance(robot, str) else robot, **options))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def dialect() -> ModuleType:
+    """The generated dialect, loaded from its file."""
+    spec = importlib.util.spec_from_file_location("omni_dialect", dialect_dir() / "omni.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["omni_dialect"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(params=["looks", "asleep"])
+def bench(dialect: ModuleType, request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """Both ends of a lockstep link, which waits in either way."""
+    made = Bench(dialect, looks=request.param == "looks")
+    yield made
+    made.close()

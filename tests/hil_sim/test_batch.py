@@ -12,6 +12,7 @@ import pytest
 
 from hil_sim import metrics
 from hil_sim.batch import (
+    BLOCK,
     FIGURES,
     BatchCancelledError,
     BatchSpec,
@@ -19,6 +20,7 @@ from hil_sim.batch import (
     Figure,
     row_dtype,
     run_batch,
+    run_batches,
     statistics_of,
 )
 from hil_sim.runs import run_in_process
@@ -134,6 +136,15 @@ def test_a_batch_can_be_cancelled() -> None:
     assert not thread.is_alive()
     assert cancel.is_set
     assert "of 100000 runs" in str(errors[0])
+
+
+def test_batches_on_several_threads_come_in_order_and_stop_when_nobody_takes_them() -> None:
+    scenario = replace(quick(), duration_s=1.5)
+    rows = np.concatenate([part.rows for part in run_batches(scenario, 1, 19, workers=3)])
+    assert rows.tobytes() == run_batch(scenario, 1, 19).rows.tobytes()
+    many = run_batches(scenario, 1, 1_000_000, workers=2)
+    assert len(next(many).rows) == BLOCK
+    many.close()
 
 
 def test_every_column_but_those_that_name_the_run_is_a_figure() -> None:

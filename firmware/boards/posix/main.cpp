@@ -12,6 +12,7 @@
 #include "boards/posix/options.h"
 #include "boards/posix/parts.h"
 #include "boards/posix/ports.h"
+#include "omni_link/patience.h"
 
 namespace omni {
 namespace {
@@ -30,6 +31,8 @@ void on_signal(int) {
 constexpr uint64_t catch_up_us = 1'000'000;
 /// Pause after which a frame that stopped half-way is looked at again.
 constexpr int idle_ms = 250;
+/// Waits in lockstep after which new clients and what waits to be sent are looked after, however fast the host is.
+constexpr uint32_t waits_per_service = 64;
 
 class Process {
 public:
@@ -44,6 +47,9 @@ private:
     PosixPort *make_port(const char *link, size_t number, const char **address);
     void start_app();
     void wait(int timeout_ms);
+    uint64_t received() const;
+    bool look_for_host();
+    void await_host();
     void run_due_ticks();
 
     const Options &options_;
@@ -59,6 +65,8 @@ private:
     PosixPort *ports_[Board::max_ports] = {};
     Board board_;
     std::optional<App> app_;
+    omni_patience_t patience_{};
+    uint32_t waits_ = 0;
     uint64_t boot_ns_ = 0;
     uint64_t ticked_us_ = 0;
 };
@@ -164,6 +172,43 @@ void Process::wait(int timeout_ms) {
     }
 }
 
+uint64_t Process::received() const {
+    uint64_t bytes = 0;
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        bytes += ports_[i]->received();
+    }
+    return bytes;
+}
+
+/// Serve the links until something comes, for a short while. @return true if it did, and has been seen to.
+bool Process::look_for_host() {
+    constexpr uint64_t enough_ns = OMNI_PATIENCE_LOOK_us * uint64_t{1000};
+    const uint64_t begin_ns = clock_.stopwatch_ns();
+    const uint64_t before = received();
+    app_->background();
+    while (received() == before && clock_.stopwatch_ns() - begin_ns < enough_ns) {
+        omni_patience_pause();
+        app_->background();
+    }
+    return received() != before;
+}
+
+void Process::await_host() {
+    if (++waits_ % waits_per_service == 0) {
+        wait(0);
+    }
+    const bool looks = omni_patience_looks(&patience_);
+    const uint64_t begin_ns = clock_.stopwatch_ns();
+    const bool served = looks && look_for_host();
+    if (!served) {
+        wait(idle_ms);
+    }
+    omni_patience_learn(&patience_, looks, (clock_.stopwatch_ns() - begin_ns) / 1000);
+    if (!served) {
+        app_->background();
+    }
+}
+
 void Process::run_due_ticks() {
     const uint64_t now_us = (clock_.stopwatch_ns() - boot_ns_) / 1000;
     if (now_us > ticked_us_ + catch_up_us) {
@@ -178,15 +223,16 @@ void Process::run_due_ticks() {
 }
 
 int Process::run() {
+    omni_patience_init(&patience_, options_.looks);
     start_app();
     while (stop_wanted == 0) {
         if (options_.lockstep) {
-            wait(idle_ms);
+            await_host();
         } else {
             wait(1);
             run_due_ticks();
+            app_->background();
         }
-        app_->background();
         if (app_->reboot_wanted()) {
             start_app();
         }

@@ -14,7 +14,7 @@ constexpr int usage_error = 2;
 
 void print_help() {
     std::puts(
-        "usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
+        "usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep [--asleep]]\n"
         "\n"
         "The robot's firmware as a process of this computer.\n"
         "\n"
@@ -29,6 +29,8 @@ void print_help() {
         "  --radio N        that link, 1..4, is a radio: a signing key closes it, and its line is as slow as LINK2_BAUD (only\n"
         "                   link 2); 0: no link is (default: 2, as fast as it goes)\n"
         "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+        "  --asleep         wait for them asleep only; else it looks for them for a moment first, if it has a second "
+        "processor\n"
         "  --version, --help\n"
         "\n"
         "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
@@ -98,6 +100,10 @@ bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
         }
         if (std::strcmp(name, "--lockstep") == 0) {
             options->lockstep = true;
+            continue;
+        }
+        if (std::strcmp(name, "--asleep") == 0) {
+            options->looks = false;
             continue;
         }
         if (i + 1 == argc) {

@@ -14,6 +14,7 @@ struct Options {
     size_t link_count = 0;
     const char *storage = nullptr;
     bool lockstep = false;
+    bool looks = true;                         ///< in lockstep, for the next sensors before it sleeps
     uint8_t radios = 0b10;                     ///< a bit per link
     bool radio_line = false;                   ///< the radio was asked for: its line has a baud rate
     omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters

@@ -41,6 +41,7 @@ size_t PosixPort::read(uint8_t *data, size_t capacity) {
     }
     const ssize_t count = ::read(fd_, data, capacity);
     if (count > 0) {
+        received_ += static_cast<uint64_t>(count);
         return static_cast<size_t>(count);
     }
     if (count == 0 || (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR)) {

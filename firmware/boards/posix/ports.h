@@ -31,6 +31,8 @@ public:
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return session_; }
     bool has_baud() override { return has_baud_; }
+    /// Bytes read since the start.
+    uint64_t received() const { return received_; }
     /// Behind this port is a modem; the program keeps to its baud rate.
     void set_has_baud() { has_baud_ = true; }
 
@@ -47,6 +49,7 @@ protected:
     bool has_baud_ = false;
     uint32_t session_ = 0;
     uint32_t sessions_ = 0;
+    uint64_t received_ = 0;
     size_t pending_ = 0;
     uint8_t out_[65536];
 };

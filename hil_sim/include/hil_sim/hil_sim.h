@@ -8,6 +8,7 @@
 #include "hil_sim/drv8871.h"
 #include "hil_sim/figures.h"
 #include "hil_sim/filter_study.h"
+#include "hil_sim/lanes.h"
 #include "hil_sim/metrics.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/random.h"

@@ -31,11 +31,11 @@ typedef struct hil_metrics_t {
     hil_real_t fixes;          /**< how many those were */
     hil_real_t fixes_last;     /**< omni_outputs_t.fixes_accepted of the last tick */
     hil_real_t final_error[3]; /**< tracking error of the last tick on the path or after its end, armed */
-    uint64_t path_ticks;       /**< ticks on the path */
-    uint64_t path_start_us;    /**< first of them */
-    uint64_t done_us;          /**< first armed tick after the path's end */
-    uint64_t stopped_us;       /**< first tick not armed after an armed one */
-    uint32_t faults;           /**< omni_fault_t bits seen since arming; of all ticks if it never was armed */
+    hil_time_t path_ticks;     /**< ticks on the path */
+    hil_time_t path_start_us;  /**< first of them */
+    hil_time_t done_us;        /**< first armed tick after the path's end */
+    hil_time_t stopped_us;     /**< first tick not armed after an armed one */
+    omni_uint_t faults;        /**< omni_fault_t bits seen since arming; of all ticks if it never was armed */
     bool was_armed;
 } hil_metrics_t;
 

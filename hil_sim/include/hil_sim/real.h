@@ -15,6 +15,7 @@ typedef double hil_real_t;
 typedef int32_t hil_int_t;    /**< counters */
 typedef uint16_t hil_steps_t; /**< of a PWM period */
 typedef bool hil_flag_t;
+typedef uint64_t hil_time_t; /**< microseconds or ticks */
 typedef uint64_t hil_seed_t; /**< of the random numbers */
 #define hil_select(condition, a, b) ((condition) ? (a) : (b))
 #endif

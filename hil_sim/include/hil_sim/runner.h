@@ -10,6 +10,7 @@
 #include "hil_sim/world.h"
 #include "omni/direct_torque.h"
 #include "omni/robot.h"
+#include "omni_link/patience.h"
 
 /** One row of a run's record. Arrays per wheel have HIL_MAX_WHEELS entries. */
 typedef struct hil_sample_t {
@@ -64,10 +65,10 @@ hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *
                                    const omni_reference_t *reference, const omni_twist_t *floor_world, uint32_t ticks,
                                    hil_torque_peaks_t *peaks);
 
-enum { HIL_LOCKSTEP_RX = 65536, HIL_LOCKSTEP_INPUT = 4096 };
+enum { HIL_LOCKSTEP_RX = 65536, HIL_LOCKSTEP_INPUT = 4096, HIL_LOCKSTEP_SKIPPED = 16 };
 
 /**
- * One end of a lockstep link. The caller may change send_fixes, timeout_s, realtime_factor and rx_length between runs.
+ * One end of a lockstep link. The caller may change what is not marked as this end's own between runs.
  *
  * Frames. OMNI_* messages carry world x, y, theta as they are. VICON_POSITION_ESTIMATE is NED like all of standard MAVLink: world x is
  * North, world y West, z up, hence x_ned = x, y_ned = -y, yaw_ned = -theta.
@@ -76,16 +77,28 @@ typedef struct hil_lockstep_t {
     int32_t fd;        /**< open, connected; stays the caller's */
     uint8_t system_id; /**< of this end */
     uint8_t component_id;
-    uint32_t sequence;           /**< of the next tick */
-    bool send_fixes;             /**< pose fixes go out as VICON_POSITION_ESTIMATE */
-    double timeout_s;            /**< wall time to wait for an answer */
+    uint32_t sequence; /**< of the next tick; own */
+    uint64_t ticks;    /**< run so far, the simulated clock; own */
+    omni_patience_t
+        patience;     /**< how answers are waited for: looks = false is always asleep, as is a run with a realtime_factor */
+    bool send_fixes;  /**< pose fixes go out as VICON_POSITION_ESTIMATE */
+    double timeout_s; /**< wall time to wait for an answer */
     double realtime_factor;      /**< 0: as fast as it goes; 1: real time */
-    uint8_t rx[HIL_LOCKSTEP_RX]; /**< every other frame the robot sent, whole, for the caller to take */
+    uint8_t rx[HIL_LOCKSTEP_RX]; /**< every other frame the robot sent, whole, for the caller to take: set both lengths to 0 */
     uint32_t rx_length;
+    uint32_t rx_served;                     /**< of rx: what hil_lockstep_serve() has seen */
+    uint32_t serve_ticks;                   /**< hil_lockstep_serve() before every tick divisible by this; 0: never */
+    uint32_t skipped[HIL_LOCKSTEP_SKIPPED]; /**< messages that serving takes out of rx */
+    uint32_t skipped_count;
+    uint8_t *log; /**< the caller's, at least 4 HIL_LOCKSTEP_RX long; NULL: none */
+    uint32_t log_capacity;
+    uint32_t log_length;
+    uint32_t log_frames;
+    uint64_t log_epoch_us;             /**< what a time stamp is at tick 0 */
     uint32_t bad_frames;               /**< frames with a wrong checksum or of an unknown message */
     uint32_t lost_frames;              /**< frames for which `rx` had no room */
     uint32_t stale_answers;            /**< answers to ticks of earlier runs that had timed out */
-    uint8_t input[HIL_LOCKSTEP_INPUT]; /**< bytes not yet taken apart */
+    uint8_t input[HIL_LOCKSTEP_INPUT]; /**< bytes not yet taken apart; own */
     uint32_t input_length;
     uint8_t frame_sequence; /**< MAVLink's, of the next frame */
     double pace_factor;     /**< pacing has been anchored for this factor ... */
@@ -97,13 +110,19 @@ void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint
 
 /**
  * Run up to `ticks` ticks of OMNI_TICK_US in lockstep: sense, send OMNI_HIL_SENSORS (and a due pose fix before it), wait for OMNI_HIL_ACTUATORS of the same
- * sequence, apply its I2C bytes, step. Frames of other messages are collected in `rx` (the caller empties it by setting
- * rx_length to 0); the run returns early when `rx` is three quarters full. The answer must be the last frame of a tick. While the link is
- * silent (fault), due fixes are lost.
+ * sequence, apply its I2C bytes, step. Frames of other messages are collected in `rx`; the run returns early when `rx` is three
+ * quarters full or `log` has no room for what may come. The answer must be the last frame of a tick. While the link is silent
+ * (fault), due fixes are lost.
  * @param record may be NULL. @param done out: ticks run, also on failure.
  * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, or HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not parse): the world
  * then stands before the failed tick's step.
  */
 hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record, uint64_t *done);
+
+/**
+ * Look after the frames collected since the last time: append them to `log` as a telemetry log's records (8 bytes of time,
+ * big-endian: log_epoch_us and the simulated time now; then the frame), and take those that are `skipped` out of `rx`.
+ */
+void hil_lockstep_serve(hil_lockstep_t *link);
 
 #endif

@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from hil_sim import metrics
-from hil_sim.runs import Run, run_in_process, run_seeds
+from hil_sim.batch import FIGURES, STATUSES, BatchResult, run_batches
+from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.statistics import Statistics, merged
 from omniwheel.cli.common import JsonOption, console, error_console, examples, note, print_json
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
@@ -27,6 +30,7 @@ from omniwheel.cli.run_output import (
     run_progress,
     scenario_help,
 )
+from omniwheel.plain import finite
 
 EXAMPLES = examples(
     "omni sim",
@@ -45,8 +49,9 @@ ROWS = (
     ("time at a limit [%]", "saturated_share", 100.0, 2),
     ("chatter index", "chatter", 1.0, 4),
     ("driven to the end", "completed", 1.0, 2),
-    ("real-time factor", "realtime_factor", 1.0, 0),
 )
+OK = STATUSES[0]
+_COLUMNS = ("seed", *(figure.name for figure in FIGURES))
 
 
 def sim(
@@ -82,38 +87,47 @@ def sim(
 sim.__doc__ = f"{sim.__doc__}\n\n{scenario_help()}"
 
 
-def figures(run: Run) -> dict[str, float]:
-    """Return the numbers of a run that several seeds are compared by."""
-    tracking, estimate = metrics.tracking_rmse(run.record), metrics.estimator_rmse(run.record)
+def _many(scenario: Scenario, seeds: int, json_wanted: bool) -> None:
+    chosen = range(scenario.seed, scenario.seed + seeds)
+    parts: list[BatchResult] = []
+    start = time.perf_counter()
+    with run_progress(f"{scenario.name}, {seeds} seeds", json_wanted or not error_console.is_terminal) as progress:
+        for part in run_batches(scenario, chosen[0], seeds):
+            parts.append(part)
+            progress(float(sum(len(done.rows) for done in parts)), float(seeds))
+    wall_s = time.perf_counter() - start
+    statistics = merged(part.statistics for part in parts)
+    factor = statistics.ticks * 1e-3 / wall_s
+    if json_wanted:
+        print_json(_as_json(scenario, chosen, parts, statistics, factor))
+    else:
+        console.print(_spread_table(scenario, chosen, statistics, factor))
+        for status, count in statistics.statuses.items():
+            if status != OK:
+                console.print(f"[yellow]{count} of {seeds} runs: {escape(status)}[/]")
+
+
+def _as_json(
+    scenario: Scenario, seeds: range, parts: Sequence[BatchResult], statistics: Statistics, factor: float
+) -> dict[str, Any]:
+    spreads = {name: {"mean": spread.mean, "sd": spread.sd} for name, spread in statistics.spreads.items()}
+    runs = [{name: row[name].item() for name in _COLUMNS} for part in parts for row in part.rows]
     return {
-        **metrics.as_dict(tracking),
-        "estimate_position_m": estimate.position_m,
-        "estimate_theta_rad": estimate.theta_rad,
-        **metrics.as_dict(metrics.effort(run.record, run.scenario.robot.wheels)),
-        "completed": float(run.done),
-        "realtime_factor": run.realtime_factor,
+        "scenario": scenario.name,
+        "seeds": list(seeds),
+        "statuses": dict(statistics.statuses),
+        "realtime_factor": factor,
+        "figures": finite(spreads),
+        "runs": finite(runs),
     }
 
 
-def _many(scenario: Scenario, seeds: int, json_wanted: bool) -> None:
-    chosen = range(scenario.seed, scenario.seed + seeds)
-    found = []
-    with run_progress(f"{scenario.name}, {seeds} seeds", json_wanted or not error_console.is_terminal) as progress:
-        for entry in run_seeds(scenario, chosen, figures):
-            found.append(entry)
-            progress(float(len(found)), float(seeds))
-    spread = metrics.spread(found)
-    if json_wanted:
-        print_json({"scenario": scenario.name, "seeds": list(chosen), "figures": spread, "runs": found})
-    else:
-        console.print(_spread_table(scenario, chosen, spread))
-
-
-def _spread_table(scenario: Scenario, seeds: range, spread: dict[str, Any]) -> Table:
-    table = Table(title=f"{scenario.name}: seeds {seeds[0]} to {seeds[-1]}", title_style="bold", title_justify="left")
+def _spread_table(scenario: Scenario, seeds: range, statistics: Statistics, factor: float) -> Table:
+    title = f"{scenario.name}: seeds {seeds[0]} to {seeds[-1]}, {factor:.0f} times real time"
+    table = Table(title=title, title_style="bold", title_justify="left")
     for heading in ("", "mean", "standard deviation"):
         table.add_column(heading, justify="left" if not heading else "right")
-    for name, key, factor, digits in ROWS:
-        entry = spread[key]
-        table.add_row(escape(name), *(f"{entry[part] * factor:.{digits}f}" for part in ("mean", "sd")))
+    for name, key, scale, digits in ROWS:
+        spread = statistics[key]
+        table.add_row(escape(name), f"{spread.mean * scale:.{digits}f}", f"{spread.sd * scale:.{digits}f}")
     return table

@@ -38,7 +38,12 @@ def lib(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     flags = ["-O2", "-fno-math-errno", "-std=c11", "-Domni_robot_tick=lanes_scene_tick"]
     archives = [generated_dir().parent / "hil_sim" / "libhil_sim.a", core_archive()]
     built = build_library(
-        tmp_path_factory.mktemp("robots"), "robots", sources, [LANES, PROGRAM], flags=flags, archives=archives
+        tmp_path_factory.mktemp("robots"),
+        "robots",
+        sources,
+        [LANES, PROGRAM, ROOT / "hil_sim" / "include"],
+        flags=flags,
+        archives=archives,
     )
     return ctypes.CDLL(str(built))
 

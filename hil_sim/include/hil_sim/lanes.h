@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file lanes.h
+ * Eight runs at once: world, robot and figures in the lanes of vectors, the same bits as one by one.
+ */
+#ifndef HIL_SIM_LANES_H
+#define HIL_SIM_LANES_H
+
+#include "hil_sim/run.h"
+
+/**
+ * As hil_run_advance for each of eight runs, bit for bit. They share one flow of control; where their data would part it, each goes on
+ * by itself for some ticks. Fewer than eight: the first again and again after the last. @return ticks done, fewer than asked for if the runs differ in more than numbers (states, faults, wheels,
+ * times ...), or record, or there is no memory: 0 if so from the start. The rest is for hil_run_advance.
+ */
+uint64_t hil_lanes_advance(hil_run_t *const runs[8], uint64_t ticks);
+
+/** What came of it; ticks are those of one run. */
+typedef struct hil_lanes_stats_t {
+    uint64_t together; /**< ticks done in lanes, each of them for eight runs */
+    uint64_t again;    /**< ticks in lanes that were thrown away or done twice */
+    uint64_t alone;    /**< ticks done run by run, each of them for eight runs */
+    uint64_t parted;   /**< times that the lanes parted */
+    uint64_t packed;   /**< times that runs were put into lanes */
+    uint64_t refused;  /**< times that they could not be */
+} hil_lanes_stats_t;
+
+/** What to use: HIL_LANES_BEST of this processor unless said otherwise, for tests and benchmarks; of the whole process. */
+typedef enum hil_lanes_level_t {
+    HIL_LANES_NONE = 0, /**< hil_lanes_advance does nothing */
+    HIL_LANES_BASELINE, /**< what every processor of this kind has */
+    HIL_LANES_BEST
+} hil_lanes_level_t;
+
+void hil_lanes_use(hil_lanes_level_t level);
+
+/** Of the calling thread since its last call of this. */
+void hil_lanes_take_stats(hil_lanes_stats_t *stats);
+
+#endif

@@ -1,0 +1,219 @@
+/* SPDX-License-Identifier: MIT */
+#include "hil_sim/lanes.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "divergence.h"
+#include "runs.h"
+
+enum {
+    STRIDE = 64,   /* ticks from one checkpoint to the next */
+    ALONE_MAX = 64 /* most ticks run by run before lanes are tried again */
+};
+
+typedef struct lanes_t {
+    const hil_lanes_runs_t *how;
+    hil_lanes_group_t live;
+    char *block;
+    size_t bytes; /* of the live part of the block, which begins it; its checkpoint follows */
+    void *config;
+    hil_lanes_plans_t following;
+    hil_lanes_plans_t offered;
+} lanes_t;
+
+static __thread hil_lanes_stats_t stats_of_thread;
+static volatile hil_lanes_level_t level = HIL_LANES_BEST;
+
+void hil_lanes_use(hil_lanes_level_t wanted) {
+    level = wanted;
+}
+
+void hil_lanes_take_stats(hil_lanes_stats_t *stats) {
+    *stats = stats_of_thread;
+    memset(&stats_of_thread, 0, sizeof stats_of_thread);
+}
+
+static size_t aligned(size_t bytes) {
+    return (bytes + HIL_LANES_ALIGNMENT - 1) / HIL_LANES_ALIGNMENT * HIL_LANES_ALIGNMENT;
+}
+
+static bool open_lanes(lanes_t *lanes) {
+    const hil_lanes_runs_t *how = level == HIL_LANES_BEST ? hil_lanes_runs() : &hil_lanes_runs_baseline;
+    const size_t size[5] = {how->world_bytes, how->metrics_bytes, how->core->robot_bytes, how->core->inputs_bytes,
+                            how->core->outputs_bytes};
+    void **part[5] = {&lanes->live.world, &lanes->live.metrics, &lanes->live.robot, &lanes->live.inputs, &lanes->live.outputs};
+    lanes->how = how;
+    lanes->bytes = 0;
+    for (int i = 0; i < 5; i++) {
+        lanes->bytes += aligned(size[i]);
+    }
+    lanes->block = aligned_alloc(HIL_LANES_ALIGNMENT, 2 * lanes->bytes + aligned(how->core->config_bytes));
+    char *next = lanes->block;
+    for (int i = 0; i < 5 && next != NULL; i++) {
+        *part[i] = next;
+        next += aligned(size[i]);
+    }
+    lanes->config = lanes->block + 2 * lanes->bytes;
+    return lanes->block != NULL;
+}
+
+/* Addresses of one member of all runs. */
+static void collect(hil_run_t *const runs[HIL_LANES], size_t offset, void *each[HIL_LANES]) {
+    for (int lane = 0; lane < HIL_LANES; lane++) {
+        each[lane] = (char *)runs[lane] + offset;
+    }
+}
+
+static bool pack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_LANES], size_t offset, void *to) {
+    const void *each[HIL_LANES];
+    for (int lane = 0; lane < HIL_LANES; lane++) {
+        each[lane] = (const char *)runs[lane] + offset;
+    }
+    return hil_lanes_pack(layout, each, to);
+}
+
+static const omni_trajectory_t *trajectory_of(const hil_run_t *run, bool offered) {
+    return offered ? run->inputs.trajectory : run->robot.trajectory;
+}
+
+/* Plans that the robots follow, or that their inputs offer. @return false if some have one and some don't. */
+static bool pack_plans(hil_lanes_plans_t *plans, hil_run_t *const runs[HIL_LANES], bool offered) {
+    const void *each[HIL_LANES];
+    const bool none = trajectory_of(runs[0], offered) == NULL;
+    for (int lane = 0; lane < HIL_LANES; lane++) {
+        each[lane] = trajectory_of(runs[lane], offered);
+        if ((each[lane] == NULL) != none) {
+            return false;
+        }
+    }
+    if (!none) {
+        hil_lanes_plans_set(plans, each);
+    }
+    return true;
+}
+
+static bool pack_config(const lanes_t *lanes, hil_run_t *const runs[HIL_LANES]) {
+    const void *each[HIL_LANES];
+    for (int lane = 0; lane < HIL_LANES; lane++) {
+        each[lane] = runs[lane]->robot.config;
+    }
+    return hil_lanes_pack(&lanes->how->core->config, each, lanes->config);
+}
+
+static bool pack(lanes_t *lanes, hil_run_t *const runs[HIL_LANES]) {
+    const hil_lanes_runs_t *how = lanes->how;
+    const hil_lanes_core_t *core = how->core;
+    const bool packed = pack_config(lanes, runs) && pack_plans(&lanes->following, runs, false) &&
+                        pack_plans(&lanes->offered, runs, true) &&
+                        pack_member(&how->world, runs, offsetof(hil_run_t, world), lanes->live.world) &&
+                        pack_member(&how->metrics, runs, offsetof(hil_run_t, metrics), lanes->live.metrics) &&
+                        pack_member(&core->robot, runs, offsetof(hil_run_t, robot), lanes->live.robot) &&
+                        pack_member(&core->inputs, runs, offsetof(hil_run_t, inputs), lanes->live.inputs) &&
+                        pack_member(&core->outputs, runs, offsetof(hil_run_t, outputs), lanes->live.outputs);
+    if (packed) {
+        core->connect(lanes->live.robot, lanes->config, trajectory_of(runs[0], false) == NULL ? NULL : &lanes->following);
+        core->offer(lanes->live.inputs, trajectory_of(runs[0], true) == NULL ? NULL : &lanes->offered);
+        stats_of_thread.packed++;
+    } else {
+        stats_of_thread.refused++;
+    }
+    return packed;
+}
+
+static void unpack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_LANES], size_t offset, const void *from) {
+    void *each[HIL_LANES];
+    collect(runs, offset, each);
+    hil_lanes_unpack(layout, from, each);
+}
+
+/* Is this lane the first once more? */
+static bool repeats(hil_run_t *const runs[HIL_LANES], int lane) {
+    return lane > 0 && runs[lane] == runs[0];
+}
+
+static void unpack(const lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
+    const hil_lanes_runs_t *how = lanes->how;
+    const hil_lanes_core_t *core = how->core;
+    const hil_lanes_plans_t *plans = core->plans_of(lanes->live.robot);
+    unpack_member(&how->world, runs, offsetof(hil_run_t, world), lanes->live.world);
+    unpack_member(&how->metrics, runs, offsetof(hil_run_t, metrics), lanes->live.metrics);
+    unpack_member(&core->robot, runs, offsetof(hil_run_t, robot), lanes->live.robot);
+    unpack_member(&core->inputs, runs, offsetof(hil_run_t, inputs), lanes->live.inputs);
+    unpack_member(&core->outputs, runs, offsetof(hil_run_t, outputs), lanes->live.outputs);
+    for (int lane = 0; lane < HIL_LANES; lane++) {
+        runs[lane]->robot.trajectory = plans == NULL ? NULL : (const omni_trajectory_t *)plans->plan[lane];
+        runs[lane]->ticks += repeats(runs, lane) ? 0 : ticks;
+    }
+}
+
+static void save(const lanes_t *lanes) {
+    memcpy(lanes->block + lanes->bytes, lanes->block, lanes->bytes);
+}
+
+static void restore(const lanes_t *lanes) {
+    memcpy(lanes->block, lanes->block + lanes->bytes, lanes->bytes);
+}
+
+/* @return ticks until the lanes would part; they are as after these. */
+static uint64_t together(const lanes_t *lanes, uint64_t ticks) {
+    uint64_t done = 0;
+    while (done < ticks) {
+        const uint64_t stride = ticks - done < STRIDE ? ticks - done : STRIDE;
+        save(lanes);
+        const uint64_t got = lanes->how->advance(&lanes->live, stride);
+        if (got < stride) {
+            restore(lanes);
+            (void)lanes->how->advance(&lanes->live, got);
+            stats_of_thread.parted++;
+            stats_of_thread.again += got + 1;
+            return done + got;
+        }
+        done += stride;
+    }
+    return done;
+}
+
+static void each_alone(hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
+    for (int lane = 0; lane < HIL_LANES; lane++) {
+        if (!repeats(runs, lane)) {
+            hil_run_advance(runs[lane], ticks);
+        }
+    }
+    stats_of_thread.alone += ticks;
+}
+
+static uint64_t advance(lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
+    uint64_t done = 0;
+    uint64_t alone = 1;
+    while (done < ticks && pack(lanes, runs)) {
+        const uint64_t got = together(lanes, ticks - done);
+        unpack(lanes, runs, got);
+        stats_of_thread.together += got;
+        done += got;
+        if (done < ticks) {
+            alone = got > 0 ? 1 : 2 * alone;
+            alone = alone < ALONE_MAX ? alone : ALONE_MAX;
+            alone = alone < ticks - done ? alone : ticks - done;
+            each_alone(runs, alone);
+            done += alone;
+        }
+    }
+    return done;
+}
+
+uint64_t hil_lanes_advance(hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
+    lanes_t lanes;
+    for (int lane = 0; lane < HIL_LANES; lane++) {
+        if (runs[lane]->record != NULL || runs[lane]->ticks != runs[0]->ticks) {
+            return 0;
+        }
+    }
+    if (level == HIL_LANES_NONE || !open_lanes(&lanes)) {
+        return 0;
+    }
+    (void)hil_lanes_take_parted();
+    const uint64_t done = advance(&lanes, runs, ticks);
+    free(lanes.block);
+    return done;
+}

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: MIT
+"""Eight whole runs in lanes, world and robot, do bit for bit what each does alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil_sim import core
+from hil_sim.batch import run_batch
+from hil_sim.faults import Fault
+from hil_sim.runs import new_world
+from hil_sim.scenario import Scenario, load_scenario
+from omniwheel._core import ffi, lib
+
+RUNS = 8
+MEMBERS = ("world", "robot", "inputs", "outputs", "metrics", "ticks")
+SHORT = {"TRJ_SIZE": 0.05, "TRJ_PERIOD": 1.0, "TRJ_PETALS": 2.0, "TRJ_ROT": 0.0, "TRJ_SCALE": 0.0}
+
+
+class Eight:
+    """Eight runs of a scenario that differ by their seeds, armed after half a second."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.table = scenario.robot.table
+        self.values = scenario.parameter_values()
+        self.start_pose = scenario.start_pose
+        self.runs = ffi.new("hil_run_t[8]")
+        self.each = ffi.new("hil_run_t *[8]", [ffi.addressof(self.runs, i) for i in range(RUNS)])
+        config = core.robot_config(self.values, self.table, 0)
+        why = ffi.new("char[]", 160)
+        for number, run in enumerate(self.each):
+            world = new_world(scenario.with_seed(100 + number)).c
+            assert lib.hil_run_init(run, ffi.addressof(world, "config"), config, why, len(why)) == lib.HIL_OK
+
+    def advance(self, ticks: int, lanes: bool) -> int:
+        """Run ticks; return how many of them in lanes."""
+        done = int(lib.hil_lanes_advance(self.each, ticks)) if lanes else 0
+        for run in self.each:
+            lib.hil_run_advance(run, ticks - done)
+        return done
+
+    def place(self) -> None:
+        for run in self.each:
+            run.inputs.pose.x, run.inputs.pose.y, run.inputs.pose.theta = self.start_pose
+            run.inputs.events |= lib.OMNI_EVENT_SET_POSE
+
+    def arm(self) -> None:
+        for run in self.each:
+            assert lib.hil_run_start_trajectory(run) == lib.OMNI_OK
+            run.inputs.events |= lib.OMNI_EVENT_ARM
+
+    def tune(self) -> None:
+        """Give every run a gain of its own."""
+        for number, run in enumerate(self.each):
+            values = {**self.values, "ISMC_LAM_XY": 3.0 + number}
+            lib.hil_run_set_config(run, core.robot_config(values, self.table, 1))
+
+    def bytes_of(self, run: Any, member: str) -> bytes:
+        """Return a member's memory, without where it points to."""
+        if member == "ticks":
+            return bytes(ffi.buffer(ffi.addressof(run, "ticks")))
+        copy = ffi.new(ffi.typeof(getattr(run, member)).cname + " *", getattr(run, member))
+        if member in ("robot", "inputs"):
+            copy.trajectory = ffi.NULL
+        if member == "robot":
+            copy.config = ffi.NULL
+        return bytes(ffi.buffer(copy))
+
+    def story(self, lanes: bool) -> Iterator[None]:
+        """Play what happens to a run, in pieces."""
+        self.advance(1, lanes)
+        self.place()
+        self.advance(499, lanes)
+        yield
+        self.arm()
+        for ticks in (1, 7, 200, 200, 200, 192):
+            self.advance(ticks, lanes)
+            yield
+        self.tune()
+        for ticks in (200, 200, 200, 200, 200):
+            self.advance(ticks, lanes)
+            yield
+
+
+def assert_the_same(scenario: Scenario) -> Any:
+    """Play a scenario both ways; return what the lanes say of themselves."""
+    stats = ffi.new("hil_lanes_stats_t *")
+    alone, together = Eight(scenario), Eight(scenario)
+    lib.hil_lanes_take_stats(stats)
+    for _ in zip(alone.story(lanes=False), together.story(lanes=True), strict=True):
+        for number in range(RUNS):
+            for member in MEMBERS:
+                one, other = (eight.bytes_of(eight.each[number], member) for eight in (alone, together))
+                assert one == other, f"{member} of run {number} at {alone.runs[0].ticks} ticks"
+    assert np.ptp([run.world.pose[0] for run in alone.each]) > 0.0 or scenario.name == "stand"
+    lib.hil_lanes_take_stats(stats)
+    return stats
+
+
+@pytest.fixture(autouse=True)
+def _best_level() -> Iterator[None]:
+    yield
+    lib.hil_lanes_use(lib.HIL_LANES_BEST)
+
+
+@pytest.mark.parametrize("name", ["demo", "four_wheel", "no_slip", "comparison", "hands", "original_law"])
+def test_runs_in_lanes_are_the_runs_alone(name: str) -> None:
+    stats = assert_the_same(load_scenario(name))
+    assert stats.together > 0.8 * (stats.together + stats.alone)
+
+
+def test_any_processor_gives_the_same_bits() -> None:
+    lib.hil_lanes_use(lib.HIL_LANES_BASELINE)
+    assert assert_the_same(load_scenario("demo")).together > 1000
+
+
+def test_lanes_part_and_meet_again() -> None:
+    """Fixes get lost in some runs and not in others; the path begins and ends at different times."""
+    scenario = load_scenario("demo").with_parameters(SHORT)
+    scenario = replace(scenario, world={**scenario.world, "fix_drop_probability": 0.01}, start_pose=(0.05, 0.0, 0.0))
+    stats = assert_the_same(scenario)
+    assert stats.parted > 3
+    assert stats.together > stats.alone
+
+
+@pytest.mark.parametrize("plant", ["full", "slip", "kinematic", "kinematic+motors", "linear"])
+def test_every_plant_runs_in_lanes(plant: str) -> None:
+    assert assert_the_same(replace(load_scenario("demo"), plant=plant)).together > 800
+
+
+FAULTS = [
+    Fault("encoder_noisy", 0.2, 0.6, wheel=1, value=2.0),
+    Fault("pose_jump", 0.8, 1.0, value=0.05),
+    Fault("pose_freeze", 1.0, 1.2),
+    Fault("battery_sag", 1.1, 1.3, value=11.0),
+    Fault("i2c_nack", 1.3, 1.302),
+    Fault("pose_delay", 1.3, 1.5, value=0.05),
+    Fault("tick_late", 1.4, 1.45, value=0.002),
+    Fault("chip_power", 1.6, 1.7),
+    Fault("motor_dead", 1.7, 2.0, wheel=2),
+]
+
+
+def test_faults_are_the_same_in_lanes() -> None:
+    assert_the_same(replace(load_scenario("demo"), faults=tuple(FAULTS)))
+
+
+def test_runs_that_differ_in_kind_are_refused() -> None:
+    three, four = Eight(load_scenario("demo")), Eight(load_scenario("four_wheel"))
+    mixed = ffi.new("hil_run_t *[8]", [*list(three.each)[:4], *list(four.each)[4:]])
+    assert lib.hil_lanes_advance(mixed, 100) == 0
+    assert [run.ticks for run in mixed] == [0] * RUNS
+    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+    assert lib.hil_lanes_advance(three.each, 100) == 0
+
+
+def test_batches_are_the_same_without_lanes() -> None:
+    """Blocks of less than eight, runs that end at different times."""
+    scenario = replace(load_scenario("demo").with_parameters(SHORT), start_pose=(0.05, 0.0, 0.0))
+    in_lanes = run_batch(scenario, 3, 13).rows
+    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+    assert run_batch(scenario, 3, 13).rows.tobytes() == in_lanes.tobytes()
