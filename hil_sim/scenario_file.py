@@ -33,6 +33,7 @@ def scenario_document(scenario: Scenario) -> dict[str, Any]:
         "scenario": head,
         "parameters": {name: _value(table, name, value) for name, value in scenario.parameters.items()},
         "world": {"plant": scenario.plant, "start_pose": list(scenario.start_pose), **scenario.world},
+        "dispersion": {entry.quantity: entry.document() for entry in scenario.dispersion},
         "event": [_event(event, table) for event in scenario.events],
         "fault": [_fault(fault) for fault in scenario.faults],
     }
