@@ -8,6 +8,7 @@ import queue
 import time
 import warnings
 from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -23,6 +24,7 @@ NO_WORKER_S = 30.0
 """A study gives up when the cluster has had no worker for so long; the finished batches are kept."""
 RETRIES = 3
 _LOOK_S = 1.0
+_FETCH_S = 5.0
 _PER_THREAD = 2
 _ASK_EVERY_S = 5.0
 _INSTALL = "install the same omniwheel on every worker's machine, then restart the workers"
@@ -36,6 +38,7 @@ class DaskPool:
         self._address = address
         self._no_worker_s = no_worker_s
         self._threads = 0
+        self._seen_s = 0.0
         self._asked_s = float("-inf")
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
@@ -121,32 +124,49 @@ class DaskPool:
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:
         """Wait for a batch, as long as there is somebody to do it."""
-        last_seen_s = time.monotonic()
+        self._seen_s = time.monotonic()
         while True:
             try:
                 return done.get(timeout=_LOOK_S)
             except queue.Empty:
-                if self._client.status not in ("running", "connecting"):
-                    raise self._lost(f"the scheduler at {self._address} went away") from None
-                if self._count_threads():
-                    last_seen_s = time.monotonic()
-                elif time.monotonic() > last_seen_s + self._no_worker_s:
-                    raise self._lost(f"the cluster has had no worker for {self._no_worker_s:g} s") from None
+                self._look_after_workers()
+
+    def _look_after_workers(self) -> None:
+        """Raise ClusterError if nobody can be expected to do the batches any more."""
+        if self._client.status not in ("running", "connecting"):
+            raise self._lost(f"the scheduler at {self._address} went away")
+        if self._count_threads():
+            self._seen_s = time.monotonic()
+        elif time.monotonic() > self._seen_s + self._no_worker_s:
+            raise self._lost(f"the cluster has had no worker for {self._no_worker_s:g} s")
 
     def _lost(self, message: str) -> ClusterError:
         return ClusterError(message, hint="the finished batches are kept: run the same command again to go on")
 
     def _taken(self, future: Any, batch: Batch) -> Done:
-        if future.status == "cancelled":
-            raise self._lost(f"the scheduler at {self._address} dropped {batch}")
-        if future.status == "error":
-            error = future.exception()
-            what = f"{batch} failed {RETRIES + 1} times: {type(error).__name__}: {error}"
-            raise StudyError(what, hint="look at the workers' own output; finished batches are kept")
         done: Done
-        worker, found, done = future.result()
+        try:
+            worker, found, done = self._result(future)
+        except StudyError:
+            raise
+        except CancelledError as error:
+            raise self._lost(f"the scheduler at {self._address} dropped {batch}") from error
+        except Exception as error:  # whatever a worker comes up with, or how it ended
+            what = f"{batch} failed {RETRIES + 1} times: {type(error).__name__}: {error}"
+            raise StudyError(what, hint="look at the workers' own output; finished batches are kept") from error
         _refuse_other_engine(worker, found)
         return replace(done, batch=batch)
+
+    def _result(self, future: Any) -> Any:
+        """Fetch a result. Its worker may have gone since it was done: then another one has to do it again."""
+        self._seen_s = time.monotonic()
+        while True:
+            try:
+                return future.result(timeout=_FETCH_S)
+            except (TimeoutError, self._distributed.TimeoutError):
+                if future.status == "error":  # the batch's own
+                    raise
+                self._look_after_workers()
 
     def _give_up(self, futures: list[Any]) -> None:
         if futures and self._client.status == "running":
