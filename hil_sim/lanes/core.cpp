@@ -3,6 +3,7 @@
 // configurations, parameters, duties as PWM counts; and trajectories, which each run evaluates for itself.
 #include "core.h"
 
+#include "divergence.h"
 #include "filters.hpp"
 #include "plans.h"
 
@@ -24,8 +25,39 @@ namespace core {
 #include "torque_curve.c"
 #include "wheel_speed.c"
 
+#define omni_trajectory_evaluate evaluate_together
+#include "trajectory.c"
+#undef omni_trajectory_evaluate
+
+#include "trajectory_clock.c"
+#include "trajectory_identify.c"
+#include "trajectory_path.c"
+#include "trajectory_rotation.c"
+
+/* `plan` stands for eight plans. Where they part, on the way from one phase of a path to the next, each run evaluates for itself. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {
-    hil_lanes_plans_evaluate(reinterpret_cast<const hil_lanes_plans_t *>(plan), time_us, &layout_omni_reference_t, reference);
+    const auto *plans = reinterpret_cast<const hil_lanes_plans_t *>(plan);
+    if (plans->packed && !hil_lanes_plans_are_one(plans, time_us)) {
+        const bool before = hil_lanes_take_parted();
+        evaluate_together(reinterpret_cast<const omni_trajectory_t *>(plans->lanes), time_us, reference);
+        const bool parted = hil_lanes_take_parted();
+        if (before) {
+            hil_lanes_part();
+        }
+        if (!parted) {
+            return;
+        }
+    }
+    hil_lanes_plans_evaluate(plans, time_us, &layout_omni_reference_t, reference);
+}
+
+static_assert(sizeof(omni_trajectory_t) <= HIL_LANES_PLAN_BYTES);
+
+const omni_trajectory_t *packed(hil_lanes_plans_t *plans) {
+    if (plans != nullptr) {
+        plans->packed = hil_lanes_pack(&layout_omni_trajectory_t, plans->plan, plans->lanes);
+    }
+    return reinterpret_cast<const omni_trajectory_t *>(plans);
 }
 
 void tick(void *robot, const void *inputs, void *outputs) {
@@ -33,18 +65,18 @@ void tick(void *robot, const void *inputs, void *outputs) {
                     static_cast<omni_outputs_t *>(outputs));
 }
 
-void connect(void *robot, const void *config, const hil_lanes_plans_t *plans) {
+void connect(void *robot, const void *config, hil_lanes_plans_t *plans) {
     auto *lanes = static_cast<omni_robot_t *>(robot);
     lanes->config = static_cast<const omni_robot_config_t *>(config);
-    lanes->trajectory = reinterpret_cast<const omni_trajectory_t *>(plans);
+    lanes->trajectory = packed(plans);
 }
 
 const hil_lanes_plans_t *plans_of(const void *robot) {
     return reinterpret_cast<const hil_lanes_plans_t *>(static_cast<const omni_robot_t *>(robot)->trajectory);
 }
 
-void offer(void *inputs, const hil_lanes_plans_t *plans) {
-    static_cast<omni_inputs_t *>(inputs)->trajectory = reinterpret_cast<const omni_trajectory_t *>(plans);
+void offer(void *inputs, hil_lanes_plans_t *plans) {
+    static_cast<omni_inputs_t *>(inputs)->trajectory = packed(plans);
 }
 
 } // namespace core

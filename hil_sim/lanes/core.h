@@ -28,11 +28,11 @@ typedef struct hil_lanes_core_t {
     /** One tick of all eight. Whatever it computed is worthless if hil_lanes_take_parted (divergence.h) says so afterwards. */
     void (*tick)(void *robot, const void *inputs, void *outputs);
     /** Set a packed robot's pointers: configuration in lanes, plans being followed or NULL. */
-    void (*connect)(void *robot, const void *config, const hil_lanes_plans_t *plans);
+    void (*connect)(void *robot, const void *config, hil_lanes_plans_t *plans);
     /** Plans that a robot follows now, or NULL. */
     const hil_lanes_plans_t *(*plans_of)(const void *robot);
     /** Set the pointer of packed inputs: plans for OMNI_EVENT_TRAJECTORY_START, or NULL. */
-    void (*offer)(void *inputs, const hil_lanes_plans_t *plans);
+    void (*offer)(void *inputs, hil_lanes_plans_t *plans);
 } hil_lanes_core_t;
 
 extern const hil_lanes_core_t hil_lanes_core_baseline;

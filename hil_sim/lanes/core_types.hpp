@@ -29,6 +29,7 @@ typedef lanes::real_t omni_real_t;
 typedef lanes::int_t omni_int_t;
 typedef lanes::int_t omni_steps_t;
 typedef lanes::uint_t omni_uint_t;
+typedef lanes::ns_t omni_ns_t;
 typedef lanes::mask_t omni_flag_t;
 
 #include "omni/omni.h"
@@ -51,6 +52,7 @@ LANES_LAYOUT(omni_robot_config_t)
 LANES_LAYOUT(omni_inputs_t)
 LANES_LAYOUT(omni_outputs_t)
 LANES_LAYOUT(omni_reference_t)
+LANES_LAYOUT(omni_trajectory_t)
 
 } // namespace core
 } // namespace

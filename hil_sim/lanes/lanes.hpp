@@ -2,7 +2,7 @@
 /**
  * @file lanes.hpp
  * Numbers of eight lanes that stand where C code has scalars: `real_t` for float, `int_t` and `uint_t` for the 32-bit whole numbers,
- * `wide_t` for double. Lane i of a result is bit for bit what the scalar operation gives for lane i of the operands.
+ * `ns_t` for 64-bit times, `wide_t` for double. Lane i of a result is bit for bit what the scalar operation gives for lane i of the operands.
  *
  * A comparison gives a mask. As a condition it must be the same in all lanes; if not, the lanes part (divergence.h) and lane 0 answers.
  * `select` takes a mask as it is. A cast to a scalar must be the same in all lanes too. All types are trivial: memset and memcpy work.
@@ -134,6 +134,7 @@ public:
     LANES_OPERATION(-)
     LANES_OPERATION(*)
     LANES_OPERATION(/)
+    LANES_OPERATION(%)
     LANES_OPERATION(&)
     LANES_OPERATION(|)
     LANES_OPERATION(^)
@@ -167,6 +168,7 @@ private:
 using real_t = number<float>;
 using int_t = number<std::int32_t>;
 using uint_t = number<std::uint32_t>;
+using ns_t = number<std::uint64_t>;
 using wide_t = number<double>;
 using mask_t = mask<std::int32_t>;
 using wide_mask_t = mask<std::int64_t>;

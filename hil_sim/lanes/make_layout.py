@@ -24,6 +24,7 @@ LANE_TYPES = {
     "omni_real_t": ("WORD", "float"),
     "omni_int_t": ("WORD", "int32_t"),
     "omni_uint_t": ("WORD", "uint32_t"),
+    "omni_ns_t": ("WIDE", "uint64_t"),
     "omni_flag_t": ("FLAG", "bool"),
     "hil_real_t": ("WIDE", "double"),
     "hil_int_t": ("WORD", "int32_t"),

@@ -3,6 +3,10 @@
 
 #include <string.h>
 
+#ifdef __SSE2__
+#include <xmmintrin.h>
+#endif
+
 /* A member of a lane struct: one word, double word per run. */
 typedef struct lane_words_t {
     uint32_t lane[HIL_LANES];
@@ -11,6 +15,28 @@ typedef struct lane_words_t {
 typedef struct lane_wides_t {
     uint64_t lane[HIL_LANES];
 } lane_wides_t;
+
+enum { TILE = 4 };
+
+/* Four words from each of four places, turned: word j from place i becomes word i at place j. */
+static inline void turn(const uint32_t *const from[TILE], uint32_t *const to[TILE]) {
+#ifdef __SSE2__
+    __m128 row[TILE];
+    for (int i = 0; i < TILE; ++i) {
+        row[i] = _mm_loadu_ps((const float *)(const void *)from[i]);
+    }
+    _MM_TRANSPOSE4_PS(row[0], row[1], row[2], row[3]);
+    for (int i = 0; i < TILE; ++i) {
+        _mm_storeu_ps((float *)(void *)to[i], row[i]);
+    }
+#else
+    for (int i = 0; i < TILE; ++i) {
+        for (int j = 0; j < TILE; ++j) {
+            to[j][i] = from[i][j];
+        }
+    }
+#endif
+}
 
 static const char *at(const void *base, uint32_t offset) {
     return (const char *)base + offset;
@@ -32,7 +58,16 @@ static void pack_words(const hil_stretch_t *s, const void *const scalar[HIL_LANE
     for (int lane = 0; lane < HIL_LANES; ++lane) {
         from[lane] = (const uint32_t *)(const void *)at(scalar[lane], s->offset);
     }
-    for (uint32_t i = 0; i < s->count; ++i) {
+    uint32_t i = 0;
+    for (; i + TILE <= s->count; i += TILE) {
+        for (int lane = 0; lane < HIL_LANES; lane += TILE) {
+            const uint32_t *const rows[TILE] = {&from[lane][i], &from[lane + 1][i], &from[lane + 2][i], &from[lane + 3][i]};
+            uint32_t *const turned[TILE] = {&words[i].lane[lane], &words[i + 1].lane[lane], &words[i + 2].lane[lane],
+                                            &words[i + 3].lane[lane]};
+            turn(rows, turned);
+        }
+    }
+    for (; i < s->count; ++i) {
         for (int lane = 0; lane < HIL_LANES; ++lane) {
             words[i].lane[lane] = from[lane][i];
         }
@@ -80,10 +115,22 @@ bool hil_lanes_pack(const hil_layout_t *layout, const void *const scalar[HIL_LAN
 
 static void unpack_words(const hil_stretch_t *s, const char *from, void *const scalar[HIL_LANES]) {
     const lane_words_t *words = (const lane_words_t *)(const void *)from;
+    uint32_t *to[HIL_LANES];
     for (int lane = 0; lane < HIL_LANES; ++lane) {
-        uint32_t *to = (uint32_t *)(void *)((char *)scalar[lane] + s->offset);
-        for (uint32_t i = 0; i < s->count; ++i) {
-            to[i] = words[i].lane[lane];
+        to[lane] = (uint32_t *)(void *)((char *)scalar[lane] + s->offset);
+    }
+    uint32_t i = 0;
+    for (; i + TILE <= s->count; i += TILE) {
+        for (int lane = 0; lane < HIL_LANES; lane += TILE) {
+            const uint32_t *const rows[TILE] = {&words[i].lane[lane], &words[i + 1].lane[lane], &words[i + 2].lane[lane],
+                                                &words[i + 3].lane[lane]};
+            uint32_t *const turned[TILE] = {&to[lane][i], &to[lane + 1][i], &to[lane + 2][i], &to[lane + 3][i]};
+            turn(rows, turned);
+        }
+    }
+    for (; i < s->count; ++i) {
+        for (int lane = 0; lane < HIL_LANES; ++lane) {
+            to[lane][i] = words[i].lane[lane];
         }
     }
 }

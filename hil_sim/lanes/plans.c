@@ -20,6 +20,7 @@ static bool same_path(const omni_trajectory_t *a, const omni_trajectory_t *b) {
 
 void hil_lanes_plans_set(hil_lanes_plans_t *plans, const void *const plan[HIL_LANES]) {
     memcpy(plans->plan, plan, sizeof plans->plan);
+    plans->packed = false;
     for (int lane = 0; lane < HIL_LANES; ++lane) {
         plans->same[lane] = plans->path[lane] = (uint8_t)lane;
         for (int i = lane; i-- > 0;) {
@@ -29,16 +30,29 @@ void hil_lanes_plans_set(hil_lanes_plans_t *plans, const void *const plan[HIL_LA
     }
 }
 
+/* The first run with the same reference. */
+static int like(const hil_lanes_plans_t *plans, int lane, uint64_t time_us) {
+    const omni_trajectory_t *plan = plans->plan[lane];
+    return time_us < plan->timing.lead_in_us ? plans->same[lane] : plans->path[lane];
+}
+
+bool hil_lanes_plans_are_one(const hil_lanes_plans_t *plans, uint64_t time_us) {
+    bool one = true;
+    for (int lane = 1; lane < HIL_LANES; ++lane) {
+        one = one && like(plans, lane, time_us) == 0;
+    }
+    return one;
+}
+
 void hil_lanes_plans_evaluate(const hil_lanes_plans_t *plans, uint64_t time_us, const hil_layout_t *layout, void *reference) {
     omni_reference_t each[HIL_LANES];
     const void *from[HIL_LANES];
     for (int lane = 0; lane < HIL_LANES; ++lane) {
-        const omni_trajectory_t *plan = plans->plan[lane];
-        const int like = time_us < plan->timing.lead_in_us ? plans->same[lane] : plans->path[lane];
-        if (like == lane) {
-            omni_trajectory_evaluate(plan, time_us, &each[lane]);
+        const int first = like(plans, lane, time_us);
+        if (first == lane) {
+            omni_trajectory_evaluate(plans->plan[lane], time_us, &each[lane]);
         }
-        from[lane] = &each[like];
+        from[lane] = &each[first];
     }
     (void)hil_lanes_pack(layout, from, reference); /* it has nothing that is common to all runs */
 }

@@ -74,18 +74,18 @@ omni_real_t omni_atan2f(omni_real_t y, omni_real_t x) {
     if (!omni_is_finite(ax) || !omni_is_finite(ay)) {
         return 0.0f * ax + 0.0f * ay; /* NaN */
     }
-    const omni_real_t low = ax < ay ? ax : ay;
-    const omni_real_t high = ax < ay ? ay : ax;
+    const omni_real_t low = omni_select(ax < ay, ax, ay);
+    const omni_real_t high = omni_select(ax < ay, ay, ax);
     if (high == 0.0f) {
         return 0.0f;
     }
     const omni_real_t ratio = low / high;
-    const bool steep = ratio > 0.41421356f;
-    const omni_real_t reduced = steep ? (ratio - 1.0f) / (ratio + 1.0f) : ratio;
-    const omni_real_t octant = arctangent_polynomial(reduced) + (steep ? 0.5f * half_pi : 0.0f);
-    const omni_real_t quadrant = ax < ay ? half_pi - octant : octant;
-    const omni_real_t half_plane = x < 0.0f ? OMNI_PI_F - quadrant : quadrant;
-    return y < 0.0f ? -half_plane : half_plane;
+    const omni_flag_t steep = ratio > 0.41421356f;
+    const omni_real_t reduced = omni_select(steep, (ratio - 1.0f) / (ratio + 1.0f), ratio);
+    const omni_real_t octant = arctangent_polynomial(reduced) + omni_select(steep, 0.5f * half_pi, 0.0f);
+    const omni_real_t quadrant = omni_select(ax < ay, half_pi - octant, octant);
+    const omni_real_t half_plane = omni_select(x < 0.0f, OMNI_PI_F - quadrant, quadrant);
+    return omni_select(y < 0.0f, -half_plane, half_plane);
 }
 
 omni_real_t omni_wrap_pi(omni_real_t angle) {

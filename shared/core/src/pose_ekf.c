@@ -9,9 +9,9 @@
 /* A ratio beyond this is no slip any more: the wheel spins or is blocked, and the model says nothing. */
 static const omni_real_t slip_limit = 0.5f;
 
-/* 2 pi = two_pi + two_pi_rest. */
-static const omni_real_t two_pi = 6.28318530717958647692f;
-static const omni_real_t two_pi_rest = -1.74845553e-7f;
+/* 2 pi = whole_turn + whole_turn_rest. */
+static const omni_real_t whole_turn = 6.28318530717958647692f;
+static const omni_real_t whole_turn_rest = -1.74845553e-7f;
 
 uint8_t omni_ekf_slips(const omni_pose_ekf_config_t *config, const omni_kinematics_t *k) {
     return config->mode == OMNI_EKF_MODE_SLIP ? k->wheels : 0;
@@ -59,12 +59,12 @@ static void move_pose(omni_pose_ekf_state_t *state, const omni_real_t *delta) {
     const omni_flag_t above = pose->theta >= OMNI_PI_F;
     const omni_flag_t below = pose->theta < -OMNI_PI_F;
     if (omni_any(above)) {
-        pose->theta = omni_select(above, pose->theta - two_pi, pose->theta);
-        state->carry[2] = omni_select(above, state->carry[2] - two_pi_rest, state->carry[2]);
+        pose->theta = omni_select(above, pose->theta - whole_turn, pose->theta);
+        state->carry[2] = omni_select(above, state->carry[2] - whole_turn_rest, state->carry[2]);
     }
     if (omni_any(below)) {
-        pose->theta = omni_select(below, pose->theta + two_pi, pose->theta);
-        state->carry[2] = omni_select(below, state->carry[2] + two_pi_rest, state->carry[2]);
+        pose->theta = omni_select(below, pose->theta + whole_turn, pose->theta);
+        state->carry[2] = omni_select(below, state->carry[2] + whole_turn_rest, state->carry[2]);
     }
     if (omni_absf(pose->theta) > OMNI_PI_F) {
         pose->theta = omni_wrap_pi(pose->theta);
@@ -96,12 +96,12 @@ static void elapse(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *c
 /* eq. 22 with slip, over a tick; and how the motion changes with each slip ratio, the turn of the mid-tick frame included. */
 static void move_body(const omni_pose_ekf_state_t *state, const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad,
                       uint8_t slips, omni_ekf_motion_t *motion) {
-    omni_real_t slip_m[OMNI_MAX_WHEELS] = {0};
+    omni_real_t slip_m[OMNI_MAX_WHEELS];
     omni_twist_t body;
     for (uint8_t i = 0; i < slips; ++i) {
         slip_m[i] = state->slip[i] * k->radius_m[i] * wheel_delta_rad[i];
     }
-    omni_kinematics_forward(k, wheel_delta_rad, slip_m, &body);
+    omni_kinematics_forward(k, wheel_delta_rad, slips > 0 ? slip_m : NULL, &body);
     motion->move[0] = body.vx;
     motion->move[1] = body.vy;
     motion->move[2] = body.wz;

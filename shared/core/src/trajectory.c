@@ -29,7 +29,7 @@ void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, 
 }
 
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {
-    const uint64_t lead_in_us = plan->timing.lead_in_us;
+    const omni_ns_t lead_in_us = plan->timing.lead_in_us;
     reference->path_time_s = 0.0f;
     if (time_us < lead_in_us) {
         reference->phase = OMNI_PHASE_LEAD_IN;

@@ -7,17 +7,17 @@ enum { RATE_BITS = 24 };
 
 static const uint64_t one = (uint64_t)1 << RATE_BITS;
 
-uint64_t omni_nanoseconds(omni_real_t seconds) {
-    const uint32_t whole = (uint32_t)seconds;
+omni_ns_t omni_nanoseconds(omni_real_t seconds) {
+    const omni_uint_t whole = (omni_uint_t)seconds;
     const omni_real_t rest = seconds - (omni_real_t)whole;
-    return (uint64_t)whole * 1000000000u + (uint64_t)(rest * 1e9f);
+    return (omni_ns_t)whole * 1000000000u + (omni_ns_t)(rest * 1e9f);
 }
 
-static uint64_t slowed(uint64_t ns, uint64_t rate) {
+static omni_ns_t slowed(omni_ns_t ns, omni_ns_t rate) {
     return (ns >> RATE_BITS) * rate + (((ns & (one - 1)) * rate) >> RATE_BITS);
 }
 
-static uint64_t stretched(uint64_t ns, uint64_t rate) {
+static omni_ns_t stretched(omni_ns_t ns, omni_ns_t rate) {
     const uint64_t most = (uint64_t)1 << 62; /* 146 years */
     if (ns / rate >= most >> RATE_BITS) {
         return most;
@@ -36,7 +36,7 @@ void omni_path_set_lengths(omni_trajectory_t *plan) {
 void omni_path_set_clock(omni_trajectory_t *plan) {
     omni_trajectory_timing_t *t = &plan->timing;
     const omni_real_t rate = omni_clampf((omni_real_t)one / plan->scale, 1.0f, (omni_real_t)one);
-    t->rate = (uint64_t)rate;
+    t->rate = (omni_ns_t)rate;
     t->ramp_ns = omni_nanoseconds(plan->config.ramp_s);
     if (t->duration_ns == OMNI_ENDLESS_NS) {
         t->ramp_path_ns = slowed(t->ramp_ns, t->rate) / 2;
@@ -44,41 +44,41 @@ void omni_path_set_clock(omni_trajectory_t *plan) {
         return;
     }
     /* A short path has shorter ramps and no cruise. */
-    const uint64_t longest_ns = stretched(t->duration_ns, t->rate);
-    t->ramp_ns = t->ramp_ns < longest_ns ? t->ramp_ns : longest_ns;
+    const omni_ns_t longest_ns = stretched(t->duration_ns, t->rate);
+    t->ramp_ns = omni_select(t->ramp_ns < longest_ns, t->ramp_ns, longest_ns);
     t->ramp_path_ns = slowed(t->ramp_ns, t->rate) / 2;
     t->cruise_ns = stretched(t->duration_ns - 2 * t->ramp_path_ns, t->rate);
 }
 
-uint64_t omni_path_real_ns(const omni_trajectory_t *plan) {
+omni_ns_t omni_path_real_ns(const omni_trajectory_t *plan) {
     const omni_trajectory_timing_t *t = &plan->timing;
-    return t->cruise_ns == OMNI_ENDLESS_NS ? OMNI_ENDLESS_NS : 2 * t->ramp_ns + t->cruise_ns;
+    return omni_select(t->cruise_ns == OMNI_ENDLESS_NS, OMNI_ENDLESS_NS, 2 * t->ramp_ns + t->cruise_ns);
 }
 
 /* The rising ramp at time_ns < ramp_ns; path_ns counts from the ramp's start. */
-static omni_path_clock_t ramp(const omni_trajectory_timing_t *t, uint64_t time_ns) {
-    const omni_real_t full = (omni_real_t)(uint32_t)t->rate / (omni_real_t)one;
+static omni_path_clock_t ramp(const omni_trajectory_timing_t *t, omni_ns_t time_ns) {
+    const omni_real_t full = (omni_real_t)(omni_uint_t)t->rate / (omni_real_t)one;
     const omni_real_t length_ns = omni_real_of(t->ramp_ns);
     const omni_real_t p = omni_real_of(time_ns) / length_ns;
     const omni_jet_t rise = omni_quintic(p);
     /* Twice the integral of the quintic. */
     const omni_real_t covered = p * p * p * p * (5.0f + p * (-6.0f + 2.0f * p));
     omni_path_clock_t clock = {0, full * rise.d[0], full * rise.d[1] / (length_ns * 1e-9f), false};
-    clock.path_ns = (uint64_t)(covered * omni_real_of(t->ramp_path_ns));
+    clock.path_ns = (omni_ns_t)(covered * omni_real_of(t->ramp_path_ns));
     return clock;
 }
 
-omni_path_clock_t omni_path_clock(const omni_trajectory_t *plan, uint64_t time_ns) {
+omni_path_clock_t omni_path_clock(const omni_trajectory_t *plan, omni_ns_t time_ns) {
     const omni_trajectory_timing_t *t = &plan->timing;
-    const omni_real_t full = (omni_real_t)(uint32_t)t->rate / (omni_real_t)one;
+    const omni_real_t full = (omni_real_t)(omni_uint_t)t->rate / (omni_real_t)one;
     if (time_ns < t->ramp_ns) {
         return ramp(t, time_ns);
     }
-    const uint64_t cruised_ns = time_ns - t->ramp_ns;
+    const omni_ns_t cruised_ns = time_ns - t->ramp_ns;
     if (cruised_ns < t->cruise_ns) {
         return (omni_path_clock_t){t->ramp_path_ns + slowed(cruised_ns, t->rate), full, 0.0f, false};
     }
-    const uint64_t braked_ns = cruised_ns - t->cruise_ns;
+    const omni_ns_t braked_ns = cruised_ns - t->cruise_ns;
     if (braked_ns < t->ramp_ns) {
         omni_path_clock_t clock = ramp(t, t->ramp_ns - 1 - braked_ns);
         clock.path_ns = t->duration_ns - clock.path_ns;

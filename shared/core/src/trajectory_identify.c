@@ -4,11 +4,9 @@
 
 enum { SEGMENTS = 4 }; /* circle and spin, both ways each */
 
-static const omni_real_t two_pi = 6.28318530717958647692f;
-
 /* Laps of a segment: `whole` ones and the rest with its derivatives, which may lie a bit beyond 0..1. */
 typedef struct laps_t {
-    uint64_t whole;
+    omni_ns_t whole;
     omni_jet_t rest;
 } laps_t;
 
@@ -16,16 +14,17 @@ static omni_real_t laps_each_way(const omni_trajectory_t *plan) {
     return plan->config.laps > 0.0f ? plan->config.laps : 1.0f;
 }
 
-uint64_t omni_identify_round_ns(const omni_trajectory_t *plan) {
+omni_ns_t omni_identify_round_ns(const omni_trajectory_t *plan) {
     const omni_real_t laps = laps_each_way(plan);
-    const uint64_t period_ns = omni_nanoseconds(plan->config.period_s);
-    const uint32_t whole = (uint32_t)laps;
-    const uint64_t segment_ns = whole * period_ns + (uint64_t)((laps - (omni_real_t)whole) * (omni_real_t)period_ns);
-    return SEGMENTS * (segment_ns > 0 ? segment_ns : 1);
+    const omni_ns_t period_ns = omni_nanoseconds(plan->config.period_s);
+    const omni_uint_t whole = (omni_uint_t)laps;
+    const omni_ns_t segment_ns =
+        (omni_ns_t)whole * period_ns + (omni_ns_t)((laps - (omni_real_t)whole) * (omni_real_t)period_ns);
+    return (omni_ns_t)SEGMENTS * omni_select(segment_ns > 0u, segment_ns, 1u);
 }
 
 /* The rate rises from rest with a quintic over the ramp, to full_per_s laps per second. */
-static omni_jet_t rising(omni_real_t full_per_s, uint64_t ns, uint64_t ramp_ns) {
+static omni_jet_t rising(omni_real_t full_per_s, omni_ns_t ns, omni_ns_t ramp_ns) {
     const omni_real_t ramp_s = (omni_real_t)ramp_ns * 1e-9f;
     const omni_real_t p = (omni_real_t)ns / (omni_real_t)ramp_ns;
     const omni_jet_t rise = omni_quintic(p);
@@ -38,11 +37,11 @@ static omni_jet_t rising(omni_real_t full_per_s, uint64_t ns, uint64_t ramp_ns) 
 }
 
 /* Laps done ns after the segment began: from rest to rest, in between a constant rate. */
-static laps_t laps_at(omni_real_t count, uint64_t ns, uint64_t segment_ns) {
+static laps_t laps_at(omni_real_t count, omni_ns_t ns, omni_ns_t segment_ns) {
     const omni_real_t period_ns = (omni_real_t)segment_ns / count;
-    const uint64_t quarter_ns = (uint64_t)(0.25f * period_ns) + 1;
-    const uint64_t ramp_ns = quarter_ns < segment_ns / 2 ? quarter_ns : segment_ns / 2;
-    const uint64_t lap_ns = (uint64_t)((omni_real_t)(segment_ns - ramp_ns) / count) + 1;
+    const omni_ns_t quarter_ns = (omni_ns_t)(0.25f * period_ns) + 1;
+    const omni_ns_t ramp_ns = omni_select(quarter_ns < segment_ns / 2u, quarter_ns, segment_ns / 2u);
+    const omni_ns_t lap_ns = (omni_ns_t)((omni_real_t)(segment_ns - ramp_ns) / count) + 1;
     const omni_real_t full_per_s = 1e9f / (omni_real_t)lap_ns;
     laps_t laps = {0, {{0.0f}}};
     if (ramp_ns == 0) {
@@ -56,7 +55,7 @@ static laps_t laps_at(omni_real_t count, uint64_t ns, uint64_t segment_ns) {
         laps.rest.d[1] = full_per_s;
     } else {
         const omni_jet_t left = rising(full_per_s, segment_ns - ns, ramp_ns);
-        laps.whole = (uint64_t)count;
+        laps.whole = (omni_ns_t)count;
         laps.rest.d[0] = count - (omni_real_t)laps.whole - left.d[0];
         laps.rest.d[1] = left.d[1];
         laps.rest.d[2] = -left.d[2];
@@ -66,11 +65,11 @@ static laps_t laps_at(omni_real_t count, uint64_t ns, uint64_t segment_ns) {
 }
 
 static void circle(omni_real_t radius_m, const omni_jet_t *laps, omni_jet_t *x, omni_jet_t *y) {
-    const omni_real_t rate = two_pi * laps->d[1];
-    const omni_real_t change = two_pi * laps->d[2];
+    const omni_real_t rate = omni_two_pi * laps->d[1];
+    const omni_real_t change = omni_two_pi * laps->d[2];
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(two_pi * laps->d[0], &sine, &cosine);
+    omni_sincosf(omni_two_pi * laps->d[0], &sine, &cosine);
     x->d[0] = radius_m * cosine;
     x->d[1] = -radius_m * rate * sine;
     x->d[2] = -radius_m * (rate * rate * cosine + change * sine);
@@ -83,16 +82,16 @@ static void spin(omni_real_t turn_rad, const laps_t *laps, omni_jet_t *theta) {
     for (int i = 0; i < OMNI_JET_LENGTH; ++i) {
         theta->d[i] = turn_rad * laps->rest.d[i];
     }
-    theta->d[0] += two_pi * omni_whole_laps(turn_rad / two_pi, laps->whole);
+    theta->d[0] += omni_two_pi * omni_whole_laps(turn_rad / omni_two_pi, laps->whole);
 }
 
-void omni_path_identify(const omni_trajectory_t *plan, uint64_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
-    const uint64_t round_ns = plan->timing.lap_ns;
-    const uint64_t segment_ns = round_ns / SEGMENTS;
-    const uint64_t ns = path_ns % round_ns;
-    const uint64_t segment = ns / segment_ns;
+void omni_path_identify(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+    const omni_ns_t round_ns = plan->timing.lap_ns;
+    const omni_ns_t segment_ns = round_ns / SEGMENTS;
+    const omni_ns_t ns = path_ns % round_ns;
+    const omni_ns_t segment = ns / segment_ns;
     const bool back = segment % 2 == 1;
-    const uint64_t since_ns = ns - segment * segment_ns;
+    const omni_ns_t since_ns = ns - segment * segment_ns;
     /* Back is the way there, seen backwards. */
     laps_t laps = laps_at(laps_each_way(plan), back ? segment_ns - since_ns : since_ns, segment_ns);
     if (back) {

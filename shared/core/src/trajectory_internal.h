@@ -16,6 +16,8 @@ enum { OMNI_JET_LENGTH = 4 };
 /** "No end" as a path time. */
 #define OMNI_ENDLESS_NS UINT64_MAX
 
+static const omni_real_t omni_two_pi = 6.28318530717958647692f;
+
 /** A function's value and its first three derivatives. */
 typedef struct omni_jet_t {
     omni_real_t d[OMNI_JET_LENGTH];
@@ -23,20 +25,23 @@ typedef struct omni_jet_t {
 
 /** Where the path clock stands. */
 typedef struct omni_path_clock_t {
-    uint64_t path_ns;        /**< u */
+    omni_ns_t path_ns;       /**< u */
     omni_real_t rate;        /**< u' */
     omni_real_t rate_change; /**< u'', 1/s */
     bool done;
 } omni_path_clock_t;
 
 /** Seconds (0..1e9) as nanoseconds. */
-uint64_t omni_nanoseconds(omni_real_t seconds);
+omni_ns_t omni_nanoseconds(omni_real_t seconds);
 
 /** 10 p^3 - 15 p^4 + 6 p^5 and its derivatives by p; at rest at p = 0 and p = 1. */
 omni_jet_t omni_quintic(omni_real_t p);
 
 /** A whole number as the nearest float: what a cast gives, in a quarter of the time on a 32-bit processor. */
-static inline omni_real_t omni_real_of(uint64_t whole) {
+static inline omni_real_t omni_real_of(omni_ns_t whole) {
+#ifdef OMNI_OWN_NUMBERS
+    return (omni_real_t)whole;
+#else
     const uint32_t high = (uint32_t)(whole >> 32);
     if (high == 0) {
         return (omni_real_t)(uint32_t)whole;
@@ -49,26 +54,27 @@ static inline omni_real_t omni_real_of(uint64_t whole) {
     omni_real_t power;
     memcpy(&power, &power_bits, sizeof power);
     return (omni_real_t)leading * power;
+#endif
 }
 
 /** ns modulo period_ns; most paths are in their first lap, and a 64-bit division costs 50 instructions on a 32-bit processor. */
-static inline uint64_t omni_modulo(uint64_t ns, uint64_t period_ns) {
-    return ns < period_ns ? ns : ns % period_ns;
+static inline omni_ns_t omni_modulo(omni_ns_t ns, omni_ns_t period_ns) {
+    return omni_all(ns < period_ns) ? ns : ns % period_ns;
 }
 
 /** ns modulo period_ns as a share of it, 0..1. */
-static inline omni_real_t omni_phase(uint64_t ns, uint64_t period_ns) {
+static inline omni_real_t omni_phase(omni_ns_t ns, omni_ns_t period_ns) {
     return omni_real_of(omni_modulo(ns, period_ns)) / omni_real_of(period_ns);
 }
 
 /** Path time of TRJ_PERIOD, at least 1. */
-uint64_t omni_path_period_ns(const omni_trajectory_t *plan);
+omni_ns_t omni_path_period_ns(const omni_trajectory_t *plan);
 
 /** Path time of a lap: one period, or all legs of a round. */
-uint64_t omni_path_lap_ns(const omni_trajectory_t *plan);
+omni_ns_t omni_path_lap_ns(const omni_trajectory_t *plan);
 
 /** Path time of the whole path, or OMNI_ENDLESS_NS. */
-uint64_t omni_path_duration_ns(const omni_trajectory_t *plan);
+omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan);
 
 /** Fill plan->timing with the above, once configuration and points are known. */
 void omni_path_set_lengths(omni_trajectory_t *plan);
@@ -77,17 +83,17 @@ void omni_path_set_lengths(omni_trajectory_t *plan);
 void omni_path_set_clock(omni_trajectory_t *plan);
 
 /** Real time that the path clock takes from start to end at scale plan->scale, or OMNI_ENDLESS_NS. */
-uint64_t omni_path_real_ns(const omni_trajectory_t *plan);
+omni_ns_t omni_path_real_ns(const omni_trajectory_t *plan);
 
 /** The clock time_ns after the path began. */
-omni_path_clock_t omni_path_clock(const omni_trajectory_t *plan, uint64_t time_ns);
+omni_path_clock_t omni_path_clock(const omni_trajectory_t *plan, omni_ns_t time_ns);
 
 /** omni_path_evaluate at an exact path time. */
-void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *pose, omni_twist_t *first,
+void omni_path_at(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_pose_t *pose, omni_twist_t *first,
                   omni_twist_t *second);
 
 /** Heading by the rotation law (its offset not added), for the jets of x and y at path_ns. */
-omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, uint64_t path_ns, const omni_jet_t *x, const omni_jet_t *y);
+omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x, const omni_jet_t *y);
 
 /** Phasors of a rose, in half turns per lap: it is the mean of exp(i sum phi) and exp(i difference phi). */
 void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference);
@@ -96,13 +102,13 @@ void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference);
 void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given);
 
 /** Path of type identify at path_ns: circles counter-clockwise and back, then spins; from rest to rest each. Jets come in as zero. */
-void omni_path_identify(const omni_trajectory_t *plan, uint64_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta);
+void omni_path_identify(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta);
 
 /** Path time of its four segments. */
-uint64_t omni_identify_round_ns(const omni_trajectory_t *plan);
+omni_ns_t omni_identify_round_ns(const omni_trajectory_t *plan);
 
 /** Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step. */
-omni_real_t omni_whole_laps(omni_real_t turns, uint64_t laps);
+omni_real_t omni_whole_laps(omni_real_t turns, omni_ns_t laps);
 
 /** Rate and acceleration of a pose on the path by the chain rule. */
 void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, const omni_twist_t *second, omni_twist_t *rate,

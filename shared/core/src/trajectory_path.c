@@ -4,8 +4,6 @@
 #include "math_inline.h"
 #include "trajectory_internal.h"
 
-static const omni_real_t two_pi = 6.28318530717958647692f;
-
 omni_jet_t omni_quintic(omni_real_t p) {
     const omni_real_t q = 1.0f - p;
     omni_jet_t jet;
@@ -25,39 +23,39 @@ static bool has_heading(const omni_trajectory_t *plan) {
     return plan->config.type == OMNI_TRJ_TYPE_REPORT || plan->config.type == OMNI_TRJ_TYPE_IDENTIFY || has_points(plan);
 }
 
-uint64_t omni_path_period_ns(const omni_trajectory_t *plan) {
-    const uint64_t ns = omni_nanoseconds(plan->config.period_s);
-    return ns > 0 ? ns : 1;
+omni_ns_t omni_path_period_ns(const omni_trajectory_t *plan) {
+    const omni_ns_t ns = omni_nanoseconds(plan->config.period_s);
+    return omni_select(ns > 0u, ns, 1u);
 }
 
-uint64_t omni_path_lap_ns(const omni_trajectory_t *plan) {
+omni_ns_t omni_path_lap_ns(const omni_trajectory_t *plan) {
     if (plan->config.type == OMNI_TRJ_TYPE_IDENTIFY) {
         return omni_identify_round_ns(plan);
     }
     return omni_path_period_ns(plan) * (has_points(plan) ? plan->waypoints.count : 1u);
 }
 
-uint64_t omni_path_duration_ns(const omni_trajectory_t *plan) {
+omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan) {
     if (!(plan->config.laps > 0.0f)) {
         return OMNI_ENDLESS_NS;
     }
-    const uint64_t lap_ns = omni_path_lap_ns(plan);
+    const omni_ns_t lap_ns = omni_path_lap_ns(plan);
     if (plan->config.type == OMNI_TRJ_TYPE_IDENTIFY) {
         return lap_ns; /* TRJ_LAPS are in it */
     }
-    const uint32_t whole = (uint32_t)plan->config.laps;
+    const omni_uint_t whole = (omni_uint_t)plan->config.laps;
     const omni_real_t rest = plan->config.laps - (omni_real_t)whole;
-    const uint64_t laps_ns = whole * lap_ns + (uint64_t)(rest * (omni_real_t)lap_ns);
+    const omni_ns_t laps_ns = (omni_ns_t)whole * lap_ns + (omni_ns_t)(rest * (omni_real_t)lap_ns);
     /* A tour of n points has n - 1 legs if it does not come back to the first. */
-    const uint64_t back_ns = has_points(plan) ? omni_path_period_ns(plan) : 0;
-    return laps_ns > back_ns ? laps_ns - back_ns : 0;
+    const omni_ns_t back_ns = has_points(plan) ? omni_path_period_ns(plan) : (omni_ns_t)0;
+    return omni_select(laps_ns > back_ns, laps_ns - back_ns, 0u);
 }
 
 /* jet += amplitude sin(2 pi turns), the phase growing at omega. */
 static void add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, omni_real_t omega) {
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(two_pi * turns, &sine, &cosine);
+    omni_sincosf(omni_two_pi * turns, &sine, &cosine);
     jet->d[0] += amplitude * sine;
     jet->d[1] += amplitude * omega * cosine;
     jet->d[2] -= amplitude * omega * omega * sine;
@@ -65,16 +63,16 @@ static void add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, 
 }
 
 /* (x, y) += amplitude exp(i phase), the phase growing by half_turns per period. */
-static void add_phasor(omni_jet_t *x, omni_jet_t *y, omni_real_t amplitude, int32_t half_turns, uint64_t ns,
+static void add_phasor(omni_jet_t *x, omni_jet_t *y, omni_real_t amplitude, int32_t half_turns, omni_ns_t ns,
                        const omni_trajectory_timing_t *timing) {
-    const uint64_t lap_ns = timing->period_ns;
+    const omni_ns_t lap_ns = timing->period_ns;
     const uint64_t count = (uint64_t)(half_turns < 0 ? -half_turns : half_turns);
     const omni_real_t sign = half_turns < 0 ? -1.0f : 1.0f;
     const omni_real_t turns = omni_phase(omni_modulo(ns, 2 * lap_ns) * count, 2 * lap_ns);
-    const omni_real_t omega = 0.5f * two_pi * (omni_real_t)half_turns / timing->period_s;
+    const omni_real_t omega = 0.5f * omni_two_pi * (omni_real_t)half_turns / timing->period_s;
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(two_pi * (sign * turns), &sine, &cosine);
+    omni_sincosf(omni_two_pi * (sign * turns), &sine, &cosine);
     const omni_real_t first = amplitude * omega;
     const omni_real_t second = first * omega;
     const omni_real_t third = second * omega;
@@ -95,7 +93,7 @@ void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference) {
 }
 
 /* r = a cos(k f) at bearing f: half the sum of a exp(i (1 + k) f) and a exp(i (1 - k) f). */
-static void rose(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni_jet_t *y) {
+static void rose(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y) {
     int32_t sum;
     int32_t difference;
     omni_rose_half_turns(plan->config.petals, &sum, &difference);
@@ -104,21 +102,21 @@ static void rose(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni
 }
 
 /* sin(2 pi u / sine_s) + cos(2 pi u / cosine_s), times the amplitude. */
-static void add_pair(omni_jet_t *jet, omni_real_t amplitude, uint64_t ns, uint32_t sine_s, uint32_t cosine_s) {
+static void add_pair(omni_jet_t *jet, omni_real_t amplitude, omni_ns_t ns, uint32_t sine_s, uint32_t cosine_s) {
     const uint64_t second_ns = 1000000000u;
-    add_sine(jet, amplitude, omni_phase(ns, sine_s * second_ns), two_pi / (omni_real_t)sine_s);
-    add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f, two_pi / (omni_real_t)cosine_s);
+    add_sine(jet, amplitude, omni_phase(ns, sine_s * second_ns), omni_two_pi / (omni_real_t)sine_s);
+    add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f, omni_two_pi / (omni_real_t)cosine_s);
 }
 
 /* eq. 81 */
-static void report(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void report(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
     add_pair(x, plan->config.size_m, ns, 12, 14);
     add_pair(y, plan->config.size_m, ns, 5, 4);
     add_pair(theta, 0.5f, ns, 16, 8);
 }
 
 /* Share of the leg done, derivatives by path time. */
-static omni_jet_t leg_share(uint64_t ns, const omni_trajectory_timing_t *timing) {
+static omni_jet_t leg_share(omni_ns_t ns, const omni_trajectory_timing_t *timing) {
     omni_jet_t jet = omni_quintic(omni_phase(ns, timing->period_ns));
     omni_real_t factor = 1.0f;
     for (int i = 1; i < OMNI_JET_LENGTH; ++i) {
@@ -137,25 +135,26 @@ static omni_jet_t between(omni_real_t from, omni_real_t to, const omni_jet_t *sh
     return jet;
 }
 
-static void line(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x) {
-    const uint64_t leg_ns = plan->timing.period_ns;
+static void line(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x) {
+    const omni_ns_t leg_ns = plan->timing.period_ns;
     const omni_jet_t share = leg_share(ns, &plan->timing);
     const bool back = ns / leg_ns % 2 == 1;
     *x = between(back ? plan->config.size_m : 0.0f, back ? 0.0f : plan->config.size_m, &share);
 }
 
-static void points(const omni_trajectory_t *plan, uint64_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
-    const uint64_t leg_ns = plan->timing.period_ns;
+static void points(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+    const omni_ns_t leg_ns = plan->timing.period_ns;
     const omni_jet_t share = leg_share(ns, &plan->timing);
     const uint8_t count = plan->waypoints.count;
-    const omni_pose_t *from = &plan->waypoints.pose[ns / leg_ns % count];
-    const omni_pose_t *to = &plan->waypoints.pose[(ns / leg_ns + 1) % count];
+    const uint64_t leg = (uint64_t)(ns / leg_ns);
+    const omni_pose_t *from = &plan->waypoints.pose[leg % count];
+    const omni_pose_t *to = &plan->waypoints.pose[(leg + 1) % count];
     *x = between(from->x, to->x, &share);
     *y = between(from->y, to->y, &share);
     *theta = between(from->theta, from->theta + omni_wrap_pi(to->theta - from->theta), &share);
 }
 
-void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *pose, omni_twist_t *first,
+void omni_path_at(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_pose_t *pose, omni_twist_t *first,
                   omni_twist_t *second) {
     omni_jet_t x = {{0}};
     omni_jet_t y = {{0}};
@@ -195,7 +194,7 @@ void omni_path_at(const omni_trajectory_t *plan, uint64_t path_ns, omni_pose_t *
 
 void omni_path_evaluate(const omni_trajectory_t *plan, omni_real_t path_time_s, omni_pose_t *pose, omni_twist_t *first,
                         omni_twist_t *second) {
-    const uint64_t duration_ns = plan->timing.duration_ns;
-    const uint64_t ns = omni_nanoseconds(omni_clampf(path_time_s, 0.0f, 1e9f));
-    omni_path_at(plan, ns < duration_ns ? ns : duration_ns, pose, first, second);
+    const omni_ns_t duration_ns = plan->timing.duration_ns;
+    const omni_ns_t ns = omni_nanoseconds(omni_clampf(path_time_s, 0.0f, 1e9f));
+    omni_path_at(plan, omni_select(ns < duration_ns, ns, duration_ns), pose, first, second);
 }

@@ -15,7 +15,6 @@ enum {
 
 /* eq. 81 repeats after the least common multiple of its six periods. */
 static const omni_real_t report_repeats_s = 1680.0f;
-static const omni_real_t two_pi = 6.28318530717958647692f;
 static const omni_real_t near_m = 1e-3f;
 static const omni_real_t near_rad = 1e-3f;
 static const omni_real_t shortest_lead_in_s = 0.2f;
@@ -76,7 +75,7 @@ static bool laps_repeat(const omni_trajectory_config_t *c) {
     if (c->type == OMNI_TRJ_TYPE_IDENTIFY) {
         return true;
     }
-    const omni_real_t turns = c->rotation == OMNI_TRJ_ROT_SPIN   ? c->rotation_amplitude_rad / two_pi
+    const omni_real_t turns = c->rotation == OMNI_TRJ_ROT_SPIN   ? c->rotation_amplitude_rad / omni_two_pi
                               : c->rotation == OMNI_TRJ_ROT_SINE ? c->rotation_cycles
                                                                  : 0.0f;
     return omni_absf(turns - (omni_real_t)(int32_t)turns) < 1e-5f;
@@ -196,8 +195,8 @@ static void set_start(omni_trajectory_t *plan) {
     omni_twist_t second;
     plan->heading_offset_rad = plan->config.type == OMNI_TRJ_TYPE_HOLD ? plan->origin.theta : 0.0f;
     omni_path_at(plan, 0, &plan->start, &first, &second);
-    const omni_real_t turns = (plan->origin.theta - plan->start.theta) / two_pi;
-    plan->heading_offset_rad += two_pi * (omni_real_t)(int32_t)(turns + (turns < 0.0f ? -0.5f : 0.5f));
+    const omni_real_t turns = (plan->origin.theta - plan->start.theta) / omni_two_pi;
+    plan->heading_offset_rad += omni_two_pi * (omni_real_t)(int32_t)(turns + (turns < 0.0f ? -0.5f : 0.5f));
     omni_path_at(plan, 0, &plan->start, &first, &second);
 }
 

@@ -2,35 +2,33 @@
 #include "math_inline.h"
 #include "trajectory_internal.h"
 
-static const omni_real_t two_pi = 6.28318530717958647692f;
-
-omni_real_t omni_whole_laps(omni_real_t turns, uint64_t laps) {
+omni_real_t omni_whole_laps(omni_real_t turns, omni_ns_t laps) {
     const omni_real_t unit = 4294967296.0f;
     const uint64_t per_lap = (uint64_t)(int64_t)(turns * unit);
     const uint32_t fraction = (uint32_t)(per_lap * laps);
     return (omni_real_t)(fraction >> 31 ? (int64_t)fraction - 4294967296 : (int64_t)fraction) / unit;
 }
 
-static omni_jet_t spin(omni_real_t turn_rad, uint64_t path_ns, const omni_trajectory_timing_t *timing) {
-    const uint64_t lap_ns = timing->lap_ns;
+static omni_jet_t spin(omni_real_t turn_rad, omni_ns_t path_ns, const omni_trajectory_timing_t *timing) {
+    const omni_ns_t lap_ns = timing->lap_ns;
     omni_jet_t jet = {{0}};
-    jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + two_pi * omni_whole_laps(turn_rad / two_pi, path_ns / lap_ns);
+    jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + omni_two_pi * omni_whole_laps(turn_rad / omni_two_pi, path_ns / lap_ns);
     jet.d[1] = turn_rad / timing->lap_s;
     return jet;
 }
 
-static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path_ns, const omni_trajectory_timing_t *timing) {
-    const uint64_t lap_ns = timing->lap_ns;
+static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, omni_ns_t path_ns, const omni_trajectory_timing_t *timing) {
+    const omni_ns_t lap_ns = timing->lap_ns;
     const uint32_t whole = (uint32_t)cycles;
     const omni_real_t rest = cycles - (omni_real_t)whole;
     omni_real_t turns = omni_phase(omni_modulo(path_ns, lap_ns) * whole, lap_ns);
     if (rest > 0.0f) {
         turns = turns + rest * omni_phase(path_ns, lap_ns) + omni_whole_laps(rest, path_ns / lap_ns);
     }
-    const omni_real_t omega = two_pi * cycles / timing->lap_s;
+    const omni_real_t omega = omni_two_pi * cycles / timing->lap_s;
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(two_pi * turns, &sine, &cosine);
+    omni_sincosf(omni_two_pi * turns, &sine, &cosine);
     return (omni_jet_t){{amplitude * sine, amplitude * omega * cosine, -amplitude * omega * omega * sine,
                          -amplitude * omega * omega * omega * cosine}};
 }
@@ -39,7 +37,7 @@ static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, uint64_t path
  * Direction of travel, without jumps. The derivative of a rose is the sum of two phasors; the longer one, exp(i sum phi),
  * carries the whole turns, the other swings the direction by less than a quarter turn. A lap adds whole turns only.
  */
-static omni_real_t direction(const omni_trajectory_t *plan, uint64_t path_ns, uint64_t lap_ns) {
+static omni_real_t direction(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns) {
     int32_t sum = 2;
     int32_t difference = 0;
     if (plan->config.type == OMNI_TRJ_TYPE_ROSE) {
@@ -49,13 +47,13 @@ static omni_real_t direction(const omni_trajectory_t *plan, uint64_t path_ns, ui
     const uint64_t apart = difference == 0 ? 0 : (uint64_t)(sum - difference);
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(-two_pi * omni_phase(omni_modulo(path_ns, 2 * lap_ns) * apart, 2 * lap_ns), &sine, &cosine);
-    return 0.5f * two_pi * ((omni_real_t)sum * omni_phase(path_ns, lap_ns) + 0.5f) +
+    omni_sincosf(-omni_two_pi * omni_phase(omni_modulo(path_ns, 2 * lap_ns) * apart, 2 * lap_ns), &sine, &cosine);
+    return 0.5f * omni_two_pi * ((omni_real_t)sum * omni_phase(path_ns, lap_ns) + 0.5f) +
            omni_atan2f(ratio * sine, 1.0f + ratio * cosine);
 }
 
 /* theta' = (x' y'' - y' x'') / |v|^2 and its derivative; roses and circles never stand still. */
-static omni_jet_t tangent(const omni_trajectory_t *plan, uint64_t path_ns, uint64_t lap_ns, const omni_jet_t *x,
+static omni_jet_t tangent(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns, const omni_jet_t *x,
                           const omni_jet_t *y) {
     omni_jet_t jet = {{0}};
     const omni_real_t speed2 = x->d[1] * x->d[1] + y->d[1] * y->d[1];
@@ -71,7 +69,7 @@ static omni_jet_t tangent(const omni_trajectory_t *plan, uint64_t path_ns, uint6
     return jet;
 }
 
-omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, uint64_t path_ns, const omni_jet_t *x, const omni_jet_t *y) {
+omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x, const omni_jet_t *y) {
     const omni_trajectory_config_t *c = &plan->config;
     if (c->rotation == OMNI_TRJ_ROT_SPIN) {
         return spin(c->rotation_amplitude_rad, path_ns, &plan->timing);

@@ -113,7 +113,7 @@ static void fill_inputs(const omni_inputs_t *leader) {
 static bool fill_lanes(void) {
     const void *robots[HIL_LANES];
     const void *configs[HIL_LANES];
-    const hil_lanes_plans_t *plans = NULL;
+    hil_lanes_plans_t *plans = NULL;
     bool same = true;
     for (int lane = 0; lane < HIL_LANES; ++lane) {
         robots[lane] = &bench.robots[lane];
@@ -175,7 +175,7 @@ static void compare(void) {
     }
 }
 
-static void tick_lanes(const hil_lanes_plans_t *offered) {
+static void tick_lanes(hil_lanes_plans_t *offered) {
     const void *inputs[HIL_LANES];
     for (int lane = 0; lane < HIL_LANES; ++lane) {
         inputs[lane] = &bench.inputs[lane];

@@ -53,16 +53,16 @@ typedef struct omni_waypoints_t {
 
 /** A plan's times in whole numbers, so that the tick need not derive them. UINT64_MAX: without end. */
 typedef struct omni_trajectory_timing_t {
-    uint64_t lead_in_us;
-    uint64_t period_ns;   /**< path time of config.period_s */
-    uint64_t lap_ns;      /**< path time of a lap: one period, or all legs of a round */
+    omni_ns_t lead_in_us; /**< microseconds */
+    omni_ns_t period_ns;  /**< path time of config.period_s */
+    omni_ns_t lap_ns;     /**< path time of a lap: one period, or all legs of a round */
     omni_real_t period_s; /**< the same as floats */
     omni_real_t lap_s;
-    uint64_t duration_ns;  /**< path time of the whole path */
-    uint64_t rate;         /**< of the path clock, fraction of 2^24 */
-    uint64_t ramp_ns;      /**< real time */
-    uint64_t ramp_path_ns; /**< path time that a ramp covers: half of what it would be at full rate */
-    uint64_t cruise_ns;    /**< real time at full rate */
+    omni_ns_t duration_ns;  /**< path time of the whole path */
+    omni_ns_t rate;         /**< of the path clock, fraction of 2^24 */
+    omni_ns_t ramp_ns;      /**< real time */
+    omni_ns_t ramp_path_ns; /**< path time that a ramp covers: half of what it would be at full rate */
+    omni_ns_t cruise_ns;    /**< real time at full rate */
 } omni_trajectory_timing_t;
 
 /** A planned path; constant after planning. */

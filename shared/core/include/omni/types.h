@@ -23,6 +23,7 @@ typedef float omni_real_t;
 
 typedef int32_t omni_int_t;
 typedef uint32_t omni_uint_t;
+typedef uint64_t omni_ns_t; /**< nanoseconds */
 typedef bool omni_flag_t;
 
 /** For conditions that the data often decide. Both values may be evaluated: they have no side effects. */
