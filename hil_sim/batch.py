@@ -131,8 +131,13 @@ def row_dtype() -> np.dtype[np.void]:
     return struct_dtype("hil_figures_t")
 
 
+def prepare(spec: BatchSpec | Scenario) -> CScenario:
+    """Return the scenario as C needs it, for many batches in any thread. Raises as run_batch does."""
+    return CScenario(spec.applied() if isinstance(spec, BatchSpec) else spec)
+
+
 def run_batch(
-    spec: BatchSpec | Scenario, first_seed: int | None = None, count: int = 1, cancel: Cancel | None = None
+    spec: BatchSpec | Scenario | CScenario, first_seed: int | None = None, count: int = 1, cancel: Cancel | None = None
 ) -> BatchResult:
     """Run ``count`` seeds from ``first_seed`` (None: the scenario's own) on and return their rows.
 
@@ -140,10 +145,9 @@ def run_batch(
     and no figures. Raises SchemaError for impossible seeds, CoreError for parameters or WorldError for a world that no
     run could start with, BatchCancelledError.
     """
-    scenario = spec.applied() if isinstance(spec, BatchSpec) else spec
-    first = scenario.seed if first_seed is None else first_seed
-    _check_seeds(scenario, first, count)
-    plan = CScenario(scenario)
+    plan = spec if isinstance(spec, CScenario) else prepare(spec)
+    first = plan.scenario.seed if first_seed is None else first_seed
+    _check_seeds(plan.scenario, first, count)
     rows = np.zeros(count, row_dtype())
     flag = ffi.NULL if cancel is None else cancel.c
     done = lib.hil_batch_run(plan.c, first, count, ffi.from_buffer("hil_figures_t[]", rows), flag)
@@ -157,18 +161,19 @@ def run_batch(
 def run_batches(
     spec: BatchSpec | Scenario, first_seed: int, count: int, workers: int | None = None
 ) -> Generator[BatchResult, None, None]:
-    """Run seeds on ``workers`` threads (None: one per processor), BLOCK at a time; yield the results in their order.
+    """Run seeds on ``workers`` threads (None: one per processor); yield results of some blocks in their order.
 
     Whoever stops taking them, by Ctrl-C or otherwise, stops the runs. Raises as run_batch does.
     """
-    cancel = Cancel()
+    plan, cancel = prepare(spec), Cancel()
+    piece = BLOCK * min(max(count // 64, 1), 8)  # not by the number of workers: merging must round alike for all
     threads = workers or os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
         pending: deque[Future[BatchResult]] = deque()
         try:
-            for start in range(first_seed, first_seed + count, BLOCK):
-                runs = min(BLOCK, first_seed + count - start)
-                pending.append(pool.submit(run_batch, spec, start, runs, cancel))
+            for start in range(first_seed, first_seed + count, piece):
+                runs = min(piece, first_seed + count - start)
+                pending.append(pool.submit(run_batch, plan, start, runs, cancel))
                 if len(pending) > 2 * threads:
                     yield pending.popleft().result()
             while pending:

@@ -32,6 +32,8 @@ public:
     void background();
     /// A reboot was asked for and everything about it has been said.
     bool reboot_wanted() const { return shared_.reboot; }
+    /// The host is in the loop and has sent sensors: the next ones are due as soon as it has had this tick's answer.
+    bool hosted() const { return shared_.hil && hil_.heard(); }
 
 private:
     /// Who runs the control loop: the timer's tick, or (once it has let go) the background with the host in the loop.

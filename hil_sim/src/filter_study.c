@@ -3,98 +3,46 @@
 
 #include <string.h>
 
+#include "filter_study_lanes.h"
 #include "filter_study_parts.h"
 
-/* The wheels as the filters see them: speeds of this step, by source. */
-enum { SOURCES = 2 };
+_Static_assert(sizeof(hil_filter_sums_t) == sizeof(hil_filter_result_t), "sums become results in place");
 
-typedef struct study_t {
-    const hil_filter_config_t *config;
-    hil_filter_truth_t truth;
-    hil_filter_stack_t stack;
-    double square[HIL_FILTER_COUNT][3];
-    double tracking[3];
-    double nis[SOURCES];
-    double motor_nis;
-    uint32_t closer[HIL_FILTER_COUNT];
-} study_t;
-
-static double wrapped(double angle) {
-    return remainder(angle, 2.0 * HIL_FILTER_PI);
-}
-
-static void error_of(const omni_pose_t *estimate, const double *pose, double *error) {
-    error[0] = (double)estimate->x - pose[0];
-    error[1] = (double)estimate->y - pose[1];
-    error[2] = wrapped((double)estimate->theta - pose[2]);
-}
-
-static double square_sum(double x, double y) {
-    return x * x + y * y;
-}
-
-/* Sums of this step's errors. `reference` is where the robot should be at the end of the step. */
-static void gather(study_t *study, const double *reference) {
-    const double *pose = study->truth.pose;
-    const double distance = square_sum(pose[0], pose[1]);
-    for (int f = 0; f < HIL_FILTER_COUNT; f++) {
-        const omni_pose_t *estimate = &study->stack.ekf[f].pose;
-        double error[3];
-        error_of(estimate, pose, error);
-        for (int axis = 0; axis < 3; axis++) {
-            study->square[f][axis] += error[axis] * error[axis];
-        }
-        study->closer[f] += square_sum((double)estimate->x, (double)estimate->y) < distance;
-    }
-    for (int axis = 0; axis < 3; axis++) {
-        const double off = axis == 2 ? wrapped(pose[2] - reference[2]) : pose[axis] - reference[axis];
-        study->tracking[axis] += off * off;
-    }
-    for (int source = 0; source < SOURCES; source++) {
-        study->nis[source] += (double)study->stack.ekf[HIL_FILTER_EKF + source].nis;
-    }
-    study->motor_nis += hil_filter_motor_nis(&study->stack, study->config->wheels);
-}
-
-static void record(const study_t *study, const double *fix, hil_filter_sample_t *sample) {
+static void record(const hil_filter_run_t *run, const hil_filter_config_t *config, const double *fix,
+                   hil_filter_sample_t *sample) {
     memset(sample, 0, sizeof *sample);
-    memcpy(sample->truth, study->truth.pose, sizeof sample->truth);
+    memcpy(sample->truth, run->truth.pose, sizeof sample->truth);
     memcpy(sample->fix, fix, sizeof sample->fix);
     for (int f = 0; f < HIL_FILTER_COUNT; f++) {
-        const omni_pose_t *pose = &study->stack.ekf[f].pose;
+        const omni_pose_t *pose = &run->stack.ekf[f].pose;
         sample->estimate[f][0] = (double)pose->x;
         sample->estimate[f][1] = (double)pose->y;
         sample->estimate[f][2] = (double)pose->theta;
     }
-    for (uint32_t i = 0; i < study->config->wheels; i++) {
-        sample->voltage_V[i] = (double)study->stack.voltage[i];
-        sample->wheel_true[i] = study->truth.motor[i][0];
-        sample->wheel_measured[i] = study->truth.measured[i];
-        sample->wheel_raw[i] = hil_filter_raw_speed(study->config, &study->truth, i);
-        sample->wheel_filtered[i] = (double)study->stack.filtered[i];
+    for (uint32_t i = 0; i < config->wheels; i++) {
+        sample->voltage_V[i] = (double)run->stack.voltage[i];
+        sample->wheel_true[i] = run->truth.motor[i][0];
+        sample->wheel_measured[i] = run->truth.measured[i];
+        sample->wheel_raw[i] = hil_filter_raw_speed(config, &run->truth, i);
+        sample->wheel_filtered[i] = (double)run->stack.filtered[i];
     }
 }
 
-static void finish(const study_t *study, hil_filter_result_t *result) {
-    const double steps = (double)study->config->steps;
+/* Means and their roots of the sums over the steps. */
+static void finish(const hil_filter_config_t *config, const hil_filter_sums_t *sums, hil_filter_result_t *result) {
+    const double steps = (double)config->steps;
+    memcpy(result, sums, sizeof *result);
     for (int f = 0; f < HIL_FILTER_COUNT; f++) {
         for (int axis = 0; axis < 3; axis++) {
-            result->rmse[f][axis] = sqrt(study->square[f][axis] / steps);
+            result->rmse[f][axis] = sqrt(sums->square[f][axis] / steps);
         }
-        result->closer[f] = study->closer[f] / steps;
-        error_of(&study->stack.ekf[f].pose, study->truth.pose, result->final_error[f]);
+        result->closer[f] /= steps;
     }
-    for (int source = 0; source < SOURCES; source++) {
-        result->nis[source] = study->nis[source] / steps;
-        for (int a = 0; a < 3; a++) {
-            for (int b = 0; b < 3; b++) {
-                result->final_p[source][a][b] = (double)study->stack.ekf[HIL_FILTER_EKF + source].p[a][b];
-            }
-        }
-    }
-    result->motor_nis = study->motor_nis / steps;
+    result->nis[0] /= steps;
+    result->nis[1] /= steps;
+    result->motor_nis /= steps;
     for (int axis = 0; axis < 3; axis++) {
-        result->tracking[axis] = sqrt(study->tracking[axis] / steps);
+        result->tracking[axis] = sqrt(sums->tracking[axis] / steps);
     }
 }
 
@@ -106,23 +54,70 @@ static bool in_range(const hil_filter_config_t *config) {
 
 int32_t hil_filter_study(const hil_filter_config_t *config, const double *reference, const double *rate, uint64_t seed,
                          hil_filter_result_t *result, hil_filter_sample_t *samples) {
-    study_t study = {.config = config};
-    if (!in_range(config) || !hil_filter_stack_reset(&study.stack, config, reference)) {
+    const omni_uint_t words[2] = {(uint32_t)seed, (uint32_t)(seed >> 32)};
+    hil_filter_run_t run;
+    if (!in_range(config) || !hil_filter_begin(&run, config, reference, words)) {
         return -1;
     }
-    hil_filter_truth_reset(&study.truth, config, reference, seed);
     for (uint32_t step = 0; step < config->steps; step++) {
         double fix[3];
-        hil_filter_control(&study.stack, config, reference + 3 * (size_t)step, rate + 3 * (size_t)step);
-        hil_filter_truth_motors(&study.truth, config, study.stack.voltage, step);
-        hil_filter_motors(&study.stack, config, study.truth.measured);
-        hil_filter_truth_pose(&study.truth, config, study.stack.filtered, fix);
-        hil_filter_estimate(&study.stack, config, &study.truth, fix, step);
-        gather(&study, reference + 3 * ((size_t)step + 1));
+        hil_filter_step(&run, config, reference, rate, step, fix);
         if (samples != NULL) {
-            record(&study, fix, &samples[step]);
+            record(&run, config, fix, &samples[step]);
         }
     }
-    finish(&study, result);
+    hil_filter_end(&run);
+    finish(config, &run.sums, result);
+    return 0;
+}
+
+static hil_filter_eight_t *path_of(hil_filter_path_t path) {
+#ifdef __x86_64__
+    const bool avx2 = __builtin_cpu_supports("avx2");
+    if (avx2 && (path == HIL_FILTER_PATH_AVX2 || path == HIL_FILTER_PATH_BEST)) {
+        return hil_filter_eight_avx2;
+    }
+#endif
+    return path == HIL_FILTER_PATH_BASELINE || path == HIL_FILTER_PATH_BEST ? hil_filter_eight_baseline : NULL;
+}
+
+/* Up to eight seeds; too few are filled up. @return false if they cannot go together. */
+static bool run_eight(hil_filter_eight_t *eight, const hil_filter_config_t *config, const double *reference, const double *rate,
+                      const uint64_t *seeds, uint32_t count, hil_filter_result_t *results) {
+    uint64_t seed[HIL_FILTER_LANES];
+    hil_filter_sums_t sums[HIL_FILTER_LANES];
+    for (uint32_t i = 0; i < HIL_FILTER_LANES; i++) {
+        seed[i] = seeds[i < count ? i : 0];
+    }
+    if (!eight(config, reference, rate, seed, sums)) {
+        return false;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        finish(config, &sums[i], &results[i]);
+    }
+    return true;
+}
+
+int32_t hil_filter_study_many(const hil_filter_config_t *config, const double *reference, const double *rate,
+                              const uint64_t *seeds, uint32_t count, hil_filter_path_t path, hil_filter_result_t *results) {
+    hil_filter_eight_t *eight = path_of(path);
+    if (!in_range(config)) {
+        return -1;
+    }
+    if (eight == NULL && path != HIL_FILTER_PATH_SINGLE) {
+        return -2;
+    }
+    for (uint32_t done = 0; done < count;) {
+        const uint32_t left = count - done;
+        const uint32_t group = left < HIL_FILTER_LANES ? left : HIL_FILTER_LANES;
+        if (eight == NULL || group == 1 || !run_eight(eight, config, reference, rate, seeds + done, group, results + done)) {
+            for (uint32_t i = done; i < done + group; i++) {
+                if (hil_filter_study(config, reference, rate, seeds[i], &results[i], NULL) != 0) {
+                    return -1;
+                }
+            }
+        }
+        done += group;
+    }
     return 0;
 }

@@ -3,23 +3,27 @@
 
 #include "filter_study_parts.h"
 
-static omni_pose_t to_pose(const double *pose) {
-    return (omni_pose_t){(omni_real_t)pose[0], (omni_real_t)pose[1], (omni_real_t)pose[2]};
+static omni_pose_t to_pose(hil_real_t x, hil_real_t y, hil_real_t theta) {
+    const omni_pose_t pose = {(omni_real_t)x, (omni_real_t)y, (omni_real_t)theta};
+    return pose;
 }
 
 static bool init_kinematics(omni_kinematics_t *kinematics, const hil_filter_config_t *config) {
-    omni_kinematics_config_t geometry = {.wheels = (uint8_t)config->wheels};
+    omni_kinematics_config_t geometry;
+    memset(&geometry, 0, sizeof geometry);
+    geometry.wheels = (uint8_t)config->wheels;
     for (uint32_t i = 0; i < config->wheels; i++) {
         geometry.radius_m[i] = (omni_real_t)config->radius_m;
         geometry.distance_m[i] = (omni_real_t)config->distance_m;
-        geometry.angle_rad[i] = (omni_real_t)(2.0 * HIL_FILTER_PI * ((double)i + 0.5) / (double)config->wheels);
+        geometry.angle_rad[i] = (omni_real_t)(2.0 * HIL_PI * ((double)i + 0.5) / (double)config->wheels);
     }
     return omni_kinematics_init(kinematics, &geometry) == OMNI_OK;
 }
 
 static void init_controller(hil_filter_stack_t *stack, const hil_filter_config_t *config) {
-    const omni_real_t no_limit = 1e30f;
-    stack->ismc_config = (omni_ismc_config_t){.switching = OMNI_ISMC_SWITCH_SIGN, .step_s = (omni_real_t)config->step_s};
+    const float no_limit = 1e30f;
+    stack->ismc_config.switching = OMNI_ISMC_SWITCH_SIGN;
+    stack->ismc_config.step_s = (omni_real_t)config->step_s;
     for (int axis = 0; axis < OMNI_AXES; axis++) {
         stack->ismc_config.lambda[axis] = (omni_real_t)config->ismc_lambda[axis];
         stack->ismc_config.k[axis] = (omni_real_t)config->ismc_k[axis];
@@ -31,11 +35,11 @@ static void init_controller(hil_filter_stack_t *stack, const hil_filter_config_t
 
 static void init_motor_filters(hil_filter_stack_t *stack, const hil_filter_config_t *config) {
     omni_motor_kf_config_t *kf = &stack->kf_config;
-    *kf = (omni_motor_kf_config_t){.mode = OMNI_KF_MODE_SPEED,
-                                   .step_s = (omni_real_t)config->step_s,
-                                   .q_speed = (omni_real_t)config->kf_q[0],
-                                   .q_current = (omni_real_t)config->kf_q[1],
-                                   .r_speed = (omni_real_t)config->motor_r};
+    kf->mode = OMNI_KF_MODE_SPEED;
+    kf->step_s = (omni_real_t)config->step_s;
+    kf->q_speed = (omni_real_t)config->kf_q[0];
+    kf->q_current = (omni_real_t)config->kf_q[1];
+    kf->r_speed = (omni_real_t)config->motor_r;
     for (int row = 0; row < 2; row++) {
         kf->model.a[row + 1][1] = (omni_real_t)config->motor_a[row][0];
         kf->model.a[row + 1][2] = (omni_real_t)config->motor_a[row][1];
@@ -47,17 +51,17 @@ static void init_motor_filters(hil_filter_stack_t *stack, const hil_filter_confi
 }
 
 static void init_estimates(hil_filter_stack_t *stack, const hil_filter_config_t *config, const double *pose) {
-    const omni_pose_t start = to_pose(pose);
+    const omni_pose_t start = to_pose(pose[0], pose[1], pose[2]);
     for (int f = 0; f < HIL_FILTER_COUNT; f++) {
         const double *q = config->ekf_q[f & 1];
-        stack->ekf_config[f] =
-            (omni_pose_ekf_config_t){.mode = f < HIL_FILTER_EKF ? OMNI_EKF_MODE_ODOMETRY : OMNI_EKF_MODE_POSE,
-                                     .q_xy = (omni_real_t)q[0],
-                                     .q_theta = (omni_real_t)q[1],
-                                     .r_xy = (omni_real_t)config->fix_r[0],
-                                     .r_theta = (omni_real_t)config->fix_r[1],
-                                     .step_s = (omni_real_t)config->step_s};
-        omni_pose_ekf_reset(&stack->ekf[f], &stack->ekf_config[f], &start, 0.0f, 0.0f);
+        omni_pose_ekf_config_t *ekf = &stack->ekf_config[f];
+        ekf->mode = f < HIL_FILTER_EKF ? OMNI_EKF_MODE_ODOMETRY : OMNI_EKF_MODE_POSE;
+        ekf->q_xy = (omni_real_t)q[0];
+        ekf->q_theta = (omni_real_t)q[1];
+        ekf->r_xy = (omni_real_t)config->fix_r[0];
+        ekf->r_theta = (omni_real_t)config->fix_r[1];
+        ekf->step_s = (omni_real_t)config->step_s;
+        omni_pose_ekf_reset(&stack->ekf[f], ekf, &start, 0.0f, 0.0f);
     }
 }
 
@@ -76,7 +80,7 @@ bool hil_filter_stack_reset(hil_filter_stack_t *stack, const hil_filter_config_t
 void hil_filter_control(hil_filter_stack_t *stack, const hil_filter_config_t *config, const double *reference,
                         const double *rate) {
     const omni_pose_t *estimate = &stack->ekf[config->controlled].pose;
-    const omni_pose_t wanted = to_pose(reference);
+    const omni_pose_t wanted = {(omni_real_t)reference[0], (omni_real_t)reference[1], (omni_real_t)reference[2]};
     const omni_twist_t wanted_rate = {(omni_real_t)rate[0], (omni_real_t)rate[1], (omni_real_t)rate[2]};
     omni_control_terms_t terms;
     const omni_twist_t world =
@@ -85,7 +89,7 @@ void hil_filter_control(hil_filter_stack_t *stack, const hil_filter_config_t *co
     omni_kinematics_inverse(&stack->kinematics, &body, NULL, stack->voltage);
 }
 
-void hil_filter_motors(hil_filter_stack_t *stack, const hil_filter_config_t *config, const double *measured) {
+void hil_filter_motors(hil_filter_stack_t *stack, const hil_filter_config_t *config, const hil_real_t *measured) {
     for (uint32_t i = 0; i < config->wheels; i++) {
         stack->filtered[i] =
             omni_motor_kf_step_speed(&stack->kf[i], &stack->kf_config, stack->voltage[i], (omni_real_t)measured[i]);
@@ -93,14 +97,17 @@ void hil_filter_motors(hil_filter_stack_t *stack, const hil_filter_config_t *con
 }
 
 void hil_filter_estimate(hil_filter_stack_t *stack, const hil_filter_config_t *config, const hil_filter_truth_t *truth,
-                         double *fix, uint32_t step) {
+                         hil_real_t *fix, uint32_t step) {
     const uint64_t now_us = ((uint64_t)step + 2) * stack->step_us;
     const uint64_t late_us = config->fix == HIL_FILTER_FIX_LATE ? stack->step_us : 0;
-    omni_real_t turned[2][4] = {{0}};
+    omni_real_t turned[2][4];
     for (uint32_t i = 0; i < config->wheels; i++) {
         turned[0][i] = (omni_real_t)(hil_filter_raw_speed(config, truth, i) * config->step_s);
-        turned[1][i] = (omni_real_t)((double)stack->filtered[i] * config->step_s);
+        turned[1][i] = (omni_real_t)((hil_real_t)stack->filtered[i] * config->step_s);
     }
+    omni_pose_fix_t measured;
+    memset(&measured, 0, sizeof measured);
+    measured.time_us = now_us - late_us;
     for (int f = 0; f < HIL_FILTER_COUNT; f++) {
         omni_pose_ekf_state_t *ekf = &stack->ekf[f];
         omni_pose_ekf_predict(ekf, &stack->ekf_config[f], &stack->kinematics, turned[f & 1], now_us);
@@ -108,19 +115,19 @@ void hil_filter_estimate(hil_filter_stack_t *stack, const hil_filter_config_t *c
             continue;
         }
         if (config->fix == HIL_FILTER_FIX_OWN) {
-            const double own[3] = {(double)ekf->pose.x, (double)ekf->pose.y, (double)ekf->pose.theta};
+            const hil_real_t own[3] = {(hil_real_t)ekf->pose.x, (hil_real_t)ekf->pose.y, (hil_real_t)ekf->pose.theta};
             hil_filter_truth_fix(truth, own, fix);
         }
-        const omni_pose_fix_t measured = {.time_us = now_us - late_us, .pose = to_pose(fix)};
+        measured.pose = to_pose(fix[0], fix[1], fix[2]);
         omni_pose_ekf_correct(ekf, &stack->ekf_config[f], &stack->kinematics, &measured);
     }
 }
 
-double hil_filter_motor_nis(const hil_filter_stack_t *stack, uint32_t wheels) {
-    double sum = 0.0;
+omni_real_t hil_filter_motor_nis(const hil_filter_stack_t *stack, uint32_t wheels) {
+    omni_real_t sum = 0.0f;
     for (uint32_t i = 0; i < wheels; i++) {
-        const double innovation = (double)stack->kf[i].innovation;
-        sum += innovation * innovation / (double)stack->kf[i].innovation_variance;
+        const omni_real_t innovation = stack->kf[i].innovation;
+        sum += innovation * innovation / stack->kf[i].innovation_variance;
     }
-    return sum / (double)wheels;
+    return sum / (omni_real_t)wheels;
 }

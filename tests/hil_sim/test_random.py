@@ -51,20 +51,53 @@ def test_normal_is_normal_and_white() -> None:
     assert abs(np.corrcoef(sample[:-1], sample[1:])[0, 1]) < 4 / np.sqrt(DRAWS)
 
 
-def test_four_normals_are_normal_and_independent() -> None:
-    out = ffi.new("double[4]")
-    rows = []
-    for index in range(DRAWS // 4):
-        lib.hil_normal4(7, 3, index, out)
-        rows.append(list(out))
-    sample = np.array(rows)
-    assert stats.kstest(sample.ravel(), "norm").pvalue > 0.01
+def normals(seed: int, stream: int, blocks: int, first: int = 0) -> npt.NDArray[np.float64]:
+    """Return blocks of four normals (blocks, 4)."""
+    out = np.empty((blocks, 4), dtype=np.float32)
+    lib.hil_normals(seed, stream, first, blocks, ffi.cast("float *", ffi.from_buffer(out)))
+    return out.astype(float)
+
+
+def test_many_normals_are_normal() -> None:
+    sample = normals(7, 3, 500_000).ravel()
+    assert stats.kstest(sample, "norm").pvalue > 0.01
+    # standard errors of the first four moments
+    for power, expected, error in ((1, 0.0, 1.0), (2, 1.0, 2.0), (3, 0.0, 15.0), (4, 3.0, 96.0)):
+        assert abs((sample**power).mean() - expected) < 4.5 * np.sqrt(error / sample.size)
+
+
+@pytest.mark.parametrize("edge", [2.5, 3.5, 4.5])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_tails_hold_what_they_must(edge: float, sign: float) -> None:
+    sample = normals(8, 3, 2_000_000)
+    expected = sample.size * stats.norm.sf(edge)
+    for column in range(4):
+        assert abs((sign * sample[:, column] > edge).sum() - expected / 4) < 4.5 * np.sqrt(expected / 4) + 1.0
+
+
+def test_many_normals_are_independent() -> None:
+    sample = normals(7, 3, 500_000)
     # neither the numbers nor their sizes (Box-Muller's pairs share a radius) are related
-    for values in (sample, sample**2):
+    for values in (sample, sample**2, np.abs(sample)):
         correlation = np.corrcoef(values, rowvar=False) - np.eye(4)
         assert np.abs(correlation).max() < 4.5 / np.sqrt(len(sample))
-    lib.hil_normal4(7, 3, 0, out)
-    assert list(out) == rows[0]
+        whole = values.ravel() - values.mean()
+        for lag in range(1, 9):
+            assert abs((whole[:-lag] * whole[lag:]).mean() / whole.var()) < 4.5 / np.sqrt(whole.size)
+
+
+def test_an_angle_of_a_pair_is_uniform() -> None:
+    pairs = normals(9, 3, 500_000).reshape(-1, 2)
+    assert stats.kstest(np.arctan2(pairs[:, 1], pairs[:, 0]), "uniform", args=(-np.pi, 2 * np.pi)).pvalue > 0.01
+    assert stats.kstest((pairs**2).sum(axis=1), "chi2", args=(2,)).pvalue > 0.01
+
+
+def test_blocks_of_normals_do_not_depend_on_how_they_are_asked_for() -> None:
+    all_at_once = normals(7, 3, 40)
+    assert np.array_equal(all_at_once[17:23], normals(7, 3, 6, first=17))
+    assert not np.array_equal(all_at_once, normals(7, 4, 40))
+    assert not np.array_equal(all_at_once, normals(7 + 2**32, 3, 40))
+    assert not np.array_equal(all_at_once, normals(7, 3, 40, first=2**32))
 
 
 def test_streams_are_independent() -> None:

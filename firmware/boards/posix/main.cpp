@@ -49,7 +49,7 @@ private:
     void wait(int timeout_ms);
     uint64_t received() const;
     bool look_for_host();
-    void await_host();
+    void await_host(int timeout_ms);
     void run_due_ticks();
 
     const Options &options_;
@@ -193,7 +193,7 @@ bool Process::look_for_host() {
     return received() != before;
 }
 
-void Process::await_host() {
+void Process::await_host(int timeout_ms) {
     if (++waits_ % waits_per_service == 0) {
         wait(0);
     }
@@ -201,7 +201,7 @@ void Process::await_host() {
     const uint64_t begin_ns = clock_.stopwatch_ns();
     const bool served = looks && look_for_host();
     if (!served) {
-        wait(idle_ms);
+        wait(timeout_ms);
     }
     omni_patience_learn(&patience_, looks, (clock_.stopwatch_ns() - begin_ns) / 1000);
     if (!served) {
@@ -227,7 +227,10 @@ int Process::run() {
     start_app();
     while (stop_wanted == 0) {
         if (options_.lockstep) {
-            await_host();
+            await_host(idle_ms);
+        } else if (app_->hosted()) {
+            await_host(1);
+            run_due_ticks();
         } else {
             wait(1);
             run_due_ticks();

@@ -6,7 +6,8 @@
  *
  * One step of length T: ISMC on one estimate -> voltage per wheel (the wanted wheel speed, one volt per rad/s, as the report feeds
  * its motors) -> motors with noise -> measured wheel speeds, filtered or not -> pose with noise -> pose fix -> four estimates. Wheels
- * sit evenly spaced and drive without slip. A run is a pure function of its configuration and seed.
+ * sit evenly spaced and drive without slip. A run is a pure function of its configuration and seed: whether it goes alone or with seven
+ * others, and on what processor, cannot be seen in its bits.
  */
 #ifndef HIL_SIM_FILTER_STUDY_H
 #define HIL_SIM_FILTER_STUDY_H
@@ -97,5 +98,22 @@ typedef struct hil_filter_sample_t {
  */
 int32_t hil_filter_study(const hil_filter_config_t *config, const double *reference, const double *rate, uint64_t seed,
                          hil_filter_result_t *result, hil_filter_sample_t *samples);
+
+/** How runs are computed. */
+typedef enum hil_filter_path_t {
+    HIL_FILTER_PATH_BEST = 0, /**< the fastest of the others on this processor */
+    HIL_FILTER_PATH_SINGLE,   /**< one by one */
+    HIL_FILTER_PATH_BASELINE, /**< eight at a time, with the instructions that every processor of this architecture has */
+    HIL_FILTER_PATH_AVX2      /**< eight at a time with AVX2 */
+} hil_filter_path_t;
+
+/**
+ * Run many seeds; threads may share the work by calling this with seeds of their own.
+ * @param reference, rate  as for hil_filter_study.
+ * @param results  room for `count`, in the order of the seeds.
+ * @return 0, -1 for a setting outside its ranges, -2 if the processor cannot do this path.
+ */
+int32_t hil_filter_study_many(const hil_filter_config_t *config, const double *reference, const double *rate,
+                              const uint64_t *seeds, uint32_t count, hil_filter_path_t path, hil_filter_result_t *results);
 
 #endif

@@ -96,12 +96,12 @@ static void elapse(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *c
 /* eq. 22 with slip, over a tick; and how the motion changes with each slip ratio, the turn of the mid-tick frame included. */
 static void move_body(const omni_pose_ekf_state_t *state, const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad,
                       uint8_t slips, omni_ekf_motion_t *motion) {
-    omni_real_t slip_m[OMNI_MAX_WHEELS] = {0};
+    omni_real_t slip_m[OMNI_MAX_WHEELS];
     omni_twist_t body;
     for (uint8_t i = 0; i < slips; ++i) {
         slip_m[i] = state->slip[i] * k->radius_m[i] * wheel_delta_rad[i];
     }
-    omni_kinematics_forward(k, wheel_delta_rad, slip_m, &body);
+    omni_kinematics_forward(k, wheel_delta_rad, slips > 0 ? slip_m : NULL, &body);
     motion->move[0] = body.vx;
     motion->move[1] = body.vy;
     motion->move[2] = body.wz;

@@ -125,15 +125,16 @@ static inline void shrink_row(const update_t *u, uint8_t a, const omni_real_t *g
 /* Joseph form of eq. 67: P = (I - K H) M (I - K H)^T + K R K^T + W. */
 static inline void use_states(const update_t *u, omni_pose_ekf_state_t *state, uint8_t states) {
     omni_real_t gain[OMNI_EKF_STATES][OMNI_AXES];
-    omni_real_t delta[OMNI_EKF_STATES] = {0};
+    omni_real_t delta[OMNI_EKF_STATES];
     for (uint8_t a = 0; a < states; ++a) {
         gain_row(u, a, gain[a]);
+        delta[a] = 0.0f;
         for (int i = 0; i < OMNI_AXES; ++i) {
             delta[a] += gain[a][i] * u->innovation[i];
         }
     }
     for (uint8_t a = 0; a < states; ++a) {
-        omni_real_t row[OMNI_EKF_STATES] = {0};
+        omni_real_t row[OMNI_EKF_STATES];
         omni_real_t left[OMNI_AXES];
         shrink_row(u, a, gain[a], row, states);
         for (int i = 0; i < OMNI_AXES; ++i) {
