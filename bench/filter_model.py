@@ -101,15 +101,10 @@ def filter_model(setting: Setting) -> FilterModel:
 
 def study_normals(seed: int, steps: int) -> Array:
     """Return the standard normals (steps, NORMALS) that ``hil_filter_study`` draws for a seed."""
-    if hasattr(lib, "hil_normals"):
-        blocks = steps * NORMALS // _BLOCK
-        floats = np.empty(blocks * _BLOCK, dtype=np.float32)
-        lib.hil_normals(seed, _STREAM, 0, blocks, ffi.cast("float *", ffi.from_buffer(floats)))
-        return floats.astype(np.float64).reshape(steps, NORMALS)
-    normals = np.empty((steps * NORMALS // _BLOCK, _BLOCK))
-    for block in range(len(normals)):
-        lib.hil_normal4(seed, _STREAM, block, ffi.cast("double *", ffi.from_buffer(normals[block])))
-    return normals.reshape(steps, NORMALS)
+    blocks = steps * NORMALS // _BLOCK
+    normals = np.empty(blocks * _BLOCK, dtype=np.float32)
+    lib.hil_normals(seed, _STREAM, 0, blocks, ffi.cast("float *", ffi.from_buffer(normals)))
+    return normals.astype(np.float64).reshape(steps, NORMALS)
 
 
 def draw_normals(seed: int, steps: int) -> Array:

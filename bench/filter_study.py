@@ -13,14 +13,14 @@ from bench.peers import filter_study_batched, filter_study_filterpy, filter_stud
 from bench.tables import Cell, Row, Table, with_ratios
 from hil_sim.speed import Measurement, Spread
 from omni_reproduce.experiment import read_spec
-from omni_reproduce.filters import Setting, read_setting, run_seeds, shortened
-from omniwheel._core import lib
+from omni_reproduce.filters import Setting, Study, read_setting, shortened
 
 SETTING = "published"
 FULL_STEPS = 30_000_000
 """1000 runs of 600 s at 50 Hz."""
 SCALAR = "ours, run after run"
 LANES = "ours, eight runs at once"
+BASELINE = "ours, eight runs at once, without AVX2"
 FILTERPY = "Python and FilterPy"
 NUMPY = "Python and NumPy, step by step"
 BATCHED = "NumPy, all runs at once"
@@ -41,14 +41,13 @@ def measure(options: Options) -> list[Table]:
     rows = [Row(name, _cells(spread)) for name, spread in spreads.items()]
     if not octave.installed():
         rows.append(Row(OCTAVE, {PER_STEP: "not installed"}))
-    reference = LANES if LANES in spreads else SCALAR
     note = (
         "CPU time of one thread. A step is one step of one run with all four combinations; "
         f"ours {setting.steps} steps a run, scripts {steps}, batched {runs} runs. "
         f"Setting “{setting.title}”, seed {options.seed}; {options.how}."
     )
     columns = (PER_STEP, MEDIAN, RATIO, FULL)
-    ratios = with_ratios(rows, PER_STEP, reference, RATIO)
+    ratios = with_ratios(rows, PER_STEP, LANES, RATIO)
     return [Table("filter-study", "filter study", columns, ratios, note)]
 
 
@@ -57,22 +56,20 @@ def measurements(setting: Setting, steps: int, runs: int, seed: int) -> dict[str
     short = shortened(setting, steps * setting.step_s)
     model = filter_model(short)
     batch_steps = max(steps // 30, 10)
+    study = Study(setting)
+    seeds = range(seed, seed + LANE_RUNS)
+    our_steps = LANE_RUNS * setting.steps
     found = {
-        SCALAR: _timed(lambda: run_seeds(setting, [seed], 1, _silent), setting.steps),
+        LANES: _timed(lambda: study.results(seeds), our_steps),
+        BASELINE: _timed(lambda: study.results(seeds, "baseline"), our_steps),
+        SCALAR: _timed(lambda: study.results(seeds, "single"), our_steps),
         FILTERPY: _timed(lambda: filter_study_filterpy.run(model, draw_normals(seed, steps)), steps),
         NUMPY: _timed(lambda: filter_study_numpy.run(model, draw_normals(seed, steps)), steps),
         BATCHED: _timed(lambda: filter_study_batched.run(model, runs, batch_steps, seed), runs * batch_steps),
     }
-    if hasattr(lib, "hil_filter_study_many"):
-        seeds = range(seed, seed + LANE_RUNS)
-        found[LANES] = _timed(lambda: run_seeds(setting, seeds, 1, _silent), LANE_RUNS * setting.steps)
     if octave.installed():
         found[OCTAVE] = lambda: octave.run(model, steps)[1] / steps
     return found
-
-
-def _silent(_: float) -> None:
-    """Say nothing of the progress."""
 
 
 def _timed(work: Callable[[], object], steps: int) -> Measurement:
@@ -95,6 +92,6 @@ def _cells(spread: Spread) -> dict[str, Cell]:
 def duration(seconds: float) -> str:
     """Return a time in the unit that suits it."""
     for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2.0 * size:
+        if seconds >= 1.5 * size:
             return f"{seconds / size:.1f} {unit}"
     return f"{seconds:.1f} s"

@@ -52,7 +52,7 @@ class Ratio:
 RATIOS = (
     Ratio(filter_study.FILTERPY, filter_study.SCALAR, usual=300.0, limit=100.0),
     Ratio(filter_study.BATCHED, filter_study.SCALAR, usual=5.0, limit=1.5),
-    Ratio(filter_study.SCALAR, filter_study.LANES, usual=6.0, limit=2.0),
+    Ratio(filter_study.SCALAR, filter_study.LANES, usual=5.0, limit=1.5),
 )
 
 

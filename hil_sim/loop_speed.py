@@ -57,21 +57,19 @@ def loops(seconds: float, seed: int = 1, *, compared: bool = False) -> dict[str,
     ``compared``: with what they are compared with, too: waiting asleep, and Monte Carlo run after run.
     """
     scenario = replace(load_scenario(SCENARIO), duration_s=seconds, seed=seed)
-    found = {
-        "hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario))),
-        "in_process": Loop("in process: world and control core", 300.0, lambda: _in_process(scenario)),
-        "monte_carlo": Loop("Monte Carlo, 1 worker", 1000.0, lambda: monte_carlo(scenario, 1)),
-        "monte_carlo_2": Loop("Monte Carlo, 2 workers", None, lambda: monte_carlo(scenario, 2)),
-    }
+    found = {"hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario)))}
+    if compared:
+        words = "the same, both ends asleep while they wait"
+        found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, asleep=True)))
     if _has_emulator():
         words = "firmware on an emulated Cortex-M7 in the loop"
         found["emulated"] = Loop(words, 2.0, lambda: _of(run_hil(scenario, emulated=True)))
+    found["in_process"] = Loop("in process: world and control core", 300.0, lambda: _in_process(scenario))
     if compared:
-        words = "firmware process, both ends asleep while they wait"
-        found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, asleep=True)))
-        found["monte_carlo_single"] = Loop(
-            "Monte Carlo, 1 worker, run after run", None, lambda: _run_after_run(scenario)
-        )
+        words = "Monte Carlo, 1 worker, run after run"
+        found["monte_carlo_single"] = Loop(words, None, lambda: _run_after_run(scenario))
+    found["monte_carlo"] = Loop("Monte Carlo, 1 worker", 1000.0, lambda: monte_carlo(scenario, 1))
+    found["monte_carlo_2"] = Loop("Monte Carlo, 2 workers", None, lambda: monte_carlo(scenario, 2))
     return found
 
 

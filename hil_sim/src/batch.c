@@ -63,7 +63,7 @@ static uint64_t next_piece(const block_t *block, uint32_t runs) {
 }
 
 static void advance(block_t *block, uint32_t runs, uint64_t piece) {
-    hil_run_t *going[HIL_BLOCK];
+    hil_run_t *going[HIL_BLOCK] = {NULL};
     uint32_t count = 0;
     for (uint32_t i = 0; i < runs; i++) {
         if (block->slot[i].left > 0) {

@@ -104,6 +104,14 @@ def test_sim_over_seeds_gives_mean_and_deviation() -> None:
     assert told["figures"]["position_m"]["sd"] > 0.0
 
 
+def test_sim_over_seeds_says_why_no_run_can_start(tmp_path: Path) -> None:
+    flat = tmp_path / "flat.toml"
+    flat.write_text('[scenario]\nname = "flat"\nextends = "demo"\n[world]\nbattery_V = 5.0\n', encoding="utf-8")
+    result = CliRunner().invoke(app, ["sim", str(flat), "--seeds", "9"])
+    assert result.exit_code == 1
+    assert "refuses to arm: battery" in result.stderr
+
+
 @pytest.mark.parametrize("plant", PLANTS)
 def test_sim_drives_every_plant_to_the_end(tmp_path: Path, plant: str) -> None:
     told = omni_json("sim", "no_slip", "--plant", plant, "--out", tmp_path)

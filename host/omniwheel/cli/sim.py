@@ -97,6 +97,8 @@ def _many(scenario: Scenario, seeds: int, json_wanted: bool) -> None:
             progress(float(sum(len(done.rows) for done in parts)), float(seeds))
     wall_s = time.perf_counter() - start
     statistics = merged(part.statistics for part in parts)
+    if OK not in statistics.statuses:
+        run_in_process(scenario)  # raises, and knows the words
     factor = statistics.ticks * 1e-3 / wall_s
     if json_wanted:
         print_json(_as_json(scenario, chosen, parts, statistics, factor))
