@@ -142,6 +142,8 @@ def _print(plan: study.Plan, outcome: study.Outcome, progress: StudyProgress, fo
     ]
     rows.append([str(plan.minimise), *(plan.minimise.show(side.objective) for side in (before, after))])
     for name, figure in FIGURES.items():
+        if figure.detail:
+            continue
         cells = ["–" if s.summary is None else figure.show(s.summary["figures"][name]["mean"]) for s in (before, after)]
         rows.append([f"mean {figure.heading}", *cells])
     shares = ["–" if s.summary is None else f"{100.0 * s.summary['completed']['share']:.4g}" for s in (before, after)]
@@ -152,7 +154,7 @@ def _print(plan: study.Plan, outcome: study.Outcome, progress: StudyProgress, fo
     print_table(title, ("", "before", "after"), rows)
     feasible = sum(trial.feasible for trial in outcome.trials)
     console.print(
-        f"best of {len(outcome.trials)} trials is number {outcome.best.number + 1}; {feasible} keep the constraints "
+        f"best of {len(outcome.trials)} trials is trial {outcome.best.number}; {feasible} keep the constraints "
         f"({', '.join(map(str, plan.bounds))})",
         markup=False,
     )

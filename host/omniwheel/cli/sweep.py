@@ -110,7 +110,9 @@ def _points(axes: list[Axis], scenario: Scenario, sobol_count: int | None, seed:
 def _print(plan: study.Plan, results: list[study.PointResult], progress: StudyProgress, folder: str) -> None:
     names = [axis.name for axis in plan.axes]
     means = [name for name in ("position_m", "theta_rad") if str(plan.shown) != f"{name}.mean"]
-    headings = [*names, str(plan.shown), *(f"mean {FIGURES[name].heading}" for name in means), "driven to the end [%]"]
+    unit = FIGURES[plan.shown.figure].unit if plan.shown.figure in FIGURES else ""
+    shown = f"{plan.shown} [{unit}]" if unit and plan.shown.statistic == "mean" else str(plan.shown)
+    headings = [*names, shown, *(f"mean {FIGURES[name].heading}" for name in means), "driven to the end [%]"]
     rows = []
     for result in results[:_SHOWN_ROWS]:
         values = [f"{result.point.values[name]:.6g}" for name in names]
