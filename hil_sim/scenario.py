@@ -165,6 +165,14 @@ class Scenario:
         events = tuple(kept for event in self.events if (kept := _without_settings(event, values)) is not None)
         return replace(self, parameters={**self.parameters, **values}, events=events)
 
+    def with_world(self, values: Mapping[str, float]) -> Scenario:
+        """Return the same scenario with other numbers of the world, by their names in ``[world]``; SchemaError."""
+        return replace(self, world={**self.world, **_world(self.source, values)})
+
+    def with_duration(self, duration_s: float | None) -> Scenario:
+        """Return the same scenario with another end [s]; None keeps its own."""
+        return self if duration_s is None else replace(self, duration_s=_duration(self.source, duration_s))
+
     def first_setting(self) -> Event | None:
         """Return the first event that changes parameters, the one that before and after are told apart by."""
         return next((event for event in self.events if event.settings is not None), None)

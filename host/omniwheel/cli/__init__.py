@@ -23,6 +23,8 @@ from omniwheel.cli import (
     logs,
     mocap,
     monitor,
+    montecarlo,
+    optimize,
     params,
     plot,
     radio,
@@ -33,6 +35,7 @@ from omniwheel.cli import (
     sim,
     sitl,
     soak,
+    sweep,
     tune,
 )
 from omniwheel.cli.common import OmniGroup, console, use_signing_key
@@ -79,6 +82,9 @@ app.command("sitl", epilog=sitl.EXAMPLES)(sitl.sitl)
 app.command("emulate", epilog=emulate.EXAMPLES)(emulate.emulate)
 app.command("hil", epilog=hil.EXAMPLES)(hil.hil)
 app.command("sim", epilog=sim.EXAMPLES)(sim.sim)
+app.command("montecarlo", epilog=montecarlo.EXAMPLES)(montecarlo.montecarlo)
+app.command("sweep", epilog=sweep.EXAMPLES)(sweep.sweep)
+app.command("optimize", epilog=optimize.EXAMPLES)(optimize.optimize)
 app.command("soak", epilog=soak.EXAMPLES)(soak.soak)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("plot", epilog=plot.EXAMPLES)(plot.plot)

@@ -34,6 +34,13 @@ _TOOLS = {
     "cmake": ("CMake", "building from source"),
 }
 
+_EXTRAS = {
+    "scipy": ("study", "omni identify, omni reproduce, omni replay, omni sweep --sobol"),
+    "optuna": ("optimize", "omni optimize"),
+    "distributed": ("cluster", "--cluster of omni montecarlo, sweep and optimize"),
+}
+"""Optional packages: the extra that brings each, and what it is for."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -47,7 +54,7 @@ class Finding:
 def doctor(as_json: JsonOption = False) -> None:
     """Check the installation, list serial ports and tools. Exit code 1: something required is missing."""
     ports = serial_ports()
-    findings = [*_required(), *_tools(), *_access(ports)]
+    findings = [*_required(), *_extras(), *_tools(), *_access(ports)]
     healthy = all(finding.ok is not False for finding in findings)
     if as_json:
         print_json({"ok": healthy, "checks": [asdict(f) for f in findings], "ports": [asdict(p) for p in ports]})
@@ -110,6 +117,17 @@ def _firmware_version() -> str:
         raise
     answer = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=_VERSION_TIMEOUT_S, check=True)
     return answer.stdout.strip() or answer.stderr.strip()
+
+
+def _extras() -> list[Finding]:
+    return [_extra(package, extra, purpose) for package, (extra, purpose) in _EXTRAS.items()]
+
+
+def _extra(package: str, extra: str, purpose: str) -> Finding:
+    try:
+        return Finding(package, True, f"{importlib.metadata.version(package)}, for {purpose}")
+    except importlib.metadata.PackageNotFoundError:
+        return Finding(package, None, f"not installed; for {purpose}: pip install 'omniwheel[{extra}]'")
 
 
 def _tools() -> list[Finding]:

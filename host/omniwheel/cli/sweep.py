@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: MIT
+"""``omni sweep``: the same seeds at many settings."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from hil_sim.scenario import Scenario
+from hil_sim.studies import sweep as study
+from hil_sim.studies.figures import FIGURES, parse_number
+from hil_sim.studies.plan import DEFAULT_BATCH, Point
+from hil_sim.studies.space import Axis, grid, parse_axes, sobol
+from omniwheel.cli.common import JsonOption, console, examples, note, print_json
+from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, scenario_help
+from omniwheel.cli.study_output import (
+    BatchOption,
+    ClusterOption,
+    DurationOption,
+    FreshOption,
+    SetOption,
+    StudyOutOption,
+    StudyProgress,
+    WorkersOption,
+    print_table,
+    study_folder,
+    study_pool,
+    study_progress,
+    study_scenario,
+)
+
+EXAMPLES = examples(
+    "omni sweep demo --param world.slip_max=0:0.3:7 --runs 64",
+    "omni sweep no_slip --param ISMC_LAM_XY=2:20:7 --param ISMC_LAM_TH=2:20:7 --show position_m.p95",
+    "omni sweep demo --param ISMC_LAM_XY=1:30:log --param world.fix_delay_s=0:0.1 --sobol 64",
+)
+ParamOption = Annotated[
+    list[str],
+    typer.Option(
+        "--param",
+        metavar="NAME=LOW:HIGH[:N]",
+        help="A parameter, or world.NAME a number of the world: a range, on a grid with the number of points, "
+        "or values a,b,c. :log spaces them by ratio. Repeat for more.",
+        show_default=False,
+    ),
+]
+_SHOWN_ROWS = 40
+
+
+def sweep(
+    scenario_name: ScenarioArgument,
+    param: ParamOption,
+    on_grid: Annotated[bool, typer.Option("--grid", help="Every combination; the default.")] = False,
+    sobol_count: Annotated[
+        int | None,
+        typer.Option("--sobol", min=1, metavar="N", help="N points that fill the ranges evenly.", show_default=False),
+    ] = None,
+    runs: Annotated[int, typer.Option("--runs", help="Runs at each point, the same seeds everywhere.")] = 32,
+    show: Annotated[
+        str, typer.Option("--show", metavar="FIGURE[.STATISTIC]", help="What table and picture show first.")
+    ] = "position_m.mean",
+    seed: SeedOption = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    batch: BatchOption = DEFAULT_BATCH,
+    settings: SetOption = None,
+    duration: DurationOption = None,
+    plant: PlantOption = None,
+    preset: PresetOption = None,
+    out: StudyOutOption = None,
+    fresh: FreshOption = False,
+    json_wanted: JsonOption = False,
+) -> None:
+    """Run a scenario at many settings of its parameters or of its world, with the same seeds at each.
+
+    A point that the control core refuses is marked and left out. Interrupted, the same command goes on.
+    """
+    if on_grid and sobol_count is not None:
+        raise typer.BadParameter("--grid and --sobol exclude each other")
+    scenario = study_scenario(scenario_name, plant, preset, settings, duration)
+    axes = parse_axes(param, scenario.robot.table)
+    first_seed = scenario.seed if seed is None else seed
+    points = _points(axes, scenario, sobol_count, first_seed)
+    plan = study.Plan(scenario, axes, points, runs, first_seed, batch, parse_number(show))
+    path = study_folder(out, scenario, "sweep")
+    note(scenario.description, quiet=json_wanted)
+    with (
+        study.open_study(plan, path, fresh=fresh) as folder,
+        study_pool(workers, cluster) as pool,
+        study_progress(f"{scenario.name}, {len(points)} points", len(points) * runs, path, json_wanted) as progress,
+    ):
+        results = study.run_study(plan, folder, pool, progress)
+        from hil_sim.studies.sweep_picture import draw_sweep  # here, not above: matplotlib takes a second to import
+
+        draw_sweep(plan, results, path / study.PICTURE_FILE)
+    if json_wanted:
+        print_json({**study.document(plan, results), "folder": str(path)})
+    else:
+        _print(plan, results, progress, str(path))
+
+
+sweep.__doc__ = f"{sweep.__doc__}\n\n    {scenario_help()}\n    "
+
+
+def _points(axes: list[Axis], scenario: Scenario, sobol_count: int | None, seed: int) -> list[Point]:
+    return grid(axes, scenario) if sobol_count is None else sobol(axes, scenario, sobol_count, seed)
+
+
+def _print(plan: study.Plan, results: list[study.PointResult], progress: StudyProgress, folder: str) -> None:
+    names = [axis.name for axis in plan.axes]
+    means = [name for name in ("position_m", "theta_rad") if str(plan.shown) != f"{name}.mean"]
+    unit = FIGURES[plan.shown.figure].unit if plan.shown.figure in FIGURES else ""
+    shown = f"{plan.shown} [{unit}]" if unit and plan.shown.statistic == "mean" else str(plan.shown)
+    headings = [*names, shown, *(f"mean {FIGURES[name].heading}" for name in means), "driven to the end [%]"]
+    rows = []
+    for result in results[:_SHOWN_ROWS]:
+        values = [f"{result.point.values[name]:.6g}" for name in names]
+        rows.append([*values, *_cells(plan, result, means)])
+    print_table(f"{plan.scenario.name}: {len(results)} points × {plan.runs} runs", headings, rows)
+    if len(results) > _SHOWN_ROWS:
+        console.print(f"... and {len(results) - _SHOWN_ROWS} more points in {study.TABLE_FILE}")
+    console.print(progress.speed_line(), markup=False)
+    console.print(f"\n[bold]{folder}[/]", soft_wrap=True)
+
+
+def _cells(plan: study.Plan, result: study.PointResult, means: list[str]) -> list[str]:
+    if result.summary is None:
+        return [f"refused: {result.refusal}", *("–" for _ in means), "–"]
+    figures = result.summary["figures"]
+    shown = _mean(plan.shown.figure, figures) if plan.shown.statistic == "mean" and plan.shown.figure in figures else ""
+    cells = [shown or plan.shown.show(result.shown), *(_mean(name, figures) for name in means)]
+    return [*cells, f"{100.0 * result.summary['completed']['share']:.4g}"]
+
+
+def _mean(name: str, figures: dict[str, Any]) -> str:
+    """A mean with its 95 % interval."""
+    entry, figure = figures[name], FIGURES[name]
+    interval = entry["mean_95"]
+    half = "" if interval is None else f" ± {figure.show(0.5 * (interval[1] - interval[0]))}"
+    return f"{figure.show(entry['mean'])}{half}"
