@@ -8,7 +8,7 @@
 #include "runs.h"
 
 enum {
-    STRIDE = 64,   /* ticks from one checkpoint to the next */
+    STRIDE = 100,  /* ticks from one checkpoint to the next */
     ALONE_MAX = 64 /* most ticks run by run before lanes are tried again */
 };
 
@@ -129,6 +129,7 @@ static void unpack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_
 
 /* Is this lane the first once more? */
 static bool repeats(hil_run_t *const runs[HIL_LANES], int lane) {
+    /* cppcheck-suppress arrayIndexOutOfBoundsCond ; lane < HIL_LANES */
     return lane > 0 && runs[lane] == runs[0];
 }
 
@@ -151,19 +152,26 @@ static void save(const lanes_t *lanes) {
     memcpy(lanes->block + lanes->bytes, lanes->block, lanes->bytes);
 }
 
-static void restore(const lanes_t *lanes) {
-    memcpy(lanes->block, lanes->block + lanes->bytes, lanes->bytes);
+/* As they were `since` ticks after they were packed: from the checkpoint, or from the runs themselves. */
+static void restore(lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64_t since) {
+    if (since == 0) {
+        (void)pack(lanes, runs);
+    } else {
+        memcpy(lanes->block, lanes->block + lanes->bytes, lanes->bytes);
+    }
 }
 
 /* @return ticks until the lanes would part; they are as after these. */
-static uint64_t together(const lanes_t *lanes, uint64_t ticks) {
+static uint64_t together(lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
     uint64_t done = 0;
     while (done < ticks) {
         const uint64_t stride = ticks - done < STRIDE ? ticks - done : STRIDE;
-        save(lanes);
+        if (done > 0) {
+            save(lanes);
+        }
         const uint64_t got = lanes->how->advance(&lanes->live, stride);
         if (got < stride) {
-            restore(lanes);
+            restore(lanes, runs, done);
             (void)lanes->how->advance(&lanes->live, got);
             stats_of_thread.parted++;
             stats_of_thread.again += got + 1;
@@ -187,7 +195,7 @@ static uint64_t advance(lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64
     uint64_t done = 0;
     uint64_t alone = 1;
     while (done < ticks && pack(lanes, runs)) {
-        const uint64_t got = together(lanes, ticks - done);
+        const uint64_t got = together(lanes, runs, ticks - done);
         unpack(lanes, runs, got);
         stats_of_thread.together += got;
         done += got;

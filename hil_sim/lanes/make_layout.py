@@ -56,6 +56,8 @@ def members(ffi: FFI, ctype: FFI.CType, path: str, offset: int) -> Iterator[Stre
     lane = LANE_TYPES.get(ctype.cname)
     if lane:
         yield Stretch(lane[0], path, path, 1, offset + size)
+    elif ctype.kind == "array" and ctype.item.kind in ("primitive", "enum") and ctype.item.cname not in LANE_TYPES:
+        yield Stretch("SAME", path, path, 1, offset + size)
     elif ctype.kind == "array":
         step = ffi.sizeof(ctype.item)
         for index in range(ctype.length):

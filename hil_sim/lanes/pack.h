@@ -29,7 +29,7 @@ typedef enum hil_stretch_kind_t {
 typedef struct hil_stretch_t {
     uint32_t offset; /**< of the first member */
     uint16_t count;  /**< members; 1 if SAME */
-    uint8_t size;    /**< bytes, of SAME only */
+    uint16_t size;   /**< bytes, of SAME only */
     uint8_t kind;    /**< hil_stretch_kind_t */
 } hil_stretch_t;
 
@@ -49,7 +49,7 @@ void hil_lanes_unpack(const hil_layout_t *layout, const void *lanes, void *const
 /* A table of stretches, X macro of layout_gen.h; the struct of whichever language includes this. */
 #define HIL_STRETCH(stretch_kind, type, first, last, number)                                                                   \
     {(uint32_t)offsetof(type, first), (uint16_t)(number),                                                                      \
-     (uint8_t)(HIL_STRETCH_##stretch_kind == HIL_STRETCH_SAME ? sizeof(((type *)0)->first) : 0),                               \
+     (uint16_t)(HIL_STRETCH_##stretch_kind == HIL_STRETCH_SAME ? sizeof(((type *)0)->first) : 0),                              \
      (uint8_t)HIL_STRETCH_##stretch_kind},
 
 #ifdef __cplusplus
