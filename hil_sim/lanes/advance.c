@@ -130,6 +130,7 @@ static void unpack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_
 
 /* Is this lane the first once more? */
 static bool repeats(hil_run_t *const runs[HIL_LANES], int lane) {
+    /* cppcheck-suppress arrayIndexOutOfBoundsCond ; lane < HIL_LANES */
     return lane > 0 && runs[lane] == runs[0];
 }
 

@@ -71,6 +71,7 @@ static void advance(block_t *block, uint32_t runs, uint64_t piece) {
         }
     }
     for (uint32_t i = count; i < HIL_BLOCK; i++) {
+        /* cppcheck-suppress uninitvar ; all of it is initialised */
         going[i] = going[0];
     }
     const uint64_t together = count < LANES_PAY ? 0 : hil_lanes_advance(going, piece);

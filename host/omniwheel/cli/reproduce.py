@@ -24,7 +24,7 @@ from omniwheel.cli.run_output import DEFAULT_OUT, RunFolderError
 from omniwheel.plain import finite
 
 EXAMPLES = examples(
-    "omni reproduce --quick", "omni reproduce", "omni reproduce table2 fig13", "omni reproduce table7 --seeds 1000"
+    "omni reproduce --quick", "omni reproduce", "omni reproduce table2 fig13", "omni reproduce table7 --seeds 5000"
 )
 MAX_SEEDS = 100_000
 _COLUMNS = range(3, len(page.HEADINGS))
