@@ -12,6 +12,7 @@ from concurrent.futures import CancelledError
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
+from urllib.parse import urlsplit
 
 from hil_sim.studies import engine
 from hil_sim.studies.errors import ClusterError, StudyError
@@ -27,6 +28,8 @@ _LOOK_S = 1.0
 _FETCH_S = 5.0
 _PER_THREAD = 2
 _ASK_EVERY_S = 5.0
+_IN_PROCESS = "inproc"
+_START = "start one with `dask scheduler`; it prints its address, such as tcp://192.168.1.10:8786"
 _INSTALL = "install the same omniwheel on every worker's machine, then restart the workers"
 
 
@@ -41,6 +44,7 @@ class DaskPool:
         self._seen_s = 0.0
         self._asked_s = float("-inf")
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        _check_address(address)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about versions: what matters is compared below
@@ -48,7 +52,7 @@ class DaskPool:
         except (OSError, ValueError, TimeoutError) as error:
             raise ClusterError(
                 f"no Dask scheduler answers at {address}: {error}",
-                hint="start one with `dask scheduler`; it prints its address, such as tcp://192.168.1.10:8786",
+                hint=_START,
             ) from error
         try:
             self._wait_for_a_worker(connect_s)
@@ -190,6 +194,17 @@ def _refuse_other_engine(worker: str, found: dict[str, Any]) -> None:
         if found.get(name) != value:
             what = "computes other numbers" if name == "probe" else f"has {name} {found.get(name)}, not {value}"
             raise ClusterError(f"the worker {worker} {what}", hint=_INSTALL)
+
+
+def _check_address(address: str) -> None:
+    """Refuse what is no address before a client is made, which would not get over it."""
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        known = parts.scheme == _IN_PROCESS or (bool(parts.hostname) and parts.port is not None)
+    except ValueError:
+        known = False
+    if not known:
+        raise ClusterError(f"no Dask scheduler answers at {address}: no address of a host and a port", hint=_START)
 
 
 def _load() -> Any:

@@ -148,17 +148,25 @@ def run_study(
     write_text(folder.path / TRIALS_FILE, trial_table(plan, trials))
     best = _best(trials)
     if best is None:
+        for stale in (BEST_FILE, SUMMARY_FILE, PICTURE_FILE):  # of fewer runs or before --fresh: no longer true
+            (folder.path / stale).unlink(missing_ok=True)
         nearest = min(trials, key=lambda trial: trial.violation)
         why = nearest.refusal or nearest.broken
         raise StudyError(
             f"none of {len(trials)} trials keeps the constraints; the nearest: {why}",
-            hint=f"loosen a constraint, widen a range or try more; all trials are in {folder.path / TRIALS_FILE}",
+            hint=f"{_way_out(plan, why)}; all trials are in {folder.path / TRIALS_FILE}",
         )
     first = plan.first_seed + plan.runs
     before, after = (_judge(plan, runner, values, first) for values in (_present(plan), best.values))
     outcome = Outcome(tuple(trials), best, before, after, (first, first + plan.runs - 1))
     _write(plan, folder.path, outcome)
     return outcome
+
+
+def _way_out(plan: Plan, why: str) -> str:
+    if ALL_COMPLETED in plan.bounds and str(ALL_COMPLETED) in why:
+        return f'runs that end early (--duration, an event) never reach their end: constrain "{COMPLETED}.mean>=0"'
+    return "loosen a constraint, widen a range or try more"
 
 
 def _search(plan: Plan, runner: Runner, told: Told) -> list[Trial]:

@@ -10,7 +10,7 @@ import numpy as np
 from hil_sim.report import MARK, TRUTH
 from hil_sim.studies.figures import FIGURES
 from hil_sim.studies.optimize import Outcome, Plan
-from hil_sim.studies.picture_parts import sheet
+from hil_sim.studies.picture_parts import ratio_axis, sheet
 
 HEIGHT_PX = 900
 _MAX_PANELS = 5
@@ -47,7 +47,7 @@ def draw_history(plan: Plan, outcome: Outcome, path: Path) -> None:
             panel.plot(x[feasible], values[feasible], "o", color=TRUTH, markersize=4, alpha=0.7)
             panel.plot(x[~feasible], values[~feasible], "x", color=MARK, markersize=5)
             panel.axvline(outcome.best.values[axis.name], color="#009E73", linewidth=1.4)
-            panel.set(xlabel=f"{axis.name} [{axis.unit}]" if axis.unit else axis.name, ylabel="" if number else label)
+            panel.set(xlabel=axis.heading, ylabel="" if number else label)
             if axis.log:
-                panel.set_xscale("log")
+                ratio_axis(panel)
             panel.set_yscale(top.get_yscale())

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from hil_sim.report import DPI, HEIGHT_PX, INK, MARK, STYLE, TRUTH, WIDTH_PX
@@ -19,6 +20,14 @@ from hil_sim.studies.figures import FIGURES
 
 QUANTILE_MARKS = ((0.5, "median", INK), (0.95, "95 %", "#E69F00"), (0.99, "99 %", MARK))
 _BINS = 60
+
+
+def ratio_axis(axes: Axes) -> None:
+    """Give equal ratios of x equal lengths, with ticks in plain numbers at 1, 2 and 5."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 @contextmanager

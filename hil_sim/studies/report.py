@@ -14,6 +14,8 @@ from hil_sim.studies.statistics import counted
 REPORT_FILE = "report.md"
 SPREAD_HEADINGS = ("", "mean", "± 95 %", "sd", "median", "5 %", "95 %", "99 %", "worst")
 
+NO_FIGURES = "none of them drove on a path, so there are no figures"
+
 
 def spread_rows(summary: dict[str, Any]) -> list[list[str]]:
     """Return a row per figure under SPREAD_HEADINGS; figures that no run has are left out."""
@@ -65,7 +67,7 @@ def write_montecarlo_report(summary: dict[str, Any], picture: str, path: Path) -
         summary["description"],
         f"Robot {summary['robot']}, plant {summary['plant']}, seeds {first} to {last}, "
         f"{summary['simulated_s']:.1f} s simulated, omniwheel {summary['engine']['omniwheel']}.",
-        markdown_table(SPREAD_HEADINGS, spread_rows(summary)),
+        markdown_table(SPREAD_HEADINGS, rows) if (rows := spread_rows(summary)) else f"{NO_FIGURES.capitalize()}.",
         "\n".join(f"- {line}" for line in (completion_line(summary), *fault_lines(summary))),
         f"![How the figures spread]({picture})",
         f"Worst runs by {FIGURES[summary['worst_by']].heading}; `omni sim FILE` drives one again:",

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
@@ -29,7 +29,8 @@ _FORM = "write NAME=LOW:HIGH, NAME=LOW:HIGH:COUNT or NAME=VALUE,VALUE,..."
 class Axis:
     """One quantity and its range, ends included. ``whole``: only whole numbers exist.
 
-    ``values`` are the points on a grid; ``named`` says that they were given one by one, without a range.
+    ``values`` are the points on a grid; ``named`` says that they were given one by one, without a range;
+    ``choices`` are the names of a choice's values.
     """
 
     name: str
@@ -40,6 +41,16 @@ class Axis:
     log: bool = False
     named: bool = False
     unit: str = ""
+    choices: Mapping[float, str] = field(default_factory=dict)
+
+    @property
+    def heading(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def show(self, value: float, digits: int = 6) -> str:
+        """Return a value for people: a choice by its name."""
+        return self.choices.get(value) or f"{value:.{digits}g}"
 
     @property
     def of_the_world(self) -> bool:
@@ -59,9 +70,15 @@ class Axis:
 def parse_axis(word: str, table: ParameterTable) -> Axis:
     """Read ``NAME=LOW:HIGH``, ``NAME=LOW:HIGH:COUNT``, ``NAME=LOW:HIGH:log`` or ``NAME=VALUE,VALUE``.
 
-    NAME is a parameter or ``world.`` and a number of the world. Raises StudyInputError, and SchemaError for what the
-    table does not allow.
+    NAME is a parameter or ``world.`` and a number of the world. Raises StudyInputError.
     """
+    try:
+        return _parse(word, table)
+    except SchemaError as error:
+        raise StudyInputError(f"{error.key}: {error.problem}") from error
+
+
+def _parse(word: str, table: ParameterTable) -> Axis:
     name, equals, text = word.partition("=")
     name = name.strip()
     if not equals or not name or not text.strip():
@@ -95,7 +112,9 @@ class _Quantity:
     def axis(self, low: float, high: float, values: tuple[float, ...], **more: bool) -> Axis:
         whole = self.parameter is not None and self.parameter.kind != "real"
         unit = self.parameter.unit if self.parameter is not None else ""
-        return Axis(self.name, low, high, values, whole=whole, unit=unit, **more)
+        names = self.parameter.values if self.parameter is not None else {}
+        choices = {float(number): name for name, number in names.items()}
+        return Axis(self.name, low, high, values, whole=whole, unit=unit, choices=choices, **more)
 
 
 def _quantity(name: str, table: ParameterTable) -> _Quantity:

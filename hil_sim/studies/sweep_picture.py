@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 from hil_sim.report import MARK, TRUTH
 from hil_sim.studies.figures import FIGURES
 from hil_sim.studies.figures import Figure as Shown
-from hil_sim.studies.picture_parts import sheet
+from hil_sim.studies.picture_parts import ratio_axis, sheet
 from hil_sim.studies.space import Axis
 from hil_sim.studies.sweep import Plan, PointResult
 
@@ -45,8 +46,13 @@ def _label(plan: Plan) -> str:
     return f"{plan.shown.statistic} of {shown.label}{unit}"
 
 
-def _name(axis: Axis) -> str:
-    return f"{axis.name} [{axis.unit}]" if axis.unit else axis.name
+def _scale_x(axes: Axes, axis: Axis) -> None:
+    """Label the axis; equal ratios get equal lengths, choices their names."""
+    axes.set_xlabel(axis.heading)
+    if axis.log:
+        ratio_axis(axes)
+    if axis.choices:
+        axes.set_xticks(sorted(axis.values), [axis.show(value) for value in sorted(axis.values)])
 
 
 def _values(results: Sequence[PointResult], axis: Axis) -> np.ndarray:
@@ -72,7 +78,8 @@ def _draw_line(axes: Axes, plan: Plan, results: Sequence[PointResult]) -> None:
             x[order], *band[order].T, color=TRUTH, alpha=0.18, linewidth=0, label="5 % to 95 % of the runs"
         )
     _mark_refused(axes, x, y)
-    axes.set(xlabel=_name(axis), ylabel=_label(plan))
+    _scale_x(axes, axis)
+    axes.set_ylabel(_label(plan))
     axes.legend(loc="best")
 
 
@@ -93,8 +100,8 @@ def _draw_map(figure: Figure, plan: Plan, results: Sequence[PointResult]) -> Non
         cells = np.full((len(rows), len(columns)), np.nan)
         cells[np.searchsorted(rows, y), np.searchsorted(columns, x)] = z
         image = axes.imshow(cells, origin="lower", aspect="auto", cmap=_MAP)
-        axes.set_xticks(range(len(columns)), [f"{value:.4g}" for value in columns])
-        axes.set_yticks(range(len(rows)), [f"{value:.4g}" for value in rows])
+        axes.set_xticks(range(len(columns)), [first.show(value, 4) for value in columns])
+        axes.set_yticks(range(len(rows)), [second.show(value, 4) for value in rows])
         axes.grid(visible=False)
         if cells.size <= 150:
             _write_cells(axes, cells, _shown(plan))
@@ -103,15 +110,21 @@ def _draw_map(figure: Figure, plan: Plan, results: Sequence[PointResult]) -> Non
         dots = axes.scatter(x, y, c=z, cmap=_MAP, s=60, edgecolors="none")
         axes.plot(x[~np.isfinite(z)], y[~np.isfinite(z)], "x", color=MARK)
         figure.colorbar(dots, cax=bar, label=_label(plan))
-    axes.set(xlabel=_name(first), ylabel=_name(second))
+    axes.set(xlabel=first.heading, ylabel=second.heading)
 
 
 def _write_cells(axes: Axes, cells: np.ndarray, shown: Shown) -> None:
     finite = cells[np.isfinite(cells)]
     middle = 0.5 * float(finite.min() + finite.max()) if finite.size else 0.0
+    digits = _cell_digits(float(np.ptp(finite)) if finite.size else 0.0, max(shown.digits - 1, 0))
     for (row, column), value in np.ndenumerate(cells):
-        text = f"{value:.{max(shown.digits - 1, 0)}f}" if np.isfinite(value) else "–"
+        text = f"{value:.{digits}f}" if np.isfinite(value) else "–"
         axes.text(column, row, text, ha="center", va="center", fontsize=9, color="white" if value < middle else "black")
+
+
+def _cell_digits(span: float, usual: int) -> int:
+    """Return so many decimals that cells of different colours also differ in their numbers, within reason."""
+    return max(usual, min(usual + 3, math.ceil(1.0 - math.log10(span)))) if span > 0.0 else usual
 
 
 def _draw_panels(figure: Figure, plan: Plan, results: Sequence[PointResult]) -> None:
@@ -122,4 +135,5 @@ def _draw_panels(figure: Figure, plan: Plan, results: Sequence[PointResult]) -> 
     for number, axis in enumerate(plan.axes):
         axes = figure.add_subplot(grid[number // columns, number % columns])
         axes.plot(_values(results, axis), z, "o", color=TRUTH, markersize=4, alpha=0.7)
-        axes.set(xlabel=_name(axis), ylabel=_label(plan) if number % columns == 0 else "")
+        _scale_x(axes, axis)
+        axes.set_ylabel(_label(plan) if number % columns == 0 else "")

@@ -74,6 +74,43 @@ def test_sweep_and_optimize_from_the_command_line(quick_file: Path, tmp_path: Pa
     assert (tmp_path / "optimize" / "history.png").stat().st_size > 10_000
 
 
+def test_a_study_without_a_path_says_so(tmp_path: Path) -> None:
+    text = omni("montecarlo", "hands", "--duration", 1, "--runs", 8, "--out", tmp_path / "study").stdout
+    assert "none of them drove on a path" in text
+    assert "median" not in text
+    assert "None of them drove on a path" in (tmp_path / "study" / "report.md").read_text()
+
+
+def test_help_says_what_is_used_without_an_option() -> None:
+    text = " ".join(omni("montecarlo", "--help").stdout.replace("│", " ").split())
+    for default in ("every processor", "the scenario's", "runs/SCENARIO-COMMAND"):
+        assert f"[default: {default}]" in text
+
+
+def test_a_sweep_names_choices_and_units(quick_file: Path, tmp_path: Path) -> None:
+    words = ("--runs", 8, "--batch", 8, "--param", "CTL_MODE=pid,ismc", "--param", "ISMC_LAM_XY=2:8:2")
+    text = omni("sweep", quick_file, *words, "--out", tmp_path / "sweep").stdout
+    assert all(word in text for word in (" pid ", " ismc ", "ISMC_LAM_XY [1/s]"))
+
+
+def test_an_unreachable_cluster_costs_no_finished_batch(quick_file: Path, tmp_path: Path) -> None:
+    omni(*montecarlo(quick_file, tmp_path / "study"))
+    kept = (tmp_path / "study" / "batches.bin").read_bytes()
+    omni(*montecarlo(quick_file, tmp_path / "study", "--fresh", "--cluster", "nonsense"), code=1)
+    assert (tmp_path / "study" / "batches.bin").read_bytes() == kept
+    omni(*montecarlo(quick_file, tmp_path / "other", "--cluster", "nonsense"), code=1)
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("word", ["ISMC_LAM_XY=", "=3", "ISMC_LAM_XY", "ISMC_LAM_XY=1:2", "ISMC_LAM_XY=nan", "NOPE=1"])
+def test_a_bad_setting_is_told_as_it_was_typed(quick_file: Path, tmp_path: Path, word: str) -> None:
+    told = omni_json(*montecarlo(quick_file, tmp_path / "study", "--set", word), code=2)
+    text = f"{told['error']['message']} {told['error'].get('hint', '')}"
+    assert "--param" not in text
+    assert "LOW:HIGH" not in text
+    assert "file" not in text
+
+
 BAD = [
     ("montecarlo", "nope"),
     ("montecarlo", "demo", "--runs", 0),

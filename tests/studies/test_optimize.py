@@ -14,7 +14,8 @@ from hil_sim.scenario import Scenario
 from hil_sim.studies import optimize
 from hil_sim.studies.errors import StudyError, StudyInputError
 from hil_sim.studies.figures import parse_constraint, parse_number
-from hil_sim.studies.optimize import Outcome, Plan, open_study, run_study
+from hil_sim.studies.folder import DEFINITION_FILE
+from hil_sim.studies.optimize import BEST_FILE, Outcome, Plan, open_study, run_study
 from hil_sim.studies.pools import LocalPool, Pool
 from hil_sim.studies.space import parse_axes
 from omniwheel.errors import MissingPackageError
@@ -97,6 +98,17 @@ def test_refused_sets_are_infeasible_and_nothing_feasible_is_an_error(plan: Plan
     hopeless = replace(plan, constraints=(parse_constraint("peak_duty.mean<=0"),), trials=3)
     with pytest.raises(StudyError, match="none of 3 trials"):
         do(hopeless, tmp_path / "hopeless", LocalPool(2))
+    (tmp_path / "early").mkdir()
+    for stale in (BEST_FILE, DEFINITION_FILE):
+        (tmp_path / "early" / stale).write_text("of another study")
+    with (
+        pytest.raises(StudyError, match=r"completed\.mean") as caught,
+        open_study(replace(plan, constraints=(), trials=2), tmp_path / "early", fresh=True) as study,
+    ):
+        run_study(replace(plan, constraints=(), trials=2), study, LocalPool(2))
+    assert caught.value.hint is not None
+    assert "--duration" in caught.value.hint
+    assert not (tmp_path / "early" / BEST_FILE).exists()
     assert (tmp_path / "hopeless" / "trials.csv").read_text().count("\n") == 4
 
 

@@ -32,7 +32,7 @@ def identify_logs(
         list[Path] | None, typer.Option("--lifted", metavar="LOG.npz", help="A log with the wheels in the air.")
     ] = None,
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="DIR", help="Where the report goes. [default: beside --out]")
+        Path | None, typer.Option("--report", metavar="DIR", help="Where the report goes. \\[default: beside --out]")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -80,7 +80,7 @@ def align_command(
     no_calibration: NoCalibrationOption = False,
     search: Annotated[
         float | None,
-        typer.Option("--search", min=0.0, max=60.0, metavar="S", help=f"Largest clock offset. [default: {SEARCH_S:g}]"),
+        typer.Option("--search", min=0.0, max=60.0, metavar="S", help=f"Largest offset. \\[default: {SEARCH_S:g}]"),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

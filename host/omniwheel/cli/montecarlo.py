@@ -69,8 +69,8 @@ def montecarlo(
     path = study_folder(out, scenario, "montecarlo")
     note(scenario.description, quiet=json_wanted)
     with (
-        study.open_study(plan, path, fresh=fresh) as folder,
         study_pool(workers, cluster) as pool,
+        study.open_study(plan, path, fresh=fresh) as folder,
         study_progress(scenario.name, runs, path, json_wanted) as progress,
     ):
         outcome = study.run_study(plan, folder, pool, progress)
@@ -93,10 +93,13 @@ def _draw(plan: study.Plan, outcome: study.Outcome, path: Path) -> None:
 
 
 def _print(outcome: study.Outcome, progress: StudyProgress, folder: str) -> None:
-    from hil_sim.studies.report import SPREAD_HEADINGS, completion_line, fault_lines, spread_rows
+    from hil_sim.studies.report import NO_FIGURES, SPREAD_HEADINGS, completion_line, fault_lines, spread_rows
 
     summary = outcome.summary
-    print_table(f"{summary['scenario']}: {summary['runs']} runs", SPREAD_HEADINGS, spread_rows(summary))
+    if rows := spread_rows(summary):
+        print_table(f"{summary['scenario']}: {summary['runs']} runs", SPREAD_HEADINGS, rows)
+    else:
+        console.print(f"{summary['scenario']}: {summary['runs']} runs; {NO_FIGURES}", markup=False)
     for line in (completion_line(summary), *fault_lines(summary)):
         console.print(line, markup=False)
     for entry in summary["worst"]:

@@ -103,8 +103,8 @@ def optimize(
     path = study_folder(out, scenario, "optimize")
     note(scenario.description, quiet=json_wanted)
     with (
-        study.open_study(plan, path, fresh=fresh) as folder,
         study_pool(workers, cluster) as pool,
+        study.open_study(plan, path, fresh=fresh) as folder,
         study_progress(scenario.name, (trials + 2) * runs, path, json_wanted) as progress,
     ):
         outcome = study.run_study(plan, folder, pool, progress, _teller(plan, progress))
@@ -135,7 +135,7 @@ def _print(plan: study.Plan, outcome: study.Outcome, progress: StudyProgress, fo
     table = plan.scenario.robot.table
     rows = [
         [
-            axis.name,
+            axis.heading,
             *(parameter_file.format_value(table[axis.name], side.values[axis.name]) for side in (before, after)),
         ]
         for axis in plan.axes

@@ -18,7 +18,7 @@ EXAMPLES = examples("omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --ou
 def plot(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Where to draw. [default: the run's report.png]")
+        Path | None, typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: the run's report.png]")
     ] = None,
     json_wanted: JsonOption = False,
 ) -> None:

@@ -31,7 +31,7 @@ EmulatedOption = Annotated[
     bool, typer.Option("--emulated", help="Run the firmware on an emulated Cortex-M7 instead of as a process.")
 ]
 SeedOption = Annotated[
-    int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. [default: the scenario's]")
+    int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. \\[default: the scenario's]")
 ]
 
 
@@ -47,7 +47,7 @@ PlantOption = Annotated[
         "--plant",
         metavar="|".join(PLANTS),
         callback=_known_plant,
-        help="What stands in for the robot: the full physics or a model of the report. [default: the scenario's]",
+        help="What stands in for the robot: the full physics or a model of the report. \\[default: the scenario's]",
     ),
 ]
 PresetOption = Annotated[

@@ -30,7 +30,7 @@ ScenarioNameArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="World, faults and parameters; its events are not played.")
 ]
 RobotOption = Annotated[
-    str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. [default: the scenario's]")
+    str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. \\[default: the scenario's]")
 ]
 WorldRobotOption = Annotated[
     str | None,

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from hil_sim.scenario import MAX_DURATION_S, Scenario, load_scenario
+from hil_sim.studies.errors import StudyInputError
 from hil_sim.studies.plan import WORLD_PREFIX
 from hil_sim.studies.pools import LocalPool, Pool
 from hil_sim.studies.space import parse_axes
@@ -28,7 +29,7 @@ _WIDEST = 300
 WorkersOption = Annotated[
     int | None,
     typer.Option(
-        "--workers", min=1, max=MAX_WORKERS, help="Threads that work. [default: every processor]", show_default=False
+        "--workers", min=1, max=MAX_WORKERS, help="Threads that work. \\[default: every processor]", show_default=False
     ),
 ]
 ClusterOption = Annotated[
@@ -57,7 +58,7 @@ FreshOption = Annotated[bool, typer.Option("--fresh", help="Forget the runs that
 StudyOutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="The study's folder. [default: runs/SCENARIO-COMMAND]", show_default=False
+        "--out", metavar="DIR", help="The study's folder. \\[default: runs/SCENARIO-COMMAND]", show_default=False
     ),
 ]
 
@@ -69,10 +70,11 @@ def study_scenario(
     scenario = apply_preset(load_scenario(name).with_plant(plant), preset).with_duration(duration_s)
     if not settings:
         return scenario
+    for word in settings:
+        name, _, value = word.partition("=")
+        if not name.strip() or not value.strip() or ":" in value or "," in value:
+            raise StudyInputError(f"--set {word} is no setting", hint="write NAME=VALUE, one value")
     axes = parse_axes(settings, scenario.robot.table)
-    several = [axis.name for axis in axes if len(axis.values) != 1]
-    if several:
-        raise typer.BadParameter(f"--set {several[0]} needs one value: NAME=VALUE")
     values = {axis.name: axis.values[0] for axis in axes}
     own = {key: value for key, value in values.items() if not key.startswith(WORLD_PREFIX)}
     world = {key[len(WORLD_PREFIX) :]: value for key, value in values.items() if key not in own}
@@ -86,7 +88,7 @@ def study_folder(out: Path | None, scenario: Scenario, command: str) -> Path:
 
 @contextmanager
 def study_pool(workers: int | None, cluster: str | None) -> Iterator[Pool]:
-    """Give the pool that the options describe."""
+    """Give the pool that the options describe. To be opened before the study: ``--fresh`` forgets nothing in vain."""
     if workers is not None and cluster is not None:
         raise typer.BadParameter("--workers is for this computer; a cluster has its own")
     pool: Pool = LocalPool(workers)

@@ -86,8 +86,8 @@ def sweep(
     path = study_folder(out, scenario, "sweep")
     note(scenario.description, quiet=json_wanted)
     with (
-        study.open_study(plan, path, fresh=fresh) as folder,
         study_pool(workers, cluster) as pool,
+        study.open_study(plan, path, fresh=fresh) as folder,
         study_progress(f"{scenario.name}, {len(points)} points", len(points) * runs, path, json_wanted) as progress,
     ):
         results = study.run_study(plan, folder, pool, progress)
@@ -108,14 +108,14 @@ def _points(axes: list[Axis], scenario: Scenario, sobol_count: int | None, seed:
 
 
 def _print(plan: study.Plan, results: list[study.PointResult], progress: StudyProgress, folder: str) -> None:
-    names = [axis.name for axis in plan.axes]
     means = [name for name in ("position_m", "theta_rad") if str(plan.shown) != f"{name}.mean"]
     unit = FIGURES[plan.shown.figure].unit if plan.shown.figure in FIGURES else ""
     shown = f"{plan.shown} [{unit}]" if unit and plan.shown.statistic == "mean" else str(plan.shown)
-    headings = [*names, shown, *(f"mean {FIGURES[name].heading}" for name in means), "driven to the end [%]"]
+    axes = [axis.heading for axis in plan.axes]
+    headings = [*axes, shown, *(f"mean {FIGURES[name].heading}" for name in means), "driven to the end [%]"]
     rows = []
     for result in results[:_SHOWN_ROWS]:
-        values = [f"{result.point.values[name]:.6g}" for name in names]
+        values = [axis.show(result.point.values[axis.name]) for axis in plan.axes]
         rows.append([*values, *_cells(plan, result, means)])
     print_table(f"{plan.scenario.name}: {len(results)} points × {plan.runs} runs", headings, rows)
     if len(results) > _SHOWN_ROWS:
