@@ -8,8 +8,9 @@
 #include "runs.h"
 
 enum {
-    STRIDE = 100,  /* ticks from one checkpoint to the next */
-    ALONE_MAX = 64 /* most ticks run by run before lanes are tried again */
+    STRIDE = 100,     /* ticks from one checkpoint to the next */
+    ALONE_MAX = 64,   /* most ticks run by run before lanes are tried again */
+    ALONE_UNLIKE = 20 /* least, if runs are not alike: until the next fix makes those alike of which some lost one */
 };
 
 typedef struct lanes_t {
@@ -191,21 +192,31 @@ static void each_alone(hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
     stats_of_thread.alone += ticks;
 }
 
+/* @return ticks that all of them go alone before lanes are tried again. */
+static uint64_t next_alone(uint64_t before, uint64_t least, uint64_t left) {
+    const uint64_t twice = 2 * before < ALONE_MAX ? 2 * before : ALONE_MAX;
+    const uint64_t alone = twice > least ? twice : least;
+    return alone < left ? alone : left;
+}
+
 static uint64_t advance(lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
     uint64_t done = 0;
-    uint64_t alone = 1;
-    while (done < ticks && pack(lanes, runs)) {
-        const uint64_t got = together(lanes, runs, ticks - done);
-        unpack(lanes, runs, got);
-        stats_of_thread.together += got;
-        done += got;
-        if (done < ticks) {
-            alone = got > 0 ? 1 : 2 * alone;
-            alone = alone < ALONE_MAX ? alone : ALONE_MAX;
-            alone = alone < ticks - done ? alone : ticks - done;
-            each_alone(runs, alone);
-            done += alone;
+    uint64_t alone = 0;
+    while (done < ticks) {
+        uint64_t least = ALONE_UNLIKE;
+        if (pack(lanes, runs)) {
+            const uint64_t got = together(lanes, runs, ticks - done);
+            unpack(lanes, runs, got);
+            stats_of_thread.together += got;
+            done += got;
+            alone = got > 0 ? 0 : alone;
+            least = 1;
+        } else if (done == 0) {
+            return 0;
         }
+        alone = next_alone(alone, least, ticks - done);
+        each_alone(runs, alone);
+        done += alone;
     }
     return done;
 }
