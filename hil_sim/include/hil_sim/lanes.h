@@ -10,8 +10,9 @@
 
 /**
  * As hil_run_advance for each of eight runs, bit for bit. They share one flow of control; where their data would part it, each goes on
- * by itself for some ticks. Fewer than eight: the first again and again after the last. @return ticks done, fewer than asked for if the runs differ in more than numbers (states, faults, wheels,
- * times ...), or record, or there is no memory: 0 if so from the start. The rest is for hil_run_advance.
+ * by itself for some ticks. Fewer than eight: the first again and again after the last.
+ * @return `ticks`; 0, nothing done, if at the start the runs differ in more than numbers (states, faults, wheels, times ...), or
+ * record, or there is no memory.
  */
 uint64_t hil_lanes_advance(hil_run_t *const runs[8], uint64_t ticks);
 

@@ -133,6 +133,18 @@ def test_every_plant_runs_in_lanes(plant: str) -> None:
     assert assert_the_same(replace(load_scenario("demo"), plant=plant)).together > 800
 
 
+def test_more_edges_in_a_tick_than_32_bits_hold_are_the_same_in_lanes() -> None:
+    scenario = replace(load_scenario("demo"), faults=(Fault("wheel_turned", 0.0, 1.0, wheel=1, value=1e6),))
+    alone, together = Eight(scenario), Eight(scenario)
+    for eight, lanes in ((alone, False), (together, True)):
+        for run in eight.each:
+            run.world.config.counts_per_revolution = 2**31 - 1
+        eight.advance(50, lanes)
+    for one, other in zip(alone.each, together.each, strict=True):
+        assert one.world.counts[1] != 0
+        assert alone.bytes_of(one, "world") == together.bytes_of(other, "world")
+
+
 FAULTS = [
     Fault("encoder_noisy", 0.2, 0.6, wheel=1, value=2.0),
     Fault("pose_jump", 0.8, 1.0, value=0.05),
