@@ -68,9 +68,14 @@ def calibrate(runs: Sequence[Dataset], layout: Layout) -> Estimate:
         if np.max(np.abs(step)) < SETTLED:
             break
     residual, slope, cluster = _linearised(x, nominal, windows, layout, sd)
+    for name, column in zip(names(wheels), slope.T, strict=True):
+        if not np.any(column):
+            raise _not_shown(name)
     covariance, dof = clustered_covariance(slope, residual, cluster)
     estimate = Estimate(names(wheels), x * nominal, covariance * np.outer(nominal, nominal), dof)
-    _require_shown(estimate)
+    for name in estimate.names:
+        if not estimate.half_width(name) < SHARE_MAX * abs(estimate[name]):
+            raise _not_shown(name)
     return estimate
 
 
@@ -83,14 +88,12 @@ def _linearised(
     return residual, (np.array(moved) - residual).T / _STEP, cluster
 
 
-def _require_shown(estimate: Estimate) -> None:
-    for name in estimate.names:
-        if not estimate.half_width(name) < SHARE_MAX * abs(estimate[name]):
-            what = "the robot does not turn" if name == "wheel_distance_m" else "the robot does not move along x and y"
-            raise IdentificationError(
-                f"{name} cannot be told from these runs: {what} enough, or poses have no heading",
-                hint="drive circles and spins both ways in view of the motion capture",
-            )
+def _not_shown(name: str) -> IdentificationError:
+    what = "the robot does not turn" if name == "wheel_distance_m" else "the robot does not move along x and y"
+    return IdentificationError(
+        f"{name} cannot be told from these runs: {what} enough, or poses have no heading",
+        hint="drive circles and spins both ways in view of the motion capture",
+    )
 
 
 def _windows(run: Dataset) -> list[_Window]:
