@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 from hypothesis import settings
 
@@ -12,3 +13,7 @@ settings.register_profile("search", max_examples=3000, deadline=None)
 # Sanitizers slow everything down several times; what they look for shows with fewer examples too.
 settings.register_profile("sanitized", parent=settings.get_profile("repeatable"), max_examples=25)
 settings.load_profile("sanitized" if os.environ.get("OMNI_SANITIZED") else "repeatable")
+
+# A shell starts background jobs with Ctrl-C ignored, and programs under test would inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
