@@ -10,6 +10,8 @@ from typing import Any
 
 from rich.table import Table as RichTable
 
+from tests.parity.budget_page import replace_block
+
 Cell = float | str | None
 """A figure, words, or nothing."""
 
@@ -79,18 +81,6 @@ def with_ratios(rows: Sequence[Row], column: str, reference: str, heading: str) 
         ratio = value / base if isinstance(value, (int, float)) else None
         result.append(Row(row.label, {**row.cells, heading: ratio}))
     return tuple(result)
-
-
-def replace_block(text: str, name: str, lines: Sequence[str]) -> str:
-    """Return the page with what is between ``<!-- NAME -->`` and ``<!-- /NAME -->`` replaced.
-
-    Raises ValueError if one of the markers is missing or stands twice.
-    """
-    begin, end = f"<!-- {name} -->", f"<!-- /{name} -->"
-    if text.count(begin) != 1 or text.count(end) != 1 or text.index(end) < text.index(begin):
-        raise ValueError(f"the page needs the markers {begin} and {end}, once each")
-    before, rest = text.split(begin, 1)
-    return "\n".join([f"{before}{begin}", *lines, end]) + rest.split(end, 1)[1]
 
 
 def write_page(page: Path, machine: str, tables: Sequence[Table]) -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from bench.__main__ import BENCHMARKS, PAGE, parse, save
 from bench.filter_study import duration
-from bench.tables import Row, Table, replace_block, shown, with_ratios, write_page
+from bench.tables import Row, Table, shown, with_ratios, write_page
+from tests.parity.budget_page import replace_block
 
 ROWS = [Row("ours", {"ns": 4.0}), Row("theirs", {"ns": 10.0}), Row("else", {"ns": "not installed"})]
 TABLE = Table("speed", "a step", ("ns", "× ours"), with_ratios(ROWS, "ns", "ours", "× ours"), "seed 1")

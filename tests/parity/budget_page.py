@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 CLOCK_MHZ = 600
@@ -83,6 +83,18 @@ def bus_rows() -> list[str]:
     return rows
 
 
+def replace_block(text: str, name: str, lines: Sequence[str]) -> str:
+    """Return the page with what is between ``<!-- NAME -->`` and ``<!-- /NAME -->`` replaced.
+
+    Raises ValueError if one of the markers is missing or stands twice.
+    """
+    begin, end = f"<!-- {name} -->", f"<!-- /{name} -->"
+    if text.count(begin) != 1 or text.count(end) != 1 or text.index(end) < text.index(begin):
+        raise ValueError(f"the page needs the markers {begin} and {end}, once each")
+    before, rest = text.split(begin, 1)
+    return "\n".join([f"{before}{begin}", *lines, end]) + rest.split(end, 1)[1]
+
+
 def write_page(page: Path, figures: Mapping[str, int]) -> None:
     """Replace what is between the markers ``<!-- NAME -->`` and ``<!-- /NAME -->``."""
     text = page.read_text()
@@ -91,7 +103,5 @@ def write_page(page: Path, figures: Mapping[str, int]) -> None:
         "memory": size_rows(figures),
         "bus": bus_rows(),
     }.items():
-        block = "\n".join([f"<!-- {name} -->", *rows, f"<!-- /{name} -->"])
-        before, rest = text.split(f"<!-- {name} -->", 1)
-        text = before + block + rest.split(f"<!-- /{name} -->", 1)[1]
+        text = replace_block(text, name, rows)
     page.write_text(text)
