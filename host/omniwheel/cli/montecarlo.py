@@ -22,6 +22,7 @@ from omniwheel.cli.study_output import (
     StudyOutOption,
     StudyProgress,
     WorkersOption,
+    print_end,
     print_table,
     study_folder,
     study_pool,
@@ -106,5 +107,4 @@ def _print(outcome: study.Outcome, progress: StudyProgress, folder: str) -> None
         figure = FIGURES[summary["worst_by"]]
         value = f"{figure.show(entry[summary['worst_by']])} {figure.unit}".strip()
         console.print(f"  {value}: omni sim {folder}/{entry['file']}", markup=False, soft_wrap=True)
-    console.print(progress.speed_line(), markup=False)
-    console.print(f"\n[bold]{folder}[/]", soft_wrap=True)
+    print_end(progress, folder)

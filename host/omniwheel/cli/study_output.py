@@ -178,3 +178,9 @@ def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[Any
     wide = Console(file=console.file, width=_WIDEST, highlight=False)
     wide.width = max(console.width, wide.measure(table).maximum)
     wide.print(table)
+
+
+def print_end(progress: StudyProgress, folder: str) -> None:
+    """Print how fast it went and where everything is."""
+    console.print(progress.speed_line(), markup=False)
+    console.print(f"\n[bold]{folder}[/]", soft_wrap=True)

@@ -23,6 +23,7 @@ from omniwheel.cli.study_output import (
     StudyOutOption,
     StudyProgress,
     WorkersOption,
+    print_end,
     print_table,
     study_folder,
     study_pool,
@@ -120,8 +121,7 @@ def _print(plan: study.Plan, results: list[study.PointResult], progress: StudyPr
     print_table(f"{plan.scenario.name}: {len(results)} points × {plan.runs} runs", headings, rows)
     if len(results) > _SHOWN_ROWS:
         console.print(f"... and {len(results) - _SHOWN_ROWS} more points in {study.TABLE_FILE}")
-    console.print(progress.speed_line(), markup=False)
-    console.print(f"\n[bold]{folder}[/]", soft_wrap=True)
+    print_end(progress, folder)
 
 
 def _cells(plan: study.Plan, result: study.PointResult, means: list[str]) -> list[str]:
