@@ -54,7 +54,8 @@ def need_packages() -> None:
 
 def fingerprint(robot: Path) -> str:
     """Return a hash of everything that the generated files depend on, the version apart."""
-    files = [robot, root / "shared" / "params.toml", *(root / "shared" / "link").iterdir(), *generator.rglob("*.py")]
+    schemas = [path for path in (root / "shared" / "link").iterdir() if path.is_file()]
+    files = [robot, root / "shared" / "params.toml", *schemas, *generator.rglob("*.py")]
     state = hashlib.sha256()
     for path in sorted(files):
         state.update(str(path).encode() + path.read_bytes())
