@@ -1,27 +1,11 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
-import importlib.util
-import sys
-from typing import Any
-
 import pytest
 
-from tests.native import ROOT
+from tests.boards.teensy40.platformio_module import load
 
-
-def _load() -> Any:
-    path = ROOT / "firmware" / "boards" / "teensy40" / "platformio" / "memory_budget.py"
-    spec = importlib.util.spec_from_file_location("memory_budget", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["memory_budget"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-budget = _load()
+budget = load("memory_budget")
 
 SIZES = """\
 firmware.elf  :

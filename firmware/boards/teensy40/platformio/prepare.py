@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import os
 import subprocess
@@ -13,12 +12,16 @@ from typing import Any
 
 from SCons.Script import DefaultEnvironment
 
+env: Any = DefaultEnvironment()
+root = Path(env.subst("$PROJECT_DIR"))
+sys.path.insert(0, str(root / "firmware" / "boards" / "teensy40" / "platformio"))
+
+from build_inputs import InputError, fingerprint, robot_file, warnings_are_errors  # noqa: E402
+
 PARTS = ("tables", "wiring", "mavlink-c")
 # Module name and what pip installs for it.
 PACKAGES = {"pymavlink": "pymavlink>=2.4.41"} | ({} if sys.version_info >= (3, 11) else {"tomli": "tomli>=2"})
 
-env: Any = DefaultEnvironment()
-root = Path(env.subst("$PROJECT_DIR"))
 generated = Path(env.subst("$BUILD_DIR")) / "generated"
 generator = root / "shared" / "generate"
 
@@ -29,15 +32,13 @@ def stop(message: str) -> None:
     env.Exit(1)
 
 
-def robot_file() -> Path:
-    """Return the robot file that this environment is for."""
-    name = os.environ.get("OMNI_ROBOT") or env.GetProjectOption("custom_robot", "")
-    if not name:
-        stop("which robot? OMNI_ROBOT=my_robot.toml pio run -e robot, or pio run -e three_wheel")
-    path = Path(name) if Path(name).is_absolute() else root / name
-    if not path.is_file():
-        stop(f"robot file {path} does not exist; give OMNI_ROBOT a path from {root}, or a whole one")
-    return path
+def robot_of_environment() -> Path:
+    """Return the robot file that this environment is for, or end the build."""
+    try:
+        return robot_file(root, env.GetProjectOption("custom_robot", ""), os.environ)
+    except InputError as error:
+        stop(str(error))
+        raise
 
 
 def need_packages() -> None:
@@ -52,16 +53,6 @@ def need_packages() -> None:
         stop(f"could not install {names} (no network?); install it by hand: {python} -m pip install {names}")
 
 
-def fingerprint(robot: Path) -> str:
-    """Return a hash of everything that the generated files depend on, the version apart."""
-    schemas = [path for path in (root / "shared" / "link").iterdir() if path.is_file()]
-    files = [robot, root / "shared" / "params.toml", *schemas, *generator.rglob("*.py")]
-    state = hashlib.sha256()
-    for path in sorted(files):
-        state.update(str(path).encode() + path.read_bytes())
-    return state.hexdigest()
-
-
 def generate(robot: Path, parts: tuple[str, ...]) -> None:
     """Run the generator; its own message says what is wrong with a robot file."""
     command = [env.subst("$PYTHONEXE"), str(generator / "generate.py"), "--out", str(generated), "--robot", str(robot)]
@@ -73,10 +64,10 @@ def generate(robot: Path, parts: tuple[str, ...]) -> None:
 
 def prepare() -> None:
     """Bring the generated files up to date and put them and the system headers into the build."""
-    robot = robot_file()
+    robot = robot_of_environment()
     need_packages()
     stamp = generated / "stamp"
-    wanted = fingerprint(robot)
+    wanted = fingerprint(root, robot)
     if not stamp.is_file() or stamp.read_text(encoding="utf-8") != wanted:
         generate(robot, PARTS)
         stamp.write_text(wanted, encoding="utf-8")
@@ -86,7 +77,7 @@ def prepare() -> None:
     for folder in (generated / "mavlink", framework):
         env.Append(CCFLAGS=["-isystem", str(folder)])
     env.Append(CPPPATH=[str(generated / "include")])
-    if os.environ.get("OMNI_WERROR", "1") != "0":
+    if warnings_are_errors(os.environ):
         env.Append(SRC_BUILD_FLAGS=["-Werror"])
     env.BuildSources(str(generated / "objects"), str(generated / "src"))
     print(f"Robot file: {robot}")

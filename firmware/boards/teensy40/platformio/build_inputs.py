@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""What a build for the Teensy depends on: which robot file, which files the generated code comes from, how strict."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+
+class InputError(ValueError):
+    """A robot file that is not there, or not the one that the environment is for; says what to do."""
+
+
+def robot_file(root: Path, project_option: str, environ: Mapping[str, str]) -> Path:
+    """Return the robot file that an environment of platformio.ini is for.
+
+    ``project_option`` is its ``custom_robot``: a path from ``root``, or a whole one. Raises InputError, also if
+    OMNI_ROBOT names another file: whoever set it would otherwise drive with another robot's values.
+    """
+    wanted = environ.get("OMNI_ROBOT", "")
+    if not project_option:
+        raise InputError("which robot? OMNI_ROBOT=my_robot.toml pio run -e robot, or pio run -e three_wheel")
+    path = root / project_option
+    if wanted and (root / wanted).resolve() != path.resolve():
+        raise InputError(
+            f"this environment builds for {project_option}, but OMNI_ROBOT is {wanted}; "
+            f"give `-e robot` for that file, or unset OMNI_ROBOT"
+        )
+    if not path.is_file():
+        raise InputError(f"robot file {path} does not exist; give OMNI_ROBOT a path from {root}, or a whole one")
+    return path
+
+
+def generator_inputs(root: Path, robot: Path) -> list[Path]:
+    """Return all files that the generated code depends on, the version apart: robot, schemas, dialect, generator."""
+    shared = root / "shared"
+    link = [path for path in (shared / "link").rglob("*") if path.is_file()]
+    return sorted([robot, shared / "params.toml", *link, *(shared / "generate").rglob("*.py")])
+
+
+def fingerprint(root: Path, robot: Path) -> str:
+    """Return a hash of the generator's inputs, their names and their contents."""
+    state = hashlib.sha256()
+    for path in generator_inputs(root, robot):
+        content = path.read_bytes()
+        state.update(f"{path}\0{len(content)}\0".encode() + content)
+    return state.hexdigest()
+
+
+def warnings_are_errors(environ: Mapping[str, str]) -> bool:
+    """Return whether OMNI_WERROR asks for it; it is for our CI, whose compilers are known."""
+    return environ.get("OMNI_WERROR", "0") not in ("", "0")

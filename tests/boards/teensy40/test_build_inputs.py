@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: MIT
+"""The script that PlatformIO runs before it builds: what it reads, when it generates anew, whom it refuses."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from tests.boards.teensy40.platformio_module import FOLDER, load
+from tests.native import ROOT
+
+inputs = load("build_inputs")
+WATCH = """
+import runpy, sys
+del sys.argv[0]
+opened = set()
+sys.addaudithook(lambda what, args: opened.add(str(args[0])) if what == "open" else None)
+try:
+    runpy.run_path(sys.argv[0], run_name="__main__")
+finally:
+    print(*opened, sep="\\n")
+"""
+"""Runs a script and prints what it opened."""
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Return a copy of what a build generates code from."""
+    skip = shutil.ignore_patterns("__pycache__")
+    for name in ("link", "generate", "robots"):
+        shutil.copytree(ROOT / "shared" / name, tmp_path / "shared" / name, ignore=skip)
+    shutil.copy(ROOT / "shared" / "params.toml", tmp_path / "shared" / "params.toml")
+    return tmp_path
+
+
+@pytest.fixture
+def robot(root: Path) -> Path:
+    return root / "shared" / "robots" / "three_wheel.toml"
+
+
+def test_a_folder_beside_the_dialect_is_no_file_to_read(root: Path, robot: Path) -> None:
+    before = inputs.fingerprint(root, robot)
+    (root / "shared" / "link" / "empty_folder" / "another").mkdir(parents=True)
+    assert inputs.fingerprint(root, robot) == before
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "params.toml",
+        "robots/three_wheel.toml",
+        "link/omni.xml",
+        "link/standard.toml",
+        "link/include/omni_link/patience.h",
+        "generate/generate.py",
+        "generate/mavlink_dialect.py",
+        "generate/omni_schema/robots.py",
+    ],
+)
+def test_a_change_of_any_input_is_seen(root: Path, robot: Path, name: str) -> None:
+    before = inputs.fingerprint(root, robot)
+    path = root / "shared" / name
+    path.write_bytes(path.read_bytes() + b"\n")
+    assert inputs.fingerprint(root, robot) != before
+
+
+def test_another_robot_and_a_new_file_of_the_dialect_are_seen(root: Path, robot: Path) -> None:
+    before = inputs.fingerprint(root, robot)
+    assert inputs.fingerprint(root, root / "shared" / "robots" / "four_wheel.toml") != before
+    (root / "shared" / "link" / "more.xml").touch()
+    assert inputs.fingerprint(root, robot) != before
+
+
+def test_every_file_that_the_generator_opens_is_an_input(root: Path, robot: Path, tmp_path: Path) -> None:
+    """Python itself says what it opens, so that a schema added later cannot be forgotten."""
+    shutil.copy(ROOT / "pyproject.toml", root)
+    generator = root / "shared" / "generate" / "generate.py"
+    arguments = [str(generator), "--out", str(tmp_path / "out"), "--robot", str(robot)]
+    for part in ("tables", "wiring", "mavlink-c", "version"):
+        arguments += ["--part", part]
+    done = subprocess.run([sys.executable, "-B", "-c", WATCH, *arguments], capture_output=True, text=True, check=True)
+    shared = root / "shared"
+    opened = {path for path in map(Path, done.stdout.splitlines()) if path.is_file() and shared in path.parents}
+    assert {robot, root / "shared" / "params.toml", root / "shared" / "link" / "omni.xml"} <= opened
+    assert opened <= set(inputs.generator_inputs(root, robot))
+
+
+def test_the_robot_file_is_the_environments(root: Path, robot: Path) -> None:
+    option = "shared/robots/three_wheel.toml"
+    assert inputs.robot_file(root, option, {}) == robot
+    assert inputs.robot_file(root, str(robot), {"OMNI_ROBOT": str(robot)}) == robot
+    with pytest.raises(inputs.InputError, match="which robot"):
+        inputs.robot_file(root, "", {})
+    with pytest.raises(inputs.InputError, match=r"none\.toml does not exist"):
+        inputs.robot_file(root, "none.toml", {})
+
+
+def test_another_robot_than_was_asked_for_is_refused(root: Path) -> None:
+    """OMNI_ROBOT, left in a shell, once made `make firmware ROBOT=four_wheel` build for that file."""
+    with pytest.raises(inputs.InputError, match="-e robot"):
+        inputs.robot_file(root, "shared/robots/four_wheel.toml", {"OMNI_ROBOT": "mine.toml"})
+
+
+@pytest.mark.parametrize("environ", [{}, {"OMNI_WERROR": "0"}, {"OMNI_WERROR": ""}])
+def test_warnings_are_errors_in_ci_only(environ: dict[str, str]) -> None:
+    assert not inputs.warnings_are_errors(environ)
+    assert inputs.warnings_are_errors({"OMNI_WERROR": "1"})
+
+
+class FakeScons:
+    """As much of SCons' environment as prepare.py uses, for a project in ``root``."""
+
+    def __init__(self, root: Path, custom_robot: str) -> None:
+        self.root = root
+        self.custom_robot = custom_robot
+        self.appended: dict[str, list[str]] = {}
+        self.built: list[str] = []
+
+    def subst(self, text: str) -> str:
+        values = {"$PROJECT_DIR": self.root, "$BUILD_DIR": self.root / "build", "$PYTHONEXE": sys.executable}
+        return str(values[text])
+
+    def GetProjectOption(self, _: str, __: str) -> str:
+        return self.custom_robot
+
+    def PioPlatform(self) -> SimpleNamespace:
+        return SimpleNamespace(get_package_dir=lambda name: f"/packages/{name}")
+
+    def Append(self, **values: list[str]) -> None:
+        for name, more in values.items():
+            self.appended.setdefault(name, []).extend(more)
+
+    def BuildSources(self, _: str, folder: str) -> None:
+        self.built.append(folder)
+
+    def Exit(self, code: int) -> None:
+        raise SystemExit(code)
+
+
+def run_prepare(root: Path, custom_robot: str, monkeypatch: pytest.MonkeyPatch) -> FakeScons:
+    """Run prepare.py as PlatformIO does."""
+    scons = FakeScons(root, custom_robot)
+    monkeypatch.setitem(sys.modules, "SCons", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "SCons.Script", SimpleNamespace(DefaultEnvironment=lambda: scons))
+    monkeypatch.syspath_prepend(str(FOLDER))
+    code = compile((FOLDER / "prepare.py").read_text(), str(FOLDER / "prepare.py"), "exec")
+    exec(code, {"__name__": "prepare"})
+    return scons
+
+
+@pytest.fixture
+def project(root: Path) -> Path:
+    shutil.copy(ROOT / "pyproject.toml", root)
+    return root
+
+
+def test_the_script_itself_generates_once_and_again_after_a_change(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OMNI_ROBOT", raising=False)
+    monkeypatch.delenv("OMNI_WERROR", raising=False)
+    robot = "shared/robots/three_wheel.toml"
+    scons = run_prepare(project, robot, monkeypatch)
+    generated = project / "build" / "generated"
+    assert scons.built == [str(generated / "src")]
+    assert "SRC_BUILD_FLAGS" not in scons.appended
+    header = generated / "include" / "omni" / "wiring_gen.h"
+    header.unlink()
+    run_prepare(project, robot, monkeypatch)
+    assert not header.exists()
+    dialect = project / "shared" / "link" / "omni.xml"
+    dialect.write_bytes(dialect.read_bytes() + b"\n")
+    run_prepare(project, robot, monkeypatch)
+    assert header.exists()
+
+
+def test_the_script_ends_the_build_on_a_wrong_robot_file_and_is_strict_when_asked(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("OMNI_ROBOT", raising=False)
+    monkeypatch.setenv("OMNI_WERROR", "1")
+    scons = run_prepare(project, "shared/robots/four_wheel.toml", monkeypatch)
+    assert scons.appended["SRC_BUILD_FLAGS"] == ["-Werror"]
+    with pytest.raises(SystemExit):
+        run_prepare(project, "shared/robots/none.toml", monkeypatch)
+    assert "none.toml does not exist" in capsys.readouterr().err
