@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file rt1062.h
+ * A machine that runs the image which is flashed: an i.MX RT1062 as on a Teensy 4.0, as far as the firmware uses it.
+ *
+ * The processor is Unicorn's Cortex-M7 (PyPI's `unicorn`, opened at run time); interrupts, clocks, timers, flash memory, watchdog, pins and
+ * links are modelled here. A register that is not modelled is an error when it is touched, never a zero.
+ *
+ * Not modelled: caches and write buffers, cycle times (an instruction takes a fixed time), analog behaviour, electrical limits. See
+ * rt1062_not_modelled().
+ *
+ * One machine per thread at a time. The functions return when the robot's time or an event is reached; none looks at the wall clock.
+ */
+#ifndef HIL_SIM_RT1062_H
+#define HIL_SIM_RT1062_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hil_sim/world.h"
+
+enum {
+    RT1062_TEXT = 256,
+    RT1062_OUTPUT_COUNT = 2,
+    RT1062_OUTPUT_SIZE = 65536,
+    RT1062_FINDINGS = 64,
+    RT1062_NO_PIN = 255
+};
+
+typedef struct rt1062_t rt1062_t;
+
+/** Byte streams between the machine and the outside. */
+typedef enum rt1062_channel_t {
+    RT1062_USB = 0,  /**< the USB serial port */
+    RT1062_UART = 1, /**< LPUART6: Serial1, the radio */
+} rt1062_channel_t;
+
+/** Why a run ended. */
+typedef enum rt1062_stop_t {
+    RT1062_STOP_TIME = 0, /**< the asked time is reached */
+    RT1062_STOP_BREAK,    /**< the processor is at a break point */
+    RT1062_STOP_OUTPUT,   /**< a channel has bytes, and the caller wanted to know */
+    RT1062_STOP_RESET,    /**< the chip was reset, by watchdog or program, and the caller wanted to know; it has booted again */
+    RT1062_STOP_POWER,    /**< the power was cut as asked */
+    RT1062_STOP_UPLOAD,   /**< the program jumped to the uploader (bkpt #251) */
+    RT1062_STOP_REFUSED   /**< the model can't go on; rt1062_why() */
+} rt1062_stop_t;
+
+/** What was seen that a robot's program must not do, or that only happens in trouble. */
+typedef enum rt1062_finding_kind_t {
+    RT1062_FINDING_FAULT = 0,   /**< the processor took a fault exception */
+    RT1062_FINDING_DEVICE_WIDTH, /**< unaligned access to Device memory: a fault, too */
+    RT1062_FINDING_FLASH,       /**< flash memory was asked for what it can't do: setting bits, crossing a page, a command while busy */
+    RT1062_FINDING_WATCHDOG,    /**< watchdog registers written outside their windows */
+    RT1062_FINDING_STORM,       /**< an interrupt returned many times in a row without its cause being taken away */
+    RT1062_FINDING_PINS,        /**< two drivers on a pin, a peripheral whose pad is not connected to it */
+    RT1062_FINDING_CLOCK,       /**< a peripheral used while its clock is off */
+    RT1062_FINDING_KIND_COUNT
+} rt1062_finding_kind_t;
+
+typedef struct rt1062_finding_t {
+    uint32_t kind; /**< rt1062_finding_kind_t */
+    uint32_t pc;
+    uint32_t address;
+    uint32_t count; /**< times the same was found at the same pc */
+    uint64_t time_ns;
+    char text[160];
+} rt1062_finding_t;
+
+typedef struct rt1062_config_t {
+    uint32_t instruction_ns; /**< time of an instruction; on the chip about 1. 10: as many instructions per second as a PC can emulate */
+    bool exact;              /**< interrupts may come between any two instructions, not only between basic blocks; slower */
+    bool strict;             /**< look at the width and alignment of every access to memory as well, not only to Device memory; slower */
+    uint64_t seed;           /**< of everything that is drawn at random: erase times, bits of a write cut off, RAM at power-on */
+    uint8_t encoder_pin[HIL_MAX_WHEELS][2]; /**< Teensy pin numbers of A and B, RT1062_NO_PIN: none */
+    uint8_t output_enable_pin;              /**< RT1062_NO_PIN: not wired */
+    uint8_t battery_pin;                    /**< RT1062_NO_PIN: not measured */
+    double battery_divider;                 /**< V of the battery per V at the pin */
+} rt1062_config_t;
+
+/**
+ * Make a machine; flash memory is erased, the power is off.
+ * @param unicorn_library path of Unicorn's shared library. @param why out, at most why_size bytes. @return NULL on failure.
+ */
+rt1062_t *rt1062_new(const char *unicorn_library, const rt1062_config_t *config, char *why, uint32_t why_size);
+void rt1062_free(rt1062_t *m);
+
+/** The chip's flash memory, 2 MB, to read and write at will. */
+uint8_t *rt1062_flash(rt1062_t *m);
+/** Wire the pins to a world, which goes on by itself from then on, 1 ms at a time. NULL: nothing is connected. */
+void rt1062_attach(rt1062_t *m, hil_world_t *world);
+/** Power on. RAM is noise. @return false: the boot ROM would not start this image; rt1062_why(). */
+bool rt1062_power_on(rt1062_t *m);
+/** Run until `until_ns` after power-on, or something else that stops. */
+rt1062_stop_t rt1062_run(rt1062_t *m, uint64_t until_ns);
+uint64_t rt1062_time_ns(const rt1062_t *m);
+uint64_t rt1062_instructions(const rt1062_t *m);
+/** Why the last run ended; a sentence. */
+const char *rt1062_why(const rt1062_t *m);
+
+/** Which stops the caller wants, a bit per rt1062_stop_t; RT1062_STOP_TIME, POWER, UPLOAD and REFUSED always stop. */
+void rt1062_stop_on(rt1062_t *m, uint32_t stops);
+/** Stop before the instruction at this address (a function's first, say); up to 8. 0: forget them all. */
+bool rt1062_break(rt1062_t *m, uint32_t address);
+
+uint32_t rt1062_register(rt1062_t *m, uint32_t number); /**< r0..r15, 16: xPSR */
+/** Copy memory (not registers). @return false: not all of it is memory. */
+bool rt1062_read(rt1062_t *m, uint32_t address, uint8_t *bytes, uint32_t count);
+bool rt1062_write(rt1062_t *m, uint32_t address, const uint8_t *bytes, uint32_t count);
+/**
+ * Call a function of the image in its present state, from the background: four integer arguments at most. Interrupts go on.
+ * @return RT1062_STOP_TIME and *result, or why it ended before it returned. `limit_ns`: time it may take.
+ */
+rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t arguments[4], uint64_t limit_ns, uint32_t *result);
+
+uint32_t rt1062_findings(const rt1062_t *m);
+const rt1062_finding_t *rt1062_finding(const rt1062_t *m, uint32_t number);
+void rt1062_forget_findings(rt1062_t *m);
+/** What is not modelled: sentences, ended by NULL. */
+const char *const *rt1062_not_modelled(void);
+
+/** All of the machine but flash memory's contents beyond its first `flash` bytes changed since... a whole copy. Free with rt1062_snapshot_free. */
+typedef struct rt1062_snapshot_t rt1062_snapshot_t;
+rt1062_snapshot_t *rt1062_snapshot(rt1062_t *m);
+void rt1062_restore(rt1062_t *m, const rt1062_snapshot_t *snapshot);
+void rt1062_snapshot_free(rt1062_snapshot_t *snapshot);
+
+/** Bytes to the robot; they take the link's time. @return bytes taken. */
+uint32_t rt1062_send(rt1062_t *m, rt1062_channel_t channel, const uint8_t *bytes, uint32_t count);
+/** Bytes from the robot since the last call. @return bytes put into `bytes`. */
+uint32_t rt1062_receive(rt1062_t *m, rt1062_channel_t channel, uint8_t *bytes, uint32_t room);
+
+/** The USB host: cable in or out, port opened (DTR) or closed, line coding (134 baud asks for the uploader). */
+void rt1062_usb_cable(rt1062_t *m, bool connected);
+void rt1062_usb_open(rt1062_t *m, bool open, uint32_t baud);
+/** The device is configured by the host and can carry bytes. */
+bool rt1062_usb_ready(const rt1062_t *m);
+
+/** Level of a Teensy pin as a voltmeter would see it: 0, 1, or -1 if nothing drives or pulls it. */
+int32_t rt1062_pin(const rt1062_t *m, uint32_t teensy_pin);
+/** Drive a Teensy pin from outside: 0, 1, or -1 to let go. */
+void rt1062_drive_pin(rt1062_t *m, uint32_t teensy_pin, int32_t level);
+
+/** Cut the power after this many more flash commands that change memory (a page program, an erase), when `share` (0..1) of that one is done. */
+void rt1062_cut_power_at(rt1062_t *m, uint32_t flash_commands, double share);
+
+#endif

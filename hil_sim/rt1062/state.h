@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file state.h
+ * Everything of the machine that changes, memories and processor registers apart: plain data without pointers, copied whole by a snapshot.
+ * A peripheral brings a header with its part and a line in rt_state_t.
+ */
+#ifndef HIL_SIM_RT1062_STATE_H
+#define HIL_SIM_RT1062_STATE_H
+
+#include "hil_sim/rt1062.h"
+#include "scs.h"
+
+/* Deadlines: who has one. */
+typedef enum rt_event_t {
+    RT_EVENT_SYSTICK = 0,
+    RT_EVENT_PIT0,
+    RT_EVENT_PIT1,
+    RT_EVENT_PIT2,
+    RT_EVENT_PIT3,
+    RT_EVENT_I2C,
+    RT_EVENT_UART_SEND,
+    RT_EVENT_UART_RECEIVE,
+    RT_EVENT_USB,
+    RT_EVENT_FLASH,
+    RT_EVENT_WATCHDOG,
+    RT_EVENT_ADC,
+    RT_EVENT_WORLD,   /* the world's next millisecond */
+    RT_EVENT_ENCODER, /* the next edge of an encoder */
+    RT_EVENT_COUNT
+} rt_event_t;
+
+/* Bits of SRC_SRSR [RM 21.8.3]. */
+enum {
+    RT_RESET_POWER = 1 << 0,    /* IPP_RESET_B: power-on here */
+    RT_RESET_LOCKUP = 1 << 1,   /* LOCKUP_SYSRESETREQ: program's request or lock-up */
+    RT_RESET_WDOG12 = 1 << 4,   /* WDOG_RST_B */
+    RT_RESET_WDOG3 = 1 << 7,    /* WDOG3_RST_B */
+    RT_RESET_HOT = 1 << 8       /* TEMPSENSE_RST_B */
+};
+
+enum { RT_BLOCKS = 1 << 15, RT_BREAKS = 8 };
+
+/* A basic block met before. */
+typedef struct rt_block_t {
+    uint32_t address;
+    uint16_t size;
+    uint16_t instructions;
+} rt_block_t;
+
+typedef struct rt_state_t {
+    uint64_t now_ns; /* when the processor last looked up */
+    uint64_t instructions;
+    uint64_t deadline_ns[RT_EVENT_COUNT];
+    uint32_t reset_flags;   /* RT_RESET_...: of the last reset */
+    uint32_t reset_wanted;  /* RT_RESET_...: of the one asked for */
+    uint32_t stop_on;       /* a bit per rt1062_stop_t */
+    uint32_t breaks[RT_BREAKS];
+    uint32_t break_count;
+    bool powered;
+    bool sleeping; /* WFI */
+    uint32_t fault_exception; /* 3..6: to be taken before the next instruction, at fault_pc */
+    uint32_t fault_pc;
+    uint32_t finding_count;
+    rt1062_finding_t finding[RT1062_FINDINGS];
+    rt_scs_t scs;
+} rt_state_t;
+
+/* Bytes on their way to the caller. */
+typedef struct rt1062_output_t {
+    uint32_t count;
+    uint8_t bytes[RT1062_OUTPUT_SIZE];
+} rt1062_output_t;
+
+#endif
