@@ -32,6 +32,27 @@ enum {
 #define RT_OCRAM_BASE 0x20200000u
 #define RT_FLASH_BASE 0x60000000u
 
+enum { RT_WINDOWS = 2, RT_CPU_MHz = 600 };
+
+/* Exception numbers [V7M B1.5.2]; 16 + n: interrupt n. */
+enum {
+    RT_NMI = 2,
+    RT_HARD_FAULT = 3,
+    RT_MEM_FAULT = 4,
+    RT_BUS_FAULT = 5,
+    RT_USAGE_FAULT = 6,
+    RT_SVCALL = 11,
+    RT_PENDSV = 14,
+    RT_SYSTICK = 15,
+    RT_IRQ0 = 16
+};
+
+/* Addresses that Unicorn hands to bus.c. */
+typedef struct rt_window_t {
+    rt1062_t *m;
+    uint32_t base;
+} rt_window_t;
+
 struct rt1062_t {
     rt_unicorn_t api;
     rt_uc_engine_t *engine;
@@ -43,13 +64,31 @@ struct rt1062_t {
     hil_world_t *world; /* what the pins are wired to; NULL: nothing */
     rt_state_t s;
     /* Below: nothing that a snapshot needs. */
-    int64_t budget_ns;   /* time that the processor may still run before it must look up */
-    uint64_t look_up_ns; /* when the budget ends */
-    bool running;        /* inside Unicorn */
-    uint32_t access_pc;  /* instruction of the register access under way */
+    int64_t slice_ns;    /* time that the processor was given when it began to run */
+    int64_t budget_ns;   /* and what is left of it */
+    uint64_t look_up_ns; /* when that ends */
+    uint64_t until_ns;   /* when the whole run ends */
+    bool protection_dirty;
+    bool code_changed;
+    bool look_up;        /* leave Unicorn before the next basic block */
+    bool masked_pending; /* an interrupt waits for PRIMASK, BASEPRI or FAULTMASK to open */
+    bool stopping;       /* `stop` is the reason for which the run ends */
+    bool past_break;     /* the break point at broken_at has been reported, and nothing was executed since */
+    uint32_t broken_at;
+    bool in_part;        /* config.exact: a block is executed up to an instruction within it */
+    uint32_t part_block; /* the block to do that with, 0: none */
+    uint32_t part_size;
+    uint32_t access_pc; /* instruction of the register access under way, or last met */
+    uint32_t interrupt; /* number of Unicorn's interrupt, RT_NO_INTERRUPT: none */
     rt1062_stop_t stop;
     char why[RT1062_TEXT];
-    rt_uc_hook_t hooks[8];
+    rt_window_t windows[RT_WINDOWS];
+    rt_uc_hook_t hooks[RT_WINDOWS + 5];
+    rt_uc_hook_t guards[RT_MPU_REGIONS]; /* on regions of the memory protection unit that are smaller than a page */
+    uint32_t guard_count;
+    uint32_t break_at[RT_BREAKS];
+    uint32_t break_count;
+    uint32_t stop_on;             /* a bit per rt1062_stop_t */
     rt_block_t blocks[RT_BLOCKS]; /* instructions per basic block, as it was met */
     rt1062_output_t output[RT1062_OUTPUT_COUNT];
 };
@@ -72,6 +111,9 @@ typedef struct rt_device_t {
 extern const rt_device_t *const rt_devices[];
 const rt_device_t *rt_device_at(uint32_t address);
 bool rt_bus_attach(rt1062_t *m);
+/* One access of 1, 2 or 4 bytes, as the processor makes it. */
+uint32_t rt_bus_read(rt1062_t *m, uint32_t address, uint32_t size);
+void rt_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value);
 
 /* ---- time.c: deadlines */
 
@@ -85,30 +127,54 @@ uint64_t rt_next_event(const rt1062_t *m);
 typedef void (*rt_event_handler_t)(rt1062_t *m);
 extern const rt_event_handler_t rt_event_handlers[RT_EVENT_COUNT];
 
-/* ---- scs.c: interrupts and the system control space */
+/* ---- exceptions.c */
 
 /* A peripheral's interrupt line goes up or down. Level-sensitive. @param irq 0..159. */
 void rt_irq_set(rt1062_t *m, uint32_t irq, bool high);
 /* Make a system exception or interrupt pending. @param exception number as in IPSR: 2 NMI .. 15 SysTick, 16 + irq. */
 void rt_exception_pend(rt1062_t *m, uint32_t exception);
-/* @return the exception to enter now, 0: none. Looks at masks and priorities. */
-uint32_t rt_exception_due(rt1062_t *m);
-void rt_exception_begin(rt1062_t *m, uint32_t exception);
-void rt_exception_end(rt1062_t *m, uint32_t exception);
-uint32_t rt_vector(rt1062_t *m, uint32_t exception);
+/* Lines that are still high are pending again. */
+void rt_lines_repend(rt1062_t *m);
+/* Enter what is due: a fault, else the pending exception of the highest priority that may interrupt. */
+void rt_exceptions_take(rt1062_t *m);
+/* Leave the handler that branched to this EXC_RETURN value. */
+void rt_exception_return(rt1062_t *m, uint32_t exc_return);
+/* Set the fault status registers for a fault of this kind. */
+void rt_fault_status(rt1062_t *m, uint32_t exception, uint32_t address);
+
+/* ---- protection.c: what memory there is and who may do what with it */
+
+/* May privileged code write to this address of memory? */
+bool rt_may_write(const rt1062_t *m, uint32_t address);
+/* The memory protection unit or the partition of the tightly coupled memory was changed: the run loop applies it before it goes on. */
+void rt_protection_changed(rt1062_t *m);
+void rt_protection_apply(rt1062_t *m);
+/* IOMUXC_GPR14, 16, 17 were written: partition of the FlexRAM. @param banks two bits for each of 16 banks of 32 KB, as in GPR17. */
+void rt_flexram_configured(rt1062_t *m, uint32_t banks);
+
+/* ---- fpu.c */
+
+/* Carry out the double-precision instruction that Unicorn's processor does not know. @return false: it is not one that is modelled. */
+bool rt_fpu_double(rt1062_t *m, uint32_t instruction);
 
 /* ---- cpu.c */
 
-bool rt_cpu_open(rt1062_t *m);
+enum { RT_NO_INTERRUPT = 0xFFFF };
+
+bool rt_cpu_open(rt1062_t *m, char *why, size_t why_size);
 void rt_cpu_close(rt1062_t *m);
-/* Registers as after reset: stack and program counter come from the vector table that the boot image names. */
+/* Registers as after reset. */
 void rt_cpu_reset(rt1062_t *m, uint32_t stack, uint32_t entry);
+/* Run until the run's end, an event, or an exception to be taken. */
+void rt_cpu_slice(rt1062_t *m, uint64_t until_ns);
 uint32_t rt_reg(rt1062_t *m, int number);
 void rt_set_reg(rt1062_t *m, int number, uint32_t value);
-/* Memory as the processor sees it, without side effects. @return false if it is not all memory. */
+/* Memory behind an address, without rights and side effects. @return NULL if it is not all memory. */
 uint8_t *rt_memory(rt1062_t *m, uint32_t address, uint32_t size);
 /* Leave Unicorn before the next basic block: something changed that the run loop must look at. */
 void rt_look_up(rt1062_t *m);
+/* End the run for this reason. */
+void rt_stop(rt1062_t *m, rt1062_stop_t stop);
 
 /* ---- faults.c: what the processor or the model objects to */
 

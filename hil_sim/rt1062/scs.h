@@ -13,7 +13,7 @@
 enum { RT_IRQS = 160, RT_EXCEPTIONS = 16 + RT_IRQS, RT_MPU_REGIONS = 16, RT_NESTING = 32 };
 
 typedef struct rt_mpu_region_t {
-    uint32_t base; /* RBAR, region number left out */
+    uint32_t base;       /* RBAR, region number left out */
     uint32_t attributes; /* RASR */
 } rt_mpu_region_t;
 
@@ -45,6 +45,7 @@ typedef struct rt_scs_t {
     rt_mpu_region_t mpu[RT_MPU_REGIONS];
     uint32_t storm_exception; /* taken again and again with nothing between */
     uint32_t storm_count;
+    uint64_t storm_instructions; /* executed when the last handler ended */
     uint32_t fpccr;
 } rt_scs_t;
 

@@ -31,11 +31,11 @@ typedef enum rt_event_t {
 
 /* Bits of SRC_SRSR [RM 21.8.3]. */
 enum {
-    RT_RESET_POWER = 1 << 0,    /* IPP_RESET_B: power-on here */
-    RT_RESET_LOCKUP = 1 << 1,   /* LOCKUP_SYSRESETREQ: program's request or lock-up */
-    RT_RESET_WDOG12 = 1 << 4,   /* WDOG_RST_B */
-    RT_RESET_WDOG3 = 1 << 7,    /* WDOG3_RST_B */
-    RT_RESET_HOT = 1 << 8       /* TEMPSENSE_RST_B */
+    RT_RESET_POWER = 1 << 0,  /* IPP_RESET_B: power-on here */
+    RT_RESET_LOCKUP = 1 << 1, /* LOCKUP_SYSRESETREQ: program's request or lock-up */
+    RT_RESET_WDOG12 = 1 << 4, /* WDOG_RST_B */
+    RT_RESET_WDOG3 = 1 << 7,  /* WDOG3_RST_B */
+    RT_RESET_HOT = 1 << 8     /* TEMPSENSE_RST_B */
 };
 
 enum { RT_BLOCKS = 1 << 15, RT_BREAKS = 8 };
@@ -51,13 +51,14 @@ typedef struct rt_state_t {
     uint64_t now_ns; /* when the processor last looked up */
     uint64_t instructions;
     uint64_t deadline_ns[RT_EVENT_COUNT];
-    uint32_t reset_flags;   /* RT_RESET_...: of the last reset */
-    uint32_t reset_wanted;  /* RT_RESET_...: of the one asked for */
-    uint32_t stop_on;       /* a bit per rt1062_stop_t */
-    uint32_t breaks[RT_BREAKS];
-    uint32_t break_count;
+    uint32_t reset_flags;  /* RT_RESET_...: of the last reset */
+    uint32_t reset_wanted; /* RT_RESET_...: of the one asked for */
+    uint32_t ipsr;         /* number of the exception under way, 0: none */
+    uint32_t itcm_size;    /* bytes, as the FlexRAM is partitioned */
+    uint32_t dtcm_size;
     bool powered;
-    bool sleeping; /* WFI */
+    bool sleeping;            /* WFI */
+    bool locked_up;           /* a fault within the fault handler: only a reset helps [V7M B1.5.15] */
     uint32_t fault_exception; /* 3..6: to be taken before the next instruction, at fault_pc */
     uint32_t fault_pc;
     uint32_t finding_count;

@@ -10,22 +10,14 @@ typedef struct symbol_t {
     size_t offset; /* of the function pointer in rt_unicorn_t */
 } symbol_t;
 
-#define FUNCTION(member, name) {name, offsetof(rt_unicorn_t, member)}
+#define FUNCTION(member, name)                                                                                                 \
+    { name, offsetof(rt_unicorn_t, member) }
 static const symbol_t symbols[] = {
-    FUNCTION(version, "uc_version"),
-    FUNCTION(open, "uc_open"),
-    FUNCTION(close, "uc_close"),
-    FUNCTION(control, "uc_ctl"),
-    FUNCTION(error_text, "uc_strerror"),
-    FUNCTION(map_memory, "uc_mem_map_ptr"),
-    FUNCTION(map_io, "uc_mmio_map"),
-    FUNCTION(protect, "uc_mem_protect"),
-    FUNCTION(hook_add, "uc_hook_add"),
-    FUNCTION(hook_delete, "uc_hook_del"),
-    FUNCTION(reg_read, "uc_reg_read"),
-    FUNCTION(reg_write, "uc_reg_write"),
-    FUNCTION(start, "uc_emu_start"),
-    FUNCTION(stop, "uc_emu_stop"),
+    FUNCTION(version, "uc_version"),      FUNCTION(open, "uc_open"),           FUNCTION(close, "uc_close"),
+    FUNCTION(control, "uc_ctl"),          FUNCTION(error_text, "uc_strerror"), FUNCTION(map_memory, "uc_mem_map_ptr"),
+    FUNCTION(map_io, "uc_mmio_map"),      FUNCTION(protect, "uc_mem_protect"), FUNCTION(hook_add, "uc_hook_add"),
+    FUNCTION(hook_delete, "uc_hook_del"), FUNCTION(reg_read, "uc_reg_read"),   FUNCTION(reg_write, "uc_reg_write"),
+    FUNCTION(start, "uc_emu_start"),      FUNCTION(stop, "uc_emu_stop"),
 };
 #undef FUNCTION
 

@@ -19,13 +19,7 @@
 
 #include "hil_sim/world.h"
 
-enum {
-    RT1062_TEXT = 256,
-    RT1062_OUTPUT_COUNT = 2,
-    RT1062_OUTPUT_SIZE = 65536,
-    RT1062_FINDINGS = 64,
-    RT1062_NO_PIN = 255
-};
+enum { RT1062_TEXT = 256, RT1062_OUTPUT_COUNT = 2, RT1062_OUTPUT_SIZE = 65536, RT1062_FINDINGS = 64, RT1062_NO_PIN = 255 };
 
 typedef struct rt1062_t rt1062_t;
 
@@ -48,13 +42,13 @@ typedef enum rt1062_stop_t {
 
 /** What was seen that a robot's program must not do, or that only happens in trouble. */
 typedef enum rt1062_finding_kind_t {
-    RT1062_FINDING_FAULT = 0,   /**< the processor took a fault exception */
+    RT1062_FINDING_FAULT = 0,    /**< the processor took a fault exception */
     RT1062_FINDING_DEVICE_WIDTH, /**< unaligned access to Device memory: a fault, too */
-    RT1062_FINDING_FLASH,       /**< flash memory was asked for what it can't do: setting bits, crossing a page, a command while busy */
-    RT1062_FINDING_WATCHDOG,    /**< watchdog registers written outside their windows */
-    RT1062_FINDING_STORM,       /**< an interrupt returned many times in a row without its cause being taken away */
-    RT1062_FINDING_PINS,        /**< two drivers on a pin, a peripheral whose pad is not connected to it */
-    RT1062_FINDING_CLOCK,       /**< a peripheral used while its clock is off */
+    RT1062_FINDING_FLASH, /**< flash memory was asked for what it can't do: setting bits, crossing a page, a command while busy */
+    RT1062_FINDING_WATCHDOG, /**< watchdog registers written outside their windows */
+    RT1062_FINDING_STORM,    /**< an interrupt returned many times in a row without its cause being taken away */
+    RT1062_FINDING_PINS,     /**< two drivers on a pin, a peripheral whose pad is not connected to it */
+    RT1062_FINDING_CLOCK,    /**< a peripheral used while its clock is off */
     RT1062_FINDING_KIND_COUNT
 } rt1062_finding_kind_t;
 
@@ -68,10 +62,11 @@ typedef struct rt1062_finding_t {
 } rt1062_finding_t;
 
 typedef struct rt1062_config_t {
-    uint32_t instruction_ns; /**< time of an instruction; on the chip about 1. 10: as many instructions per second as a PC can emulate */
-    bool exact;              /**< interrupts may come between any two instructions, not only between basic blocks; slower */
-    bool strict;             /**< look at the width and alignment of every access to memory as well, not only to Device memory; slower */
-    uint64_t seed;           /**< of everything that is drawn at random: erase times, bits of a write cut off, RAM at power-on */
+    uint32_t
+        instruction_ns; /**< time of an instruction; on the chip about 1. 10: as many instructions per second as a PC can emulate */
+    bool exact;         /**< interrupts may come between any two instructions, not only between basic blocks; slower */
+    bool strict;   /**< look at the width and alignment of every access to memory as well, not only to Device memory; slower */
+    uint64_t seed; /**< of everything that is drawn at random: erase times, bits of a write cut off, RAM at power-on */
     uint8_t encoder_pin[HIL_MAX_WHEELS][2]; /**< Teensy pin numbers of A and B, RT1062_NO_PIN: none */
     uint8_t output_enable_pin;              /**< RT1062_NO_PIN: not wired */
     uint8_t battery_pin;                    /**< RT1062_NO_PIN: not measured */
@@ -112,6 +107,11 @@ bool rt1062_write(rt1062_t *m, uint32_t address, const uint8_t *bytes, uint32_t 
  * @return RT1062_STOP_TIME and *result, or why it ended before it returned. `limit_ns`: time it may take.
  */
 rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t arguments[4], uint64_t limit_ns, uint32_t *result);
+
+/** One access to a register as the processor makes it, 1, 2 or 4 bytes. A register that is not modelled reads 0, with rt1062_why(). */
+uint32_t rt1062_bus_read(rt1062_t *m, uint32_t address, uint32_t size);
+/** @return false: it is not modelled. */
+bool rt1062_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value);
 
 uint32_t rt1062_findings(const rt1062_t *m);
 const rt1062_finding_t *rt1062_finding(const rt1062_t *m, uint32_t number);

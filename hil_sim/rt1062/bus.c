@@ -1,0 +1,90 @@
+/* SPDX-License-Identifier: MIT */
+/* From an address to the register of a device; what the processor may not do on the way. */
+#include <stdio.h>
+
+#include "devices.h"
+#include "machine.h"
+
+const rt_device_t *const rt_devices[] = {
+    &rt_scs,
+    &rt_dwt,
+    NULL,
+};
+
+const rt_device_t *rt_device_at(uint32_t address) {
+    for (uint32_t i = 0; rt_devices[i] != NULL; i++) {
+        if (address - rt_devices[i]->base < rt_devices[i]->size) {
+            return rt_devices[i];
+        }
+    }
+    return NULL;
+}
+
+static void refuse_access(rt1062_t *m, const char *what, uint32_t address, uint32_t size) {
+    const rt_device_t *device = rt_device_at(address);
+    if (device == NULL) {
+        rt_refuse(m, "%s of 0x%08X (%u bytes): no device is modelled there", what, (unsigned)address, (unsigned)size);
+    } else {
+        rt_refuse(m, "%s of 0x%08X (%u bytes): %s has no such register in the model", what, (unsigned)address, (unsigned)size,
+                  device->name);
+    }
+}
+
+uint32_t rt_bus_read(rt1062_t *m, uint32_t address, uint32_t size) {
+    const rt_device_t *device = rt_device_at(address);
+    uint32_t value = 0;
+    if (device == NULL || device->read == NULL || !device->read(m, address - device->base, size, &value)) {
+        refuse_access(m, "read", address, size);
+    }
+    return value;
+}
+
+void rt_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value) {
+    const rt_device_t *device = rt_device_at(address);
+    if (device == NULL || device->write == NULL || !device->write(m, address - device->base, size, value)) {
+        refuse_access(m, "write", address, size);
+    }
+}
+
+/* Unicorn cuts an unaligned access into bytes; on_access() has seen it before and taken the processor to its fault. */
+static uint64_t on_read(rt_uc_engine_t *engine, uint64_t offset, unsigned size, void *user) {
+    (void)engine;
+    rt_window_t *window = user;
+    return window->m->s.fault_exception != 0 ? 0 : rt_bus_read(window->m, window->base + (uint32_t)offset, size);
+}
+
+static void on_write(rt_uc_engine_t *engine, uint64_t offset, unsigned size, uint64_t value, void *user) {
+    (void)engine;
+    rt_window_t *window = user;
+    if (window->m->s.fault_exception == 0) {
+        rt_bus_write(window->m, window->base + (uint32_t)offset, size, (uint32_t)value);
+    }
+}
+
+/* Every access to Device memory, before it happens [V7M A3.2.1: an unaligned one is a UsageFault]. */
+static void on_access(rt_uc_engine_t *engine, int type, uint64_t address, int size, int64_t value, void *user) {
+    (void)engine;
+    (void)value;
+    rt1062_t *m = user;
+    m->access_pc = rt_reg(m, RT_REG_PC);
+    if ((address & (uint64_t)(size - 1)) != 0) {
+        rt_fault(m, RT_USAGE_FAULT, (uint32_t)address, "unaligned %s of %d bytes at 0x%08X in Device memory",
+                 type == RT_UC_MEM_WRITE ? "write" : "read", size, (unsigned)address);
+    }
+}
+
+bool rt_bus_attach(rt1062_t *m) {
+    static const uint32_t windows[RT_WINDOWS][2] = {{0x40000000, 0x10000000}, {0xE0000000, 0x00100000}};
+    for (uint32_t i = 0; i < RT_WINDOWS; i++) {
+        rt_window_t *window = &m->windows[i];
+        *window = (rt_window_t){m, windows[i][0]};
+        const uint64_t end = (uint64_t)windows[i][0] + windows[i][1] - 1;
+        if (m->api.map_io(m->engine, windows[i][0], windows[i][1], (void *)(uintptr_t)on_read, window,
+                          (void *)(uintptr_t)on_write, window) != RT_UC_ERR_OK ||
+            m->api.hook_add(m->engine, &m->hooks[i], RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, (void *)(uintptr_t)on_access,
+                            m, windows[i][0], end) != RT_UC_ERR_OK) {
+            return false;
+        }
+    }
+    return true;
+}

@@ -1,0 +1,13 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file handlers.h
+ * What happens at the deadlines of state.h; each is called with its deadline already forgotten.
+ */
+#ifndef HIL_SIM_RT1062_HANDLERS_H
+#define HIL_SIM_RT1062_HANDLERS_H
+
+#include "machine.h"
+
+void rt_systick_event(rt1062_t *m);
+
+#endif

@@ -1,0 +1,143 @@
+/* SPDX-License-Identifier: MIT */
+/* Copies of the whole machine, and calls of the image's functions. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "machine.h"
+
+enum { CORE_REGISTERS = 13 + 3 + 6, FLOATS = 32 };
+
+static const int core_registers[CORE_REGISTERS] = {
+    RT_REG_R0,      RT_REG_R0 + 1,  RT_REG_R0 + 2,    RT_REG_R0 + 3, RT_REG_R0 + 4,  RT_REG_R0 + 5,
+    RT_REG_R0 + 6,  RT_REG_R0 + 7,  RT_REG_R0 + 8,    RT_REG_R0 + 9, RT_REG_R0 + 10, RT_REG_R0 + 11,
+    RT_REG_R0 + 12, RT_REG_SP,      RT_REG_LR,        RT_REG_FPSCR,  RT_REG_CONTROL, RT_REG_IPSR,
+    RT_REG_PRIMASK, RT_REG_BASEPRI, RT_REG_FAULTMASK, RT_REG_XPSR};
+
+typedef struct registers_t {
+    uint32_t core[CORE_REGISTERS];
+    uint32_t floats[FLOATS];
+    uint32_t pc;
+} registers_t;
+
+struct rt1062_snapshot_t {
+    registers_t registers;
+    rt_state_t state;
+    hil_world_t world;
+    uint8_t itcm[RT_ITCM_SIZE];
+    uint8_t dtcm[RT_DTCM_SIZE];
+    uint8_t ocram[RT_OCRAM_SIZE];
+    uint8_t flash[RT_FLASH_SIZE];
+};
+
+static void save_registers(rt1062_t *m, registers_t *registers) {
+    for (uint32_t i = 0; i < CORE_REGISTERS; i++) {
+        registers->core[i] = rt_reg(m, core_registers[i]);
+    }
+    for (uint32_t i = 0; i < FLOATS; i++) {
+        registers->floats[i] = rt_reg(m, RT_REG_S0 + (int)i);
+    }
+    registers->pc = rt_reg(m, RT_REG_PC);
+}
+
+static void load_registers(rt1062_t *m, const registers_t *registers) {
+    for (uint32_t i = 0; i < CORE_REGISTERS; i++) {
+        rt_set_reg(m, core_registers[i], registers->core[i]);
+    }
+    for (uint32_t i = 0; i < FLOATS; i++) {
+        rt_set_reg(m, RT_REG_S0 + (int)i, registers->floats[i]);
+    }
+    rt_set_reg(m, RT_REG_PC, registers->pc | 1u);
+}
+
+rt1062_snapshot_t *rt1062_snapshot(rt1062_t *m) {
+    rt1062_snapshot_t *snapshot = malloc(sizeof *snapshot);
+    if (snapshot == NULL) {
+        return NULL;
+    }
+    save_registers(m, &snapshot->registers);
+    snapshot->state = m->s;
+    if (m->world != NULL) {
+        snapshot->world = *m->world;
+    }
+    memcpy(snapshot->itcm, m->itcm, RT_ITCM_SIZE);
+    memcpy(snapshot->dtcm, m->dtcm, RT_DTCM_SIZE);
+    memcpy(snapshot->ocram, m->ocram, RT_OCRAM_SIZE);
+    memcpy(snapshot->flash, m->flash, RT_FLASH_SIZE);
+    return snapshot;
+}
+
+/* Unicorn keeps translations of code: they go when other code comes. */
+static void restore_code(rt1062_t *m, uint8_t *memory, const uint8_t *saved, size_t size) {
+    if (memcmp(memory, saved, size) != 0) {
+        memcpy(memory, saved, size);
+        m->code_changed = true;
+    }
+}
+
+void rt1062_restore(rt1062_t *m, const rt1062_snapshot_t *snapshot) {
+    m->s = snapshot->state;
+    if (m->world != NULL) {
+        *m->world = snapshot->world;
+    }
+    m->code_changed = false;
+    restore_code(m, m->itcm, snapshot->itcm, RT_ITCM_SIZE);
+    memcpy(m->dtcm, snapshot->dtcm, RT_DTCM_SIZE);
+    memcpy(m->ocram, snapshot->ocram, RT_OCRAM_SIZE);
+    memcpy(m->flash, snapshot->flash, RT_FLASH_SIZE);
+    if (m->code_changed) {
+        m->api.control(m->engine, RT_UC_CTL_FLUSH_CACHE);
+    }
+    load_registers(m, &snapshot->registers);
+    m->interrupt = RT_NO_INTERRUPT;
+    m->stopping = false;
+    m->part_block = 0;
+    m->output[RT1062_USB].count = 0;
+    m->output[RT1062_UART].count = 0;
+    rt_protection_changed(m);
+}
+
+void rt1062_snapshot_free(rt1062_snapshot_t *snapshot) {
+    free(snapshot);
+}
+
+/* ------------------------------------------------------------------ calls */
+
+/* Where a called function returns to: the end of flash memory, which is never executed. */
+#define RETURN_ADDRESS (RT_FLASH_BASE + RT_FLASH_SIZE - 16)
+
+/* @return false: the background is not reached in time. */
+static bool reach_background(rt1062_t *m, uint64_t until_ns) {
+    enum { STEP_ns = 1000 };
+    while (m->s.ipsr != 0 && m->s.now_ns < until_ns) {
+        if (rt1062_run(m, m->s.now_ns + STEP_ns) != RT1062_STOP_TIME) {
+            return false;
+        }
+    }
+    return m->s.ipsr == 0;
+}
+
+rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t arguments[4], uint64_t limit_ns, uint32_t *result) {
+    const uint64_t until_ns = m->s.now_ns + limit_ns;
+    if (!reach_background(m, until_ns)) {
+        return m->stopping ? m->stop : RT1062_STOP_REFUSED;
+    }
+    registers_t before;
+    save_registers(m, &before);
+    for (int i = 0; i < 4; i++) {
+        rt_set_reg(m, RT_REG_R0 + i, arguments[i]);
+    }
+    rt_set_reg(m, RT_REG_SP, (before.core[13] & ~7u) - 8);
+    rt_set_reg(m, RT_REG_LR, RETURN_ADDRESS | 1u);
+    rt_set_reg(m, RT_REG_PC, function | 1u);
+    m->s.sleeping = false;
+    rt1062_break(m, RETURN_ADDRESS);
+    const rt1062_stop_t stop = rt1062_run(m, until_ns);
+    const bool returned = stop == RT1062_STOP_BREAK && rt_reg(m, RT_REG_PC) == RETURN_ADDRESS;
+    m->break_count--;
+    if (!returned) {
+        return stop == RT1062_STOP_TIME ? RT1062_STOP_REFUSED : stop;
+    }
+    *result = rt_reg(m, RT_REG_R0);
+    load_registers(m, &before);
+    return RT1062_STOP_TIME;
+}
