@@ -39,6 +39,11 @@ enum {
 
 static const double OSCILLATOR_Hz = 25e6;
 
+/* The outputs follow the registers. */
+static void latch(hil_pca9685_t *chip) {
+    memcpy(chip->outputs, chip->registers + LED0_ON_L, sizeof chip->outputs);
+}
+
 void hil_pca9685_reset(hil_pca9685_t *chip, uint8_t address) {
     const bool output_enable_high = chip->output_enable_high; /* a pin, not a register */
     memset(chip, 0, sizeof *chip);
@@ -54,6 +59,7 @@ void hil_pca9685_reset(hil_pca9685_t *chip, uint8_t address) {
     for (uint32_t reg = LED0_ON_L + 3; reg <= LED15_OFF_H; reg += CHANNEL_REGISTERS) {
         chip->registers[reg] = FULL;
     }
+    latch(chip);
 }
 
 /* The sub-addresses and the all-call address live in registers, shifted left by the read/write bit. */
@@ -154,42 +160,92 @@ static bool forgets_restart(const hil_pca9685_t *chip, uint32_t led_writes) {
     return led_writes >= (on_ack ? (uint32_t)CHANNEL_REGISTERS : 1u);
 }
 
-bool hil_pca9685_write(hil_pca9685_t *chip, uint8_t address, const uint8_t *data, uint32_t length) {
-    if (address == GENERAL_CALL) {
-        const bool reset = length == 1 && data[0] == SOFTWARE_RESET;
-        if (reset) {
-            hil_pca9685_reset(chip, chip->address);
-        }
-        return reset;
-    }
-    if (!addressed(chip, address)) {
-        return false;
-    }
-    uint32_t led_writes = 0;
-    for (uint32_t i = 0; i < length; i++) {
-        if (i == 0) {
-            chip->pointer = data[0];
-            continue;
-        }
-        led_writes += is_led(chip->pointer) || is_all_led(chip->pointer);
-        write_register(chip, data[i]);
-        advance(chip);
-    }
-    if (forgets_restart(chip, led_writes)) {
+/* A write is over: a STOP or a repeated START. */
+static void end_write(hil_pca9685_t *chip) {
+    if (chip->talk == HIL_PCA9685_WRITTEN && forgets_restart(chip, chip->led_writes)) {
         chip->registers[MODE1] &= (uint8_t)~RESTART;
     }
-    return true;
+    chip->talk = HIL_PCA9685_SILENT;
+    chip->led_writes = 0;
+}
+
+bool hil_pca9685_start(hil_pca9685_t *chip, uint8_t address, bool read) {
+    end_write(chip);
+    if (read) {
+        chip->talk = address == chip->address ? HIL_PCA9685_READ : HIL_PCA9685_SILENT;
+    } else if (address == GENERAL_CALL) {
+        chip->talk = HIL_PCA9685_CALLED;
+    } else {
+        chip->talk = addressed(chip, address) ? HIL_PCA9685_ADDRESSED : HIL_PCA9685_SILENT;
+    }
+    return chip->talk != HIL_PCA9685_SILENT;
+}
+
+static void put_data(hil_pca9685_t *chip, uint8_t byte) {
+    const uint8_t reg = chip->pointer;
+    const bool led = is_led(reg) || is_all_led(reg);
+    chip->led_writes += led;
+    write_register(chip, byte);
+    const bool last = is_led(reg) ? (reg - LED0_ON_L) % CHANNEL_REGISTERS == 3 : reg == ALL_LED_OFF_H;
+    if (led && last && (chip->registers[MODE2] & MODE2_OCH) != 0) {
+        latch(chip);
+    }
+    advance(chip);
+}
+
+bool hil_pca9685_put(hil_pca9685_t *chip, uint8_t byte) {
+    switch (chip->talk) {
+    case HIL_PCA9685_CALLED:
+        chip->talk = byte == SOFTWARE_RESET ? HIL_PCA9685_TOLD_TO_RESET : HIL_PCA9685_SILENT;
+        break;
+    case HIL_PCA9685_ADDRESSED:
+        chip->pointer = byte;
+        chip->talk = HIL_PCA9685_WRITTEN;
+        break;
+    case HIL_PCA9685_WRITTEN:
+        put_data(chip, byte);
+        break;
+    default:
+        chip->talk = HIL_PCA9685_SILENT;
+        break;
+    }
+    return chip->talk != HIL_PCA9685_SILENT;
+}
+
+uint8_t hil_pca9685_get(hil_pca9685_t *chip) {
+    if (chip->talk != HIL_PCA9685_READ) {
+        return 0xFF;
+    }
+    const uint8_t byte = chip->registers[chip->pointer]; /* ALL_LED, reserved and TestMode hold 0 */
+    advance(chip);
+    return byte;
+}
+
+void hil_pca9685_stop(hil_pca9685_t *chip) {
+    const bool reset = chip->talk == HIL_PCA9685_TOLD_TO_RESET;
+    end_write(chip);
+    if (reset) {
+        hil_pca9685_reset(chip, chip->address);
+    }
+    latch(chip);
+}
+
+bool hil_pca9685_write(hil_pca9685_t *chip, uint8_t address, const uint8_t *data, uint32_t length) {
+    bool acknowledged = hil_pca9685_start(chip, address, false);
+    for (uint32_t i = 0; i < length && acknowledged; i++) {
+        acknowledged = hil_pca9685_put(chip, data[i]);
+    }
+    hil_pca9685_stop(chip);
+    return acknowledged;
 }
 
 bool hil_pca9685_read(hil_pca9685_t *chip, uint8_t address, uint8_t *data, uint32_t length) {
-    if (address != chip->address) {
-        return false;
+    const bool acknowledged = hil_pca9685_start(chip, address, true);
+    for (uint32_t i = 0; i < length && acknowledged; i++) {
+        data[i] = hil_pca9685_get(chip);
     }
-    for (uint32_t i = 0; i < length; i++) {
-        data[i] = chip->registers[chip->pointer]; /* ALL_LED, reserved and TestMode hold 0 */
-        advance(chip);
-    }
-    return true;
+    hil_pca9685_stop(chip);
+    return acknowledged;
 }
 
 static uint32_t twelve_bits(const uint8_t *low_high) {
@@ -207,7 +263,7 @@ static double programmed_duty(const uint8_t *led) {
 }
 
 static const uint8_t *channel_registers(const hil_pca9685_t *chip, uint32_t channel) {
-    return chip->registers + LED0_ON_L + (size_t)CHANNEL_REGISTERS * channel;
+    return chip->outputs + (size_t)CHANNEL_REGISTERS * channel;
 }
 
 /* Level of an output while OE is high. */

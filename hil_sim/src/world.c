@@ -47,9 +47,49 @@ static bool i2c_parses(const uint8_t *bytes, uint32_t length) {
     return length <= HIL_MAX_I2C;
 }
 
-static bool i2c_write(hil_world_t *world, uint8_t address, const uint8_t *data, uint32_t length) {
-    const bool stranger = world->config.i2c_stranger != 0 && address == world->config.i2c_stranger;
-    return stranger || hil_pca9685_write(&world->chip, address, data, length);
+bool hil_world_i2c_start(hil_world_t *world, uint8_t address, bool read) {
+    if (hil_bus_fault(world) != 0) {
+        return false;
+    }
+    const bool acknowledged = hil_pca9685_start(&world->chip, address, read);
+    world->stranger_addressed = !read && world->config.i2c_stranger != 0 && address == world->config.i2c_stranger;
+    return acknowledged || world->stranger_addressed;
+}
+
+bool hil_world_i2c_put(hil_world_t *world, uint8_t byte) {
+    if (hil_bus_fault(world) != 0) {
+        return false;
+    }
+    const bool acknowledged = hil_pca9685_put(&world->chip, byte);
+    return acknowledged || world->stranger_addressed;
+}
+
+uint8_t hil_world_i2c_get(hil_world_t *world) {
+    return hil_pca9685_get(&world->chip);
+}
+
+void hil_world_i2c_stop(hil_world_t *world) {
+    hil_pca9685_stop(&world->chip);
+    world->stranger_addressed = false;
+    hil_bridges_follow(world, false);
+}
+
+/* START, address and bytes. */
+static bool write_all(hil_world_t *world, uint8_t address, const uint8_t *data, uint32_t length) {
+    bool acknowledged = hil_world_i2c_start(world, address, false);
+    for (uint32_t i = 0; i < length && acknowledged; i++) {
+        acknowledged = hil_world_i2c_put(world, data[i]);
+    }
+    return acknowledged;
+}
+
+static bool read_all(hil_world_t *world, uint8_t address, uint32_t length) {
+    const bool acknowledged = hil_world_i2c_start(world, address, true);
+    for (uint32_t i = 0; i < length && acknowledged; i++) {
+        world->i2c_read[i] = hil_world_i2c_get(world);
+    }
+    world->i2c_read_length = acknowledged ? (uint8_t)length : 0;
+    return acknowledged;
 }
 
 static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
@@ -58,11 +98,10 @@ static void run_transaction(hil_world_t *world, const uint8_t *bytes) {
     const uint8_t wanted = bytes[I2C_HEADER + written];
     bool acknowledged = true;
     if (written > 0 || wanted == 0) {
-        acknowledged = i2c_write(world, address, bytes + I2C_HEADER, written);
+        acknowledged = write_all(world, address, bytes + I2C_HEADER, written);
     }
     if (acknowledged && wanted > 0) {
-        acknowledged = hil_pca9685_read(&world->chip, address, world->i2c_read, wanted);
-        world->i2c_read_length = acknowledged ? wanted : 0;
+        acknowledged = read_all(world, address, wanted);
     }
     if (!acknowledged) {
         world->i2c_status |= HIL_I2C_NOT_ACKNOWLEDGED;
@@ -85,7 +124,7 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
     for (uint32_t at = 0; at < length; at += transaction_length(bytes + at, length - at)) {
         run_transaction(world, bytes + at);
     }
-    hil_bridges_follow(world, false);
+    hil_world_i2c_stop(world);
     return HIL_OK;
 }
 

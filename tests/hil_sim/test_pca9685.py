@@ -198,7 +198,13 @@ def test_software_reset_by_general_call() -> None:
     assert chip.duty(0) == 0.0
 
 
-@pytest.mark.parametrize("data", [[], [0x05], [0x06, 0x06]])
+def test_the_general_call_address_alone_is_acknowledged_and_does_nothing() -> None:
+    chip = Chip(awake=True)
+    assert chip.write(address=0x00)
+    assert chip.read(MODE1) == [AI | ALLCALL]
+
+
+@pytest.mark.parametrize("data", [[0x05], [0x06, 0x06]])
 def test_other_general_calls_are_not_acknowledged(data: list[int]) -> None:
     chip = Chip(awake=True)
     assert not chip.write(*data, address=0x00)
@@ -251,3 +257,35 @@ def test_test_mode_is_never_written() -> None:
     chip.write(TESTMODE, 0xAA)
     assert chip.c.ignored_writes == 1
     assert chip.read(TESTMODE) == [0]
+
+
+def put(chip: Chip, *data: int) -> None:
+    assert lib.hil_pca9685_start(chip.c, ADDRESS, False)
+    assert all(lib.hil_pca9685_put(chip.c, byte) for byte in data)
+
+
+def test_outputs_change_on_stop_and_not_before() -> None:
+    chip = Chip(awake=True)
+    put(chip, LED0, 0, 0, 0, 0x08)
+    put(chip, LED0 + 4, 0, 0, 0, 0x04)
+    assert [chip.duty(channel) for channel in range(2)] == [0.0, 0.0]
+    lib.hil_pca9685_stop(chip.c)
+    assert [chip.duty(channel) for channel in range(2)] == [0.5, 0.25]
+
+
+def test_with_och_outputs_change_on_the_acknowledge_of_the_last_byte() -> None:
+    chip = Chip(awake=True)
+    chip.write(MODE2, 0x0C)
+    put(chip, LED0, 0, 0, 0)
+    assert chip.duty(0) == 0.0
+    assert lib.hil_pca9685_put(chip.c, 0x08)
+    assert chip.duty(0) == 0.5
+
+
+def test_a_read_sends_bytes_only_after_its_own_address() -> None:
+    chip = Chip(awake=True)
+    put(chip, MODE1)
+    assert lib.hil_pca9685_get(chip.c) == 0xFF
+    assert lib.hil_pca9685_start(chip.c, ADDRESS, True)
+    assert [lib.hil_pca9685_get(chip.c) for _ in range(2)] == [AI | ALLCALL, 0x04]
+    assert not lib.hil_pca9685_start(chip.c, 0x70, True)

@@ -218,6 +218,7 @@ typedef struct hil_world_t {
     hil_real_t slip_after[HIL_MAX_WHEELS];
     uint64_t slip_speed_knot;
     hil_pca9685_t chip;
+    bool stranger_addressed;               /**< config.i2c_stranger is being written to */
     bool direct;                           /**< the bridges follow hil_world_bridge instead of the chip */
     hil_real_t direct_in1[HIL_MAX_WHEELS]; /**< share of the period that it asked for, as far as the bus carried it */
     hil_real_t direct_in2[HIL_MAX_WHEELS];
@@ -242,6 +243,16 @@ void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors);
  * @return HIL_ERR_PROTOCOL if the bytes do not parse; the bridges then keep what they have.
  */
 hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length);
+
+/**
+ * The same byte by byte, as it happens on the wire: START or repeated START with an address, bytes to and from the chip, STOP. The bridges follow
+ * on STOP. Faults of the bus act: nothing is acknowledged; holding a line low is up to whoever has lines.
+ * @param address 7 bit. @return true if the byte is acknowledged; hil_world_i2c_get: the byte.
+ */
+bool hil_world_i2c_start(hil_world_t *world, uint8_t address, bool read);
+bool hil_world_i2c_put(hil_world_t *world, uint8_t byte);
+uint8_t hil_world_i2c_get(hil_world_t *world);
+void hil_world_i2c_stop(hil_world_t *world);
 
 /**
  * Set the bridge inputs directly, in PWM steps 0..4096 per wheel at 1526 Hz, instead of through the chip (in-process runs). I2C faults act
