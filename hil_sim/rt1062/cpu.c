@@ -76,9 +76,8 @@ static bool at_break(rt1062_t *m, uint32_t address) {
     return false;
 }
 
-/* An interrupt waits until the program opens its masks. */
-static bool masks_opened(rt1062_t *m) {
-    return m->masked_pending && (rt_reg(m, RT_REG_PRIMASK) & 1) == 0;
+static bool masks_changed(rt1062_t *m) {
+    return m->masked_pending && rt_masks(m) != m->masks;
 }
 
 static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, void *user) {
@@ -88,7 +87,7 @@ static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, vo
         m->past_break = true;
         rt_stop(m, RT1062_STOP_BREAK);
     }
-    if (m->budget_ns <= 0 || m->look_up || masks_opened(m)) {
+    if (m->budget_ns <= 0 || m->look_up || masks_changed(m)) {
         m->api.stop(engine);
         return;
     }

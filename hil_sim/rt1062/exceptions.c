@@ -59,6 +59,10 @@ static int32_t execution_priority(rt1062_t *m) {
     return best;
 }
 
+uint32_t rt_masks(rt1062_t *m) {
+    return rt_reg(m, RT_REG_PRIMASK) << 16 | rt_reg(m, RT_REG_FAULTMASK) << 8 | (rt_reg(m, RT_REG_BASEPRI) & 0xFF);
+}
+
 static bool enabled(const rt1062_t *m, uint32_t exception) {
     return exception < RT_IRQ0 || m->s.scs.enabled[exception];
 }
@@ -208,10 +212,12 @@ void rt_exceptions_take(rt1062_t *m) {
     if (first == 0) {
         return;
     }
-    if (group_of(m, priority_of(m, first)) < execution_priority(m)) {
+    const int32_t priority = group_of(m, priority_of(m, first));
+    if (priority < execution_priority(m)) {
         enter(m, first, rt_reg(m, RT_REG_PC));
-    } else {
-        m->masked_pending = true;
+    } else if (priority < active_priority(m)) {
+        m->masked_pending = true; /* by the mask registers alone, which the program may write at any time */
+        m->masks = rt_masks(m);
     }
 }
 

@@ -71,7 +71,8 @@ struct rt1062_t {
     bool protection_dirty;
     bool code_changed;
     bool look_up;        /* leave Unicorn before the next basic block */
-    bool masked_pending; /* an interrupt waits for PRIMASK, BASEPRI or FAULTMASK to open */
+    bool masked_pending; /* an interrupt waits for PRIMASK, BASEPRI or FAULTMASK to change */
+    uint32_t masks;      /* rt_masks() when that was found */
     bool stopping;       /* `stop` is the reason for which the run ends */
     bool past_break;     /* the break point at broken_at has been reported, and nothing was executed since */
     uint32_t broken_at;
@@ -135,6 +136,8 @@ void rt_irq_set(rt1062_t *m, uint32_t irq, bool high);
 void rt_exception_pend(rt1062_t *m, uint32_t exception);
 /* Lines that are still high are pending again. */
 void rt_lines_repend(rt1062_t *m);
+/* The three mask registers in one word. */
+uint32_t rt_masks(rt1062_t *m);
 /* Enter what is due: a fault, else the pending exception of the highest priority that may interrupt. */
 void rt_exceptions_take(rt1062_t *m);
 /* Leave the handler that branched to this EXC_RETURN value. */
@@ -171,7 +174,10 @@ uint32_t rt_reg(rt1062_t *m, int number);
 void rt_set_reg(rt1062_t *m, int number, uint32_t value);
 /* Memory behind an address, without rights and side effects. @return NULL if it is not all memory. */
 uint8_t *rt_memory(rt1062_t *m, uint32_t address, uint32_t size);
-/* Leave Unicorn before the next basic block: something changed that the run loop must look at. */
+/*
+ * Leave Unicorn before the next basic block: something changed that the run loop must look at. The rest of the present block is still
+ * executed: a handful of instructions, as on the chip, where a write takes its time to reach a peripheral.
+ */
 void rt_look_up(rt1062_t *m);
 /* End the run for this reason. */
 void rt_stop(rt1062_t *m, rt1062_stop_t stop);
