@@ -6,8 +6,16 @@
 #include "machine.h"
 
 const rt_device_t *const rt_devices[] = {
-    &rt_scs,
-    &rt_dwt,
+    &rt_scs,     /* processor */
+    &rt_dwt,     /* cycle counter */
+    &rt_ccm,     /* clocks */
+    &rt_analog,  /* PLLs, supply, temperature */
+    &rt_dcdc,    /* core voltage */
+    &rt_ocotp,   /* fuses */
+    &rt_snvs,    /* real-time clock */
+    &rt_src,     /* resets */
+    &rt_wdog3,   /* watchdog */
+    &rt_flexspi, /* flash memory */
     NULL,
 };
 

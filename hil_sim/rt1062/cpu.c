@@ -149,6 +149,10 @@ static bool on_invalid_memory(rt_uc_engine_t *engine, int type, uint64_t address
     (void)value;
     rt1062_t *m = user;
     m->access_pc = rt_reg(m, RT_REG_PC);
+    if ((uint32_t)address - RT_FLASH_BASE < RT_FLASH_SIZE && rt_nor_busy(m)) {
+        rt_nor_read_while_busy(m, (uint32_t)address, type == RT_UC_MEM_FETCH || type == RT_UC_MEM_FETCH_PROT);
+        return false;
+    }
     const bool there = rt_memory(m, (uint32_t)address, 1) != NULL;
     static const char *const what[] = {"read", "write", "execution"};
     const int kind =

@@ -8,7 +8,15 @@
 
 #include "machine.h"
 
-extern const rt_device_t rt_scs; /* scs.c */
-extern const rt_device_t rt_dwt; /* dwt.c */
+extern const rt_device_t rt_scs;     /* scs.c */
+extern const rt_device_t rt_dwt;     /* dwt.c */
+extern const rt_device_t rt_ccm;     /* clocks.c */
+extern const rt_device_t rt_analog;  /* analog.c */
+extern const rt_device_t rt_dcdc;    /* analog.c */
+extern const rt_device_t rt_ocotp;   /* fuses.c */
+extern const rt_device_t rt_snvs;    /* snvs.c */
+extern const rt_device_t rt_src;     /* reset.c */
+extern const rt_device_t rt_wdog3;   /* watchdog.c */
+extern const rt_device_t rt_flexspi; /* flexspi.c */
 
 #endif

@@ -9,5 +9,7 @@
 #include "machine.h"
 
 void rt_systick_event(rt1062_t *m);
+void rt_nor_event(rt1062_t *m);
+void rt_watchdog_event(rt1062_t *m);
 
 #endif

@@ -8,7 +8,14 @@
 #define HIL_SIM_RT1062_STATE_H
 
 #include "hil_sim/rt1062.h"
+#include "analog.h"
+#include "clocks.h"
+#include "flexspi.h"
+#include "nor.h"
 #include "scs.h"
+#include "snvs.h"
+#include "src.h"
+#include "watchdog.h"
 
 /* Deadlines: who has one. */
 typedef enum rt_event_t {
@@ -64,6 +71,13 @@ typedef struct rt_state_t {
     uint32_t finding_count;
     rt1062_finding_t finding[RT1062_FINDINGS];
     rt_scs_t scs;
+    rt_ccm_t ccm;
+    rt_analog_t analog;
+    rt_snvs_t snvs;
+    rt_src_t src;
+    rt_watchdog_t watchdog;
+    rt_flexspi_t flexspi;
+    rt_nor_t nor;
 } rt_state_t;
 
 /* Bytes on their way to the caller. */

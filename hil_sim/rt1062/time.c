@@ -6,6 +6,8 @@
 
 const rt_event_handler_t rt_event_handlers[RT_EVENT_COUNT] = {
     [RT_EVENT_SYSTICK] = rt_systick_event,
+    [RT_EVENT_FLASH] = rt_nor_event,
+    [RT_EVENT_WATCHDOG] = rt_watchdog_event,
 };
 
 uint64_t rt_now(const rt1062_t *m) {

@@ -141,6 +141,11 @@ int32_t rt1062_pin(const rt1062_t *m, uint32_t teensy_pin);
 /** Drive a Teensy pin from outside: 0, 1, or -1 to let go. */
 void rt1062_drive_pin(rt1062_t *m, uint32_t teensy_pin, int32_t level);
 
+/** Reset the chip from outside. @param flags bits of SRC_SRSR: 2 program or lock-up, 0x80 watchdog, 0x100 over-temperature. */
+void rt1062_reset(rt1062_t *m, uint32_t flags);
+/** Set the chip's temperature [degC]; 40 at power-on. */
+void rt1062_set_temperature(rt1062_t *m, double degC);
+
 /** Cut the power after this many more flash commands that change memory (a page program, an erase), when `share` (0..1) of that one is done. */
 void rt1062_cut_power_at(rt1062_t *m, uint32_t flash_commands, double share);
 
