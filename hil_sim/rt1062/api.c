@@ -174,11 +174,13 @@ bool rt1062_write(rt1062_t *m, uint32_t address, const uint8_t *bytes, uint32_t 
 
 uint32_t rt1062_bus_read(rt1062_t *m, uint32_t address, uint32_t size) {
     m->stopping = false;
+    m->stop = RT1062_STOP_TIME;
     return rt_bus_read(m, address, size);
 }
 
 bool rt1062_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value) {
     m->stopping = false;
+    m->stop = RT1062_STOP_TIME;
     rt_bus_write(m, address, size, value);
     return !m->stopping;
 }

@@ -88,6 +88,10 @@ static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, vo
         m->past_break = true;
         rt_stop(m, RT1062_STOP_BREAK);
     }
+    if (rt_nor_busy(m) && (uint32_t)address - RT_FLASH_BASE < RT_FLASH_SIZE) {
+        m->access_pc = (uint32_t)address; /* translated before: Unicorn does not ask for the right to fetch it again */
+        rt_nor_read_while_busy(m, (uint32_t)address, true);
+    }
     if (m->budget_ns <= 0 || m->look_up || masks_opened(m)) {
         m->api.stop(engine);
         return;
