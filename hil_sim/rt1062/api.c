@@ -202,6 +202,8 @@ const char *const *rt1062_not_modelled(void) {
         "Caches, write buffers and the order in which writes reach the bus.",
         "Cycle times: every instruction takes the same time.",
         "Analog behaviour: edges, levels between high and low, noise, supply currents.",
+        "The 500 us that the PWM chip's oscillator takes to start.",
+        "Levels of the serial port's pins: its bytes go past them.",
         "Peripherals that the image does not use: touching one ends the run.",
         NULL,
     };

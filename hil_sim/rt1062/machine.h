@@ -92,6 +92,7 @@ struct rt1062_t {
     uint32_t stop_on;             /* a bit per rt1062_stop_t */
     rt_block_t blocks[RT_BLOCKS]; /* instructions per basic block, as it was met */
     rt1062_output_t output[RT1062_OUTPUT_COUNT];
+    rt_i2c_trace_t i2c_trace;
 };
 
 /* A peripheral's registers: addresses base .. base + size - 1. */
