@@ -6,6 +6,8 @@
 
 #include "machine.h"
 
+enum { POWER_ON_degC = 40 };
+
 rt1062_t *rt1062_new(const char *unicorn_library, const rt1062_config_t *config, char *why, uint32_t why_size) {
     rt1062_t *m = calloc(1, sizeof *m);
     if (m == NULL) {
@@ -48,7 +50,11 @@ static void fill_with_noise(uint8_t *bytes, uint32_t size, uint64_t *state) {
 
 bool rt1062_power_on(rt1062_t *m) {
     uint64_t noise = m->config.seed * 2 + 1;
+    rt_nor_power_lost(m);
+    const rt_nor_t nor = m->s.nor;
     memset(&m->s, 0, sizeof m->s);
+    m->s.nor = nor; /* the flash chip's wear and an agreed power cut are none of the processor's */
+    m->s.analog.temperature_degC = POWER_ON_degC;
     m->stopping = false;
     m->why[0] = '\0';
     fill_with_noise(m->itcm, RT_ITCM_SIZE, &noise);
@@ -80,9 +86,7 @@ static void advance(rt1062_t *m) {
         do_reset(m);
         return;
     }
-    if (m->protection_dirty) {
-        rt_protection_apply(m);
-    }
+    rt_protection_apply(m);
     if (!m->s.locked_up) {
         rt_exceptions_take(m);
     }
@@ -170,11 +174,13 @@ bool rt1062_write(rt1062_t *m, uint32_t address, const uint8_t *bytes, uint32_t 
 
 uint32_t rt1062_bus_read(rt1062_t *m, uint32_t address, uint32_t size) {
     m->stopping = false;
+    m->stop = RT1062_STOP_TIME;
     return rt_bus_read(m, address, size);
 }
 
 bool rt1062_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value) {
     m->stopping = false;
+    m->stop = RT1062_STOP_TIME;
     rt_bus_write(m, address, size, value);
     return !m->stopping;
 }
@@ -196,6 +202,8 @@ const char *const *rt1062_not_modelled(void) {
         "Caches, write buffers and the order in which writes reach the bus.",
         "Cycle times: every instruction takes the same time.",
         "Analog behaviour: edges, levels between high and low, noise, supply currents.",
+        "The 500 us that the PWM chip's oscillator takes to start.",
+        "Levels of the serial port's pins: its bytes go past them.",
         "Peripherals that the image does not use: touching one ends the run.",
         NULL,
     };

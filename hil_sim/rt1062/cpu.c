@@ -87,6 +87,10 @@ static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, vo
         m->past_break = true;
         rt_stop(m, RT1062_STOP_BREAK);
     }
+    if (rt_nor_busy(m) && (uint32_t)address - RT_FLASH_BASE < RT_FLASH_SIZE) {
+        m->access_pc = (uint32_t)address; /* translated before: Unicorn does not ask for the right to fetch it again */
+        rt_nor_read_while_busy(m, (uint32_t)address, true);
+    }
     if (m->budget_ns <= 0 || m->look_up || masks_changed(m)) {
         m->api.stop(engine);
         return;
@@ -148,6 +152,10 @@ static bool on_invalid_memory(rt_uc_engine_t *engine, int type, uint64_t address
     (void)value;
     rt1062_t *m = user;
     m->access_pc = rt_reg(m, RT_REG_PC);
+    if ((uint32_t)address - RT_FLASH_BASE < RT_FLASH_SIZE && rt_nor_busy(m)) {
+        rt_nor_read_while_busy(m, (uint32_t)address, type == RT_UC_MEM_FETCH || type == RT_UC_MEM_FETCH_PROT);
+        return false;
+    }
     const bool there = rt_memory(m, (uint32_t)address, 1) != NULL;
     static const char *const what[] = {"read", "write", "execution"};
     const int kind =

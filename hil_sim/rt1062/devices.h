@@ -8,7 +8,26 @@
 
 #include "machine.h"
 
-extern const rt_device_t rt_scs; /* scs.c */
-extern const rt_device_t rt_dwt; /* dwt.c */
+extern const rt_device_t rt_scs;     /* scs.c */
+extern const rt_device_t rt_dwt;     /* dwt.c */
+extern const rt_device_t rt_ccm;     /* clocks.c */
+extern const rt_device_t rt_analog;  /* analog.c */
+extern const rt_device_t rt_dcdc;    /* analog.c */
+extern const rt_device_t rt_ocotp;   /* fuses.c */
+extern const rt_device_t rt_snvs;    /* snvs.c */
+extern const rt_device_t rt_src;     /* reset.c */
+extern const rt_device_t rt_wdog3;   /* watchdog.c */
+extern const rt_device_t rt_flexspi; /* flexspi.c */
+
+extern const rt_device_t rt_iomuxc;     /* pads.c */
+extern const rt_device_t rt_iomuxc_gpr; /* gpr.c */
+extern const rt_device_t rt_gpio_slow;  /* gpio.c */
+extern const rt_device_t rt_gpio_fast;  /* gpio.c */
+extern const rt_device_t rt_xbar1;      /* xbar.c */
+extern const rt_device_t rt_enc;        /* enc.c */
+extern const rt_device_t rt_pit;        /* pit.c */
+extern const rt_device_t rt_adc;        /* adc.c */
+extern const rt_device_t rt_lpi2c1;     /* lpi2c.c */
+extern const rt_device_t rt_wires;      /* pins.c: last in the table */
 
 #endif

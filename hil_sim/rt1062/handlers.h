@@ -9,5 +9,14 @@
 #include "machine.h"
 
 void rt_systick_event(rt1062_t *m);
+void rt_nor_event(rt1062_t *m);
+void rt_watchdog_event(rt1062_t *m);
+void rt_pit0_event(rt1062_t *m);
+void rt_pit1_event(rt1062_t *m);
+void rt_pit2_event(rt1062_t *m);
+void rt_pit3_event(rt1062_t *m);
+void rt_i2c_event(rt1062_t *m);
+void rt_world_event(rt1062_t *m);
+void rt_encoder_event(rt1062_t *m);
 
 #endif

@@ -69,6 +69,7 @@ struct rt1062_t {
     uint64_t look_up_ns; /* when that ends */
     uint64_t until_ns;   /* when the whole run ends */
     bool protection_dirty;
+    bool flash_dirty;
     bool code_changed;
     bool look_up;        /* leave Unicorn before the next basic block */
     bool masked_pending; /* an interrupt waits for PRIMASK, BASEPRI or FAULTMASK to change */
@@ -92,6 +93,7 @@ struct rt1062_t {
     uint32_t stop_on;             /* a bit per rt1062_stop_t */
     rt_block_t blocks[RT_BLOCKS]; /* instructions per basic block, as it was met */
     rt1062_output_t output[RT1062_OUTPUT_COUNT];
+    rt_i2c_trace_t i2c_trace;
 };
 
 /* A peripheral's registers: addresses base .. base + size - 1. */
@@ -152,6 +154,8 @@ bool rt_may_write(const rt1062_t *m, uint32_t address);
 /* The memory protection unit or the partition of the tightly coupled memory was changed: the run loop applies it before it goes on. */
 void rt_protection_changed(rt1062_t *m);
 void rt_protection_apply(rt1062_t *m);
+/* The flash chip began or ended its work: the same for flash memory alone. */
+void rt_flash_protection_changed(rt1062_t *m);
 /* IOMUXC_GPR14, 16, 17 were written: partition of the FlexRAM. @param banks two bits for each of 16 banks of 32 KB, as in GPR17. */
 void rt_flexram_configured(rt1062_t *m, uint32_t banks);
 

@@ -8,24 +8,7 @@ PENDING uint32_t rt1062_send(rt1062_t *m, rt1062_channel_t channel, const uint8_
     (void)m, (void)channel, (void)bytes;
     return count;
 }
-PENDING void rt1062_usb_cable(rt1062_t *m, bool connected) {
-    (void)m, (void)connected;
-}
-PENDING void rt1062_usb_open(rt1062_t *m, bool open, uint32_t baud) {
-    (void)m, (void)open, (void)baud;
-}
-PENDING bool rt1062_usb_ready(const rt1062_t *m) {
-    return m == NULL;
-}
-PENDING int32_t rt1062_pin(const rt1062_t *m, uint32_t pin) {
-    return m == NULL || pin > 99 ? 0 : -1;
-}
-PENDING void rt1062_drive_pin(rt1062_t *m, uint32_t pin, int32_t level) {
-    (void)m, (void)pin, (void)level;
-}
-PENDING void rt1062_cut_power_at(rt1062_t *m, uint32_t commands, double share) {
-    (void)m, (void)commands, (void)share;
-}
-PENDING void rt1062_attach(rt1062_t *m, hil_world_t *world) {
-    m->world = world;
-}
+PENDING void rt1062_usb_cable(rt1062_t *m, bool connected) { (void)m, (void)connected; }
+PENDING void rt1062_usb_open(rt1062_t *m, bool open, uint32_t baud) { (void)m, (void)open, (void)baud; }
+PENDING bool rt1062_usb_ready(const rt1062_t *m) { return m == NULL; }
+PENDING void rt1062_cut_power_at(rt1062_t *m, uint32_t commands, double share) { (void)m, (void)commands, (void)share; }

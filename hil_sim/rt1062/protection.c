@@ -68,6 +68,9 @@ static uint32_t page_rights(const rt1062_t *m, uint32_t address) {
     if (!exists(m, address)) {
         return RT_UC_PROT_NONE;
     }
+    if (address - RT_FLASH_BASE < RT_FLASH_SIZE && rt_nor_busy(m)) {
+        return RT_UC_PROT_NONE;
+    }
     const uint32_t rights = mpu_rights(m, address, SMALLEST_PAGED + 1);
     /* The flash controller takes no plain writes. */
     return address - RT_FLASH_BASE < RT_FLASH_SIZE ? rights & ~(uint32_t)RT_UC_PROT_WRITE : rights;
@@ -125,7 +128,19 @@ void rt_protection_changed(rt1062_t *m) {
     rt_look_up(m);
 }
 
+void rt_flash_protection_changed(rt1062_t *m) {
+    m->flash_dirty = true;
+    rt_look_up(m);
+}
+
 void rt_protection_apply(rt1062_t *m) {
+    if (m->flash_dirty) {
+        m->flash_dirty = false;
+        protect_memory(m, &memories[sizeof memories / sizeof memories[0] - 1]);
+    }
+    if (!m->protection_dirty) {
+        return;
+    }
     m->protection_dirty = false;
     for (uint32_t i = 0; i < sizeof memories / sizeof memories[0]; i++) {
         protect_memory(m, &memories[i]);

@@ -8,7 +8,24 @@
 #define HIL_SIM_RT1062_STATE_H
 
 #include "hil_sim/rt1062.h"
+
+#include "adc.h"
+#include "analog.h"
+#include "clocks.h"
+#include "flexspi.h"
+#include "gpio.h"
+#include "gpr.h"
+#include "i2c_chip.h"
+#include "lpi2c.h"
+#include "nor.h"
+#include "pads.h"
+#include "pins.h"
+#include "pit.h"
 #include "scs.h"
+#include "snvs.h"
+#include "src.h"
+#include "watchdog.h"
+#include "xbar.h"
 
 /* Deadlines: who has one. */
 typedef enum rt_event_t {
@@ -23,7 +40,6 @@ typedef enum rt_event_t {
     RT_EVENT_USB,
     RT_EVENT_FLASH,
     RT_EVENT_WATCHDOG,
-    RT_EVENT_ADC,
     RT_EVENT_WORLD,   /* the world's next millisecond */
     RT_EVENT_ENCODER, /* the next edge of an encoder */
     RT_EVENT_COUNT
@@ -64,6 +80,23 @@ typedef struct rt_state_t {
     uint32_t finding_count;
     rt1062_finding_t finding[RT1062_FINDINGS];
     rt_scs_t scs;
+    rt_ccm_t ccm;
+    rt_analog_t analog;
+    rt_snvs_t snvs;
+    rt_src_t src;
+    rt_watchdog_t watchdog;
+    rt_flexspi_t flexspi;
+    rt_nor_t nor;
+    rt_pads_t pads;
+    rt_gpr_t gpr;
+    rt_gpio_t gpio[RT_GPIO_PORTS];
+    rt_xbar_t xbar;
+    rt_enc_t enc[RT_ENCODERS];
+    rt_pit_t pit;
+    rt_adc_t adc[RT_ADCS];
+    rt_i2c_t i2c;
+    rt_i2c_chip_t i2c_chip;
+    rt_pins_t pins;
 } rt_state_t;
 
 /* Bytes on their way to the caller. */

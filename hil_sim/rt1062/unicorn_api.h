@@ -33,6 +33,8 @@ enum {
     RT_UC_HOOK_INSN_INVALID = 1 << 14,
     RT_UC_MEM_READ = 16,
     RT_UC_MEM_WRITE = 17,
+    RT_UC_MEM_FETCH = 18,
+    RT_UC_MEM_FETCH_PROT = 24,
     RT_UC_CTL_CPU_MODEL = 7 | (1 << 26) | (1 << 30),    /* one argument, written */
     RT_UC_CTL_REMOVE_CACHE = 9 | (2 << 26) | (1 << 30), /* two arguments, written */
     RT_UC_CTL_FLUSH_CACHE = 10 | (1 << 30),

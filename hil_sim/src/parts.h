@@ -49,8 +49,6 @@ void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const 
 
 /* sensors.c */
 void hil_encoders_update(hil_world_t *world);
-/** What the robot reads of its counters. */
-void hil_encoders_read(const hil_world_t *world, hil_int_t *counts);
 void hil_pose_sensor_update(hil_world_t *world);
 
 /* slip.c */

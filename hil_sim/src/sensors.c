@@ -38,7 +38,7 @@ static hil_int_t read_counter(const hil_world_t *world, uint32_t wheel) {
     return count;
 }
 
-void hil_encoders_read(const hil_world_t *world, hil_int_t *counts) {
+void hil_world_counts(const hil_world_t *world, hil_int_t *counts) {
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         counts[i] = read_counter(world, i);
     }

@@ -29,7 +29,7 @@ static void take_due_fix(hil_world_t *world, hil_sensors_t *sensors) {
 void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors) {
     memset(sensors, 0, sizeof *sensors);
     sensors->time_us = hil_robot_clock_us(world);
-    hil_encoders_read(world, sensors->counts);
+    hil_world_counts(world, sensors->counts);
     sensors->counts_valid = valid_counts(world);
     sensors->battery_V = world->supply_V;
     sensors->i2c_status = world->i2c_status;

@@ -19,7 +19,14 @@
 
 #include "hil_sim/world.h"
 
-enum { RT1062_TEXT = 256, RT1062_OUTPUT_COUNT = 2, RT1062_OUTPUT_SIZE = 65536, RT1062_FINDINGS = 64, RT1062_NO_PIN = 255 };
+enum {
+    RT1062_TEXT = 256,
+    RT1062_OUTPUT_COUNT = 2,
+    RT1062_OUTPUT_SIZE = 65536,
+    RT1062_FINDINGS = 64,
+    RT1062_EDGES = 8192,
+    RT1062_NO_PIN = 255
+};
 
 typedef struct rt1062_t rt1062_t;
 
@@ -60,6 +67,13 @@ typedef struct rt1062_finding_t {
     uint64_t time_ns;
     char text[160];
 } rt1062_finding_t;
+
+/** A change at the I2C lines: the levels from then on. */
+typedef struct rt1062_edge_t {
+    uint64_t time_ps;
+    int8_t scl;
+    int8_t sda;
+} rt1062_edge_t;
 
 typedef struct rt1062_config_t {
     uint32_t
@@ -137,9 +151,19 @@ void rt1062_usb_open(rt1062_t *m, bool open, uint32_t baud);
 bool rt1062_usb_ready(const rt1062_t *m);
 
 /** Level of a Teensy pin as a voltmeter would see it: 0, 1, or -1 if nothing drives or pulls it. */
-int32_t rt1062_pin(const rt1062_t *m, uint32_t teensy_pin);
+int32_t rt1062_pin(rt1062_t *m, uint32_t teensy_pin);
 /** Drive a Teensy pin from outside: 0, 1, or -1 to let go. */
 void rt1062_drive_pin(rt1062_t *m, uint32_t teensy_pin, int32_t level);
+
+/** Reset the chip from outside. @param flags bits of SRC_SRSR: 2 program or lock-up, 0x80 watchdog, 0x100 over-temperature. */
+void rt1062_reset(rt1062_t *m, uint32_t flags);
+/** Set the chip's temperature [degC]; 40 at power-on. */
+void rt1062_set_temperature(rt1062_t *m, double degC);
+/**
+ * Edges at the I2C lines since the last call, at most RT1062_EDGES; later ones are lost. An edge comes at the time it has on the wire.
+ * @return edges put into `edges`.
+ */
+uint32_t rt1062_i2c_edges(rt1062_t *m, rt1062_edge_t *edges, uint32_t room);
 
 /** Cut the power after this many more flash commands that change memory (a page program, an erase), when `share` (0..1) of that one is done. */
 void rt1062_cut_power_at(rt1062_t *m, uint32_t flash_commands, double share);

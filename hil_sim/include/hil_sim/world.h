@@ -238,6 +238,9 @@ hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config
 /** What the sensors show now (of time world->time_us). At most one due pose fix per call; each is handed out once. */
 void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors);
 
+/** The encoder counts alone, one per wheel, as hil_world_sense() shows them. */
+void hil_world_counts(const hil_world_t *world, hil_int_t *counts);
+
 /**
  * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read), all or none.
  * @return HIL_ERR_PROTOCOL if the bytes do not parse; the bridges then keep what they have.

@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file i2c_chip.h
+ * What hangs on the bus outside: the world's PWM chip, which learns everything from the two lines' levels (NXP UM10204), whoever moves them.
+ */
+#ifndef HIL_SIM_RT1062_I2C_CHIP_H
+#define HIL_SIM_RT1062_I2C_CHIP_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hil_sim/rt1062.h"
+
+typedef struct rt_i2c_chip_t {
+    bool scl; /* as seen last */
+    bool sda;
+    bool listens; /* between START and STOP, and still addressed */
+    bool reads;   /* it is the chip that sends bytes */
+    bool address; /* the byte under way is the first one */
+    bool acknowledges;
+    uint8_t bit; /* clocks of this byte so far, 9: the acknowledge's */
+    uint8_t byte;
+    bool pulls; /* the chip holds SDA low */
+    bool stuck; /* something else does: a fault of the world */
+} rt_i2c_chip_t;
+
+/* The lines' levels changed. */
+void rt_i2c_chip_lines(rt1062_t *m, bool scl, bool sda);
+/* SDA is held low by a fault, or let go. */
+void rt_i2c_chip_stuck(rt1062_t *m, bool stuck);
+
+#endif

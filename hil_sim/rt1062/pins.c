@@ -1,0 +1,217 @@
+/* SPDX-License-Identifier: MIT */
+#include "pins.h"
+
+#include "devices.h"
+#include "handlers.h"
+#include "i2c_chip.h"
+#include "lpi2c.h"
+#include "machine.h"
+#include "pads.h"
+
+enum { STEP_us = 1000, STEP_ns = 1000000 };
+
+static const double HIGH_V = 3.3;
+
+/* ------------------------------------------------------------------ encoders */
+
+/* A leads B: 00, 10, 11, 01. */
+static void show_levels(rt1062_t *m, uint32_t wheel, uint64_t at_ns) {
+    const uint32_t place = m->s.pins.wheel[wheel].position & 3;
+    const int level[2] = {place == 1 || place == 2, place >= 2};
+    for (uint32_t phase = 0; phase < 2; phase++) {
+        const uint32_t pad = rt_pad_of_pin(m->config.encoder_pin[wheel][phase]);
+        if (pad != RT_NO_PAD) {
+            rt_pad_wire(m, pad, level[phase], at_ns);
+        }
+    }
+}
+
+static uint32_t edges_of(const rt_wheel_t *wheel) {
+    return wheel->edges < 0 ? 0u - (uint32_t)wheel->edges : (uint32_t)wheel->edges;
+}
+
+/* Time of the wheel's next edge; RT_NEVER: none in this millisecond. */
+static uint64_t next_edge_ns(const rt1062_t *m, const rt_wheel_t *wheel) {
+    const uint64_t edges = edges_of(wheel);
+    if (wheel->done >= edges) {
+        return RT_NEVER;
+    }
+    return m->s.pins.begin_ns + (2 * (uint64_t)wheel->done + 1) * STEP_ns / (2 * edges);
+}
+
+static uint32_t next_wheel(const rt1062_t *m) {
+    uint32_t first = 0;
+    for (uint32_t i = 1; i < HIL_MAX_WHEELS; i++) {
+        const bool earlier = next_edge_ns(m, &m->s.pins.wheel[i]) < next_edge_ns(m, &m->s.pins.wheel[first]);
+        first = earlier ? i : first;
+    }
+    return first;
+}
+
+static void schedule_edge(rt1062_t *m) {
+    rt_schedule(m, RT_EVENT_ENCODER, next_edge_ns(m, &m->s.pins.wheel[next_wheel(m)]));
+}
+
+void rt_encoder_event(rt1062_t *m) {
+    uint32_t number = next_wheel(m);
+    while (next_edge_ns(m, &m->s.pins.wheel[number]) <= rt_now(m)) {
+        rt_wheel_t *wheel = &m->s.pins.wheel[number];
+        const uint64_t at_ns = next_edge_ns(m, wheel);
+        wheel->position += wheel->edges < 0 ? UINT32_MAX : 1u;
+        wheel->done++;
+        show_levels(m, number, at_ns);
+        number = next_wheel(m);
+    }
+    schedule_edge(m);
+}
+
+static void plan_edges(rt1062_t *m) {
+    int32_t counts[HIL_MAX_WHEELS] = {0};
+    hil_world_counts(m->world, counts);
+    for (uint32_t i = 0; i < m->world->config.wheels; i++) {
+        rt_wheel_t *wheel = &m->s.pins.wheel[i];
+        wheel->edges = (int32_t)((uint32_t)counts[i] - (uint32_t)wheel->counts);
+        wheel->counts = counts[i];
+        wheel->done = 0;
+    }
+    schedule_edge(m);
+}
+
+/* ------------------------------------------------------------------ the world's millisecond */
+
+static bool refuses_faults(rt1062_t *m) {
+    static const struct {
+        uint8_t kind;
+        const char *name;
+    } refused[] = {
+        {HIL_FAULT_ENCODER_INVALID, "encoder_invalid"},
+        {HIL_FAULT_ENCODER_BIT, "encoder_bit"},
+        {HIL_FAULT_CLOCK_JUMP, "clock_jump"},
+        {HIL_FAULT_CLOCK_STUCK, "clock_stuck"},
+        {HIL_FAULT_TICK_LATE, "tick_late"},
+    };
+    for (uint32_t i = 0; i < sizeof refused / sizeof refused[0]; i++) {
+        if ((m->world->active_faults >> refused[i].kind & 1) != 0) {
+            rt_refuse(m, "the world's fault %s cannot be shown at the chip's pins", refused[i].name);
+            return true;
+        }
+    }
+    return false;
+}
+
+static void show_faults(rt1062_t *m) {
+    const bool stuck = hil_world_fault_active(m->world, HIL_FAULT_I2C_STUCK, HIL_MAX_WHEELS);
+    if (stuck != m->s.i2c_chip.stuck) {
+        rt_i2c_chip_stuck(m, stuck);
+    }
+}
+
+void rt_world_event(rt1062_t *m) {
+    rt_i2c_sync(m);
+    hil_world_step(m->world, STEP_us);
+    m->s.pins.begin_ns += STEP_ns;
+    if (refuses_faults(m)) {
+        return;
+    }
+    show_faults(m);
+    plan_edges(m);
+    rt_schedule(m, RT_EVENT_WORLD, m->s.pins.begin_ns + STEP_ns);
+    rt_i2c_sync(m);
+}
+
+/* ------------------------------------------------------------------ the other wires */
+
+static uint32_t output_enable_pad(const rt1062_t *m) {
+    return rt_pad_of_pin(m->config.output_enable_pin);
+}
+
+/* Active low, pulled up. */
+static void show_output_enable(rt1062_t *m) {
+    const uint32_t pad = output_enable_pad(m);
+    if (pad != RT_NO_PAD) {
+        hil_world_output_enable(m->world, m->s.pads.level[pad] == 0);
+    }
+}
+
+void rt_pins_level_changed(rt1062_t *m, uint32_t pad) {
+    if (m->s.pins.connected && pad == output_enable_pad(m)) {
+        show_output_enable(m);
+    }
+}
+
+double rt_pins_voltage(rt1062_t *m, uint32_t pad) {
+    if (m->s.pins.connected && pad == rt_pad_of_pin(m->config.battery_pin) && m->config.battery_divider > 0.0) {
+        return m->world->supply_V / m->config.battery_divider;
+    }
+    return rt_pad_level(m, pad) == 1 ? HIGH_V : 0.0;
+}
+
+/* ------------------------------------------------------------------ connecting */
+
+static void pull(rt1062_t *m, uint32_t pad, int level) {
+    if (pad != RT_NO_PAD) {
+        m->s.pads.pulled[pad] = (int8_t)level;
+        rt_pad_update(m, pad);
+    }
+}
+
+static void connect(rt1062_t *m) {
+    m->s.pins = (rt_pins_t){.connected = true, .begin_ns = rt_now(m)};
+    m->s.i2c_chip = (rt_i2c_chip_t){.scl = true, .sda = true};
+    pull(m, RT_PAD_SCL, 1);
+    pull(m, RT_PAD_SDA, 1);
+    pull(m, output_enable_pad(m), 1);
+    int32_t counts[HIL_MAX_WHEELS] = {0};
+    hil_world_counts(m->world, counts);
+    for (uint32_t i = 0; i < m->world->config.wheels; i++) {
+        m->s.pins.wheel[i].counts = counts[i];
+        show_levels(m, i, 0);
+    }
+    show_output_enable(m);
+    refuses_faults(m);
+    show_faults(m);
+    rt_schedule(m, RT_EVENT_WORLD, m->s.pins.begin_ns + STEP_ns);
+}
+
+static void disconnect(rt1062_t *m) {
+    m->s.pins = (rt_pins_t){0};
+    m->s.i2c_chip = (rt_i2c_chip_t){.scl = true, .sda = true};
+    for (uint32_t pad = 0; pad < RT_PADS; pad++) {
+        m->s.pads.pulled[pad] = m->s.pads.wired[pad] = RT_FLOATING;
+        rt_pad_update(m, pad);
+    }
+    rt_schedule(m, RT_EVENT_WORLD, RT_NEVER);
+    rt_schedule(m, RT_EVENT_ENCODER, RT_NEVER);
+}
+
+void rt1062_attach(rt1062_t *m, hil_world_t *world) {
+    m->world = world;
+    if (!m->s.powered) {
+        return; /* power-on connects */
+    }
+    rt_i2c_sync(m);
+    disconnect(m);
+    if (world != NULL) {
+        connect(m);
+    }
+    rt_i2c_sync(m);
+}
+
+/* The chip's resets leave the world alone: its clock goes on, its levels stay. After power-on it is connected anew. */
+static void reset(rt1062_t *m) {
+    for (uint32_t pad = 0; pad < RT_PADS; pad++) {
+        rt_pad_update(m, pad);
+    }
+    if (m->world == NULL) {
+        return;
+    }
+    if (m->s.pins.connected) {
+        rt_schedule(m, RT_EVENT_WORLD, m->s.pins.begin_ns + STEP_ns);
+        schedule_edge(m);
+    } else {
+        connect(m);
+    }
+}
+
+/* Behind all devices in the table: their registers have been reset when the wires are. */
+const rt_device_t rt_wires = {"wires", 0, 0, NULL, NULL, reset};

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file pins.h
+ * The robot at the chip's pins: encoders, PWM chip with its output-enable pin, battery. The world goes on by 1 ms of the machine's time at a time;
+ * what its encoders counted in that millisecond comes as edges, spread evenly over the next one.
+ *
+ * Faults of the world act at the wires. Those that no wire can show are refused: `encoder_invalid`, `encoder_bit`, `clock_jump`,
+ * `clock_stuck`, `tick_late`. Faults of the pose sensor and the link are for whoever plays the ground station.
+ */
+#ifndef HIL_SIM_RT1062_PINS_H
+#define HIL_SIM_RT1062_PINS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hil_sim/rt1062.h"
+
+/* Edges of a wheel's encoder in the millisecond under way. */
+typedef struct rt_wheel_t {
+    int32_t counts;    /* the world's, of which the pins know or will by the end of this millisecond */
+    uint32_t position; /* of the pins: its lower two bits are the levels */
+    int32_t edges;     /* of this millisecond; negative: backwards */
+    uint32_t done;
+} rt_wheel_t;
+
+typedef struct rt_pins_t {
+    bool connected;
+    uint64_t begin_ns; /* of the millisecond under way */
+    rt_wheel_t wheel[HIL_MAX_WHEELS];
+} rt_pins_t;
+
+/* A pad's level changed; of interest if the robot looks at it. */
+void rt_pins_level_changed(rt1062_t *m, uint32_t pad);
+/* Voltage at a pad [V]. */
+double rt_pins_voltage(rt1062_t *m, uint32_t pad);
+
+#endif
