@@ -16,6 +16,9 @@ const rt_device_t *const rt_devices[] = {
     &rt_src,     /* resets */
     &rt_wdog3,   /* watchdog */
     &rt_flexspi, /* flash memory */
+    &rt_lpuart6, /* Serial1 */
+    &rt_usb,     /* USB1 */
+    &rt_usb_phy, /* and its transceiver */
     NULL,
 };
 

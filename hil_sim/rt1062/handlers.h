@@ -11,5 +11,8 @@
 void rt_systick_event(rt1062_t *m);
 void rt_nor_event(rt1062_t *m);
 void rt_watchdog_event(rt1062_t *m);
+void rt_uart_send_event(rt1062_t *m);
+void rt_uart_receive_event(rt1062_t *m);
+void rt_usb_event(rt1062_t *m);
 
 #endif

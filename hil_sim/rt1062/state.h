@@ -7,14 +7,16 @@
 #ifndef HIL_SIM_RT1062_STATE_H
 #define HIL_SIM_RT1062_STATE_H
 
-#include "hil_sim/rt1062.h"
 #include "analog.h"
 #include "clocks.h"
 #include "flexspi.h"
+#include "hil_sim/rt1062.h"
+#include "lpuart.h"
 #include "nor.h"
 #include "scs.h"
 #include "snvs.h"
 #include "src.h"
+#include "usb.h"
 #include "watchdog.h"
 
 /* Deadlines: who has one. */
@@ -78,6 +80,8 @@ typedef struct rt_state_t {
     rt_watchdog_t watchdog;
     rt_flexspi_t flexspi;
     rt_nor_t nor;
+    rt_lpuart_t lpuart;
+    rt_usb_t usb;
 } rt_state_t;
 
 /* Bytes on their way to the caller. */

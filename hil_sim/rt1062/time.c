@@ -8,6 +8,9 @@ const rt_event_handler_t rt_event_handlers[RT_EVENT_COUNT] = {
     [RT_EVENT_SYSTICK] = rt_systick_event,
     [RT_EVENT_FLASH] = rt_nor_event,
     [RT_EVENT_WATCHDOG] = rt_watchdog_event,
+    [RT_EVENT_UART_SEND] = rt_uart_send_event,
+    [RT_EVENT_UART_RECEIVE] = rt_uart_receive_event,
+    [RT_EVENT_USB] = rt_usb_event,
 };
 
 uint64_t rt_now(const rt1062_t *m) {
