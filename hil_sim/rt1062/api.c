@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "links.h"
 #include "machine.h"
 
 enum { POWER_ON_degC = 40 };
@@ -229,5 +230,12 @@ uint32_t rt1062_receive(rt1062_t *m, rt1062_channel_t channel, uint8_t *bytes, u
     memcpy(bytes, output->bytes, count);
     output->count -= count;
     memmove(output->bytes, output->bytes + count, output->count);
+    if (channel == RT1062_USB) {
+        rt_usb_host_look(m);
+    }
     return count;
+}
+
+uint32_t rt1062_send(rt1062_t *m, rt1062_channel_t channel, const uint8_t *bytes, uint32_t count) {
+    return channel == RT1062_USB ? rt_usb_send(m, bytes, count) : rt_uart_send(m, bytes, count);
 }

@@ -25,6 +25,9 @@ const rt_device_t *const rt_devices[] = {
     &rt_pit,        /* interval timers */
     &rt_adc,        /* converters */
     &rt_lpi2c1,     /* I2C */
+    &rt_lpuart6,    /* Serial1 */
+    &rt_usb,        /* USB1 */
+    &rt_usb_phy,    /* and its transceiver */
     &rt_wires,      /* what the pins are wired to: last */
     NULL,
 };

@@ -18,6 +18,9 @@ extern const rt_device_t rt_snvs;    /* snvs.c */
 extern const rt_device_t rt_src;     /* reset.c */
 extern const rt_device_t rt_wdog3;   /* watchdog.c */
 extern const rt_device_t rt_flexspi; /* flexspi.c */
+extern const rt_device_t rt_lpuart6; /* lpuart.c */
+extern const rt_device_t rt_usb;     /* usb.c */
+extern const rt_device_t rt_usb_phy; /* usb_phy.c */
 
 extern const rt_device_t rt_iomuxc;     /* pads.c */
 extern const rt_device_t rt_iomuxc_gpr; /* gpr.c */

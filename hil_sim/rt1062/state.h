@@ -17,6 +17,7 @@
 #include "gpr.h"
 #include "i2c_chip.h"
 #include "lpi2c.h"
+#include "lpuart.h"
 #include "nor.h"
 #include "pads.h"
 #include "pins.h"
@@ -24,6 +25,7 @@
 #include "scs.h"
 #include "snvs.h"
 #include "src.h"
+#include "usb.h"
 #include "watchdog.h"
 #include "xbar.h"
 
@@ -97,6 +99,8 @@ typedef struct rt_state_t {
     rt_i2c_t i2c;
     rt_i2c_chip_t i2c_chip;
     rt_pins_t pins;
+    rt_lpuart_t lpuart;
+    rt_usb_t usb;
 } rt_state_t;
 
 /* Bytes on their way to the caller. */

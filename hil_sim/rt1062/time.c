@@ -5,10 +5,19 @@
 #include "handlers.h"
 
 const rt_event_handler_t rt_event_handlers[RT_EVENT_COUNT] = {
-    [RT_EVENT_SYSTICK] = rt_systick_event, [RT_EVENT_FLASH] = rt_nor_event, [RT_EVENT_WATCHDOG] = rt_watchdog_event,
-    [RT_EVENT_PIT0] = rt_pit0_event,       [RT_EVENT_PIT1] = rt_pit1_event, [RT_EVENT_PIT2] = rt_pit2_event,
-    [RT_EVENT_PIT3] = rt_pit3_event,       [RT_EVENT_I2C] = rt_i2c_event,   [RT_EVENT_WORLD] = rt_world_event,
+    [RT_EVENT_SYSTICK] = rt_systick_event,
+    [RT_EVENT_FLASH] = rt_nor_event,
+    [RT_EVENT_WATCHDOG] = rt_watchdog_event,
+    [RT_EVENT_PIT0] = rt_pit0_event,
+    [RT_EVENT_PIT1] = rt_pit1_event,
+    [RT_EVENT_PIT2] = rt_pit2_event,
+    [RT_EVENT_PIT3] = rt_pit3_event,
+    [RT_EVENT_I2C] = rt_i2c_event,
+    [RT_EVENT_WORLD] = rt_world_event,
     [RT_EVENT_ENCODER] = rt_encoder_event,
+    [RT_EVENT_UART_SEND] = rt_uart_send_event,
+    [RT_EVENT_UART_RECEIVE] = rt_uart_receive_event,
+    [RT_EVENT_USB] = rt_usb_event,
 };
 
 uint64_t rt_now(const rt1062_t *m) {

@@ -21,7 +21,8 @@
     ├── FirmwareError                 the firmware as a program of this computer, its own or an emulated one
     │   ├── FirmwareNotFoundError     it, or the emulator, is not installed
     │   ├── FirmwareStartError        it ended or did not get ready
-    │   └── FirmwareEndedError        it ended while it was used; says its last words
+    │   ├── FirmwareEndedError        it ended while it was used; says its last words
+    │   └── FirmwareImageError        an image for the Teensy that is none, or that the emulated chip refuses  (bad input)
     ├── FlashError                    the Teensy's firmware could not be built, uploaded or found running
     ├── MocapError                    a stream of poses from motion capture
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
@@ -169,6 +170,12 @@ class FirmwareEndedError(FirmwareError):
         super().__init__(f"the firmware ended with exit code {code}{why}", hint="\n".join(said[1:]))
         self.code = code
         self.messages = messages
+
+
+class FirmwareImageError(FirmwareError):
+    """A file that is no firmware image for the Teensy 4.0, or one that the emulated chip will not run."""
+
+    exit_code = 2
 
 
 class FlashError(OmniError):

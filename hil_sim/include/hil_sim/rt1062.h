@@ -144,8 +144,14 @@ uint32_t rt1062_send(rt1062_t *m, rt1062_channel_t channel, const uint8_t *bytes
 /** Bytes from the robot since the last call. @return bytes put into `bytes`. */
 uint32_t rt1062_receive(rt1062_t *m, rt1062_channel_t channel, uint8_t *bytes, uint32_t room);
 
-/** The USB host: cable in or out, port opened (DTR) or closed, line coding (134 baud asks for the uploader). */
+/**
+ * The USB host: cable in or out (out at power-on). Whoever has the port open loses it when the cable is pulled or the chip is reset: open it
+ * again. rt1062_send() takes nothing from RT1062_USB while the port is not ready and open, and a full output makes the host stop reading.
+ */
 void rt1062_usb_cable(rt1062_t *m, bool connected);
+/** The next bus reset is one of a host that knows 12 Mbit/s only. */
+void rt1062_usb_full_speed(rt1062_t *m, bool full_speed);
+/** The port is opened (DTR) or closed; line coding (134 baud asks for the uploader). Before the port is ready: as soon as it is. */
 void rt1062_usb_open(rt1062_t *m, bool open, uint32_t baud);
 /** The device is configured by the host and can carry bytes. */
 bool rt1062_usb_ready(const rt1062_t *m);

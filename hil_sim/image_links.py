@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: MIT
+"""Where others connect to the links of an emulated board: a TCP port or a pseudo-terminal, one client at a time."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import termios
+import tty
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+from omniwheel.errors import FirmwareStartError
+
+_READ_SIZE = 4096
+_KEPT = 1 << 16
+"""Bytes kept for a client that does not read."""
+
+
+class ImagePort(ABC):
+    """The outer end of a link. ``name`` is what to connect to, ``connected`` whether somebody is there."""
+
+    name: str
+
+    def __init__(self) -> None:
+        self._unsent = bytearray()
+
+    @property
+    @abstractmethod
+    def connected(self) -> bool:
+        """Whether a client has it open; looks anew at every call."""
+
+    @property
+    def full(self) -> bool:
+        """Whether the client reads too slowly for more to be kept for it."""
+        return len(self._unsent) >= _KEPT
+
+    @abstractmethod
+    def read(self) -> bytes:
+        """Return what the client has sent; never waits."""
+
+    def write(self, data: bytes) -> None:
+        """Send what fits now and keep the rest. Without a client it is lost, as on a cable that ends nowhere."""
+        if self.connected:
+            self._unsent += data
+            self.flush()
+        else:
+            self._unsent.clear()
+
+    def flush(self) -> None:
+        """Send what was kept, as far as the client takes it."""
+        if self._unsent:
+            del self._unsent[: self._send(bytes(self._unsent))]
+
+    @abstractmethod
+    def _send(self, data: bytes) -> int: ...
+
+    @abstractmethod
+    def wait(self, timeout_s: float | None) -> None:
+        """Sleep until there may be something to read, or a client."""
+
+    @abstractmethod
+    def hang_up(self) -> None:
+        """Take the port away from its client, as when a board restarts; others may connect."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close it for good."""
+
+
+class TcpPort(ImagePort):
+    """A TCP server; the next client is served when the one before has gone."""
+
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__()
+        try:
+            self._listener = socket.create_server((host, port))
+        except OSError as error:
+            raise FirmwareStartError(f"cannot listen at {host}:{port}: {error.strerror}") from error
+        self._listener.setblocking(False)
+        self._client: socket.socket | None = None
+        self.name = f"tcp:{host}:{self._listener.getsockname()[1]}"
+
+    @property
+    def connected(self) -> bool:
+        """Whether a client is there; takes the next one."""
+        if self._client is None:
+            try:
+                self._client, _ = self._listener.accept()
+            except OSError:
+                return False
+            self._client.setblocking(False)
+            self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return True
+
+    def read(self) -> bytes:
+        """Return what the client has sent."""
+        if self._client is None:
+            return b""
+        try:
+            data = self._client.recv(_READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self.hang_up()
+        return data
+
+    def _send(self, data: bytes) -> int:
+        if self._client is None:
+            return len(data)
+        try:
+            return self._client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self.hang_up()
+            return len(data)
+
+    def wait(self, timeout_s: float | None) -> None:
+        """Sleep until something has come."""
+        select.select([self._client if self._client is not None else self._listener], [], [], timeout_s)
+
+    def hang_up(self) -> None:
+        """Close the connection."""
+        self._unsent.clear()
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def close(self) -> None:
+        """Close connection and server."""
+        self.hang_up()
+        self._listener.close()
+
+
+class TerminalPort(ImagePort):
+    """A pseudo-terminal, with a symbolic link to it if one is wanted. Connected while some program has it open."""
+
+    def __init__(self, symlink: str) -> None:
+        super().__init__()
+        self._master, slave = os.openpty()
+        tty.setraw(slave, termios.TCSANOW)
+        terminal = os.ttyname(slave)
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        self._poll = select.poll()
+        self._poll.register(self._master, select.POLLIN)
+        self._symlink = _symlink(Path(symlink), terminal) if symlink else None
+        self.name = f"pty:{symlink or terminal}"
+
+    @property
+    def connected(self) -> bool:
+        """Whether a program has it open: without one the terminal says that it hangs up."""
+        events = self._poll.poll(0)
+        gone = any(event & select.POLLHUP for _, event in events)
+        if gone:
+            self._unsent.clear()
+        return not gone
+
+    def read(self) -> bytes:
+        """Return what was written to the terminal."""
+        try:
+            return os.read(self._master, _READ_SIZE)
+        except OSError:  # nothing there, or nobody
+            return b""
+
+    def _send(self, data: bytes) -> int:
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            return len(data)
+
+    def wait(self, timeout_s: float | None) -> None:
+        """Sleep until something has come; while nobody is there, in short naps: a terminal can't be waited for."""
+        if self.connected:
+            self._poll.poll(None if timeout_s is None else timeout_s * 1e3)
+        else:
+            select.select([], [], [], 0.05 if timeout_s is None else min(timeout_s, 0.05))
+
+    def hang_up(self) -> None:
+        """Drop what is on its way: a pseudo-terminal can't be taken away from a program."""
+        self._unsent.clear()
+        termios.tcflush(self._master, termios.TCIOFLUSH)
+
+    def close(self) -> None:
+        """Close it and remove the symbolic link."""
+        os.close(self._master)
+        if self._symlink is not None:
+            self._symlink.unlink(missing_ok=True)
+
+
+def _symlink(path: Path, terminal: str) -> Path:
+    if path.is_symlink():
+        path.unlink()
+    try:
+        path.symlink_to(terminal)
+    except OSError as error:
+        raise FirmwareStartError(f"cannot link {path} to the terminal: {error.strerror}") from error
+    return path
+
+
+def open_port(link: str) -> ImagePort:
+    """Open ``tcp:HOST:PORT`` (port 0: a free one) or ``pty[:SYMLINK]``. Raises FirmwareStartError."""
+    kind, _, address = link.partition(":")
+    if kind == "pty":
+        return TerminalPort(address)
+    host, _, port = address.rpartition(":")
+    if kind != "tcp" or not host or not port.isdigit() or int(port) > 65535:
+        raise FirmwareStartError(f"link '{link}': tcp:HOST:PORT with a port 0..65535, or pty[:SYMLINK], is needed")
+    return TcpPort(host, int(port))

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: MIT
+"""The program behind :class:`omniwheel.ImageFirmware`: one flashed image, alive, for others to connect to.
+
+``python -m hil_sim.image_process IMAGE --usb tcp:127.0.0.1:0`` prints a line of JSON with its links when they listen.
+
+A client of the USB link is a program that has the port open (DTR); when it goes the port is closed. When the board
+restarts its USB port vanishes, so the client is hung up. Robot time follows the wall clock, and falls behind where
+this computer is too slow. With ``--lockstep`` it stands still from the moment at which the robot has answered a tick
+of a host in the loop until the host speaks again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from hil_sim.frame_watch import FrameWatch
+from hil_sim.image_file import read_image
+from hil_sim.image_links import ImagePort, open_port
+from hil_sim.rt1062 import STORAGE_SIZE, Channel, Machine, Options, Stop, wiring_of
+from hil_sim.runs import new_world
+from hil_sim.scenario import load_scenario
+from omniwheel.dialect import mavlink
+from omniwheel.errors import FirmwareStartError, OmniError
+from omniwheel.robots import read_robot
+
+SLICE_NS = 1_000_000
+LAG_S = 0.1
+"""Behind the wall clock by more than this, robot time no longer tries to catch up."""
+SAVE_SLICES = 200
+"""Slices between two looks at the parameter memory and the findings."""
+WAIT_S = 0.1
+MAX_WAITING = 1 << 16
+_ANSWER = mavlink.MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS
+_ENDINGS = {
+    Stop.REFUSED: "the emulated chip can't go on",
+    Stop.UPLOAD: "the program jumped to the uploader",
+    Stop.POWER: "the power was cut",
+}
+
+
+@dataclass
+class Link:
+    """A link of the board, its outer end, and the bytes from there that the board has not taken yet."""
+
+    channel: Channel
+    port: ImagePort
+    waiting: bytes = b""
+
+    def to_robot(self, machine: Machine) -> None:
+        """Hand on what the client sent."""
+        if len(self.waiting) < MAX_WAITING:
+            self.waiting += self.port.read()
+        if self.waiting:
+            self.waiting = self.waiting[machine.send(self.channel, self.waiting) :]
+
+    def from_robot(self, machine: Machine) -> bytes:
+        """Hand on and return what the board sent; with a client that does not read, the board waits, too."""
+        self.port.flush()
+        if self.port.full:
+            return b""
+        data = machine.receive(self.channel)
+        if data:
+            self.port.write(data)
+        return data
+
+
+class Server:
+    """Keeps a machine and its clients going."""
+
+    def __init__(self, machine: Machine, links: list[Link], storage: Path | None, *, lockstep: bool) -> None:
+        self.ended = False
+        self._machine = machine
+        self._links = links
+        self._usb = next((link for link in links if link.channel == Channel.USB), None)
+        self._open = False
+        self._ready = False
+        self._watch = FrameWatch() if lockstep else None
+        self._answered = False
+        self._storage = storage
+        self._saved = machine.storage
+        self._told = 0
+        self._zero_s = 0.0
+        if lockstep:
+            machine.stop_on(Stop.OUTPUT)
+
+    def run(self) -> int:
+        """Serve until told to end; return the exit code."""
+        self._start_clock()
+        slices = 0
+        while not self.ended:
+            self._follow_client()
+            if self._answered and not self._host_spoke():
+                continue
+            for link in self._links:
+                link.to_robot(self._machine)
+            stop = self._machine.run_until_ns(self._machine.time_ns + SLICE_NS)
+            self._take_output()
+            slices += 1
+            if slices % SAVE_SLICES == 0:
+                self.look_after()
+            if stop in _ENDINGS:
+                return self._end(stop)
+            if not self._answered:
+                self._keep_pace()
+        self.look_after()
+        return 0
+
+    def _follow_client(self) -> None:
+        """Open and close the board's USB port as clients come and go; hang up on one whose port has vanished."""
+        if self._usb is None:
+            return
+        ready = self._machine.usb_ready
+        if self._ready and not ready and self._open:
+            self._usb.port.hang_up()
+        self._ready = ready
+        there = self._usb.port.connected
+        if there != self._open:
+            self._open = there
+            self._usb.waiting = b""
+            self._machine.usb_open(there)
+
+    def _host_spoke(self) -> bool:
+        """Wait a moment for the host in the loop; time goes on, too, when it has gone."""
+        assert self._usb is not None
+        self._usb.waiting += self._usb.port.read()
+        if not self._usb.waiting and self._usb.port.connected:
+            self._usb.port.wait(WAIT_S)
+            self._usb.waiting += self._usb.port.read()
+        if self._usb.port.connected and not self._usb.waiting:
+            return False
+        self._answered = False
+        self._start_clock()
+        return True
+
+    def _take_output(self) -> None:
+        for link in self._links:
+            data = link.from_robot(self._machine)
+            if data and link is self._usb and self._watch is not None:
+                self._answered = _ANSWER in self._watch.feed(data)
+
+    def _start_clock(self) -> None:
+        self._zero_s = time.monotonic() - self._machine.time_s
+
+    def _keep_pace(self) -> None:
+        ahead_s = self._machine.time_s - (time.monotonic() - self._zero_s)
+        if ahead_s > 0.0:
+            time.sleep(ahead_s)
+        elif ahead_s < -LAG_S:
+            self._start_clock()
+
+    def look_after(self) -> None:
+        """Write the parameter memory to its file if it has changed, and tell what is new among the findings."""
+        content = self._machine.storage
+        if self._storage is not None and content != self._saved:
+            _write_whole(self._storage, content)
+        self._saved = content
+        findings = self._machine.findings()
+        for finding in findings[self._told :]:
+            print(f"finding: {finding}", file=sys.stderr, flush=True)
+        self._told = len(findings)
+
+    def _end(self, stop: Stop) -> int:
+        self.look_after()
+        why = self._machine.why
+        print(_ENDINGS[stop] + (f": {why}" if why else ""), file=sys.stderr, flush=True)
+        return 1
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    """Replace the file at once, so that it is never half a memory."""
+    new = path.with_name(path.name + ".new")
+    new.write_bytes(content)
+    os.replace(new, path)
+
+
+def _read_storage(path: Path) -> bytes | None:
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise FirmwareStartError(f"storage {path}: {error.strerror}") from error
+    if len(content) not in (0, STORAGE_SIZE):
+        raise FirmwareStartError(f"storage {path}: {len(content)} bytes are no parameter memory of {STORAGE_SIZE}")
+    return content or None
+
+
+def _arguments(words: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m hil_sim.image_process", description=__doc__)
+    parser.add_argument("image", type=Path, help="ELF or Intel hex file")
+    parser.add_argument("--usb", metavar="LINK", help="tcp:HOST:PORT or pty[:SYMLINK]")
+    parser.add_argument("--uart", metavar="LINK", help="the same for Serial1, the radio's port")
+    parser.add_argument("--robot", default="three_wheel", help="robot file: what is wired to which pin")
+    parser.add_argument("--scenario", help="the world at the pins; without it nothing turns the encoders")
+    parser.add_argument("--world-robot", help="the robot that is really there, if it is another one")
+    parser.add_argument("--seed", type=int)
+    parser.add_argument("--storage", type=Path, help="file that keeps the parameter memory")
+    parser.add_argument("--lockstep", action="store_true", help="stand still while a host in the loop thinks")
+    parser.add_argument("--instruction-ns", type=int, default=Options.instruction_ns, help="time of an instruction")
+    return parser.parse_args(words)
+
+
+def _machine(arguments: argparse.Namespace) -> Machine:
+    wiring = wiring_of(read_robot(arguments.robot))
+    options = Options(instruction_ns=arguments.instruction_ns, seed=arguments.seed or Options.seed)
+    world = None
+    if arguments.scenario is not None:
+        scenario = load_scenario(arguments.scenario, arguments.robot, arguments.world_robot).with_seed(arguments.seed)
+        world = new_world(scenario)
+    return Machine(read_image(arguments.image), wiring=wiring, world=world, options=options)
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    with ExitStack() as stack:
+        machine = stack.enter_context(_machine(arguments))
+        links = []
+        for channel, wanted in ((Channel.USB, arguments.usb), (Channel.UART, arguments.uart)):
+            if wanted:
+                port = open_port(wanted)
+                stack.callback(port.close)
+                links.append(Link(channel, port))
+        kept = _read_storage(arguments.storage) if arguments.storage is not None else None
+        if kept is not None:
+            machine.storage = kept
+        machine.power_on()
+        machine.usb_cable(arguments.usb is not None)
+        server = Server(machine, links, arguments.storage, lockstep=arguments.lockstep)
+
+        def end(number: int, frame: FrameType | None) -> None:
+            server.ended = True
+
+        signal.signal(signal.SIGTERM, end)
+        signal.signal(signal.SIGINT, end)
+        print(json.dumps({"ready": True, "links": [link.port.name for link in links]}), flush=True)
+        return server.run()
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run until the end of the process is asked for; return the exit code."""
+    try:
+        return _serve(_arguments(words))
+    except OmniError as error:
+        print(error, error.hint, sep="\n", file=sys.stderr)
+        return error.exit_code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
