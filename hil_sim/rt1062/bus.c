@@ -6,29 +6,31 @@
 #include "machine.h"
 
 const rt_device_t *const rt_devices[] = {
-    &rt_scs,        /* processor */
-    &rt_dwt,        /* cycle counter */
-    &rt_ccm,        /* clocks */
-    &rt_analog,     /* PLLs, supply, temperature */
-    &rt_dcdc,       /* core voltage */
-    &rt_ocotp,      /* fuses */
-    &rt_snvs,       /* real-time clock */
-    &rt_src,        /* resets */
-    &rt_wdog3,      /* watchdog */
-    &rt_flexspi,    /* flash memory */
-    &rt_iomuxc,     /* pads */
-    &rt_iomuxc_gpr, /* owners of pins, partition of memory */
-    &rt_gpio_slow,  /* GPIO1..4 */
-    &rt_gpio_fast,  /* GPIO6..9 */
-    &rt_xbar1,      /* crossbar */
-    &rt_enc,        /* quadrature decoders */
-    &rt_pit,        /* interval timers */
-    &rt_adc,        /* converters */
-    &rt_lpi2c1,     /* I2C */
-    &rt_lpuart6,    /* Serial1 */
-    &rt_usb,        /* USB1 */
-    &rt_usb_phy,    /* and its transceiver */
-    &rt_wires,      /* what the pins are wired to: last */
+    &rt_scs,         /* processor */
+    &rt_dwt,         /* cycle counter */
+    &rt_ccm,         /* clocks */
+    &rt_analog,      /* PLLs, supply, temperature */
+    &rt_dcdc,        /* core voltage */
+    &rt_ocotp,       /* fuses */
+    &rt_snvs,        /* real-time clock */
+    &rt_src,         /* resets */
+    &rt_wdog3,       /* watchdog */
+    &rt_flexspi,     /* flash memory */
+    &rt_iomuxc,      /* pads */
+    &rt_iomuxc_gpr,  /* owners of pins, partition of memory */
+    &rt_gpio_slow,   /* GPIO1..4 */
+    &rt_gpio_fast,   /* GPIO6..9 */
+    &rt_xbar1,       /* crossbar */
+    &rt_enc,         /* quadrature decoders */
+    &rt_pit,         /* interval timers */
+    &rt_adc,         /* converters */
+    &rt_flexpwm,     /* pulses: set up, never used */
+    &rt_quad_timers, /* the same */
+    &rt_lpi2c1,      /* I2C */
+    &rt_lpuart6,     /* Serial1 */
+    &rt_usb,         /* USB1 */
+    &rt_usb_phy,     /* and its transceiver */
+    &rt_wires,       /* what the pins are wired to: last */
     NULL,
 };
 

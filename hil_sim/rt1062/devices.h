@@ -22,15 +22,17 @@ extern const rt_device_t rt_lpuart6; /* lpuart.c */
 extern const rt_device_t rt_usb;     /* usb.c */
 extern const rt_device_t rt_usb_phy; /* usb_phy.c */
 
-extern const rt_device_t rt_iomuxc;     /* pads.c */
-extern const rt_device_t rt_iomuxc_gpr; /* gpr.c */
-extern const rt_device_t rt_gpio_slow;  /* gpio.c */
-extern const rt_device_t rt_gpio_fast;  /* gpio.c */
-extern const rt_device_t rt_xbar1;      /* xbar.c */
-extern const rt_device_t rt_enc;        /* enc.c */
-extern const rt_device_t rt_pit;        /* pit.c */
-extern const rt_device_t rt_adc;        /* adc.c */
-extern const rt_device_t rt_lpi2c1;     /* lpi2c.c */
-extern const rt_device_t rt_wires;      /* pins.c: last in the table */
+extern const rt_device_t rt_iomuxc;      /* pads.c */
+extern const rt_device_t rt_iomuxc_gpr;  /* gpr.c */
+extern const rt_device_t rt_gpio_slow;   /* gpio.c */
+extern const rt_device_t rt_gpio_fast;   /* gpio.c */
+extern const rt_device_t rt_xbar1;       /* xbar.c */
+extern const rt_device_t rt_enc;         /* enc.c */
+extern const rt_device_t rt_pit;         /* pit.c */
+extern const rt_device_t rt_adc;         /* adc.c */
+extern const rt_device_t rt_flexpwm;     /* pwm.c */
+extern const rt_device_t rt_quad_timers; /* pwm.c */
+extern const rt_device_t rt_lpi2c1;      /* lpi2c.c */
+extern const rt_device_t rt_wires;       /* pins.c: last in the table */
 
 #endif

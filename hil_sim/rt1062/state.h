@@ -22,6 +22,7 @@
 #include "pads.h"
 #include "pins.h"
 #include "pit.h"
+#include "pwm.h"
 #include "scs.h"
 #include "snvs.h"
 #include "src.h"
@@ -89,6 +90,7 @@ typedef struct rt_state_t {
     rt_watchdog_t watchdog;
     rt_flexspi_t flexspi;
     rt_nor_t nor;
+    rt_flexpwm_t flexpwm[RT_FLEXPWMS];
     rt_pads_t pads;
     rt_gpr_t gpr;
     rt_gpio_t gpio[RT_GPIO_PORTS];

@@ -117,3 +117,17 @@ def test_panics_when_it_is_too_hot(chip: Chip) -> None:
     assert not chip.read(pending) & 1 << PANIC % 32
     lib.rt1062_set_temperature(chip.c, 92)
     assert chip.read(pending) & 1 << PANIC % 32
+
+
+def test_pulse_timers_take_their_setting_up_and_no_more(chip: Chip) -> None:
+    """As pwm_init() of the core leaves them; a program that goes on to use them is refused."""
+    flexpwm1, timer1, ccgr4 = 0x403DC000, 0x401DC000, 0x400FC078
+    chip.write(flexpwm1 + 0x188, 0xF0, size=2)
+    assert chip.found(lib.RT1062_FINDING_CLOCK) != []
+    lib.rt1062_forget_findings(chip.c)
+    chip.write(ccgr4, chip.read(ccgr4) | 3 << 16)
+    chip.write(flexpwm1 + 0x188, chip.read(flexpwm1 + 0x188, 2) | 0xF00, size=2)
+    assert chip.read(flexpwm1 + 0x188, 2) == 0xF00
+    assert chip.found(lib.RT1062_FINDING_CLOCK) == []
+    assert "no such register" in chip.refuses(flexpwm1 + 0x180, 0x100, size=2)  # OUTEN
+    assert "no such register" in chip.refuses(timer1 + 0x18, 1, size=2)
