@@ -90,8 +90,10 @@ def assemble(source: str, folder: Path) -> Program:
 def _boot_image(code: bytes, entry: int) -> bytes:
     """Put the flash controller's configuration block, the vector table of the boot ROM and its boot data before the code."""
     flash = bytearray(b"\xff" * IMAGE_AT)
-    flash[0:4] = struct.pack("<I", 0x42464346)
+    flash[0:8] = struct.pack("<2I", 0x42464346, 0x56010000)
+    flash[0x50:0x54] = struct.pack("<I", 0x200000)
+    flash[0x80:0x180] = struct.pack("<3I", 0x0A1804EB, 0x32041EFF, 0x00002601).ljust(0x100, b"\0")
     length = IMAGE_AT + len(code)
-    flash[0x1000:0x1020] = struct.pack("<8I", 0x402000D1, entry | 1, 0, 0, FLASH + 0x1020, FLASH + 0x1000, 0, 0)
+    flash[0x1000:0x1020] = struct.pack("<8I", 0x432000D1, entry | 1, 0, 0, FLASH + 0x1020, FLASH + 0x1000, 0, 0)
     flash[0x1020:0x102C] = struct.pack("<3I", FLASH, length, 0)
     return bytes(flash) + code

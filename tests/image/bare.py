@@ -28,10 +28,12 @@ class Bare:
 
     c: object
     program: Program
+    begin_ns: int
+    """When the boot ROM jumped to the program."""
 
     def run(self, until_us: float) -> int:
-        """Run until this time after power-on; return why it stopped."""
-        return int(lib.rt1062_run(self.c, int(until_us * 1000)))
+        """Run until this time after the program's begin; return why it stopped."""
+        return int(lib.rt1062_run(self.c, self.begin_ns + int(until_us * 1000)))
 
     def finish(self, limit_us: float = 1e6) -> None:
         """Run until the program's ``done``; fail if it does not get there or an exception comes that it does not know."""
@@ -62,10 +64,10 @@ class Bare:
 
 
 @contextmanager
-def running(program: Program, *, instruction_ns: int = 10, exact: bool = False) -> Iterator[Bare]:
+def running(program: Program, *, instruction_ns: int = 10, exact: bool = False, seed: int = 1) -> Iterator[Bare]:
     """Power the chip on with this program in its flash memory."""
     config = ffi.new("rt1062_config_t *")
-    config.instruction_ns, config.exact, config.seed = instruction_ns, exact, 1
+    config.instruction_ns, config.exact, config.seed = instruction_ns, exact, seed
     for pins in config.encoder_pin:
         pins[0] = pins[1] = UNCONNECTED
     config.output_enable_pin = config.battery_pin = UNCONNECTED
@@ -75,6 +77,6 @@ def running(program: Program, *, instruction_ns: int = 10, exact: bool = False) 
     try:
         ffi.memmove(lib.rt1062_flash(machine), program.flash, len(program.flash))
         assert lib.rt1062_power_on(machine), ffi.string(lib.rt1062_why(machine))
-        yield Bare(machine, program)
+        yield Bare(machine, program, int(lib.rt1062_time_ns(machine)))
     finally:
         lib.rt1062_free(machine)

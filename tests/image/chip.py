@@ -87,6 +87,6 @@ def parked_program(folder: Path, *, in_flash: bool = False) -> Program:
 def parked(program: Program, *, seed: int = 1) -> Iterator[Chip]:
     """Power the chip on and let the program come to its loop."""
     with running(program, seed=seed) as bare:
-        chip = Chip(bare.c, bare.program)
+        chip = Chip(bare.c, bare.program, bare.begin_ns)
         assert chip.wait(100_000) == lib.RT1062_STOP_TIME, chip.why
         yield chip
