@@ -28,6 +28,7 @@ from omniwheel.errors import FirmwareImageError, MissingPackageError
 
 NS_PER_S = 1_000_000_000
 PROGRAM_COUNTER = 15
+MAIN_LOOP = "_ZN4omni3App10backgroundEv"
 STORAGE_BEGIN = 0x1F0000
 STORAGE_SIZE = 60 * 1024
 """Where flash memory keeps parameters: the part that Teensyduino reserves for its EEPROM emulation."""
@@ -101,6 +102,8 @@ class Options:
     exact: bool = False
     strict: bool = False
     seed: int = 1
+    pause_ns: int = 200_000
+    """Added to each pass of the program's main loop, so that waiting costs few instructions; 0: none."""
 
 
 def wiring_of(robot: Robot) -> Wiring:
@@ -145,6 +148,8 @@ class Machine:
             raise FirmwareImageError(f"the emulated chip cannot be made: {_text(why)}")
         self._chunk = ffi.new("uint8_t[]", lib.RT1062_OUTPUT_SIZE)
         self.flash[: len(image.flash)] = image.flash
+        if MAIN_LOOP in image.symbols:
+            lib.rt1062_pace(self._c, image.symbols[MAIN_LOOP], options.pause_ns)
         self._world_c = world.c if world is not None else ffi.NULL
         lib.rt1062_attach(self._c, self._world_c)
 

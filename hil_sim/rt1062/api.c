@@ -147,6 +147,11 @@ bool rt1062_break(rt1062_t *m, uint32_t address) {
     return true;
 }
 
+void rt1062_pace(rt1062_t *m, uint32_t address, uint32_t pause_ns) {
+    m->pace_at = address & ~1u;
+    m->pace_ns = pause_ns;
+}
+
 /* ------------------------------------------------------------------ looking inside */
 
 uint32_t rt1062_register(rt1062_t *m, uint32_t number) {

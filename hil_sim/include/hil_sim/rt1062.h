@@ -112,6 +112,12 @@ void rt1062_stop_on(rt1062_t *m, uint32_t stops);
 /** Stop before the instruction at this address (a function's first, say); up to 8. 0: forget them all. */
 bool rt1062_break(rt1062_t *m, uint32_t address);
 
+/**
+ * Each time the program begins the basic block at this address, let time go on by `pause_ns` more, but not past the next event: a main loop
+ * that only waits then costs fewer instructions. 0, 0: no longer.
+ */
+void rt1062_pace(rt1062_t *m, uint32_t address, uint32_t pause_ns);
+
 uint32_t rt1062_register(rt1062_t *m, uint32_t number); /**< r0..r15, 16: xPSR */
 /** Copy memory (not registers). @return false: not all of it is memory. */
 bool rt1062_read(rt1062_t *m, uint32_t address, uint8_t *bytes, uint32_t count);
