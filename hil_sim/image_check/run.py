@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: MIT
+"""Runs the checks of an image and says what they found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hil_sim.image_check.bench import Context
+from hil_sim.image_check.check import CI, Check
+from hil_sim.image_file import read_image
+from hil_sim.rt1062 import not_modelled
+from hil_sim.scenario import load_scenario
+from omniwheel.errors import OmniError
+
+WORLD = "stand"
+"""The scenario whose world the checks use unless they say otherwise: the robot on a stand."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a check showed. ``failure`` is "" if it passed; ``wall_s`` is the time it took on this computer."""
+
+    name: str
+    what: str
+    figures: tuple[str, ...]
+    failure: str
+    wall_s: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether it did."""
+        return not self.failure
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it for JSON."""
+        return {**asdict(self), "passed": self.passed}
+
+
+def all_checks() -> tuple[Check, ...]:
+    """Return every check, in the order in which they are reported."""
+    from hil_sim.image_check import start
+
+    return start.CHECKS
+
+
+def run_one(image: Path, robot: str, depth: str, seed: int, name: str) -> Outcome:
+    """Run a check by name, in whatever process."""
+    check = next(check for check in all_checks() if check.name == name)
+    begin_s = time.perf_counter()
+    figures: list[str] = []
+    failure = ""
+    try:
+        context = Context(read_image(image), load_scenario(WORLD, robot), seed=seed, depth=depth)
+        figures = check.run(context)
+    except OmniError as error:
+        failure = str(error)
+    except Exception as error:  # a check that breaks has not shown anything
+        failure = f"the check itself failed: {type(error).__name__}: {error}"
+    return Outcome(check.name, check.what, tuple(figures), failure, time.perf_counter() - begin_s)
+
+
+def run_checks(
+    image: Path,
+    robot: str,
+    *,
+    depth: str = CI,
+    seed: int = 1,
+    only: Sequence[str] = (),
+    workers: int = 2,
+    done: Callable[[Outcome], None] = lambda outcome: None,
+) -> list[Outcome]:
+    """Run the checks of this depth side by side; ``done`` is called with each outcome, in the order of the list.
+
+    Raises FirmwareImageError, RobotFileError, MissingPackageError, and ValueError for a name that is none.
+    """
+    names = _chosen(depth, only)
+    read_image(image)
+    outcomes = []
+    with ProcessPoolExecutor(max_workers=workers) as pool:
+        futures = [pool.submit(run_one, image, robot, depth, seed, name) for name in names]
+        for future in futures:
+            outcomes.append(future.result())
+            done(outcomes[-1])
+    return outcomes
+
+
+def _chosen(depth: str, only: Sequence[str]) -> list[str]:
+    known = {check.name: check for check in all_checks()}
+    unknown = [name for name in only if name not in known]
+    if unknown:
+        raise ValueError(f"there is no check {unknown[0]}; there are {', '.join(known)}")
+    return [name for name, check in known.items() if (name in only if only else depth in check.depths)]
+
+
+def report(image: Path, robot: str, depth: str, seed: int, outcomes: Iterable[Outcome]) -> str:
+    """Return a page of what was checked, what it showed, and what no model of a chip can show."""
+    outcomes = list(outcomes)
+    failed = sum(not outcome.passed for outcome in outcomes)
+    verdict = "all passed" if failed == 0 else f"**{failed} failed**"
+    lines = [
+        f"# Check of {image.name} for {robot}",
+        "",
+        f"{len(outcomes)} checks ({depth}, seed {seed}) on the emulated i.MX RT1062: {verdict}.",
+        "",
+        "| Check | What | Result |",
+        "|---|---|---|",
+    ]
+    for outcome in outcomes:
+        result = "; ".join(outcome.figures) if outcome.passed else f"**failed**: {outcome.failure}"
+        lines.append(f"| {outcome.name} | {outcome.what} | {result} |")
+    lines += ["", "This is a model of the chip. No silicon was tested. Not modelled:", ""]
+    lines += [f"- {sentence}" for sentence in not_modelled()]
+    return "\n".join(lines) + "\n"
