@@ -14,6 +14,8 @@ enum {
     BASE = 0x40198000,
     SIZE = 0x4000,
     IRQ_LPUART6 = 25,
+    ALT_LPUART6 = 2,
+    DAISY_RX_PIN_0 = 1, /* GPIO_AD_B0_03, not GPIO_EMC_26 */
     PINCFG = 0x0C,
     BAUD = 0x10,
     STAT = 0x14,
@@ -113,15 +115,13 @@ static void look_at_clock(rt1062_t *m) {
     }
 }
 
-/* Whether the pads of pins 0 and 1 are connected to it. */
-static bool hears_pad(rt1062_t *m) {
-    (void)m;
-    return true;
+/* Whether the pads of pins 0 and 1 are connected to it [core, UART6_Hardware]. The daisy of TX is that of its input, for a single wire. */
+static bool hears_pad(const rt1062_t *m) {
+    return rt_pad_is(m, RT_PAD_UART_RX, ALT_LPUART6) && m->s.pads.daisy[RT_DAISY_LPUART6_RX] == DAISY_RX_PIN_0;
 }
 
-static bool drives_pad(rt1062_t *m) {
-    (void)m;
-    return true;
+static bool drives_pad(const rt1062_t *m) {
+    return rt_pad_is(m, RT_PAD_UART_TX, ALT_LPUART6);
 }
 
 static uint16_t fifo_take(rt_uart_fifo_t *fifo) {

@@ -179,7 +179,7 @@ static void begin_reset(rt1062_t *m, uint64_t at_ns) {
     rt_usb_host_t *h = &m->s.usb.host;
     h->control.stage = RT_USB_NO_TRANSFER;
     h->address = 0;
-    h->control_packet = 8;
+    h->control_packet = CONTROL_FIRST; /* the device tells its own; one packet of the first answer is enough */
     h->step = RT_USB_HOST_RESET;
     rt_usb_bus_reset(m, true);
     wait_ns(m, at_ns, RESET_NS);
