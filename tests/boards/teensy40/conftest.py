@@ -32,6 +32,7 @@ _BOOLEAN = (
     "fake_usb_waited",
     "fake_radio_waited",
     "flash_misused",
+    "flash_faulted",
     "flash_power_on",
     "usb_write",
     "radio_write",
@@ -64,6 +65,7 @@ def chip(system_library: Path, tmp_path: Path) -> ctypes.CDLL:
         getattr(library, name).restype = result
     for name in _BOOLEAN:
         getattr(library, name).restype = ctypes.c_bool
+    library.flash_program.argtypes = [ctypes.c_size_t, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t]
     library.battery_begin.argtypes = [ctypes.c_uint8, ctypes.c_float]
     for name in ("usb_read", "usb_write", "radio_read", "radio_write"):
         getattr(library, name).argtypes = [ctypes.c_char_p, ctypes.c_size_t]

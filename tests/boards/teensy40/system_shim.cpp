@@ -161,6 +161,10 @@ size_t storage_size() {
 uint32_t storage_late_erases() {
     return (*storage).late_erases();
 }
+/// Without the log: the driver alone.
+void flash_program(size_t sector, size_t offset, const uint8_t *data, size_t length) {
+    (*flash).program(sector, offset, data, length);
+}
 size_t param_count() {
     return OMNI_PARAM_COUNT;
 }

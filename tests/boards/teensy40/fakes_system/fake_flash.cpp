@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A model of the flash sectors: programming clears bits, erasing sets them, wear is counted, and power may fail in the middle of
-// any 16-bit word that is programmed and of any erase, leaving bits half-way.
+// any 16-bit word that is programmed and of any erase, leaving bits half-way. In front of them the flash controller's transmit
+// registers: Device memory, where the processor faults at an access that is not aligned to its own width.
 #include "boards/teensy40/processor.h"
 
 extern "C" void fake_journal_add(char letter);
@@ -18,7 +19,7 @@ struct {
     bool power;
     uint32_t random;
     uint32_t longest; ///< bytes programmed at once
-    bool page_crossed, set_a_bit;
+    bool page_crossed, set_a_bit, faulted;
     bool worn[sectors]; ///< erasing does nothing any more
 } flash;
 
@@ -34,6 +35,34 @@ int step() {
     }
     flash.power = flash.steps++ != flash.cut_at;
     return flash.power ? 2 : 1;
+}
+
+constexpr uint32_t fifo_bytes = 8; ///< the core fills FLEXSPI_TFDR0 and 1 at a time
+
+/// One store of this width [bytes]: ARMv7-M, A3.2.1: unaligned accesses to Device memory fault, whatever UNALIGN_TRP says.
+void store(uint32_t offset, uint32_t width) {
+    flash.faulted = flash.faulted || offset % width != 0;
+}
+
+/// The stores of the Teensy core's memcpy (memcpy-armv7m.S) of at most 8 bytes to an address that 8 divides.
+void copy_to_fifo(const uint8_t *source, uint32_t length) {
+    const bool aligned = reinterpret_cast<uintptr_t>(source) % 4 == 0;
+    uint32_t at = 0;
+    if (!aligned && length < 8 && length >= 4) {
+        for (; at < length; ++at) {
+            store(at, 1);
+        }
+        return;
+    }
+    for (; length - at >= 4; at += 4) {
+        store(at, 4);
+    }
+    if ((length & 1) != 0) {
+        store(at++, 1);
+    }
+    if ((length & 2) != 0) {
+        store(at, 2);
+    }
 }
 
 } // namespace
@@ -52,12 +81,16 @@ void eepromemu_flash_write(void *address, const void *data, uint32_t length) {
     const auto at = static_cast<uint32_t>(static_cast<uint8_t *>(address) - flash.bytes);
     const auto *bytes = static_cast<const uint8_t *>(data);
     flash.longest = length > flash.longest ? length : flash.longest;
-    flash.page_crossed = flash.page_crossed || at / page != (at + length - 1) / page;
+    flash.page_crossed = flash.page_crossed || length == 0 || at / page != (at + length - 1) / page;
+    for (uint32_t i = 0; i < length; i += fifo_bytes) {
+        copy_to_fifo(bytes + i, length - i < fifo_bytes ? length - i : fifo_bytes);
+    }
+    flash.power = flash.power && !flash.faulted; // the processor is lost: nothing more is programmed
     int outcome = 2;
     for (uint32_t i = 0; i < length; ++i) {
         outcome = i % 2 == 0 ? step() : outcome;
         uint8_t &cell = flash.bytes[at + i];
-        flash.set_a_bit = flash.set_a_bit || (bytes[i] & ~cell) != 0;
+        flash.set_a_bit = flash.set_a_bit || (bytes[i] != 0xFF && (bytes[i] & ~cell) != 0); // all ones: nothing is asked for
         if (outcome == 2) {
             cell = static_cast<uint8_t>(cell & bytes[i]);
         } else if (outcome == 1) {
@@ -108,7 +141,11 @@ uint32_t flash_longest() {
 }
 /// The code asked for something that the chip cannot do.
 bool flash_misused() {
-    return flash.page_crossed || flash.set_a_bit;
+    return flash.page_crossed || flash.set_a_bit || flash.faulted;
+}
+/// The processor ran into a fault while it programmed.
+bool flash_faulted() {
+    return flash.faulted;
 }
 uint8_t *flash_bytes() {
     return flash.bytes;
