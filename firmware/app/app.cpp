@@ -288,6 +288,8 @@ void App::say_restart(size_t link) {
         shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
     } else if (watchdog.reset_cause() == ResetCause::crash) {
         shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
+    } else if (watchdog.reset_cause() == ResetCause::over_temperature) {
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted: the processor was too hot"));
     }
     for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
         shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));

@@ -121,7 +121,13 @@ protected:
 };
 
 /// Why the processor started.
-enum class ResetCause : uint8_t { power_on, watchdog, software, crash };
+enum class ResetCause : uint8_t {
+    power_on,
+    watchdog,
+    software, ///< asked for, or the loader after an upload
+    crash,
+    over_temperature,
+};
 
 /// Resets the processor unless fed.
 class Watchdog {

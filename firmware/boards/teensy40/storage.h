@@ -11,6 +11,9 @@
 
 namespace omni {
 
+/// Any length may be programmed anywhere: the driver pads to the units that the core's copy routine is safe with, with ones,
+/// which leave NOR flash as it is.
+///
 /// Interrupts are off while the chip works: up to 0.4 ms for each 32 bytes that are programmed (the tick starts late), 45 to
 /// 400 ms for an erase (ticks are lost, and the edges of encoders that interrupts count).
 class Teensy40Flash final : public Flash {

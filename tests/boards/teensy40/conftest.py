@@ -27,6 +27,8 @@ _RESULTS: dict[str, type] = {
 }
 _BOOLEAN = (
     "fake_watchdog_atomic",
+    "fake_watchdog_bitten",
+    "fake_watchdog_misused",
     "fake_timer_fires",
     "fake_resets",
     "fake_usb_waited",

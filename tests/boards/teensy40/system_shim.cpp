@@ -117,6 +117,9 @@ void watchdog_begin() {
 void watchdog_start() {
     (*watchdog).start();
 }
+void watchdog_expect_erase(bool begins) {
+    (*watchdog).expect_erase(begins);
+}
 void watchdog_tick() {
     (*watchdog).tick();
 }

@@ -5,11 +5,13 @@
 #include "boards/teensy40/processor.h"
 
 extern "C" void fake_journal_add(char letter);
+extern "C" void fake_watchdog_elapse_ms(uint32_t ms);
 
 namespace {
 
 constexpr uint32_t base = 0x601F0000, sector_size = 4096, sectors = 15;
 constexpr uint32_t page = 256;
+constexpr uint32_t erase_ms = 400; ///< longest, by the chip's datasheet
 
 struct {
     uint8_t bytes[sectors * sector_size];
@@ -103,6 +105,7 @@ void eepromemu_flash_erase_sector(void *address) {
     const auto sector = static_cast<uint32_t>(static_cast<uint8_t *>(address) - flash.bytes) / sector_size;
     const int outcome = step();
     fake_journal_add('E');
+    fake_watchdog_elapse_ms(erase_ms);
     flash.erases[sector] += outcome != 0 ? 1 : 0;
     for (uint32_t i = sector * sector_size; outcome != 0 && !flash.worn[sector] && i < (sector + 1) * sector_size; ++i) {
         flash.bytes[i] = outcome == 2 ? uint8_t{0xFF} : static_cast<uint8_t>(flash.bytes[i] | random_byte());
