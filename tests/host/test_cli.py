@@ -23,7 +23,8 @@ COMMANDS = [
     ["params", "list"], ["params", "get"], ["params", "set"], ["params", "save"], ["params", "load"],
     ["params", "diff"], ["params", "reset"], ["monitor"], ["record"], ["drive", "velocity"],
     ["drive", "pose"], ["drive", "trajectory"],
-    ["drive", "keys"], ["robots", "show"], ["robots", "check"], ["robots", "new"], ["doctor"],
+    ["drive", "keys"], ["robots", "show"], ["robots", "check"], ["robots", "new"],
+    ["robots", "wiring"], ["doctor"],
 ]  # fmt: skip
 
 
