@@ -68,6 +68,9 @@ public:
     virtual bool submit(const I2cTransaction *batch, size_t count) = 0;
     /// How the last batch went; `read` gets max_read bytes of its last read. nack, stuck and done are reported once.
     virtual I2cStatus poll(uint8_t *read) = 0;
+    /// Longest time that poll() calls the last batch busy [us]: a bus that knows how long its batches take gives them up by itself.
+    /// 0: it does not.
+    virtual uint32_t patience_us() { return 0; }
     /// Start freeing a stuck bus (nine clocks, STOP) without waiting.
     virtual void recover() = 0;
     virtual I2cStats stats() { return {}; }

@@ -164,6 +164,10 @@ void bus_leave_stop(bool leave) {
     fake::leave_stop(leave);
 }
 
+void bus_rise_time(uint32_t ns) {
+    fake::set_rise_time(ns);
+}
+
 void timer_allowed(bool allowed) {
     fake::timer_allowed(allowed);
 }

@@ -49,6 +49,8 @@ void let_lines_go();
 /// After a NACK the master waits for a STOP command instead of sending one by itself.
 void leave_stop(bool leave);
 bool timer_allowed(bool allowed);
+/// How slow the lines' edges are: pull-ups and capacitance. 0 after a reset.
+void set_rise_time(uint32_t ns);
 size_t event_count();
 uint16_t event(size_t index);
 void clear_events();
