@@ -23,7 +23,8 @@ protected:
 /// Wheel encoders: raw 32-bit counters that may wrap.
 class Encoders {
 public:
-    /// Read all counters at once. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose count can be trusted.
+    /// Read all counters at once, once per tick. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose count can be
+    /// trusted.
     virtual uint8_t read(int32_t *counts) = 0;
     /// Illegal transitions (both channels changed at once) since boot. @param errors OMNI_MAX_WHEELS entries; 0 where the
     /// decoder cannot tell.

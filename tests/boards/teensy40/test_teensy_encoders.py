@@ -59,10 +59,17 @@ class Wheels:
         for pin, level in zip(self.pins[wheel], GRAY[self.phase[wheel] % 4], strict=True):
             self.c.pin_level(pin, bool(level))
 
-    def counts(self) -> list[int]:
+    def read(self) -> tuple[list[int], list[bool]]:
+        """Return the counts, and for each whether it can be trusted."""
         out = (ctypes.c_int32 * 4)()
-        assert self.c.encoders_read(out) == (1 << len(self.pins)) - 1
-        return list(out[: len(self.pins)])
+        trusted = self.c.encoders_read(out)
+        wheels = range(len(self.pins))
+        return [out[i] for i in wheels], [bool(trusted >> i & 1) for i in wheels]
+
+    def counts(self) -> list[int]:
+        counts, trusted = self.read()
+        assert all(trusted)
+        return counts
 
     def errors(self) -> list[int]:
         out = (ctypes.c_uint32 * 4)()
@@ -216,3 +223,91 @@ def test_a_hardware_decoder_that_saw_both_change_is_counted_once(c: ctypes.CDLL)
 def test_edges_interrupt_everything_else(c: ctypes.CDLL) -> None:
     Wheels(c, PLAIN)
     assert 0 <= c.irq_priority(IRQ_GPIO6789) < 32  # SysTick, the highest of Teensyduino
+
+
+# ---------------------------------------------------------------- noise
+
+
+def chatter(c: ctypes.CDLL, pin: int, edges: int, pulses: bool = False) -> None:
+    """Noise on a line; ``pulses``: each is over before the interrupt looks."""
+    for n in range(edges):
+        if pulses:
+            c.interrupts_held(True)
+            c.pin_level(pin, n % 2 == 1)
+            c.pin_level(pin, n % 2 == 0)
+            c.interrupts_held(False)
+        else:
+            c.pin_level(pin, n % 2 == 1)
+
+
+def test_as_many_edges_as_the_limit_allows_are_all_counted(c: ctypes.CDLL) -> None:
+    wheels = Wheels(c, PLAIN)
+    limit = c.encoder_edge_limit()
+    assert limit > 5 * 40  # 25 rad/s at 10000 counts per revolution bring 40 in a tick
+    for _ in range(20):
+        for wheel in range(4):
+            for _ in range(limit):
+                wheels.turn(wheel, 1)
+        assert wheels.counts() == wheels.turned
+    assert wheels.errors() == [0] * 4
+
+
+@pytest.mark.parametrize("pulses", [False, True], ids=["levels", "pulses"])
+@pytest.mark.parametrize("channel", [0, 1], ids="AB")
+def test_a_storm_of_edges_does_not_starve_the_tick(c: ctypes.CDLL, channel: int, pulses: bool) -> None:
+    wheels = Wheels(c, PLAIN)
+    limit = c.encoder_edge_limit()
+    for tick in range(5):
+        c.pin_interrupts()
+        chatter(c, PLAIN[2][channel], 20 * limit, pulses)
+        wheels.turn(0, 1)  # the others go on
+        wheels.turn(3, -1)
+        assert c.pin_interrupts() <= limit + 10
+        counts, trusted = wheels.read()
+        assert trusted == [True, True, False, True]
+        assert (counts[0], counts[3]) == (wheels.turned[0], wheels.turned[3])
+        assert wheels.errors() == [0, 0, tick + 1, 0]
+    for pin in PLAIN[2]:
+        c.pin_level(pin, True)
+    wheels.phase[2] = 2
+    before, _ = wheels.read()
+    for _ in range(100):  # quiet again: every edge counts
+        wheels.turn(2, 1)
+    assert wheels.counts()[2] == before[2] + 100
+    assert wheels.errors()[2] == 5
+
+
+def test_storms_on_all_encoders_at_once_leave_time_for_the_tick(c: ctypes.CDLL) -> None:
+    wheels = Wheels(c, PLAIN)
+    limit = c.encoder_edge_limit()
+    for _ in range(3):
+        c.pin_interrupts()
+        for n in range(10 * limit):
+            for pins in PLAIN:
+                for pin in pins:
+                    c.pin_level(pin, n % 2 == 1)
+        assert c.pin_interrupts() <= 4 * (limit + 1)
+        assert wheels.read()[1] == [False] * 4
+
+
+def test_an_edge_of_another_encoder_beside_a_storm_is_not_lost(c: ctypes.CDLL) -> None:
+    """Two encoders share a port and its registers."""
+    rng = random.Random(6)
+    wheels = Wheels(c, ((14, 15), (16, 17), (22, 23)))
+    for _ in range(200):
+        chatter(c, 14, rng.randrange(3 * c.encoder_edge_limit()))
+        c.interrupts_held(True)  # its interrupt waits while the tick reads
+        wheels.turn(1, rng.choice((-1, 1)))
+        wheels.read()
+        c.interrupts_held(False)
+        counts, trusted = wheels.read()
+        assert counts[1:] == wheels.turned[1:]
+        assert trusted[1:] == [True, True]
+    assert wheels.errors()[1:] == [0, 0]
+
+
+def test_a_hardware_decoder_has_no_limit(c: ctypes.CDLL) -> None:
+    wheels = Wheels(c, ORIGINAL)
+    for _ in range(5 * c.encoder_edge_limit()):
+        wheels.turn(0, 1)
+    assert wheels.counts()[0] == wheels.turned[0]

@@ -15,6 +15,8 @@ void reset();
 void set_level(uint8_t pin, bool high);
 /// Hold interrupts off (as an erase of flash does), or let the pending ones in.
 void hold_interrupts(bool held);
+/// Interrupts by pins since the last call.
+uint32_t take_pin_interrupts();
 uint8_t priority_of(int irq);
 /// A pin's own drive: true while a GPIO pulls it low.
 bool gpio_pulls_low(uint8_t pin);
