@@ -172,7 +172,8 @@ struct Board {
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;
-    uint8_t radios = 0b10; ///< a bit per port that others reach through the air: there, a signing key closes the door
+    uint8_t radios = 0b10; ///< a bit per port that others reach through the air: there, a signing key closes the
+                           ///< door; LINK2_BAUD is about their lines, LINK2_LEGACY about the first of them
     Storage *storage = nullptr;
     Watchdog *watchdog = nullptr;
     const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
