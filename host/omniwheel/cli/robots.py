@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,12 +60,17 @@ def show(name: Annotated[str, typer.Argument(help="A robot's name, or a file.")]
 
 @app.command("check", epilog=examples("omni robots check mine.toml"))
 def check(file: Annotated[Path, typer.Argument(help="A robot file.")], as_json: JsonOption = False) -> None:
-    """Check a robot file. Exit code 2: something in it is wrong, and the message says what is allowed."""
+    """Check a robot file, and warn of wiring that is unwise or that the firmware for a Teensy cannot be built with.
+
+    Exit code 2: something in it is wrong, and the message says what is allowed.
+    """
     robot = read_robot(file)
+    warnings = plan_wiring(robot).warnings
     if as_json:
-        print_json({**_summary(robot), "ok": True})
+        print_json({**_summary(robot), "ok": True, "warnings": warnings})
     else:
         console.print(f"{file}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
+        _print_warnings(warnings)
 
 
 @app.command("new", epilog=examples("omni robots new mine --from three_wheel", "omni robots new mine --folder robots"))
@@ -76,10 +82,12 @@ def new(
 ) -> None:
     """Start a robot file of your own as a copy of another."""
     target = new_robot_file(name, template, folder)
+    warnings = plan_wiring(read_robot(target)).warnings
     if as_json:
-        print_json({"file": str(target), "from": str(find_robot_file(template))})
+        print_json({"file": str(target), "from": str(find_robot_file(template)), "warnings": warnings})
     else:
         console.print(f"{target} written; change its numbers, then: omni robots check {target}")
+        _print_warnings(warnings)
 
 
 @app.command(
@@ -116,5 +124,9 @@ def _print_wiring(plan: WiringPlan) -> None:
     for connection in connections(plan):
         table.add_row(escape(connection.start), escape(connection.end), escape(connection.mind))
     console.print(table)
-    for warning in plan.warnings:
+    _print_warnings(plan.warnings)
+
+
+def _print_warnings(warnings: Iterable[str]) -> None:
+    for warning in warnings:
         console.print(f"[bold red]![/] {escape(warning)}")

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from math import pi
 
-from omni_schema import Robot
+from omni_schema import EncoderPlan, Robot, plan_encoders
+from omni_schema.encoder_plan import INTERRUPTS_PER_S
 from omniwheel.wiring.electrics import BRIDGE_SUPPLY_V, LOGIC_V
 
 ON_BOARD_LIGHT = 13
@@ -18,10 +20,7 @@ NO_OE = (
     "their last duties until the motor switch is off; if the processor hangs, until the watchdog has restarted it. "
     "To mend it: output_enable_pin."
 )
-NO_ENCODERS = (
-    "The robot file gives no encoder_pins: the firmware for a Teensy cannot be built from it, "
-    "and without encoders nothing sees a wheel turn."
-)
+NO_TEENSY_BUILD = "The firmware for a Teensy cannot be built from this file: {problem}."
 
 
 @dataclass(frozen=True)
@@ -92,8 +91,9 @@ def _warnings(robot: Robot, wheels: tuple[WheelWiring, ...], supply_V: float) ->
     found = []
     if board.output_enable_pin is None:
         found.append(NO_OE)
-    if not board.encoder_pins:
-        found.append(NO_ENCODERS)
+    encoders = plan_encoders(board)
+    found += [NO_TEENSY_BUILD.format(problem=problem) for problem in encoders.problems]
+    found += _too_fast(robot, encoders)
     used = Counter(channel for wheel in wheels for channel in (wheel.in1_channel, wheel.in2_channel))
     twice = [str(channel) for channel, count in sorted(used.items()) if count > 1]
     if twice:
@@ -108,3 +108,17 @@ def _warnings(robot: Robot, wheels: tuple[WheelWiring, ...], supply_V: float) ->
             f"{board.battery_pin}: it bears {LOGIC_V} V. Use a larger divider."
         )
     return found
+
+
+def _too_fast(robot: Robot, encoders: EncoderPlan) -> list[str]:
+    """Encoders whose edges interrupts could not take at the motor's no-load speed."""
+    values = robot.parameter_values()
+    edges_s = values["ENC_CPR"] * values["BAT_V_NOM"] / values["MOT_K"] / (2.0 * pi)
+    if encoders.problems or edges_s <= INTERRUPTS_PER_S:
+        return []
+    return [
+        f"Wheel {wheel}'s encoder brings up to {edges_s:.0f} edges per second, and the interrupts that count it take "
+        f"{INTERRUPTS_PER_S}: move its wires to pins with a hardware decoder."
+        for wheel, unit in enumerate(encoders.units, start=1)
+        if unit is None
+    ]

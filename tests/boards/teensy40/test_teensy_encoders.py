@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import random
+import re
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,12 +14,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from omni_schema import BoardWiring, plan_encoders
+from omni_schema.encoder_plan import INTERRUPTS_PER_S, NO_PINS, NO_WAY_IN, SHARED_INPUT
 from omni_schema.wiring import DECODERS, LAST_PIN
 from tests.boards.teensy40.chip import BOARD, HERE, build, write_wiring_header
 from tests.native import ROOT
 
-BY_INTERRUPT = 0xFF
-FINE, NO_PINS, NO_WAY_IN, SHARED_INPUT = range(4)
+BY_INTERRUPT = NOT_GIVEN = 0xFF
+FINE, PINS_MISSING, UNREACHABLE, INPUT_TWICE = range(4)
 XBAR = {0: 17, 1: 16, 2: 6, 3: 7, 4: 8, 5: 17, 7: 15, 8: 14, 30: 23, 31: 22, 32: 10, 33: 9}
 AUTO, HARDWARE, INTERRUPT = range(3)
 ORIGINAL = ((3, 2), (7, 6), (5, 4))
@@ -105,17 +108,38 @@ def test_a_hardware_decoder_is_given_exactly_where_one_can_be(c: ctypes.CDLL, da
         elif unit == BY_INTERRUPT:
             assert any(pin not in XBAR for pin in pair) or {0, 5} & set(pair)
             assert wish == AUTO or problem != FINE
-    if problem == NO_WAY_IN:
+    if problem == UNREACHABLE:
         assert any(w == HARDWARE and set(p) - set(XBAR) for p, w in zip(pairs, wanted, strict=True))
-    elif problem == SHARED_INPUT:
+    elif problem == INPUT_TWICE:
         assert {0, 5} <= set(pins)
 
 
 def test_pins_that_share_an_input_get_one_decoder(c: ctypes.CDLL) -> None:
     assert plan(c, ((0, 2), (5, 4), (3, 1)), [AUTO] * 3) == (FINE, [0, BY_INTERRUPT, 1])
     assert plan(c, ((0, 2), (5, 4), (3, 1)), [AUTO, HARDWARE, AUTO]) == (FINE, [BY_INTERRUPT, 0, 1])
-    assert plan(c, ((0, 2), (5, 4), (3, 1)), [HARDWARE, HARDWARE, AUTO])[0] == SHARED_INPUT
-    assert plan(c, ((0, 5), (2, 4), (3, 1)), [HARDWARE, AUTO, AUTO])[0] == SHARED_INPUT
+    assert plan(c, ((0, 2), (5, 4), (3, 1)), [HARDWARE, HARDWARE, AUTO])[0] == INPUT_TWICE
+    assert plan(c, ((0, 5), (2, 4), (3, 1)), [HARDWARE, AUTO, AUTO])[0] == INPUT_TWICE
+
+
+@given(st.data())
+def test_a_robot_file_is_judged_as_the_compiler_judges_it(c: ctypes.CDLL, data: st.DataObject) -> None:
+    """``omni robots check`` tells before the build what the build would refuse."""
+    wheels = data.draw(st.sampled_from((3, 4)))
+    likely = st.sampled_from(sorted(XBAR)) | st.integers(0, LAST_PIN)
+    pins = data.draw(st.lists(likely, min_size=2 * wheels, max_size=2 * wheels, unique=True))
+    wanted = data.draw(st.lists(st.sampled_from((AUTO, HARDWARE, INTERRUPT)), min_size=wheels, max_size=wheels))
+    pairs = tuple((pins[i], pins[i + 1]) for i in range(0, 2 * wheels, 2))
+    given_pins = data.draw(st.sampled_from((pairs, pairs, ())))
+    ours = plan_encoders(BoardWiring(given_pins, tuple(DECODERS[w] for w in wanted), None, None, 1.0, 13, 400_000))
+    problem, units = plan(c, given_pins or ((NOT_GIVEN, NOT_GIVEN),) * wheels, wanted)
+    words = {PINS_MISSING: NO_PINS, UNREACHABLE: NO_WAY_IN, INPUT_TWICE: SHARED_INPUT}
+    assert [None if unit == BY_INTERRUPT else unit for unit in units] == list(ours.units)
+    assert (problem == FINE) == (not ours.problems)
+    assert problem == FINE or words[problem] in ours.problems
+
+
+def test_the_limit_of_interrupts_is_the_same_in_both(c: ctypes.CDLL) -> None:
+    assert c.encoder_edge_limit() * 1000 == INTERRUPTS_PER_S
 
 
 def compile_plan(tmp_path: Path, **wiring: str) -> subprocess.CompletedProcess[str]:
@@ -131,10 +155,18 @@ def compile_plan(tmp_path: Path, **wiring: str) -> subprocess.CompletedProcess[s
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+def test_the_compiler_refuses_with_the_same_words() -> None:
+    source = (BOARD / "encoders_robot.cpp").read_text(encoding="utf-8")
+    text = re.sub(r'"\n\s*"', "", source).replace('\\"', '"')
+    for words in (NO_PINS, NO_WAY_IN, SHARED_INPUT):
+        assert f"robot file: {words}" in text
+
+
 def test_an_impossible_wiring_does_not_compile_and_says_why(tmp_path: Path) -> None:
     assert compile_plan(tmp_path).returncode == 0
     hardware = str([DECODERS[HARDWARE]] * 3)
     assert "only pins 0 1 2 3 4 5 7 8 30 31 32 33 reach" in compile_plan(tmp_path, encoder_decoder=hardware).stderr
+
     assert compile_plan(tmp_path, encoder_decoder=hardware, encoder_pins="[[3, 2], [7, 8], [5, 4]]").returncode == 0
     assert "give wiring.encoder_pins" in compile_plan(tmp_path, encoder_pins="").stderr
 

@@ -141,6 +141,10 @@ def test_a_robot_without_output_enable_says_what_that_means() -> None:
     ("file", "words"),
     [
         (robot(remove=("encoder_pins",)), "encoder_pins"),
+        (
+            robot(encoder_decoder=["hardware", "hardware", "auto"]),
+            "cannot be built from this file: wiring.encoder_decoder asks",
+        ),
         (robot(in1_channel=[9, 9, 3]), "channel 9 is used twice"),
         (robot(battery_pin=14, battery_divider=2.0), "6.0 V onto pin 14"),
     ],
@@ -148,6 +152,13 @@ def test_a_robot_without_output_enable_says_what_that_means() -> None:
 def test_what_cannot_work_is_warned_of(file: Robot, words: str) -> None:
     (warning,) = plan_wiring(file).warnings
     assert words in warning
+
+
+def test_an_encoder_that_interrupts_could_not_follow_is_warned_of() -> None:
+    found = document()
+    found["encoder"] = {**found["encoder"], "counts_per_revolution": 1_000_000}
+    (warning,) = plan_wiring(parse_robot(found, parameter_table(), "test.toml")).warnings
+    assert warning.startswith("Wheel 2's encoder brings up to ")  # the others have hardware decoders
 
 
 def test_a_supply_that_the_bridges_do_not_take_is_warned_of() -> None:
