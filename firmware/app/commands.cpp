@@ -2,8 +2,10 @@
 #include "app/commands.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "app/core.h"
+#include "app/crc32.h"
 #include "app/reports.h"
 
 namespace omni {
@@ -31,6 +33,20 @@ bool starting_up(const TickReport &latest) {
 /// A report may be waiting, and a tick may be under way that has taken its requests before: the third one has seen the command.
 constexpr uint8_t reports_until_known = 3;
 
+/// Of a COMMAND_LONG or COMMAND_INT: seven numbers of four bytes come first in both.
+template <class Message>
+int32_t receipt_of(const Message &message, bool numbered) {
+    if (!numbered) {
+        return 0;
+    }
+    uint8_t bytes[7 * sizeof(float)];
+    std::memcpy(bytes, &message, sizeof bytes);
+    const uint32_t crc = crc32(bytes, sizeof bytes);
+    int32_t receipt = 0;
+    std::memcpy(&receipt, &crc, sizeof receipt);
+    return receipt;
+}
+
 uint8_t queued(bool done) {
     return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
 }
@@ -39,12 +55,18 @@ uint8_t queued(bool done) {
 
 void Commands::on_command_long(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_long_t>();
-    handle({message.command, {message.param1, message.param2, message.param3, message.param4}, sender});
+    handle({message.command,
+            {message.param1, message.param2, message.param3, message.param4},
+            sender,
+            receipt_of(message, message.param5 != 0.0f)});
 }
 
 void Commands::on_command_int(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_int_t>();
-    handle({message.command, {message.param1, message.param2, message.param3, message.param4}, sender});
+    handle({message.command,
+            {message.param1, message.param2, message.param3, message.param4},
+            sender,
+            receipt_of(message, message.x != 0)});
 }
 
 void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
@@ -58,6 +80,7 @@ void Commands::handle(const Command &command) {
     mavlink_command_ack_t ack{};
     ack.command = command.id;
     ack.result = run(command);
+    ack.result_param2 = command.receipt;
     ack.target_system = command.sender.system;
     ack.target_component = command.sender.component;
     shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);
