@@ -87,6 +87,8 @@ public:
     virtual bool wired() = 0;
     /// Called from the tick, in every tick.
     virtual void set(bool on) = 0;
+    /// Drive it no more, as in reset, until the next set(): what its pull-up does alone. Off where a board cannot.
+    virtual void release() { set(false); }
 
 protected:
     ~OutputEnable() = default;

@@ -142,6 +142,8 @@ uint8_t Commands::run_own(const Command &command) {
         return estop_command(p[0]);
     case MAV_CMD_OMNI_I2C_SCAN:
         return scan_i2c(command.sender);
+    case MAV_CMD_OMNI_OE_TEST:
+        return test_pin(p[0], p[1]);
     default:
         return MAV_RESULT_UNSUPPORTED;
     }
@@ -304,6 +306,31 @@ uint8_t Commands::scan_i2c(const Sender &sender) {
     scans_before_ = shared_.latest.i2c_found.scans;
     shared_.i2c_scanning = shared_.control.request(request);
     return queued(shared_.i2c_scanning);
+}
+
+uint8_t Commands::refuse_pin_test(uint8_t result, const char *why) {
+    shared_.say(MAV_SEVERITY_WARNING, Text().add("OE test refused: ").add(why));
+    return result;
+}
+
+uint8_t Commands::test_pin(float duration_s, float release) {
+    const omni_outputs_t &now = shared_.latest.outputs;
+    const bool in_range = duration_s >= PinTest::min_s && duration_s <= PinTest::max_s;
+    if (!in_range || (release != 0.0f && release != 1.0f)) {
+        return refuse_pin_test(MAV_RESULT_DENIED, "0.1 to 2 s, and 0 or 1");
+    }
+    if (!shared_.hil && !shared_.board.output_enable->wired()) {
+        return refuse_pin_test(MAV_RESULT_UNSUPPORTED, "no output-enable pin");
+    }
+    const auto large = [](omni_real_t duty) { return omni_absf(duty) > PinTest::max_duty; };
+    if (!now.drive || now.setpoint_kind != OMNI_SETPOINT_DUTY || std::any_of(now.duty, now.duty + OMNI_MAX_WHEELS, large)) {
+        return refuse_pin_test(MAV_RESULT_DENIED, "arm, duties up to 0.3 first");
+    }
+    Request request;
+    request.kind = Request::Kind::pin_test;
+    request.pin_test.ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
+    request.pin_test.release = release == 1.0f;
+    return queued(shared_.control.request(request));
 }
 
 void Commands::serve() {

@@ -60,6 +60,8 @@ private:
     uint8_t set_pose(const omni_pose_t &pose);
     uint8_t reboot(float what);
     uint8_t scan_i2c(const Sender &sender);
+    uint8_t refuse_pin_test(uint8_t result, const char *why);
+    uint8_t test_pin(float duration_s, float release);
     uint8_t request_message(size_t link, float id);
 
     Shared &shared_;

@@ -16,9 +16,9 @@ RADIO_RX, RADIO_TX = 0, 1
 SDA, SCL = 18, 19
 
 NO_OE = (
-    "OE is not wired: only the I2C bus can stop a motor. If somebody presses the Teensy's button, the motors go on with "
-    "their last duties until the motor switch is off; if the processor hangs, until the watchdog has restarted it. "
-    "To mend it: output_enable_pin."
+    "OE is not wired: only the I2C bus can stop a motor. If somebody presses the Teensy's button, the motors go on "
+    "with their last duties until the motor switch is off; if the processor hangs, until the watchdog has restarted "
+    "it. To mend it: output_enable_pin."
 )
 NO_TEENSY_BUILD = "The firmware for a Teensy cannot be built from this file: {problem}."
 

@@ -213,6 +213,9 @@ float board_battery_V() {
 void board_output_enable(bool on) {
     app_board.output_enable->set(on);
 }
+void board_output_enable_release() {
+    app_board.output_enable->release();
+}
 bool board_output_enable_wired() {
     return app_board.output_enable->wired();
 }

@@ -9,6 +9,7 @@ import pytest
 
 OUTPUT_ENABLE, LIGHT = 9, 13
 HIGH, LOW = 1, 0
+NOT_DRIVEN = -1
 PRIORITY_SYSTICK, PRIORITY_SERIAL1 = 32, 64
 
 
@@ -33,6 +34,19 @@ def test_motors_are_switched_off_before_flash_memory_is_erased(chip: ctypes.CDLL
     journal = chip.fake_journal().decode()[before:]
     assert journal.count("E") >= 4
     assert 0 < journal.index("x") < journal.index("E")
+
+
+def test_a_released_pin_is_left_to_its_pull_up_and_comes_back_as_off_without_a_moment_of_on(chip: ctypes.CDLL) -> None:
+    chip.main_setup()
+    chip.board_output_enable(True)
+    chip.board_output_enable_release()
+    assert chip.fake_pin(OUTPUT_ENABLE) == NOT_DRIVEN
+    glitches = chip.fake_pin_glitches()
+    chip.board_output_enable(False)
+    assert chip.fake_pin(OUTPUT_ENABLE) == HIGH
+    assert chip.fake_pin_glitches() == glitches
+    chip.board_output_enable(True)
+    assert chip.fake_pin(OUTPUT_ENABLE) == LOW
 
 
 @pytest.mark.parametrize(

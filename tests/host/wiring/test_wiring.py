@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from omni_schema import Robot, parse_robot
 from omni_schema.toml_file import read_toml
 from omniwheel.cli import app
+from omniwheel.cli.common import console
 from omniwheel.robots import find_robot_file, parameter_table, read_robot, robot_names
 from omniwheel.wiring import connections, draw_wiring, electrics, plan_wiring
 from omniwheel.wiring.pages import pages
@@ -191,7 +192,8 @@ def run(*words: str, code: int = 0) -> Any:
     return result
 
 
-def test_the_command_prints_the_table_and_writes_the_drawing(tmp_path: Path) -> None:
+def test_the_command_prints_the_table_and_writes_the_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "width", 400)
     out = tmp_path / "mine.svg"
     text = run("three_wheel", "--out", str(out)).stdout
     for row in connections(plan_wiring(read_robot("three_wheel"))):

@@ -75,7 +75,7 @@ void analogReadResolution(unsigned bits);
 int analogRead(uint8_t pin);
 
 // Pins
-constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1;
+constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1, INPUT = 0;
 void pinMode(uint8_t pin, uint8_t mode);
 void digitalWrite(uint8_t pin, uint8_t level);
 struct FakeSetRegister {
