@@ -35,6 +35,7 @@ _BOOLEAN = (
     "fake_radio_waited",
     "flash_misused",
     "flash_faulted",
+    "fake_i2c_waits_for_interrupts",
     "flash_power_on",
     "usb_write",
     "radio_write",

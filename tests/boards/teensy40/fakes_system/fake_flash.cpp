@@ -6,6 +6,7 @@
 
 extern "C" void fake_journal_add(char letter);
 extern "C" void fake_watchdog_elapse_ms(uint32_t ms);
+extern "C" bool fake_i2c_waits_for_interrupts();
 
 namespace {
 
@@ -22,6 +23,7 @@ struct {
     uint32_t random;
     uint32_t longest; ///< bytes programmed at once
     bool page_crossed, set_a_bit, faulted;
+    uint32_t held_up;   ///< times that interrupts were off while the I2C bus needed them
     bool worn[sectors]; ///< erasing does nothing any more
 } flash;
 
@@ -87,6 +89,7 @@ void eepromemu_flash_write(void *address, const void *data, uint32_t length) {
     for (uint32_t i = 0; i < length; i += fifo_bytes) {
         copy_to_fifo(bytes + i, length - i < fifo_bytes ? length - i : fifo_bytes);
     }
+    flash.held_up += fake_i2c_waits_for_interrupts() ? 1 : 0;
     flash.power = flash.power && !flash.faulted; // the processor is lost: nothing more is programmed
     int outcome = 2;
     for (uint32_t i = 0; i < length; ++i) {
@@ -149,6 +152,9 @@ bool flash_misused() {
 /// The processor ran into a fault while it programmed.
 bool flash_faulted() {
     return flash.faulted;
+}
+uint32_t flash_held_up_bus() {
+    return flash.held_up;
 }
 uint8_t *flash_bytes() {
     return flash.bytes;

@@ -472,6 +472,9 @@ void fake_usb_baud(uint32_t baud) {
 void fake_i2c_on_wire(uint32_t looks) {
     bus.looks = looks;
 }
+bool fake_i2c_waits_for_interrupts() {
+    return bus.looks > 0;
+}
 void fake_i2c_answers(const char *answers) {
     bus.answers = answers;
 }
