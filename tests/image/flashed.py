@@ -11,10 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.image_build.front_ends import GCC, OUT
+
 ROOT = Path(__file__).resolve().parents[2]
 DEFAULT = ROOT / ".pio" / "build" / "three_wheel" / "firmware.elf"
-NEWER_GCC = ROOT / "build" / "newer-gcc" / "gcc_arm_none_eabi" / "toolchain" / "bin" / "arm-none-eabi-gcc"
+NEWER_GCC = OUT / "gcc" / GCC[1]
 PACKAGES = {"unicorn": "unicorn", "elftools": "pyelftools"}
+MODEL_TOOLS = ("llvm-mca", "llvm-objdump")
 COMPILERS = ("arm-none-eabi-gcc", "arm-none-eabi-g++", "arm-none-eabi-objcopy")
 
 
@@ -24,7 +27,7 @@ def image_path() -> Path:
 
 
 def newer_gcc() -> Path:
-    """Return the path of the newer compiler: $OMNI_NEWER_GCC, or that of .ci/newer-gcc; it need not exist."""
+    """Return the newer compiler's path: $OMNI_NEWER_GCC, or that of `make firmware-build-check`; it need not exist."""
     return Path(os.environ.get("OMNI_NEWER_GCC") or NEWER_GCC)
 
 
@@ -35,6 +38,11 @@ def missing_for_guests() -> list[str]:
     return [f"{name} (pip install {name})" for name in packages] + [f"{tool} (gcc-arm-none-eabi)" for tool in tools]
 
 
+def missing_for_model() -> list[str]:
+    """Return what is missing to estimate cycles."""
+    return [f"{tool} (llvm)" for tool in MODEL_TOOLS if shutil.which(tool) is None]
+
+
 def missing_image(image: Path) -> list[str]:
     """Return a sentence if there is no image."""
     return [] if image.is_file() else [f"{image} (make firmware, or OMNI_IMAGE=firmware.elf)"]
@@ -42,9 +50,9 @@ def missing_image(image: Path) -> list[str]:
 
 def missing_newer_gcc() -> list[str]:
     """Return a sentence if there is no newer compiler."""
-    return (
-        [] if newer_gcc().is_file() else [f"{newer_gcc()} (.ci/newer-gcc .venv, or OMNI_NEWER_GCC=arm-none-eabi-gcc)"]
-    )
+    path = newer_gcc()
+    hint = "make firmware-build-check, or OMNI_NEWER_GCC=arm-none-eabi-gcc"
+    return [] if path.is_file() else [f"{path} ({hint})"]
 
 
 def need(missing: Sequence[str], module: bool = False) -> None:
