@@ -170,8 +170,8 @@ uint8_t Commands::arm(size_t link) {
         shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
         return MAV_RESULT_DENIED;
     }
-    if (shared_.stopping > 0 && (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE)) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet
+    if (shared_.stopping > 0 && (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_DISARMED)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet: in one tick it would win
     }
     if (state == OMNI_STATE_ARMED) {
         shared_.commanded(link);

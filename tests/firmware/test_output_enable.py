@@ -153,3 +153,14 @@ def test_a_board_without_the_pin_says_so() -> None:
         assert robot.command(TEST, 0.5) == mav.MAV_RESULT_UNSUPPORTED
         robot.wait("STATUSTEXT", text="OE test refused: no output-enable pin")
         robot.socket.close()
+
+
+def test_arming_right_after_a_disarm_that_changed_nothing_is_put_off_and_not_lost(robot: Client) -> None:
+    """After the test the robot is disarmed already. A disarm and an arm in one tick: the stop wins, so arming waits."""
+    robot.heartbeat()
+    robot.ticks(20)
+    assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    robot.ticks(3)
+    assert robot.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert robot.tick().actuators.state == ARMED
