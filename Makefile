@@ -16,7 +16,8 @@ C_FILES = $(shell find shared/core firmware hil_sim host/native tests bench -nam
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
 
-.PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets fuzz wheel firmware flash clean
+.PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
+        firmware-memory firmware-build-check flash clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -26,8 +27,11 @@ help:
 	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
 	@echo 'make parity       the tick gives the same bits with every compiler and on the Cortex-M7'
 	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
+	@echo 'make tick-cycles  the same inside the image of make firmware, with cycles by LLVM'\''s Cortex-M7 model'
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
+	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
+	@echo 'make firmware-memory       what the image takes, beside docs/teensy.md (ARGS=--write puts it there)'
 	@echo 'make flash        the same, and upload it'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
 
@@ -87,6 +91,12 @@ firmware: $(VENV)/stamp-platformio
 	$(CHECK_ROBOT)
 	$(PIO)
 
+firmware-memory: setup firmware
+	$(BIN)/python -m tests.image_build.memory_page $(ARGS)
+
+firmware-build-check: setup $(VENV)/stamp-platformio
+	.ci/firmware $(VENV)
+
 flash: $(VENV)/stamp-platformio
 	$(CHECK_ROBOT)
 	$(PIO) -t upload
@@ -111,6 +121,9 @@ parity: $(VENV)/stamp-install
 
 budgets: $(VENV)/stamp-install
 	$(BIN)/python tests/parity/budgets.py $(ARGS)
+
+tick-cycles: setup
+	$(BIN)/python tests/image/tick_cycles.py $(ARGS)
 
 core-checks: $(VENV)/stamp-tools
 	PYTHON=$(BIN)/python .ci/core-checks

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from hil_sim.lockstep import WORLD_COMPONENT_ID, WORLD_SYSTEM_ID
 from hil_sim.world import World
+from omniwheel._core import lib
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkLostError
 from omniwheel.frames import Pose
@@ -76,7 +77,7 @@ class PinsLink:
     def _tick(self) -> None:
         time_us, enabled, i2c_length, sent_length, sent, i2c = _OUT.unpack(self._take())
         self._from_robot += sent[:sent_length]
-        self._world.output_enable(bool(enabled))
+        lib.hil_world_output_enable(self._world.c, enabled)
         self._world.i2c(i2c[:i2c_length])
         if self.ticks > 0:
             self._world.step(1, time_us - self.time_us)

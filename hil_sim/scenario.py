@@ -60,6 +60,7 @@ VALUE_FAULTS = frozenset(
 _BIG = 1e6
 WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
     "output_enable_wired": (0.0, 1.0),
+    "output_enable_rest_V": (0.0, 5.5),
     "slip_max": (0.0, 0.9),
     "slip_speed_max_m_s": (0.0, 10.0),
     "slip_time_s": (1e-3, _BIG),

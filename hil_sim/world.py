@@ -17,6 +17,8 @@ from omni_schema.errors import did_you_mean
 from omniwheel._core import ffi, lib
 
 PCA9685_ADDRESS = 0x40
+OUTPUT_ENABLE_REST_V = 3.0
+"""OE as advised: 1 kOhm to 3.3 V against the 10 kOhm to ground that many boards have."""
 TICK_US: int = lib.OMNI_TICK_US
 
 DEFAULT_PLANT = "full"
@@ -160,6 +162,7 @@ def world_config(
     config.counts_per_revolution = int(robot.encoder["counts_per_revolution"])
     config.pca9685_address = PCA9685_ADDRESS
     config.output_enable_wired = "output_enable_pin" in robot.wiring
+    config.output_enable_rest_V = OUTPUT_ENABLE_REST_V
     _fill_wheels(config, robot)
     for field, key in _MOTOR_FIELDS.items():
         setattr(config, field, _section_number(robot, "motor", robot.motor, key))
@@ -260,8 +263,12 @@ class World:
             raise ValueError("the bytes are no I2C transactions; each is: address, count, bytes, count to read")
 
     def output_enable(self, on: bool) -> None:
-        """Set the PWM chip's output-enable pin; off at first, and of no effect on a robot without one."""
-        lib.hil_world_output_enable(self.c, on)
+        """Set the PWM chip's output-enable pin; released at first, and of no effect on a robot without one."""
+        lib.hil_world_output_enable(self.c, lib.HIL_OE_ON if on else lib.HIL_OE_OFF)
+
+    def release_output_enable(self) -> None:
+        """Drive that pin no more, as a processor in reset does: its pull-up decides."""
+        lib.hil_world_output_enable(self.c, lib.HIL_OE_RELEASED)
 
     def set_duty(self, duty: Sequence[float]) -> None:
         """Set the bridges to drive-brake with these duties, -1..1 in each motor's own direction."""

@@ -13,8 +13,6 @@ constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
 /// A bus that stays busy this long is not waited for.
 constexpr uint32_t release_limit = 50;
-/// Whose line LINK2_BAUD and LINK2_LEGACY are about.
-constexpr size_t radio_port = 1;
 
 } // namespace
 
@@ -35,8 +33,11 @@ void App::attach_links() {
         const bool radio = (board_.radios >> i & 1) != 0;
         shared_.links[i].attach(board_.ports[i], static_cast<uint8_t>(i), radio ? &shared_.signing : nullptr);
         shared_.links[i].set_unlimited(lockstep_);
+        if (radio && line_link_ == no_link) {
+            line_link_ = i; // of the first radio only: two streams of lines would melt into one
+            shared_.links[i].set_text(&shared_.legacy_line);
+        }
     }
-    shared_.links[radio_port].set_text(&shared_.legacy_line);
 }
 
 void App::parameters_changed() {
@@ -51,8 +52,10 @@ void App::parameters_changed() {
             std::copy(rates, rates + 3, rates_[i]);
             telemetry_.set_rates(i, values);
         }
+        if (shared_.links[i].is_radio()) {
+            shared_.links[i].set_baud(static_cast<uint32_t>(values[OMNI_PARAM_LINK2_BAUD]));
+        }
     }
-    shared_.links[radio_port].set_baud(static_cast<uint32_t>(values[OMNI_PARAM_LINK2_BAUD]));
 }
 
 void App::watch_overrun(TickSensors *sensors) {
@@ -288,6 +291,8 @@ void App::say_restart(size_t link) {
         shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
     } else if (watchdog.reset_cause() == ResetCause::crash) {
         shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
+    } else if (watchdog.reset_cause() == ResetCause::over_temperature) {
+        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted: the processor was too hot"));
     }
     for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
         shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
@@ -331,7 +336,7 @@ void App::receive(size_t link) {
 /// The original robot's host sends nothing but lines: each is a sign of life too. None arms.
 void App::take_legacy_line(size_t link) {
     LegacySetpoint setpoint;
-    if (link == radio_port && shared_.legacy_line.take(&setpoint)) {
+    if (link == line_link_ && shared_.legacy_line.take(&setpoint)) {
         shared_.heartbeat(link);
         setpoints_.on_legacy_line(setpoint);
         if (!setpoints_.refused()) {

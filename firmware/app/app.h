@@ -77,6 +77,7 @@ private:
     StatusTexts status_texts_;
     Commands commands_;
     std::atomic<Owner> owner_;
+    size_t line_link_ = no_link; ///< where set-point lines of the original robot are understood
     size_t hil_link_ = no_link;
     uint32_t hil_session_ = 0;
     float rates_[Board::max_ports][3] = {};

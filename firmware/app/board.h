@@ -23,7 +23,8 @@ protected:
 /// Wheel encoders: raw 32-bit counters that may wrap.
 class Encoders {
 public:
-    /// Read all counters at once. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose count can be trusted.
+    /// Read all counters at once, once per tick. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose count can be
+    /// trusted.
     virtual uint8_t read(int32_t *counts) = 0;
     /// Illegal transitions (both channels changed at once) since boot. @param errors OMNI_MAX_WHEELS entries; 0 where the
     /// decoder cannot tell.
@@ -68,6 +69,9 @@ public:
     virtual bool submit(const I2cTransaction *batch, size_t count) = 0;
     /// How the last batch went; `read` gets max_read bytes of its last read. nack, stuck and done are reported once.
     virtual I2cStatus poll(uint8_t *read) = 0;
+    /// Longest time that poll() calls the last batch busy [us]: a bus that knows how long its batches take gives them up by itself.
+    /// 0: it does not.
+    virtual uint32_t patience_us() { return 0; }
     /// Start freeing a stuck bus (nine clocks, STOP) without waiting.
     virtual void recover() = 0;
     virtual I2cStats stats() { return {}; }
@@ -83,6 +87,8 @@ public:
     virtual bool wired() = 0;
     /// Called from the tick, in every tick.
     virtual void set(bool on) = 0;
+    /// Drive it no more, as in reset, until the next set(): what its pull-up does alone. Off where a board cannot.
+    virtual void release() { set(false); }
 
 protected:
     ~OutputEnable() = default;
@@ -121,7 +127,13 @@ protected:
 };
 
 /// Why the processor started.
-enum class ResetCause : uint8_t { power_on, watchdog, software, crash };
+enum class ResetCause : uint8_t {
+    power_on,
+    watchdog,
+    software, ///< asked for, or the loader after an upload
+    crash,
+    over_temperature,
+};
 
 /// Resets the processor unless fed.
 class Watchdog {
@@ -162,7 +174,8 @@ struct Board {
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;
-    uint8_t radios = 0b10; ///< a bit per port that others reach through the air: there, a signing key closes the door
+    uint8_t radios = 0b10; ///< a bit per port that others reach through the air: there, a signing key closes the
+                           ///< door; LINK2_BAUD is about their lines, LINK2_LEGACY about the first of them
     Storage *storage = nullptr;
     Watchdog *watchdog = nullptr;
     const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries

@@ -2,8 +2,10 @@
 #include "app/commands.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "app/core.h"
+#include "app/crc32.h"
 #include "app/reports.h"
 
 namespace omni {
@@ -31,6 +33,20 @@ bool starting_up(const TickReport &latest) {
 /// A report may be waiting, and a tick may be under way that has taken its requests before: the third one has seen the command.
 constexpr uint8_t reports_until_known = 3;
 
+/// Of a COMMAND_LONG or COMMAND_INT: seven numbers of four bytes come first in both.
+template <class Message>
+int32_t receipt_of(const Message &message, bool numbered) {
+    if (!numbered) {
+        return 0;
+    }
+    uint8_t bytes[7 * sizeof(float)];
+    std::memcpy(bytes, &message, sizeof bytes);
+    const uint32_t crc = crc32(bytes, sizeof bytes);
+    int32_t receipt = 0;
+    std::memcpy(&receipt, &crc, sizeof receipt);
+    return receipt;
+}
+
 uint8_t queued(bool done) {
     return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
 }
@@ -39,12 +55,18 @@ uint8_t queued(bool done) {
 
 void Commands::on_command_long(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_long_t>();
-    handle({message.command, {message.param1, message.param2, message.param3, message.param4}, sender});
+    handle({message.command,
+            {message.param1, message.param2, message.param3, message.param4},
+            sender,
+            receipt_of(message, message.param5 != 0.0f)});
 }
 
 void Commands::on_command_int(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_int_t>();
-    handle({message.command, {message.param1, message.param2, message.param3, message.param4}, sender});
+    handle({message.command,
+            {message.param1, message.param2, message.param3, message.param4},
+            sender,
+            receipt_of(message, message.x != 0)});
 }
 
 void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
@@ -58,6 +80,7 @@ void Commands::handle(const Command &command) {
     mavlink_command_ack_t ack{};
     ack.command = command.id;
     ack.result = run(command);
+    ack.result_param2 = command.receipt;
     ack.target_system = command.sender.system;
     ack.target_component = command.sender.component;
     shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);
@@ -119,6 +142,8 @@ uint8_t Commands::run_own(const Command &command) {
         return estop_command(p[0]);
     case MAV_CMD_OMNI_I2C_SCAN:
         return scan_i2c(command.sender);
+    case MAV_CMD_OMNI_OE_TEST:
+        return test_pin(p[0], p[1]);
     default:
         return MAV_RESULT_UNSUPPORTED;
     }
@@ -145,8 +170,8 @@ uint8_t Commands::arm(size_t link) {
         shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
         return MAV_RESULT_DENIED;
     }
-    if (shared_.stopping > 0 && (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE)) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet
+    if (shared_.stopping > 0 && (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_DISARMED)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet: in one tick it would win
     }
     if (state == OMNI_STATE_ARMED) {
         shared_.commanded(link);
@@ -281,6 +306,31 @@ uint8_t Commands::scan_i2c(const Sender &sender) {
     scans_before_ = shared_.latest.i2c_found.scans;
     shared_.i2c_scanning = shared_.control.request(request);
     return queued(shared_.i2c_scanning);
+}
+
+uint8_t Commands::refuse_pin_test(uint8_t result, const char *why) {
+    shared_.say(MAV_SEVERITY_WARNING, Text().add("OE test refused: ").add(why));
+    return result;
+}
+
+uint8_t Commands::test_pin(float duration_s, float release) {
+    const omni_outputs_t &now = shared_.latest.outputs;
+    const bool in_range = duration_s >= PinTest::min_s && duration_s <= PinTest::max_s;
+    if (!in_range || (release != 0.0f && release != 1.0f)) {
+        return refuse_pin_test(MAV_RESULT_DENIED, "0.1 to 2 s, and 0 or 1");
+    }
+    if (!shared_.hil && !shared_.board.output_enable->wired()) {
+        return refuse_pin_test(MAV_RESULT_UNSUPPORTED, "no output-enable pin");
+    }
+    const auto large = [](omni_real_t duty) { return omni_absf(duty) > PinTest::max_duty; };
+    if (!now.drive || now.setpoint_kind != OMNI_SETPOINT_DUTY || std::any_of(now.duty, now.duty + OMNI_MAX_WHEELS, large)) {
+        return refuse_pin_test(MAV_RESULT_DENIED, "arm, duties up to 0.3 first");
+    }
+    Request request;
+    request.kind = Request::Kind::pin_test;
+    request.pin_test.ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
+    request.pin_test.release = release == 1.0f;
+    return queued(shared_.control.request(request));
 }
 
 void Commands::serve() {

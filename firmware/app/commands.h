@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file commands.h  COMMAND_LONG, COMMAND_INT and SET_MODE. Every command is acknowledged; an unknown one as UNSUPPORTED.
+///
+/// Arm and disarm are the same command, and COMMAND_ACK says nothing of its parameters: a late one of "arm" looks like that of
+/// "disarm". So whoever numbers his commands in param5, which none of them uses, gets a receipt in COMMAND_ACK.result_param2: the
+/// CRC-32 of all seven parameters as they came. Without a number it is 0.
 #pragma once
 
 #include "app/parameters.h"
@@ -37,6 +41,7 @@ private:
         uint16_t id = 0;
         float param[4] = {};
         Sender sender;
+        int32_t receipt = 0;
     };
     void handle(const Command &command);
     uint8_t run(const Command &command);
@@ -55,6 +60,8 @@ private:
     uint8_t set_pose(const omni_pose_t &pose);
     uint8_t reboot(float what);
     uint8_t scan_i2c(const Sender &sender);
+    uint8_t refuse_pin_test(uint8_t result, const char *why);
+    uint8_t test_pin(float duration_s, float release);
     uint8_t request_message(size_t link, float id);
 
     Shared &shared_;

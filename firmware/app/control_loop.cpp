@@ -30,6 +30,7 @@ void ControlLoop::restart() {
     driver_was_ready_ = false;
     scan_.restart();
     silencing_ = 0;
+    pin_test_ = {};
     powered_ = false;
     ticks_ = 0;
     omni_robot_init(&robot_, &setup_->config);
@@ -66,6 +67,9 @@ bool ControlLoop::apply(const Request &request) {
     case Request::Kind::i2c_scan:
         begin_scan();
         return true;
+    case Request::Kind::pin_test:
+        begin_pin_test(request.pin_test);
+        return true;
     }
     return true;
 }
@@ -94,6 +98,45 @@ void ControlLoop::begin_scan() {
         silencing_ = silence_attempts;
         scan_.start();
     }
+}
+
+/// Only over small open-loop duties, which no loop raises while the wheels do not follow. A repeated command changes nothing.
+void ControlLoop::begin_pin_test(const PinTest &test) {
+    bool small = outputs_->drive && outputs_->setpoint_kind == OMNI_SETPOINT_DUTY;
+    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
+        small = small && std::abs(outputs_->duty[i]) <= PinTest::max_duty;
+    }
+    if (small && pin_test_.ticks == 0) {
+        pin_test_ = test;
+    }
+}
+
+/// The core is told what is true, no duty: it sees no stalled wheel and counts no volts. Silence of the host still stops it.
+void ControlLoop::prepare_pin_test() {
+    if (pin_test_.ticks == 0) {
+        return;
+    }
+    std::fill(inputs_.setpoint.duty, inputs_.setpoint.duty + OMNI_MAX_WHEELS, 0.0f);
+    --pin_test_.ticks;
+    if (pin_test_.ticks == 0 || inputs_.setpoint.kind != OMNI_SETPOINT_DUTY) {
+        pin_test_.ticks = 0;
+        inputs_.events |= OMNI_EVENT_DISARM;
+    }
+}
+
+/// In place of the motor driver. @return false if there is no test: any stop ends it and goes to the bus in the same tick.
+bool ControlLoop::test_pin(OutputEnable &pin) {
+    if (pin_test_.ticks == 0 || !outputs_->drive) {
+        pin_test_.ticks = 0;
+        return false;
+    }
+    powered_ = false;
+    if (pin_test_.release) {
+        pin.release();
+    } else {
+        pin.set(false);
+    }
+    return true;
 }
 
 void ControlLoop::scan(I2cBus &bus, OutputEnable &pin) {
@@ -176,6 +219,7 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pi
     }
     take_requests();
     take_plan();
+    prepare_pin_test();
     std::memcpy(inputs_.counts, sensors.counts, sizeof inputs_.counts);
     inputs_.counts_valid = sensors.counts_valid;
     inputs_.battery_V = sensors.battery_V;
@@ -189,7 +233,7 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pi
     omni_robot_tick(&robot_, &inputs_, outputs_);
     if (scan_.running()) {
         scan(bus, pin);
-    } else {
+    } else if (!test_pin(pin)) {
         drive(bus, pin, sensors.time_us);
     }
     ++ticks_;

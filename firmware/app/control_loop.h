@@ -20,15 +20,25 @@ struct RobotSetup {
     Wiring wiring;
 };
 
+/// Stop the motors by the output-enable pin alone: the bus rests, so the chip goes on with its last duties. Then disarm.
+struct PinTest {
+    static constexpr float max_duty = 0.3f; ///< of any wheel when it begins, which needs open-loop duties
+    static constexpr float min_s = 0.1f;
+    static constexpr float max_s = 2.0f;
+    uint32_t ticks = 0;   ///< left; 0: no test
+    bool release = false; ///< true: let go of the pin, so that its pull-up is tested as well; false: drive it to off
+};
+
 /// One thing the background asks of the tick. They are done in order.
 struct Request {
-    enum class Kind : uint8_t { event, setpoint, fix, heartbeat, set_pose, i2c_scan };
+    enum class Kind : uint8_t { event, setpoint, fix, heartbeat, set_pose, i2c_scan, pin_test };
     Kind kind = Kind::event;
     uint32_t event = 0;   ///< omni_event_t bits
     uint64_t time_us = 0; ///< heartbeat: arrival
     omni_setpoint_t setpoint{};
     omni_pose_fix_t fix{};
     omni_pose_t pose{};
+    PinTest pin_test;
 };
 
 /// What the sensors say at one tick.
@@ -83,6 +93,9 @@ private:
     void take_plan();
     bool apply(const Request &request);
     void begin_scan();
+    void begin_pin_test(const PinTest &test);
+    void prepare_pin_test();
+    bool test_pin(OutputEnable &pin);
     void scan(I2cBus &bus, OutputEnable &pin);
     void drive(I2cBus &bus, OutputEnable &pin, uint64_t now_us);
     void measure(uint64_t duration_ns);
@@ -98,6 +111,7 @@ private:
     Pca9685 driver_;
     I2cScan scan_;
     uint8_t silencing_ = 0; ///< ticks that a scan still waits for the bus to take "all off"
+    PinTest pin_test_;
     bool driver_was_ready_ = false;
     bool powered_ = false; ///< the output-enable pin is on
     Queue<Request, 32> requests_;

@@ -94,7 +94,7 @@ void Hil::answer(Shared &shared, size_t link) {
     message.config_sequence = out.config_sequence;
     message.state = out.state;
     message.phase = static_cast<uint8_t>(out.reference.phase);
-    message.output_enable = output_enable.on() ? 1 : 0;
+    message.output_enable = output_enable.level();
     message.i2c_length = bus.take(message.i2c);
     shared.links[link].send(MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS, message, Priority::reply);
 }

@@ -38,11 +38,13 @@ private:
 class HilOutputEnable final : public OutputEnable {
 public:
     bool wired() override { return true; }
-    void set(bool on) override { on_ = on; }
-    bool on() const { return on_; }
+    void set(bool on) override { level_ = on ? 1 : 0; }
+    void release() override { level_ = 2; }
+    /// As in OMNI_HIL_ACTUATORS.output_enable.
+    uint8_t level() const { return level_; }
 
 private:
-    bool on_ = false;
+    uint8_t level_ = 0;
 };
 
 /// One host in the loop.

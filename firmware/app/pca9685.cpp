@@ -20,7 +20,14 @@ constexpr uint8_t prescale_1526_Hz = 3;
 constexpr uint8_t full = 0x10; ///< bit 4 of ON_H or OFF_H
 constexpr uint64_t oscillator_start_us = 500;
 constexpr uint16_t health_interval = 64; ///< updates between two looks at MODE1
-constexpr uint8_t busy_limit = 5;        ///< ticks after which a busy bus counts as stuck
+/// Ticks after which a busy bus counts as stuck, if it does not say so by itself.
+constexpr uint32_t busy_limit = 5;
+/// Ticks in which a bus that says so by itself is sure to be asked again.
+constexpr uint32_t busy_spare = 2;
+
+uint32_t busy_ticks_allowed(I2cBus &bus) {
+    return std::max(busy_limit, bus.patience_us() / OMNI_TICK_US + busy_spare);
+}
 
 I2cTransaction write_of(std::initializer_list<uint8_t> bytes) {
     I2cTransaction transaction;
@@ -105,7 +112,7 @@ void Pca9685::poll(I2cBus &bus) {
     if (!in_flight_) {
         return;
     }
-    if (status == I2cStatus::busy && ++busy_ticks_ < busy_limit) {
+    if (status == I2cStatus::busy && ++busy_ticks_ < busy_ticks_allowed(bus)) {
         return;
     }
     in_flight_ = false;

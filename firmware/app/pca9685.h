@@ -70,7 +70,7 @@ private:
     bool in_flight_ = false;
     bool health_asked_ = false; ///< the batch in flight reads MODE1 back
     bool suspicious_ = false;   ///< a batch failed since MODE1 was last read back
-    uint8_t busy_ticks_ = 0;
+    uint32_t busy_ticks_ = 0;
     uint16_t failures_ = 0;
     uint16_t since_health_ = 0; ///< updates since MODE1 was last read back
     uint32_t errors_ = 0;

@@ -47,6 +47,7 @@ static const range_t RANGES[] = {
     {FIELD(fix_sd_xy_m), 1, 0.0, 1e3, "0 or more"},
     {FIELD(fix_sd_theta_rad), 1, 0.0, 1e3, "0 or more"},
     {FIELD(fix_delay_s), 1, 0.0, 1e3, "0 or more"},
+    {FIELD(output_enable_rest_V), 1, 0.0, 5.5, "0 to 5.5"},
     {FIELD(fix_drop_probability), 1, 0.0, 1.0, "0..1"},
     {FIELD(start_pose), 3, -1e6, 1e6, "-1e6..1e6"},
 };

@@ -29,7 +29,8 @@ static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors, ui
 /* The pin as the firmware sets it: not switched on while the driver fails. */
 static void enable(hil_world_t *world, const omni_inputs_t *inputs, const omni_outputs_t *outputs) {
     const bool was_on = !world->chip.output_enable_high;
-    hil_world_output_enable(world, outputs->drive && (was_on || inputs->driver_failures == 0));
+    const bool on = outputs->drive && (was_on || inputs->driver_failures == 0);
+    hil_world_output_enable(world, on ? HIL_OE_ON : HIL_OE_OFF);
 }
 
 static void drive(hil_world_t *world, const omni_outputs_t *outputs) {

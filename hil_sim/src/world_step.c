@@ -75,8 +75,13 @@ void hil_bridges_follow(hil_world_t *world, bool direct) {
     }
 }
 
-void hil_world_output_enable(hil_world_t *world, bool on) {
-    const bool high = world->config.output_enable_wired && !on;
+bool hil_output_enable_high(const hil_world_config_t *config, uint8_t drive) {
+    const bool off = drive == HIL_OE_OFF || (drive == HIL_OE_RELEASED && config->output_enable_rest_V >= HIL_OE_HIGH_V);
+    return config->output_enable_wired && off;
+}
+
+void hil_world_output_enable(hil_world_t *world, uint8_t drive) {
+    const bool high = hil_output_enable_high(&world->config, drive);
     if (high == world->chip.output_enable_high) {
         return;
     }

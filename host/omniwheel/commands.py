@@ -1,7 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""MAVLink commands and their acknowledgements: sent again until answered, a refusal raised with its reasons."""
+"""MAVLink commands and their acknowledgements: sent again until answered, a refusal raised with its reasons.
+
+Arm and disarm are the same command, and COMMAND_ACK has no copy of the parameters: a late or repeated answer to "arm"
+looks like one to "disarm". So every command carries a number in param5, which no command of the robot uses. The robot
+answers with the CRC-32 of all parameters in ``result_param2``. A robot that answers 0 there does not know this: it is
+believed until it has shown once that it does.
+"""
 
 from __future__ import annotations
+
+import struct
+import zlib
 
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, enum_name, mavlink
@@ -13,7 +22,8 @@ TRIES = 10
 """On a radio that loses a fifth of the packets, half of the exchanges fail."""
 BUSY_TIMEOUT_S = 2.0
 BUSY_PERIOD_S = 0.05
-PARAMS = 7
+USED_PARAMS = 4
+_LAST_NUMBER = 65535
 
 
 class Commander:
@@ -22,6 +32,8 @@ class Commander:
     def __init__(self, connection: Connection, texts: TextLog) -> None:
         self._connection = connection
         self._texts = texts
+        self._number = 0
+        self._receipts = False  # the robot has given one
 
     def send(self, command: int, *params: float, what: str) -> None:
         """Send a COMMAND_LONG and wait for its COMMAND_ACK.
@@ -30,7 +42,7 @@ class Commander:
         LinkTimeoutError.
         """
         mark = self._texts.mark()
-        ack = self._settled(command, [*params, *[0.0] * (PARAMS - len(params))])
+        ack = self._settled(command, params)
         if ack is None:
             raise LinkTimeoutError(f"the robot does not answer the command {what}")
         if ack.result != mavlink.MAV_RESULT_ACCEPTED:
@@ -39,7 +51,7 @@ class Commander:
             refusal = ArmingRefusedError if arming else CommandRefusedError
             raise refusal(what, result, self._texts.reasons_since(mark))
 
-    def _settled(self, command: int, params: list[float]) -> Message | None:
+    def _settled(self, command: int, params: tuple[float, ...]) -> Message | None:
         """Return the acknowledgement; "temporarily rejected", as while it starts up, is tried again for a while."""
         end = self._connection.clock() + BUSY_TIMEOUT_S
         while True:
@@ -49,14 +61,30 @@ class Commander:
                 return ack
             self._connection.pump(BUSY_PERIOD_S)
 
-    def _acknowledged(self, command: int, params: list[float]) -> Message | None:
+    def _numbered(self, params: tuple[float, ...]) -> tuple[list[float], int]:
+        """Return all seven parameters with the next number in the fifth, and the receipt that answers them."""
+        self._number = self._number % _LAST_NUMBER + 1
+        numbered = [*params, *[0.0] * (USED_PARAMS - len(params)), float(self._number), 0.0, 0.0]
+        (receipt,) = struct.unpack("<i", struct.pack("<I", zlib.crc32(struct.pack("<7f", *numbered))))
+        return numbered, receipt
+
+    def _answers(self, message: Message, command: int, receipt: int) -> bool:
+        if message.get_type() != "COMMAND_ACK" or message.command != command:
+            return False
+        if message.result_param2 == receipt:
+            self._receipts = True
+            return True
+        return message.result_param2 == 0 and not self._receipts
+
+    def _acknowledged(self, command: int, params: tuple[float, ...]) -> Message | None:
+        numbered, receipt = self._numbered(params)
         for confirmation in range(TRIES):
             self._connection.send(
                 mavlink.MAVLink_command_long_message(
-                    self._connection.target_system, self._connection.target_component, command, confirmation, *params
+                    self._connection.target_system, self._connection.target_component, command, confirmation, *numbered
                 )
             )
-            ack = self._connection.wait(lambda m: m.get_type() == "COMMAND_ACK" and m.command == command, ACK_TIMEOUT_S)
+            ack = self._connection.wait(lambda m: self._answers(m, command, receipt), ACK_TIMEOUT_S)
             if ack is not None:
                 return ack
         return None

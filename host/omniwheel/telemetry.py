@@ -16,7 +16,7 @@ from omniwheel.dialect import Message, enum_name, mavlink
 from omniwheel.frames import Pose, Twist, flip
 
 SIGNING_STATES = ("off", "on", "damaged")
-RESET_CAUSES = ("power", "watchdog", "software", "crash")
+RESET_CAUSES = ("power", "watchdog", "software", "crash", "over-temperature")
 PHASES = ("none", "lead-in", "path", "done")
 _MS = 1e-3
 _FAULT_BITS = 32

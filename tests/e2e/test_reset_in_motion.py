@@ -27,12 +27,19 @@ BOOT_TICKS = 300
 DISARMED = 1
 
 
-@pytest.mark.parametrize("pin", [1.0, 0.0], ids=["pin", "no-pin"])
+PINS = {
+    "pin": {"output_enable_wired": 1.0},
+    "no-pin": {"output_enable_wired": 0.0},
+    "weak-pull-up": {"output_enable_wired": 1.0, "output_enable_rest_V": 1.65},  # 10 kOhm against the board's 10 kOhm
+}
+
+
+@pytest.mark.parametrize("pin", PINS)
 @pytest.mark.parametrize("name", FIRMWARES)
-def test_the_motors_stop_with_the_reset_or_with_the_first_write(name: str, pin: float) -> None:
+def test_the_motors_stop_with_the_reset_or_with_the_first_write(name: str, pin: str) -> None:
     if name == "cortex-m7":
         need_emulator()
-    scenario = fault_scenario(FaultCase("reset", "reset in motion", (), world={"output_enable_wired": pin}))
+    scenario = fault_scenario(FaultCase("reset", "reset in motion", (), world=PINS[pin]))
     world = new_world(scenario)
     with firmware_loop(scenario, FIRMWARES[name], world) as loop:
         start_driving(loop, TURN)
@@ -41,10 +48,10 @@ def test_the_motors_stop_with_the_reset_or_with_the_first_write(name: str, pin: 
     world.step(WATCHDOG_TICKS)
     assert np.abs(world.wheel_rad_s).min() > 1.0, "nobody tells the chip that the processor hangs"
 
-    world.output_enable(False)  # the reset
+    world.release_output_enable()  # the reset
     world.step(BOOT_TICKS)
     driven = bool(np.abs(list(world.c.voltage_V)).max() > 0.0)
-    assert driven == (pin == 0.0)
+    assert driven == (pin != "pin")
 
     with firmware_loop(scenario, FIRMWARES[name], world) as loop:
         first = loop.link.take_samples()

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from omniwheel import Robot, connect
+from omniwheel.bringup.bench import health_of
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.errors import FirmwareEndedError, FirmwareNotFoundError, FirmwareStartError, LinkError
 from omniwheel.paths import MissingFileError, emulated_firmware_path
@@ -117,9 +118,12 @@ def lose_it() -> None:
             robot.pump(0.1)
 
 
-def test_a_reset_cause_can_be_given() -> None:
-    with EmulatedFirmware(reset_cause="watchdog") as firmware, connect(firmware.urls[0]) as robot:
-        robot.pump(0.2)
+@pytest.mark.parametrize(
+    ("cause", "told"), [("watchdog", "watchdog"), ("crash", "crash"), ("over_temperature", "over-temperature")]
+)
+def test_a_reset_cause_can_be_given(cause: str, told: str) -> None:
+    with EmulatedFirmware(reset_cause=cause) as firmware, connect(firmware.urls[0]) as robot:
+        assert health_of(robot).reset_cause == told
         assert firmware.running
 
 

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 from typing import Any
 
 import pytest
@@ -30,6 +32,33 @@ def send_pose(robot: Client, x: float, y: float, yaw: float) -> None:
 
 def wheels(tick: Any) -> list[float]:
     return list(tick.actuators.wheel_reference[:3])
+
+
+def receipt(form: str, *params: float) -> int:
+    """CRC-32 of a command's seven parameters, as a signed number."""
+    (signed,) = struct.unpack("<i", struct.pack("<I", zlib.crc32(struct.pack(form, *params))))
+    return int(signed)
+
+
+def test_a_numbered_command_gets_a_receipt_of_what_was_asked(robot: Client) -> None:
+    """Arm and disarm are one command; their answers must differ, and those to two of a kind, too."""
+    receipts = set()
+    for number, wanted in enumerate((1.0, 0.0, 1.0, 0.0), start=1):
+        params = (wanted, 0.0, 0.0, 0.0, float(number), 0.0, 0.0)
+        robot.mav.command_long_send(1, 1, ARM, 0, *params)
+        ack = robot.wait("COMMAND_ACK", command=ARM)
+        assert ack.result_param2 == receipt("<7f", *params)
+        receipts.add(ack.result_param2)
+    assert len(receipts) == 4
+    robot.mav.command_int_send(1, 1, 0, ARM, 0, 0, 0.0, 0.0, 0.0, 0.0, 7, -2, 0.5)
+    assert robot.wait("COMMAND_ACK", command=ARM).result_param2 == receipt("<4f2if", 0.0, 0.0, 0.0, 0.0, 7, -2, 0.5)
+
+
+def test_a_command_without_a_number_gets_no_receipt(robot: Client) -> None:
+    robot.mav.command_long_send(1, 1, ARM, 0, 0, 0, 0, 0, 0, 3, 4)
+    assert robot.wait("COMMAND_ACK", command=ARM).result_param2 == 0
+    robot.mav.command_int_send(1, 1, 0, ARM, 0, 0, 0, 0, 0, 0, 0, 1, 1)
+    assert robot.wait("COMMAND_ACK", command=ARM).result_param2 == 0
 
 
 def test_unknown_commands_are_unsupported_and_every_command_is_answered(robot: Client) -> None:

@@ -122,7 +122,7 @@ Robot::Robot(const Setup &how, Script &script) : setup(how) {
     if (!setup.only_nonsense && script.one_in(4)) {
         script.bytes(storage.bytes, script.below(64));
     }
-    watchdog.cause = static_cast<omni::ResetCause>(script.below(4));
+    watchdog.cause = static_cast<omni::ResetCause>(script.below(5));
     pin.is_wired = !script.one_in(4);
     bus.chip.power_up();
     hil_chip_.power_up();

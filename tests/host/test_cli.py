@@ -23,7 +23,8 @@ COMMANDS = [
     ["params", "list"], ["params", "get"], ["params", "set"], ["params", "save"], ["params", "load"],
     ["params", "diff"], ["params", "reset"], ["monitor"], ["record"], ["drive", "velocity"],
     ["drive", "pose"], ["drive", "trajectory"],
-    ["drive", "keys"], ["robots", "show"], ["robots", "check"], ["robots", "new"], ["doctor"],
+    ["drive", "keys"], ["robots", "show"], ["robots", "check"], ["robots", "new"],
+    ["robots", "wiring"], ["doctor"],
 ]  # fmt: skip
 
 
@@ -232,12 +233,22 @@ def test_robots_are_listed_shown_and_checked(robot_file: Path) -> None:
     assert run_json("robots", "show", "three_wheel")["parameters"]["WHEELS"] == 3.0
     assert "WHEEL_RADIUS" in run("robots", "show", "four_wheel").stdout
     assert "fine" in run("robots", "check", str(robot_file)).stdout
+    assert run_json("robots", "check", str(robot_file))["warnings"] == []
+
+
+def test_wiring_that_only_the_teensys_build_refuses_is_told_before(robot_file: Path) -> None:
+    text = robot_file.read_text().replace("[wiring]", '[wiring]\nencoder_decoder = ["auto", "hardware", "auto"]', 1)
+    robot_file.write_text(text)
+    told = run("robots", "check", str(robot_file)).stdout
+    assert "cannot be built from this file" in told
+    assert "wiring.encoder_decoder asks for hardware" in run_json("robots", "check", str(robot_file))["warnings"][0]
 
 
 def test_a_new_robot_file_is_a_copy_under_another_name(tmp_path: Path) -> None:
     file = Path(run_json("robots", "new", "mine", "--from", "four_wheel", "--folder", str(tmp_path))["file"])
     assert run_json("robots", "show", str(file))["name"] == "mine"
     assert run_json("robots", "show", str(file))["wheels"] == 4
+    assert run_json("robots", "new", "other", "--folder", str(tmp_path))["warnings"] == []
     assert "exists already" in run("robots", "new", "mine", "--folder", str(tmp_path), code=2).stderr
     assert "cannot be a robot's name" in run("robots", "new", "My Robot", code=2).stderr
 

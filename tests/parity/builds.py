@@ -43,6 +43,14 @@ class Build:
     def folder(self) -> Path:
         return OUT / self.name
 
+    def prepare(self) -> None:
+        """Build its programs. Raises BuildError."""
+        make(self)
+
+    def parity(self, arguments: list[str]) -> tuple[int, str]:
+        """Run the parity program and return its exit code and output."""
+        return run(self, "parity", arguments)
+
 
 GATE = (Build("gcc", "gcc"), Build("clang", "clang"), Build(CORTEX_M7, "arm-none-eabi-gcc"))
 EXTRA = tuple(Build(f"{build.name}{level}", build.compiler, level) for build in GATE for level in ("-O0", "-O2"))

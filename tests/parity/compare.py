@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The parity gate: the control tick gives the same bits on every compiler and processor.
 
-usage: python tests/parity/compare.py [--ticks N] [--seed S] [--all]
+usage: python tests/parity/compare.py [--ticks N] [--seed S] [--all] [--flashed]
 """
 
 from __future__ import annotations
@@ -13,22 +13,36 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from rich.console import Console
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.parity.builds import EXTRA, GATE, Build, BuildError, generate, make, run, usable
+from tests.parity.builds import EXTRA, GATE, BuildError, generate, usable
 
 GATE_TICKS = 1_000_000
 REPORT_TICKS = 10_000
+
+
+class Core(Protocol):
+    """A core with the parity program around it."""
+
+    @property
+    def name(self) -> str: ...
+
+    def prepare(self) -> None:
+        """Build it. Raises BuildError."""
+
+    def parity(self, arguments: list[str]) -> tuple[int, str]:
+        """Run the parity program and return its exit code and output."""
 
 
 @dataclass(frozen=True)
 class Result:
     """What a build of the parity program said."""
 
-    build: Build
+    core: Core
     code: int
     lines: list[str]
     seconds: float
@@ -38,12 +52,12 @@ class Result:
         return [line for line in self.lines if line.startswith("hash ")]
 
 
-def run_one(build: Build, ticks: int, seed: int, least: int) -> Result:
+def run_one(core: Core, ticks: int, seed: int, least: int) -> Result:
     """Run the parity program of one build."""
     begin = time.monotonic()
     arguments = ["--ticks", str(ticks), "--seed", str(seed), "--least", str(least)]
-    code, output = run(build, "parity", arguments)
-    return Result(build, code, output.splitlines(), time.monotonic() - begin)
+    code, output = core.parity(arguments)
+    return Result(core, code, output.splitlines(), time.monotonic() - begin)
 
 
 def first_difference(a: Result, b: Result) -> int | None:
@@ -56,34 +70,34 @@ def first_difference(a: Result, b: Result) -> int | None:
     return min(len(a.hashes), len(b.hashes)) * REPORT_TICKS
 
 
-def locate(a: Build, b: Build, before: int, seed: int) -> str:
+def locate(a: Core, b: Core, before: int, seed: int) -> str:
     """Name the first tick and output that differ in the REPORT_TICKS before ``before``."""
     begin = max(before - REPORT_TICKS, 0)
     arguments = ["--ticks", str(before), "--seed", str(seed), "--dump", str(begin), str(before)]
-    (_, one), (_, other) = run(a, "parity", arguments), run(b, "parity", arguments)
+    (_, one), (_, other) = a.parity(arguments), b.parity(arguments)
     for left, right in zip(one.splitlines(), other.splitlines(), strict=False):
         if left != right:
             return f"tick and output: {left} ({a.name}), {right} ({b.name})"
     return f"no output differs: configuration or planning do, between ticks {begin} and {before}"
 
 
-def compare(builds: Sequence[Build], ticks: int, seed: int, least: int, console: Console) -> bool:
+def compare(cores: Sequence[Core], ticks: int, seed: int, least: int, console: Console) -> bool:
     """Build, run and compare. Return True if all agree and every part of the tick was reached."""
     generate()
-    for build in builds:
-        make(build)
+    for core in cores:
+        core.prepare()
     with ThreadPoolExecutor(max_workers=2) as pool:
-        results = list(pool.map(lambda build: run_one(build, ticks, seed, least), builds))
+        results = list(pool.map(lambda core: run_one(core, ticks, seed, least), cores))
     reference = results[0]
     good = True
     for result in results:
         last = result.hashes[-1] if result.hashes else "no hash"
-        console.print(f"{result.build.name:>14}: {last}, {result.seconds:.0f} s", highlight=False)
+        console.print(f"{result.core.name:>14}: {last}, {result.seconds:.0f} s", highlight=False)
         difference = first_difference(reference, result)
         if difference is not None:
             good = False
-            where = locate(reference.build, result.build, difference, seed)
-            console.print(f"  differs from {reference.build.name}: {where}", style="red", markup=False)
+            where = locate(reference.core, result.core, difference, seed)
+            console.print(f"  differs from {reference.core.name}: {where}", style="red", markup=False)
         if result.code != 0:
             good = False
             wrong = [line for line in result.lines if "NOT REACHED" in line or line.endswith("is not finite")]
@@ -92,23 +106,47 @@ def compare(builds: Sequence[Build], ticks: int, seed: int, least: int, console:
     return good
 
 
+def flashed() -> tuple[list[Core], list[str]]:
+    """Return the cores of the flashed image and of a newer gcc, and what is missing for each that cannot be run."""
+    from tests.image import flashed
+
+    missing = flashed.missing_for_guests()
+    if missing:
+        return [], missing
+    from tests.image.parity_cores import FlashedCore, NewerCore
+
+    image, newer = flashed.image_path(), flashed.newer_gcc()
+    without_image, without_newer = flashed.missing_image(image), flashed.missing_newer_gcc()
+    cores: list[Core] = [] if without_image else [FlashedCore(image)]
+    cores += [] if without_newer else [NewerCore(newer)]
+    return cores, without_image + without_newer
+
+
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="compare the bits of the control tick between builds")
     parser.add_argument("--ticks", type=int, default=GATE_TICKS)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--all", action="store_true", help="also with other optimisation levels")
+    parser.add_argument(
+        "--flashed", action="store_true", help="also inside the image of `make firmware`, and with a newer gcc's core"
+    )
     parser.add_argument("--least", type=int, default=20, help="ticks that every state, mode and fault has to be in")
     options = parser.parse_args()
     console = Console(soft_wrap=True)
     try:
         builds, missing = usable(GATE + EXTRA if options.all else GATE)
+        cores: list[Core] = list(builds)
+        if options.flashed:
+            found, sentences = flashed()
+            cores += found
+            missing += [f"{sentence} is not there" for sentence in sentences]
         for sentence in missing:
             console.print(f"left out: {sentence}", style="yellow", markup=False)
-        if len(builds) < 2:
+        if len(cores) < 2:
             console.print("nothing to compare: install another compiler (Debian: gcc, clang, gcc-arm-none-eabi)")
             return 1
-        good = compare(builds, options.ticks, options.seed, options.least, console)
+        good = compare(cores, options.ticks, options.seed, options.least, console)
     except BuildError as error:
         console.print(str(error), style="red", markup=False)
         return 1

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file app_shim.cpp  The whole firmware on a board made of memory, in simulated time: port 1 is USB, port 2 a serial line with a
-/// baud rate, the storage has a Teensy's size and counts what wears it.
+/// @file app_shim.cpp  The whole firmware on a board made of memory, in simulated time: port 1 is USB, the last one a serial line with a
+/// baud rate: the radio; the storage has a Teensy's size and counts what wears it.
 #include <algorithm>
 #include <cstring>
 #include <deque>
@@ -135,12 +135,13 @@ struct Robot {
     FakeEncoders encoders;
     FakeBus bus;
     FakeOutputEnable output_enable;
-    FakePort ports[2];
+    FakePort ports[Board::max_ports];
     FakeStorage storage;
     FakeWatchdog watchdog;
     Board board;
     std::optional<App> app;
     bool lockstep = false;
+    uint32_t radio = 1; ///< port
 
     void boot() {
         clock.time_us = 0;
@@ -152,7 +153,7 @@ struct Robot {
 
 extern "C" {
 
-Robot *robot_new(const uint8_t *image, int lockstep) {
+Robot *robot_new(const uint8_t *image, int lockstep, uint32_t radio) {
     auto *robot = new Robot;
     Board &board = robot->board;
     board.clock = &robot->clock;
@@ -161,11 +162,14 @@ Robot *robot_new(const uint8_t *image, int lockstep) {
     board.output_enable = &robot->output_enable;
     board.storage = &robot->storage;
     board.watchdog = &robot->watchdog;
-    board.ports[0] = &robot->ports[0];
-    board.ports[1] = &robot->ports[1];
-    board.port_count = 2;
+    board.port_count = radio + 1;
+    for (size_t i = 0; i < board.port_count; ++i) {
+        board.ports[i] = &robot->ports[i];
+    }
+    board.radios = static_cast<uint8_t>(1u << radio);
+    robot->radio = radio;
     board.robot_values = omni_robot_presets[omni_robot_preset_find("three_wheel")].values;
-    robot->ports[1].paced = true;
+    robot->ports[radio].paced = true;
     std::memcpy(robot->storage.bytes, image, storage_size);
     robot->lockstep = lockstep != 0;
     robot->boot();
@@ -186,7 +190,7 @@ void robot_run(Robot *robot, uint32_t ticks) {
         robot->clock.time_us += 1000;
         robot->app->tick();
         robot->app->background();
-        robot->ports[1].drain();
+        robot->ports[robot->radio].drain();
     }
     if (robot->app->reboot_wanted()) {
         robot->boot();
@@ -211,7 +215,7 @@ uint32_t robot_read(Robot *robot, uint32_t port, uint8_t *data, uint32_t room) {
 }
 
 uint32_t robot_baud(Robot *robot) {
-    return robot->ports[1].baud;
+    return robot->ports[robot->radio].baud;
 }
 
 void robot_break_storage(Robot *robot, int broken) {

@@ -29,11 +29,11 @@ def library() -> Any:
 
 
 class MemoryRobot:
-    """A robot to be run tick by tick; ``image`` is what its memory holds at first."""
+    """A robot to be run tick by tick; ``image`` is what its memory holds at first, ``radio`` its last port."""
 
-    def __init__(self, image: bytes = ERASED, *, lockstep: bool = False) -> None:
+    def __init__(self, image: bytes = ERASED, *, lockstep: bool = False, radio: int = RADIO) -> None:
         self._lib = library()
-        self._c = ctypes.c_void_p(self._lib.robot_new(image, int(lockstep)))
+        self._c = ctypes.c_void_p(self._lib.robot_new(image, int(lockstep), radio))
         self.ticks = 0
 
     def close(self) -> None:

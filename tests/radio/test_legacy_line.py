@@ -21,8 +21,9 @@ ARMED, FAILSAFE = 2, 3
 class MemoryClient(Client):
     """The lockstep client of the firmware tests, on a MemoryRobot's USB port."""
 
-    def __init__(self, robot: MemoryRobot) -> None:
+    def __init__(self, robot: MemoryRobot, radio: int = RADIO) -> None:
         self.robot = robot
+        self.radio = radio
         super().__init__(socket=None)  # type: ignore[arg-type]
 
     def write(self, data: bytes) -> None:
@@ -36,7 +37,7 @@ class MemoryClient(Client):
 
     def line(self, text: str | bytes) -> None:
         """Send bytes on the radio and let the robot read them."""
-        self.robot.write(RADIO, text.encode() if isinstance(text, str) else text)
+        self.robot.write(self.radio, text.encode() if isinstance(text, str) else text)
         self.robot.background()
 
     def refused_lines(self) -> int:
@@ -177,3 +178,23 @@ def test_noise_between_lines_never_makes_another_point(client: MemoryClient) -> 
         assert tick.state == ARMED
         assert abs(tick.reference[0]) <= 0.0501
         assert (tick.reference[1], tick.reference[2]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("radio", [1, 2, 3])
+def test_lines_and_baud_rate_belong_to_the_radio_on_whichever_port_it_is(radio: int) -> None:
+    with MemoryRobot(lockstep=True, radio=radio) as robot:
+        client = MemoryClient(robot, radio)
+        client.wait("HEARTBEAT")
+        assert client.set("LINK2_BAUD", 57600) == 57600
+        for _ in range(1000):  # what was said at the old speed leaves first
+            client.tick()
+        assert robot.baud == 57600
+        assert client.set("LINK2_LEGACY", 1) == 1
+        client.armed()
+        for port in range(1, radio):  # lines elsewhere are noise
+            for _ in range(3):
+                robot.write(port, b"0.9,0.9,0*")
+                robot.background()
+        assert drive(client, lambda: "0.1,0,0*", 0.2).reference[0] > 0.0
+        assert client.refused_lines() == 1
+        assert client.reference()[1] == 0.0

@@ -57,14 +57,15 @@ bool use_number(const char *name, const char *text, uint32_t lowest, uint32_t hi
 }
 
 bool use_reset_cause(const char *text, ResetCause *cause) {
-    constexpr const char *names[] = {"power_on", "watchdog", "software", "crash"};
+    constexpr const char *names[] = {"power_on", "watchdog", "software", "crash", "over_temperature"};
     for (size_t i = 0; i < sizeof names / sizeof *names; ++i) {
         if (std::strcmp(text, names[i]) == 0) {
             *cause = static_cast<ResetCause>(i);
             return true;
         }
     }
-    std::fprintf(stderr, "omni-firmware: --reset-cause '%s': power_on, watchdog, software or crash is needed\n", text);
+    std::fprintf(
+        stderr, "omni-firmware: --reset-cause '%s': power_on, watchdog, software, crash or over_temperature is needed\n", text);
     return false;
 }
 

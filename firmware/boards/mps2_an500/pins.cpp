@@ -75,7 +75,7 @@ bool Pins::open() {
 uint8_t Pins::read(int32_t *counts) {
     Out out{};
     out.time_us = clock_->now_us();
-    out.enabled = enabled_ ? 1 : 0;
+    out.enabled = enabled_;
     out.i2c_length = bus.take(out.i2c);
     out.sent_length = static_cast<uint8_t>(wire.take_sent(out.sent));
     an500::semihosting_write(out_, &out, sizeof out);

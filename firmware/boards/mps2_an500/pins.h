@@ -46,7 +46,8 @@ public:
     uint8_t read(int32_t *counts) override;
     void errors(uint32_t *errors) override;
     bool wired() override { return true; }
-    void set(bool on) override { enabled_ = on; }
+    void set(bool on) override { enabled_ = on ? 1 : 0; }
+    void release() override { enabled_ = 2; }
     float battery_V() const { return battery_V_; }
     void start(Clock &clock) { clock_ = &clock; }
 
@@ -54,7 +55,7 @@ private:
     Clock *clock_ = nullptr;
     int in_ = -1;
     int out_ = -1;
-    bool enabled_ = false;
+    uint8_t enabled_ = 0; ///< 2: nobody drives it
     float battery_V_ = 0.0f;
 };
 

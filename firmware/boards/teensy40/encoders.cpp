@@ -2,6 +2,7 @@
 #include "boards/teensy40/encoders.h"
 
 #include "boards/teensy40/priorities.h"
+#include "boards/teensy40/processor.h"
 
 /// Teensyduino's own (pwm.c), declared in no header of it.
 extern "C" void xbar_connect(unsigned int input, unsigned int output);
@@ -108,6 +109,8 @@ void Teensy40Encoders::begin_hardware(const EncoderChannel &channel) {
 void Teensy40Encoders::begin_interrupt(uint8_t wheel) {
     Watched &watched = watched_[watched_count_];
     watched.wheel = wheel;
+    watched.edges = 0;
+    watched.silent = false;
     const uint8_t pins[] = {plan_.wheel[wheel].pin_a, plan_.wheel[wheel].pin_b};
     for (size_t i = 0; i < 2; ++i) {
         const Gpio port = portOutputRegister(pins[i]);
@@ -153,20 +156,58 @@ uint8_t Teensy40Encoders::levels(const Watched &watched) {
     return (b_port & watched.mask[1]) != 0 ? a | 1 : a;
 }
 
+/// The read back makes sure that the port has taken it before an interrupt ends.
+void Teensy40Encoders::mask(const Watched &watched, bool masked) {
+    for (size_t i = 0; i < 2; ++i) {
+        const Gpio port = watched.port[i];
+        const uint32_t others = port[gpio_mask] & ~watched.mask[i];
+        port[gpio_mask] = masked ? others : others | watched.mask[i];
+        static_cast<void>(uint32_t{port[gpio_mask]});
+    }
+}
+
 // Flags are cleared before the levels are read: an edge in between interrupts again and finds nothing new. The read of the same
 // port also makes sure that the flag is down before this interrupt ends.
 void Teensy40Encoders::pins_changed() {
     for (uint8_t i = 0; i < watched_count_; ++i) {
         Watched &watched = watched_[i];
+        const uint32_t changed =
+            (watched.port[0][gpio_status] & watched.mask[0]) | (watched.port[1][gpio_status] & watched.mask[1]);
+        if (changed == 0 || watched.silent) {
+            continue;
+        }
+        if (watched.edges >= edge_limit) {
+            watched.silent = true;
+            mask(watched, true);
+            continue;
+        }
+        watched.edges = static_cast<uint16_t>(watched.edges + 1);
         watched.port[0][gpio_status] = watched.mask[0];
         watched.port[1][gpio_status] = watched.mask[1];
         watched.counter.update(levels(watched));
     }
 }
 
+/// Flags come up while a pin is masked, too: they are old.
+void Teensy40Encoders::listen_again(Watched &watched) {
+    const InterruptLock lock; // other encoders' interrupts write the same mask registers
+    watched.port[0][gpio_status] = watched.mask[0];
+    watched.port[1][gpio_status] = watched.mask[1];
+    watched.counter.resume(levels(watched));
+    watched.silent = false;
+    mask(watched, false);
+}
+
 uint8_t Teensy40Encoders::read(int32_t *counts) {
+    uint32_t trusted = (1u << plan_.wheels) - 1u;
     for (uint8_t i = 0; i < watched_count_; ++i) {
-        counts[watched_[i].wheel] = watched_[i].counter.count();
+        Watched &watched = watched_[i];
+        counts[watched.wheel] = watched.counter.count();
+        if (watched.silent) {
+            trusted &= ~(1u << watched.wheel);
+            listen_again(watched);
+        }
+        watched.edges = 0;
     }
     for (uint8_t i = 0; i < plan_.wheels; ++i) {
         if (plan_.wheel[i].unit == EncoderChannel::by_interrupt) {
@@ -179,7 +220,7 @@ uint8_t Teensy40Encoders::read(int32_t *counts) {
             ++hardware_errors_[i];
         }
     }
-    return static_cast<uint8_t>((1u << plan_.wheels) - 1u);
+    return static_cast<uint8_t>(trusted);
 }
 
 void Teensy40Encoders::errors(uint32_t *errors) {

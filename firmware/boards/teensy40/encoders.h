@@ -2,7 +2,11 @@
 /// @file encoders.h  Wheel encoders on a Teensy 4.0: hardware decoders where the pins reach one, pin-change interrupts elsewhere.
 ///
 /// Load of the interrupts: 25 rad/s at 10000 counts per revolution are 40 k edges per second and wheel. One interrupt is about
-/// 60 instructions and 24 cycles of entry and exit, some 0.2 us at 600 MHz: 0.8 % of the processor per wheel.
+/// 60 instructions with one such wheel and 90 with four; docs/performance.md estimates the cycles (make tick-cycles).
+///
+/// Noise on a pin (a loose wire beside a motor's) may bring millions of edges per second, and they come before everything else. So an
+/// encoder gets no more than `edge_limit` interrupts per tick: beyond, its pins stay silent until the next read(), which calls its
+/// count untrusted and counts an error. Four wheels at the limit take some 0.2 ms of each tick.
 #pragma once
 
 #include <core_pins.h>
@@ -24,9 +28,12 @@ class Teensy40Encoders final : public Encoders {
 public:
     explicit Teensy40Encoders(const EncoderPlan &plan = robot_encoder_plan()) : plan_(plan) {}
 
+    /// Interrupts of one encoder per tick of 1 ms: 256000 edges per second, 160 rad/s at 10000 counts per revolution.
+    static constexpr uint16_t edge_limit = 256;
+
     /// Set up pins, crossbar, decoders and the interrupt. Counts begin at 0.
     void begin();
-    /// From the tick. Every count can be trusted as far as the decoder knows: bits of all wheels are set.
+    /// From the tick, once in each. A bit is missing for an encoder that went beyond the edge limit: edges were lost.
     uint8_t read(int32_t *counts) override;
     /// A hardware decoder tells only that some happened since the last read(): at most one is counted per read().
     void errors(uint32_t *errors) override;
@@ -42,11 +49,15 @@ private:
         uint32_t mask[2];
         uint8_t wheel;
         QuadratureCounter counter;
+        volatile uint16_t edges; ///< interrupts since the last read()
+        volatile bool silent;    ///< its interrupts are masked; only read() ends that
     };
 
     void begin_hardware(const EncoderChannel &channel);
     void begin_interrupt(uint8_t wheel);
     static uint8_t levels(const Watched &watched);
+    static void mask(const Watched &watched, bool masked);
+    static void listen_again(Watched &watched);
 
     const EncoderPlan &plan_;
     Watched watched_[OMNI_MAX_WHEELS] = {};

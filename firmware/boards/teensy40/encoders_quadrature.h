@@ -30,6 +30,13 @@ public:
         }
     }
 
+    /// Go on from the present levels after edges that nobody saw: the count stays, one error is counted. Not while update() may
+    /// interrupt.
+    void resume(uint8_t levels) {
+        levels_ = levels;
+        errors_ = errors_ + 1;
+    }
+
     /// Wraps at 32 bits.
     int32_t count() const { return static_cast<int32_t>(count_); }
     uint32_t errors() const { return errors_; }

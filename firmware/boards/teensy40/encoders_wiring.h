@@ -4,6 +4,8 @@
 /// The processor has four quadrature decoders (ENC1..4), which see a pin only through crossbar XBAR1 (i.MX RT1060 reference
 /// manual, chapters "External Signals and Pin Multiplexing" and "Inter-Peripheral Crossbar Switch A"). Pins 0 and 5 share one
 /// of the crossbar's inputs. Every other pin is counted by pin-change interrupts.
+///
+/// The same rules in Python, for `omni robots check`: shared/generate/omni_schema/encoder_plan.py.
 #pragma once
 
 #include <cstddef>

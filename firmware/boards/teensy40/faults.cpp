@@ -3,40 +3,28 @@
 
 #include <Arduino.h>
 
-extern "C" {
-void unused_interrupt_vector();
-// Read by the assembly below.
-volatile uint32_t *omni_fault_register = nullptr;
-uint32_t omni_fault_mask = 0;
-
-/// Leaves stack and link register as the processor set them: the next handler looks there for the cause.
-__attribute__((naked)) static void on_fault() {
-    __asm__ volatile("movw r0, #:lower16:omni_fault_register\n\t"
-                     "movt r0, #:upper16:omni_fault_register\n\t"
-                     "ldr r0, [r0]\n\t"
-                     "movw r1, #:lower16:omni_fault_mask\n\t"
-                     "movt r1, #:upper16:omni_fault_mask\n\t"
-                     "ldr r1, [r1]\n\t"
-                     "str r1, [r0]\n\t"
-                     "b unused_interrupt_vector");
-}
-}
+// Of Teensyduino's start-up, declared in no header: handles every exception and interrupt that nobody has asked for.
+extern "C" void unused_interrupt_vector();
 
 namespace omni {
 namespace {
 
-// Exception numbers of ARMv7-M: NMI, HardFault, MemManage, BusFault, UsageFault.
-constexpr int first_fault = 2;
-constexpr int last_fault = 6;
+constexpr int first_exception = 2; ///< before it: initial stack pointer, reset
+constexpr int first_interrupt = 16;
 
 } // namespace
 
+// Teensyduino has pointed every vector at its handler at start-up, but for the few that somebody asked for since. The temperature
+// sensor's panic is one of those; its function does nothing but call that handler.
 void set_on_fault(volatile uint32_t *register_address, uint32_t mask) {
     omni_fault_register = register_address;
     omni_fault_mask = mask;
-    for (int exception = first_fault; exception <= last_fault; ++exception) {
-        _VectorsRam[exception] = on_fault;
+    for (int exception = first_exception; exception < first_interrupt + NVIC_NUM_INTERRUPTS; ++exception) {
+        if (_VectorsRam[exception] == unused_interrupt_vector) {
+            _VectorsRam[exception] = omni_on_fault;
+        }
     }
+    _VectorsRam[first_interrupt + IRQ_TEMPERATURE_PANIC] = omni_on_fault;
 }
 
 } // namespace omni

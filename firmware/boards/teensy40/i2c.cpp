@@ -136,7 +136,7 @@ void Teensy40I2c::allow(const I2cTransaction *batch, size_t count) {
         bytes += 2u + batch[i].write_length + batch[i].read_length;
     }
     const uint64_t wire_ns = i2c_batch_ns(timing_, mode_.rise_ns, bytes, 2 * static_cast<uint32_t>(count));
-    allowed_cycles_ = (static_cast<uint32_t>(wire_ns / 1000) * 2 + spare_us) * cycles_per_us();
+    allowed_us_ = static_cast<uint32_t>(wire_ns / 1000) * 2 + spare_us;
     begun_cycles_ = ARM_DWT_CYCCNT;
 }
 
@@ -231,7 +231,7 @@ I2cStatus Teensy40I2c::poll(uint8_t *read) {
     switch (state_) {
     case State::running:
     case State::stopping:
-        if (ARM_DWT_CYCCNT - begun_cycles_ < allowed_cycles_) {
+        if (ARM_DWT_CYCCNT - begun_cycles_ < allowed_us_ * cycles_per_us()) {
             return I2cStatus::busy;
         }
         ++counters_.timeouts;

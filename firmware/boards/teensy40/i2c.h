@@ -45,6 +45,7 @@ public:
     bool submit(const I2cTransaction *batch, size_t count) override;
     /// A batch longer than twice its time on the wire plus 0.5 ms is given up as stuck; so is one that lost the bus.
     I2cStatus poll(uint8_t *read) override;
+    uint32_t patience_us() override { return allowed_us_; }
     void recover() override;
     /// A batch that lost the bus counts as a time-out here.
     I2cStats stats() override;
@@ -85,7 +86,7 @@ private:
     volatile State state_ = State::idle;
     I2cStatus outcome_ = I2cStatus::idle;
     uint32_t begun_cycles_ = 0;
-    uint32_t allowed_cycles_ = 0;
+    uint32_t allowed_us_ = 0;
     bool timed_ = false; ///< the bus clear has a timer; otherwise poll() makes its steps
     I2cBusClear clear_;
     IntervalTimer timer_;

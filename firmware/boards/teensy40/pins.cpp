@@ -31,8 +31,20 @@ bool Teensy40OutputEnable::wired() {
 }
 
 void Teensy40OutputEnable::set(bool on) {
+    if (!oe_wired) {
+        return;
+    }
+    if (released_) {
+        released_ = false;
+        drive_outputs_off();
+    }
+    digitalWrite(oe_pin, on ? LOW : HIGH);
+}
+
+void Teensy40OutputEnable::release() {
     if (oe_wired) {
-        digitalWrite(oe_pin, on ? LOW : HIGH);
+        released_ = true;
+        pinMode(oe_pin, INPUT);
     }
 }
 

@@ -15,6 +15,10 @@ public:
     void begin();
     bool wired() override;
     void set(bool on) override;
+    void release() override;
+
+private:
+    bool released_ = false;
 };
 
 class Teensy40Light final : public StatusLight {

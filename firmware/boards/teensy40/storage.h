@@ -11,11 +11,14 @@
 
 namespace omni {
 
+/// Any length may be programmed anywhere: the driver pads to the units that the core's copy routine is safe with, with ones,
+/// which leave NOR flash as it is.
+///
 /// Interrupts are off while the chip works: up to 0.4 ms for each 32 bytes that are programmed (the tick starts late), 45 to
 /// 400 ms for an erase (ticks are lost, and the edges of encoders that interrupts count).
 class Teensy40Flash final : public Flash {
 public:
-    /// @param bus not to be cut short by an erase: the update on it may be the one that stops the motors. nullptr: none.
+    /// @param bus whose update is let end first: it may be the one that stops the motors, and needs interrupts. nullptr: none.
     explicit Teensy40Flash(Teensy40Watchdog &watchdog, const Teensy40I2c *bus = nullptr) : watchdog_(watchdog), bus_(bus) {}
     /// From now on erasing must not look like a hang.
     void watched() { watched_ = true; }
@@ -26,7 +29,7 @@ public:
     void erase(size_t sector) override;
 
 private:
-    void wait_for_bus();
+    void wait_for_bus(uint32_t patience_ms);
 
     Teensy40Watchdog &watchdog_;
     const Teensy40I2c *bus_;

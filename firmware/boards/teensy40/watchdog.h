@@ -23,13 +23,22 @@ private:
     uint32_t seen_ = 0;
 };
 
-/// What a fault handler saw, as lines for people.
+/// What the fault handler saw.
+struct CrashFacts {
+    uint32_t address; ///< of the code
+    uint32_t exception;
+    uint32_t cfsr, hfsr;
+    bool access_known;
+    uint32_t access; ///< address of the data
+};
+
+/// The same as lines for people.
 class CrashLines {
 public:
     static constexpr size_t line_count = 3;
 
-    /// @param address of the code. @param access address of the data, if `access_known`.
-    void compose(uint32_t address, uint32_t cfsr, uint32_t hfsr, bool access_known, uint32_t access);
+    void compose(const CrashFacts &facts);
+    void add(const Text &line) { lines_[count_++] = line; }
     const char *line(size_t number) const { return number < count_ ? lines_[number].data() : nullptr; }
 
 private:
@@ -48,7 +57,7 @@ public:
     void begin();
     /// Begin to watch. From here on only a reset ends it.
     void start() { configure(time_out_ms); }
-    /// Bracket something that keeps the tick from running.
+    /// Bracket something that keeps the tick from running. The time begins anew each time.
     void expect_erase(bool begins) { configure(begins ? erase_time_out_ms : time_out_ms); }
     /// The timer's tick, to be called in every one.
     void tick() { alive_.tick(); }
@@ -60,6 +69,7 @@ public:
 
 private:
     void configure(uint32_t time_out_ms);
+    void take_fault();
 
     AliveGate alive_;
     ResetCause cause_ = ResetCause::power_on;

@@ -127,8 +127,11 @@ typedef struct hil_world_config_t {
     uint32_t in2_channel[HIL_MAX_WHEELS];
     uint8_t pca9685_address;
     uint8_t i2c_stranger;     /**< address of something else on the bus that acknowledges everything; 0: nothing */
-    bool output_enable_wired; /**< the chip's OE pin hangs on the processor, pulled up; false: tied to ground */
-    double fix_rate_Hz;       /**< 0: no pose sensor */
+    bool output_enable_wired; /**< the chip's OE pin hangs on the processor; false: tied to ground */
+    /** Level of OE while the processor does not drive it: 3.0 V is 1 kOhm to 3.3 V against a board's 10 kOhm to ground. Below
+     *  HIL_OE_HIGH_V nothing is promised; this world then takes the worse: the outputs stay on. */
+    double output_enable_rest_V;
+    double fix_rate_Hz; /**< 0: no pose sensor */
     hil_real_t fix_sd_xy_m;
     hil_real_t fix_sd_theta_rad;
     double fix_delay_s;
@@ -263,11 +266,21 @@ void hil_world_i2c_stop(hil_world_t *world);
  */
 void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps);
 
+/** Level from which the chip takes OE for high: V_IH = 0.7 VDD at 3.3 V (NXP PCA9685, static characteristics). */
+#define HIL_OE_HIGH_V 2.31
+
+/** What the processor does with the output-enable pin, as in OMNI_HIL_ACTUATORS. */
+typedef enum hil_output_enable_t {
+    HIL_OE_OFF = 0,
+    HIL_OE_ON = 1,
+    HIL_OE_RELEASED = 2 /**< it does not drive the pin, as in reset: output_enable_rest_V decides */
+} hil_output_enable_t;
+
 /**
- * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Off after hil_world_init.
- * Of no effect on a robot whose pin is not wired.
+ * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Released after hil_world_init.
+ * Of no effect on a robot whose pin is not wired. @param drive hil_output_enable_t; other values count as on.
  */
-void hil_world_output_enable(hil_world_t *world, bool on);
+void hil_world_output_enable(hil_world_t *world, uint8_t drive);
 
 /**
  * For studies: give the wheels these speeds [rad/s], one per wheel, in place of bridges and motors until the bridges are set again.

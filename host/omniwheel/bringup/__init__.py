@@ -12,6 +12,7 @@ from omniwheel.bringup.encoders import check_encoders
 from omniwheel.bringup.i2c import check_i2c
 from omniwheel.bringup.link import check_link
 from omniwheel.bringup.motors import check_motors
+from omniwheel.bringup.output_enable import check_output_enable
 from omniwheel.bringup.person import Assumed, Person
 from omniwheel.bringup.radio import check_radio
 from omniwheel.bringup.result import Finding, Result
@@ -27,6 +28,7 @@ __all__ = [
     "check_i2c",
     "check_link",
     "check_motors",
+    "check_output_enable",
     "check_radio",
     "check_stops",
 ]

@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
+from omniwheel.bringup.result import Findings
 from omniwheel.dialect import Message
 from omniwheel.errors import OmniError
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Health, Sample, Status, decode
 
 SAMPLE_HZ = 50.0
+SPIN_S = 1.0
 _COUNTS_WRAP = 2**32
 _VOLT_SECONDS_WRAP = 4294.967296
 
@@ -149,3 +151,23 @@ def armed(robot: Robot) -> Iterator[None]:
         yield
     finally:
         robot.disarm()
+
+
+def spin(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str) -> bool:
+    """Arm and turn all wheels; note if they do not turn."""
+    robot.arm()
+    robot.drive_duty([duty] * layout.wheels, SPIN_S, stop=False)
+    turning = any(counted(samples.all[-5], samples.all[-1], layout.wheels)) if len(samples.all) >= 5 else False
+    if not turning:
+        robot.disarm()
+        findings.bad(name, "the wheels do not turn, so nothing can be stopped", "run `omni bringup motors` first")
+    return turning
+
+
+def rest_time_s(samples: Samples, layout: Layout, since_s: float) -> float | None:
+    """Return how long after ``since_s`` (robot's clock) the last count came; None: still turning at the end."""
+    last = since_s
+    for before, after in zip(samples.all, samples.all[1:], strict=False):
+        if after.time_s > since_s and any(counted(before, after, layout.wheels)):
+            last = after.time_s
+    return None if last >= samples.all[-1].time_s else last - since_s

@@ -121,7 +121,9 @@ def _judge_health(findings: Findings, robot: Robot) -> None:
         "restart",
         health.reset_cause in ("power", "software"),
         f"started by {health.reset_cause}",
-        "the firmware hung or crashed before: `omni record` the status texts after a restart and report them",
+        "give the processor air: it was above 90 C"
+        if health.reset_cause == "over-temperature"
+        else "the firmware hung or crashed before: `omni record` the status texts after a restart and report them",
     )
     findings.judge(
         "tick", status.overruns == 0, f"{status.overruns} overruns", "ticks came late: is this a debug build?"

@@ -11,6 +11,7 @@ from omniwheel.bringup.encoders import check_encoders
 from omniwheel.bringup.i2c import check_i2c
 from omniwheel.bringup.link import check_link
 from omniwheel.bringup.motors import check_motors
+from omniwheel.bringup.output_enable import check_output_enable
 from omniwheel.bringup.person import Person
 from omniwheel.bringup.radio import BAUD, check_radio
 from omniwheel.bringup.result import Result
@@ -34,6 +35,7 @@ def bring_up(
         lambda: check_encoders(robot, person),
         lambda: check_motors(robot, person),
         lambda: check_stops(robot, person),
+        lambda: check_output_enable(robot, person, file=file),
         lambda: check_drive(robot, person),
     ]
     if radio is not None:

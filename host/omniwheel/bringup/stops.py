@@ -6,14 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 
-from omniwheel.bringup.bench import Layout, Samples, counted, layout_of, safety_of
+from omniwheel.bringup.bench import Layout, Samples, layout_of, rest_time_s, safety_of, spin
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import ArmingRefusedError, OmniError
 from omniwheel.robot import Robot
 
 DUTY = 0.15
-SPIN_S = 1.0
 STOP_LIMIT_S = 0.5
 """From the moment the motors should stop until the last count."""
 LONGEST_TIMEOUT_S = 30.0
@@ -38,26 +37,6 @@ def check_stops(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
     return findings.result()
 
 
-def _spin(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str) -> bool:
-    """Arm and turn all wheels; note if they do not turn."""
-    robot.arm()
-    robot.drive_duty([duty] * layout.wheels, SPIN_S, stop=False)
-    turning = any(counted(samples.all[-5], samples.all[-1], layout.wheels)) if len(samples.all) >= 5 else False
-    if not turning:
-        robot.disarm()
-        findings.bad(name, "the wheels do not turn, so nothing can be stopped", "run `omni bringup motors` first")
-    return turning
-
-
-def _rest_time_s(samples: Samples, layout: Layout, since_s: float) -> float | None:
-    """Return how long after ``since_s`` (robot's clock) the last count came; None: still turning at the end."""
-    last = since_s
-    for before, after in zip(samples.all, samples.all[1:], strict=False):
-        if after.time_s > since_s and any(counted(before, after, layout.wheels)):
-            last = after.time_s
-    return None if last >= samples.all[-1].time_s else last - since_s
-
-
 def _judge_time(findings: Findings, name: str, time_s: float | None, limit_s: float, advice: str) -> bool:
     findings.measured[f"{name.replace(' ', '_')}_s"] = time_s
     seen = "the wheels went on turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
@@ -67,13 +46,13 @@ def _judge_time(findings: Findings, name: str, time_s: float | None, limit_s: fl
 
 def _emergency_stop(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float) -> None:
     name = "emergency stop"
-    if not _spin(robot, findings, samples, layout, duty, name):
+    if not spin(robot, findings, samples, layout, duty, name):
         return
     since_s = samples.all[-1].time_s
     robot.estop()
     robot.pump(_WATCH_S)
     advice = "do not drive: switch the motor supply off by hand and look for a bridge that is on by itself"
-    _judge_time(findings, name, _rest_time_s(samples, layout, since_s), STOP_LIMIT_S, advice)
+    _judge_time(findings, name, rest_time_s(samples, layout, since_s), STOP_LIMIT_S, advice)
     try:
         robot.arm()
     except ArmingRefusedError:
@@ -121,11 +100,11 @@ def _timed_stop(
         advice = f"omni params set {parameter}=3 (at most {LONGEST_TIMEOUT_S:g}), store it, run this again"
         findings.bad(name, f"{parameter} is {limit_s:g} s: too long to stop a robot", advice)
         return
-    if not _spin(robot, findings, samples, layout, duty, name):
+    if not spin(robot, findings, samples, layout, duty, name):
         return
     since_s = samples.all[-1].time_s
     silence()
-    time_s = _rest_time_s(samples, layout, since_s)
+    time_s = rest_time_s(samples, layout, since_s)
     advice = (
         f"check {parameter}; is another ground station connected, whose heartbeats count too? Close it, run this again"
     )

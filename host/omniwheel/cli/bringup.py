@@ -21,10 +21,12 @@ from omniwheel.bringup import (
     check_i2c,
     check_link,
     check_motors,
+    check_output_enable,
     check_radio,
     check_stops,
 )
 from omniwheel.bringup import motors as motors_module
+from omniwheel.bringup import output_enable as output_enable_module
 from omniwheel.bringup.radio import BAUD, LOSS_LIMIT, ROUND_TRIP_LIMIT_S, RadioWindow, watch_radio
 from omniwheel.bringup.report import as_dict, write_report
 from omniwheel.bringup.sequence import bring_up
@@ -151,6 +153,30 @@ def estop(
 ) -> None:
     """On a stand, wheels turning: emergency stop, stop without set-points, stop without heartbeats, and how soon."""
     _checked(link, timeout, as_json, yes, check_stops)
+
+
+@app.command(
+    "oe", epilog=examples("omni bringup oe", "omni bringup oe --robot mine.toml", "omni bringup oe --yes --json")
+)
+def output_enable(
+    robot_file: RobotFileOption = None,
+    duty: Annotated[
+        float, typer.Option("--duty", min=0.05, max=output_enable_module.LARGEST_DUTY, help="How hard, 0..0.3.")
+    ] = output_enable_module.DUTY,
+    yes: YesOption = False,
+    link: LinkOption = None,
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    as_json: JsonOption = False,
+) -> None:
+    """On a stand, wheels turning: the output-enable pin alone stops them, and its pull-up when nobody drives it."""
+    file = None if robot_file is None else read_robot(robot_file)
+    _checked(
+        link,
+        timeout,
+        as_json,
+        yes,
+        lambda robot, person: check_output_enable(robot, person, duty=duty, file=file),
+    )
 
 
 @app.command("drive", epilog=examples("omni bringup drive"))

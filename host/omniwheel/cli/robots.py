@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,9 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from omni_schema import Robot
-from omniwheel.cli.common import JsonOption, console, examples, print_json
+from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.parameter_file import format_value
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot, robot_names
+from omniwheel.wiring import WiringPlan, connections, plan_wiring, write_wiring
 
 app = typer.Typer(help="List, show, check and start robot files.", invoke_without_command=True)
 
@@ -58,12 +60,17 @@ def show(name: Annotated[str, typer.Argument(help="A robot's name, or a file.")]
 
 @app.command("check", epilog=examples("omni robots check mine.toml"))
 def check(file: Annotated[Path, typer.Argument(help="A robot file.")], as_json: JsonOption = False) -> None:
-    """Check a robot file. Exit code 2: something in it is wrong, and the message says what is allowed."""
+    """Check a robot file, and warn of wiring that is unwise or that the firmware for a Teensy cannot be built with.
+
+    Exit code 2: something in it is wrong, and the message says what is allowed.
+    """
     robot = read_robot(file)
+    warnings = plan_wiring(robot).warnings
     if as_json:
-        print_json({**_summary(robot), "ok": True})
+        print_json({**_summary(robot), "ok": True, "warnings": warnings})
     else:
         console.print(f"{file}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
+        _print_warnings(warnings)
 
 
 @app.command("new", epilog=examples("omni robots new mine --from three_wheel", "omni robots new mine --folder robots"))
@@ -75,7 +82,51 @@ def new(
 ) -> None:
     """Start a robot file of your own as a copy of another."""
     target = new_robot_file(name, template, folder)
+    warnings = plan_wiring(read_robot(target)).warnings
     if as_json:
-        print_json({"file": str(target), "from": str(find_robot_file(template))})
+        print_json({"file": str(target), "from": str(find_robot_file(template)), "warnings": warnings})
     else:
         console.print(f"{target} written; change its numbers, then: omni robots check {target}")
+        _print_warnings(warnings)
+
+
+@app.command(
+    "wiring",
+    epilog=examples("omni robots wiring three_wheel", "omni robots wiring mine.toml --out wiring.svg"),
+)
+def wiring(
+    name: Annotated[str, typer.Argument(metavar="NAME|FILE", help="A robot's name, or a file.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.svg", dir_okay=False, help="Draw the wiring diagram there.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show what is wired to what, and what to mind; with --out, as a drawing to print and build from."""
+    plan = plan_wiring(read_robot(name))
+    if out is not None:
+        if out.suffix.lower() != ".svg":
+            raise typer.BadParameter(f"--out {out}: the drawing is an SVG file; give a name that ends in .svg")
+        write_wiring(plan, out)
+    if as_json:
+        table = [vars(connection) for connection in connections(plan)]
+        drawing = None if out is None else str(out)
+        print_json({"name": plan.name, "connections": table, "warnings": plan.warnings, "drawing": drawing})
+        return
+    _print_wiring(plan)
+    if out is not None:
+        note(f"{out} written: open it in a browser, print it", quiet=False)
+
+
+def _print_wiring(plan: WiringPlan) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("from", "to", "mind"):
+        table.add_column(title, overflow="fold")
+    for connection in connections(plan):
+        table.add_row(escape(connection.start), escape(connection.end), escape(connection.mind))
+    console.print(table)
+    _print_warnings(plan.warnings)
+
+
+def _print_warnings(warnings: Iterable[str]) -> None:
+    for warning in warnings:
+        console.print(f"[bold red]![/] {escape(warning)}")

@@ -5,6 +5,7 @@ Pure Python, no build needed. All problems with a file are raised as :class:`Sch
 file, the key, the value and what is allowed.
 """
 
+from omni_schema.encoder_plan import EncoderPlan, plan_encoders
 from omni_schema.errors import SchemaError
 from omni_schema.parameters import (
     MAX_WHEELS,
@@ -20,6 +21,7 @@ from omni_schema.wiring import BoardWiring
 __all__ = [
     "MAX_WHEELS",
     "BoardWiring",
+    "EncoderPlan",
     "Parameter",
     "ParameterTable",
     "Robot",
@@ -29,4 +31,5 @@ __all__ = [
     "load_robot",
     "parse_parameters",
     "parse_robot",
+    "plan_encoders",
 ]

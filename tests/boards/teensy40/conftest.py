@@ -27,11 +27,15 @@ _RESULTS: dict[str, type] = {
 }
 _BOOLEAN = (
     "fake_watchdog_atomic",
+    "fake_watchdog_bitten",
+    "fake_watchdog_misused",
     "fake_timer_fires",
     "fake_resets",
     "fake_usb_waited",
     "fake_radio_waited",
     "flash_misused",
+    "flash_faulted",
+    "fake_i2c_waits_for_interrupts",
     "flash_power_on",
     "usb_write",
     "radio_write",
@@ -64,6 +68,7 @@ def chip(system_library: Path, tmp_path: Path) -> ctypes.CDLL:
         getattr(library, name).restype = result
     for name in _BOOLEAN:
         getattr(library, name).restype = ctypes.c_bool
+    library.flash_program.argtypes = [ctypes.c_size_t, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t]
     library.battery_begin.argtypes = [ctypes.c_uint8, ctypes.c_float]
     for name in ("usb_read", "usb_write", "radio_read", "radio_write"):
         getattr(library, name).argtypes = [ctypes.c_char_p, ctypes.c_size_t]

@@ -99,6 +99,14 @@ void interrupts_held(bool held) {
     fake::hold_interrupts(held);
 }
 
+uint32_t pin_interrupts() {
+    return fake::take_pin_interrupts();
+}
+
+uint32_t encoder_edge_limit() {
+    return Teensy40Encoders::edge_limit;
+}
+
 void decoder_position(uint8_t unit, uint32_t position) {
     fake::set_decoder(unit, position);
 }
@@ -162,6 +170,10 @@ void bus_let_go() {
 
 void bus_leave_stop(bool leave) {
     fake::leave_stop(leave);
+}
+
+void bus_rise_time(uint32_t ns) {
+    fake::set_rise_time(ns);
 }
 
 void timer_allowed(bool allowed) {

@@ -117,6 +117,9 @@ void watchdog_begin() {
 void watchdog_start() {
     (*watchdog).start();
 }
+void watchdog_expect_erase(bool begins) {
+    (*watchdog).expect_erase(begins);
+}
 void watchdog_tick() {
     (*watchdog).tick();
 }
@@ -160,6 +163,10 @@ size_t storage_size() {
 }
 uint32_t storage_late_erases() {
     return (*storage).late_erases();
+}
+/// Without the log: the driver alone.
+void flash_program(size_t sector, size_t offset, const uint8_t *data, size_t length) {
+    (*flash).program(sector, offset, data, length);
 }
 size_t param_count() {
     return OMNI_PARAM_COUNT;
@@ -205,6 +212,9 @@ float board_battery_V() {
 }
 void board_output_enable(bool on) {
     app_board.output_enable->set(on);
+}
+void board_output_enable_release() {
+    app_board.output_enable->release();
 }
 bool board_output_enable_wired() {
     return app_board.output_enable->wired();

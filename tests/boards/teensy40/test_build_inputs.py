@@ -93,11 +93,19 @@ def test_every_file_that_the_generator_opens_is_an_input(root: Path, robot: Path
 def test_the_robot_file_is_the_environments(root: Path, robot: Path) -> None:
     option = "shared/robots/three_wheel.toml"
     assert inputs.robot_file(root, option, {}) == robot
-    assert inputs.robot_file(root, str(robot), {"OMNI_ROBOT": str(robot)}) == robot
+    assert inputs.robot_file(root, "OMNI_ROBOT", {"OMNI_ROBOT": str(robot)}) == robot
+    assert inputs.robot_file(root, "OMNI_ROBOT", {"OMNI_ROBOT": option}) == robot
     with pytest.raises(inputs.InputError, match="which robot"):
-        inputs.robot_file(root, "", {})
+        inputs.robot_file(root, "OMNI_ROBOT", {})
     with pytest.raises(inputs.InputError, match=r"none\.toml does not exist"):
         inputs.robot_file(root, "none.toml", {})
+
+
+def test_the_project_file_reads_nothing_of_the_environment() -> None:
+    """PlatformIO throws every robot's build away when the file, with what it reads of the environment, has changed."""
+    assert "${sysenv" not in "".join(
+        line for line in (ROOT / "platformio.ini").read_text().splitlines() if not line.startswith(";")
+    )
 
 
 def test_another_robot_than_was_asked_for_is_refused(root: Path) -> None:

@@ -17,6 +17,7 @@ PAIRS = {2: 3, 8: 9, 13: 14}
 UPDATE = [Transaction(PCA9685, bytes([6 + 4 * first, *range(8)])) for first in PAIRS]
 ZEROS = [Transaction(PCA9685, bytes([6, 0, 0, 0, 0]))]
 SPEEDS = (100_000, 400_000, 1_000_000)
+SLOWEST_RISE_NS = {100_000: 1000, 400_000: 300, 1_000_000: 120}  # NXP UM10204, table 10
 
 
 @pytest.fixture(scope="module")
@@ -177,8 +178,7 @@ def test_the_registers_meet_the_i2c_specification(library: ctypes.CDLL, speed_hz
 
 @pytest.mark.parametrize(("speed_hz", "at_most_us"), [(100_000, 3000), (400_000, 760), (1_000_000, 300)])
 def test_an_update_of_three_pairs_keeps_its_time(library: ctypes.CDLL, speed_hz: int, at_most_us: float) -> None:
-    slowest = {100_000: 1000, 400_000: 300, 1_000_000: 120}[speed_hz]
-    fast, slow = (library.batch_ns(speed_hz, rise, 30, 3) / 1000 for rise in (20, slowest))
+    fast, slow = (library.batch_ns(speed_hz, rise, 30, 3) / 1000 for rise in (20, SLOWEST_RISE_NS[speed_hz]))
     bits = 3 * (1 + 1 + 8) * 9
     assert bits * 1e6 / speed_hz < fast < slow <= at_most_us
 
@@ -389,13 +389,32 @@ def test_a_chip_that_lost_its_power_is_set_up_again(bus: Bus) -> None:
 
 @pytest.mark.parametrize("speed_hz", SPEEDS)
 def test_the_longest_update_is_not_taken_for_a_stuck_bus(library: ctypes.CDLL, speed_hz: int) -> None:
-    """Four wheels on scattered channels, and MODE1 read back: more than 5 ms at 100 kHz."""
+    """Four wheels on scattered channels, and MODE1 read back: with slow edges 5.2 ms at 100 kHz."""
     bus = Bus(library, speed_hz)
+    bus.c.bus_rise_time(SLOWEST_RISE_NS[speed_hz])
     for tick in range(1000):
         bus.c.driver_tick_scattered(ctypes.c_uint64(1000 * tick))
     assert bus.c.driver_errors() == 0
     assert [duty for duty in duties(bus) if duty > 0.0] == [0.25] * 4
     assert no_mistakes(bus)
+
+
+@pytest.mark.parametrize(("speed_hz", "at_most_ms"), [(100_000, 12), (400_000, 5), (1_000_000, 3)])
+def test_a_line_held_low_in_the_longest_update_is_noticed(library: ctypes.CDLL, speed_hz: int, at_most_ms: int) -> None:
+    """After twice the update's time and 0.5 ms, seen by the next tick."""
+    bus = Bus(library, speed_hz)
+    bus.c.bus_rise_time(SLOWEST_RISE_NS[speed_hz])
+    now = iter(range(0, 1_000_000, 1000))
+    for _ in range(100):
+        bus.c.driver_tick_scattered(ctypes.c_uint64(next(now)))
+    assert bus.c.driver_errors() == 0
+    bus.c.bus_hold(SCL, 20, 0)
+    held_in = 6  # ticks until an update of 5.2 ms begins at the latest
+    ticks = 0
+    while bus.c.driver_errors() == 0:
+        bus.c.driver_tick_scattered(ctypes.c_uint64(next(now)))
+        ticks += 1
+    assert ticks <= at_most_ms + held_in
 
 
 @pytest.mark.parametrize("line", [None, SDA])

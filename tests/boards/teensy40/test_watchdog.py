@@ -8,9 +8,22 @@ import zlib
 
 import pytest
 
-POWER_ON, WATCHDOG, SOFTWARE, CRASH = range(4)
+POWER_ON, WATCHDOG, SOFTWARE, CRASH, OVER_TEMPERATURE = range(5)
 ENABLED, INTERRUPT_FIRST, COMMAND_32_BIT, LOW_POWER_CLOCK = 1 << 7, 1 << 6, 1 << 13, 1 << 8
-SYSTEM_RESET_FLAG, WATCHDOG_FLAG, WATCHDOG3_FLAG = 1 << 1, 1 << 4, 1 << 7
+# SRC_SRSR, reference manual, SRC Reset Status Register
+FLAGS = (
+    "ipp_reset",
+    "system_reset",
+    "security",
+    "user",
+    "watchdog",
+    "jtag",
+    "jtag_software",
+    "watchdog3",
+    "temperature",
+)
+SYSTEM_RESET_FLAG, WATCHDOG_FLAG, WATCHDOG3_FLAG, TEMPERATURE_FLAG = 1 << 1, 1 << 4, 1 << 7, 1 << 8
+TEMPERATURE_PANIC = 16 + 64  # exception number of the interrupt
 FAULT_HANDLER_MARK = 0x0BAD00F1
 
 
@@ -30,12 +43,13 @@ def crash_lines(chip: ctypes.CDLL) -> list[str]:
 
 def test_it_is_fed_only_if_a_tick_ran_since_the_last_time(chip: ctypes.CDLL) -> None:
     chip.watchdog_start()
+    before = chip.fake_feeds()
     chip.watchdog_feed()
-    assert chip.fake_feeds() == 0
+    assert chip.fake_feeds() == before
     chip.watchdog_tick()
     for _ in range(100):  # the background is much faster than the tick
         chip.watchdog_feed()
-    assert chip.fake_feeds() == 1
+    assert chip.fake_feeds() == before + 1
 
 
 def test_a_tick_that_stands_or_a_background_that_hangs_starves_it(chip: ctypes.CDLL) -> None:
@@ -75,23 +89,81 @@ def test_it_is_not_fed_before_it_is_started(chip: ctypes.CDLL) -> None:
 
 
 @pytest.mark.parametrize(
-    ("flags", "mark", "cause"),
+    ("flag", "cause", "line"),
     [
-        (1, 0, POWER_ON),
-        (0, 0, POWER_ON),
-        (WATCHDOG3_FLAG, 0, WATCHDOG),
-        (WATCHDOG_FLAG, 0, WATCHDOG),
-        (SYSTEM_RESET_FLAG | WATCHDOG3_FLAG, 0, WATCHDOG),
-        (SYSTEM_RESET_FLAG, FAULT_HANDLER_MARK, CRASH),
-        (SYSTEM_RESET_FLAG, 0, CRASH),  # a processor that locked up
+        ("ipp_reset", POWER_ON, None),
+        ("system_reset", SOFTWARE, None),  # the loader, after an upload; a lock-up ends by the watchdog
+        ("security", CRASH, "reset by the processor's security monitor"),
+        ("user", POWER_ON, None),
+        ("watchdog", WATCHDOG, None),
+        ("jtag", SOFTWARE, None),
+        ("jtag_software", SOFTWARE, None),
+        ("watchdog3", WATCHDOG, None),
+        ("temperature", OVER_TEMPERATURE, None),
     ],
 )
-def test_the_reset_cause_comes_from_the_reset_flags(chip: ctypes.CDLL, flags: int, mark: int, cause: int) -> None:
+def test_every_reset_flag_has_its_cause(chip: ctypes.CDLL, flag: str, cause: int, line: str | None) -> None:
+    chip.fake_reset_flags(1 << FLAGS.index(flag), 0)
+    chip.watchdog_begin()
+    assert chip.watchdog_cause() == cause
+    assert crash_lines(chip) == ([line] if line else [])
+    assert chip.fake_reset_flags_left() == 0  # the next start must not see the same flags
+    chip.watchdog_begin()
+    assert chip.watchdog_cause() == POWER_ON
+
+
+@pytest.mark.parametrize(
+    ("flags", "mark", "cause"),
+    [
+        (0, 0, POWER_ON),
+        (SYSTEM_RESET_FLAG | WATCHDOG3_FLAG, 0, WATCHDOG),
+        (TEMPERATURE_FLAG | SYSTEM_RESET_FLAG, 0, OVER_TEMPERATURE),
+        (WATCHDOG_FLAG | 1, 0, WATCHDOG),
+        (SYSTEM_RESET_FLAG, FAULT_HANDLER_MARK, CRASH),
+        (1, FAULT_HANDLER_MARK, POWER_ON),  # what a register holds at power-on means nothing
+    ],
+)
+def test_several_reset_flags_and_marks_have_an_order(chip: ctypes.CDLL, flags: int, mark: int, cause: int) -> None:
     chip.fake_reset_flags(flags, mark)
     chip.watchdog_begin()
     assert chip.watchdog_cause() == cause
-    chip.watchdog_begin()  # the next start must not see the same flags
-    assert chip.watchdog_cause() == POWER_ON
+    assert crash_lines(chip) == (["the fault's record is lost"] if cause == CRASH else [])
+    assert chip.fake_reset_flags_left() == 0
+
+
+def test_a_processor_that_got_too_hot_says_so(chip: ctypes.CDLL) -> None:
+    """Teensyduino's fault handler serves the sensor's panic interrupt, too."""
+    chip.fake_fault(fault_record(ipsr=TEMPERATURE_PANIC, ret=0x1234ABCD))
+    chip.fake_reset_flags(WATCHDOG3_FLAG, 0)
+    chip.watchdog_begin()
+    assert chip.watchdog_cause() == OVER_TEMPERATURE
+    assert crash_lines(chip) == ["too hot, above 90 C, at 0x1234ABCD"]
+
+
+def test_an_interrupt_that_nobody_serves_is_told_by_its_number(chip: ctypes.CDLL) -> None:
+    chip.fake_fault(fault_record(ipsr=16 + 93, ret=0x1234ABCD))
+    chip.watchdog_begin()
+    assert crash_lines(chip)[0] == "crash at 0x1234ABCD: unexpected interrupt 93"
+    chip.fake_fault(fault_record(ipsr=2, ret=0x1234ABCD))
+    chip.watchdog_begin()
+    assert crash_lines(chip)[0] == "crash at 0x1234ABCD: exception 2"
+
+
+def test_each_way_of_setting_it_up_gives_the_whole_time(chip: ctypes.CDLL) -> None:
+    """And unlocks only once what was set up before has arrived."""
+    chip.watchdog_start()
+    for _ in range(3):
+        chip.fake_watchdog_elapse_ms(190)
+        chip.watchdog_expect_erase(True)
+        chip.watchdog_expect_erase(False)
+        chip.watchdog_expect_erase(True)
+        chip.fake_watchdog_elapse_ms(960)
+        chip.watchdog_expect_erase(False)
+    chip.fake_watchdog_elapse_ms(190)
+    assert not chip.fake_watchdog_bitten()
+    assert not chip.fake_watchdog_misused()
+    chip.fake_watchdog_elapse_ms(20)
+    assert chip.fake_watchdog_bitten()
 
 
 def test_a_reset_that_was_asked_for_is_known_afterwards(chip: ctypes.CDLL) -> None:

@@ -12,19 +12,24 @@ class InputError(ValueError):
     """A robot file that is not there, or not the one that the environment is for; says what to do."""
 
 
+VARIABLE = "OMNI_ROBOT"
+"""The environment variable that names a robot file of one's own; as ``custom_robot``: that file."""
+
+
 def robot_file(root: Path, project_option: str, environ: Mapping[str, str]) -> Path:
     """Return the robot file that an environment of platformio.ini is for.
 
-    ``project_option`` is its ``custom_robot``: a path from ``root``, or a whole one. Raises InputError, also if
-    OMNI_ROBOT names another file: whoever set it would otherwise drive with another robot's values.
+    ``project_option`` is its ``custom_robot``: a path from ``root``, a whole one, or "OMNI_ROBOT". Raises InputError,
+    also if OMNI_ROBOT names another file: whoever set it would otherwise drive with another robot's values.
     """
-    wanted = environ.get("OMNI_ROBOT", "")
-    if not project_option:
+    wanted = environ.get(VARIABLE, "")
+    option = wanted if project_option == VARIABLE else project_option
+    if not option:
         raise InputError("which robot? OMNI_ROBOT=my_robot.toml pio run -e robot, or pio run -e three_wheel")
-    path = root / project_option
+    path = root / option
     if wanted and (root / wanted).resolve() != path.resolve():
         raise InputError(
-            f"this environment builds for {project_option}, but OMNI_ROBOT is {wanted}; "
+            f"this environment builds for {option}, but OMNI_ROBOT is {wanted}; "
             f"give `-e robot` for that file, or unset OMNI_ROBOT"
         )
     if not path.is_file():

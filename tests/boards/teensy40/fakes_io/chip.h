@@ -15,6 +15,8 @@ void reset();
 void set_level(uint8_t pin, bool high);
 /// Hold interrupts off (as an erase of flash does), or let the pending ones in.
 void hold_interrupts(bool held);
+/// Interrupts by pins since the last call.
+uint32_t take_pin_interrupts();
 uint8_t priority_of(int irq);
 /// A pin's own drive: true while a GPIO pulls it low.
 bool gpio_pulls_low(uint8_t pin);
@@ -49,6 +51,8 @@ void let_lines_go();
 /// After a NACK the master waits for a STOP command instead of sending one by itself.
 void leave_stop(bool leave);
 bool timer_allowed(bool allowed);
+/// How slow the lines' edges are: pull-ups and capacitance. 0 after a reset.
+void set_rise_time(uint32_t ns);
 size_t event_count();
 uint16_t event(size_t index);
 void clear_events();

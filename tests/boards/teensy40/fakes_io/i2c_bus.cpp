@@ -74,6 +74,7 @@ struct Bus {
     uint64_t timer_period;
     uint64_t timer_at;
     bool timer_refused;
+    uint32_t rise_ns; ///< of the lines' edges, 30 % to 70 %
 };
 
 Bus bus;
@@ -100,11 +101,12 @@ void log_event(uint16_t what) {
     }
 }
 
-/// One bit's length from the registers, with fast edges.
+/// One bit's length from the registers. An RC edge is seen as high 0.91 of its rise time after it began.
 uint64_t bit_cycles() {
     const uint32_t ccr = IMXRT_LPI2C1.MCCR0.value;
     const uint32_t scale = IMXRT_LPI2C1.MCFGR1.value & 7u;
-    const uint32_t latency = (2 + (IMXRT_LPI2C1.MCFGR2.value >> 16 & 0xFu)) >> scale;
+    const uint32_t rise_clocks = bus.rise_ns * 60 * 91 / 100'000;
+    const uint32_t latency = (2 + (IMXRT_LPI2C1.MCFGR2.value >> 16 & 0xFu) + rise_clocks) >> scale;
     return uint64_t{((ccr & 0x3Fu) + (ccr >> 8 & 0x3Fu) + 2 + latency) << scale} * 10; // 600 MHz / 60 MHz
 }
 
@@ -392,6 +394,10 @@ void let_lines_go() {
 
 void leave_stop(bool leave) {
     bus.leaves_stop = leave;
+}
+
+void set_rise_time(uint32_t ns) {
+    bus.rise_ns = ns;
 }
 
 bool timer_allowed(bool allowed) {

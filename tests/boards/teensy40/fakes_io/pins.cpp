@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Pins, GPIO ports and the interrupt controller.
+#include "boards/teensy40/processor.h"
 #include "chip.h"
 #include "core_pins.h"
 
@@ -15,6 +16,8 @@ Register muxes[pin_count];
 Register pads[pin_count];
 bool levels[pin_count];
 bool held = false;
+uint32_t locks; ///< InterruptLocks that there are
+uint32_t pin_interrupts;
 void (*vectors[200])();
 bool enabled[200];
 uint8_t priorities[200];
@@ -77,7 +80,9 @@ bool pin_interrupt_pending() {
 }
 
 void deliver_pins() {
-    while (!held && pin_interrupt_pending() && deliver(IRQ_GPIO6789)) {}
+    while (pin_interrupt_pending() && deliver(IRQ_GPIO6789)) {
+        ++pin_interrupts;
+    }
 }
 
 } // namespace
@@ -105,7 +110,7 @@ uint8_t priority_of(int irq) {
 }
 
 bool deliver(int irq) {
-    if (held || !enabled[irq] || vectors[irq] == nullptr) {
+    if (held || locks > 0 || !enabled[irq] || vectors[irq] == nullptr) {
         return false;
     }
     vectors[irq]();
@@ -145,7 +150,14 @@ void hold_interrupts(bool hold) {
     deliver_pins();
 }
 
+uint32_t take_pin_interrupts() {
+    const uint32_t count = pin_interrupts;
+    pin_interrupts = 0;
+    return count;
+}
+
 void reset() {
+    pin_interrupts = 0;
     for (auto &port : ports) {
         for (Register &each : port) {
             each.value = 0;
@@ -170,3 +182,12 @@ void reset() {
 }
 
 } // namespace fake
+
+omni::InterruptLock::InterruptLock() {
+    ++fake::locks;
+}
+
+omni::InterruptLock::~InterruptLock() {
+    --fake::locks;
+    fake::deliver_pins();
+}

@@ -20,31 +20,50 @@ struct arm_fault_info_struct {
     uint32_t time, crc;
 };
 
-// Reset flags: a write of 1 clears.
+// Reset flags: a write of 1 clears, of the temperature sensor's a write of 0.
 constexpr uint32_t SRC_SRSR_IPP_RESET_B = 1u << 0;
 constexpr uint32_t SRC_SRSR_LOCKUP_SYSRESETREQ = 1u << 1;
+constexpr uint32_t SRC_SRSR_CSU_RESET_B = 1u << 2;
+constexpr uint32_t SRC_SRSR_IPP_USER_RESET_B = 1u << 3;
 constexpr uint32_t SRC_SRSR_WDOG_RST_B = 1u << 4;
+constexpr uint32_t SRC_SRSR_JTAG_RST_B = 1u << 5;
+constexpr uint32_t SRC_SRSR_JTAG_SW_RST = 1u << 6;
 constexpr uint32_t SRC_SRSR_WDOG3_RST_B = 1u << 7;
-extern volatile uint32_t SRC_SRSR;
+constexpr uint32_t SRC_SRSR_TEMPSENSE_RST_B = 1u << 8;
+struct FakeResetFlags {
+    uint32_t flags;
+    void operator=(uint32_t written);
+    operator uint32_t() const { return flags; }
+};
+extern FakeResetFlags SRC_SRSR;
 extern volatile uint32_t SRC_GPR5;
+enum IRQ_NUMBER_t { IRQ_TEMPERATURE_PANIC = 64 };
 
-// Watchdog 3: what is written to the counter register is a command.
+// Watchdog 3: what is written to the counter register is a command; the others take a value only while it is unlocked, and a new
+// configuration holds once each of them was written.
 struct FakeWatchdogCounter {
     void operator=(uint32_t command);
+    operator uint32_t() const;
 };
 struct FakeWatchdogControl {
     void operator=(uint32_t value);
     operator uint32_t() const;
 };
+struct FakeWatchdogLimit {
+    uint32_t value;
+    bool written;
+    void operator=(uint32_t counts);
+};
 extern FakeWatchdogCounter WDOG3_CNT;
 extern FakeWatchdogControl WDOG3_CS;
-extern volatile uint32_t WDOG3_TOVAL, WDOG3_WIN, CCM_CCGR5;
+extern FakeWatchdogLimit WDOG3_TOVAL, WDOG3_WIN;
+extern volatile uint32_t CCM_CCGR5;
 constexpr uint32_t CCM_CCGR_ON = 3;
 constexpr uint32_t CCM_CCGR5_WDOG3(uint32_t n) {
     return n << 4;
 }
-constexpr uint32_t WDOG_CS_UPDATE = 1u << 5, WDOG_CS_EN = 1u << 7, WDOG_CS_ULK = 1u << 11, WDOG_CS_CMD32EN = 1u << 13,
-                   WDOG_CS_FLG = 1u << 14;
+constexpr uint32_t WDOG_CS_UPDATE = 1u << 5, WDOG_CS_EN = 1u << 7, WDOG_CS_RCS = 1u << 10, WDOG_CS_ULK = 1u << 11,
+                   WDOG_CS_CMD32EN = 1u << 13, WDOG_CS_FLG = 1u << 14;
 constexpr uint32_t WDOG_CS_CLK(uint32_t n) {
     return n << 8;
 }
@@ -56,7 +75,7 @@ void analogReadResolution(unsigned bits);
 int analogRead(uint8_t pin);
 
 // Pins
-constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1;
+constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1, INPUT = 0;
 void pinMode(uint8_t pin, uint8_t mode);
 void digitalWrite(uint8_t pin, uint8_t level);
 struct FakeSetRegister {

@@ -2,6 +2,7 @@
 // The model of the chip behind fakes_system/Arduino.h, and extern "C" functions that move it and look at it.
 #include <CrashReport.h>
 #include <csetjmp>
+#include <initializer_list>
 #include <IntervalTimer.h>
 
 #include "boards/teensy40/encoders.h"
@@ -12,12 +13,14 @@
 
 volatile uint32_t F_CPU_ACTUAL = 600'000'000;
 FakeCycleCounter ARM_DWT_CYCCNT;
-volatile uint32_t SRC_SRSR, SRC_GPR5, WDOG3_TOVAL, WDOG3_WIN, CCM_CCGR5;
+volatile uint32_t SRC_GPR5, CCM_CCGR5;
+FakeResetFlags SRC_SRSR;
 volatile uint32_t ADC1_HC0, ADC1_HS, ADC1_R0, ADC2_HC0, ADC2_HS, ADC2_R0;
 volatile uint8_t usb_configuration;
 volatile uint32_t USB1_PORTSC1, LPUART6_STAT;
 FakeWatchdogCounter WDOG3_CNT;
 FakeWatchdogControl WDOG3_CS;
+FakeWatchdogLimit WDOG3_TOVAL, WDOG3_WIN;
 FakeUsbSerial Serial;
 FakeHardwareSerial Serial1;
 FakeCrashReport CrashReport;
@@ -41,7 +44,7 @@ struct Journal {
 struct Model {
     Journal journal;
     uint32_t cycles, cycles_per_look;
-    uint32_t feeds, unlocked, control, locks;
+    uint32_t feeds, control, locks;
     bool lock_was_open;
     arm_fault_info_struct fault;
     uint8_t latch[40], direction[40]; ///< pins
@@ -58,6 +61,15 @@ struct Bus {
     bool waiting;
     uint32_t looks; ///< on_wire() says yes so many times more
 } bus;
+
+/// RTWDOG chapter of the i.MX RT1060 reference manual. The counter's clock is slow: a command to it and a new configuration take
+/// some of the counter's periods to arrive there.
+struct WatchdogModel {
+    uint32_t counts, refresh_in, applied_in;
+    uint32_t limit; ///< in force
+    bool unlocked, enabled, bitten, misused;
+} watchdog;
+constexpr uint32_t sync_looks = 3; ///< how often one must look at a register until something has arrived
 
 std::jmp_buf reset_point;
 constexpr uint8_t no_pin = 255;
@@ -88,30 +100,73 @@ FakeCycleCounter::operator uint32_t() {
 }
 
 // ---- watchdog
+namespace {
+
+void watchdog_bites_at_limit() {
+    watchdog.bitten = watchdog.bitten || (watchdog.enabled && watchdog.counts >= watchdog.limit);
+}
+
+/// The processor looks at a register: a moment goes by.
+void watchdog_look() {
+    if (watchdog.refresh_in > 0 && --watchdog.refresh_in == 0) {
+        watchdog.counts = 0;
+    }
+    watchdog.applied_in -= watchdog.applied_in > 0 ? 1 : 0;
+}
+
+} // namespace
+
 void FakeWatchdogCounter::operator=(uint32_t command) {
     if (command == 0xD928C520) {
-        model.unlocked = 1;
+        watchdog.misused = watchdog.misused || watchdog.applied_in > 0; // the last configuration is on its way still
+        watchdog.unlocked = true;
+        WDOG3_TOVAL.written = WDOG3_WIN.written = false;
         model.lock_was_open = model.lock_was_open || model.locks == 0;
     } else if (command == 0xB480A602) {
+        watchdog.refresh_in = sync_looks;
         ++model.feeds;
         model.journal.add('f');
+    } else {
+        watchdog.bitten = true;
     }
+}
+
+FakeWatchdogCounter::operator uint32_t() const {
+    watchdog_look();
+    return watchdog.counts;
+}
+
+void FakeWatchdogLimit::operator=(uint32_t counts) {
+    watchdog.misused = watchdog.misused || !watchdog.unlocked || counts > 0xFFFF;
+    value = watchdog.unlocked ? counts : value;
+    written = true;
 }
 
 void FakeWatchdogControl::operator=(uint32_t value) {
-    if (model.unlocked != 0) {
-        model.control = value;
-        model.unlocked = 0;
-        model.journal.add('w');
+    watchdog.misused = watchdog.misused || !watchdog.unlocked || !WDOG3_TOVAL.written || !WDOG3_WIN.written;
+    if (watchdog.misused) {
+        return;
     }
+    model.control = value;
+    model.journal.add('w');
+    watchdog.unlocked = false;
+    watchdog.enabled = (value & WDOG_CS_EN) != 0;
+    watchdog.limit = WDOG3_TOVAL.value;
+    watchdog.applied_in = sync_looks;
+    watchdog_bites_at_limit();
 }
 
 FakeWatchdogControl::operator uint32_t() const {
-    return model.control | (model.unlocked != 0 ? WDOG_CS_ULK : 0);
+    watchdog_look();
+    return model.control | (watchdog.unlocked ? WDOG_CS_ULK : 0) | (watchdog.applied_in == 0 ? WDOG_CS_RCS : 0);
+}
+
+void FakeResetFlags::operator=(uint32_t written) {
+    flags &= ~(written & 0xFF) & (written | ~SRC_SRSR_TEMPSENSE_RST_B);
 }
 
 void FakeCrashReport::clear() {
-    SRC_SRSR = 0;
+    SRC_SRSR = uint32_t{SRC_SRSR}; // as Teensyduino's does
     SRC_GPR5 = 0;
     model.fault = {};
 }
@@ -310,9 +365,13 @@ void fake_reset() {
     radio = {};
     radio.write_capacity = 64;
     radio.read_capacity = 64;
-    SRC_SRSR = SRC_SRSR_IPP_RESET_B;
+    SRC_SRSR.flags = SRC_SRSR_IPP_RESET_B;
     SRC_GPR5 = 0;
-    WDOG3_TOVAL = 0;
+    watchdog = {};
+    for (FakeWatchdogLimit *limit : {&WDOG3_TOVAL, &WDOG3_WIN}) {
+        limit->value = 0;
+        limit->written = false;
+    }
     CCM_CCGR5 = 0;
     ADC1_HS = ADC2_HS = 0;
     usb_configuration = 0;
@@ -332,15 +391,33 @@ uint32_t fake_watchdog_control() {
     return model.control;
 }
 uint32_t fake_watchdog_counts() {
-    return WDOG3_TOVAL;
+    return watchdog.limit;
+}
+/// Time goes by.
+void fake_watchdog_elapse_ms(uint32_t ms) {
+    watchdog.counts = watchdog.refresh_in > 0 ? 0 : watchdog.counts;
+    watchdog.refresh_in = watchdog.applied_in = 0;
+    watchdog.counts += ms * 32768 / 1000;
+    watchdog_bites_at_limit();
+}
+/// It has reset the processor.
+bool fake_watchdog_bitten() {
+    return watchdog.bitten;
+}
+/// A register was written while it is locked, or unlocked before the last configuration had arrived.
+bool fake_watchdog_misused() {
+    return watchdog.misused;
 }
 /// The unlocking sequence was never open to an interrupt.
 bool fake_watchdog_atomic() {
     return !model.lock_was_open;
 }
 void fake_reset_flags(uint32_t flags, uint32_t mark) {
-    SRC_SRSR = flags;
+    SRC_SRSR.flags = flags;
     SRC_GPR5 = mark;
+}
+uint32_t fake_reset_flags_left() {
+    return SRC_SRSR;
 }
 uint32_t fake_reset_mark() {
     return SRC_GPR5;
@@ -394,6 +471,9 @@ void fake_usb_baud(uint32_t baud) {
 }
 void fake_i2c_on_wire(uint32_t looks) {
     bus.looks = looks;
+}
+bool fake_i2c_waits_for_interrupts() {
+    return bus.looks > 0;
 }
 void fake_i2c_answers(const char *answers) {
     bus.answers = answers;

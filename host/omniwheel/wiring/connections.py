@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""The wires of a robot as a table: from, to, what to mind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniwheel.wiring import electrics
+from omniwheel.wiring.plan import RADIO_RX, RADIO_TX, SCL, SDA, WiringPlan
+
+
+@dataclass(frozen=True)
+class Connection:
+    """One line of the table."""
+
+    start: str
+    end: str
+    mind: str
+
+
+def connections(plan: WiringPlan) -> tuple[Connection, ...]:
+    """Return every wire of the robot, signals first."""
+    return (*_bus(plan), *_output_enable(plan), *_wheels(plan), *_radio(), *_extras(plan), *_supplies(plan))
+
+
+def bus_mind(plan: WiringPlan) -> str:
+    """Return what the bus needs at its speed."""
+    if plan.i2c_speed_Hz >= 1_000_000:
+        return "1 MHz: add 1.4 kΩ from each to 3.3 V, near the chip"
+    speed = f"{plan.i2c_speed_Hz // 1000} kHz"
+    return f"pull-ups to 3.3 V: the 10 kΩ on the usual board do for {speed} on wires of some 20 cm"
+
+
+def oe_mind() -> str:
+    """Return the advice on the pull-up of OE, with its figures."""
+    good = electrics.oe_level_V(electrics.OE_PULL_UP_OHM)
+    poor = electrics.oe_level_V(electrics.BOARD_PULL_DOWN_OHM)
+    sink = 1e3 * electrics.oe_sink_A(electrics.OE_PULL_UP_OHM)
+    return (
+        f"1 kΩ from OE to 3.3 V. Many boards pull OE down by 10 kΩ: 1 kΩ then gives {good:.2f} V, enough for off "
+        f"(≥ {electrics.OE_OFF_V:.2f} V); 10 kΩ gives {poor:.2f} V, undefined. The Teensy sinks {sink:.1f} mA"
+    )
+
+
+def bridge_mind(plan: WiringPlan) -> str:
+    """Return the advice on the current limit of a bridge."""
+    low, high = electrics.BRIDGE_SUPPLY_V
+    limit = electrics.BRIDGE_LIMIT_KOHM
+    return (
+        f"VM {low:g} to {high:g} V. ILIM to ground: 64 A / R in kΩ, so {limit:g} kΩ limits to "
+        f"{electrics.trip_current_A(limit):.1f} A; this motor would take {plan.stall_A:.1f} A blocked"
+    )
+
+
+def divider_mind(plan: WiringPlan) -> str:
+    """Return the resistors of the battery's divider."""
+    full = electrics.LOGIC_V * plan.battery_divider
+    return (
+        f"{electrics.divider_top_kohm(plan.battery_divider):g} kΩ over {electrics.DIVIDER_LOW_KOHM:g} kΩ: "
+        f"the pin bears 3.3 V, which is {full:.1f} V of the battery"
+    )
+
+
+def _bus(plan: WiringPlan) -> list[Connection]:
+    return [
+        Connection(f"Teensy {SDA} (SDA), {SCL} (SCL)", "PCA9685 SDA, SCL", bus_mind(plan)),
+        Connection("Teensy 3.3 V", "PCA9685 VCC", "never 5 V: its pull-ups would put 5 V onto the Teensy's pins"),
+    ]
+
+
+def _output_enable(plan: WiringPlan) -> list[Connection]:
+    if plan.output_enable_pin is None:
+        return [Connection("ground", "PCA9685 OE", "not wired to the Teensy: only the bus can stop a motor")]
+    return [Connection(f"Teensy {plan.output_enable_pin}", "PCA9685 OE", oe_mind())]
+
+
+def _wheels(plan: WiringPlan) -> list[Connection]:
+    numbers = ", ".join(str(wheel.number) for wheel in plan.wheels)
+    channels = ", ".join(f"{wheel.in1_channel}/{wheel.in2_channel}" for wheel in plan.wheels)
+    found = [
+        Connection(f"PCA9685 channels {channels}", f"IN1/IN2 of the DRV8871 of wheel {numbers}", ""),
+        Connection("DRV8871 OUT1, OUT2", "its motor", bridge_mind(plan)),
+    ]
+    if plan.encoders:
+        pins = ", ".join("/".join(map(str, wheel.encoder_pins or ())) for wheel in plan.wheels)
+        mind = "5 V encoders through a level shifter: the Teensy's pins bear 3.3 V"
+        found.append(Connection(f"encoder A/B of wheel {numbers}", f"Teensy {pins}", mind))
+    else:
+        found.append(
+            Connection("encoders", "nothing", "the robot file gives no encoder_pins: no firmware can be built")
+        )
+    return found
+
+
+def _radio() -> list[Connection]:
+    most = f"{1e3 * electrics.LOGIC_SUPPLY_A:g} mA"
+    mind = f"XBee on 3.3 V. The Teensy's 3.3 V pin gives {most} to everything: an XBee-PRO needs its own regulator"
+    return [Connection("XBee DOUT, DIN", f"Teensy {RADIO_RX} (RX1), {RADIO_TX} (TX1)", mind)]
+
+
+def _extras(plan: WiringPlan) -> list[Connection]:
+    found = []
+    if plan.battery_pin is not None:
+        found.append(Connection("VM through a divider", f"Teensy {plan.battery_pin}", divider_mind(plan)))
+    if plan.external_light:
+        found.append(Connection(f"Teensy {plan.light_pin}", "lamp: 470 Ω, LED, ground", ""))
+    else:
+        found.append(Connection(f"Teensy {plan.light_pin}", "the lamp on the board", "nothing to wire"))
+    return found
+
+
+def _supplies(plan: WiringPlan) -> list[Connection]:
+    low, high = electrics.TEENSY_SUPPLY_V
+    both = f"{low} to {high} V. If USB is plugged in as well, cut the trace between VUSB and VIN under the Teensy"
+    shifter = [Connection("5 V", "encoders, level shifter HV", "level shifter LV: the Teensy's 3.3 V")]
+    return [
+        Connection("5 V regulator, or USB alone", "Teensy VIN", both),
+        *(shifter if plan.encoders else []),
+        Connection("battery, fuse, switch", "VM of every DRV8871", f"{plan.supply_V:g} V; the switch within reach"),
+        Connection("nothing", "PCA9685 V+", "not used: it only feeds servos"),
+        Connection("all grounds", "one point", "motor currents must not flow through the Teensy's ground wire"),
+    ]

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""What a robot file says about wires, with what follows from it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from math import pi
+
+from omni_schema import EncoderPlan, Robot, plan_encoders
+from omni_schema.encoder_plan import INTERRUPTS_PER_S
+from omniwheel.wiring.electrics import BRIDGE_SUPPLY_V, LOGIC_V
+
+ON_BOARD_LIGHT = 13
+RADIO_RX, RADIO_TX = 0, 1
+SDA, SCL = 18, 19
+
+NO_OE = (
+    "OE is not wired: only the I2C bus can stop a motor. If somebody presses the Teensy's button, the motors go on "
+    "with their last duties until the motor switch is off; if the processor hangs, until the watchdog has restarted "
+    "it. To mend it: output_enable_pin."
+)
+NO_TEENSY_BUILD = "The firmware for a Teensy cannot be built from this file: {problem}."
+
+
+@dataclass(frozen=True)
+class WheelWiring:
+    """One wheel: number from 1, channels of IN1 and IN2, pins of encoder A and B (None: not given)."""
+
+    number: int
+    in1_channel: int
+    in2_channel: int
+    encoder_pins: tuple[int, int] | None
+
+
+@dataclass(frozen=True)
+class WiringPlan:
+    """All that the table and the drawing show. Pins are the Teensy's; None where nothing is wired."""
+
+    name: str
+    wheels: tuple[WheelWiring, ...]
+    output_enable_pin: int | None
+    battery_pin: int | None
+    battery_divider: float
+    light_pin: int
+    i2c_speed_Hz: int
+    supply_V: float
+    stall_A: float
+    warnings: tuple[str, ...]
+
+    @property
+    def encoders(self) -> bool:
+        """Whether the file gives encoder pins."""
+        return self.wheels[0].encoder_pins is not None
+
+    @property
+    def external_light(self) -> bool:
+        """Whether the lamp is not the one on the board."""
+        return self.light_pin != ON_BOARD_LIGHT
+
+
+def plan_wiring(robot: Robot) -> WiringPlan:
+    """Read the wiring of a robot file."""
+    values, board = robot.parameter_values(), robot.board
+    wheels = tuple(
+        WheelWiring(
+            number=n,
+            in1_channel=int(values[f"W{n}_IN1_CH"]),
+            in2_channel=int(values[f"W{n}_IN2_CH"]),
+            encoder_pins=board.encoder_pins[n - 1] if board.encoder_pins else None,
+        )
+        for n in range(1, robot.wheels + 1)
+    )
+    supply_V = values["BAT_V_NOM"]
+    return WiringPlan(
+        name=robot.name,
+        wheels=wheels,
+        output_enable_pin=board.output_enable_pin,
+        battery_pin=board.battery_pin,
+        battery_divider=board.battery_divider,
+        light_pin=board.light_pin,
+        i2c_speed_Hz=board.i2c_speed_Hz,
+        supply_V=supply_V,
+        stall_A=supply_V / values["MOT_R"],
+        warnings=tuple(_warnings(robot, wheels, supply_V)),
+    )
+
+
+def _warnings(robot: Robot, wheels: tuple[WheelWiring, ...], supply_V: float) -> list[str]:
+    board = robot.board
+    found = []
+    if board.output_enable_pin is None:
+        found.append(NO_OE)
+    encoders = plan_encoders(board)
+    found += [NO_TEENSY_BUILD.format(problem=problem) for problem in encoders.problems]
+    found += _too_fast(robot, encoders)
+    used = Counter(channel for wheel in wheels for channel in (wheel.in1_channel, wheel.in2_channel))
+    twice = [str(channel) for channel, count in sorted(used.items()) if count > 1]
+    if twice:
+        found.append(f"PCA9685 channel {', '.join(twice)} is used twice: every bridge input needs its own.")
+    low, high = BRIDGE_SUPPLY_V
+    if not low <= supply_V <= high:
+        found.append(f"A supply of {supply_V:g} V is outside of what a DRV8871 takes: {low:g} to {high:g} V.")
+    if board.battery_pin is not None and supply_V / board.battery_divider > LOGIC_V:
+        level_V = supply_V / board.battery_divider
+        found.append(
+            f"{supply_V:g} V by a divider of {board.battery_divider:g} puts {level_V:.1f} V onto pin "
+            f"{board.battery_pin}: it bears {LOGIC_V} V. Use a larger divider."
+        )
+    return found
+
+
+def _too_fast(robot: Robot, encoders: EncoderPlan) -> list[str]:
+    """Encoders whose edges interrupts could not take at the motor's no-load speed."""
+    values = robot.parameter_values()
+    edges_s = values["ENC_CPR"] * values["BAT_V_NOM"] / values["MOT_K"] / (2.0 * pi)
+    if encoders.problems or edges_s <= INTERRUPTS_PER_S:
+        return []
+    return [
+        f"Wheel {wheel}'s encoder brings up to {edges_s:.0f} edges per second, and the interrupts that count it take "
+        f"{INTERRUPTS_PER_S}: move its wires to pins with a hardware decoder."
+        for wheel, unit in enumerate(encoders.units, start=1)
+        if unit is None
+    ]
