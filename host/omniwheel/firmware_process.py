@@ -52,11 +52,18 @@ class FirmwareProcess(FirmwareChild):
     def _launch(self, folder: Path, parameters: Path, log: IO[bytes]) -> tuple[str, ...]:
         command = [str(self._program), "--params", str(parameters), *self._options]
         process = self._spawn(command, stdout=subprocess.PIPE, stderr=log)
-        try:
-            ready = json.loads(_first_line(process))
-            return tuple(str(link) for link in ready["links"])
-        except (ValueError, KeyError, TypeError):
-            raise self._not_started() from None
+        links = first_ready_line(process)
+        if links is None:
+            raise self._not_started()
+        return links
+
+
+def first_ready_line(process: subprocess.Popen[bytes]) -> tuple[str, ...] | None:
+    """Wait for a program's first line, ``{"ready": true, "links": [...]}``; return the links, None if it is another."""
+    try:
+        return tuple(str(link) for link in json.loads(_first_line(process))["links"])
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def _first_line(process: subprocess.Popen[bytes]) -> bytes:
