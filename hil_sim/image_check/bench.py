@@ -176,8 +176,8 @@ class Context:
 
 def boot(bench: Bench, *, usb: bool = True) -> None:
     """Switch the power on and wait until the robot serves its links. Raises CheckError."""
-    bench.machine.usb_cable(usb)
     bench.machine.power_on()
+    bench.machine.usb_cable(usb)
     if usb:
         bench.until(lambda: bench.machine.usb_ready, BOOT_LIMIT_S, "USB serial port")
     else:

@@ -19,7 +19,7 @@ SPIN_S = 0.4
 REST_RAD_S = 0.05
 COUNT_TOLERANCE = 1
 """Counts between what the discs have passed and what the driver says: the last edge may still be on its way."""
-READ_ENCODERS = "_ZN4omni16Teensy40Encoders4readEPi"
+READ_ENCODERS = "_ZN4omni16Teensy40Encoders4readEPl"
 SCRATCH = 0x2027F000
 """Memory that the image leaves alone: the end of its heap, below the crash record."""
 
@@ -113,10 +113,10 @@ def path_at_the_pins(context: Context) -> list[str]:
 def _path_scenario(context: Context) -> Scenario:
     robot = context.scenario.robot
     document = {
-        "scenario": {"name": "path", "description": "a circle without slip", "robot": robot.name, "seed": context.seed, "duration_s": PATH_S + 0.5},
+        "scenario": {"name": "path", "description": "a circle without slip", "robot": robot.name, "seed": context.seed, "duration_s": PATH_S + 1.0},
         "parameters": PATH,
         "world": {"slip_max": 0.0, "fix_rate_Hz": 0.0, "start_pose": [0.3, 0.0, 0.0]},
-        "event": [{"at_s": 0.0, "command": "trajectory_start"}, {"at_s": 0.0, "command": "arm"}],
+        "event": [{"at_s": 0.5, "command": "trajectory_start"}, {"at_s": 0.5, "command": "arm"}],
     }
     return parse_scenario(document, "path")
 
