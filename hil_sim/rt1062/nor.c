@@ -172,10 +172,11 @@ static void begin_work(rt1062_t *m, rt_nor_work_t work, uint64_t duration_ns) {
     rt_flash_protection_changed(m);
 }
 
+/* Bytes of ones leave what is there, and fill up a copy to a round length: they ask for nothing. */
 static bool sets_bits(const rt1062_t *m, const rt_nor_command_t *command) {
     const uint8_t *page = m->flash + (command->address & ~(uint32_t)(RT_NOR_PAGE - 1));
     for (uint32_t i = 0; i < command->out_count; i++) {
-        if ((command->out[i] & ~page[(command->address + i) % RT_NOR_PAGE]) != 0) {
+        if (command->out[i] != 0xFF && (command->out[i] & ~page[(command->address + i) % RT_NOR_PAGE]) != 0) {
             return true;
         }
     }

@@ -91,6 +91,9 @@ static bool clocked(rt1062_t *m) {
 }
 
 static uint32_t counts_left(const rt1062_t *m, const rt_pit_channel_t *channel) {
+    if ((m->s.pit.control & MCR_MDIS) != 0) {
+        return (uint32_t)channel->counts; /* its clock stands */
+    }
     const uint64_t left_ns = expires_ns(m, channel) - rt_now(m);
     return (uint32_t)(left_ns * rt_clock_hz(m, RT_ROOT_PERCLK) / 1000000000u);
 }
@@ -128,14 +131,20 @@ static bool write_module_control(rt1062_t *m, uint32_t value) {
     if ((value & ~(uint32_t)(MCR_FRZ | MCR_MDIS)) != 0) {
         return false;
     }
-    bool running = false;
+    const bool stops = (value & ~m->s.pit.control & MCR_MDIS) != 0;
+    const bool goes_on = (m->s.pit.control & ~value & MCR_MDIS) != 0;
     for (uint32_t i = 0; i < RT_PIT_CHANNELS; i++) {
-        running = running || (m->s.pit.channel[i].control & TCTRL_TEN) != 0;
-    }
-    if (running && ((m->s.pit.control ^ value) & MCR_MDIS) != 0) {
-        return false; /* stopping the clock of a channel that counts is not modelled */
+        rt_pit_channel_t *channel = &m->s.pit.channel[i];
+        if ((channel->control & TCTRL_TEN) != 0 && (stops || goes_on)) {
+            channel->counts = stops ? counts_left(m, channel) : channel->counts;
+            channel->begin_ns = rt_now(m);
+            channel->periods = 1;
+        }
     }
     m->s.pit.control = value;
+    for (uint32_t i = 0; i < RT_PIT_CHANNELS && (stops || goes_on); i++) {
+        schedule(m, i);
+    }
     return true;
 }
 

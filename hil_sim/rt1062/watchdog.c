@@ -17,7 +17,8 @@ enum {
     IRQ_RTWDOG = 93,
     LPO_Hz = 32768,
     WINDOW_clocks = 128, /* to reconfigure in after unlocking; from interrupt to reset */
-    PAIR_clocks = 16     /* between the halves of a 16-bit command */
+    PAIR_clocks = 16,    /* between the halves of a 16-bit command */
+    CROSSING_periods = 3 /* of the watchdog's own clock until RCS is set; the manual gives no figure */
 };
 
 #define REFRESH 0xB480A602u
@@ -190,6 +191,8 @@ static void take_effect(rt1062_t *m) {
     const uint64_t count = count_now(m);
     const uint32_t flag = w->cs & CS_FLG & ~w->new_cs; /* cleared by writing one */
     w->cs = (w->new_cs & CS_CONFIGURED) | flag | CS_RCS;
+    const uint64_t hz = clock_hz(m);
+    w->done_ns = hz == 0 ? RT_NEVER : rt_now(m) + CROSSING_periods * 1000000000ull / hz;
     w->toval = w->new_toval;
     w->win = (w->written & WROTE_WIN) != 0 ? w->new_win : w->win;
     w->open = false;
@@ -258,7 +261,8 @@ static bool watchdog_read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t 
         return true;
     }
     look_at_window(m);
-    const uint32_t values[4] = {w->cs | (w->open ? CS_ULK : 0), (uint32_t)count_now(m) & 0xFFFF, w->toval, w->win};
+    const uint32_t status = (w->cs & ~(rt_now(m) < w->done_ns ? CS_RCS : 0)) | (w->open ? CS_ULK : 0);
+    const uint32_t values[4] = {status, (uint32_t)count_now(m) & 0xFFFF, w->toval, w->win};
     if (size != 4 || offset > WIN) {
         return false;
     }

@@ -25,7 +25,8 @@ typedef struct rt_watchdog_t {
     uint32_t new_win;
     uint32_t half; /* first half of a 16-bit pair written to CNT, 0: none */
     uint64_t half_ns;
-    bool biting; /* the interrupt is out, the reset follows */
+    uint64_t done_ns; /* when CS.RCS shows that a configuration has come through */
+    bool biting;      /* the interrupt is out, the reset follows */
 } rt_watchdog_t;
 
 /* What the boot ROM leaves: off, open to be configured. */

@@ -143,6 +143,18 @@ def test_programming_only_clears_bits(chip: Chip) -> None:
     assert any("would set bits" in text for text in chip.found(lib.RT1062_FINDING_FLASH))
 
 
+def test_ones_leave_what_is_there(chip: Chip) -> None:
+    """Bytes of ones around the others fill a copy up to a round length: nothing to object to."""
+    enable_writing(chip)
+    program_bytes(chip, AT, b"\x12\xff\xff\xff")
+    busy_ns(chip, 10_000)
+    enable_writing(chip)
+    program_bytes(chip, AT, b"\xff\x34\xff\xff")
+    busy_ns(chip, 10_000)
+    assert chip.flash(AT, 4) == b"\x12\x34\xff\xff"
+    assert chip.findings() == []
+
+
 def test_programming_wraps_within_its_page(chip: Chip) -> None:
     enable_writing(chip)
     program_bytes(chip, AT + 254, b"abcd")
