@@ -25,7 +25,14 @@ SCRATCH = 0x2027F000
 
 PATH_S = 5.0
 PATH_LIMIT_M = 0.001
-PATH = {"TRJ_TYPE": "circle", "TRJ_SIZE": 0.3, "TRJ_PERIOD": 10.0, "TRJ_RAMP": 0.5, "TRJ_ROT": "fixed", "EKF_MODE": "odometry"}
+PATH = {
+    "TRJ_TYPE": "circle",
+    "TRJ_SIZE": 0.3,
+    "TRJ_PERIOD": 10.0,
+    "TRJ_RAMP": 0.5,
+    "TRJ_ROT": "fixed",
+    "EKF_MODE": "odometry",
+}
 
 
 def motors_and_encoders(context: Context) -> list[str]:
@@ -113,7 +120,13 @@ def path_at_the_pins(context: Context) -> list[str]:
 def _path_scenario(context: Context) -> Scenario:
     robot = context.scenario.robot
     document = {
-        "scenario": {"name": "path", "description": "a circle without slip", "robot": robot.name, "seed": context.seed, "duration_s": PATH_S + 1.0},
+        "scenario": {
+            "name": "path",
+            "description": "a circle without slip",
+            "robot": robot.name,
+            "seed": context.seed,
+            "duration_s": PATH_S + 1.0,
+        },
         "parameters": PATH,
         "world": {"slip_max": 0.0, "fix_rate_Hz": 0.0, "start_pose": [0.3, 0.0, 0.0]},
         "event": [{"at_s": 0.5, "command": "trajectory_start"}, {"at_s": 0.5, "command": "arm"}],

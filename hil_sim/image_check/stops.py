@@ -72,7 +72,9 @@ def commands(context: Context) -> list[str]:
             for channel in Channel:
                 bench.machine.restore(driving)
                 robot = bench.connect(channel, heartbeat=False)
-                off_s = _time_to_off(bench, _send(robot, channel, command, *parameters), 0.1, f"{name} over {channel.name}")
+                off_s = _time_to_off(
+                    bench, _send(robot, channel, command, *parameters), 0.1, f"{name} over {channel.name}"
+                )
                 if off_s > COMMAND_LIMIT_S:
                     raise CheckError(f"{name} over {channel.name}: bridges off after {1e3 * off_s:.1f} ms")
                 figures.append(f"{name} over {channel.name}: {1e3 * off_s:.1f} ms")

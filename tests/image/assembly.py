@@ -77,7 +77,16 @@ def assemble(source: str, folder: Path) -> Program:
     text.write_text(_PROLOGUE + source + "\n.pool\n", encoding="ascii")
     program = folder / "program.elf"
     address = f"-Ttext=0x{FLASH + IMAGE_AT:08X}"
-    command = ["arm-none-eabi-gcc", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-nostdlib", address, "-e", "reset"]
+    command = [
+        "arm-none-eabi-gcc",
+        "-mcpu=cortex-m7",
+        "-mfpu=fpv5-d16",
+        "-mfloat-abi=hard",
+        "-nostdlib",
+        address,
+        "-e",
+        "reset",
+    ]
     subprocess.run([*command, str(text), "-o", str(program)], check=True)
     with program.open("rb") as file:
         elf = ELFFile(file)

@@ -313,7 +313,9 @@ def test_integers_and_floats_to_double(tmp_path: Path) -> None:
     ("a", "b", "flags"), [(1.0, 2.0, 8), (2.0, 2.0, 6), (3.0, 2.0, 2), (float("nan"), 2.0, 3), (-0.0, 0.0, 6)]
 )
 def test_double_comparison(tmp_path: Path, a: float, b: float, flags: int) -> None:
-    with running(assemble(_double_program("vcmp.f64 d0, d1", a, b, 0.0, "vmrs r0, FPSCR\n str r0, [r7]"), tmp_path)) as bare:
+    with running(
+        assemble(_double_program("vcmp.f64 d0, d1", a, b, 0.0, "vmrs r0, FPSCR\n str r0, [r7]"), tmp_path)
+    ) as bare:
         bare.finish()
         assert bare.words(1)[0] >> 28 == flags
 
@@ -361,7 +363,9 @@ READ_ONLY_4K = 0x07000017
 NO_ACCESS_32 = 0x10000009
 
 
-def _fault(folder: Path, instruction: str, *, before: str = "", enable: str = ALL_FAULTS) -> tuple[list[int], int, list[str]]:
+def _fault(
+    folder: Path, instruction: str, *, before: str = "", enable: str = ALL_FAULTS
+) -> tuple[list[int], int, list[str]]:
     program = assemble(FAULT.format(instruction=instruction, before=before, enable=enable), folder)
     with running(program) as bare:
         bare.finish()
@@ -377,8 +381,18 @@ def _fault(folder: Path, instruction: str, *, before: str = "", enable: str = AL
         ("udf #1", "", 6, 1 << 16),
         ("ldr r1, [r2]", "ldr r2, =0x30000000", 5, 1 << 9 | 1 << 15),
         ("str r1, [r2]", "ldr r2, =0x60002000", 4, 1 << 1 | 1 << 7),
-        ("str r1, [r2]", MEMORY_PROTECTION.format(base=0x20008010, attributes=READ_ONLY_4K) + "ldr r2, =0x20008ABC", 4, 0x82),
-        ("ldr r1, [r2]", MEMORY_PROTECTION.format(base=0x20008010, attributes=NO_ACCESS_32) + "ldr r2, =0x2000801C", 4, 0x82),
+        (
+            "str r1, [r2]",
+            MEMORY_PROTECTION.format(base=0x20008010, attributes=READ_ONLY_4K) + "ldr r2, =0x20008ABC",
+            4,
+            0x82,
+        ),
+        (
+            "ldr r1, [r2]",
+            MEMORY_PROTECTION.format(base=0x20008010, attributes=NO_ACCESS_32) + "ldr r2, =0x2000801C",
+            4,
+            0x82,
+        ),
     ],
 )
 def test_a_fault_is_taken_where_it_happens(

@@ -12,6 +12,7 @@ from omniwheel import __version__
 from omniwheel.cli import (
     bench,
     bringup,
+    check_image,
     demo,
     doctor,
     drive,
@@ -102,6 +103,7 @@ app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.add_typer(robots.app, name="robots")
 app.add_typer(bringup.app, name="bringup")
 app.add_typer(identify.app, name="identify")
+app.command("check-image", epilog=check_image.EXAMPLES)(check_image.check_image)
 app.command("flash", epilog=flash.EXAMPLES)(flash.flash)
 app.command("doctor", epilog=doctor.EXAMPLES)(doctor.doctor)
 

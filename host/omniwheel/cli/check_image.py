@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: MIT
+"""``omni check-image``: run a firmware image on the emulated chip and look at what it does."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from hil_sim.image_check.check import CI, NIGHTLY, SHORT
+from hil_sim.image_check.run import Outcome, all_checks, report, run_checks
+from omniwheel.cli.common import JsonOption, console, examples, note, print_json
+
+EXAMPLES = examples(
+    "omni check-image .pio/build/three_wheel/firmware.elf",
+    "omni check-image firmware.elf --robot my_robot.toml --depth short",
+    "omni check-image firmware.elf --only stop-commands --only path",
+    "omni check-image --list",
+)
+
+
+class Depth(str, Enum):
+    """How much is checked."""
+
+    short = SHORT
+    ci = CI
+    nightly = NIGHTLY
+
+
+def check_image(
+    image: Annotated[
+        Path | None, typer.Argument(metavar="FIRMWARE.ELF", help="What `make firmware` has linked.", show_default=False)
+    ] = None,
+    robot: Annotated[
+        str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot file that it was built for.")
+    ] = "three_wheel",
+    depth: Annotated[Depth, typer.Option("--depth", help="short: before an upload. nightly: all of it.")] = Depth.ci,
+    only: Annotated[list[str] | None, typer.Option("--only", metavar="CHECK", help="These checks; see --list.")] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of everything that is drawn at random.")] = 1,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Checks that run at the same time.")] = 2,
+    report_file: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE.md", help="Write the report there, too.")
+    ] = None,
+    list_wanted: Annotated[bool, typer.Option("--list", help="Name the checks and end.")] = False,
+    json_wanted: JsonOption = False,
+) -> None:
+    """Run a firmware image on an emulated Teensy 4.0 with the robot at its pins, and check what it does.
+
+    Exit code 1 if a check fails. This is a model of the chip; the report says what it leaves out.
+    """
+    if list_wanted:
+        for check in all_checks():
+            console.print(f"{check.name:16} {check.what} ({', '.join(check.depths)})")
+        return
+    if image is None:
+        raise typer.BadParameter("which image? `make firmware` links .pio/build/three_wheel/firmware.elf")
+    try:
+        outcomes = run_checks(
+            image, robot, depth=depth.value, seed=seed, only=only or (), workers=workers, done=say_outcome
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    if report_file is not None:
+        report_file.write_text(report(image, robot, depth.value, seed, outcomes), encoding="utf-8")
+    failed = [outcome for outcome in outcomes if not outcome.passed]
+    if json_wanted:
+        print_json({"image": str(image), "robot": robot, "seed": seed, "checks": [o.as_dict() for o in outcomes]})
+    else:
+        verdict = f"{len(failed)} of {len(outcomes)} checks failed" if failed else f"all {len(outcomes)} checks passed"
+        console.print(f"{verdict}, on a model of the chip: no silicon was tested (seed {seed})")
+    if failed:
+        raise typer.Exit(1)
+
+
+def say_outcome(outcome: Outcome) -> None:
+    """Print a line about a check that is over."""
+    mark = "[green]✓[/]" if outcome.passed else "[red]✗[/]"
+    text = "; ".join(outcome.figures) if outcome.passed else outcome.failure
+    note(f"{mark} {outcome.name}: {escape(text)} [dim]({outcome.wall_s:.1f} s)[/]")
