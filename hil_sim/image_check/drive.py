@@ -9,8 +9,8 @@ import numpy as np
 
 from hil_sim.image_check.bench import Bench, CheckError, Context
 from hil_sim.image_check.check import CI, NIGHTLY, Check
-from hil_sim.runs import run_in_process
 from hil_sim.rt1062 import Stop
+from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, parse_scenario
 from omniwheel.robot import Robot
 

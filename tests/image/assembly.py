@@ -97,7 +97,7 @@ def assemble(source: str, folder: Path) -> Program:
 
 
 def _boot_image(code: bytes, entry: int) -> bytes:
-    """Put the flash controller's configuration block, the vector table of the boot ROM and its boot data before the code."""
+    """Put what the boot ROM looks at before the code: configuration block, vector table, boot data."""
     flash = bytearray(b"\xff" * IMAGE_AT)
     flash[0:8] = struct.pack("<2I", 0x42464346, 0x56010000)
     flash[0x50:0x54] = struct.pack("<I", 0x200000)

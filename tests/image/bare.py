@@ -36,7 +36,7 @@ class Bare:
         return int(lib.rt1062_run(self.c, self.begin_ns + int(until_us * 1000)))
 
     def finish(self, limit_us: float = 1e6) -> None:
-        """Run until the program's ``done``; fail if it does not get there or an exception comes that it does not know."""
+        """Run until the program's ``done``; fail if it does not get there."""
         lib.rt1062_break(self.c, 0)
         lib.rt1062_break(self.c, self.program.symbols["done"])
         stop = self.run(limit_us)

@@ -26,7 +26,7 @@ SYSTICK = """
     str r1, [r0]
 """
 
-# A checksum that needs every register, the flags within IT blocks, multiple loads and stores, and the floating-point unit.
+# A checksum that needs every register, the flags within IT blocks, multiple loads and stores, floating point.
 CHECKSUM = """
 main:
     handler 15, on_tick
