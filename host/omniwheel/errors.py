@@ -23,6 +23,7 @@
     │   ├── FirmwareStartError        it ended or did not get ready
     │   └── FirmwareEndedError        it ended while it was used; says its last words
     ├── FlashError                    the Teensy's firmware could not be built, uploaded or found running
+    │   └── HexFileError              a .hex file that is damaged, or no program for a Teensy 4.0   (bad input)
     ├── MocapError                    a stream of poses from motion capture
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
     │   ├── MocapLibraryError         the library that reads it is not installed
@@ -173,6 +174,12 @@ class FirmwareEndedError(FirmwareError):
 
 class FlashError(OmniError):
     """The Teensy's firmware could not be built, uploaded or found running afterwards."""
+
+
+class HexFileError(FlashError, ValueError):
+    """A .hex file that is missing, damaged or no program for a Teensy 4.0; nothing was uploaded."""
+
+    exit_code = 2
 
 
 class MocapError(OmniError):
