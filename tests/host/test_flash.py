@@ -211,6 +211,17 @@ def test_of_two_boards_the_named_one_is_sent_to_its_bootloader_where_no_other_wa
     assert boards.choose_board(None, blank=False) == Board(None)
 
 
+def test_a_board_without_a_port_is_the_one_that_appears(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.ports = [teensy("/dev/a")]
+    blank = boards.choose_board(None, blank=True)
+    assert blank == Board(None, ("/dev/a",))
+    assert not loader.enter_bootloader(blank)  # it may be that one, whose button was pressed
+    assert running._port_of(blank) == teensy("/dev/a")
+    bench.ports = [teensy("/dev/a"), teensy("/dev/new")]
+    assert running._port_of(blank) == teensy("/dev/new")
+    assert not bench.rebooted
+
+
 def test_another_board_that_gets_into_its_bootloader_meanwhile_ends_it(bench: Bench) -> None:
     bench.waiting = 2
     with pytest.raises(FlashError, match="another Teensy"):
@@ -298,6 +309,17 @@ def test_a_loader_that_finds_no_bootloader_has_an_end(bench: Bench, monkeypatch:
     assert "button" in caught.value.hint
 
 
+def test_an_upload_that_is_interrupted_says_how_to_go_on(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    bench.ports = [teensy("/dev/a")]
+    monkeypatch.setattr("omniwheel.flashing.loader.subprocess.run", interrupt)
+    result = flash(str(bench.hex))
+    assert result.exit_code == 130
+    assert "--blank" in result.stderr
+
+
 def test_a_damaged_file_is_refused_before_the_board_is_touched(bench: Bench) -> None:
     bench.ports = [teensy("/dev/a")]
     bench.hex.write_text(bench.hex.read_text()[:2000])
@@ -319,7 +341,7 @@ def test_a_file_and_a_robot_do_not_go_together(bench: Bench) -> None:
 def test_a_board_that_still_runs_other_firmware_is_an_error(bench: Bench, board: str) -> None:
     bench.ports = [teensy(board)]
     with pytest.raises(FlashError, match="not the 12345678 just built") as caught:
-        running.wait_for_firmware(Board(bench.ports[0]), "123456789abcdef0", left=True)
+        running.wait_for_firmware(Board(bench.ports[0]), "123456789abcdef0", began_s=0.0, left=True)
     assert "button" in caught.value.hint
 
 
@@ -336,7 +358,7 @@ def test_the_port_is_waited_for_while_the_board_starts(bench: Bench, board: str)
     other = teensy("/dev/other", "99")
     bench.ports = [other]
     before = Board(teensy("/dev/a", "1234"))  # comes back under another name
-    flashed = running.wait_for_firmware(before, "", left=True, clock=clock, sleep=sleep)
+    flashed = running.wait_for_firmware(before, "", began_s=0.0, left=True, clock=clock, sleep=sleep)
     assert flashed.port == board
     assert clock.now > 5.0
 
@@ -349,7 +371,7 @@ def test_the_old_firmware_is_not_taken_for_the_new_one(bench: Bench, monkeypatch
     monkeypatch.setattr(running, "_ask", lambda _: running.Answer(answer.version, clock.now - started[0]))
     bench.ports = [teensy("/dev/a")]
     with pytest.raises(FlashError, match="did not answer") as caught:
-        running.wait_for_firmware(Board(bench.ports[0]), "", left=False, clock=clock, sleep=clock.sleep)
+        running.wait_for_firmware(Board(bench.ports[0]), "", began_s=0.0, left=False, clock=clock, sleep=clock.sleep)
     assert "before the upload" in caught.value.hint
 
     def restart(seconds: float) -> None:
@@ -358,7 +380,9 @@ def test_the_old_firmware_is_not_taken_for_the_new_one(bench: Bench, monkeypatch
             started[0] = clock.now
 
     begin = clock.now
-    flashed = running.wait_for_firmware(Board(bench.ports[0]), "", left=False, clock=clock, sleep=restart)
+    flashed = running.wait_for_firmware(
+        Board(bench.ports[0]), "", began_s=begin, left=False, clock=clock, sleep=restart
+    )
     assert flashed.version is answer.version
     assert clock.now > begin + 3.0
 
@@ -366,7 +390,7 @@ def test_the_old_firmware_is_not_taken_for_the_new_one(bench: Bench, monkeypatch
 def test_a_board_that_does_not_come_back_is_an_error_with_a_way_on(bench: Bench) -> None:
     clock = Clock()
     with pytest.raises(FlashError, match="did not answer within 30 s") as caught:
-        running.wait_for_firmware(Board(teensy("/dev/a")), "", left=True, clock=clock, sleep=clock.sleep)
+        running.wait_for_firmware(Board(teensy("/dev/a")), "", began_s=0.0, left=True, clock=clock, sleep=clock.sleep)
     assert "unplug" in caught.value.hint
 
 
@@ -381,7 +405,7 @@ def test_the_board_is_asked_without_counting_as_a_ground_station(bench: Bench, m
     bench.ports = [teensy("/dev/a")]
     clock = Clock()
     with pytest.raises(FlashError, match="did not answer") as caught:
-        running.wait_for_firmware(Board(bench.ports[0]), "", left=True, clock=clock, sleep=clock.sleep)
+        running.wait_for_firmware(Board(bench.ports[0]), "", began_s=0.0, left=True, clock=clock, sleep=clock.sleep)
     assert "busy" in caught.value.hint
     assert asked
     assert not any(asked)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import shlex
+import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,6 +18,7 @@ from omniwheel.errors import FlashError
 from omniwheel.flashing.boards import Board, choose_board
 from omniwheel.flashing.hex_file import HexImage, read_hex
 from omniwheel.flashing.loader import (
+    CUT_SHORT,
     PROGRAM,
     enter_bootloader,
     find_loader,
@@ -133,9 +135,14 @@ def _dry_run(program: Program, port: str | None, blank: bool) -> dict[str, Any]:
 
 
 def _upload(program: Program, board: Board, loader: str) -> Flashed:
+    began_s = time.monotonic()
     left = enter_bootloader(board)
     if not left or board.port is None:
         note("if the board does not wait in its bootloader yet: press its button")
-    run_loader(loader, program.image.path)
+    try:
+        run_loader(loader, program.image.path)
+    except KeyboardInterrupt:
+        note(f"the upload was cut short: {CUT_SHORT}")
+        raise
     note("uploaded; waiting for the board")
-    return wait_for_firmware(board, program.git_hash, left=left)
+    return wait_for_firmware(board, program.git_hash, began_s=began_s, left=left)

@@ -13,9 +13,13 @@ _UNPLUG = "unplug all Teensys but the one to upload to"
 
 @dataclass(frozen=True)
 class Board:
-    """The board that an upload goes to. ``port`` is None for one that shows none: it waits, or waits for its button."""
+    """The board that an upload goes to. ``port`` is None for one that shows none: it waits, or waits for its button.
+
+    ``others`` are the ports of Teensys that were there before.
+    """
 
     port: Port | None
+    others: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         if self.port is None:
@@ -36,11 +40,12 @@ def choose_board(port: str | None, *, blank: bool) -> Board:
     waits there, the loader can only take that one.
     """
     found = teensy_ports()
+    names = tuple(port.device for port in found)
     waiting = bootloaders()
     if waiting is not None and waiting > 1:
         raise FlashError(f"{waiting} Teensys wait in their bootloaders: any of them could be taken", hint=_UNPLUG)
     if blank:
-        return Board(None)
+        return Board(None, names)
     if waiting:
         if found:
             what = "one Teensy waits in its bootloader and would be taken instead"

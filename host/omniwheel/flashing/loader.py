@@ -56,12 +56,12 @@ def loader_command(loader: str, image: Path) -> list[str]:
 def enter_bootloader(
     board: Board, *, clock: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep
 ) -> bool:
-    """Send the board to its bootloader. Return whether its port is gone: if not, somebody has to press the button.
+    """Send the board to its bootloader. Return whether its port is gone, or never was there.
 
     Raises FlashError if another board got there meanwhile.
     """
     if board.port is None:
-        return True
+        return not board.others
     try:
         serial.Serial(board.port.device, REBOOT_BAUD).close()
     except (OSError, serial.SerialException) as error:

@@ -40,6 +40,7 @@ def wait_for_firmware(
     board: Board,
     git_hash: str,
     *,
+    began_s: float,
     left: bool,
     timeout_s: float = BOOT_S,
     clock: Callable[[], float] = time.monotonic,
@@ -47,7 +48,8 @@ def wait_for_firmware(
 ) -> Flashed:
     """Wait until the board is back on USB and say what it runs.
 
-    ``left``: its port was seen to go; else it is waited for that, or for firmware that started after this call did.
+    ``began_s`` is when the upload began, by ``clock``. ``left``: since then its port was seen to go; else it is waited
+    for that, or for firmware that started since then.
     ``git_hash`` is what was built in, "" if that is not known. Raises FlashError if nothing, the old or other firmware
     answers.
     """
@@ -61,7 +63,7 @@ def wait_for_firmware(
         except OmniError as error:  # not there yet, or gone again: it is starting
             last = f"last problem: {error}"
             answer = None
-        if port and answer and (left or answer.uptime_s < clock() - begin):
+        if port and answer and (left or answer.uptime_s < clock() - began_s):
             return Flashed(port.device, _checked(port, answer.version, git_hash))
         if answer:
             last = f"the firmware that ran before the upload still answers; {CUT_SHORT}"
@@ -73,7 +75,8 @@ def _port_of(board: Board) -> Port | None:
     """Return the board's port as it is now: a board keeps its serial number, but perhaps not the port's name."""
     found = teensy_ports()
     if board.port is None:
-        return found[0] if len(found) == 1 else None
+        new = [port for port in found if port.device not in board.others] if len(found) > 1 else found
+        return new[0] if len(new) == 1 else None
     number = board.port.serial_number
     same = [port for port in found if (port.serial_number == number if number else port.device == board.port.device)]
     return same[0] if same else None
