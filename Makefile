@@ -17,7 +17,7 @@ WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
 
 .PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        firmware-memory firmware-build-check flash clean
+        firmware-memory firmware-build-check flash release clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -33,6 +33,7 @@ help:
 	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
 	@echo 'make firmware-memory       what the image takes, beside docs/teensy.md (ARGS=--write puts it there)'
 	@echo 'make flash        the same, and upload it'
+	@echo 'make release      dist: .hex, .elf and report for each robot, the wheel, SHA256SUMS'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
 
 # Another answer means that the emulated firmware can be built now, or no more.
@@ -54,7 +55,7 @@ $(VENV)/stamp-install: $(VENV)/stamp-tools $(ARM_STAMP) $(BUILD_INPUTS)
 
 # Only a change of pyproject.toml can bring new packages; a change of C code is stamp-install's business.
 $(VENV)/stamp-test: pyproject.toml | $(VENV)/stamp-install
-	$(PIP) install --no-build-isolation -e '.[test]'
+	$(PIP) install --no-build-isolation -e '.[test,flash]'
 	@touch $@
 
 setup: $(VENV)/stamp-install $(VENV)/stamp-test
@@ -97,9 +98,11 @@ firmware-memory: setup firmware
 firmware-build-check: setup $(VENV)/stamp-platformio
 	.ci/firmware $(VENV)
 
-flash: $(VENV)/stamp-platformio
-	$(CHECK_ROBOT)
-	$(PIO) -t upload
+release: setup wheel
+	$(BIN)/python -m omniwheel.cli.release --out dist $(ARGS)
+
+flash: setup
+	$(BIN)/omni flash --robot $(ROBOT) $(ARGS)
 
 $(VENV)/stamp-lint: $(VENV)/stamp-install
 	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' pytest hypothesis

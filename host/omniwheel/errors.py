@@ -24,6 +24,7 @@
     │   ├── FirmwareEndedError        it ended while it was used; says its last words
     │   └── FirmwareImageError        an image for the Teensy that is none, or that the emulated chip refuses  (bad input)
     ├── FlashError                    the Teensy's firmware could not be built, uploaded or found running
+    │   └── HexFileError              a .hex file that is damaged, or no program for a Teensy 4.0   (bad input)
     ├── MocapError                    a stream of poses from motion capture
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
     │   ├── MocapLibraryError         the library that reads it is not installed
@@ -180,6 +181,12 @@ class FirmwareImageError(FirmwareError):
 
 class FlashError(OmniError):
     """The Teensy's firmware could not be built, uploaded or found running afterwards."""
+
+
+class HexFileError(FlashError, ValueError):
+    """A .hex file that is missing, damaged or no program for a Teensy 4.0; nothing was uploaded."""
+
+    exit_code = 2
 
 
 class MocapError(OmniError):

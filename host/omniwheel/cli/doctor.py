@@ -35,6 +35,7 @@ _TOOLS = {
 }
 
 _EXTRAS = {
+    "intelhex": ("flash", "omni flash"),
     "scipy": ("study", "omni identify, omni reproduce, omni replay, omni sweep --sobol"),
     "optuna": ("optimize", "omni optimize"),
     "distributed": ("cluster", "--cluster of omni montecarlo, sweep and optimize"),

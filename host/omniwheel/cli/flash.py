@@ -1,54 +1,148 @@
 # SPDX-License-Identifier: MIT
-"""``omni flash``: build the Teensy's firmware, upload it and say what runs now."""
+"""``omni flash``: build the Teensy's firmware, or take a released file, upload it and say what runs now."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Annotated
+import shlex
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
-from omniwheel.flashing import require_board, run_pio, wait_for_firmware
+from omniwheel.cli.image_check import check_image
+from omniwheel.errors import FlashError
+from omniwheel.flashing.boards import Board, choose_board
+from omniwheel.flashing.hex_file import HexImage, read_hex
+from omniwheel.flashing.loader import (
+    CUT_SHORT,
+    PROGRAM,
+    enter_bootloader,
+    find_loader,
+    loader_command,
+    require_loader,
+    run_loader,
+)
+from omniwheel.flashing.running import Flashed, wait_for_firmware
+from omniwheel.flashing.source import build
 
 EXAMPLES = examples(
     "omni flash                         # the three-wheel robot's firmware onto the one Teensy",
     "omni flash --robot four_wheel",
     "omni flash --robot my_robot.toml --port /dev/ttyACM1",
-    "omni flash --build-only",
+    "omni flash omniwheel-0.1.0-three_wheel.hex    # a released file, without building",
+    "omni flash --dry-run               # everything but the upload",
 )
+DEFAULT_ROBOT = "three_wheel"
+
+
+@dataclass(frozen=True)
+class Program:
+    """What is to be uploaded: the checked file, words for it, and the git hash built in ("" if not known)."""
+
+    image: HexImage
+    what: str
+    git_hash: str
 
 
 def flash(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE.hex]", help="Upload this file instead of building.")
+    ] = None,
     robot: Annotated[
-        str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="Whose wiring and values are built in.")
-    ] = "three_wheel",
+        str | None,
+        typer.Option("--robot", "-r", metavar="NAME|FILE", help="Whose wiring and values are built in. [three_wheel]"),
+    ] = None,
     port: Annotated[
         str | None, typer.Option("--port", "-p", metavar="PORT", help="The board's port. Default: the one Teensy.")
     ] = None,
     blank: Annotated[
-        bool, typer.Option("--blank", help="The board has no serial port yet: press its button when asked.")
+        bool,
+        typer.Option("--blank", help="A board without a serial port, or after an upload cut short: press its button."),
     ] = False,
-    build_only: Annotated[bool, typer.Option("--build-only", help="Do not upload.")] = False,
+    build_only: Annotated[bool, typer.Option("--build-only", help="Build and check, do not upload.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Do everything but the upload; needs no board.")] = False,
+    skip_check: Annotated[bool, typer.Option("--skip-check", help="Upload without running the image first.")] = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Build the firmware for a Teensy 4.0 with PlatformIO, upload it, wait for the board and ask it what it runs.
 
-    Works from a source checkout. The firmware switches the motors off when the upload begins.
+    Builds in a source checkout; a FILE.hex is uploaded from anywhere. The firmware switches the motors off when the
+    upload begins.
     """
-    if not build_only and not blank:
-        require_board(port)
-    built = run_pio(robot, upload=not build_only, port=port)
-    if build_only:
-        if json_wanted:
-            print_json({"built": built})
-        else:
-            console.print(f"built for {escape(robot)}")
+    if file is not None and (robot or build_only):
+        raise typer.BadParameter("a FILE.hex is uploaded as it is: --robot and --build-only are for building")
+    uploads = not build_only and not dry_run
+    board = choose_board(port, blank=blank) if uploads else None
+    loader = require_loader() if uploads and file is not None else None  # a first build brings PlatformIO's
+    program = _from_file(file) if file is not None else _built(robot or DEFAULT_ROBOT, check=not skip_check)
+    if board is None:
+        said = _dry_run(program, port, blank) if dry_run else {"built": program.git_hash}
+        _say(json_wanted, said, f"built {program.what}" if build_only else "")
         return
-    note("uploaded; waiting for the board")
-    flashed = wait_for_firmware(port, built)
+    flashed = _upload(program, board, loader or require_loader())
+    words = f"{flashed.port} runs firmware {flashed.version}, uploaded from {program.what}"
+    _say(json_wanted, {"port": flashed.port, "version": asdict(flashed.version)}, words)
+
+
+def _say(json_wanted: bool, value: dict[str, Any], words: str) -> None:
     if json_wanted:
-        print_json({"port": flashed.port, "version": asdict(flashed.version)})
-    else:
-        console.print(f"{escape(flashed.port)} runs firmware {escape(str(flashed.version))} for {escape(robot)}")
+        print_json(value)
+    elif words:
+        console.print(escape(words), soft_wrap=True)
+
+
+def _from_file(file: Path) -> Program:
+    return Program(read_hex(file), str(file), "")
+
+
+def _built(robot: str, *, check: bool) -> Program:
+    made = build(robot)
+    image = read_hex(made.hex)
+    if check:
+        note(escape(check_image(made.elf)))
+    return Program(image, f"{made.hex} for {robot}", made.git_hash)
+
+
+def _dry_run(program: Program, port: str | None, blank: bool) -> dict[str, Any]:
+    """Say what an upload would do now; a board or a loader that is missing is a sentence, no error."""
+    loader = find_loader()
+    command = loader_command(loader or PROGRAM, program.image.path)
+    try:
+        board, problem = str(choose_board(port, blank=blank)), None
+    except FlashError as error:
+        board, problem = None, f"{error}; {error.hint}" if error.hint else str(error)
+    note(escape(f"{program.what}: {program.image.size} bytes, SHA-256 {program.image.sha256}"))
+    note(escape(f"would run: {shlex.join(command)}"))
+    if loader is None:
+        note(f"{PROGRAM} is not installed here")
+    note(escape(f"for {board}" if board else f"an upload would be refused now: {problem}"))
+    note("dry run: nothing was uploaded")
+    return {
+        "file": str(program.image.path),
+        "size": program.image.size,
+        "sha256": program.image.sha256,
+        "built": program.git_hash,
+        "command": command,
+        "loader": loader,
+        "board": board,
+        "problem": problem,
+        "uploaded": False,
+    }
+
+
+def _upload(program: Program, board: Board, loader: str) -> Flashed:
+    began_s = time.monotonic()
+    left = enter_bootloader(board)
+    if not left or board.port is None:
+        note("if the board does not wait in its bootloader yet: press its button")
+    try:
+        run_loader(loader, program.image.path)
+    except KeyboardInterrupt:
+        note(f"the upload was cut short: {CUT_SHORT}")
+        raise
+    note("uploaded; waiting for the board")
+    return wait_for_firmware(board, program.git_hash, began_s=began_s, left=left)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: MIT
+"""``make release``: the .hex, the .elf and the report of its check for each robot; checksums of all, and of the wheel.
+
+usage: python -m omniwheel.cli.release --out dist [--changed]
+
+Exit code 1: a robot's firmware cannot be built or does not pass; then there are no checksums.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import shutil
+import sys
+from pathlib import Path
+
+from omniwheel import __version__
+from omniwheel.cli.common import console, error_console
+from omniwheel.cli.image_check import check_image
+from omniwheel.errors import FlashError, OmniError
+from omniwheel.flashing.hex_file import read_hex
+from omniwheel.flashing.source import Build, build, source_dir
+from omniwheel.robots import robot_names
+
+CHECKSUMS = "SHA256SUMS"
+
+
+def release(out: Path, *, changed: bool) -> list[Path]:
+    """Write the release's files below ``out`` and return them. Raises FlashError.
+
+    ``changed``: a work tree that is not what was committed is no reason to refuse.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    (out / CHECKSUMS).unlink(missing_ok=True)
+    files = []
+    for robot in robot_names():
+        made = build(robot)
+        if made.changed and not changed:
+            hint = "commit first, or ARGS=--changed for a release that says so"
+            raise FlashError("the work tree is not what was committed", hint=hint)
+        files += _robot_files(out, robot, made)
+    files += sorted(out.glob(f"omniwheel-{__version__}-*.whl"))
+    sums = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files]
+    (out / CHECKSUMS).write_text("".join(sums), encoding="utf-8")
+    return [*files, out / CHECKSUMS]
+
+
+def _robot_files(out: Path, robot: str, made: Build) -> list[Path]:
+    image = read_hex(made.hex)
+    lines = [
+        f"omniwheel {__version__} for {robot}",
+        f"commit {made.git_hash or 'unknown'}{', changed' if made.changed else ''}",
+        f"{image.size} bytes, SHA-256 of the .hex file {image.sha256}",
+        check_image(made.elf),
+    ]
+    name = f"omniwheel-{__version__}-{robot}"
+    files = [out / f"{name}.{kind}" for kind in ("hex", "elf", "check.txt")]
+    shutil.copyfile(made.hex, files[0])
+    shutil.copyfile(made.elf, files[1])
+    files[2].write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return files
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--out", type=Path, default=source_dir() / "dist")
+    parser.add_argument("--changed", action="store_true", help="release a work tree that was not committed")
+    options = parser.parse_args(arguments)
+    try:
+        files = release(options.out, changed=options.changed)
+    except OmniError as error:
+        error_console.print(f"error: {error}\n{error.hint}", markup=False)
+        return 1
+    console.print(*[str(path) for path in files], sep="\n", markup=False)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
