@@ -29,13 +29,27 @@ uint32_t UsbPort::session() {
     return open ? sessions_ : 0;
 }
 
+/// Teensyduino sends a part-filled buffer 75 us after the last write, by a timer. If that comes while write_space() or write() runs it
+/// does nothing and is not started again: the bytes would wait for the next write, and a host in the loop that waits for them for ever.
+/// Not while its interrupt could send the same buffer.
+void UsbPort::send_rest() {
+    if (written_) {
+        written_ = false;
+        NVIC_DISABLE_IRQ(IRQ_USB1);
+        usb_serial_flush_output();
+        NVIC_ENABLE_IRQ(IRQ_USB1);
+    }
+}
+
 size_t UsbPort::read(uint8_t *data, size_t capacity) {
     if (session() == 0) {
+        written_ = false;
         if (usb_configuration != 0) {
             usb_serial_flush_input();
         }
         return 0;
     }
+    send_rest();
     const int count = usb_serial_read(data, static_cast<uint32_t>(capacity));
     return count > 0 ? static_cast<size_t>(count) : 0;
 }
@@ -48,6 +62,7 @@ bool UsbPort::write(const uint8_t *data, size_t length) {
     if (length > write_space()) {
         return false;
     }
+    written_ = true;
     return usb_serial_write(data, static_cast<uint32_t>(length)) == static_cast<int>(length);
 }
 

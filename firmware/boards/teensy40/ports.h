@@ -13,7 +13,8 @@ namespace omni {
 /// Teensyduino does not notice a pulled cable, but the bus falls silent and the port takes that for suspend.
 class UsbPort final : public SerialPort {
 public:
-    /// Discards what comes while nobody is connected, so that the next one does not execute a leftover.
+    /// Discards what comes while nobody is connected, so that the next one does not execute a leftover. Sees to it that what was
+    /// written before leaves.
     size_t read(uint8_t *data, size_t capacity) override;
     /// Whole free buffers only: Teensyduino's write would wait up to 120 ms for more. 0 while nobody is connected.
     size_t write_space() override;
@@ -24,7 +25,10 @@ public:
     bool upload_asked() const;
 
 private:
+    void send_rest();
+
     bool open_ = false;
+    bool written_ = false; ///< since the last read()
     uint32_t sessions_ = 0;
 };
 

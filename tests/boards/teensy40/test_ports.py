@@ -69,6 +69,19 @@ def test_usb_takes_nothing_and_gives_nothing_while_nobody_is_there(ports: ctypes
     assert ports.usb_read(data, 16) == 0  # nor does what came before the cable was pulled
 
 
+def test_what_was_written_to_usb_leaves_also_when_the_flush_timer_missed_it(ports: ctypes.CDLL) -> None:
+    connect(ports)
+    data = ctypes.create_string_buffer(16)
+    assert ports.usb_write(b"answer", 6)
+    assert ports.fake_usb_under_way() == 0
+    ports.usb_read(data, 16)
+    assert ports.fake_usb_under_way() == 1
+    ports.usb_read(data, 16)
+    assert ports.fake_usb_under_way() == 1
+    ports.fake_usb_host_reads(1)
+    assert ports.fake_usb_under_way() == 0
+
+
 def test_usb_never_waits_when_the_host_stops_reading(ports: ctypes.CDLL) -> None:
     connect(ports)
     sent = 0

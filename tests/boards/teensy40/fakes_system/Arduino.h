@@ -100,6 +100,10 @@ int usb_serial_read(void *buffer, uint32_t size);
 int usb_serial_write(const void *buffer, uint32_t size);
 int usb_serial_write_buffer_free();
 void usb_serial_flush_input();
+void usb_serial_flush_output();
+constexpr int IRQ_USB1 = 113;
+void NVIC_DISABLE_IRQ(int number);
+void NVIC_ENABLE_IRQ(int number);
 
 // Serial1
 struct FakeHardwareSerial {
