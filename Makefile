@@ -17,7 +17,7 @@ WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
 
 .PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        firmware-memory firmware-build-check flash release clean
+        firmware-check firmware-memory firmware-build-check flash release clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -31,6 +31,7 @@ help:
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
 	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
+	@echo 'make firmware-check        the image on an emulated Teensy: boots, drives, stops, survives power cuts'
 	@echo 'make firmware-memory       what the image takes, beside docs/teensy.md (ARGS=--write puts it there)'
 	@echo 'make flash        the same, and upload it'
 	@echo 'make release      dist: .hex, .elf and report for each robot, the wheel, SHA256SUMS'
@@ -91,6 +92,10 @@ $(VENV)/stamp-platformio: $(VENV)/stamp-tools
 firmware: $(VENV)/stamp-platformio
 	$(CHECK_ROBOT)
 	$(PIO)
+
+# What `make firmware` linked, run on the emulated chip (make firmware-check ARGS="--depth nightly").
+firmware-check: setup $(VENV)/stamp-platformio
+	.ci/firmware-check $(VENV) $(ROBOT) $(ARGS)
 
 firmware-memory: setup firmware
 	$(BIN)/python -m tests.image_build.memory_page $(ARGS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A test bench for a firmware image: the emulated chip, the simulated robot at its pins, MAVLink clients on its links."""
+"""A test bench for a firmware image: the emulated chip, the simulated robot at its pins, clients on its links."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CheckError(OmniError):
 
 
 class MachineLink:
-    """A link of the emulated board. Waiting on it lets the robot's time go on; it is a whole robot that waits, so all links do."""
+    """A link of the emulated board. Waiting on it lets the robot's time go on, for all links alike."""
 
     def __init__(self, bench: Bench, channel: Channel) -> None:
         self.url = f"image:{channel.name.lower()}"
@@ -149,7 +149,10 @@ class Context:
         scenario: Scenario | None = None,
         expected: frozenset[FindingKind] = frozenset(),
     ) -> Iterator[Bench]:
-        """Make a machine whose power is off. Raises CheckError in the end if the chip objected to something that was not expected."""
+        """Make a machine whose power is off.
+
+        Raises CheckError in the end if the chip objected to something that was not expected.
+        """
         scenario = scenario or self.scenario
         world = new_world(scenario)
         options = options or Options(instruction_ns=self.instruction_ns, seed=self.seed)

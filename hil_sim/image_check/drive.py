@@ -102,7 +102,7 @@ def path_at_the_pins(context: Context) -> list[str]:
     with context.booted(scenario=scenario) as bench:
         robot = bench.connect()
         robot.pump(1.2)
-        robot.parameters.set_many({name: value for name, value in scenario.parameters.items()})
+        robot.parameters.set_many(dict(scenario.parameters))
         robot.set_pose_estimate(*scenario.start_pose)
         robot.start_trajectory()
         robot.arm()
@@ -137,8 +137,8 @@ def _path_scenario(context: Context) -> Scenario:
 def distance_between_paths(trail: np.ndarray, record: np.ndarray) -> float:
     """Return the largest distance [m] between two drives of the same path, whichever instant each began to move at.
 
-    ``trail`` has rows of time [s], x [m], y [m]; ``record`` is a run's. The drives are laid over each other by the time at
-    which each had gone 1 mm, then by the millisecond beside that one which fits best.
+    ``trail`` has rows of time [s], x [m], y [m]; ``record`` is a run's. The drives are laid over each other by the time
+    at which each had gone 1 mm, then by the millisecond beside that one which fits best.
     """
     reference = np.column_stack([record["time_s"], record["truth"][:, 0], record["truth"][:, 1]])
     shift_s = _moved_at(reference) - _moved_at(trail)

@@ -8,13 +8,14 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from hil_sim.image_check.run import Outcome
 from omniwheel import FirmwareProcess
 from omniwheel.cli import app, image_check
 from omniwheel.cli import flash as command
@@ -26,6 +27,7 @@ from omniwheel.robot import connect
 from omniwheel.robots import find_robot_file, robot_names
 from tests.host.hex_files import teensy_program, write_hex
 
+PASSED = Outcome("boots", "it boots", ("0.3 s",), "", 0.1)
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """\
 #!{python}
@@ -77,6 +79,9 @@ class Bench:
         monkeypatch.setattr("omniwheel.flashing.loader.serial.Serial", self._open)
         monkeypatch.setattr(loader, "LEAVE_S", 0.0)
         monkeypatch.setattr(command, "build", self._build)
+        monkeypatch.setattr(
+            image_check, "run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
+        )
 
     def program(self, name: str, exit_code: int) -> None:
         path = self.folder / name
@@ -440,11 +445,25 @@ def test_a_dry_run_needs_neither_board_nor_loader(bench: Bench) -> None:
 
 def test_an_image_that_fails_its_check_is_not_uploaded(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.ports = [teensy("/dev/a")]
-    monkeypatch.setattr(image_check, "image_check_command", lambda _: [sys.executable, "-c", "raise SystemExit(4)"])
+    asked = []
+
+    def run_checks(image: Path, robot: str, *, depth: str, done: Callable[[Outcome], None]) -> list[Outcome]:
+        asked.append((image.name, robot, depth))
+        outcomes = [
+            Outcome("boots", "it boots", ("0.3 s",), "", 0.1),
+            Outcome("stops", "it stops", (), "it drives on", 0.1),
+        ]
+        for outcome in outcomes:
+            done(outcome)
+        return outcomes
+
+    monkeypatch.setattr(image_check, "run_checks", run_checks)
     result = flash()
     assert result.exit_code == 1
+    assert "1 of its checks: stops" in result.stderr
+    assert "it drives on" in result.stderr
     assert "--skip-check" in result.stderr
     assert not bench.rebooted
+    assert asked == [("firmware.elf", "three_wheel", "short")]
     assert flash("--dry-run", "--skip-check").exit_code == 0
-    monkeypatch.setattr(image_check, "image_check_command", lambda _: [sys.executable, "-c", ""])
-    assert "passed its check" in flash("--dry-run").stderr
+    assert len(asked) == 1

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import hashlib
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from hil_sim.image_check.run import Outcome
 from omniwheel import __version__
 from omniwheel.cli import image_check, release
 from omniwheel.errors import HexFileError
@@ -29,6 +30,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Build]:
         image = write_hex(folder / "firmware.hex", teensy_program())
         builds[robot] = Build(folder / "firmware.elf", image, "0123456789abcdef")
     monkeypatch.setattr(release, "build", lambda robot: builds[robot])
+    monkeypatch.setattr(image_check, "run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)])
     return builds
 
 
@@ -39,13 +41,13 @@ def test_every_robot_has_its_files_and_all_are_in_the_checksums(tmp_path: Path, 
     wheel.write_text("wheel")
     (out / "omniwheel-0.0.0-old.whl").write_text("of another version")
     assert release.main(["--out", str(out)]) == 0
-    wanted = {f"omniwheel-{__version__}-{robot}.{kind}" for robot in made for kind in ("hex", "elf", "check.txt")}
+    wanted = {f"omniwheel-{__version__}-{robot}.{kind}" for robot in made for kind in ("hex", "elf", "check.md")}
     lines = (out / "SHA256SUMS").read_text().splitlines()
     sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
     assert sums.keys() == wanted | {wheel.name}
     for name, digest in sums.items():
         assert hashlib.sha256((out / name).read_bytes()).hexdigest() == digest
-    report = (out / f"omniwheel-{__version__}-four_wheel.check.txt").read_text()
+    report = (out / f"omniwheel-{__version__}-four_wheel.check.md").read_text()
     assert "commit 0123456789abcdef\n" in report
     assert sums[f"omniwheel-{__version__}-four_wheel.hex"] in report
 
@@ -53,13 +55,17 @@ def test_every_robot_has_its_files_and_all_are_in_the_checksums(tmp_path: Path, 
 def test_the_checks_report_is_in_the_release_and_a_failure_ends_it(
     tmp_path: Path, made: dict[str, Build], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    says = [sys.executable, "-c", "print('boots, 12 checks')"]
-    monkeypatch.setattr(image_check, "image_check_command", lambda _: says)
+    def run_checks(image: Path, robot: str, *, depth: str, done: Callable[[Outcome], None]) -> list[Outcome]:
+        return [Outcome("boots", f"at depth {depth}", ("0.3 s",), failure, 0.1)]
+
+    failure = ""
+    monkeypatch.setattr(image_check, "run_checks", run_checks)
     assert release.main(["--out", str(tmp_path)]) == 0
-    assert "boots, 12 checks" in (tmp_path / f"omniwheel-{__version__}-three_wheel.check.txt").read_text()
-    says[2] = "raise SystemExit(3)"
+    report = (tmp_path / f"omniwheel-{__version__}-three_wheel.check.md").read_text()
+    assert "| boots | at depth ci | 0.3 s |" in report
+    failure = "it does not"
     assert release.main(["--out", str(tmp_path)]) == 1
-    assert "exit code 3" in capsys.readouterr().err
+    assert "boots" in capsys.readouterr().err
     assert not (tmp_path / "SHA256SUMS").exists()
 
 
@@ -71,13 +77,13 @@ def test_a_changed_work_tree_is_no_release_unless_it_says_so(
     assert release.main(["--out", str(tmp_path)]) == 1
     assert "ARGS=--changed" in capsys.readouterr().err
     assert release.main(["--out", str(tmp_path), "--changed"]) == 0
-    assert ", changed" in (tmp_path / f"omniwheel-{__version__}-four_wheel.check.txt").read_text()
+    assert ", changed" in (tmp_path / f"omniwheel-{__version__}-four_wheel.check.md").read_text()
 
 
 def test_an_image_that_is_no_teensys_is_no_release(tmp_path: Path, made: dict[str, Build]) -> None:
     write_hex(made["three_wheel"].hex, teensy_program(chip_bytes=8 << 20))
     with pytest.raises(HexFileError):
-        release.release(tmp_path, changed=False)
+        release.release(tmp_path, changed=False, depth="ci")
 
 
 def test_the_commit_and_its_state_are_read_from_the_build() -> None:

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
+from hil_sim.image_check.check import SHORT
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.cli.image_check import check_image
 from omniwheel.errors import FlashError
@@ -103,7 +104,7 @@ def _built(robot: str, *, check: bool) -> Program:
     made = build(robot)
     image = read_hex(made.hex)
     if check:
-        note(escape(check_image(made.elf)))
+        check_image(made.elf, robot, depth=SHORT)
     return Program(image, f"{made.hex} for {robot}", made.git_hash)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """``make release``: the .hex, the .elf and the report of its check for each robot; checksums of all, and of the wheel.
 
-usage: python -m omniwheel.cli.release --out dist [--changed]
+usage: python -m omniwheel.cli.release --out dist [--changed] [--depth short|ci|nightly]
 
 Exit code 1: a robot's firmware cannot be built or does not pass; then there are no checksums.
 """
@@ -14,6 +14,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from hil_sim.image_check.check import CI, DEPTHS
 from omniwheel import __version__
 from omniwheel.cli.common import console, error_console
 from omniwheel.cli.image_check import check_image
@@ -25,10 +26,10 @@ from omniwheel.robots import robot_names
 CHECKSUMS = "SHA256SUMS"
 
 
-def release(out: Path, *, changed: bool) -> list[Path]:
+def release(out: Path, *, changed: bool, depth: str) -> list[Path]:
     """Write the release's files below ``out`` and return them. Raises FlashError.
 
-    ``changed``: a work tree that is not what was committed is no reason to refuse.
+    ``changed``: a work tree that is not what was committed is no reason to refuse. ``depth``: of the images' check.
     """
     out.mkdir(parents=True, exist_ok=True)
     (out / CHECKSUMS).unlink(missing_ok=True)
@@ -38,23 +39,24 @@ def release(out: Path, *, changed: bool) -> list[Path]:
         if made.changed and not changed:
             hint = "commit first, or ARGS=--changed for a release that says so"
             raise FlashError("the work tree is not what was committed", hint=hint)
-        files += _robot_files(out, robot, made)
+        files += _robot_files(out, robot, made, depth)
     files += sorted(out.glob(f"omniwheel-{__version__}-*.whl"))
     sums = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files]
     (out / CHECKSUMS).write_text("".join(sums), encoding="utf-8")
     return [*files, out / CHECKSUMS]
 
 
-def _robot_files(out: Path, robot: str, made: Build) -> list[Path]:
+def _robot_files(out: Path, robot: str, made: Build, depth: str) -> list[Path]:
     image = read_hex(made.hex)
     lines = [
         f"omniwheel {__version__} for {robot}",
         f"commit {made.git_hash or 'unknown'}{', changed' if made.changed else ''}",
         f"{image.size} bytes, SHA-256 of the .hex file {image.sha256}",
-        check_image(made.elf),
+        "",
+        check_image(made.elf, robot, depth=depth),
     ]
     name = f"omniwheel-{__version__}-{robot}"
-    files = [out / f"{name}.{kind}" for kind in ("hex", "elf", "check.txt")]
+    files = [out / f"{name}.{kind}" for kind in ("hex", "elf", "check.md")]
     shutil.copyfile(made.hex, files[0])
     shutil.copyfile(made.elf, files[1])
     files[2].write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -66,9 +68,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--out", type=Path, default=source_dir() / "dist")
     parser.add_argument("--changed", action="store_true", help="release a work tree that was not committed")
+    parser.add_argument("--depth", choices=DEPTHS, default=CI, help="how much of each image is checked")
     options = parser.parse_args(arguments)
     try:
-        files = release(options.out, changed=options.changed)
+        files = release(options.out, changed=options.changed, depth=options.depth)
     except OmniError as error:
         error_console.print(f"error: {error}\n{error.hint}", markup=False)
         return 1
