@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * LPI2C1 as a master: from commands to edges. Durations: RM, chapter LPI2C, "Timing Parameters"; in prescaled clocks, with a latency of
- * (2 + FILTSCL) / 2^PRESCALE, rounded down, from a line's rise to its being seen.
+ * (2 + FILTSCL + rise time) / 2^PRESCALE, rounded down, from letting a line go to seeing it high. The lines rise as fast as UM10204 lets them.
  */
 #include "i2c_master.h"
 
@@ -17,6 +17,7 @@ enum {
     ACKNOWLEDGE = 8,  /* number of that bit */
     ALT_LPI2C1 = 3,   /* of both pads */
     DAISY_LPI2C1 = 1, /* of both inputs */
+    RISE_ns = 20,     /* UM10204, table 10, fast mode: the least */
     IRQ_LPI2C1 = 28,  /* [core] imxrt.h */
     HALTS = RT_MSR_NDF | RT_MSR_ALF | RT_MSR_FEF | RT_MSR_PLTF
 };
@@ -52,9 +53,11 @@ static uint32_t valid_clocks(const rt_i2c_t *bus) {
     return valid < low_clocks(bus) ? valid : low_clocks(bus);
 }
 
-static uint32_t latency(const rt_i2c_t *bus, uint32_t line) {
+static uint32_t latency(const rt1062_t *m, uint32_t line) {
+    const rt_i2c_t *bus = &m->s.i2c;
     const uint32_t filter = bus->config[2] >> (line == RT_SCL ? 16 : 24) & 0xF;
-    return (2 + filter) >> prescale(bus);
+    const uint32_t rise = rt_clock_hz(m, RT_ROOT_LPI2C) / 1000 * RISE_ns / 1000000;
+    return (2 + filter + rise) >> prescale(bus);
 }
 
 static uint64_t bus_idle_ps(const rt1062_t *m) {
@@ -311,7 +314,7 @@ static void set_up(rt1062_t *m) {
         enter(m, RT_I2C_START_HOLD, hold_clocks(bus));
         return;
     }
-    bus->free_ps = bus->at_ps + clocks_ps(m, low_clocks(bus) + latency(bus, RT_SDA)); /* t_BUF */
+    bus->free_ps = bus->at_ps + clocks_ps(m, low_clocks(bus) + latency(m, RT_SDA)); /* t_BUF */
     await(bus, RT_I2C_STOP_RISE);
     pull(m, RT_SDA, false);
 }
@@ -362,12 +365,12 @@ static bool waiting_over(rt1062_t *m, uint64_t until_ps) {
         return next_in_transfer(m);
     case RT_I2C_RISE:
         if (bus->line[RT_SCL]) {
-            enter(m, RT_I2C_SEEN, latency(bus, RT_SCL));
+            enter(m, RT_I2C_SEEN, latency(m, RT_SCL));
         }
         return bus->line[RT_SCL];
     default:
         if (bus->line[RT_SDA]) {
-            enter(m, RT_I2C_STOP_SEEN, latency(bus, RT_SDA));
+            enter(m, RT_I2C_STOP_SEEN, latency(m, RT_SDA));
         }
         return bus->line[RT_SDA];
     }
@@ -402,11 +405,12 @@ static void play(rt1062_t *m, uint64_t until_ps) {
 }
 
 /* Time from the end of this phase to the end of what the master is at, with nobody stretching the clock. */
-static uint64_t rest_clocks(const rt_i2c_t *bus) {
-    const uint64_t high = latency(bus, RT_SCL) + high_clocks(bus);
-    const uint64_t edge = latency(bus, RT_SCL) + (bus->aim == RT_I2C_BIT ? high_clocks(bus) : hold_clocks(bus));
+static uint64_t rest_clocks(const rt1062_t *m) {
+    const rt_i2c_t *bus = &m->s.i2c;
+    const uint64_t high = latency(m, RT_SCL) + high_clocks(bus);
+    const uint64_t edge = latency(m, RT_SCL) + (bus->aim == RT_I2C_BIT ? high_clocks(bus) : hold_clocks(bus));
     const uint64_t after = bus->aim == RT_I2C_BIT    ? (uint64_t)(ACKNOWLEDGE - bus->bit) * (low_clocks(bus) + high)
-                           : bus->aim == RT_I2C_STOP ? latency(bus, RT_SDA)
+                           : bus->aim == RT_I2C_STOP ? latency(m, RT_SDA)
                                                      : 0;
     switch (bus->phase) {
     case RT_I2C_START_HOLD:
@@ -416,7 +420,7 @@ static uint64_t rest_clocks(const rt_i2c_t *bus) {
     case RT_I2C_SETTLE:
         return edge + after;
     case RT_I2C_SEEN:
-        return edge - latency(bus, RT_SCL) + after;
+        return edge - latency(m, RT_SCL) + after;
     case RT_I2C_HIGH:
     case RT_I2C_SETUP:
         return after;
@@ -429,7 +433,7 @@ static uint64_t rest_clocks(const rt_i2c_t *bus) {
 static uint64_t next_ps(const rt1062_t *m) {
     const rt_i2c_t *bus = &m->s.i2c;
     const bool ready = bus->phase == RT_I2C_IDLE && bus->command_count > 0 && (bus->flags & HALTS) == 0;
-    uint64_t next = bus->end_ps != RT_NEVER ? bus->end_ps + clocks_ps(m, rest_clocks(bus)) : ready ? start_ps(m) : RT_NEVER;
+    uint64_t next = bus->end_ps != RT_NEVER ? bus->end_ps + clocks_ps(m, rest_clocks(m)) : ready ? start_ps(m) : RT_NEVER;
     const uint64_t low_ps = bus->changed_ps[RT_SCL] + pin_low_ps(m);
     if (!bus->line[RT_SCL] && (bus->flags & RT_MSR_PLTF) == 0 && low_ps < next) {
         next = low_ps;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The emulated chip with a small program, nothing wired to it."""
+"""The emulated chip with a small program."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from pathlib import Path
 
 import unicorn
 
+from hil_sim.rt1062 import Wiring
+from hil_sim.world import World
 from omniwheel._core import ffi, lib
 from tests.image.assembly import RAM, Program
 
@@ -64,17 +66,28 @@ class Bare:
 
 
 @contextmanager
-def running(program: Program, *, instruction_ns: int = 10, exact: bool = False, seed: int = 1) -> Iterator[Bare]:
-    """Power the chip on with this program in its flash memory."""
+def running(
+    program: Program,
+    *,
+    instruction_ns: int = 10,
+    exact: bool = False,
+    seed: int = 1,
+    wiring: Wiring = Wiring(),
+    world: World | None = None,
+) -> Iterator[Bare]:
+    """Power the chip on with this program in its flash memory and a world at its pins."""
     config = ffi.new("rt1062_config_t *")
     config.instruction_ns, config.exact, config.seed = instruction_ns, exact, seed
-    for pins in config.encoder_pin:
-        pins[0] = pins[1] = UNCONNECTED
-    config.output_enable_pin = config.battery_pin = UNCONNECTED
+    for wheel, pins in enumerate(config.encoder_pin):
+        pins[0], pins[1] = wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (UNCONNECTED, UNCONNECTED)
+    config.output_enable_pin = UNCONNECTED if wiring.output_enable_pin is None else wiring.output_enable_pin
+    config.battery_pin = UNCONNECTED if wiring.battery_pin is None else wiring.battery_pin
+    config.battery_divider = wiring.battery_divider
     why = ffi.new("char[]", lib.RT1062_TEXT)
     machine = lib.rt1062_new(str(unicorn_library()).encode(), config, why, lib.RT1062_TEXT)
     assert machine != ffi.NULL, ffi.string(why)
     try:
+        lib.rt1062_attach(machine, ffi.NULL if world is None else world.c)
         ffi.memmove(lib.rt1062_flash(machine), program.flash, len(program.flash))
         assert lib.rt1062_power_on(machine), ffi.string(lib.rt1062_why(machine))
         yield Bare(machine, program, int(lib.rt1062_time_ns(machine)))

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil_sim.rt1062 import Wiring
+from hil_sim.world import World
 from omniwheel._core import ffi, lib
 from tests.image.assembly import Program, assemble
 from tests.image.bare import Bare, running
@@ -54,6 +56,23 @@ class Chip(Bare):
         """Let time pass; return why it stopped."""
         return int(lib.rt1062_run(self.c, self.now_ns + int(nanoseconds)))
 
+    def open_gates(self, register: int, *gates: int) -> None:
+        """Let clocks through: gates CGm of CCM_CCGRn."""
+        address = 0x400FC068 + 4 * register
+        self.write(address, self.read(address) | sum(3 << 2 * gate for gate in gates))
+
+    def pin(self, teensy_pin: int) -> int:
+        """Return a pin's level; -1: nothing drives or pulls it."""
+        return int(lib.rt1062_pin(self.c, teensy_pin))
+
+    def drive(self, teensy_pin: int, level: int) -> None:
+        """Drive a pin from outside; -1: let it go."""
+        lib.rt1062_drive_pin(self.c, teensy_pin, level)
+
+    def pending(self, irq: int) -> bool:
+        """Return whether an interrupt waits; it never does once the processor has it."""
+        return bool(self.read(0xE000E200 + irq // 32 * 4) >> irq % 32 & 1)
+
     def flash(self, offset: int, count: int) -> bytes:
         """Return what the flash chip holds."""
         return bytes(ffi.buffer(lib.rt1062_flash(self.c) + offset, count))
@@ -84,9 +103,11 @@ def parked_program(folder: Path, *, in_flash: bool = False) -> Program:
 
 
 @contextmanager
-def parked(program: Program, *, seed: int = 1) -> Iterator[Chip]:
+def parked(
+    program: Program, *, seed: int = 1, wiring: Wiring = Wiring(), world: World | None = None
+) -> Iterator[Chip]:
     """Power the chip on and let the program come to its loop."""
-    with running(program, seed=seed) as bare:
+    with running(program, seed=seed, wiring=wiring, world=world) as bare:
         chip = Chip(bare.c, bare.program, bare.begin_ns)
         assert chip.wait(100_000) == lib.RT1062_STOP_TIME, chip.why
         yield chip
