@@ -336,6 +336,14 @@ class Machine:
         """Drive a pin from outside, or let it go (None)."""
         lib.rt1062_drive_pin(self._c, teensy_pin, -1 if level is None else level)
 
+    def reset(self, flags: int) -> None:
+        """Reset the chip from outside, for the reason that these bits of SRC_SRSR tell (``rt1062_reset``)."""
+        lib.rt1062_reset(self._c, flags)
+
+    def set_temperature(self, celsius: float) -> None:
+        """Set the chip's temperature; 40 at power-on."""
+        lib.rt1062_set_temperature(self._c, celsius)
+
     def cut_power_at(self, flash_commands: int, share: float) -> None:
         """Cut the power when this share (0 to 1) of the n-th flash command from now that changes memory is done."""
         lib.rt1062_cut_power_at(self._c, flash_commands, share)
