@@ -211,7 +211,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
 
 def _machine(arguments: argparse.Namespace) -> Machine:
     wiring = wiring_of(read_robot(arguments.robot))
-    options = Options(instruction_ns=arguments.instruction_ns, seed=arguments.seed or Options.seed)
+    options = Options(instruction_ns=arguments.instruction_ns, strict=False, seed=arguments.seed or Options.seed)
     world = None
     if arguments.scenario is not None:
         scenario = load_scenario(arguments.scenario, arguments.robot, arguments.world_robot).with_seed(arguments.seed)

@@ -100,7 +100,7 @@ class Options:
 
     instruction_ns: int = 10
     exact: bool = False
-    strict: bool = False
+    strict: bool = True
     seed: int = 1
     pause_ns: int = 200_000
     """Added to each pass of the program's main loop, so that waiting costs few instructions; 0: none."""

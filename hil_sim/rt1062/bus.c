@@ -69,16 +69,27 @@ void rt_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value) 
     }
 }
 
-/* Unicorn cuts an unaligned access into bytes; on_access() has seen it before and taken the processor to its fault. */
+/*
+ * Unicorn cuts an unaligned access into bytes. With config.strict on_access() has seen it before and taken the processor to its fault;
+ * without, a device refuses the bytes, and the address told is that of the basic block.
+ */
+static void note_place(rt1062_t *m) {
+    if (!m->config.strict) {
+        m->access_pc = m->block_at;
+    }
+}
+
 static uint64_t on_read(rt_uc_engine_t *engine, uint64_t offset, unsigned size, void *user) {
     (void)engine;
     rt_window_t *window = user;
+    note_place(window->m);
     return window->m->s.fault_exception != 0 ? 0 : rt_bus_read(window->m, window->base + (uint32_t)offset, size);
 }
 
 static void on_write(rt_uc_engine_t *engine, uint64_t offset, unsigned size, uint64_t value, void *user) {
     (void)engine;
     rt_window_t *window = user;
+    note_place(window->m);
     if (window->m->s.fault_exception == 0) {
         rt_bus_write(window->m, window->base + (uint32_t)offset, size, (uint32_t)value);
     }
@@ -96,18 +107,24 @@ static void on_access(rt_uc_engine_t *engine, int type, uint64_t address, int si
     }
 }
 
+static bool attach(rt1062_t *m, rt_window_t *window, uint32_t base, uint32_t size) {
+    *window = (rt_window_t){m, base};
+    return m->api.map_io(m->engine, base, size, (void *)(uintptr_t)on_read, window, (void *)(uintptr_t)on_write, window) ==
+           RT_UC_ERR_OK;
+}
+
+static bool watch(rt1062_t *m, rt_uc_hook_t *hook, uint32_t base, uint32_t size) {
+    const uint64_t end = (uint64_t)base + size - 1;
+    return m->api.hook_add(m->engine, hook, RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, (void *)(uintptr_t)on_access, m,
+                           (uint64_t)base, end) == RT_UC_ERR_OK;
+}
+
 bool rt_bus_attach(rt1062_t *m) {
     static const uint32_t windows[RT_WINDOWS][2] = {{0x40000000, 0x10000000}, {0xE0000000, 0x00100000}};
+    bool attached = true;
     for (uint32_t i = 0; i < RT_WINDOWS; i++) {
-        rt_window_t *window = &m->windows[i];
-        *window = (rt_window_t){m, windows[i][0]};
-        const uint64_t end = (uint64_t)windows[i][0] + windows[i][1] - 1;
-        if (m->api.map_io(m->engine, windows[i][0], windows[i][1], (void *)(uintptr_t)on_read, window,
-                          (void *)(uintptr_t)on_write, window) != RT_UC_ERR_OK ||
-            m->api.hook_add(m->engine, &m->hooks[i], RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, (void *)(uintptr_t)on_access,
-                            m, windows[i][0], end) != RT_UC_ERR_OK) {
-            return false;
-        }
+        attached = attached && attach(m, &m->windows[i], windows[i][0], windows[i][1]);
+        attached = attached && (!m->config.strict || watch(m, &m->hooks[i], windows[i][0], windows[i][1]));
     }
-    return true;
+    return attached;
 }

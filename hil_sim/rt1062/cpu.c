@@ -104,6 +104,7 @@ static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, vo
         return;
     }
     m->past_break = false;
+    m->block_at = (uint32_t)address;
     m->budget_ns -= (uint32_t)address == m->pace_at ? m->pace_ns : 0;
     m->budget_ns = m->budget_ns > 0 ? m->budget_ns : 0; /* no event is passed */
     m->budget_ns -= cost_ns;

@@ -80,6 +80,7 @@ struct rt1062_t {
     bool in_part;        /* config.exact: a block is executed up to an instruction within it */
     uint32_t part_block; /* the block to do that with, 0: none */
     uint32_t part_size;
+    uint32_t block_at;  /* basic block being executed */
     uint32_t access_pc; /* instruction of the register access under way, or last met */
     uint32_t interrupt; /* number of Unicorn's interrupt, RT_NO_INTERRUPT: none */
     rt1062_stop_t stop;

@@ -112,7 +112,8 @@ static void guard_small_regions(rt1062_t *m) {
     while (m->guard_count > 0) {
         m->api.hook_delete(m->engine, m->guards[--m->guard_count]);
     }
-    for (uint32_t i = 0; (m->s.scs.mpu_ctrl & 1) != 0 && i < RT_MPU_REGIONS; i++) {
+    const bool wanted = m->config.strict && (m->s.scs.mpu_ctrl & 1) != 0;
+    for (uint32_t i = 0; wanted && i < RT_MPU_REGIONS; i++) {
         const rt_mpu_region_t *region = &m->s.scs.mpu[i];
         const uint32_t bits = region_size_log2(region);
         if ((region->attributes & 1) == 0 || bits > SMALLEST_PAGED) {

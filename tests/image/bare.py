@@ -77,7 +77,7 @@ def running(
 ) -> Iterator[Bare]:
     """Power the chip on with this program in its flash memory and a world at its pins."""
     config = ffi.new("rt1062_config_t *")
-    config.instruction_ns, config.exact, config.seed = instruction_ns, exact, seed
+    config.instruction_ns, config.exact, config.strict, config.seed = instruction_ns, exact, True, seed
     for wheel, pins in enumerate(config.encoder_pin):
         pins[0], pins[1] = wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (UNCONNECTED, UNCONNECTED)
     config.output_enable_pin = UNCONNECTED if wiring.output_enable_pin is None else wiring.output_enable_pin
