@@ -35,7 +35,10 @@ enum {
 
 static const double REFERENCE_V = 3.3;
 
-/* ADC1_IN0 .. 15 ([core] analog.c, pin_to_channel; RM, chapter ADC, external signals); ADC2 has other pads at 1 .. 4. */
+/*
+ * ADC1_IN0 .. 15 ([core] analog.c, pin_to_channel; RM, chapter ADC, external signals); ADC2 has other pads at 1 ..
+ * 4.
+ */
 static uint32_t pad_of_channel(uint32_t unit, uint32_t channel) {
     static const uint8_t pads[CHANNELS] = {
         RT_PAD_AD_B1 + 11, RT_PAD_AD_B0 + 12, RT_PAD_AD_B0 + 13, RT_PAD_AD_B0 + 14, RT_PAD_AD_B0 + 15, RT_PAD_AD_B1 + 0,
@@ -63,7 +66,10 @@ static uint32_t clock_Hz(const rt1062_t *m, const rt_adc_t *adc) {
     return frequency_Hz >> (adc->config >> 5 & 3);
 }
 
-/* Sample and conversion cycles as the core's analog.c counts them: 17 cycles for 8 or 10 bits, 25 for 12, and the sample period. */
+/*
+ * Sample and conversion cycles as the core's analog.c counts them: 17 cycles for 8 or 10 bits, 25 for 12, and the
+ * sample period.
+ */
 static uint32_t conversion_cycles(const rt_adc_t *adc) {
     const uint32_t select = adc->config >> 8 & 3;
     const uint32_t sample = (adc->config & CFG_LONG_SAMPLE) != 0 ? 13 + 4 * select : 3 + 2 * select;

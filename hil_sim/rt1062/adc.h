@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file adc.h
- * Analog-digital converters ADC1 and ADC2 (i.MX RT1060 RM, chapter ADC), started by software: calibration, HC0, HS, R0, averaging. Hardware
- * triggers, interrupts, compare functions and continuous conversion are not modelled.
+ * Analog-digital converters ADC1 and ADC2 (i.MX RT1060 RM, chapter ADC), started by software: calibration, HC0, HS,
+ * R0, averaging. Hardware triggers, interrupts, compare functions and continuous conversion are not modelled.
  */
 #ifndef HIL_SIM_RT1062_ADC_H
 #define HIL_SIM_RT1062_ADC_H

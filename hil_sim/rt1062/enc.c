@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Quadrature decoders: counts from filtered levels. A level counts once it has been the same for (FILT_CNT + 3) samples, FILT_PER bus clocks
- * apart, and two clocks more (RM, register FILT). Nothing here happens by itself: levels are settled whenever somebody looks or an edge comes.
+ * Quadrature decoders: counts from filtered levels. A level counts once it has been the same for (FILT_CNT + 3)
+ * samples, FILT_PER bus clocks apart, and two clocks more (RM, register FILT). Nothing here happens by itself: levels
+ * are settled whenever somebody looks or an edge comes.
  */
 #include "clocks.h"
 #include "devices.h"

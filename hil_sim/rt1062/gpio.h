@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file gpio.h
- * GPIO1..4 and their fast twins GPIO6..9 (i.MX RT1060 RM, chapter GPIO). IOMUXC_GPR26..29 say bit by bit which twin owns a pin; the other one
- * sees 0 and drives nothing. GPIO5 (pads that a Teensy 4.0 does not bring out) is not modelled.
+ * GPIO1..4 and their fast twins GPIO6..9 (i.MX RT1060 RM, chapter GPIO). IOMUXC_GPR26..29 say bit by bit which twin
+ * owns a pin; the other one sees 0 and drives nothing. GPIO5 (pads that a Teensy 4.0 does not bring out) is not
+ * modelled.
  */
 #ifndef HIL_SIM_RT1062_GPIO_H
 #define HIL_SIM_RT1062_GPIO_H

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file i2c_chip.h
- * What hangs on the bus outside: the world's PWM chip, which learns everything from the two lines' levels (NXP UM10204), whoever moves them.
+ * What hangs on the bus outside: the world's PWM chip, which learns everything from the two lines' levels (NXP
+ * UM10204), whoever moves them.
  */
 #ifndef HIL_SIM_RT1062_I2C_CHIP_H
 #define HIL_SIM_RT1062_I2C_CHIP_H

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * LPI2C1 as a master: from commands to edges. Durations: RM, chapter LPI2C, "Timing Parameters"; in prescaled clocks, with a latency of
- * (2 + FILTSCL + rise time) / 2^PRESCALE, rounded down, from letting a line go to seeing it high. The lines rise as fast as UM10204 lets them.
+ * LPI2C1 as a master: from commands to edges. Durations: RM, chapter LPI2C, "Timing Parameters"; in prescaled clocks,
+ * with a latency of (2 + FILTSCL + rise time) / 2^PRESCALE, rounded down, from letting a line go to seeing it high.
+ * The lines rise as fast as UM10204 lets them.
  */
 #include "i2c_master.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** @file i2c_master.h  What the registers of LPI2C1 (lpi2c.c) and the master behind them (i2c_master.c) have to do with each other. */
+/** @file i2c_master.h  What the registers of LPI2C1 (lpi2c.c) and the master behind them (i2c_master.c) share. */
 #ifndef HIL_SIM_RT1062_I2C_MASTER_H
 #define HIL_SIM_RT1062_I2C_MASTER_H
 
@@ -24,7 +24,10 @@ enum {
 
 /* MSR. */
 uint32_t rt_i2c_status(const rt_i2c_t *bus);
-/* The line's level gets to the master: alternative, forced input path (an open-drain output has no other) and SELECT_INPUT are right. */
+/*
+ * The line's level gets to the master: alternative, forced input path (an open-drain output has no other) and
+ * SELECT_INPUT are right.
+ */
 bool rt_i2c_hears(const rt1062_t *m, uint32_t line);
 /* Take over the levels that the inputs have now. */
 void rt_i2c_listen(rt1062_t *m);

@@ -3,12 +3,14 @@
  * @file lpi2c.h
  * I2C master LPI2C1 (i.MX RT1060 RM, chapter LPI2C) and the two lines of the bus with what hangs on them.
  *
- * The master makes every edge of SCL and SDA at its time, by the register's divisions and the clock that CCM gives it ("Timing Parameters";
- * with the fastest rise that UM10204 allows), and learns acknowledges, arbitration and clock stretching from the lines' levels. Edges need no deadlines: the bus is played
- * up to now whenever somebody looks at it (rt_i2c_sync). A deadline stands at the end of what the program could see.
+ * The master makes every edge of SCL and SDA at its time, by the register's divisions and the clock that CCM gives it
+ * ("Timing Parameters"; with the fastest rise that UM10204 allows), and learns acknowledges, arbitration and clock
+ * stretching from the lines' levels. Edges need no deadlines: the bus is played up to now whenever somebody looks at
+ * it (rt_i2c_sync). A deadline stands at the end of what the program could see.
  *
- * Not modelled, and refused when asked for: slave mode, high-speed mode, DMA, data match, AUTOSTOP, IGNACK, pin configurations but 2-pin open
- * drain. What the manual leaves open: a STOP command without a START does nothing; a STOP that SDA does not follow waits.
+ * Not modelled, and refused when asked for: slave mode, high-speed mode, DMA, data match, AUTOSTOP, IGNACK, pin
+ * configurations but 2-pin open drain. What the manual leaves open: a STOP command without a START does nothing; a
+ * STOP that SDA does not follow waits.
  */
 #ifndef HIL_SIM_RT1062_LPI2C_H
 #define HIL_SIM_RT1062_LPI2C_H

@@ -169,66 +169,62 @@ void rt1062_drive_pin(rt1062_t *m, uint32_t teensy_pin, int32_t level) {
 
 /* ------------------------------------------------------------------ registers */
 
-/* @return the register's place, NULL: it is no mux or pad control register. */
-static uint32_t *pad_register(rt1062_t *m, uint32_t offset, uint32_t *pad, uint32_t *writable) {
+/* A register of the page. */
+typedef struct place_t {
+    enum { NO_REGISTER, MUX, CONTROL, DAISY } kind;
+    uint32_t number; /* of the pad, of the daisy */
+    uint32_t writable;
+} place_t;
+
+static place_t place_of(uint32_t offset) {
     if (offset - MUX_BASE < 4 * RT_PADS) {
-        *pad = (offset - MUX_BASE) / 4;
-        *writable = MUX_MODE | MUX_SION;
-        return &m->s.pads.mux[*pad];
+        return (place_t){MUX, (offset - MUX_BASE) / 4, MUX_MODE | MUX_SION};
     }
     if (offset - CONTROL_BASE < 4 * RT_PADS) {
-        *pad = (offset - CONTROL_BASE) / 4;
-        *writable = CONTROL_MASK;
-        return &m->s.pads.control[*pad];
+        return (place_t){CONTROL, (offset - CONTROL_BASE) / 4, CONTROL_MASK};
     }
-    return NULL;
-}
-
-static uint32_t daisy_at(uint32_t offset) {
-    uint32_t daisy = 0;
-    while (daisy < RT_DAISIES && daisies[daisy].offset != offset) {
-        daisy++;
+    for (uint32_t daisy = 0; daisy < RT_DAISIES; daisy++) {
+        if (daisies[daisy].offset == offset) {
+            return (place_t){DAISY, daisy, daisies[daisy].mask};
+        }
     }
-    return daisy;
+    return (place_t){NO_REGISTER, 0, 0};
 }
 
 static bool read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value) {
-    uint32_t pad = 0;
-    uint32_t writable = 0;
-    const uint32_t *place = pad_register(m, offset, &pad, &writable);
-    const uint32_t daisy = daisy_at(offset);
-    if (size != 4 || (place == NULL && daisy == RT_DAISIES)) {
+    const place_t place = place_of(offset);
+    const rt_pads_t *pads = &m->s.pads;
+    if (size != 4 || place.kind == NO_REGISTER) {
         return false;
     }
-    *value = place != NULL ? *place : m->s.pads.daisy[daisy];
+    *value = place.kind == MUX       ? pads->mux[place.number]
+             : place.kind == CONTROL ? pads->control[place.number]
+                                     : pads->daisy[place.number];
     return true;
 }
 
-/* @return false, with a word about it: a bit that is not there. */
-static bool bits_exist(rt1062_t *m, uint32_t offset, uint32_t value, uint32_t writable) {
-    if ((value & ~writable) != 0) {
-        rt_refuse(m, "IOMUXC register 0x%08X has no bits 0x%08X", 0x401F8000u + (unsigned)offset,
-                  (unsigned)(value & ~writable));
-        return false;
+static void store(rt1062_t *m, place_t place, uint32_t value) {
+    rt_pads_t *pads = &m->s.pads;
+    if (place.kind == DAISY) {
+        pads->daisy[place.number] = (uint8_t)value;
+        return;
     }
-    return true;
+    *(place.kind == MUX ? &pads->mux[place.number] : &pads->control[place.number]) = value;
+    rt_pad_update(m, place.number);
 }
 
 static bool write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {
-    uint32_t pad = 0;
-    uint32_t writable = 0;
-    uint32_t *place = pad_register(m, offset, &pad, &writable);
-    const uint32_t daisy = daisy_at(offset);
-    if (size != 4 || (place == NULL && daisy == RT_DAISIES)) {
+    const place_t place = place_of(offset);
+    if (size != 4 || place.kind == NO_REGISTER) {
         return false;
     }
-    rt_i2c_sync(m);
-    if (place != NULL && bits_exist(m, offset, value, writable)) {
-        *place = value;
-        rt_pad_update(m, pad);
-    } else if (place == NULL && bits_exist(m, offset, value, daisies[daisy].mask)) {
-        m->s.pads.daisy[daisy] = (uint8_t)value;
+    if ((value & ~place.writable) != 0) {
+        rt_refuse(m, "IOMUXC register 0x%08X has no bits 0x%08X", 0x401F8000u + (unsigned)offset,
+                  (unsigned)(value & ~place.writable));
+        return true;
     }
+    rt_i2c_sync(m);
+    store(m, place, value);
     rt_enc_inputs_changed(m);
     rt_i2c_sync(m);
     return true;

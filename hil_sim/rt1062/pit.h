@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pit.h
- * Periodic interrupt timer, four channels (i.MX RT1060 RM, chapter PIT). Chained channels and the 64-bit lifetime timer are not modelled.
+ * Periodic interrupt timer, four channels (i.MX RT1060 RM, chapter PIT). Chained channels and the 64-bit lifetime
+ * timer are not modelled.
  */
 #ifndef HIL_SIM_RT1062_PIT_H
 #define HIL_SIM_RT1062_PIT_H

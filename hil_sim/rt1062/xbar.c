@@ -15,7 +15,10 @@ enum {
     NO_DAISY = RT_DAISIES
 };
 
-/* Pads that reach an input: NXP's fsl_iomuxc.h for MIMXRT1062, IOMUXC_..._XBAR1_IN..: pad, alternative, input, SELECT_INPUT and its value. */
+/*
+ * Pads that reach an input: NXP's fsl_iomuxc.h for MIMXRT1062, IOMUXC_..._XBAR1_IN..: pad, alternative, input,
+ * SELECT_INPUT and its value.
+ */
 static const struct {
     uint8_t pad;
     uint8_t alternative;

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file xbar.h
- * Crossbar XBAR1 and quadrature decoders ENC1..4 (i.MX RT1060 RM, chapters Inter-Peripheral Crossbar Switch A and Quadrature Encoder/Decoder).
+ * Crossbar XBAR1 and quadrature decoders ENC1..4 (i.MX RT1060 RM, chapters Inter-Peripheral Crossbar Switch A and
+ * Quadrature Encoder/Decoder).
  *
- * A decoder sees a pin through the pad's alternative, the input's SELECT_INPUT, the direction bit in IOMUXC_GPR6 and the crossbar. If one of
- * these is wrong it sees a constant low, and the first read of its count is a finding.
+ * A decoder sees a pin through the pad's alternative, the input's SELECT_INPUT, the direction bit in IOMUXC_GPR6 and
+ * the crossbar. If one of these is wrong it sees a constant low, and the first read of its count is a finding.
  */
 #ifndef HIL_SIM_RT1062_XBAR_H
 #define HIL_SIM_RT1062_XBAR_H

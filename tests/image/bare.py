@@ -17,6 +17,7 @@ from omniwheel._core import ffi, lib
 from tests.image.assembly import RAM, Program
 
 UNCONNECTED = lib.RT1062_NO_PIN
+NOTHING_WIRED = Wiring()
 
 
 def unicorn_library() -> Path:
@@ -72,14 +73,16 @@ def running(
     instruction_ns: int = 10,
     exact: bool = False,
     seed: int = 1,
-    wiring: Wiring = Wiring(),
+    wiring: Wiring = NOTHING_WIRED,
     world: World | None = None,
 ) -> Iterator[Bare]:
     """Power the chip on with this program in its flash memory and a world at its pins."""
     config = ffi.new("rt1062_config_t *")
     config.instruction_ns, config.exact, config.strict, config.seed = instruction_ns, exact, True, seed
     for wheel, pins in enumerate(config.encoder_pin):
-        pins[0], pins[1] = wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (UNCONNECTED, UNCONNECTED)
+        pins[0], pins[1] = (
+            wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (UNCONNECTED, UNCONNECTED)
+        )
     config.output_enable_pin = UNCONNECTED if wiring.output_enable_pin is None else wiring.output_enable_pin
     config.battery_pin = UNCONNECTED if wiring.battery_pin is None else wiring.battery_pin
     config.battery_divider = wiring.battery_divider

@@ -13,7 +13,7 @@ from hil_sim.rt1062 import Wiring
 from hil_sim.world import World
 from omniwheel._core import ffi, lib
 from tests.image.assembly import Program, assemble
-from tests.image.bare import Bare, running
+from tests.image.bare import NOTHING_WIRED, Bare, running
 
 _PARK_IN_RAM = """
 main:
@@ -104,7 +104,7 @@ def parked_program(folder: Path, *, in_flash: bool = False) -> Program:
 
 @contextmanager
 def parked(
-    program: Program, *, seed: int = 1, wiring: Wiring = Wiring(), world: World | None = None
+    program: Program, *, seed: int = 1, wiring: Wiring = NOTHING_WIRED, world: World | None = None
 ) -> Iterator[Chip]:
     """Power the chip on and let the program come to its loop."""
     with running(program, seed=seed, wiring=wiring, world=world) as bare:

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
+pytest.importorskip("unicorn")
+pytest.importorskip("elftools")
+
 from hil_sim.rt1062 import Wiring
 from omniwheel._core import lib
 from tests.image.assembly import Program

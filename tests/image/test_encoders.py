@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Encoders: the world's counts become edges at the pins, which the decoders count through pads, SELECT_INPUT and crossbar."""
+"""Encoders: the world's counts become edges at the pins, which decoders count through pad, daisy and crossbar."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from contextlib import contextmanager
 from math import pi
 
 import pytest
+
+pytest.importorskip("unicorn")
+pytest.importorskip("elftools")
 
 from hil_sim.faults import Fault
 from hil_sim.rt1062 import Wiring
@@ -79,7 +82,9 @@ def move(chip: Chip, pins: tuple[int, int], steps: int, begin: int = 0) -> None:
 
 
 @contextmanager
-def turning(program: Program, make_world: WorldMaker, speeds: list[float], wiring: Wiring) -> Iterator[tuple[Chip, World]]:
+def turning(
+    program: Program, make_world: WorldMaker, speeds: list[float], wiring: Wiring
+) -> Iterator[tuple[Chip, World]]:
     """A chip whose world's wheels are turned by hand at these speeds [rad/s]."""
     faults = [Fault("wheel_turned", wheel=i, start_s=0.0, stop_s=1e9, value=speed) for i, speed in enumerate(speeds)]
     world = make_world(faults=faults)

@@ -5,8 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import pytest
+
+pytest.importorskip("unicorn")
+pytest.importorskip("elftools")
 
 from hil_sim.faults import Fault
 from hil_sim.image_file import Image
@@ -119,7 +123,7 @@ def test_a_line_that_was_held_is_freed(robot: Robot) -> None:
     robot.machine.drive_pin(SDA, 0)
     robot.run(0.02)
     held = [edge for edge in robot.edges() if not edge.sda]
-    rises = sum(1 for before, now in zip(held, held[1:], strict=False) if now.scl and not before.scl)
+    rises = sum(1 for before, now in pairwise(held) if now.scl and not before.scl)
     assert rises >= 9  # the bus clear's clocks
     robot.machine.drive_pin(SDA, None)
     robot.run(0.05)

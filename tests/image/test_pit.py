@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import pytest
 
+pytest.importorskip("unicorn")
+pytest.importorskip("elftools")
+
 from omniwheel._core import lib
 from tests.image.chip import Chip
 

@@ -23,7 +23,7 @@ class Edge:
 
 @dataclass
 class Wave:
-    """What happened on the bus: ``START``, ``STOP`` and (byte, acknowledged); and the times [ns] that UM10204 limits."""
+    """What happened: ``START``, ``STOP`` and (byte, acknowledged); and the times [ns] that UM10204 limits."""
 
     events: list[str | tuple[int, bool]] = field(default_factory=list)
     low_ns: list[float] = field(default_factory=list)
