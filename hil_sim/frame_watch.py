@@ -28,7 +28,7 @@ class FrameWatch:
     def feed(self, data: bytes) -> list[int]:
         """Take the next piece; return the numbers of the messages that ended in it."""
         self._begun += data
-        ended = []
+        ended: list[int] = []
         at = 0
         while True:
             at = self._begun.find(_MAGIC, at)

@@ -362,7 +362,7 @@ class Snapshot:
 def not_modelled() -> list[str]:
     """Return sentences about what the emulated chip leaves out."""
     sentences = lib.rt1062_not_modelled()
-    texts = []
+    texts: list[str] = []
     while sentences[len(texts)] != ffi.NULL:
         texts.append(_text(sentences[len(texts)]))
     return texts

@@ -33,7 +33,7 @@ def _driving(bench: Bench) -> Robot:
 
 
 def _time_to_off(bench: Bench, act: Callable[[], float], limit_s: float, what: str) -> float:
-    """Return the time from the last byte of ``act`` to bridges off for good; it returns what its bytes take on the line."""
+    """Return the time from the last byte that ``act`` sends to bridges off for good; it returns the bytes' time."""
     line_s = act()
     begin_s = bench.clock_s() + line_s
     bench.until(lambda: not bench.powered, line_s + limit_s, f"{what}: bridges off")

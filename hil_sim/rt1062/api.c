@@ -208,8 +208,7 @@ const char *const *rt1062_not_modelled(void) {
         "Caches, write buffers and the order in which writes reach the bus.",
         "Cycle times: every instruction takes the same time.",
         "The flash controller's read buffers: a program that leaves out their purge after a write is not found.",
-        "Times that no manual gives: the boot ROM takes 5 ms, 50 ms more at power-on; PLLs and supplies settle after set "
-        "times.",
+        "Times that no manual gives: the boot ROM takes 5 ms, at power-on 55 ms; PLLs and supplies take set times.",
         "Analog behaviour: edges, levels between high and low, noise, supply currents.",
         "The 500 us that the PWM chip's oscillator takes to start.",
         "Levels of the serial port's pins: its bytes go past them.",

@@ -109,13 +109,13 @@ static void on_access(rt_uc_engine_t *engine, int type, uint64_t address, int si
 
 static bool attach(rt1062_t *m, rt_window_t *window, uint32_t base, uint32_t size) {
     *window = (rt_window_t){m, base};
-    return m->api.map_io(m->engine, base, size, (void *)(uintptr_t)on_read, window, (void *)(uintptr_t)on_write, window) ==
+    return m->api.map_io(m->engine, base, size, (rt_callback_t)on_read, window, (rt_callback_t)on_write, window) ==
            RT_UC_ERR_OK;
 }
 
 static bool watch(rt1062_t *m, rt_uc_hook_t *hook, uint32_t base, uint32_t size) {
     const uint64_t end = (uint64_t)base + size - 1;
-    return m->api.hook_add(m->engine, hook, RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, (void *)(uintptr_t)on_access, m,
+    return m->api.hook_add(m->engine, hook, RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, (rt_callback_t)on_access, m,
                            (uint64_t)base, end) == RT_UC_ERR_OK;
 }
 

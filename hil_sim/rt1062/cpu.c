@@ -263,17 +263,18 @@ static bool map_memories(rt1062_t *m) {
     return true;
 }
 
-static bool add_hook(rt1062_t *m, uint32_t number, int type, uintptr_t callback) {
-    return m->api.hook_add(m->engine, &m->hooks[RT_WINDOWS + number], type, (void *)callback, m, 1, 0) == RT_UC_ERR_OK;
+static bool add_hook(rt1062_t *m, uint32_t number, int type, rt_callback_t callback) {
+    return m->api.hook_add(m->engine, &m->hooks[RT_WINDOWS + number], type, callback, m, 1, 0) == RT_UC_ERR_OK;
 }
 
 bool rt_cpu_open(rt1062_t *m, char *why, size_t why_size) {
     const bool opened = m->api.open(RT_UC_ARCH_ARM, RT_UC_MODE_M, &m->engine) == RT_UC_ERR_OK &&
                         m->api.control(m->engine, RT_UC_CTL_CPU_MODEL, RT_UC_CPU_CORTEX_M7) == RT_UC_ERR_OK;
-    const bool ready = opened && map_memories(m) && rt_bus_attach(m) && add_hook(m, 0, RT_UC_HOOK_BLOCK, (uintptr_t)on_block) &&
-                       add_hook(m, 1, RT_UC_HOOK_INTR, (uintptr_t)on_interrupt) &&
-                       add_hook(m, 2, RT_UC_HOOK_INSN_INVALID, (uintptr_t)on_undefined) &&
-                       add_hook(m, 3, RT_UC_HOOK_INVALID_MEMORY, (uintptr_t)on_invalid_memory);
+    const bool ready = opened && map_memories(m) && rt_bus_attach(m) &&
+                       add_hook(m, 0, RT_UC_HOOK_BLOCK, (rt_callback_t)on_block) &&
+                       add_hook(m, 1, RT_UC_HOOK_INTR, (rt_callback_t)on_interrupt) &&
+                       add_hook(m, 2, RT_UC_HOOK_INSN_INVALID, (rt_callback_t)on_undefined) &&
+                       add_hook(m, 3, RT_UC_HOOK_INVALID_MEMORY, (rt_callback_t)on_invalid_memory);
     if (!ready) {
         snprintf(why, why_size, "Unicorn would not make a Cortex-M7 with this chip's memory");
     }

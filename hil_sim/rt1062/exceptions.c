@@ -63,14 +63,10 @@ uint32_t rt_masks(rt1062_t *m) {
     return rt_reg(m, RT_REG_PRIMASK) << 16 | rt_reg(m, RT_REG_FAULTMASK) << 8 | (rt_reg(m, RT_REG_BASEPRI) & 0xFF);
 }
 
-static bool enabled(const rt1062_t *m, uint32_t exception) {
-    return exception < RT_IRQ0 || m->s.scs.enabled[exception];
-}
-
 static uint32_t most_urgent(const rt1062_t *m) {
     uint32_t first = 0;
     for (uint32_t i = RT_NMI; i < RT_EXCEPTIONS; i++) {
-        if (m->s.scs.pending[i] && enabled(m, i) && (first == 0 || priority_of(m, i) < priority_of(m, first))) {
+        if (m->s.scs.pending[i] && m->s.scs.enabled[i] && (first == 0 || priority_of(m, i) < priority_of(m, first))) {
             first = i;
         }
     }

@@ -120,7 +120,7 @@ static void guard_small_regions(rt1062_t *m) {
             continue;
         }
         m->api.hook_add(m->engine, &m->guards[m->guard_count++], RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE,
-                        (void *)(uintptr_t)on_guarded, m, (uint64_t)region->base, (uint64_t)region->base + (1u << bits) - 1);
+                        (rt_callback_t)on_guarded, m, (uint64_t)region->base, (uint64_t)region->base + (1u << bits) - 1);
     }
 }
 

@@ -386,6 +386,9 @@ static bool scs_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t valu
 
 static void scs_reset(rt1062_t *m) {
     m->s.scs = (rt_scs_t){.ccr = 0x200, .fpccr = 0xC0000000u, .vtor = 0};
+    for (uint32_t i = 0; i < RT_IRQ0; i++) {
+        m->s.scs.enabled[i] = true;
+    }
     rt_protection_changed(m);
 }
 

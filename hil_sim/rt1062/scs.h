@@ -18,8 +18,8 @@ typedef struct rt_mpu_region_t {
 } rt_mpu_region_t;
 
 typedef struct rt_scs_t {
-    bool line[RT_IRQS]; /* level of the peripheral's line */
-    bool enabled[RT_EXCEPTIONS];
+    bool line[RT_IRQS];          /* level of the peripheral's line */
+    bool enabled[RT_EXCEPTIONS]; /* interrupts; always true for system exceptions */
     bool pending[RT_EXCEPTIONS];
     bool active[RT_EXCEPTIONS];
     uint8_t priority[RT_EXCEPTIONS];

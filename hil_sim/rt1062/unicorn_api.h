@@ -13,6 +13,7 @@
 
 typedef struct rt_uc_engine_t rt_uc_engine_t; /* Unicorn's uc_engine */
 typedef size_t rt_uc_hook_t;
+typedef void (*rt_callback_t)(void); /* any function that Unicorn calls back */
 
 /* Numbers of Unicorn's own headers (unicorn.h, arm.h of version 2). rt_unicorn_open() refuses any other major version. */
 enum {
@@ -68,10 +69,10 @@ typedef struct rt_unicorn_t {
     int (*control)(rt_uc_engine_t *engine, int what, ...);
     const char *(*error_text)(int error);
     int (*map_memory)(rt_uc_engine_t *engine, uint64_t address, size_t size, uint32_t permissions, void *memory);
-    int (*map_io)(rt_uc_engine_t *engine, uint64_t address, size_t size, void *read, void *read_user, void *write,
-                  void *write_user);
+    int (*map_io)(rt_uc_engine_t *engine, uint64_t address, size_t size, rt_callback_t read, void *read_user,
+                  rt_callback_t write, void *write_user);
     int (*protect)(rt_uc_engine_t *engine, uint64_t address, size_t size, uint32_t permissions);
-    int (*hook_add)(rt_uc_engine_t *engine, rt_uc_hook_t *hook, int type, void *callback, void *user, uint64_t begin,
+    int (*hook_add)(rt_uc_engine_t *engine, rt_uc_hook_t *hook, int type, rt_callback_t callback, void *user, uint64_t begin,
                     uint64_t end, ...);
     int (*hook_delete)(rt_uc_engine_t *engine, rt_uc_hook_t hook);
     int (*reg_read)(rt_uc_engine_t *engine, int number, void *value);

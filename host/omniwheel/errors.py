@@ -22,7 +22,7 @@
     │   ├── FirmwareNotFoundError     it, or the emulator, is not installed
     │   ├── FirmwareStartError        it ended or did not get ready
     │   ├── FirmwareEndedError        it ended while it was used; says its last words
-    │   └── FirmwareImageError        an image for the Teensy that is none, or that the emulated chip refuses  (bad input)
+    │   └── FirmwareImageError        an image for the Teensy that is none, or is refused by the chip  (bad input)
     ├── FlashError                    the Teensy's firmware could not be built, uploaded or found running
     │   └── HexFileError              a .hex file that is damaged, or no program for a Teensy 4.0   (bad input)
     ├── MocapError                    a stream of poses from motion capture
