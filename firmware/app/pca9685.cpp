@@ -94,9 +94,9 @@ void Pca9685::succeeded(const uint8_t *read) {
     }
 }
 
-void Pca9685::failed(I2cBus &bus, bool stuck) {
+void Pca9685::failed(I2cBus &bus, bool stuck, uint32_t updates) {
     ++errors_;
-    failures_ = static_cast<uint16_t>(std::min(failures_ + 1, 0xFFFF));
+    failures_ = static_cast<uint16_t>(std::min(failures_ + updates, uint32_t{0xFFFF}));
     suspicious_ = true;
     if (phase_ != Phase::ready) {
         phase_ = Phase::off;
@@ -112,14 +112,15 @@ void Pca9685::poll(I2cBus &bus) {
     if (!in_flight_) {
         return;
     }
-    if (status == I2cStatus::busy && ++busy_ticks_ < busy_ticks_allowed(bus)) {
+    if (status == I2cStatus::busy && busy_ticks_ + 1 < busy_ticks_allowed(bus)) {
+        ++busy_ticks_;
         return;
     }
     in_flight_ = false;
     if (status == I2cStatus::done) {
         succeeded(read);
     } else {
-        failed(bus, status != I2cStatus::nack);
+        failed(bus, status != I2cStatus::nack, 1 + busy_ticks_);
     }
     busy_ticks_ = 0;
     health_asked_ = false;
@@ -174,7 +175,7 @@ void Pca9685::send(I2cBus &bus, const I2cTransaction *batch, size_t count) {
     in_flight_ = true;
     if (!bus.submit(batch, count)) {
         in_flight_ = false;
-        failed(bus, true);
+        failed(bus, true, 1);
     }
 }
 

@@ -45,7 +45,7 @@ public:
 
     /// The power-up sequence is complete.
     bool ready() const { return phase_ == Phase::ready; }
-    /// Updates that failed in a row.
+    /// Updates in a row that did not reach the chip. One is due in every tick: a batch that turns out stuck after three ticks was three.
     uint16_t failures() const { return failures_; }
     /// Failed batches since boot.
     uint32_t errors() const { return errors_; }
@@ -59,7 +59,7 @@ private:
     void send_setup(I2cBus &bus, uint64_t now_us);
     size_t fill_update(const omni_bridge_counts_t *bridge);
     void succeeded(const uint8_t *read);
-    void failed(I2cBus &bus, bool stuck);
+    void failed(I2cBus &bus, bool stuck, uint32_t updates);
 
     Wiring wiring_;
     I2cTransaction update_[channels / 2 + 1]; ///< bursts of adjacent channels; after them the look at MODE1
