@@ -45,7 +45,7 @@ public:
 
     /// The power-up sequence is complete.
     bool ready() const { return phase_ == Phase::ready; }
-    /// Updates in a row that did not reach the chip. One is due in every tick: a batch that turns out stuck after three ticks was three.
+    /// Updates in a row that did not reach the chip. One is due in each tick: a batch that turns out stuck after three was three.
     uint16_t failures() const { return failures_; }
     /// Failed batches since boot.
     uint32_t errors() const { return errors_; }
