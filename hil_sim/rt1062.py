@@ -270,13 +270,18 @@ class Machine:
 
         Interrupts go on meanwhile. Raises FirmwareImageError if it does not return within ``limit_s``.
         """
+        result = self.attempt(function, arguments, limit_s=limit_s)
+        if isinstance(result, Stop):
+            raise FirmwareImageError(f"{function} did not return: {result.name} {self.why}")
+        return result
+
+    def attempt(self, function: str | int, arguments: Sequence[int] = (), *, limit_s: float = 1.0) -> int | Stop:
+        """Call a function as :meth:`call` does; return its result, or why it did not return."""
         result = ffi.new("uint32_t *")
         words = ffi.new("uint32_t[4]", [argument & 0xFFFFFFFF for argument in arguments])
         limit_ns = round(limit_s * NS_PER_S)
         stop = Stop(lib.rt1062_call(self._c, self.address_of(function), words, limit_ns, result))
-        if stop != Stop.TIME:
-            raise FirmwareImageError(f"{function} did not return: {stop.name} {self.why}")
-        return int(result[0])
+        return int(result[0]) if stop == Stop.TIME else stop
 
     def findings(self) -> list[Finding]:
         """Return what was seen that a robot's program must not do, in the order of the first time."""
