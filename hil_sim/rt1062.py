@@ -20,6 +20,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from hil_sim.i2c_wave import Edge, edges_of
 from hil_sim.image_file import EXTRA_HINT, FLASH_SIZE, Image, Place
 from hil_sim.world import World
 from omni_schema import Robot
@@ -348,6 +349,10 @@ class Machine:
     def set_temperature(self, celsius: float) -> None:
         """Set the chip's temperature; 40 at power-on."""
         lib.rt1062_set_temperature(self._c, celsius)
+
+    def i2c_edges(self) -> list[Edge]:
+        """Return the edges at the I2C lines since the last call; of very many the last are lost."""
+        return edges_of(self._c)
 
     def cut_power_at(self, flash_commands: int, share: float) -> None:
         """Cut the power when this share (0 to 1) of the n-th flash command from now that changes memory is done."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import isfinite
 
 from omniwheel._core import ffi, lib
@@ -97,3 +97,39 @@ def _pairs(edges: list[Edge]) -> Iterator[tuple[Edge, Edge]]:
     for edge in edges:
         yield before, edge
         before = edge
+
+
+@dataclass(frozen=True)
+class Limits:
+    """UM10204, table 10: least times [ns]."""
+
+    period: float
+    low: float
+    high: float
+    start_hold: float
+    start_setup: float
+    stop_setup: float
+    data_setup: float
+    free: float
+
+
+LIMITS = {
+    100_000: Limits(10_000, 4700, 4000, 4000, 4700, 4000, 250, 4700),
+    400_000: Limits(2500, 1300, 600, 600, 600, 600, 100, 1300),
+    1_000_000: Limits(1000, 500, 260, 260, 260, 260, 50, 500),
+}
+"""By the speed of the bus [Hz]."""
+_ROUNDING_ns = 1.0
+
+
+def violations(wave: Wave, limits: Limits) -> list[str]:
+    """Return a sentence for each time that is shorter than the specification allows."""
+    found = []
+    for name in (limit.name for limit in fields(Limits)):
+        times = getattr(wave, f"{name}_ns")
+        slack_ns = _ROUNDING_ns if name == "period" else 0.0
+        if times and least(times) < getattr(limits, name) - slack_ns:
+            found.append(
+                f"{name.replace('_', ' ')} {least(times):.0f} ns, at least {getattr(limits, name):g} ns are asked for"
+            )
+    return found
