@@ -200,6 +200,11 @@ class Machine:
         return Stop(lib.rt1062_run(self._c, until_ns))
 
     @property
+    def powered(self) -> bool:
+        """Whether the power is on."""
+        return bool(lib.rt1062_powered(self._c))
+
+    @property
     def time_s(self) -> float:
         """Time since power-on."""
         return self.time_ns / NS_PER_S

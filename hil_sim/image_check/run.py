@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,17 @@ from omniwheel.errors import OmniError
 
 WORLD = "stand"
 """The scenario whose world the checks use unless they say otherwise: the robot on a stand."""
+
+
+MODULES = (
+    "start",
+    "bus",
+    "drive",
+    "stops",
+    "storage",
+    "power",
+)
+"""Where checks are, in the order of the report: each module has CHECKS."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +55,8 @@ class Outcome:
 
 def all_checks() -> tuple[Check, ...]:
     """Return every check, in the order in which they are reported."""
-    from hil_sim.image_check import bus, drive, start, stops, storage
-
-    return (*start.CHECKS, *bus.CHECKS, *drive.CHECKS, *stops.CHECKS, *storage.CHECKS)
+    modules = (import_module(f"hil_sim.image_check.{name}") for name in MODULES)
+    return tuple(check for module in modules for check in module.CHECKS)
 
 
 def run_one(image: Path, robot: str, depth: str, seed: int, name: str) -> Outcome:

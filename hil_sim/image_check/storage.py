@@ -57,15 +57,16 @@ class Store:
         if stop != Stop.BREAK:
             raise CheckError(f"no tick runs: {stop.name} {self.machine.why}")
 
-    def start(self, flash: bytes | None = None) -> Stop | None:
-        """Begin as at a start, with these or the present bytes in flash memory; return what stopped it, if it was."""
+    def start(self, flash: bytes | None = None, *, cut: tuple[int, float] | None = None) -> Stop | None:
+        """Begin as at a start, with these or the present bytes in flash memory; return what stopped it, if it was.
+
+        ``cut``: the flash command, and the share of it, at which the power is cut.
+        """
         flash = self.machine.storage if flash is None else flash
         self.machine.restore(self._at_start)
         self.machine.storage = flash
-        return self.open()
-
-    def open(self) -> Stop | None:
-        """Let the store look at its flash memory; return what stopped it, if it was."""
+        if cut is not None:
+            self.machine.cut_power_at(*cut)
         result = self.machine.attempt(BEGIN, (self.this,), limit_s=START_LIMIT_S)
         return result if isinstance(result, Stop) else None
 
@@ -141,7 +142,7 @@ def saves(context: Context) -> list[str]:
 def _every_length(context: Context, reader: Store, draw: random.Random) -> str:
     reader.start()
     saver = _Saver(reader, reader, draw)
-    lengths = range(1, CAPACITY + 1, context.pick(13, 1, 1))
+    lengths = range(1, CAPACITY + 1, context.pick(29, 1, 1))
     for length in lengths:
         saver.save(draw.randint(0, CAPACITY - length), length)
     saver.compare()

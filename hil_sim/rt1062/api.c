@@ -67,6 +67,10 @@ bool rt1062_power_on(rt1062_t *m) {
     return !m->stopping;
 }
 
+bool rt1062_powered(const rt1062_t *m) {
+    return m->s.powered;
+}
+
 static void do_reset(rt1062_t *m) {
     rt_reset_now(m, m->s.reset_wanted);
     if ((m->stop_on >> RT1062_STOP_RESET & 1) != 0) {
@@ -174,6 +178,7 @@ bool rt1062_write(rt1062_t *m, uint32_t address, const uint8_t *bytes, uint32_t 
     uint8_t *memory = rt_memory(m, address, count);
     if (memory != NULL) {
         memcpy(memory, bytes, count);
+        m->api.control(m->engine, RT_UC_CTL_REMOVE_CACHE, (uint64_t)address, (uint64_t)address + count);
     }
     return memory != NULL;
 }

@@ -101,6 +101,8 @@ uint8_t *rt1062_flash(rt1062_t *m);
 void rt1062_attach(rt1062_t *m, hil_world_t *world);
 /** Power on. RAM is noise. @return false: the boot ROM would not start this image; rt1062_why(). */
 bool rt1062_power_on(rt1062_t *m);
+/** The power is on: switched on, and not cut since. */
+bool rt1062_powered(const rt1062_t *m);
 /** Run until `until_ns` after power-on, or something else that stops. */
 rt1062_stop_t rt1062_run(rt1062_t *m, uint64_t until_ns);
 uint64_t rt1062_time_ns(const rt1062_t *m);
