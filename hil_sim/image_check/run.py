@@ -43,9 +43,9 @@ class Outcome:
 
 def all_checks() -> tuple[Check, ...]:
     """Return every check, in the order in which they are reported."""
-    from hil_sim.image_check import drive, start, stops
+    from hil_sim.image_check import drive, faults, start, stops
 
-    return (*start.CHECKS, *drive.CHECKS, *stops.CHECKS)
+    return (*start.CHECKS, *drive.CHECKS, *stops.CHECKS, *faults.CHECKS)
 
 
 def run_one(image: Path, robot: str, depth: str, seed: int, name: str) -> Outcome:
