@@ -22,9 +22,15 @@ from omniwheel.link import FileLink
 
 BACK_S = 0.4
 """How long the robot drives again after the fault."""
-_TURN = (0.0, 0.0, 0.35)
-_CIRCLE = {"TRJ_TYPE": "circle", "TRJ_SIZE": 0.3, "TRJ_PERIOD": 20.0, "TRJ_RAMP": 0.5, "TRJ_ROT": "fixed"}
-_START = (0.3, 0.0, 0.0)
+TURN_TWIST = (0.0, 0.0, 0.35)
+CIRCLE_PATH: dict[str, float | str | bool] = {
+    "TRJ_TYPE": "circle",
+    "TRJ_SIZE": 0.3,
+    "TRJ_PERIOD": 20.0,
+    "TRJ_RAMP": 0.5,
+    "TRJ_ROT": "fixed",
+}
+CIRCLE_START = (0.3, 0.0, 0.0)
 
 
 class RunningFirmware(Protocol):
@@ -60,10 +66,11 @@ class FaultResult:
 def fault_scenario(case: FaultCase) -> Scenario:
     """Return the scenario that a case is."""
     circle = case.drive == CIRCLE
+    start = list(CIRCLE_START if circle else (0.0, 0.0, 0.0))
     document = {
         "scenario": {"name": case.name, "description": case.what, "robot": "three_wheel", "seed": 1},
-        "parameters": {**(_CIRCLE if circle else {}), **case.parameters},
-        "world": {"output_enable_wired": 1.0, "start_pose": list(_START if circle else (0.0, 0.0, 0.0)), **case.world},
+        "parameters": {**(CIRCLE_PATH if circle else {}), **case.parameters},
+        "world": {"output_enable_wired": 1.0, "start_pose": start, **case.world},
         "fault": [_entry(kind, case) for kind in case.faults],
     }
     return parse_scenario(document, case.name)
@@ -104,7 +111,7 @@ def start_driving(loop: HilLoop, drive: str) -> None:
         command(loop, "trajectory_start")
     command(loop, "arm")
     if drive != CIRCLE:
-        loop.apply(Event(at_s=0.0, velocity=_TURN))
+        loop.apply(Event(at_s=0.0, velocity=TURN_TWIST))
 
 
 def run_case(case: FaultCase, firmware: Firmware = FirmwareProcess) -> FaultResult:

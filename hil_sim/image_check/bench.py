@@ -94,6 +94,12 @@ class Bench:
         """Return the bytes that came from a link."""
         return self.machine.receive(channel)
 
+    def drain(self) -> None:
+        """Forget the bytes that have come from all links, as after going back in time."""
+        for channel in Channel:
+            while self.take(channel):
+                pass
+
     def connect(self, channel: Channel = Channel.USB, *, heartbeat: bool = True) -> Robot:
         """Open a link as a ground station does. Raises what :func:`omniwheel.connect` raises."""
         if channel == Channel.USB:

@@ -29,6 +29,7 @@ MODULES = (
     "stops",
     "storage",
     "power",
+    "faults",
 )
 """Where checks are, in the order of the report: each module has CHECKS."""
 

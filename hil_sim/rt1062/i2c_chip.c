@@ -8,7 +8,7 @@ enum { BITS = 8, CLOCKS = 9 };
 
 static void drive(rt1062_t *m) {
     const rt_i2c_chip_t *chip = &m->s.i2c_chip;
-    rt_pad_wire(m, RT_PAD_SDA, chip->pulls || chip->stuck ? 0 : RT_FLOATING, 0);
+    rt_pad_wire(m, RT_PAD_SDA, chip->pulls || chip->stuck_sda ? 0 : RT_FLOATING, 0);
 }
 
 static void pull(rt1062_t *m, bool low) {
@@ -16,8 +16,10 @@ static void pull(rt1062_t *m, bool low) {
     drive(m);
 }
 
-void rt_i2c_chip_stuck(rt1062_t *m, bool stuck) {
-    m->s.i2c_chip.stuck = stuck;
+void rt_i2c_chip_stuck(rt1062_t *m, bool scl, bool sda) {
+    m->s.i2c_chip.stuck_scl = scl;
+    m->s.i2c_chip.stuck_sda = sda;
+    rt_pad_wire(m, RT_PAD_SCL, scl ? 0 : RT_FLOATING, 0);
     drive(m);
 }
 

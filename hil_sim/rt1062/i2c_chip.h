@@ -21,13 +21,14 @@ typedef struct rt_i2c_chip_t {
     bool acknowledges;
     uint8_t bit; /* clocks of this byte so far, 9: the acknowledge's */
     uint8_t byte;
-    bool pulls; /* the chip holds SDA low */
-    bool stuck; /* something else does: a fault of the world */
+    bool pulls;     /* the chip holds SDA low */
+    bool stuck_sda; /* something else does: a fault of the world */
+    bool stuck_scl;
 } rt_i2c_chip_t;
 
 /* The lines' levels changed. */
 void rt_i2c_chip_lines(rt1062_t *m, bool scl, bool sda);
-/* SDA is held low by a fault, or let go. */
-void rt_i2c_chip_stuck(rt1062_t *m, bool stuck);
+/* Each line is held low by a fault, or let go. */
+void rt_i2c_chip_stuck(rt1062_t *m, bool scl, bool sda);
 
 #endif

@@ -101,8 +101,10 @@ static bool refuses_faults(rt1062_t *m) {
 
 static void show_faults(rt1062_t *m) {
     const bool stuck = hil_world_fault_active(m->world, HIL_FAULT_I2C_STUCK, HIL_MAX_WHEELS);
-    if (stuck != m->s.i2c_chip.stuck) {
-        rt_i2c_chip_stuck(m, stuck);
+    const bool scl = stuck && hil_world_fault_value(m->world, HIL_FAULT_I2C_STUCK) == HIL_STUCK_SCL;
+    const rt_i2c_chip_t *chip = &m->s.i2c_chip;
+    if (scl != chip->stuck_scl || (stuck && !scl) != chip->stuck_sda) {
+        rt_i2c_chip_stuck(m, scl, stuck && !scl);
     }
 }
 

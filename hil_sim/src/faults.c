@@ -34,6 +34,11 @@ bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t whe
     return hil_fault_find(world, kind, wheel) != NULL;
 }
 
+double hil_world_fault_value(const hil_world_t *world, uint8_t kind) {
+    const hil_fault_t *fault = hil_fault_find(world, kind, HIL_MAX_WHEELS);
+    return fault == NULL ? 0.0 : fault->value;
+}
+
 uint32_t hil_world_tick_us(const hil_world_t *world, uint32_t usual_us) {
     const hil_fault_t *late = hil_fault_find(world, HIL_FAULT_TICK_LATE, HIL_MAX_WHEELS);
     return late == NULL ? usual_us : (uint32_t)(1e6 * late->value + 0.5);

@@ -68,7 +68,7 @@ typedef enum hil_fault_kind_t {
     HIL_FAULT_ENCODER_REVERSED, /**< counter of `wheel` counts backwards */
     HIL_FAULT_ENCODER_INVALID,  /**< counter of `wheel` is reported as not valid */
     HIL_FAULT_I2C_NACK,         /**< the chip acknowledges nothing */
-    HIL_FAULT_I2C_STUCK,        /**< the bus is held low */
+    HIL_FAULT_I2C_STUCK,        /**< the bus is held low. At wires, `value` 0: SDA, HIL_STUCK_SCL: SCL */
     HIL_FAULT_LINK_SILENCE,     /**< the ground station's messages do not arrive (host-in-the-loop sensors still do) */
     HIL_FAULT_POSE_LOSS,        /**< no pose fixes */
     HIL_FAULT_POSE_JUMP,        /**< pose fixes are off by `value` metres in x */
@@ -86,6 +86,9 @@ typedef enum hil_fault_kind_t {
     HIL_FAULT_WHEEL_TURNED,     /**< no fault: a hand turns `wheel` at `value` rad/s, whatever the motor does */
     HIL_FAULT_KIND_COUNT
 } hil_fault_kind_t;
+
+/** Value of HIL_FAULT_I2C_STUCK that holds SCL. */
+enum { HIL_STUCK_SCL = 1 };
 
 typedef struct hil_fault_t {
     uint8_t kind; /**< hil_fault_kind_t */
@@ -305,5 +308,8 @@ uint32_t hil_world_tick_us(const hil_world_t *world, uint32_t usual_us);
 
 /** Is a fault of this kind active for this wheel (or any wheel, wheel >= HIL_MAX_WHEELS)? */
 bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t wheel);
+
+/** Value of an active fault of this kind; 0 if there is none. */
+double hil_world_fault_value(const hil_world_t *world, uint8_t kind);
 
 #endif
