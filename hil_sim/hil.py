@@ -33,6 +33,7 @@ from omniwheel.dialect import Message, mavlink
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
+from omniwheel.image_firmware import ImageFirmware
 from omniwheel.link import FileLink, open_link
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Status, decode
@@ -48,6 +49,9 @@ STREAM_TICKS = 100
 
 MEASURE_TICKS = 5000
 """The firmware is asked for the times of its ticks this often."""
+
+AT_REST = "stand"
+"""The world at an image's pins until it is in the loop."""
 
 _ID_BYTES = slice(7, 10)
 _UNHEARD = (
@@ -200,8 +204,11 @@ def run_hil(
     progress: Progress | None = None,
     emulated: bool = False,
     asleep: bool = False,
+    image: Path | None = None,
 ) -> Run:
     """Run a scenario with real firmware: the one behind ``link``, or one of its own, as a process or ``emulated``.
+
+    With ``image`` it is the image for a Teensy in that file, on an emulated one, over its USB port.
 
     With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
     run and its own ones back afterwards; nothing is stored on it. ``asleep``: this end and a firmware process of its
@@ -209,6 +216,9 @@ def run_hil(
     """
     scenario = scenario.with_seed(seed)
     with ExitStack() as stack:
+        if image is not None:
+            firmware = ImageFirmware(image, scenario.robot.source, lockstep=True, scenario=AT_REST)
+            link = stack.enter_context(firmware).urls[0]
         base = stack.enter_context(
             _own_firmware(scenario, emulated, asleep) if link is None else _linked_firmware(scenario, link)
         )

@@ -19,12 +19,21 @@ _KEPT = 1 << 16
 
 
 class ImagePort(ABC):
-    """The outer end of a link. ``name`` is what to connect to, ``connected`` whether somebody is there."""
+    """The outer end of a link; ``name`` is what to connect to."""
 
     name: str
 
     def __init__(self) -> None:
         self._unsent = bytearray()
+        self._sessions = 0
+        self._in_session = False
+
+    @property
+    def session(self) -> int:
+        """Number of the client that is there, 0: nobody; looks anew at every call."""
+        before, self._in_session = self._in_session, self.connected
+        self._sessions += int(self._in_session and not before)
+        return self._sessions if self._in_session else 0
 
     @property
     @abstractmethod
@@ -129,6 +138,7 @@ class TcpPort(ImagePort):
         if self._client is not None:
             self._client.close()
             self._client = None
+            self._in_session = False
 
     def close(self) -> None:
         """Close connection and server."""

@@ -4,9 +4,10 @@
 ``python -m hil_sim.image_process IMAGE --usb tcp:127.0.0.1:0`` prints a line of JSON with its links when they listen.
 
 A client of the USB link is a program that has the port open (DTR); when it goes the port is closed. When the board
-restarts its USB port vanishes, so the client is hung up. Robot time follows the wall clock, and falls behind where
-this computer is too slow. With ``--lockstep`` it stands still from the moment at which the robot has answered a tick
-of a host in the loop until the host speaks again.
+restarts its USB port vanishes, so the client is hung up. The pose fixes of a world at the pins come over USB between
+the client's own frames, as from a motion-capture bridge on the same port. Robot time follows the wall clock, and falls
+behind where this computer is too slow. With ``--lockstep`` it stands still from the moment at which the robot has
+answered a tick of a host in the loop until the host speaks again.
 """
 
 from __future__ import annotations
@@ -18,19 +19,22 @@ import signal
 import sys
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
 from hil_sim.frame_watch import FrameWatch
 from hil_sim.image_file import read_image
 from hil_sim.image_links import ImagePort, open_port
+from hil_sim.lockstep import WORLD_COMPONENT_ID, WORLD_SYSTEM_ID
 from hil_sim.rt1062 import STORAGE_SIZE, Channel, Machine, Options, Stop, wiring_of
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omniwheel.dialect import mavlink
 from omniwheel.errors import FirmwareStartError, OmniError
+from omniwheel.frames import Pose
 from omniwheel.robots import read_robot
+from omniwheel.setpoints import compact_fix_message
 
 SLICE_NS = 1_000_000
 LAG_S = 0.1
@@ -38,6 +42,8 @@ LAG_S = 0.1
 SAVE_SLICES = 200
 """Slices between two looks at the parameter memory and the findings."""
 WAIT_S = 0.1
+CLOSED_NS = 50_000_000
+"""The port stays closed for so long between two clients, so that the board sees that it is another one."""
 MAX_WAITING = 1 << 16
 _ANSWER = mavlink.MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS
 _ENDINGS = {
@@ -54,11 +60,14 @@ class Link:
     channel: Channel
     port: ImagePort
     waiting: bytes = b""
+    watch: FrameWatch = field(default_factory=FrameWatch)
 
-    def to_robot(self, machine: Machine) -> None:
-        """Hand on what the client sent."""
+    def to_robot(self, machine: Machine, fix: bytes = b"") -> None:
+        """Hand on what the client sent, and ``fix`` unless the client is in the middle of a frame."""
         if len(self.waiting) < MAX_WAITING:
-            self.waiting += self.port.read()
+            sent = self.port.read()
+            self.watch.feed(sent)
+            self.waiting += sent + (fix if self.watch.between else b"")
         if self.waiting:
             self.waiting = self.waiting[machine.send(self.channel, self.waiting) :]
 
@@ -81,7 +90,10 @@ class Server:
         self._machine = machine
         self._links = links
         self._usb = next((link for link in links if link.channel == Channel.USB), None)
+        self._fixes = mavlink.MAVLink(None, WORLD_SYSTEM_ID, WORLD_COMPONENT_ID)
+        self._session = 0
         self._open = False
+        self._closed_ns = 0
         self._ready = False
         self._watch = FrameWatch() if lockstep else None
         self._answered = False
@@ -101,7 +113,7 @@ class Server:
             if self._answered and not self._host_spoke():
                 continue
             for link in self._links:
-                link.to_robot(self._machine)
+                link.to_robot(self._machine, self._fix() if link is self._usb and self._open else b"")
             stop = self._machine.run_until_ns(self._machine.time_ns + SLICE_NS)
             self._take_output()
             slices += 1
@@ -119,14 +131,28 @@ class Server:
         if self._usb is None:
             return
         ready = self._machine.usb_ready
-        if self._ready and not ready and self._open:
+        if self._ready and not ready:
             self._usb.port.hang_up()
         self._ready = ready
-        there = self._usb.port.connected
-        if there != self._open:
-            self._open = there
-            self._usb.waiting = b""
-            self._machine.usb_open(there)
+        session = self._usb.port.session
+        if session != self._session:
+            self._session = session
+            self._usb.waiting, self._usb.watch = b"", FrameWatch()
+            if self._open:
+                self._machine.usb_open(False)
+                self._open, self._closed_ns = False, self._machine.time_ns
+        if ready and session and not self._open and self._machine.time_ns - self._closed_ns >= CLOSED_NS:
+            self._open = True
+            self._machine.usb_open(True)
+
+    def _fix(self) -> bytes:
+        """Return the pose fix that is due in the world at the pins, as a frame; its time is left to FIX_DELAY."""
+        if self._machine.world is None or self._watch is not None:
+            return b""
+        sensors = self._machine.world.sense()
+        if not sensors.has_fix or sensors.link_silent:
+            return b""
+        return bytes(compact_fix_message(Pose(*sensors.fix.pose), 0).pack(self._fixes))
 
     def _host_spoke(self) -> bool:
         """Wait a moment for the host in the loop; time goes on, too, when it has gone."""

@@ -16,6 +16,7 @@ from omniwheel.cli.common import FAILED, JsonOption, console, examples, note, pr
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     EmulatedOption,
+    ImageOption,
     OutOption,
     PlantOption,
     PresetOption,
@@ -44,6 +45,7 @@ def demo(
         typer.Option("--compare/--no-compare", help="Also run the robot's original control law, and without slip."),
     ] = True,
     emulated: EmulatedOption = False,
+    image: ImageOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
     """Drive a simulated robot with its real firmware: start it as a process, put it host-in-the-loop over MAVLink,
@@ -51,11 +53,13 @@ def demo(
 
     Leaves a folder with telemetry.tlog, summary.json and report.png. Exit code 1 if the path was not driven to its end.
     """  # noqa: D205
+    if emulated and image is not None:
+        raise typer.BadParameter("--emulated and --image are two firmwares: give one of them")
     scenario = apply_preset(load_scenario("demo").with_seed(seed).with_plant(plant), preset)
     folder = make_folder(out, scenario)
     note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
     with run_progress("firmware in the loop", json_wanted) as progress:
-        run = run_hil(scenario, out_dir=folder, progress=progress, emulated=emulated)
+        run = run_hil(scenario, out_dir=folder, progress=progress, emulated=emulated, image=image)
     summary = summarize(run)
     summary["comparison"] = {name: _compared(name, scenario, json_wanted) for name in COMPARED} if compare else {}
     store(run, summary, folder)

@@ -10,10 +10,10 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from hil_sim.scenario import load_scenario
+from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from omniwheel.cli.common import JsonOption, examples, signals_interrupt
-from omniwheel.cli.run_output import SeedOption
+from omniwheel.cli.run_output import ImageOption, SeedOption
 from omniwheel.cli.sitl import (
     HostOption,
     LinksOption,
@@ -26,12 +26,16 @@ from omniwheel.cli.sitl import (
 )
 from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.errors import FirmwareEndedError
+from omniwheel.firmware_child import FirmwareChild
+from omniwheel.image_firmware import ImageFirmware
 
 EXAMPLES = examples(
     "omni emulate                                # a robot in a simulated world, as omni sitl",
     "omni emulate --robot four_wheel --link pty:/tmp/robot",
     "omni emulate --no-world                     # the board alone, for:",
     "omni hil --link tcp:127.0.0.1:5760",
+    "omni emulate --image firmware.elf           # the very image that is flashed, on an emulated Teensy 4.0",
+    "omni emulate --image firmware.elf --link usb=pty:/tmp/teensy --link uart=tcp:127.0.0.1:5761",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
 POLL_S = 0.1
@@ -49,21 +53,39 @@ def emulate(
         bool, typer.Option("--world/--no-world", help="Simulate robot and floor around it; else wheels stand still.")
     ] = True,
     lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="With --no-world: tick only when a host sends sensors, from the start.")
+        bool,
+        typer.Option(
+            "--lockstep",
+            help="With --no-world: tick only when a host sends sensors; with --image: its time stands still meanwhile.",
+        ),
     ] = False,
+    image: ImageOption = None,
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the firmware on an emulated Cortex-M7 (QEMU), in real time, until Ctrl-C: connect to it as to a robot.
 
     A link is a serial port of the board: a second client waits until the first has gone.
+    With --image it is the image for a Teensy, on an emulated one (Unicorn): the world is at its pins, its own
+    parameters hold, and links are its connectors: usb=LINK (also without a name) and uart=LINK.
     """
-    if lockstep and world:
+    if lockstep and world and image is None:
         raise typer.BadParameter("--lockstep needs --no-world: the world drives the ticks itself")
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     try:
         with signals_interrupt():
+            if image is not None:
+                _image(
+                    image,
+                    scenario,
+                    scenario_name if world else None,
+                    world_robot,
+                    links,
+                    storage,
+                    lockstep,
+                    json_wanted,
+                )
             if not world:
                 _bare(links, scenario.robot.name, storage, lockstep, json_wanted, scenario.parameter_values())
             with start_sitl(scenario, links, storage=storage, emulated=True) as running:
@@ -74,11 +96,40 @@ def emulate(
         return
 
 
+def _image(
+    image: Path,
+    scenario: Scenario,
+    world: str | None,
+    world_robot: str | None,
+    links: Sequence[str],
+    storage: Path | None,
+    lockstep: bool,
+    json_wanted: bool,
+) -> NoReturn:
+    with ImageFirmware(
+        image,
+        scenario.robot.source,
+        links=links,
+        lockstep=lockstep,
+        storage=storage,
+        scenario=world,
+        world_robot=world_robot,
+        seed=scenario.seed,
+    ) as firmware:
+        what = scenario.description if world else "No world: its wheels stand still"
+        announce(firmware.urls, scenario.robot.name, what, json_wanted)
+        _wait_for_end(firmware)
+
+
+def _wait_for_end(firmware: FirmwareChild) -> NoReturn:
+    while firmware.running:
+        time.sleep(POLL_S)
+    raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
+
+
 def _bare(
     links: Sequence[str], name: str, storage: Path | None, lockstep: bool, json_wanted: bool, values: dict[str, float]
 ) -> NoReturn:
     with EmulatedFirmware(links=links, lockstep=lockstep, storage=storage, parameters=values) as firmware:
         announce(firmware.urls, name, "No world: its wheels stand still", json_wanted)
-        while firmware.running:
-            time.sleep(POLL_S)
-        raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
+        _wait_for_end(firmware)

@@ -13,6 +13,7 @@ from omniwheel.cli.common import JsonOption, examples, note, print_json
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     EmulatedOption,
+    ImageOption,
     OutOption,
     PlantOption,
     PresetOption,
@@ -31,6 +32,7 @@ EXAMPLES = examples(
     "omni hil fault_encoder_stuck",
     "omni hil my_scenario.toml --seed 3 --json",
     "omni hil --emulated                   # the firmware on an emulated Cortex-M7",
+    "omni hil --image firmware.elf         # the very image that is flashed, on an emulated Teensy",
     "omni hil --link /dev/ttyACM0          # a Teensy, its motors unplugged",
 )
 
@@ -42,6 +44,7 @@ def hil(
         typer.Option("--link", "-l", metavar="URL", help="Firmware to use. Default: a firmware process of its own."),
     ] = None,
     emulated: EmulatedOption = False,
+    image: ImageOption = None,
     seed: SeedOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
@@ -49,13 +52,13 @@ def hil(
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
-    if emulated and link is not None:
-        raise typer.BadParameter("--emulated starts a firmware of its own: leave --link out")
+    if sum((emulated, image is not None, link is not None)) > 1:
+        raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
     scenario = apply_preset(load_scenario(scenario_name).with_seed(seed).with_plant(plant), preset)
     folder = make_folder(out, scenario)
     note(scenario.description, quiet=json_wanted)
     with run_progress(scenario.name, json_wanted) as progress:
-        run = run_hil(scenario, link, out_dir=folder, progress=progress, emulated=emulated)
+        run = run_hil(scenario, link, out_dir=folder, progress=progress, emulated=emulated, image=image)
     summary = finished(run, folder)
     if json_wanted:
         print_json({**summary, "folder": str(folder)})

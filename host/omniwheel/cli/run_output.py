@@ -30,6 +30,14 @@ ScenarioArgument = Annotated[
 EmulatedOption = Annotated[
     bool, typer.Option("--emulated", help="Run the firmware on an emulated Cortex-M7 instead of as a process.")
 ]
+ImageOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--image",
+        metavar="FILE",
+        help="Run this image for a Teensy (.elf or .hex, by `make firmware`), emulated.",
+    ),
+]
 SeedOption = Annotated[
     int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. \\[default: the scenario's]")
 ]
