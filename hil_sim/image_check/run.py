@@ -27,6 +27,7 @@ MODULES = (
     "bus",
     "drive",
     "stops",
+    "faults",
     "storage",
     "power",
     "faults",
