@@ -30,7 +30,6 @@ MODULES = (
     "faults",
     "storage",
     "power",
-    "faults",
 )
 """Where checks are, in the order of the report: each module has CHECKS."""
 
