@@ -333,6 +333,10 @@ class Machine:
         """Open or close the serial port at the host, as a program there does."""
         lib.rt1062_usb_open(self._c, wanted, baud)
 
+    def usb_deaf(self, deaf: bool) -> None:
+        """Let the program that has the port open stop reading, with all buffers of its computer full; or go on."""
+        lib.rt1062_usb_deaf(self._c, deaf)
+
     @property
     def usb_ready(self) -> bool:
         """Whether the host has configured the device: there is a serial port."""

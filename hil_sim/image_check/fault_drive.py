@@ -65,12 +65,16 @@ class Seen:
 
 
 class Drive:
-    """Somebody at the robot's USB port, who steers it: a turn by set-points, or the circle that it drives by itself."""
+    """Somebody at the robot's USB port, who steers it: a turn by set-points, or the circle that it drives by itself.
+
+    ``seen`` is what there was to see. ``deaf``: sends, but does not read.
+    """
 
     def __init__(self, bench: Bench, drive: str) -> None:
         self.bench = bench
         self.robot: Robot = bench.connect()
         self.seen = Seen()
+        self.deaf = False
         self._circle = drive == CIRCLE
         self._time = TimeSync(self.robot.connection)
         self._steers = False
@@ -120,7 +124,10 @@ class Drive:
         if self._silent:
             self.robot.connection.feed(self.bench.take(Channel.USB))
             return
-        self.robot.pump(0.0)
+        if self.deaf:
+            self.robot.connection.beat()
+        else:
+            self.robot.pump(0.0)
         if self.bench.world.c.config.fix_rate_Hz > 0.0:
             self._time.serve()
             self._pass_fix()

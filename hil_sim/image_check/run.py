@@ -28,6 +28,7 @@ MODULES = (
     "drive",
     "stops",
     "faults",
+    "unplug",
     "storage",
     "power",
 )

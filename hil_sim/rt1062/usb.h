@@ -74,6 +74,7 @@ typedef struct rt_usb_control_t {
 typedef struct rt_usb_host_t {
     bool cable;
     bool full_speed;    /* a host of 12 Mbit/s */
+    bool deaf;          /* whoever has the port open does not read, and what the computer keeps for it is full */
     bool open_wanted;   /* a program holds the port open, or waits for it */
     bool open_told;     /* the device knows */
     uint32_t baud;      /* of the line coding that the program wants */

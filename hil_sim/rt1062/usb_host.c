@@ -295,7 +295,7 @@ static void next_request(rt1062_t *m) {
 }
 
 static bool room_for_packet(const rt1062_t *m) {
-    return RT1062_OUTPUT_SIZE - m->output[RT1062_USB].count >= RT_USB_PACKET;
+    return !m->s.usb.host.deaf && RT1062_OUTPUT_SIZE - m->output[RT1062_USB].count >= RT_USB_PACKET;
 }
 
 static uint32_t out_packet(const rt_usb_host_t *h) {
@@ -475,6 +475,11 @@ void rt1062_usb_cable(rt1062_t *m, bool connected) {
 
 void rt1062_usb_full_speed(rt1062_t *m, bool full_speed) {
     m->s.usb.host.full_speed = full_speed;
+}
+
+void rt1062_usb_deaf(rt1062_t *m, bool deaf) {
+    m->s.usb.host.deaf = deaf;
+    rt_usb_host_look(m);
 }
 
 void rt1062_usb_open(rt1062_t *m, bool open, uint32_t baud) {

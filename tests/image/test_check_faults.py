@@ -13,7 +13,9 @@ pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
 from hil_sim.fault_cases import CASES, FaultCase
+from hil_sim.image_check import unplug
 from hil_sim.image_check.bench import Bench, CheckError, Context
+from hil_sim.image_check.check import Check
 from hil_sim.image_check.faults import (
     BATTERY,
     EXTRA,
@@ -25,6 +27,7 @@ from hil_sim.image_check.faults import (
     run_case,
 )
 from hil_sim.image_file import read_image
+from hil_sim.rt1062 import Channel
 from hil_sim.scenario import load_scenario
 
 KNOWN = {case.name: case for case in (*CASES, *EXTRA)}
@@ -82,3 +85,22 @@ def test_what_is_not_as_promised_is_found(
 ) -> None:
     with pytest.raises(CheckError, match=complaint):
         run(starts, replace(KNOWN[name], **changes))  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("check", unplug.CHECKS, ids=lambda check: check.name)
+def test_cable_host_and_upload(image: Path, check: Check) -> None:
+    assert check.run(context(image, "ci"))
+
+
+def test_a_deaf_host_takes_nothing(image: Path) -> None:
+    with context(image, "short").booted() as bench:
+        robot = bench.connect()
+        robot.pump(0.2)
+        bench.machine.usb_deaf(True)
+        bench.drain()
+        bench.advance(0.3)
+        assert bench.take(Channel.USB) == b""
+        bench.machine.usb_deaf(False)
+        bench.advance(0.1)
+        assert bench.take(Channel.USB) != b""

@@ -162,6 +162,8 @@ void rt1062_usb_cable(rt1062_t *m, bool connected);
 void rt1062_usb_full_speed(rt1062_t *m, bool full_speed);
 /** The port is opened (DTR) or closed; line coding (134 baud asks for the uploader). Before the port is ready: as soon as it is. */
 void rt1062_usb_open(rt1062_t *m, bool open, uint32_t baud);
+/** Whoever has the port open stops reading, and what the computer keeps for it is full: it takes nothing more. */
+void rt1062_usb_deaf(rt1062_t *m, bool deaf);
 /** The device is configured by the host and can carry bytes. */
 bool rt1062_usb_ready(const rt1062_t *m);
 
