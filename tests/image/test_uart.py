@@ -97,7 +97,7 @@ def test_bytes_arrive_one_frame_time_after_another(uart: Chip) -> None:
 
 @pytest.mark.parametrize(("last", "bits"), [(0x00, 19), (0xFF, 11), (0x7F, 19), (0xF0, 15)])
 def test_the_line_is_idle_after_ten_ones_and_says_so_once(uart: Chip, last: int, bits: int) -> None:
-    """Ones at the frame's end count, from after the start bit on (ILT is 0): those above the highest zero of ``last``."""
+    """Ones at the end of a frame count from after the start bit on (ILT is 0)."""
     send(uart, bytes([last]))
     uart.wait((bits - 0.3) * BIT_NS)
     assert uart.read(STAT) & IDLE == 0
