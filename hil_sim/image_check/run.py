@@ -31,6 +31,7 @@ MODULES = (
     "unplug",
     "storage",
     "power",
+    "restarts",
 )
 """Where checks are, in the order of the report: each module has CHECKS."""
 
