@@ -271,6 +271,11 @@ class Machine:
         if not lib.rt1062_write(self._c, address, data, len(data)):
             raise ValueError(f"{len(data)} bytes at {address:#010x} are not all memory")
 
+    def write_register(self, address: int, value: int) -> None:
+        """Write a 32-bit register as the processor does. Raises ValueError."""
+        if not lib.rt1062_bus_write(self._c, address, 4, value):
+            raise ValueError(f"the register at {address:#010x} is not modelled: {self.why}")
+
     def call(self, function: str | int, arguments: Sequence[int] = (), *, limit_s: float = 1.0) -> int:
         """Call a function of the image from its background, with at most four integers; return its result.
 

@@ -32,6 +32,7 @@ MODULES = (
     "storage",
     "power",
     "restarts",
+    "hangs",
 )
 """Where checks are, in the order of the report: each module has CHECKS."""
 

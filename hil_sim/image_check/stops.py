@@ -22,7 +22,8 @@ RADIO_BYTE_S = 10 / 9600
 TURN_RAD_S = 1.0
 
 
-def _driving(bench: Bench) -> Robot:
+def driving(bench: Bench) -> Robot:
+    """Connect over USB, arm, and turn the robot on the spot; its set-points end with the call. Raises CheckError."""
     robot = bench.connect()
     robot.pump(1.2)
     robot.arm()
@@ -66,11 +67,11 @@ def commands(context: Context) -> list[str]:
     """Emergency stop and disarm over USB and over the radio, each from a driving robot."""
     figures = []
     with context.booted() as bench:
-        _driving(bench)
-        driving = bench.machine.snapshot()
+        driving(bench)
+        moving = bench.machine.snapshot()
         for name, command, parameters in COMMANDS:
             for channel in Channel:
-                bench.machine.restore(driving)
+                bench.machine.restore(moving)
                 robot = bench.connect(channel, heartbeat=False)
                 off_s = _time_to_off(
                     bench, _send(robot, channel, command, *parameters), 0.1, f"{name} over {channel.name}"
@@ -85,7 +86,7 @@ def silence(context: Context) -> list[str]:
     """Set-points stop coming; then, in a robot that needs none, the ground station's heartbeats."""
     values = context.scenario.parameter_values()
     with context.booted() as bench:
-        robot = _driving(bench)
+        robot = driving(bench)
         command_s = _time_to_off(bench, lambda: 0.0, 2 * values["SAFE_CMD_TO"], "set-points stop")
         _within(command_s, values["SAFE_CMD_TO"], "set-points stop")
         robot.pump(0.2)
