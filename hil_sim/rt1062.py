@@ -368,6 +368,13 @@ class Machine:
         """Return the edges at the I2C lines since the last call; of very many the last are lost."""
         return edges_of(self._c)
 
+    def noise(self, teensy_pin: int, edges_per_s: int) -> None:
+        """Put noise in place of what comes over an encoder's wire; 0: the wire is mended. Raises ValueError."""
+        if not lib.rt1062_noise(self._c, teensy_pin, edges_per_s):
+            raise ValueError(
+                f"no noise of {edges_per_s} edges per second on pin {teensy_pin}: no such wire, or too many"
+            )
+
     def cut_power_at(self, flash_commands: int, share: float) -> None:
         """Cut the power when this share (0 to 1) of the n-th flash command from now that changes memory is done."""
         lib.rt1062_cut_power_at(self._c, flash_commands, share)

@@ -29,6 +29,8 @@ MODULES = (
     "stops",
     "faults",
     "unplug",
+    "edges",
+    "fault_loop",
     "storage",
     "power",
     "restarts",

@@ -18,6 +18,7 @@ void rt_pit3_event(rt1062_t *m);
 void rt_i2c_event(rt1062_t *m);
 void rt_world_event(rt1062_t *m);
 void rt_encoder_event(rt1062_t *m);
+void rt_noise_event(rt1062_t *m);
 void rt_uart_send_event(rt1062_t *m);
 void rt_uart_receive_event(rt1062_t *m);
 void rt_usb_event(rt1062_t *m);

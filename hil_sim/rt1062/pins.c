@@ -3,16 +3,21 @@
 
 #include "devices.h"
 #include "handlers.h"
+#include "hil_sim/random.h"
 #include "i2c_chip.h"
 #include "lpi2c.h"
 #include "machine.h"
 #include "pads.h"
 
-enum { STEP_us = 1000, STEP_ns = 1000000 };
+enum { STEP_us = 1000, STEP_ns = 1000000, STREAM_NOISE = 0x4E4F4953 };
 
 static const double HIGH_V = 3.3;
 
 /* ------------------------------------------------------------------ encoders */
+
+static bool is_loose(const rt1062_t *m, uint32_t pad) {
+    return m->s.pins.noise.on && m->s.pins.noise.pad == pad;
+}
 
 /* A leads B: 00, 10, 11, 01. */
 static void show_levels(rt1062_t *m, uint32_t wheel, uint64_t at_ns) {
@@ -20,7 +25,7 @@ static void show_levels(rt1062_t *m, uint32_t wheel, uint64_t at_ns) {
     const int level[2] = {place == 1 || place == 2, place >= 2};
     for (uint32_t phase = 0; phase < 2; phase++) {
         const uint32_t pad = rt_pad_of_pin(m->config.encoder_pin[wheel][phase]);
-        if (pad != RT_NO_PAD) {
+        if (pad != RT_NO_PAD && !is_loose(m, pad)) {
             rt_pad_wire(m, pad, level[phase], at_ns);
         }
     }
@@ -63,6 +68,31 @@ void rt_encoder_event(rt1062_t *m) {
         number = next_wheel(m);
     }
     schedule_edge(m);
+}
+
+void rt_noise_event(rt1062_t *m) {
+    rt_noise_t *noise = &m->s.pins.noise;
+    while (noise->on && noise->next_ns <= rt_now(m)) {
+        rt_pad_wire(m, noise->pad, (int)(noise->edges & 1), noise->next_ns);
+        const double share = 0.5 + hil_uniform(m->config.seed, STREAM_NOISE, noise->edges);
+        noise->edges++;
+        noise->next_ns += (uint64_t)(share * noise->mean_ns) + 1;
+    }
+    rt_schedule(m, RT_EVENT_NOISE, noise->on ? noise->next_ns : RT_NEVER);
+}
+
+bool rt1062_noise(rt1062_t *m, uint32_t teensy_pin, uint32_t edges_per_s) {
+    const uint32_t pad = rt_pad_of_pin(teensy_pin);
+    if (pad == RT_NO_PAD || !m->s.pins.connected || edges_per_s > 1000000000u) {
+        return false;
+    }
+    const uint32_t mean_ns = edges_per_s > 0 ? 1000000000u / edges_per_s : 0;
+    m->s.pins.noise = (rt_noise_t){.on = edges_per_s > 0, .pad = pad, .mean_ns = mean_ns, .next_ns = rt_now(m)};
+    for (uint32_t i = 0; i < m->world->config.wheels; i++) {
+        show_levels(m, i, 0);
+    }
+    rt_schedule(m, RT_EVENT_NOISE, edges_per_s > 0 ? rt_now(m) : RT_NEVER);
+    return true;
 }
 
 static void plan_edges(rt1062_t *m) {
@@ -209,6 +239,7 @@ static void reset(rt1062_t *m) {
     }
     if (m->s.pins.connected) {
         rt_schedule(m, RT_EVENT_WORLD, m->s.pins.begin_ns + STEP_ns);
+        rt_schedule(m, RT_EVENT_NOISE, m->s.pins.noise.on ? rt_now(m) : RT_NEVER);
         schedule_edge(m);
     } else {
         connect(m);

@@ -25,10 +25,20 @@ typedef struct rt_wheel_t {
     uint32_t done;
 } rt_wheel_t;
 
+/* A loose wire at an encoder's pin: the disc's levels don't come, but edges at random times. */
+typedef struct rt_noise_t {
+    bool on;
+    uint32_t pad;
+    uint32_t mean_ns; /* between two edges, which are half to one and a half of it apart */
+    uint64_t edges;
+    uint64_t next_ns; /* when the next edge comes */
+} rt_noise_t;
+
 typedef struct rt_pins_t {
     bool connected;
     uint64_t begin_ns; /* of the millisecond under way */
     rt_wheel_t wheel[HIL_MAX_WHEELS];
+    rt_noise_t noise;
 } rt_pins_t;
 
 /* A pad's level changed; of interest if the robot looks at it. */

@@ -45,6 +45,7 @@ typedef enum rt_event_t {
     RT_EVENT_WATCHDOG,
     RT_EVENT_WORLD,   /* the world's next millisecond */
     RT_EVENT_ENCODER, /* the next edge of an encoder */
+    RT_EVENT_NOISE,   /* the next edge of a loose wire's noise */
     RT_EVENT_COUNT
 } rt_event_t;
 

@@ -15,6 +15,7 @@ const rt_event_handler_t rt_event_handlers[RT_EVENT_COUNT] = {
     [RT_EVENT_I2C] = rt_i2c_event,
     [RT_EVENT_WORLD] = rt_world_event,
     [RT_EVENT_ENCODER] = rt_encoder_event,
+    [RT_EVENT_NOISE] = rt_noise_event,
     [RT_EVENT_UART_SEND] = rt_uart_send_event,
     [RT_EVENT_UART_RECEIVE] = rt_uart_receive_event,
     [RT_EVENT_USB] = rt_usb_event,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,9 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from hil_sim.fault_bench import run_case as run_on_the_bench
 from hil_sim.fault_cases import CASES, FaultCase
-from hil_sim.image_check import unplug
+from hil_sim.image_check import edges, fault_loop, unplug
 from hil_sim.image_check.bench import Bench, CheckError, Context
 from hil_sim.image_check.check import Check
 from hil_sim.image_check.faults import (
@@ -26,6 +28,7 @@ from hil_sim.image_check.faults import (
     on_the_floor,
     run_case,
 )
+from hil_sim.image_check.run import all_checks
 from hil_sim.image_file import read_image
 from hil_sim.rt1062 import Channel
 from hil_sim.scenario import load_scenario
@@ -104,3 +107,49 @@ def test_a_deaf_host_takes_nothing(image: Path) -> None:
         bench.machine.usb_deaf(False)
         bench.advance(0.1)
         assert bench.take(Channel.USB) != b""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("check", edges.CHECKS, ids=lambda check: check.name)
+def test_encoders_at_their_limits(image: Path, check: Check) -> None:
+    assert check.run(context(image, "ci"))
+
+
+def test_noise_takes_the_place_of_a_wire(image: Path) -> None:
+    """Edges come at the rate that was asked for, and the disc's levels come back afterwards."""
+    pin = 3
+    with context(image, "short").booted() as bench:
+        rest = bench.machine.pin(pin)
+        bench.machine.noise(pin, 10_000)
+        levels = []
+        for _ in range(5000):
+            bench.advance(1e-6)
+            levels.append(bench.machine.pin(pin))
+        edges_seen = sum(a != b for a, b in pairwise(levels))
+        assert 40 <= edges_seen <= 60
+        bench.machine.noise(pin, 0)
+        assert bench.machine.pin(pin) == rest
+
+
+def test_noise_needs_a_wire(image: Path) -> None:
+    with context(image, "short").booted() as bench, pytest.raises(ValueError, match="no such wire"):
+        bench.machine.noise(99, 1000)
+
+
+def test_a_case_in_the_loop_is_as_on_the_pc(image: Path) -> None:
+    case = KNOWN["clock_back"]
+    ours, theirs = run_on_the_bench(case, fault_loop.flashed(image)), run_on_the_bench(case)
+    fault_loop.compare(ours, theirs)
+    with pytest.raises(CheckError, match=r"latency_s is 0\.5"):
+        fault_loop.compare(replace(ours, latency_s=0.5), theirs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_every_case_in_the_loop_is_as_on_the_pc(image: Path, case: FaultCase) -> None:
+    fault_loop.compare(run_on_the_bench(case, fault_loop.flashed(image)), run_on_the_bench(case))
+
+
+def test_no_check_is_listed_twice() -> None:
+    names = [check.name for check in all_checks()]
+    assert len(names) == len(set(names))

@@ -172,6 +172,11 @@ int32_t rt1062_pin(rt1062_t *m, uint32_t teensy_pin);
 /** Drive a Teensy pin from outside: 0, 1, or -1 to let go. */
 void rt1062_drive_pin(rt1062_t *m, uint32_t teensy_pin, int32_t level);
 
+/**
+ * The wire at an encoder's pin is loose: instead of the disc's levels come edges at random times, so many per second on average; 0: it is
+ * mended. One wire at a time. @return false: no such pin, no world, or more than 1e9.
+ */
+bool rt1062_noise(rt1062_t *m, uint32_t teensy_pin, uint32_t edges_per_s);
 /** Reset the chip from outside. @param flags bits of SRC_SRSR: 2 program or lock-up, 0x80 watchdog, 0x100 over-temperature. */
 void rt1062_reset(rt1062_t *m, uint32_t flags);
 /** Set the chip's temperature [degC]; 40 at power-on. */
