@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable
 
 from hil_sim.image_check.bench import BOOT_LIMIT_S, Bench, CheckError, Context, boot
-from hil_sim.image_check.check import Check
+from hil_sim.image_check.check import CI, NIGHTLY, Check
 from hil_sim.image_check.stops import driving
 from hil_sim.image_check.storage import TICK
 from hil_sim.rt1062 import MAIN_LOOP, FindingKind, Options, Stop
@@ -164,6 +164,6 @@ def _output_off(bench: Bench, what: str) -> str:
 
 
 CHECKS = (
-    Check("watchdog", "the tick or the main loop of a driving robot hangs", watchdog),
+    Check("watchdog", "the tick or the main loop of a driving robot hangs", watchdog, (CI, NIGHTLY)),
     Check("crash", "the tick or the main loop of a driving robot faults", crash),
 )

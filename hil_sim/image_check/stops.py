@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil_sim.image_check.bench import Bench, CheckError, Context
-from hil_sim.image_check.check import Check
+from hil_sim.image_check.check import CI, NIGHTLY, Check
 from hil_sim.rt1062 import Channel
 from omniwheel.dialect import mavlink
 from omniwheel.robot import FORCE, Robot
@@ -107,5 +107,5 @@ def _within(measured_s: float, promised_s: float, what: str) -> None:
 
 CHECKS = (
     Check("stop-commands", "emergency stop and disarm, from both links", commands),
-    Check("silence", "set-points or heartbeats stop coming", silence),
+    Check("silence", "set-points or heartbeats stop coming", silence, (CI, NIGHTLY)),
 )
