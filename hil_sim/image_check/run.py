@@ -35,6 +35,7 @@ MODULES = (
     "power",
     "restarts",
     "hangs",
+    "signing",
 )
 """Where checks are, in the order of the report: each module has CHECKS."""
 
