@@ -17,7 +17,7 @@ WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
 
 .PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        firmware-check firmware-memory firmware-build-check flash release clean
+        firmware-check firmware-memory firmware-build-check flash release nightly clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -35,6 +35,7 @@ help:
 	@echo 'make firmware-memory       what the image takes, beside docs/teensy.md (ARGS=--write puts it there)'
 	@echo 'make flash        the same, and upload it'
 	@echo 'make release      dist: .hex, .elf and report for each robot, the wheel, SHA256SUMS'
+	@echo 'make nightly      what takes hours; interrupted, it goes on where it was'
 	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
 
 # Another answer means that the emulated firmware can be built now, or no more.
@@ -102,6 +103,10 @@ firmware-memory: setup firmware
 
 firmware-build-check: setup $(VENV)/stamp-platformio
 	.ci/firmware $(VENV)
+
+# Resumable: what has passed for this commit is not done again (make nightly ARGS=soak for one step).
+nightly: setup
+	.ci/nightly $(ARGS)
 
 release: setup wheel
 	$(BIN)/python -m omniwheel.cli.release --out dist $(ARGS)
