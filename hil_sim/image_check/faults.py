@@ -35,6 +35,7 @@ NOT_AT_THE_PINS = {
 }
 """Cases that no wire can show, and why; host-in-the-loop they can be shown."""
 BATTERY = ("battery_low", "battery_dip")
+THREE = 3
 
 
 def faults_at_the_pins(context: Context) -> list[str]:
@@ -42,6 +43,8 @@ def faults_at_the_pins(context: Context) -> list[str]:
     reasons = dict(NOT_AT_THE_PINS)
     if context.scenario.robot.board.battery_pin is None:
         reasons.update(dict.fromkeys(BATTERY, "this robot does not measure it"))
+    if context.scenario.robot.wheels > THREE:
+        reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: nothing stands still"
     values = context.scenario.parameter_values()
     figures = []
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:
