@@ -9,10 +9,15 @@
 
 #include "machine.h"
 
+#define XPSR_T (1u << 24)
 #define NOWHERE 0xFFFFFFFEu /* Unicorn's end address: never reached */
+
+enum { UNDEFINSTR = 1 << 16, INVSTATE = 1 << 17 }; /* of CFSR [V7M B3.2.15] */
 
 enum {
     INTERRUPT_SVC = 2,
+    INTERRUPT_ALIGNMENT = 4, /* LDREX, STREX */
+    UNKNOWN_ADDRESS = 1,
     INTERRUPT_BREAKPOINT = 7,
     INTERRUPT_EXCEPTION_RETURN = 8,
     BKPT_UPLOAD = 251 /* [core] usb.c, _reboot_Teensyduino_() */
@@ -142,11 +147,17 @@ static bool on_undefined(rt_uc_engine_t *engine, void *user) {
     const uint32_t pc = rt_reg(m, RT_REG_PC);
     m->access_pc = pc;
     const uint32_t instruction = halfword_at(m, pc) << 16 | halfword_at(m, pc + 2);
-    if (rt_fpu_double(m, instruction)) {
-        rt_set_reg(m, RT_REG_PC, (pc + 4) | 1u);
+    if ((rt_reg(m, RT_REG_XPSR) & XPSR_T) == 0) {
+        rt_fault(m, RT_USAGE_FAULT, 0, "branch to 0x%08X, which is even: no Thumb code, as behind a null pointer",
+                 (unsigned)pc);
+        m->s.scs.cfsr ^= UNDEFINSTR | INVSTATE;
+    } else if (!rt_fpu_is_double(instruction)) {
+        rt_fault(m, RT_USAGE_FAULT, 0, "undefined instruction 0x%08X", (unsigned)instruction);
+    } else if (rt_fpu_double(m, instruction)) {
         return true;
+    } else {
+        rt_refuse(m, "double-precision instruction 0x%08X, or a mode of FPSCR for it, is not modelled", (unsigned)instruction);
     }
-    rt_fault(m, RT_USAGE_FAULT, 0, "undefined instruction 0x%08X", (unsigned)instruction);
     return false;
 }
 
@@ -173,6 +184,9 @@ static void serve_interrupt(rt1062_t *m) {
     const uint32_t number = m->interrupt;
     const uint32_t pc = rt_reg(m, RT_REG_PC);
     m->interrupt = RT_NO_INTERRUPT;
+    if (m->s.fault_exception != 0) {
+        return; /* the block went on behind the instruction at fault, which is to be taken first */
+    }
     m->access_pc = pc;
     if (number == INTERRUPT_EXCEPTION_RETURN) {
         rt_exception_return(m, pc | 1u);
@@ -183,7 +197,9 @@ static void serve_interrupt(rt1062_t *m) {
         rt_stop(m, RT1062_STOP_UPLOAD);
     } else if (number == INTERRUPT_BREAKPOINT) {
         rt_fault(m, RT_HARD_FAULT, 0, "a bkpt instruction without a debugger");
-    } else if (m->s.fault_exception == 0 && !m->stopping) {
+    } else if (number == INTERRUPT_ALIGNMENT) {
+        rt_fault(m, RT_USAGE_FAULT, UNKNOWN_ADDRESS, "unaligned exclusive access");
+    } else if (!m->stopping) {
         rt_refuse(m, "Unicorn reports its interrupt %u at 0x%08X", (unsigned)number, (unsigned)pc);
     }
 }
@@ -199,7 +215,7 @@ static void after_slice(rt1062_t *m, int error) {
         serve_interrupt(m);
     } else if (error != RT_UC_ERR_OK && m->s.fault_exception == 0 && !m->stopping) {
         rt_refuse(m, "Unicorn: %s at 0x%08X", m->api.error_text(error), (unsigned)rt_reg(m, RT_REG_PC));
-    } else if (is_wait(m, rt_reg(m, RT_REG_PC) - 2) && !m->look_up && m->budget_ns > 0) {
+    } else if (is_wait(m, rt_reg(m, RT_REG_PC) - 2) && !m->look_up && m->budget_ns > 0 && !rt_exceptions_wake(m)) {
         m->s.sleeping = true;
     }
 }

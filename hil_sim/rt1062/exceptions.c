@@ -42,21 +42,25 @@ static int32_t active_priority(const rt1062_t *m) {
     return best;
 }
 
-/* What an exception must beat, masks included. */
-static int32_t execution_priority(rt1062_t *m) {
+/* What an exception must beat, masks included; PRIMASK if wanted. */
+static int32_t masked_priority(rt1062_t *m, bool with_primask) {
     int32_t best = active_priority(m);
     const uint32_t base = rt_reg(m, RT_REG_BASEPRI) & 0xFF;
     if (base != 0) {
         const int32_t masked = group_of(m, (int32_t)base);
         best = masked < best ? masked : best;
     }
-    if ((rt_reg(m, RT_REG_PRIMASK) & 1) != 0 && best > 0) {
+    if (with_primask && (rt_reg(m, RT_REG_PRIMASK) & 1) != 0 && best > 0) {
         best = 0;
     }
     if ((rt_reg(m, RT_REG_FAULTMASK) & 1) != 0 && best > -1) {
         best = -1;
     }
     return best;
+}
+
+static int32_t execution_priority(rt1062_t *m) {
+    return masked_priority(m, true);
 }
 
 uint32_t rt_masks(rt1062_t *m) {
@@ -71,6 +75,11 @@ static uint32_t most_urgent(const rt1062_t *m) {
         }
     }
     return first;
+}
+
+bool rt_exceptions_wake(rt1062_t *m) {
+    const uint32_t first = most_urgent(m);
+    return first != 0 && group_of(m, priority_of(m, first)) < masked_priority(m, false);
 }
 
 void rt_irq_set(rt1062_t *m, uint32_t irq, bool high) {

@@ -86,7 +86,7 @@ struct rt1062_t {
     rt1062_stop_t stop;
     char why[RT1062_TEXT];
     rt_window_t windows[RT_WINDOWS];
-    rt_uc_hook_t hooks[RT_WINDOWS + 5];
+    rt_uc_hook_t hooks[RT_WINDOWS + 6];
     rt_uc_hook_t guards[RT_MPU_REGIONS]; /* on regions of the memory protection unit that are smaller than a page */
     uint32_t guard_count;
     uint32_t break_at[RT_BREAKS];
@@ -145,6 +145,8 @@ void rt_lines_repend(rt1062_t *m);
 uint32_t rt_masks(rt1062_t *m);
 /* Enter what is due: a fault, else the pending exception of the highest priority that may interrupt. */
 void rt_exceptions_take(rt1062_t *m);
+/* Does one that is pending end a WFI? It does if PRIMASK alone keeps it from being taken [V7M B1.5.19]. */
+bool rt_exceptions_wake(rt1062_t *m);
 /* Leave the handler that branched to this EXC_RETURN value. */
 void rt_exception_return(rt1062_t *m, uint32_t exc_return);
 /* Set the fault status registers for a fault of this kind. */
@@ -164,7 +166,9 @@ void rt_flexram_configured(rt1062_t *m, uint32_t banks);
 
 /* ---- fpu.c */
 
-/* Carry out the double-precision instruction that Unicorn's processor does not know. @return false: it is not one that is modelled. */
+/* Is it a double-precision operation, which Unicorn's processor does not know? */
+bool rt_fpu_is_double(uint32_t instruction);
+/* Carry it out and go on to the next instruction. @return false: it is not modelled, and nothing has changed. */
 bool rt_fpu_double(rt1062_t *m, uint32_t instruction);
 
 /* ---- cpu.c */
