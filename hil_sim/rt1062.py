@@ -102,6 +102,7 @@ class Options:
     instruction_ns: int = 10
     exact: bool = False
     strict: bool = True
+    words: bool = False
     seed: int = 1
     pause_ns: int = 200_000
     """Added to each pass of the program's main loop, so that waiting costs few instructions; 0: none."""
@@ -402,6 +403,7 @@ def not_modelled() -> list[str]:
 def _config(wiring: Wiring, options: Options) -> Any:
     config = ffi.new("rt1062_config_t *")
     config.instruction_ns, config.exact, config.strict = options.instruction_ns, options.exact, options.strict
+    config.words = options.words
     config.seed = options.seed
     for wheel, pins in enumerate(config.encoder_pin):
         pins[0], pins[1] = wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (_NO_PIN, _NO_PIN)

@@ -157,5 +157,5 @@ bool rt_bus_attach(rt1062_t *m) {
         attached =
             attached && (!m->config.strict || watch(m, &m->hooks[i], (rt_callback_t)on_access, windows[i][0], windows[i][1]));
     }
-    return attached && (!m->config.strict || watch_memory(m));
+    return attached && (!m->config.words || watch_memory(m));
 }

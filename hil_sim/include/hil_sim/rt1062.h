@@ -79,9 +79,10 @@ typedef struct rt1062_config_t {
     uint32_t
         instruction_ns; /**< time of an instruction; on the chip about 1. 10: as many instructions per second as a PC can emulate */
     bool exact;         /**< interrupts may come between any two instructions, not only between basic blocks; slower */
-    bool strict;   /**< see every access before it happens: unaligned ones to Device memory, or of instructions that want words,
-                        and those to regions smaller than a page that the memory protection unit forbids, are faults
-                        at their instruction; half as fast */
+    bool strict;   /**< see every access before it happens: unaligned ones to Device memory, and those to regions smaller than
+                        a page that the memory protection unit forbids, are faults at their instruction; half as fast */
+    bool words;    /**< fault on LDRD, LDM, VLDR and others that want words, where the address is no multiple of four; less than
+                        half as fast again. Without it such an access goes through */
     uint64_t seed; /**< of everything that is drawn at random: erase times, bits of a write cut off, RAM at power-on */
     uint8_t encoder_pin[HIL_MAX_WHEELS][2]; /**< Teensy pin numbers of A and B, RT1062_NO_PIN: none */
     uint8_t output_enable_pin;              /**< RT1062_NO_PIN: not wired */
