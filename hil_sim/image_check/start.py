@@ -26,7 +26,7 @@ def motors_off_first(context: Context) -> list[str]:
 
 def serves_usb(context: Context) -> list[str]:
     """A host enumerates it and gets a heartbeat."""
-    with context.bench() as bench:
+    with context.bench(options=context.options(words=True)) as bench:
         boot(bench)
         ready_s = bench.machine.time_s
         robot = bench.connect(Channel.USB)
