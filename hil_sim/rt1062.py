@@ -278,6 +278,10 @@ class Machine:
         if not lib.rt1062_bus_write(self._c, address, 4, value):
             raise ValueError(f"the register at {address:#010x} is not modelled: {self.why}")
 
+    def read_register(self, address: int, size: int = 4) -> int:
+        """Return a peripheral's or the processor's register of 1, 2 or 4 bytes as the program would read it."""
+        return int(lib.rt1062_bus_read(self._c, address, size))
+
     def call(self, function: str | int, arguments: Sequence[int] = (), *, limit_s: float = 1.0) -> int:
         """Call a function of the image from its background, with at most four integers; return its result.
 

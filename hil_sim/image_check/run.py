@@ -24,6 +24,7 @@ WORLD = "stand"
 
 MODULES = (
     "start",
+    "enable",
     "bus",
     "drive",
     "stops",
@@ -31,11 +32,16 @@ MODULES = (
     "unplug",
     "edges",
     "fault_loop",
+    "line",
+    "clock",
+    "interrupts",
     "storage",
     "power",
+    "ring",
     "restarts",
     "hangs",
     "signing",
+    "heat",
 )
 """Where checks are, in the order of the report: each module has CHECKS."""
 

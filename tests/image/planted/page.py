@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: MIT
+"""What docs/teensy.md says of the planted bugs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tests.image.planted.bugs import ROOT, Bug
+from tests.image.planted.search import Result
+
+PAGE = ROOT / "docs" / "teensy.md"
+BEGIN, END = "<!-- planted: python -m tests.image.planted --write -->\n", "<!-- /planted -->"
+
+
+def summary(results: Mapping[str, Result]) -> str:
+    """Return the figure as a sentence."""
+    found = sum(bool(result.found_by) for result in results.values())
+    share = 100 * found // max(len(results), 1)
+    return f"The checks of an image find {found} of {len(results)} planted bugs ({share} %)."
+
+
+def table(bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
+    """Return a row for each bug: which check finds it, or why none does."""
+    rows = ["| Planted | Found by |", "|---|---|"]
+    for name, result in results.items():
+        verdict = f"`{result.found_by}`" if result.found_by else f"**not found**: {bugs[name].missed or 'a check is missing'}"
+        rows.append(f"| {bugs[name].title} | {verdict} |")
+    return "\n".join(rows)
+
+
+def filled_in(page: str, bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
+    """Return the page with the figure and the table as they are now. Raises ValueError if it has no place for them."""
+    begin, end = page.index(BEGIN) + len(BEGIN), page.index(END)
+    return f"{page[:begin]}{summary(results)}\n\n{table(bugs, results)}\n{page[end:]}"
