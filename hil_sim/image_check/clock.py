@@ -55,7 +55,7 @@ def _told_s(bench: Bench, robot: Robot) -> float:
 
 
 def read_while_ticking(context: Context) -> list[str]:
-    """The background reads the clock; the tick, which reads it as well, comes before each of its instructions in turn."""
+    """The background reads the clock; the tick, which reads it too, comes before each of its instructions in turn."""
     options = Options(exact=True, seed=context.seed)
     with context.bench(options=options) as bench:
         boot(bench)

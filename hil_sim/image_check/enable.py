@@ -38,13 +38,15 @@ def never_low(context: Context) -> list[str]:
 
 
 def _driven(context: Context, pin: int) -> str:
-    """Hold the pin down as a board without our pull-up would: the model objects as soon as the processor holds it up."""
+    """Hold the pin down from outside: the model objects as soon as the processor holds it up."""
     with context.bench(expected=frozenset({FindingKind.PINS})) as bench:
         bench.machine.power_on()
         bench.machine.drive_pin(pin, 0)
         while not bench.findings():
             if bench.clock_s() > DRIVEN_S:
-                raise CheckError(f"{DRIVEN_S:g} s after power-on the output-enable pin still hangs on its pull-up alone")
+                raise CheckError(
+                    f"{DRIVEN_S:g} s after power-on the output-enable pin still hangs on its pull-up alone"
+                )
             bench.advance(0.001)
         return f"driven high {bench.clock_s():.3f} s after power-on"
 

@@ -22,7 +22,11 @@ PROGRAM_RESET = 0x2
 SAID_S = 0.8
 GONE_S = 0.05
 """After a reset: the USB port is gone by then, and not there again yet."""
-RESETS = ((0x100, "over-temperature", "too hot"), (WATCHDOG_RESET, "watchdog", "watchdog"), (PROGRAM_RESET, "software", ""))
+RESETS = (
+    (0x100, "over-temperature", "too hot"),
+    (WATCHDOG_RESET, "watchdog", "watchdog"),
+    (PROGRAM_RESET, "software", ""),
+)
 """Bits of SRC_SRSR, what the robot gives as the cause, and a word of what it says."""
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Who may interrupt whom in the running image: what ``firmware/boards/teensy40/priorities.h`` promises, asked of the chip."""
+"""Who may interrupt whom in the running image, as ``firmware/boards/teensy40/priorities.h`` promises."""
 
 from __future__ import annotations
 
-from hil_sim.image_check.bench import BOOT_LIMIT_S, CheckError, Context, boot
+from hil_sim.image_check.bench import BOOT_LIMIT_S, CheckError, Context
 from hil_sim.image_check.check import Check
 from hil_sim.image_check.storage import TICK
 from hil_sim.rt1062 import Stop
@@ -19,7 +19,7 @@ TICKS = 3
 
 
 def priorities(context: Context) -> list[str]:
-    """Encoder edges before the tick; the tick as the I2C master, so that neither sees the other half-way; links last."""
+    """Encoder edges before the tick; the tick as the I2C master, so neither sees the other half-way; links last."""
     with context.booted() as bench:
         machine = bench.machine
         machine.break_at(TICK)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The links' own business: the radio's bit times at every speed it is told, and what a closed USB port leaves behind."""
+"""The radio's bit times at every speed it is told, and what a closed USB port leaves behind."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from statistics import median
 
 from hil_sim.image_check.bench import Bench, CheckError, Context
@@ -40,7 +41,7 @@ def radio_speeds(context: Context) -> list[str]:
 def _bit_time(bench: Bench, baud: float) -> str:
     """Compare the time between bytes of a frame with the asked speed. Raises CheckError."""
     times_ns = _byte_times(bench)
-    between_ns = median(later - earlier for earlier, later in zip(times_ns, times_ns[1:], strict=False))
+    between_ns = median(later - earlier for earlier, later in pairwise(times_ns))
     off = BITS * 1e9 / (between_ns * baud) - 1.0
     if abs(off) > BAUD_TOLERANCE:
         raise CheckError(f"the radio's line is {100 * off:+.1f} % off {baud:.0f} baud")
@@ -67,7 +68,7 @@ def _byte_times(bench: Bench) -> list[int]:
 
 
 def closed_port(context: Context) -> list[str]:
-    """Half a frame and a whole arm command are still on their way when the port is closed; the next one begins clean."""
+    """Half a frame and an arm command are on their way when the port is closed; the next one begins clean."""
     with context.booted() as bench:
         robot = bench.connect()
         robot.pump(1.2)

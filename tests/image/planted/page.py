@@ -23,7 +23,9 @@ def table(bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
     """Return a row for each bug: which check finds it, or why none does."""
     rows = ["| Planted | Found by |", "|---|---|"]
     for name, result in results.items():
-        verdict = f"`{result.found_by}`" if result.found_by else f"**not found**: {bugs[name].missed or 'a check is missing'}"
+        verdict = (
+            f"`{result.found_by}`" if result.found_by else f"**not found**: {bugs[name].missed or 'a check is missing'}"
+        )
         rows.append(f"| {bugs[name].title} | {verdict} |")
     return "\n".join(rows)
 

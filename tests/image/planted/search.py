@@ -46,7 +46,7 @@ def _run(image: Path, depth: str, name: str) -> list[dict[str, Any]]:
 
 
 class Search:
-    """The checks in the order of the time that they take. ``clean`` remembers what they said of the image without a bug."""
+    """The checks, quick ones first. ``clean`` remembers what they said of the image without a bug."""
 
     def __init__(self, depth: str, clean: Path, image: Path, *, quick: bool) -> None:
         self.depth, self.quick = depth, quick
