@@ -3,9 +3,9 @@
 
 usage: python -m tests.image.planted [--only NAME ...] [--survivors] [--write]
 
-What was found is kept in build/planted/results.json after each bug, so a run that was cut goes on where it was. A change
-of a patch makes its result void; ``--fresh`` makes all of them so, ``--survivors`` those of the bugs that were not found.
-Needs what `make firmware` needs.
+What was found is kept in build/planted/results.json after each bug, so a run that was cut goes on where it was. A
+change of a patch makes its result void. ``--fresh`` makes all of them so, ``--survivors`` those of the bugs that were
+not found. Needs what `make firmware` needs.
 """
 
 from __future__ import annotations
