@@ -100,6 +100,7 @@ static void on_access(rt_uc_engine_t *engine, int type, uint64_t address, int si
     (void)engine;
     (void)value;
     rt1062_t *m = user;
+    rt_leave_it_block(m);
     m->access_pc = rt_reg(m, RT_REG_PC);
     if ((address & (uint64_t)(size - 1)) != 0) {
         rt_fault(m, RT_USAGE_FAULT, (uint32_t)address, "unaligned %s of %d bytes at 0x%08X in Device memory",
@@ -118,12 +119,13 @@ static bool wants_words(rt1062_t *m, uint32_t pc) {
 
 /* Accesses to Normal memory: most instructions may make them unaligned. */
 static void on_memory(rt_uc_engine_t *engine, int type, uint64_t address, int size, int64_t value, void *user) {
-    if ((address & 3) == 0 || size < 4) {
-        return;
-    }
     (void)engine;
     (void)value;
     rt1062_t *m = user;
+    rt_leave_it_block(m);
+    if ((address & 3) == 0 || size < 4) {
+        return;
+    }
     m->access_pc = rt_reg(m, RT_REG_PC);
     if (wants_words(m, m->access_pc)) {
         rt_fault(m, RT_USAGE_FAULT, (uint32_t)address, "unaligned %s at 0x%08X by an instruction that takes whole words only",

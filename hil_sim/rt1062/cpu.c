@@ -9,7 +9,6 @@
 
 #include "machine.h"
 
-#define XPSR_T (1u << 24)
 #define NOWHERE 0xFFFFFFFEu /* Unicorn's end address: never reached */
 
 enum { UNDEFINSTR = 1 << 16, INVSTATE = 1 << 17 }; /* of CFSR [V7M B3.2.15] */
@@ -45,6 +44,13 @@ void rt_stop(rt1062_t *m, rt1062_stop_t stop) {
     rt_look_up(m);
 }
 
+void rt_leave_it_block(rt1062_t *m) {
+    const uint32_t xpsr = rt_reg(m, RT_REG_XPSR);
+    if ((xpsr & XPSR_IT) != 0) {
+        rt_set_reg(m, RT_REG_XPSR, xpsr & ~XPSR_IT);
+    }
+}
+
 /* ------------------------------------------------------------------ basic blocks */
 
 static uint32_t halfword_at(rt1062_t *m, uint32_t address) {
@@ -72,9 +78,17 @@ static uint32_t instructions_of(rt1062_t *m, uint32_t address, uint32_t size) {
     return block->instructions;
 }
 
+void rt_code_changed(rt1062_t *m, uint32_t address, uint32_t size) {
+    enum { LONGEST_BLOCK = 1024 };
+    for (uint32_t i = 0; i < (LONGEST_BLOCK + size) / 2 && i < RT_BLOCKS; i++) {
+        m->blocks[((address - LONGEST_BLOCK) / 2 + i) % RT_BLOCKS] = (rt_block_t){0};
+    }
+    m->api.control(m->engine, RT_UC_CTL_REMOVE_CACHE, (uint64_t)address, (uint64_t)address + size);
+}
+
 static bool at_break(rt1062_t *m, uint32_t address) {
     for (uint32_t i = 0; i < m->break_count; i++) {
-        if (m->break_at[i] == address && !(m->past_break && m->broken_at == address)) {
+        if (m->break_at[i] == address && !(m->s.past_break && m->s.broken_at == address)) {
             return true;
         }
     }
@@ -88,8 +102,8 @@ static bool masks_changed(rt1062_t *m) {
 static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, void *user) {
     rt1062_t *m = user;
     if (m->break_count > 0 && at_break(m, (uint32_t)address)) {
-        m->broken_at = (uint32_t)address;
-        m->past_break = true;
+        m->s.broken_at = (uint32_t)address;
+        m->s.past_break = true;
         rt_stop(m, RT1062_STOP_BREAK);
     }
     if (rt_nor_busy(m) && (uint32_t)address - RT_FLASH_BASE < RT_FLASH_SIZE) {
@@ -108,7 +122,7 @@ static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, vo
         m->api.stop(engine);
         return;
     }
-    m->past_break = false;
+    m->s.past_break = false;
     m->block_at = (uint32_t)address;
     m->budget_ns -= (uint32_t)address == m->pace_at ? m->pace_ns : 0;
     m->budget_ns = m->budget_ns > 0 ? m->budget_ns : 0; /* no event is passed */

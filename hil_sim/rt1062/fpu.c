@@ -11,8 +11,6 @@
 
 enum { FPSCR_MODES = 0x07C00000 /* AHP, DN, FZ, RMode */, FPSCR_FLAGS_SHIFT = 28, CONTROL_FPCA = 4 };
 
-#define XPSR_IT 0x0600FC00u
-
 typedef struct fields_t {
     uint32_t d; /* register number as a double's */
     uint32_t n;

@@ -105,3 +105,27 @@ on_tick:
     with running(assemble(source, tmp_path)) as bare:
         bare.finish()
         assert bare.words(1) == [5]
+
+
+@pytest.mark.parametrize("address", ["0xE000ED08", "0x20004000", "0x20004001"])
+def test_a_conditional_access_ends_with_its_instruction(tmp_path: Path, address: str) -> None:
+    source = f"""
+main:
+    ldr r0, ={address}
+    ldr r3, =target + 1
+    movs r5, #3
+    movs r1, #0
+    it eq
+    ldreq r2, [r0]
+    cmp r1, #5
+    bx r3
+.balign 4
+.thumb_func
+target:
+    movs r5, #7                 @ outside of the block, whatever the flags
+    str r5, [r7]
+    b done
+"""
+    with running(assemble(source, tmp_path)) as bare:
+        bare.finish()
+        assert bare.words(1) == [7]

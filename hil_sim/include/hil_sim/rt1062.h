@@ -114,7 +114,7 @@ const char *rt1062_why(const rt1062_t *m);
 
 /** Which stops the caller wants, a bit per rt1062_stop_t; RT1062_STOP_TIME, POWER, UPLOAD and REFUSED always stop. */
 void rt1062_stop_on(rt1062_t *m, uint32_t stops);
-/** Stop before the instruction at this address (a function's first, say); up to 8. 0: forget them all. */
+/** Stop before the instruction at this address (a function's first, say), the first of a basic block; up to 8. 0: forget them all. */
 bool rt1062_break(rt1062_t *m, uint32_t address);
 
 /**
