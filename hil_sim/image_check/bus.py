@@ -71,8 +71,7 @@ def _watch(bench: Bench, duration_s: float) -> Wave:
 def defaults(context: Context) -> list[str]:
     """What it answers for every parameter is what the robot file says."""
     wanted = context.scenario.robot.parameter_values()
-    with context.bench(options=context.options(words=True)) as bench:
-        boot(bench)
+    with context.booted() as bench:
         robot = bench.connect()
         robot.require_same_parameters()
         robot.parameters.download()
@@ -85,7 +84,7 @@ def defaults(context: Context) -> list[str]:
 
 def radio(context: Context) -> list[str]:
     """A ground station behind the radio, at 9600 baud, reads a parameter and is seen."""
-    with context.bench(options=context.options(words=True)) as bench:
+    with context.bench() as bench:
         boot(bench, usb=False)
         robot = bench.connect(Channel.UART)
         robot.pump(1.0)  # it joined in the middle of a frame
@@ -95,7 +94,7 @@ def radio(context: Context) -> list[str]:
         errors = robot.connection.rx_bad_bytes - joined
     if errors:
         raise CheckError(f"{errors} bytes from the radio's line are no MAVLink")
-    return [f"answers at {baud} baud, no byte wrong"]
+    return [f"answers at {baud:g} baud, no byte wrong"]
 
 
 CHECKS = (
