@@ -102,6 +102,7 @@ class Options:
     instruction_ns: int = 10
     exact: bool = False
     strict: bool = True
+    words: bool = False
     seed: int = 1
     pause_ns: int = 200_000
     """Added to each pass of the program's main loop, so that waiting costs few instructions; 0: none."""
@@ -147,6 +148,7 @@ class Machine:
         self._c = lib.rt1062_new(str(unicorn_library()).encode(), _config(wiring, options), why, len(why))
         if self._c == ffi.NULL:
             raise FirmwareImageError(f"the emulated chip cannot be made: {_text(why)}")
+        self._before: list[Finding] = []
         self._chunk = ffi.new("uint8_t[]", lib.RT1062_OUTPUT_SIZE)
         self.flash[: len(image.flash)] = image.flash
         if MAIN_LOOP in image.symbols:
@@ -303,16 +305,24 @@ class Machine:
         time_s = int(c.time_ns) / NS_PER_S
         return Finding(FindingKind(c.kind), _text(c.text), int(c.pc), int(c.address), int(c.count), time_s, place)
 
+    def all_findings(self) -> list[Finding]:
+        """Return the same with what was seen before the machine was set back."""
+        now = self.findings()
+        known = {(finding.kind, finding.pc, finding.text) for finding in now}
+        return [finding for finding in self._before if (finding.kind, finding.pc, finding.text) not in known] + now
+
     def forget_findings(self) -> None:
         """Begin a new list."""
         lib.rt1062_forget_findings(self._c)
+        self._before = []
 
     def snapshot(self) -> Snapshot:
         """Copy the whole machine and its world. Raises MemoryError."""
         return Snapshot(self._c)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot of this machine."""
+        """Go back to a snapshot of this machine; :meth:`all_findings` remembers."""
+        self._before = self.all_findings()
         lib.rt1062_restore(self._c, snapshot.c)
 
     # ---- links and pins
@@ -402,6 +412,7 @@ def not_modelled() -> list[str]:
 def _config(wiring: Wiring, options: Options) -> Any:
     config = ffi.new("rt1062_config_t *")
     config.instruction_ns, config.exact, config.strict = options.instruction_ns, options.exact, options.strict
+    config.words = options.words
     config.seed = options.seed
     for wheel, pins in enumerate(config.encoder_pin):
         pins[0], pins[1] = wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (_NO_PIN, _NO_PIN)

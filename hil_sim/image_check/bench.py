@@ -157,17 +157,28 @@ class Context:
     ) -> Iterator[Bench]:
         """Make a machine whose power is off.
 
-        Raises CheckError in the end if the chip objected to something that was not expected.
+        Raises CheckError in the end if the chip objected to something that was not expected, at whatever time; if
+        something else went wrong, with both.
         """
         scenario = scenario or self.scenario
         world = new_world(scenario)
-        options = options or Options(instruction_ns=self.instruction_ns, seed=self.seed)
+        options = options or self.options()
         with Machine(self.image, wiring=wiring_of(scenario.robot), world=world, options=options) as machine:
-            bench = Bench(machine, world, scenario)
-            yield bench
-            objections = [finding for finding in bench.findings() if finding.kind not in expected]
+            failure: OmniError | None = None
+            try:
+                yield Bench(machine, world, scenario)
+            except OmniError as error:
+                failure = error
+            objections = [str(finding) for finding in machine.all_findings() if finding.kind not in expected]
             if objections:
-                raise CheckError("; ".join(str(finding) for finding in objections[:3]))
+                said = [str(failure)] if failure is not None else []
+                raise CheckError("; ".join([*said, *(text for text in objections[:3] if text not in "".join(said))]))
+            if failure is not None:
+                raise failure
+
+    def options(self, *, words: bool = False) -> Options:
+        """Return how a machine runs; ``words``: it finds words that are not aligned, which takes time."""
+        return Options(instruction_ns=self.instruction_ns, seed=self.seed, words=words)
 
     @contextmanager
     def booted(

@@ -71,7 +71,8 @@ def _watch(bench: Bench, duration_s: float) -> Wave:
 def defaults(context: Context) -> list[str]:
     """What it answers for every parameter is what the robot file says."""
     wanted = context.scenario.robot.parameter_values()
-    with context.booted() as bench:
+    with context.bench(options=context.options(words=True)) as bench:
+        boot(bench)
         robot = bench.connect()
         robot.require_same_parameters()
         robot.parameters.download()
@@ -84,7 +85,7 @@ def defaults(context: Context) -> list[str]:
 
 def radio(context: Context) -> list[str]:
     """A ground station behind the radio, at 9600 baud, reads a parameter and is seen."""
-    with context.bench() as bench:
+    with context.bench(options=context.options(words=True)) as bench:
         boot(bench, usb=False)
         robot = bench.connect(Channel.UART)
         robot.pump(1.0)  # it joined in the middle of a frame

@@ -89,7 +89,8 @@ def _says(bench: Bench, wanted: tuple[str, ...], cause: str, what: str) -> None:
 def watchdog(context: Context) -> list[str]:
     """An endless loop in the tick, then in the main loop, of a driving robot."""
     figures = []
-    with context.bench(options=Options(instruction_ns=HANG, seed=context.seed)) as bench:
+    expected = frozenset({FindingKind.WATCHDOG})
+    with context.bench(options=Options(instruction_ns=HANG, seed=context.seed), expected=expected) as bench:
         boot(bench)
         driving(bench)
         before = bench.machine.snapshot()
@@ -113,7 +114,7 @@ FAULTS: dict[str, tuple[bytes, Callable[[int], int]]] = {
 def crash(context: Context) -> list[str]:
     """Faults in the tick and in the main loop of a driving robot, and an interrupt that nobody asked for."""
     figures = []
-    expected = frozenset({FindingKind.FAULT})
+    expected = frozenset({FindingKind.FAULT, FindingKind.WATCHDOG})
     with context.bench(options=Options(instruction_ns=HANG, seed=context.seed), expected=expected) as bench:
         boot(bench)
         driving(bench)

@@ -134,7 +134,7 @@ class _Saver:
 def saves(context: Context) -> list[str]:
     """Saves of every length, then of every length and place modulo 32 while the robot ticks."""
     draw = random.Random(context.seed)
-    with context.bench(options=Options(instruction_ns=FAST, seed=context.seed)) as quick:
+    with context.bench(options=Options(instruction_ns=FAST, seed=context.seed, words=True)) as quick:
         reader = Store(quick)
         return [_every_length(context, reader, draw), _every_alignment(context, reader, draw)]
 

@@ -61,6 +61,7 @@ bool rt1062_power_on(rt1062_t *m) {
     fill_with_noise(m->itcm, RT_ITCM_SIZE, &noise);
     fill_with_noise(m->dtcm, RT_DTCM_SIZE, &noise);
     fill_with_noise(m->ocram, RT_OCRAM_SIZE, &noise);
+    memset(m->blocks, 0, sizeof m->blocks);
     m->api.control(m->engine, RT_UC_CTL_FLUSH_CACHE);
     m->s.powered = true;
     rt_reset_now(m, RT_RESET_POWER);
@@ -178,7 +179,7 @@ bool rt1062_write(rt1062_t *m, uint32_t address, const uint8_t *bytes, uint32_t 
     uint8_t *memory = rt_memory(m, address, count);
     if (memory != NULL) {
         memcpy(memory, bytes, count);
-        m->api.control(m->engine, RT_UC_CTL_REMOVE_CACHE, (uint64_t)address, (uint64_t)address + count);
+        rt_code_changed(m, address, count);
     }
     return memory != NULL;
 }
@@ -217,6 +218,10 @@ const char *const *rt1062_not_modelled(void) {
         "Analog behaviour: edges, levels between high and low, noise, supply currents.",
         "The 500 us that the PWM chip's oscillator takes to start.",
         "Levels of the serial port's pins: its bytes go past them.",
+        "Flash memory after a cut: bits are old or new; a real chip's may read now so, now so, or be 0 where an erase began.",
+        "An interrupt between LDREX and STREX: STREX fails only if the value has changed.",
+        "After a fault by alignment or in a protected region smaller than a page, the rest of the basic block is executed.",
+        "Cumulative exception flags of double-precision operations; whether the floating-point unit was switched on.",
         "Peripherals that the image does not use: touching one ends the run.",
         NULL,
     };

@@ -100,10 +100,36 @@ static void on_access(rt_uc_engine_t *engine, int type, uint64_t address, int si
     (void)engine;
     (void)value;
     rt1062_t *m = user;
+    rt_leave_it_block(m);
     m->access_pc = rt_reg(m, RT_REG_PC);
     if ((address & (uint64_t)(size - 1)) != 0) {
         rt_fault(m, RT_USAGE_FAULT, (uint32_t)address, "unaligned %s of %d bytes at 0x%08X in Device memory",
                  type == RT_UC_MEM_WRITE ? "write" : "read", size, (unsigned)address);
+    }
+}
+
+/* Does the instruction want words at multiples of four even in Normal memory [V7M A3.2.1]? */
+static bool wants_words(rt1062_t *m, uint32_t pc) {
+    const uint8_t *code = rt_memory(m, pc, 2);
+    const uint32_t first = code == NULL ? 0 : (uint32_t)code[0] | (uint32_t)code[1] << 8;
+    return (first & 0xF000) == 0xC000 || /* LDM, STM */
+           (first & 0xFE00) == 0xE800 || /* LDM, STM, LDRD, STRD, LDREX, STREX */
+           (first & 0xFE00) == 0xEC00;   /* VLDR, VSTR, VLDM, VSTM */
+}
+
+/* Accesses to Normal memory: most instructions may make them unaligned. */
+static void on_memory(rt_uc_engine_t *engine, int type, uint64_t address, int size, int64_t value, void *user) {
+    (void)engine;
+    (void)value;
+    rt1062_t *m = user;
+    rt_leave_it_block(m);
+    if ((address & 3) == 0 || size < 4) {
+        return;
+    }
+    m->access_pc = rt_reg(m, RT_REG_PC);
+    if (wants_words(m, m->access_pc)) {
+        rt_fault(m, RT_USAGE_FAULT, (uint32_t)address, "unaligned %s at 0x%08X by an instruction that takes whole words only",
+                 type == RT_UC_MEM_WRITE ? "write" : "read", (unsigned)address);
     }
 }
 
@@ -113,10 +139,16 @@ static bool attach(rt1062_t *m, rt_window_t *window, uint32_t base, uint32_t siz
            RT_UC_ERR_OK;
 }
 
-static bool watch(rt1062_t *m, rt_uc_hook_t *hook, uint32_t base, uint32_t size) {
+static bool watch(rt1062_t *m, rt_uc_hook_t *hook, rt_callback_t callback, uint32_t base, uint32_t size) {
     const uint64_t end = (uint64_t)base + size - 1;
-    return m->api.hook_add(m->engine, hook, RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, (rt_callback_t)on_access, m,
-                           (uint64_t)base, end) == RT_UC_ERR_OK;
+    return m->api.hook_add(m->engine, hook, RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, callback, m, (uint64_t)base, end) ==
+           RT_UC_ERR_OK;
+}
+
+/* Tightly coupled and on-chip memory lie in the lower half GB, flash memory above the devices. */
+static bool watch_memory(rt1062_t *m) {
+    return watch(m, &m->hooks[RT_WINDOWS + 4], (rt_callback_t)on_memory, RT_ITCM_BASE, RT_OCRAM_BASE + RT_OCRAM_SIZE) &&
+           watch(m, &m->hooks[RT_WINDOWS + 5], (rt_callback_t)on_memory, RT_FLASH_BASE, RT_FLASH_SIZE);
 }
 
 bool rt_bus_attach(rt1062_t *m) {
@@ -124,7 +156,8 @@ bool rt_bus_attach(rt1062_t *m) {
     bool attached = true;
     for (uint32_t i = 0; i < RT_WINDOWS; i++) {
         attached = attached && attach(m, &m->windows[i], windows[i][0], windows[i][1]);
-        attached = attached && (!m->config.strict || watch(m, &m->hooks[i], windows[i][0], windows[i][1]));
+        attached =
+            attached && (!m->config.strict || watch(m, &m->hooks[i], (rt_callback_t)on_access, windows[i][0], windows[i][1]));
     }
-    return attached;
+    return attached && (!m->config.words || watch_memory(m));
 }

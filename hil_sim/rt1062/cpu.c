@@ -11,8 +11,12 @@
 
 #define NOWHERE 0xFFFFFFFEu /* Unicorn's end address: never reached */
 
+enum { UNDEFINSTR = 1 << 16, INVSTATE = 1 << 17 }; /* of CFSR [V7M B3.2.15] */
+
 enum {
     INTERRUPT_SVC = 2,
+    INTERRUPT_ALIGNMENT = 4, /* LDREX, STREX */
+    UNKNOWN_ADDRESS = 1,
     INTERRUPT_BREAKPOINT = 7,
     INTERRUPT_EXCEPTION_RETURN = 8,
     BKPT_UPLOAD = 251 /* [core] usb.c, _reboot_Teensyduino_() */
@@ -38,6 +42,13 @@ void rt_stop(rt1062_t *m, rt1062_stop_t stop) {
         m->stop = stop;
     }
     rt_look_up(m);
+}
+
+void rt_leave_it_block(rt1062_t *m) {
+    const uint32_t xpsr = rt_reg(m, RT_REG_XPSR);
+    if ((xpsr & XPSR_IT) != 0) {
+        rt_set_reg(m, RT_REG_XPSR, xpsr & ~XPSR_IT);
+    }
 }
 
 /* ------------------------------------------------------------------ basic blocks */
@@ -67,9 +78,17 @@ static uint32_t instructions_of(rt1062_t *m, uint32_t address, uint32_t size) {
     return block->instructions;
 }
 
+void rt_code_changed(rt1062_t *m, uint32_t address, uint32_t size) {
+    enum { LONGEST_BLOCK = 1024 };
+    for (uint32_t i = 0; i < (LONGEST_BLOCK + size) / 2 && i < RT_BLOCKS; i++) {
+        m->blocks[((address - LONGEST_BLOCK) / 2 + i) % RT_BLOCKS] = (rt_block_t){0};
+    }
+    m->api.control(m->engine, RT_UC_CTL_REMOVE_CACHE, (uint64_t)address, (uint64_t)address + size);
+}
+
 static bool at_break(rt1062_t *m, uint32_t address) {
     for (uint32_t i = 0; i < m->break_count; i++) {
-        if (m->break_at[i] == address && !(m->past_break && m->broken_at == address)) {
+        if (m->break_at[i] == address && !(m->s.past_break && m->s.broken_at == address)) {
             return true;
         }
     }
@@ -83,8 +102,8 @@ static bool masks_changed(rt1062_t *m) {
 static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, void *user) {
     rt1062_t *m = user;
     if (m->break_count > 0 && at_break(m, (uint32_t)address)) {
-        m->broken_at = (uint32_t)address;
-        m->past_break = true;
+        m->s.broken_at = (uint32_t)address;
+        m->s.past_break = true;
         rt_stop(m, RT1062_STOP_BREAK);
     }
     if (rt_nor_busy(m) && (uint32_t)address - RT_FLASH_BASE < RT_FLASH_SIZE) {
@@ -103,7 +122,7 @@ static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, vo
         m->api.stop(engine);
         return;
     }
-    m->past_break = false;
+    m->s.past_break = false;
     m->block_at = (uint32_t)address;
     m->budget_ns -= (uint32_t)address == m->pace_at ? m->pace_ns : 0;
     m->budget_ns = m->budget_ns > 0 ? m->budget_ns : 0; /* no event is passed */
@@ -142,11 +161,17 @@ static bool on_undefined(rt_uc_engine_t *engine, void *user) {
     const uint32_t pc = rt_reg(m, RT_REG_PC);
     m->access_pc = pc;
     const uint32_t instruction = halfword_at(m, pc) << 16 | halfword_at(m, pc + 2);
-    if (rt_fpu_double(m, instruction)) {
-        rt_set_reg(m, RT_REG_PC, (pc + 4) | 1u);
+    if ((rt_reg(m, RT_REG_XPSR) & XPSR_T) == 0) {
+        rt_fault(m, RT_USAGE_FAULT, 0, "branch to 0x%08X, which is even: no Thumb code, as behind a null pointer",
+                 (unsigned)pc);
+        m->s.scs.cfsr ^= UNDEFINSTR | INVSTATE;
+    } else if (!rt_fpu_is_double(instruction)) {
+        rt_fault(m, RT_USAGE_FAULT, 0, "undefined instruction 0x%08X", (unsigned)instruction);
+    } else if (rt_fpu_double(m, instruction)) {
         return true;
+    } else {
+        rt_refuse(m, "double-precision instruction 0x%08X, or a mode of FPSCR for it, is not modelled", (unsigned)instruction);
     }
-    rt_fault(m, RT_USAGE_FAULT, 0, "undefined instruction 0x%08X", (unsigned)instruction);
     return false;
 }
 
@@ -173,6 +198,9 @@ static void serve_interrupt(rt1062_t *m) {
     const uint32_t number = m->interrupt;
     const uint32_t pc = rt_reg(m, RT_REG_PC);
     m->interrupt = RT_NO_INTERRUPT;
+    if (m->s.fault_exception != 0) {
+        return; /* the block went on behind the instruction at fault, which is to be taken first */
+    }
     m->access_pc = pc;
     if (number == INTERRUPT_EXCEPTION_RETURN) {
         rt_exception_return(m, pc | 1u);
@@ -183,7 +211,9 @@ static void serve_interrupt(rt1062_t *m) {
         rt_stop(m, RT1062_STOP_UPLOAD);
     } else if (number == INTERRUPT_BREAKPOINT) {
         rt_fault(m, RT_HARD_FAULT, 0, "a bkpt instruction without a debugger");
-    } else if (m->s.fault_exception == 0 && !m->stopping) {
+    } else if (number == INTERRUPT_ALIGNMENT) {
+        rt_fault(m, RT_USAGE_FAULT, UNKNOWN_ADDRESS, "unaligned exclusive access");
+    } else if (!m->stopping) {
         rt_refuse(m, "Unicorn reports its interrupt %u at 0x%08X", (unsigned)number, (unsigned)pc);
     }
 }
@@ -199,7 +229,7 @@ static void after_slice(rt1062_t *m, int error) {
         serve_interrupt(m);
     } else if (error != RT_UC_ERR_OK && m->s.fault_exception == 0 && !m->stopping) {
         rt_refuse(m, "Unicorn: %s at 0x%08X", m->api.error_text(error), (unsigned)rt_reg(m, RT_REG_PC));
-    } else if (is_wait(m, rt_reg(m, RT_REG_PC) - 2) && !m->look_up && m->budget_ns > 0) {
+    } else if (is_wait(m, rt_reg(m, RT_REG_PC) - 2) && !m->look_up && m->budget_ns > 0 && !rt_exceptions_wake(m)) {
         m->s.sleeping = true;
     }
 }

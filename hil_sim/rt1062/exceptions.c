@@ -16,7 +16,6 @@ enum {
 #define EXC_RETURN_HANDLER 0xFFFFFFF1u
 #define EXC_RETURN_THREAD 0xFFFFFFF9u
 #define EXC_RETURN_NO_FP (1u << 4)
-#define XPSR_T (1u << 24)
 #define XPSR_EXCEPTION 0x1FFu
 
 /* ------------------------------------------------------------------ priorities */
@@ -42,15 +41,15 @@ static int32_t active_priority(const rt1062_t *m) {
     return best;
 }
 
-/* What an exception must beat, masks included. */
-static int32_t execution_priority(rt1062_t *m) {
+/* What an exception must beat, masks included; PRIMASK if wanted. */
+static int32_t masked_priority(rt1062_t *m, bool with_primask) {
     int32_t best = active_priority(m);
     const uint32_t base = rt_reg(m, RT_REG_BASEPRI) & 0xFF;
     if (base != 0) {
         const int32_t masked = group_of(m, (int32_t)base);
         best = masked < best ? masked : best;
     }
-    if ((rt_reg(m, RT_REG_PRIMASK) & 1) != 0 && best > 0) {
+    if (with_primask && (rt_reg(m, RT_REG_PRIMASK) & 1) != 0 && best > 0) {
         best = 0;
     }
     if ((rt_reg(m, RT_REG_FAULTMASK) & 1) != 0 && best > -1) {
@@ -59,11 +58,15 @@ static int32_t execution_priority(rt1062_t *m) {
     return best;
 }
 
+static int32_t execution_priority(rt1062_t *m) {
+    return masked_priority(m, true);
+}
+
 uint32_t rt_masks(rt1062_t *m) {
     return rt_reg(m, RT_REG_PRIMASK) << 16 | rt_reg(m, RT_REG_FAULTMASK) << 8 | (rt_reg(m, RT_REG_BASEPRI) & 0xFF);
 }
 
-static uint32_t most_urgent(const rt1062_t *m) {
+uint32_t rt_exception_next(const rt1062_t *m) {
     uint32_t first = 0;
     for (uint32_t i = RT_NMI; i < RT_EXCEPTIONS; i++) {
         if (m->s.scs.pending[i] && m->s.scs.enabled[i] && (first == 0 || priority_of(m, i) < priority_of(m, first))) {
@@ -71,6 +74,11 @@ static uint32_t most_urgent(const rt1062_t *m) {
         }
     }
     return first;
+}
+
+bool rt_exceptions_wake(rt1062_t *m) {
+    const uint32_t first = rt_exception_next(m);
+    return first != 0 && group_of(m, priority_of(m, first)) < masked_priority(m, false);
 }
 
 void rt_irq_set(rt1062_t *m, uint32_t irq, bool high) {
@@ -163,6 +171,7 @@ static void enter(rt1062_t *m, uint32_t exception, uint32_t return_address) {
         rt_refuse(m, "the process stack is not modelled");
         return;
     }
+    m->access_pc = return_address;
     watch_for_storm(m, exception);
     const bool with_fp = (control & CONTROL_FPCA) != 0;
     if (!push_frame(m, return_address, with_fp)) {
@@ -204,7 +213,7 @@ void rt_exceptions_take(rt1062_t *m) {
         return;
     }
     m->masked_pending = false;
-    const uint32_t first = most_urgent(m);
+    const uint32_t first = rt_exception_next(m);
     if (first == 0) {
         return;
     }

@@ -42,6 +42,9 @@ void rt_refuse(rt1062_t *m, const char *format, ...) {
 }
 
 void rt_fault(rt1062_t *m, uint32_t exception, uint32_t address, const char *format, ...) {
+    if (m->s.fault_exception != 0) {
+        return; /* the chip would not have come here: the rest of the block is executed before a fault is taken */
+    }
     char text[sizeof m->s.finding[0].text];
     va_list arguments;
     va_start(arguments, format);

@@ -70,13 +70,10 @@ struct rt1062_t {
     uint64_t until_ns;   /* when the whole run ends */
     bool protection_dirty;
     bool flash_dirty;
-    bool code_changed;
     bool look_up;        /* leave Unicorn before the next basic block */
     bool masked_pending; /* an interrupt waits for PRIMASK, BASEPRI or FAULTMASK to change */
     uint32_t masks;      /* rt_masks() when that was found */
     bool stopping;       /* `stop` is the reason for which the run ends */
-    bool past_break;     /* the break point at broken_at has been reported, and nothing was executed since */
-    uint32_t broken_at;
     bool in_part;        /* config.exact: a block is executed up to an instruction within it */
     uint32_t part_block; /* the block to do that with, 0: none */
     uint32_t part_size;
@@ -86,7 +83,7 @@ struct rt1062_t {
     rt1062_stop_t stop;
     char why[RT1062_TEXT];
     rt_window_t windows[RT_WINDOWS];
-    rt_uc_hook_t hooks[RT_WINDOWS + 5];
+    rt_uc_hook_t hooks[RT_WINDOWS + 6];
     rt_uc_hook_t guards[RT_MPU_REGIONS]; /* on regions of the memory protection unit that are smaller than a page */
     uint32_t guard_count;
     uint32_t break_at[RT_BREAKS];
@@ -145,6 +142,10 @@ void rt_lines_repend(rt1062_t *m);
 uint32_t rt_masks(rt1062_t *m);
 /* Enter what is due: a fault, else the pending exception of the highest priority that may interrupt. */
 void rt_exceptions_take(rt1062_t *m);
+/* The one of the highest priority that is pending and on, 0: none. */
+uint32_t rt_exception_next(const rt1062_t *m);
+/* Does one that is pending end a WFI? It does if PRIMASK alone keeps it from being taken [V7M B1.5.19]. */
+bool rt_exceptions_wake(rt1062_t *m);
 /* Leave the handler that branched to this EXC_RETURN value. */
 void rt_exception_return(rt1062_t *m, uint32_t exc_return);
 /* Set the fault status registers for a fault of this kind. */
@@ -164,10 +165,21 @@ void rt_flexram_configured(rt1062_t *m, uint32_t banks);
 
 /* ---- fpu.c */
 
-/* Carry out the double-precision instruction that Unicorn's processor does not know. @return false: it is not one that is modelled. */
+/* Is it a double-precision operation, which Unicorn's processor does not know? */
+bool rt_fpu_is_double(uint32_t instruction);
+/* Carry it out and go on to the next instruction. @return false: it is not modelled, and nothing has changed. */
 bool rt_fpu_double(rt1062_t *m, uint32_t instruction);
 
 /* ---- cpu.c */
+
+#define XPSR_T (1u << 24)
+#define XPSR_IT 0x0600FC00u
+
+/*
+ * To be called by each hook on memory. Before it calls one, Unicorn looks up what instruction it is at and leaves its IT state behind, as if
+ * the basic block ended there; but it goes on, and the next one would begin as part of an IT block.
+ */
+void rt_leave_it_block(rt1062_t *m);
 
 enum { RT_NO_INTERRUPT = 0xFFFF };
 
@@ -175,6 +187,8 @@ bool rt_cpu_open(rt1062_t *m, char *why, size_t why_size);
 void rt_cpu_close(rt1062_t *m);
 /* Registers as after reset. */
 void rt_cpu_reset(rt1062_t *m, uint32_t stack, uint32_t entry);
+/* Others than the program wrote to memory that may hold code: what is kept of it is forgotten. */
+void rt_code_changed(rt1062_t *m, uint32_t address, uint32_t size);
 /* Run until the run's end, an event, or an exception to be taken. */
 void rt_cpu_slice(rt1062_t *m, uint64_t until_ns);
 uint32_t rt_reg(rt1062_t *m, int number);

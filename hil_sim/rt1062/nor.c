@@ -77,6 +77,13 @@ static void program(rt1062_t *m, const uint8_t *page) {
     }
 }
 
+/* The program's own instructions may be among what was changed. */
+static void forget_code(rt1062_t *m) {
+    const rt_nor_t *nor = &m->s.nor;
+    const uint32_t at = nor->work == RT_NOR_PROGRAM ? nor->address & ~(uint32_t)(RT_NOR_PAGE - 1) : nor->address;
+    rt_code_changed(m, RT_FLASH_BASE + at, nor->work == RT_NOR_PROGRAM ? RT_NOR_PAGE : nor->size);
+}
+
 static void finish(rt1062_t *m) {
     if (m->s.nor.work == RT_NOR_PROGRAM) {
         program(m, m->s.nor.page);
@@ -137,6 +144,7 @@ void rt_nor_event(rt1062_t *m) {
     } else {
         finish(m);
     }
+    forget_code(m);
     nor->cut_after -= nor->cut_after != 0;
     nor->work = RT_NOR_IDLE;
     nor->write_enabled = false;
@@ -163,6 +171,10 @@ static bool refused_write(rt1062_t *m, const char *name) {
 
 static void begin_work(rt1062_t *m, rt_nor_work_t work, uint64_t duration_ns) {
     rt_nor_t *nor = &m->s.nor;
+    if (nor->address < m->s.image_length) {
+        rt_finding(m, RT1062_FINDING_FLASH, "%s at 0x%06X, in the program itself",
+                   work == RT_NOR_ERASE ? "erase" : "page program", (unsigned)nor->address);
+    }
     nor->work = work;
     nor->begin_ns = rt_now(m);
     nor->end_ns = nor->begin_ns + duration_ns;

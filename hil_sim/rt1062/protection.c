@@ -99,6 +99,7 @@ static void on_guarded(rt_uc_engine_t *engine, int type, uint64_t address, int s
     (void)engine;
     (void)value;
     rt1062_t *m = user;
+    rt_leave_it_block(m);
     const bool write = type == RT_UC_MEM_WRITE;
     if ((mpu_rights(m, (uint32_t)address, 0) & (write ? RT_UC_PROT_WRITE : RT_UC_PROT_READ)) != 0) {
         return;

@@ -118,6 +118,7 @@ void rt_rom_boot(rt1062_t *m) {
     if (length == 0) {
         return;
     }
+    m->s.image_length = length;
     leave_memory(m);
     rt_clocks_after_rom(m);
     rt_analog_after_rom(m);

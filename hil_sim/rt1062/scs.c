@@ -54,7 +54,8 @@ enum {
     SYSTICK_FLAG = 1 << 16,
     /* On this chip the "external" clock of SysTick is 24 MHz / 240 [core] startup.c, configure_systick(). */
     SYSTICK_EXTERNAL_ns = 10000,
-    PRIORITY_BITS = 0xF0 /* [RM] four bits of priority */
+    SMALLEST_DIVIDED = 14, /* RASR.SIZE of 32 KB: eighths of a page */
+    PRIORITY_BITS = 0xF0   /* [RM] four bits of priority */
 };
 
 #define AIRCR_KEY 0x05FA0000u
@@ -204,6 +205,10 @@ static uint32_t icsr(const rt1062_t *m) {
     uint32_t value = m->s.ipsr & 0x1FF;
     value |= scs->pending[RT_SYSTICK] ? 1u << 26 : 0;
     value |= scs->pending[RT_PENDSV] ? 1u << 28 : 0;
+    value |= rt_exception_next(m) << 12; /* VECTPENDING */
+    for (uint32_t i = RT_IRQ0; i < RT_EXCEPTIONS; i++) {
+        value |= scs->pending[i] ? 1u << 22 : 0; /* ISRPENDING */
+    }
     return value;
 }
 
@@ -306,6 +311,9 @@ static bool mpu_write(rt1062_t *m, uint32_t offset, uint32_t value) {
         break;
     default:
         scs->mpu[scs->mpu_number].attributes = value;
+        if ((value & 1) != 0 && (value >> 8 & 0xFF) != 0 && (value >> 1 & 0x1F) < SMALLEST_DIVIDED) {
+            rt_refuse(m, "MPU_RASR 0x%08X disables an eighth smaller than a page, which is not modelled", (unsigned)value);
+        }
         break;
     }
     if ((scs->mpu_ctrl & 1) != 0 || offset == MPU_CTRL) {
@@ -330,7 +338,7 @@ static bool scb_write(rt1062_t *m, uint32_t offset, uint32_t value) {
         return true;
     case CCR:
         scs->ccr = (value & 0x70318u) | 0x200u; /* STKALIGN is fixed */
-        return (value & 8) == 0;                /* UNALIGN_TRP: not modelled */
+        return (value & 0x18) == 0;             /* UNALIGN_TRP, DIV_0_TRP: not modelled */
     case SHCSR:
         scs->shcsr = value & 0x70000u;
         return true;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Copies of the whole machine, and calls of the image's functions. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -66,11 +67,15 @@ rt1062_snapshot_t *rt1062_snapshot(rt1062_t *m) {
     return snapshot;
 }
 
-/* Unicorn keeps translations of code: they go when other code comes. */
-static void restore_code(rt1062_t *m, uint8_t *memory, const uint8_t *saved, size_t size) {
-    if (memcmp(memory, saved, size) != 0) {
-        memcpy(memory, saved, size);
-        m->code_changed = true;
+/* Page by page: what differs may be code. */
+static void restore_code(rt1062_t *m, uint32_t base, const uint8_t *saved, uint32_t size) {
+    enum { PAGE = 4096 };
+    uint8_t *memory = rt_memory(m, base, size);
+    for (uint32_t at = 0; at < size; at += PAGE) {
+        if (memcmp(memory + at, saved + at, PAGE) != 0) {
+            memcpy(memory + at, saved + at, PAGE);
+            rt_code_changed(m, base + at, PAGE);
+        }
     }
 }
 
@@ -79,20 +84,17 @@ void rt1062_restore(rt1062_t *m, const rt1062_snapshot_t *snapshot) {
     if (m->world != NULL) {
         *m->world = snapshot->world;
     }
-    m->code_changed = false;
-    restore_code(m, m->itcm, snapshot->itcm, RT_ITCM_SIZE);
+    restore_code(m, RT_ITCM_BASE, snapshot->itcm, RT_ITCM_SIZE);
     memcpy(m->dtcm, snapshot->dtcm, RT_DTCM_SIZE);
     memcpy(m->ocram, snapshot->ocram, RT_OCRAM_SIZE);
-    memcpy(m->flash, snapshot->flash, RT_FLASH_SIZE);
-    if (m->code_changed) {
-        m->api.control(m->engine, RT_UC_CTL_FLUSH_CACHE);
-    }
+    restore_code(m, RT_FLASH_BASE, snapshot->flash, RT_FLASH_SIZE);
     load_registers(m, &snapshot->registers);
     m->interrupt = RT_NO_INTERRUPT;
     m->stopping = false;
     m->part_block = 0;
     m->output[RT1062_USB].count = 0;
     m->output[RT1062_UART].count = 0;
+    m->i2c_trace.count = 0;
     rt_protection_changed(m);
 }
 
@@ -105,15 +107,15 @@ void rt1062_snapshot_free(rt1062_snapshot_t *snapshot) {
 /* Where a called function returns to: the end of flash memory, which is never executed. */
 #define RETURN_ADDRESS (RT_FLASH_BASE + RT_FLASH_SIZE - 16)
 
-/* @return false: the background is not reached in time. */
+/* No handler runs, and no critical section of the program's. @return false: that is not so in time. */
 static bool reach_background(rt1062_t *m, uint64_t until_ns) {
     enum { STEP_ns = 1000 };
-    while (m->s.ipsr != 0 && m->s.now_ns < until_ns) {
+    while ((m->s.ipsr != 0 || rt_masks(m) != 0) && m->s.now_ns < until_ns) {
         if (rt1062_run(m, m->s.now_ns + STEP_ns) != RT1062_STOP_TIME) {
             return false;
         }
     }
-    return m->s.ipsr == 0;
+    return m->s.ipsr == 0 && rt_masks(m) == 0;
 }
 
 rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t arguments[4], uint64_t limit_ns, uint32_t *result) {
@@ -121,13 +123,20 @@ rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t argumen
     if (!reach_background(m, until_ns)) {
         return m->stopping ? m->stop : RT1062_STOP_REFUSED;
     }
+    if (m->break_count == RT_BREAKS) {
+        snprintf(m->why, sizeof m->why, "a call needs a break point of its own, and all %d are in use", RT_BREAKS);
+        return RT1062_STOP_REFUSED;
+    }
     registers_t before;
     save_registers(m, &before);
+    const bool past_break = m->s.past_break;
+    const uint32_t broken_at = m->s.broken_at;
     for (int i = 0; i < 4; i++) {
         rt_set_reg(m, RT_REG_R0 + i, arguments[i]);
     }
     rt_set_reg(m, RT_REG_SP, (before.core[13] & ~7u) - 8);
     rt_set_reg(m, RT_REG_LR, RETURN_ADDRESS | 1u);
+    rt_set_reg(m, RT_REG_XPSR, XPSR_T); /* the background may be within an IT block */
     rt_set_reg(m, RT_REG_PC, function | 1u);
     m->s.sleeping = false;
     rt1062_break(m, RETURN_ADDRESS);
@@ -139,5 +148,7 @@ rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t argumen
     }
     *result = rt_reg(m, RT_REG_R0);
     load_registers(m, &before);
+    m->s.past_break = past_break;
+    m->s.broken_at = broken_at;
     return RT1062_STOP_TIME;
 }

@@ -81,6 +81,9 @@ typedef struct rt_state_t {
     bool locked_up;           /* a fault within the fault handler: only a reset helps [V7M B1.5.15] */
     uint32_t fault_exception; /* 3..6: to be taken before the next instruction, at fault_pc */
     uint32_t fault_pc;
+    bool past_break; /* the break point at broken_at has been reported, and nothing was executed since */
+    uint32_t broken_at;
+    uint32_t image_length; /* bytes of flash memory that the boot ROM takes for the program */
     uint32_t finding_count;
     rt1062_finding_t finding[RT1062_FINDINGS];
     rt_scs_t scs;

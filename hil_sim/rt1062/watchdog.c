@@ -95,6 +95,10 @@ static void bite(rt1062_t *m) {
 }
 
 void rt_watchdog_event(rt1062_t *m) {
+    if (!m->s.watchdog.biting) {
+        m->access_pc = rt_reg(m, RT_REG_PC);
+        rt_finding(m, RT1062_FINDING_WATCHDOG, "WDOG3 was not refreshed in time: it bites");
+    }
     bite(m);
 }
 

@@ -79,6 +79,7 @@ def running(
     """Power the chip on with this program in its flash memory and a world at its pins."""
     config = ffi.new("rt1062_config_t *")
     config.instruction_ns, config.exact, config.strict, config.seed = instruction_ns, exact, True, seed
+    config.words = True
     for wheel, pins in enumerate(config.encoder_pin):
         pins[0], pins[1] = (
             wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (UNCONNECTED, UNCONNECTED)

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""The emulated processor's exceptions, faults and double-precision instructions, by small programs."""
+"""The emulated processor's exceptions and faults, by small programs."""
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip("unicorn")
@@ -207,119 +205,6 @@ on_21:
         assert bare.words(4) == [21, 1, 20, 2]
 
 
-DOUBLES = {
-    "vadd.f64": lambda a, b, d: a + b,
-    "vsub.f64": lambda a, b, d: a - b,
-    "vmul.f64": lambda a, b, d: a * b,
-    "vnmul.f64": lambda a, b, d: -(a * b),
-    "vdiv.f64": lambda a, b, d: a / b,
-    "vmla.f64": lambda a, b, d: d + a * b,
-    "vmls.f64": lambda a, b, d: d - a * b,
-}
-ONE = {
-    "vmov.f64 d2, d0": lambda a: a,
-    "vabs.f64 d2, d0": abs,
-    "vneg.f64 d2, d0": lambda a: -a,
-    "vsqrt.f64 d2, d1": None,
-    "vmov.f64 d2, #-2.5": lambda a: -2.5,
-}
-
-
-def _double_program(instruction: str, a: float, b: float, d: float, result: str = "vstr d2, [r7]") -> str:
-    values = "\n".join(f".quad 0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016x}" for value in (a, b, d))
-    return f"""
-main:
-    ldr r0, =numbers
-    vldm r0, {{d0-d2}}
-    {instruction}
-    {result}
-    b done
-.balign 8
-numbers:
-{values}
-"""
-
-
-def _as_double(words: list[int]) -> float:
-    return float(struct.unpack("<d", struct.pack("<2I", *words))[0])
-
-
-@pytest.mark.parametrize("name", sorted(DOUBLES))
-def test_double_precision_arithmetic(tmp_path: Path, name: str) -> None:
-    generator = np.random.default_rng(5)
-    for _ in range(3):
-        a, b, d = (float(value) for value in generator.normal(size=3) * 10.0 ** generator.integers(-8, 8, size=3))
-        with running(assemble(_double_program(f"{name} d2, d0, d1", a, b, d), tmp_path)) as bare:
-            bare.finish()
-            assert _as_double(bare.words(2)) == DOUBLES[name](a, b, d)
-
-
-@pytest.mark.parametrize(
-    ("instruction", "expected"),
-    [
-        ("vmov.f64 d2, d0", -3.75),
-        ("vabs.f64 d2, d0", 3.75),
-        ("vneg.f64 d2, d0", 3.75),
-        ("vsqrt.f64 d2, d1", float(np.sqrt(2.25e9))),
-        ("vmov.f64 d2, #-2.5", -2.5),
-        ("vmov.f64 d2, #0.125", 0.125),
-        ("vfma.f64 d2, d0, d1", 1.0 - 3.75 * 2.25e9),
-        ("vfms.f64 d2, d0, d1", 1.0 + 3.75 * 2.25e9),
-    ],
-)
-def test_double_precision_moves(tmp_path: Path, instruction: str, expected: float) -> None:
-    with running(assemble(_double_program(instruction, -3.75, 2.25e9, 1.0), tmp_path)) as bare:
-        bare.finish()
-        assert _as_double(bare.words(2)) == expected
-
-
-@pytest.mark.parametrize(
-    ("value", "signed", "unsigned", "nearest"),
-    [
-        (1.5, 1, 1, 2),
-        (-1.5, -1, 0, -2),
-        (2.5, 2, 2, 2),
-        (3e9, 2**31 - 1, 3_000_000_000, 2**31 - 1),
-        (-1e30, -(2**31), 0, -(2**31)),
-        (1e30, 2**31 - 1, 2**32 - 1, 2**31 - 1),
-        (float("nan"), 0, 0, 0),
-    ],
-)
-def test_double_to_integer(tmp_path: Path, value: float, signed: int, unsigned: int, nearest: int) -> None:
-    convert = "vcvt.s32.f64 s4, d0\n vcvt.u32.f64 s5, d0\n vcvtr.s32.f64 s6, d0"
-    store = "vstr s4, [r7]\n vstr s5, [r7, #4]\n vstr s6, [r7, #8]"
-    with running(assemble(_double_program(convert, value, 0.0, 0.0, store), tmp_path)) as bare:
-        bare.finish()
-        assert bare.words(3) == [signed & 0xFFFFFFFF, unsigned, nearest & 0xFFFFFFFF]
-
-
-def test_integers_and_floats_to_double(tmp_path: Path) -> None:
-    convert = """
-    ldr r0, =0xFFFFFFFE
-    vmov s6, r0
-    vcvt.f64.s32 d4, s6
-    vcvt.f64.u32 d5, s6
-    vcvt.f32.f64 s7, d0
-    vcvt.f64.f32 d6, s7
-"""
-    store = "vstr d4, [r7]\n vstr d5, [r7, #8]\n vstr d6, [r7, #16]"
-    with running(assemble(_double_program(convert, 0.1, 0.0, 0.0, store), tmp_path)) as bare:
-        bare.finish()
-        words = bare.words(6)
-    assert [_as_double(words[at : at + 2]) for at in (0, 2, 4)] == [-2.0, 4294967294.0, float(np.float32(0.1))]
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "flags"), [(1.0, 2.0, 8), (2.0, 2.0, 6), (3.0, 2.0, 2), (float("nan"), 2.0, 3), (-0.0, 0.0, 6)]
-)
-def test_double_comparison(tmp_path: Path, a: float, b: float, flags: int) -> None:
-    with running(
-        assemble(_double_program("vcmp.f64 d0, d1", a, b, 0.0, "vmrs r0, FPSCR\n str r0, [r7]"), tmp_path)
-    ) as bare:
-        bare.finish()
-        assert bare.words(1)[0] >> 28 == flags
-
-
 FAULT = """
 main:
     handler 3, on_fault
@@ -363,9 +248,10 @@ READ_ONLY_4K = 0x07000017
 NO_ACCESS_32 = 0x10000009
 
 
-def _fault(
+def fault(
     folder: Path, instruction: str, *, before: str = "", enable: str = ALL_FAULTS
 ) -> tuple[list[int], int, list[str]]:
+    """Return exception, place, CFSR and HFSR as the handler finds them; the guilty address; the findings."""
     program = assemble(FAULT.format(instruction=instruction, before=before, enable=enable), folder)
     with running(program) as bare:
         bare.finish()
@@ -398,13 +284,13 @@ def _fault(
 def test_a_fault_is_taken_where_it_happens(
     tmp_path: Path, instruction: str, before: str, exception: int, status: int
 ) -> None:
-    (number, address, cfsr, hfsr), guilty, findings = _fault(tmp_path, instruction, before=before)
+    (number, address, cfsr, hfsr), guilty, findings = fault(tmp_path, instruction, before=before)
     assert (number, hex(address), cfsr, hfsr) == (exception, hex(guilty), status, 0)
     assert len(findings) == 1
 
 
 def test_a_fault_that_is_off_becomes_a_hard_fault(tmp_path: Path) -> None:
-    (number, _, _, hfsr), _, _ = _fault(tmp_path, "udf #1", enable="0")
+    (number, _, _, hfsr), _, _ = fault(tmp_path, "udf #1", enable="0")
     assert (number, hfsr) == (3, 1 << 30)
 
 

@@ -49,8 +49,8 @@ typedef enum rt1062_stop_t {
 
 /** What was seen that a robot's program must not do, or that only happens in trouble. */
 typedef enum rt1062_finding_kind_t {
-    RT1062_FINDING_FAULT = 0,    /**< the processor took a fault exception */
-    RT1062_FINDING_DEVICE_WIDTH, /**< unaligned access to Device memory: a fault, too */
+    RT1062_FINDING_FAULT = 0, /**< the processor took a fault exception */
+    RT1062_FINDING_DEVICE_WIDTH, /**< unaligned access to Device memory, or by LDRD, LDM and others that want words: a fault, too */
     RT1062_FINDING_FLASH, /**< flash memory was asked for what it can't do: setting bits, crossing a page, a command while busy */
     RT1062_FINDING_WATCHDOG, /**< watchdog registers written outside their windows */
     RT1062_FINDING_STORM,    /**< an interrupt returned many times in a row without its cause being taken away */
@@ -81,6 +81,8 @@ typedef struct rt1062_config_t {
     bool exact;         /**< interrupts may come between any two instructions, not only between basic blocks; slower */
     bool strict;   /**< see every access before it happens: unaligned ones to Device memory, and those to regions smaller than
                         a page that the memory protection unit forbids, are faults at their instruction; half as fast */
+    bool words;    /**< fault on LDRD, LDM, VLDR and others that want words, where the address is no multiple of four; less than
+                        half as fast again. Without it such an access goes through */
     uint64_t seed; /**< of everything that is drawn at random: erase times, bits of a write cut off, RAM at power-on */
     uint8_t encoder_pin[HIL_MAX_WHEELS][2]; /**< Teensy pin numbers of A and B, RT1062_NO_PIN: none */
     uint8_t output_enable_pin;              /**< RT1062_NO_PIN: not wired */
@@ -112,7 +114,7 @@ const char *rt1062_why(const rt1062_t *m);
 
 /** Which stops the caller wants, a bit per rt1062_stop_t; RT1062_STOP_TIME, POWER, UPLOAD and REFUSED always stop. */
 void rt1062_stop_on(rt1062_t *m, uint32_t stops);
-/** Stop before the instruction at this address (a function's first, say); up to 8. 0: forget them all. */
+/** Stop before the instruction at this address (a function's first, say), the first of a basic block; up to 8. 0: forget them all. */
 bool rt1062_break(rt1062_t *m, uint32_t address);
 
 /**
@@ -142,7 +144,7 @@ void rt1062_forget_findings(rt1062_t *m);
 /** What is not modelled: sentences, ended by NULL. */
 const char *const *rt1062_not_modelled(void);
 
-/** All of the machine but flash memory's contents beyond its first `flash` bytes changed since... a whole copy. Free with rt1062_snapshot_free. */
+/** A copy of the whole machine and its world; not of bytes and edges that wait to be fetched. NULL: no memory. */
 typedef struct rt1062_snapshot_t rt1062_snapshot_t;
 rt1062_snapshot_t *rt1062_snapshot(rt1062_t *m);
 void rt1062_restore(rt1062_t *m, const rt1062_snapshot_t *snapshot);

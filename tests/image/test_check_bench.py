@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""The bench of the checks loses nothing that the chip objected to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("unicorn")
+pytest.importorskip("elftools")
+
+from hil_sim.image_check.bench import Bench, CheckError, Context
+from hil_sim.image_file import Image
+from hil_sim.rt1062 import Stop
+from hil_sim.scenario import load_scenario
+from tests.image.assembly import assemble
+
+GUILTY = """
+main:
+    cpsid i
+    movw r2, #10000
+1:  subs r2, #1
+    bne 1b
+    udf #1
+"""
+
+
+@pytest.fixture
+def context(tmp_path: Path) -> Context:
+    """Return a context of a program that faults 200 us after its start."""
+    return Context(Image(tmp_path / "guilty", assemble(GUILTY, tmp_path).flash), load_scenario("stand", "three_wheel"))
+
+
+def fault(bench: Bench) -> None:
+    """Let it fault, then go back to the time before."""
+    bench.machine.power_on()
+    before = bench.machine.snapshot()
+    assert bench.machine.run(0.001) == Stop.TIME
+    assert bench.findings()
+    bench.machine.restore(before)
+    assert not bench.findings()
+
+
+def test_objections_before_going_back_count(context: Context) -> None:
+    with pytest.raises(CheckError, match="undefined instruction"), context.bench() as bench:
+        fault(bench)
+
+
+def test_a_check_that_fails_tells_what_the_chip_objected_to(context: Context) -> None:
+    def check() -> None:
+        with context.bench() as bench:
+            fault(bench)
+            raise CheckError("never there")
+
+    with pytest.raises(CheckError, match=r"never there.*undefined instruction"):
+        check()
+
+
+def test_forgotten_objections_are(context: Context) -> None:
+    with context.bench() as bench:
+        fault(bench)
+        bench.machine.forget_findings()
