@@ -275,7 +275,7 @@ def main(words: list[str] | None = None) -> int:
     try:
         return _serve(_arguments(words))
     except OmniError as error:
-        print(error, error.hint, sep="\n", file=sys.stderr)
+        print(*filter(None, (error.hint, str(error))), sep="\n", file=sys.stderr)  # the last line is the summary
         return error.exit_code
 
 

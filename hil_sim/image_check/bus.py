@@ -95,7 +95,7 @@ def radio(context: Context) -> list[str]:
         errors = robot.connection.rx_bad_bytes - joined
     if errors:
         raise CheckError(f"{errors} bytes from the radio's line are no MAVLink")
-    return [f"answers at {baud} baud, no byte wrong"]
+    return [f"answers at {baud:g} baud, no byte wrong"]
 
 
 CHECKS = (

@@ -156,7 +156,7 @@ def _stopped(drive: Drive, case: FaultCase, start_s: float, values: Mapping[str,
             f"{case.name}: bridges off after {1e3 * latency_s:.2f} ms; allowed are {1e3 * bound_s:.1f} ms and "
             f"{1e3 * late_s:.2f} ms for tick and bus"
         )
-    return f"{case.what}: {1e3 * latency_s:.2f} ms ({1e3 * bound_s:.0f} ms)"
+    return f"{case.what}: {1e3 * latency_s:.1f} ms (at most {1e3 * bound_s:.0f} ms)"
 
 
 def _drove_on(drive: Drive, case: FaultCase) -> str:

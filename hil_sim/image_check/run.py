@@ -14,7 +14,7 @@ from typing import Any
 from hil_sim.image_check.bench import Context
 from hil_sim.image_check.check import CI, Check
 from hil_sim.image_file import read_image
-from hil_sim.rt1062 import not_modelled
+from hil_sim.rt1062 import not_modelled, unicorn_library
 from hil_sim.scenario import load_scenario
 from omniwheel.errors import OmniError
 
@@ -104,6 +104,8 @@ def run_checks(
     """
     names = _chosen(depth, only)
     read_image(image)
+    load_scenario(WORLD, robot)
+    unicorn_library()
     outcomes = []
     with ProcessPoolExecutor(max_workers=workers) as pool:
         futures = [pool.submit(run_one, image, robot, depth, seed, name) for name in names]

@@ -128,8 +128,8 @@ class FirmwareChild(ABC):
         return True
 
     def _not_started(self) -> FirmwareStartError:
-        said = self.messages or "nothing on standard error"
-        return FirmwareStartError(f"the firmware did not start: {said.splitlines()[-1]}", hint=said)
+        *before, last = (self.messages or "nothing on standard error").splitlines()
+        return FirmwareStartError(f"the firmware did not start: {last}", hint="\n".join(before))
 
     def stop(self) -> int | None:
         """End the process, at first politely; return its exit code. Harmless when it has ended."""

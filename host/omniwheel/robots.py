@@ -37,6 +37,8 @@ def find_robot_file(name_or_path: str | Path) -> Path:
         return path
     names = robot_names()
     hint = f"the robots that come with omniwheel are {', '.join(names)}; `omni robots new` starts a file of your own"
+    if Path(f"{text}.toml").is_file():
+        hint = f"a file is named with its ending: {text}.toml"
     raise RobotFileError(f"there is no robot or file {text}{did_you_mean(text, names)}", hint=hint)
 
 

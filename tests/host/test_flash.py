@@ -209,6 +209,12 @@ def test_without_one_board_nothing_is_built_or_uploaded(
     assert not bench.rebooted
 
 
+def test_a_file_that_is_none_is_said_before_a_board_is_asked_for(bench: Bench) -> None:
+    result = flash("nowhere.hex")
+    assert result.exit_code == 2
+    assert "nowhere.hex cannot be read" in result.stderr
+
+
 def test_of_two_boards_the_named_one_is_sent_to_its_bootloader_where_no_other_waits(bench: Bench) -> None:
     bench.ports = [teensy("/dev/a"), teensy("/dev/b")]
     assert boards.choose_board("/dev/b", blank=False) == Board(teensy("/dev/b"))

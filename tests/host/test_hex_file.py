@@ -49,6 +49,10 @@ def test_files_that_are_no_hex_file_at_all(tmp_path: Path) -> None:
     assert "is empty" in refusal(tmp_path / "empty.hex")
     (tmp_path / "firmware.elf").write_bytes(b"\x7fELF\x01\x01\x01\0")
     assert "not in Intel's hex format" in refusal(tmp_path / "firmware.elf")
+    (tmp_path / "mine.toml").write_text("[robot]\n")
+    with pytest.raises(HexFileError) as caught:
+        read_hex(tmp_path / "mine.toml")
+    assert "omni flash --robot" in caught.value.hint
     assert "holds no program" in lines_refused(tmp_path, LINES[-1:])
     with (tmp_path / "huge.hex").open("wb") as file:
         file.truncate(17 << 20)

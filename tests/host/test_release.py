@@ -65,7 +65,9 @@ def test_the_checks_report_is_in_the_release_and_a_failure_ends_it(
     assert "| boots | at depth ci | 0.3 s |" in report
     failure = "it does not"
     assert release.main(["--out", str(tmp_path)]) == 1
-    assert "boots" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "boots" in said
+    assert "--skip-check" not in said
     assert not (tmp_path / "SHA256SUMS").exists()
 
 

@@ -48,17 +48,16 @@ def test_objections_before_going_back_count(context: Context) -> None:
 
 
 def test_a_check_that_fails_tells_what_the_chip_objected_to(context: Context) -> None:
+    def check() -> None:
+        with context.bench() as bench:
+            fault(bench)
+            raise CheckError("never there")
+
     with pytest.raises(CheckError, match=r"never there.*undefined instruction"):
-        _fault_and_fail(context)
+        check()
 
 
 def test_forgotten_objections_are(context: Context) -> None:
     with context.bench() as bench:
         fault(bench)
         bench.machine.forget_findings()
-
-
-def _fault_and_fail(context: Context) -> None:
-    with context.bench() as bench:
-        fault(bench)
-        raise CheckError("never there")

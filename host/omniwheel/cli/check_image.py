@@ -13,6 +13,7 @@ from rich.markup import escape
 from hil_sim.image_check.check import CI, NIGHTLY, SHORT
 from hil_sim.image_check.run import Outcome, all_checks, report, run_checks
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
+from omniwheel.errors import OmniError
 
 EXAMPLES = examples(
     "omni check-image .pio/build/three_wheel/firmware.elf",
@@ -52,8 +53,10 @@ def check_image(
     Exit code 1 if a check fails. This is a model of the chip; the report says what it leaves out.
     """
     if list_wanted:
-        for check in all_checks():
-            console.print(f"{check.name:16} {check.what} ({', '.join(check.depths)})")
+        checks = all_checks()
+        width = max(len(check.name) for check in checks)
+        for check in checks:
+            console.print(f"{check.name:{width}} {check.what} ({', '.join(check.depths)})", soft_wrap=True)
         return
     if image is None:
         raise typer.BadParameter("which image? `make firmware` links .pio/build/three_wheel/firmware.elf")
@@ -61,6 +64,8 @@ def check_image(
         outcomes = run_checks(
             image, robot, depth=depth.value, seed=seed, only=only or (), workers=workers, done=say_outcome
         )
+    except OmniError:  # it brings its hint, whether or not it is a ValueError as well
+        raise
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     if report_file is not None:
@@ -69,7 +74,7 @@ def check_image(
     if json_wanted:
         print_json({"image": str(image), "robot": robot, "seed": seed, "checks": [o.as_dict() for o in outcomes]})
     else:
-        verdict = f"{len(failed)} of {len(outcomes)} checks failed" if failed else f"all {len(outcomes)} checks passed"
+        verdict = f"checks: {len(outcomes) - len(failed)} passed, {len(failed)} failed"
         console.print(f"{verdict}, on a model of the chip: no silicon was tested (seed {seed})")
     if failed:
         raise typer.Exit(1)

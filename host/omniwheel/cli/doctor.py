@@ -28,7 +28,7 @@ _PYTHON = (3, 10)
 _VERSION_TIMEOUT_S = 5.0
 _TOOLS = {
     "mavproxy.py": ("MAVProxy", "a command-line ground station"),
-    "pio": ("PlatformIO", "building and flashing the Teensy firmware"),
+    "pio": ("PlatformIO", "building and flashing the Teensy firmware: pip install 'omniwheel[flash]'"),
     "qemu-system-arm": ("QEMU", "running the firmware on an emulated Cortex-M7"),
     "arm-none-eabi-gcc": ("Arm GCC", "compiling core and firmware for the emulated Cortex-M7"),
     "cmake": ("CMake", "building from source"),
@@ -36,6 +36,8 @@ _TOOLS = {
 
 _EXTRAS = {
     "intelhex": ("flash", "omni flash"),
+    "pyelftools": ("flash", "omni check-image, omni flash, --image of omni emulate and omni hil"),
+    "unicorn": ("flash", "omni check-image, omni flash, --image of omni emulate and omni hil"),
     "scipy": ("study", "omni identify, omni reproduce, omni replay, omni sweep --sobol"),
     "optuna": ("optimize", "omni optimize"),
     "distributed": ("cluster", "--cluster of omni montecarlo, sweep and optimize"),

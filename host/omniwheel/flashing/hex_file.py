@@ -77,7 +77,9 @@ def _parsed(path: Path, content: bytes) -> Any:
         raise MissingPackageError("this needs the package intelhex, which is not installed", hint=hint) from error
     lines = content.decode("ascii", errors="replace").split()
     if not lines[0].startswith(":"):
-        raise HexFileError(f"{path} is not in Intel's hex format", hint="upload the .hex file, not the .elf or .bin")
+        robot = path.suffix == ".toml"
+        hint = f"a robot file: omni flash --robot {path}" if robot else "upload the .hex file, not the .elf or .bin"
+        raise HexFileError(f"{path} is not in Intel's hex format", hint=hint)
     memory = IntelHex()
     try:
         memory.loadhex(io.StringIO("\n".join(lines)))

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+"""What `omni check-image` is asked for that it cannot do is said at once, and is no failed check of the image."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from hil_sim.image_check.run import all_checks
+from omniwheel.cli import app
+from tests.host.hex_files import teensy_program, write_hex
+
+pytest.importorskip("intelhex")
+
+
+def refused(path: Path, *words: str, code: int) -> str:
+    result = CliRunner().invoke(app, ["check-image", str(path), *words], env={"COLUMNS": "400"})
+    assert result.exit_code == code, (result.output, result.stderr)
+    assert "✗" not in result.output
+    return result.stderr
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    return write_hex(tmp_path / "firmware.hex", teensy_program())
+
+
+def test_without_the_processor_emulator_no_check_is_said_to_have_failed(
+    image: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    said = refused(image, code=1)
+    assert "unicorn" in said
+    assert "pip install 'omniwheel[flash]'" in said
+
+
+def test_a_robot_or_a_check_that_is_none_comes_with_those_there_are(
+    image: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "three_wheel" in refused(image, "--robot", "tree_wheel", code=2)
+    assert "power-cuts" in refused(image, "--only", "powercuts", code=2)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text("")
+    assert "a file is named with its ending: mine.toml" in refused(image, "--robot", "mine", code=2)
+
+
+def test_a_line_of_the_list_is_one_check() -> None:
+    listed = CliRunner().invoke(app, ["check-image", "--list"], env={"COLUMNS": "40"}).stdout.splitlines()
+    assert [line.split()[0] for line in listed] == [check.name for check in all_checks()]
