@@ -20,8 +20,8 @@ from omniwheel.dialect import mavlink
 from omniwheel.firmware_process import FirmwareProcess
 from tests.image import flashed
 
-BUILD = "_sw_version is"
-"""Field of AUTOPILOT_VERSION that tells the version, and whether the sources were changed since."""
+BUILD = ("_sw_version is", "flight_custom_version is")
+"""Fields of AUTOPILOT_VERSION that tell the version, whether the sources were changed since, and the commit."""
 
 Compare = Callable[[str, float], tuple[Run, Comparison]]
 
@@ -39,7 +39,7 @@ def compared(image: Path, tmp_path: Path) -> Compare:
         with FirmwareProcess(scenario.robot.source) as firmware:
             run_hil(scenario, firmware.urls[0], out_dir=folders[1])
         comparison = compare_logs(folders[0] / TLOG_FILE, folders[1] / TLOG_FILE)
-        if any(BUILD in difference for difference in comparison.differences):
+        if any(field in difference for difference in comparison.differences for field in BUILD):
             flashed.need(
                 [f"image and PC firmware of one build (make setup && make firmware): {comparison.differences}"]
             )
