@@ -15,6 +15,8 @@ WRAP_S = 2**32 / 600e6
 """The cycle counter has 32 bits and counts 600 million a second."""
 RUN = 50
 """Time of an instruction [ns]: a tick still ends within its millisecond, and seconds cost few of them."""
+PASS_ns = 900_000
+"""Time of a pass of the main loop, which then costs few instructions, too."""
 STEP_S = 0.25
 DRIFT_S = 0.002
 APART_US = 3
@@ -28,7 +30,7 @@ INSTRUCTIONS = 80
 
 def wrap(context: Context) -> list[str]:
     """The robot's time goes on with the machine's while the cycle counter begins anew; no tick finds a fault in it."""
-    with context.bench(options=Options(instruction_ns=RUN, seed=context.seed)) as bench:
+    with context.bench(options=Options(instruction_ns=RUN, pause_ns=PASS_ns, seed=context.seed)) as bench:
         boot(bench)
         robot = bench.connect()
         robot.pump(0.5)
@@ -55,7 +57,7 @@ def _told_s(bench: Bench, robot: Robot) -> float:
 
 
 def read_while_ticking(context: Context) -> list[str]:
-    """The background reads the clock; the tick, which reads it too, comes before each of its instructions in turn."""
+    """The background reads the clock; the tick, which reads it, too, comes before each instruction in turn."""
     options = Options(exact=True, seed=context.seed)
     with context.bench(options=options) as bench:
         boot(bench)

@@ -81,8 +81,8 @@ def _compare_counts(bench: Bench) -> int:
     return worst
 
 
-def read_counts(bench: Bench) -> list[int]:
-    """Return what the image's encoder driver counts."""
+def encoder_driver(bench: Bench) -> int:
+    """Run until the tick reads the encoders; return where their driver is. Raises CheckError."""
     machine = bench.machine
     machine.break_at(READ_ENCODERS)
     stop = machine.run(0.01)
@@ -90,9 +90,20 @@ def read_counts(bench: Bench) -> list[int]:
     machine.clear_breaks()
     if stop != Stop.BREAK:
         raise CheckError("the tick does not read the encoders")
+    return driver
+
+
+def ask_encoders(bench: Bench, driver: int) -> list[int]:
+    """Return what the image's encoder driver counts at this moment."""
+    machine = bench.machine
     machine.call(READ_ENCODERS, (driver, SCRATCH))
     wheels = bench.scenario.robot.wheels
     return list(struct.unpack(f"<{wheels}i", machine.read(SCRATCH, 4 * wheels)))
+
+
+def read_counts(bench: Bench) -> list[int]:
+    """Return what the image's encoder driver counts when the tick reads it."""
+    return ask_encoders(bench, encoder_driver(bench))
 
 
 def path_at_the_pins(context: Context) -> list[str]:

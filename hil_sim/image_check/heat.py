@@ -13,19 +13,18 @@ HOT_degC, COOL_degC = 95.0, 40.0
 """Teensyduino takes 90 degrees for a fault."""
 SLOW = 20
 """Time of an instruction [ns]: a tick still ends within its millisecond."""
+PASS_ns = 900_000
+"""Time of a pass of the main loop, which then costs few instructions, too."""
 OFF_LIMIT_S = 0.002
 """The sensor measures when it likes; then the pin goes with the handler's first instructions."""
 RESET_LIMIT_S = 1.0
-WATCHDOG_RESET = 0x80
-"""SRC_SRSR.wdog3_rst_b."""
-PROGRAM_RESET = 0x2
 SAID_S = 0.8
 GONE_S = 0.05
 """After a reset: the USB port is gone by then, and not there again yet."""
 RESETS = (
     (0x100, "over-temperature", "too hot"),
-    (WATCHDOG_RESET, "watchdog", "watchdog"),
-    (PROGRAM_RESET, "software", ""),
+    (0x80, "watchdog", "watchdog"),
+    (0x2, "software", ""),
 )
 """Bits of SRC_SRSR, what the robot gives as the cause, and a word of what it says."""
 
@@ -33,7 +32,9 @@ RESETS = (
 def too_hot(context: Context) -> list[str]:
     """Above the limit the bridges lose their power at once, and the next start says why."""
     expected = frozenset({FindingKind.FAULT})
-    with context.bench(options=Options(instruction_ns=SLOW, seed=context.seed), expected=expected) as bench:
+    with context.bench(
+        options=Options(instruction_ns=SLOW, pause_ns=PASS_ns, seed=context.seed), expected=expected
+    ) as bench:
         boot(bench)
         driving(bench)
         machine = bench.machine
@@ -52,7 +53,7 @@ def too_hot(context: Context) -> list[str]:
 
 def causes(context: Context) -> list[str]:
     """Resets of several kinds one after the other: each start gives its own cause, and no earlier one's."""
-    with context.bench(options=Options(instruction_ns=SLOW, seed=context.seed)) as bench:
+    with context.bench(options=Options(instruction_ns=SLOW, pause_ns=PASS_ns, seed=context.seed)) as bench:
         boot(bench)
         for flags, cause, word in RESETS:
             bench.machine.reset(flags)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Who may interrupt whom in the running image, as ``firmware/boards/teensy40/priorities.h`` promises."""
+"""Who may interrupt whom: what ``firmware/boards/teensy40/priorities.h`` promises, asked of the running chip."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TICKS = 3
 
 
 def priorities(context: Context) -> list[str]:
-    """Encoder edges before the tick; the tick as the I2C master, so neither sees the other half-way; links last."""
+    """Encoder edges before the tick; the tick as the I2C master, so that none sees the other half-way; links last."""
     with context.booted() as bench:
         machine = bench.machine
         machine.break_at(TICK)

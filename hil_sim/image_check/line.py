@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The radio's bit times at every speed it is told, and what a closed USB port leaves behind."""
+"""The links by themselves: the radio's bit times at every speed, and what a closed USB port leaves behind."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _byte_times(bench: Bench) -> list[int]:
 
 
 def closed_port(context: Context) -> list[str]:
-    """Half a frame and an arm command are on their way when the port is closed; the next one begins clean."""
+    """An arm command, whole or half, is on its way when the port is closed; the next session begins clean."""
     with context.booted() as bench:
         robot = bench.connect()
         robot.pump(1.2)

@@ -13,6 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 HERE = Path(__file__).resolve().parent
 END_OF_HEAD = "---\n"
+KIT = ROOT / "build" / "platformio-core"
+"""PlatformIO's platform and tools as CI puts them together, if PLATFORMIO_CORE_DIR does not say where they are."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Tree:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        if not (folder / ".pio").exists() and (ROOT / ".pio" / "build").is_dir():
+            shutil.copytree(ROOT / ".pio", folder / ".pio")  # objects that need not be built again
         self.refresh()
 
     def refresh(self) -> None:
@@ -72,6 +76,8 @@ class Tree:
     def build(self, pio: Path) -> tuple[Path | None, str]:
         """Build three_wheel; return the image, or None and the compiler's last words."""
         command = [str(pio), "run", "-s", "-d", str(self.folder), "-e", "three_wheel"]
-        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False)
+        core = os.environ.get("PLATFORMIO_CORE_DIR") or str(KIT if KIT.is_dir() else "")
+        env = {**os.environ, **({"PLATFORMIO_CORE_DIR": core} if core else {})}
+        done = subprocess.run(command, cwd=self.folder, env=env, capture_output=True, text=True, check=False)
         image = self.folder / ".pio" / "build" / "three_wheel" / "firmware.elf"
         return (image, "") if done.returncode == 0 else (None, (done.stderr or done.stdout).strip()[-300:])

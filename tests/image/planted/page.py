@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from tests.image.planted.bugs import ROOT, Bug
@@ -28,6 +29,11 @@ def table(bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
         )
         rows.append(f"| {bugs[name].title} | {verdict} |")
     return "\n".join(rows)
+
+
+def finders(page: str) -> dict[str, str]:
+    """Return which check finds which bug, by title, as the page says: where to look first."""
+    return dict(re.findall(r"^\| (.+?) \| `([a-z-]+)` \|$", page[page.index(BEGIN) : page.index(END)], re.MULTILINE))
 
 
 def filled_in(page: str, bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
