@@ -19,6 +19,8 @@ from omniwheel.robot import Robot
 
 BOOT_LIMIT_S = 2.0
 STEP_S = 0.001
+TAKE_LIMIT_S = 3.0
+"""A start takes less: whoever opens the port right after a reset writes then."""
 _SYSTEM_ID = {Channel.USB: 251, Channel.UART: 252}
 
 
@@ -43,10 +45,16 @@ class MachineLink:
         return self._bench.take(self._channel)
 
     def write(self, data: bytes) -> None:
-        """Give bytes to the robot; they take the line's time."""
+        """Give bytes to the robot; they take the line's time. Raises LinkLostError if it takes no more."""
         at = 0
+        give_up_s = self._bench.clock_s() + TAKE_LIMIT_S
         while at < len(data):
-            at += self._bench.machine.send(self._channel, data[at:])
+            taken = self._bench.machine.send(self._channel, data[at:])
+            at += taken
+            if taken > 0:
+                give_up_s = self._bench.clock_s() + TAKE_LIMIT_S
+            elif self._bench.clock_s() > give_up_s:
+                raise LinkLostError(f"the robot takes no byte from {self.url} for {TAKE_LIMIT_S:g} s")
             if at < len(data):
                 self._bench.advance(STEP_S)
 

@@ -10,10 +10,11 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.image_check.bench import Bench, CheckError, Context
+from hil_sim.image_check.bench import Bench, CheckError, Context, MachineLink
 from hil_sim.image_file import Image
-from hil_sim.rt1062 import Stop
+from hil_sim.rt1062 import Channel, Stop
 from hil_sim.scenario import load_scenario
+from omniwheel.errors import LinkLostError
 from tests.image.assembly import assemble
 
 GUILTY = """
@@ -60,4 +61,13 @@ def test_a_check_that_fails_tells_what_the_chip_objected_to(context: Context) ->
 def test_forgotten_objections_are(context: Context) -> None:
     with context.bench() as bench:
         fault(bench)
+        bench.machine.forget_findings()
+
+
+def test_a_robot_that_takes_no_bytes_ends_the_check(context: Context) -> None:
+    with context.bench() as bench:
+        bench.machine.power_on()
+        link = MachineLink(bench, Channel.USB)
+        with pytest.raises(LinkLostError, match="takes no byte from image:usb"):
+            link.write(b"anybody there?")
         bench.machine.forget_findings()

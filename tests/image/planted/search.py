@@ -13,7 +13,7 @@ from typing import Any
 from hil_sim.image_check.run import all_checks
 from tests.image.planted.bugs import ROOT, Bug
 
-LIMIT_S = 600.0
+LIMIT_S = 900.0
 """A check of a broken image may never end. One that was cut off has found nothing."""
 QUICK_S = 3.0
 """A quick search leaves out what takes longer, unless it found the bug the last time."""
