@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "app/mavlink_types.h"
+#include "app/stops.h"
 
 namespace omni {
 namespace {
@@ -24,6 +25,22 @@ const mavlink_msg_entry_t *find_entry(uint32_t id) {
     const auto *found = std::lower_bound(
         std::begin(entries), last, id, [](const mavlink_msg_entry_t &entry, uint32_t wanted) { return entry.msgid < wanted; });
     return found != last && found->msgid == id ? found : nullptr;
+}
+
+/// A standard message, spoken here or not.
+struct Familiar {
+    uint16_t id;
+    uint8_t seed;
+    uint8_t length; ///< without extensions: MAVLink 1 always sends this many bytes
+};
+
+constexpr Familiar familiar[] = OMNI_FAMILIAR_MESSAGES;
+
+const Familiar *find_familiar(uint32_t id) {
+    const auto *last = std::end(familiar);
+    const auto *found = std::lower_bound(std::begin(familiar), last, id,
+                                         [](const Familiar &message, uint32_t wanted) { return message.id < wanted; });
+    return found != last && found->id == id ? found : nullptr;
 }
 
 /// What a byte does to a CRC-16/MCRF4XX: table k after k more bytes. Bit arithmetic byte by byte takes four times the
@@ -100,11 +117,42 @@ Layout layout_of(const uint8_t *bytes) {
     return layout;
 }
 
+/// What it takes to judge a frame of one message.
+struct Kind {
+    const mavlink_msg_entry_t *spoken; ///< nullptr: a message for others
+    bool known;
+    uint8_t seed;
+    uint8_t least; ///< payload without extensions
+};
+
+Kind kind_of(uint32_t id) {
+    const mavlink_msg_entry_t *spoken = find_entry(id);
+    if (spoken != nullptr) {
+        return {spoken, true, spoken->crc_extra, spoken->min_msg_len};
+    }
+    const Familiar *other = find_familiar(id);
+    return other != nullptr ? Kind{nullptr, true, other->seed, other->length} : Kind{};
+}
+
+/// Whether a frame may begin like this.
+bool plausible(const uint8_t *bytes, const Layout &layout, const Kind &kind) {
+    if (bytes[0] == magic_v1) {
+        return kind.known && layout.payload == kind.least;
+    }
+    return kind.known && (bytes[2] & ~flag_signed) == 0; // else an incompatible feature that this program does not know
+}
+
+bool checksum_right(const uint8_t *bytes, size_t covered, uint8_t seed) {
+    const uint16_t crc = checksum(bytes + 1, covered - 1, seed);
+    return bytes[covered] == (crc & 0xFF) && bytes[covered + 1] == crc >> 8;
+}
+
 void fill(Frame *frame, const Layout &layout, const uint8_t *bytes, const mavlink_msg_entry_t &entry) {
     frame->id = layout.id;
     frame->system = layout.source[0];
     frame->component = layout.source[1];
     frame->is_signed = layout.total > layout.header + layout.payload + checksum_length;
+    frame->early = false;
     frame->bytes = bytes;
     frame->length = layout.total;
     const size_t length = std::min<size_t>(layout.payload, entry.max_msg_len);
@@ -158,39 +206,51 @@ uint8_t *FrameParser::space(size_t *room) {
     if (begin_ > 0) {
         std::memmove(buffer_, buffer_ + begin_, end_ - begin_);
         end_ -= begin_;
+        looked_ -= std::min(looked_, begin_);
         begin_ = 0;
     }
     *room = sizeof buffer_ - end_;
     return buffer_ + end_;
 }
 
-FrameParser::Match FrameParser::match(Frame *frame, size_t *length) const {
-    const uint8_t *bytes = buffer_ + begin_;
-    const size_t held = end_ - begin_;
-    const size_t header = bytes[0] == magic_v1 ? header_v1 : header_v2;
-    if (held < header) {
+FrameParser::Match FrameParser::match(size_t at, Frame *frame, size_t *length) const {
+    const uint8_t *bytes = buffer_ + at;
+    const size_t held = end_ - at;
+    if (held < (bytes[0] == magic_v1 ? header_v1 : header_v2)) {
         return Match::incomplete;
     }
     const Layout layout = layout_of(bytes);
+    const Kind kind = kind_of(layout.id);
     *length = layout.total;
-    if (bytes[0] == magic_v2 && (bytes[2] & ~flag_signed) != 0) {
-        return Match::no; // an incompatible feature that this program does not know
+    if (!plausible(bytes, layout, kind)) {
+        return Match::no;
     }
     if (held < layout.total) {
         return Match::incomplete;
     }
-    const mavlink_msg_entry_t *entry = find_entry(layout.id);
-    if (entry == nullptr) {
-        // Its checksum cannot be verified; what follows tells whether it was a frame.
-        return held == layout.total || is_magic(bytes[layout.total]) ? Match::foreign : Match::no;
-    }
-    const size_t covered = layout.header + layout.payload;
-    const uint16_t crc = checksum(bytes + 1, covered - 1, entry->crc_extra);
-    if (bytes[covered] != (crc & 0xFF) || bytes[covered + 1] != crc >> 8) {
+    if (!checksum_right(bytes, layout.header + layout.payload, kind.seed)) {
         return Match::no;
     }
-    fill(frame, layout, bytes, *entry);
+    if (kind.spoken == nullptr) {
+        return Match::foreign;
+    }
+    fill(frame, layout, bytes, *kind.spoken);
     return Match::frame;
+}
+
+/// A stop inside the unfinished frame at begin_ that has become whole since the last call.
+bool FrameParser::find_stop(Frame *frame) {
+    const size_t first = looked_ > longest_stop ? looked_ - longest_stop : 0;
+    for (size_t at = std::max(begin_ + 1, first); at < end_; ++at) {
+        size_t length = 0;
+        if (is_magic(buffer_[at]) && match(at, frame, &length) == Match::frame && at + length > looked_ && is_stop(*frame)) {
+            looked_ = at + length;
+            frame->early = true;
+            return true;
+        }
+    }
+    looked_ = end_;
+    return false;
 }
 
 void FrameParser::skip_byte() {
@@ -202,10 +262,10 @@ void FrameParser::skip_byte() {
 bool FrameParser::next(Frame *frame) {
     while (begin_ < end_) {
         size_t length = 1;
-        const Match found = is_magic(buffer_[begin_]) ? match(frame, &length) : Match::no;
+        const Match found = is_magic(buffer_[begin_]) ? match(begin_, frame, &length) : Match::no;
         switch (found) {
         case Match::incomplete:
-            return false;
+            return find_stop(frame);
         case Match::frame:
             begin_ += length;
             if (text_ != nullptr) {

@@ -20,6 +20,7 @@ struct Frame {
     uint8_t target_system = 0;      ///< 0: everybody
     uint8_t target_component = 0;   ///< 0: every component
     bool is_signed = false;         ///< carries a signature, not looked at yet
+    bool early = false;             ///< a stop that comes once more in its turn, see FrameParser
     const uint8_t *bytes = nullptr; ///< as received, signature included; valid until the parser gets new bytes
     size_t length = 0;
     uint8_t payload[max_payload] = {}; ///< zero behind the bytes received (MAVLink 2 trims zeros)
@@ -56,6 +57,18 @@ protected:
 
 /// Finds frames in a byte stream. After a damaged or false frame it looks again from the next byte on, so nothing that
 /// arrived whole is lost. Reads MAVLink 1 too; a signature is passed on, not checked.
+///
+/// **What counts as a beginning.** A start byte, flags that we know, the number of a standard message or one of ours, in MAVLink 1
+/// also its exact length. All else is noise at once and claims nothing. Frames of messages that we do not speak are told
+/// from noise by their checksum, too: what stands inside a whole one is its payload and is never obeyed.
+///
+/// **What stands inside an unfinished frame.** Half a frame claims up to 280 bytes, and nobody can tell it from a frame that is still
+/// coming. Whole frames inside are taken once its checksum has failed, or after silence. A stop does not wait for that: it is handed over
+/// as soon as its last byte is there (`early`), and once more in its turn, so that an arm command that came before it does not
+/// have the last word. A payload that looks like a stop, with a right checksum, stops the robot; that is the safe reading.
+///
+/// **Work per byte.** Each byte is the beginning of at most one match (280 bytes of checksum), and within an unfinished frame at most
+/// longest_stop places before it are looked at once more. No recursion; 584 bytes of buffer.
 class FrameParser {
 public:
     /// Where new bytes go. @param room out: how many fit, at least 1 after next() has returned false.
@@ -68,7 +81,7 @@ public:
     /// The line went silent within a frame: its beginning was false.
     void give_up_frame();
     /// Forget everything (new connection).
-    void reset() { begin_ = end_ = 0; }
+    void reset() { begin_ = end_ = looked_ = 0; }
     /// @param text where the bytes between frames go; nullptr: nowhere.
     void set_text(TextSink *text) { text_ = text; }
     /// Bytes thrown away and frames with a wrong checksum, since boot.
@@ -76,12 +89,14 @@ public:
 
 private:
     enum class Match { incomplete, no, frame, foreign };
-    Match match(Frame *frame, size_t *length) const;
+    Match match(size_t at, Frame *frame, size_t *length) const;
+    bool find_stop(Frame *frame);
     void skip_byte();
 
     uint8_t buffer_[2 * max_frame] = {};
     size_t begin_ = 0;
     size_t end_ = 0;
+    size_t looked_ = 0; ///< stops inside an unfinished frame have been handed over if they end up to here
     uint32_t errors_ = 0;
     TextSink *text_ = nullptr;
 };

@@ -6,4 +6,5 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "omni/familiar_messages.h"
 #include "omni/mavlink.h"

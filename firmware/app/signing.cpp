@@ -33,6 +33,12 @@ void digest(const uint8_t *key, const uint8_t *bytes, size_t length, uint8_t *ou
     mavlink_sha256_final_48(&context, out);
 }
 
+uint64_t time_of(const uint8_t *signature) {
+    uint64_t time = 0;
+    std::memcpy(&time, signature + at_time, time_length);
+    return time;
+}
+
 /// In a time that does not depend on where they differ.
 bool equal(const uint8_t *a, const uint8_t *b, size_t length) {
     uint8_t difference = 0;
@@ -134,46 +140,50 @@ Signing::Stream *Signing::vacant() {
     return nullptr;
 }
 
-/// Take note of an authentic frame's time stamp. @return false if it may be a recording.
-bool Signing::is_fresh(const Frame &frame, uint8_t link_id, uint64_t time) {
-    Stream *stream = find(frame, link_id);
-    if (stream != nullptr && time <= stream->last) {
-        return false;
+/// Where an authentic frame's time stamp is to be noted. @return nullptr if it may be a recording.
+Signing::Stream *Signing::stream_of(const Frame &frame) {
+    const uint8_t *signature = frame.bytes + frame.length - signature_length;
+    const uint64_t time = time_of(signature);
+    Stream *stream = find(frame, signature[0]);
+    if (stream != nullptr) {
+        return time > stream->last ? stream : nullptr;
     }
+    return time + new_stream_slack >= time_ ? vacant() : nullptr;
+}
+
+Signing::Verdict Signing::judge(const Frame &frame) {
+    if (!frame.is_signed) {
+        const bool from_the_air = frame.id == MAVLINK_MSG_ID_HEARTBEAT || frame.id == MAVLINK_MSG_ID_RADIO_STATUS;
+        return from_the_air ? Verdict::from_the_air : Verdict::not_signed;
+    }
+    const uint8_t *signature = frame.bytes + frame.length - signature_length;
+    uint8_t expected[digest_length];
+    digest(key_, frame.bytes, frame.length - digest_length, expected);
+    if (state_ == State::damaged || !equal(expected, signature + at_digest, digest_length)) {
+        return Verdict::wrong;
+    }
+    Stream *stream = stream_of(frame);
     if (stream == nullptr) {
-        stream = time + new_stream_slack >= time_ ? vacant() : nullptr;
-        if (stream == nullptr) {
-            return false;
-        }
+        return Verdict::replayed;
     }
-    *stream = {true, frame.system, frame.component, link_id, time};
-    set_on(time + 1); // a peer that takes its clock from ours has this time already
-    return true;
+    if (!frame.early) {
+        const uint64_t time = time_of(signature);
+        *stream = {true, frame.system, frame.component, signature[0], time};
+        set_on(time + 1); // a peer that takes its clock from ours has this time already
+    }
+    return Verdict::taken;
 }
 
 bool Signing::admits(const Frame &frame) {
     if (!required()) {
         return true;
     }
-    if (!frame.is_signed) {
-        const bool from_the_air = frame.id == MAVLINK_MSG_ID_HEARTBEAT || frame.id == MAVLINK_MSG_ID_RADIO_STATUS;
-        counts_.not_signed += from_the_air ? 0 : 1;
-        return false;
-    }
-    const uint8_t *signature = frame.bytes + frame.length - signature_length;
-    uint8_t expected[digest_length];
-    digest(key_, frame.bytes, frame.length - digest_length, expected);
-    if (state_ == State::damaged || !equal(expected, signature + at_digest, digest_length)) {
-        ++counts_.wrong;
-        return false;
-    }
-    uint64_t time = 0;
-    std::memcpy(&time, signature + at_time, time_length);
-    if (!is_fresh(frame, signature[0], time)) {
-        ++counts_.replayed;
-        return false;
-    }
-    return true;
+    const Verdict verdict = judge(frame);
+    const uint32_t one = frame.early ? 0 : 1;
+    counts_.not_signed += verdict == Verdict::not_signed ? one : 0;
+    counts_.wrong += verdict == Verdict::wrong ? one : 0;
+    counts_.replayed += verdict == Verdict::replayed ? one : 0;
+    return verdict == Verdict::taken;
 }
 
 size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {

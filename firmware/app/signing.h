@@ -49,7 +49,8 @@ public:
     bool remove_key();
 
     /// Judge a frame from a radio, and count it if it is refused. An unsigned HEARTBEAT or RADIO_STATUS is refused and not
-    /// counted: other stations and the modems themselves send them.
+    /// counted: other stations and the modems themselves send them. An early frame leaves no trace: it will come again, behind
+    /// older ones.
     bool admits(const Frame &frame);
     /// Sign a frame that was encoded with `is_signed`. @param frame room for signature_length more. @return its new length.
     size_t sign(uint8_t *frame, size_t length, uint8_t link_id);
@@ -78,7 +79,10 @@ private:
     bool store_key(const uint8_t *key);
     void use_key(const uint8_t *key);
     void forget_key(State state);
-    bool is_fresh(const Frame &frame, uint8_t link_id, uint64_t time);
+    /// What becomes of a frame.
+    enum class Verdict : uint8_t { taken, from_the_air, not_signed, wrong, replayed };
+    Verdict judge(const Frame &frame);
+    Stream *stream_of(const Frame &frame);
     Stream *find(const Frame &frame, uint8_t link_id);
     Stream *vacant();
 

@@ -19,6 +19,7 @@ from tests.firmware.test_commands import ARM, DISARMED
 REQUEST = mav.MAV_CMD_REQUEST_MESSAGE
 INTERVAL = mav.MAV_CMD_SET_MESSAGE_INTERVAL
 HIL = mav.MAV_CMD_OMNI_HIL
+ESTOP = 4
 
 
 def rates(robot: Client, ticks: int = 2000) -> dict[str, float]:
@@ -108,6 +109,28 @@ def test_nothing_whole_is_lost_behind_garbage(noisy: Client, noise: bytes) -> No
     for number in range(20):
         noisy.wait("PING", seq=number)
     noisy.inbox.clear()
+
+
+def test_a_noise_byte_does_not_swallow_a_stop(robot: Client) -> None:
+    """0xFE claims 261 bytes of an unknown MAVLink 1 message; that another frame begins behind them proves nothing."""
+    claimed = 261
+    robot.armed()
+    robot.mav.seq = 3  # becomes the number of the message that seems to begin: no message has it
+    stop = mav.MAVLink_command_long_message(1, 1, mav.MAV_CMD_OMNI_ESTOP, 0, 1, 0, 0, 0, 0, 0, 0)
+    data = b"\xfe" + bytes(stop.pack(robot.mav))
+    pings: list[int] = []
+    while len(data) < claimed:
+        ping = bytes(mav.MAVLink_ping_message(1, len(pings), 0, 0).pack(robot.mav))
+        pings.append(len(pings))
+        data += ping
+    surplus = len(data) - claimed
+    data = data[: 1 + len(stop.get_msgbuf())] + b"\0" * (len(ping) - surplus) + data[1 + len(stop.get_msgbuf()) :]
+    assert data[claimed] == 0xFD
+    robot.write(data)
+    assert robot.wait("COMMAND_ACK", command=mav.MAV_CMD_OMNI_ESTOP).result == mav.MAV_RESULT_ACCEPTED
+    for number in pings:
+        robot.wait("PING", seq=number)
+    assert robot.tick().actuators.state == ESTOP
 
 
 def test_a_half_frame_costs_nothing_but_itself(robot: Client) -> None:

@@ -13,7 +13,7 @@ from tests.native import ROOT, build_library
 
 @pytest.fixture
 def link(tmp_path: Path) -> ctypes.CDLL:
-    app = [ROOT / "firmware" / "app" / f"{name}.cpp" for name in ("link", "codec", "signing", "record_store")]
+    app = [ROOT / "firmware" / "app" / f"{name}.cpp" for name in ("link", "codec", "stops", "signing", "record_store")]
     sources = [*app, Path(__file__).parent / "link_shim.cpp"]
     return ctypes.CDLL(str(build_library(tmp_path, "link", sources)))
 

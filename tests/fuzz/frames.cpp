@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "frames.h"
 
+#include <algorithm>
 #include <cstring>
 #include <iterator>
 
@@ -8,6 +9,13 @@ namespace fuzz {
 namespace {
 
 constexpr mavlink_msg_entry_t entries[] = MAVLINK_MESSAGE_CRCS;
+
+struct Standard {
+    uint32_t id;
+    uint8_t seed;
+    size_t length;
+};
+constexpr Standard standard[] = OMNI_FAMILIAR_MESSAGES;
 constexpr uint8_t magic_v1 = 0xFE;
 constexpr uint8_t magic_v2 = 0xFD;
 constexpr uint8_t flag_signed = 1;
@@ -108,18 +116,22 @@ Found frame_at(const uint8_t *stream, size_t size, size_t begin) {
     found.system = v1 ? bytes[3] : bytes[5];
     found.component = v1 ? bytes[4] : bytes[6];
     found.length = header + found.payload_length + 2 + (!v1 && (bytes[2] & flag_signed) != 0 ? signature_length : 0);
+    const mavlink_msg_entry_t *entry = entry_of(found.id);
+    const Standard *other = std::find_if(std::begin(standard), std::end(standard),
+                                         [&found](const Standard &message) { return message.id == found.id; });
+    const bool known = entry != nullptr || other != std::end(standard);
+    if (!known || (v1 && found.payload_length != (entry != nullptr ? entry->min_msg_len : other->length))) {
+        return found;
+    }
     if (left < found.length) {
         found.kind = Found::Kind::incomplete;
         return found;
     }
-    const mavlink_msg_entry_t *entry = entry_of(found.id);
-    if (entry == nullptr) {
-        found.kind = Found::Kind::foreign;
-        return found;
-    }
     const size_t covered = header + found.payload_length;
     const unsigned sent = bytes[covered] | static_cast<unsigned>(bytes[covered + 1]) << 8;
-    found.kind = sent == crc_of(bytes + 1, covered - 1, entry->crc_extra) ? Found::Kind::valid : Found::Kind::damaged;
+    const bool right = sent == crc_of(bytes + 1, covered - 1, entry != nullptr ? entry->crc_extra : other->seed);
+    const Found::Kind whole = entry != nullptr ? Found::Kind::valid : Found::Kind::foreign;
+    found.kind = right ? whole : Found::Kind::damaged;
     return found;
 }
 

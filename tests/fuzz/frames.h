@@ -45,7 +45,8 @@ struct Found {
     enum class Kind { none, incomplete, foreign, damaged, valid } kind = Kind::none;
 };
 
-/// What stands at this place of a stream: nothing (no start byte, an unknown flag), or a frame and in which state it is.
+/// What stands at this place of a stream: nothing (no start byte, an unknown flag or message, no length of it), or a frame and in
+/// which state it is; `foreign` is a whole one of a standard message that the robot does not speak.
 Found frame_at(const uint8_t *stream, size_t size, size_t begin);
 
 /// Whether these bytes hold, anywhere, a whole valid frame that asks to arm. A superset of what any parser may see.

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
 /// @file fuzz_parser.cpp  The frame parser beside two others: MAVLink's own C parser on clean streams, and a search of every
-/// byte on damaged ones. Nothing but valid frames is found, and no whole valid frame is lost unless something that looks like
-/// a frame of an unknown message, or an unfinished one, stands over it.
+/// byte on damaged ones. Nothing but valid frames is found, no whole valid frame is lost unless it is the payload of another one, and
+/// a stop is handed over with its last byte, whatever came before it.
 #include <algorithm>
 #include <cstring>
 
 #include "app/codec.h"
+#include "app/stops.h"
 #include "check.h"
 #include "frames.h"
 #include "script.h"
@@ -27,28 +28,56 @@ bool operator==(const Seen &a, const Seen &b) {
 
 using Stream = std::vector<Seen>;
 
-Stream with_our_parser(const Bytes &stream, Script &script) {
+/// A stop, and how many bytes had been fed when it came out.
+struct Stop {
+    Seen seen;
+    size_t fed;
+};
+
+struct Parsed {
+    Stream frames; ///< without those that came early
+    std::vector<Stop> stops;
+    size_t largest = 0; ///< bytes fed at once
+};
+
+void take_frames(omni::FrameParser &parser, size_t fed, Parsed *parsed) {
+    omni::Frame frame;
+    while (parser.next(&frame)) {
+        Seen one{frame.id, frame.system, frame.component, {}};
+        std::memcpy(one.payload, frame.payload, sizeof one.payload);
+        const bool stop = omni::is_stop(frame);
+        check(stop || !frame.early, "only stops come early");
+        if (stop) {
+            parsed->stops.push_back({one, fed});
+        }
+        if (!frame.early) {
+            parsed->frames.push_back(one);
+        }
+    }
+}
+
+/// @param script how the stream is cut. What is left at the end is given up, as after silence.
+Parsed with_our_parser(const Bytes &stream, Script &script) {
     static omni::FrameParser parser;
     parser.reset();
-    Stream seen;
+    Parsed parsed;
     size_t at = 0;
-    const size_t largest = 1 + script.below(400);
+    parsed.largest = 1 + script.below(400);
     while (at < stream.size()) {
         size_t room = 0;
         uint8_t *space = parser.space(&room);
         check(room > 0, "there is always room for another byte");
-        const size_t count = std::min({room, largest, stream.size() - at});
+        const size_t count = std::min({room, parsed.largest, stream.size() - at});
         std::memcpy(space, stream.data() + at, count);
         parser.received(count);
         at += count;
-        omni::Frame frame;
-        while (parser.next(&frame)) {
-            Seen one{frame.id, frame.system, frame.component, {}};
-            std::memcpy(one.payload, frame.payload, sizeof one.payload);
-            seen.push_back(one);
-        }
+        take_frames(parser, at, &parsed);
     }
-    return seen;
+    while (parser.waiting()) {
+        parser.give_up_frame();
+        take_frames(parser, at, &parsed);
+    }
+    return parsed;
 }
 
 Stream with_mavlinks_parser(const Bytes &stream) {
@@ -66,10 +95,23 @@ Stream with_mavlinks_parser(const Bytes &stream) {
     return seen;
 }
 
+/// An emergency stop, now and then.
+void make_stop(uint8_t *payload) {
+    mavlink_command_long_t message{};
+    message.command = MAV_CMD_OMNI_ESTOP;
+    message.param1 = 1.0f;
+    std::memcpy(payload, &message, sizeof message);
+}
+
 Bytes random_frame(Script &script) {
-    const mavlink_msg_entry_t &entry = entry_number(script.byte());
+    const bool stop = script.below(6) == 0;
+    const mavlink_msg_entry_t &entry = stop ? *entry_of(MAVLINK_MSG_ID_COMMAND_LONG) : entry_number(script.byte());
     uint8_t payload[256] = {};
-    script.bytes(payload, script.below(size_t{entry.max_msg_len} + 1));
+    if (stop) {
+        make_stop(payload);
+    } else {
+        script.bytes(payload, script.below(size_t{entry.max_msg_len} + 1));
+    }
     const uint8_t bits = script.byte();
     Form form;
     form.v1 = (bits & 3) == 3;
@@ -90,7 +132,7 @@ void clean(Script &script) {
         stream.insert(stream.end(), frame.begin(), frame.end());
     }
     Script cuts(stream.data(), std::min<size_t>(stream.size(), 8));
-    const Stream ours = with_our_parser(stream, cuts);
+    const Stream ours = with_our_parser(stream, cuts).frames;
     check(ours == with_mavlinks_parser(stream), "both parsers find the same frames", static_cast<long>(ours.size()));
     figures().frames += ours.size();
     figures().bytes += stream.size();
@@ -117,10 +159,25 @@ Bytes damaged_stream(Script &script) {
     return stream;
 }
 
-/// Something that starts before `begin` and claims bytes beyond it, so that the parser may pass over what stands there.
+/// A whole frame that starts before `begin` and reaches beyond it: what stands there may be its payload.
 bool hidden(const std::vector<Found> &claims, size_t begin) {
     return std::any_of(claims.begin(), claims.end(), [begin](const Found &claim) {
-        return claim.begin < begin && claim.begin + claim.length > begin && claim.kind != Found::Kind::damaged;
+        const bool whole = claim.kind == Found::Kind::valid || claim.kind == Found::Kind::foreign;
+        return whole && claim.begin < begin && claim.begin + claim.length > begin;
+    });
+}
+
+bool is_stop(const Seen &seen) {
+    omni::Frame frame;
+    frame.id = seen.id;
+    std::memcpy(frame.payload, seen.payload, sizeof frame.payload);
+    return omni::is_stop(frame);
+}
+
+/// Whether this stop came out with the bytes that completed it.
+bool came_at_once(const Parsed &parsed, const Seen &stop, size_t complete) {
+    return std::any_of(parsed.stops.begin(), parsed.stops.end(), [&](const Stop &one) {
+        return one.seen == stop && one.fed >= complete && one.fed < complete + parsed.largest;
     });
 }
 
@@ -134,7 +191,8 @@ Seen seen_of(const Found &found) {
 void damaged(Script &script) {
     const Bytes stream = damaged_stream(script);
     Script cuts(stream.data(), std::min<size_t>(stream.size(), 8));
-    const Stream ours = with_our_parser(stream, cuts);
+    const Parsed parsed = with_our_parser(stream, cuts);
+    const Stream &ours = parsed.frames;
     std::vector<Found> claims;
     size_t next = 0;
     for (size_t i = 0; i < stream.size(); ++i) {
@@ -146,10 +204,14 @@ void damaged(Script &script) {
         if (found.kind != Found::Kind::valid) {
             continue;
         }
-        if (next < ours.size() && ours[next] == seen_of(found)) {
+        const Seen seen = seen_of(found);
+        const bool within = hidden(claims, i);
+        check(within || !is_stop(seen) || came_at_once(parsed, seen, i + found.length), "a stop comes with its last byte",
+              static_cast<long>(i));
+        if (next < ours.size() && ours[next] == seen) {
             ++next;
         } else {
-            check(hidden(claims, i), "no whole valid frame is lost", static_cast<long>(i));
+            check(within, "no whole valid frame is lost", static_cast<long>(i));
         }
     }
     check(next == ours.size(), "nothing is found that is not there", static_cast<long>(ours.size() - next));

@@ -74,7 +74,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a checksum that is checked by half": (
         "parser",
         "firmware/app/codec.cpp",
-        " || bytes[covered + 1] != crc >> 8",
+        " && bytes[covered + 1] == crc >> 8",
         "",
         "broken promise",
     ),

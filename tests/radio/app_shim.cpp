@@ -214,6 +214,18 @@ uint32_t robot_read(Robot *robot, uint32_t port, uint8_t *data, uint32_t room) {
     return static_cast<uint32_t>(count);
 }
 
+/// Whether the chip drives any of its channels.
+int robot_driven(Robot *robot) {
+    constexpr size_t first = 6, channels = 16, high_byte_off = 3, full = 0x10;
+    int driven = 0;
+    for (size_t i = 0; i < channels; ++i) {
+        const uint8_t *channel = robot->bus.registers + first + 4 * i;
+        const bool some = (channel[1] | channel[2] | channel[3]) != 0;
+        driven |= some && (channel[high_byte_off] & full) == 0 ? 1 : 0;
+    }
+    return driven;
+}
+
 uint32_t robot_baud(Robot *robot) {
     return robot->ports[robot->radio].baud;
 }

@@ -72,6 +72,11 @@ class MemoryRobot:
         return data
 
     @property
+    def driven(self) -> bool:
+        """Whether any motor has a duty, as the PWM chip was told."""
+        return bool(self._lib.robot_driven(self._c))
+
+    @property
     def baud(self) -> int:
         """Speed of the radio's line."""
         return int(self._lib.robot_baud(self._c))
