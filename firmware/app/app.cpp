@@ -197,6 +197,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     shared_.now_us = sensors.time_us;
     shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
     take_report();
+    pose_fixes_.serve();
     serve();
     hil_.answer(shared_, link);
 }
@@ -376,6 +377,7 @@ void App::background() {
         shared_.now_us = board_.clock->now_us();
     }
     take_report();
+    pose_fixes_.serve();
     board_.watchdog->feed();
     for (size_t i = 0; i < board_.port_count; ++i) {
         receive(i);

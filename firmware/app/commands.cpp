@@ -202,7 +202,8 @@ uint8_t Commands::arm(size_t link) {
     }
     // Whoever arms is there: the command counts as a heartbeat.
     shared_.stations.take_command(link);
-    if (!shared_.heartbeat(link) || !shared_.control.request_event(OMNI_EVENT_ARM)) {
+    shared_.heartbeat(link);
+    if (!shared_.control.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     shared_.arming = reports_until_known;
@@ -215,9 +216,9 @@ uint8_t Commands::stop(uint32_t event) {
     shared_.arming = 0;
     trajectories_.on_disarm();
     shared_.control.plans.withdraw();
-    const bool done = shared_.control.request_event(event);
-    shared_.stopping = done ? reports_until_known : shared_.stopping;
-    return queued(done);
+    shared_.control.stop(event);
+    shared_.stopping = reports_until_known;
+    return MAV_RESULT_ACCEPTED;
 }
 
 /// Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
@@ -245,6 +246,9 @@ uint8_t Commands::clear_estop() {
     if (shared_.armed()) {
         shared_.say(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
         return MAV_RESULT_DENIED;
+    }
+    if (shared_.control.stopping(OMNI_EVENT_ESTOP)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // in one tick with the stop it would lose
     }
     return queued(shared_.control.request_event(OMNI_EVENT_ESTOP_CLEAR));
 }
@@ -326,11 +330,11 @@ uint8_t Commands::test_pin(float duration_s, float release) {
     if (!now.drive || now.setpoint_kind != OMNI_SETPOINT_DUTY || std::any_of(now.duty, now.duty + OMNI_MAX_WHEELS, large)) {
         return refuse_pin_test(MAV_RESULT_DENIED, "arm, duties up to 0.3 first");
     }
-    Request request;
-    request.kind = Request::Kind::pin_test;
-    request.pin_test.ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
-    request.pin_test.release = release == 1.0f;
-    return queued(shared_.control.request(request));
+    PinTest test;
+    test.ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
+    test.release = release == 1.0f;
+    shared_.control.test_pin(test);
+    return MAV_RESULT_ACCEPTED;
 }
 
 void Commands::serve() {

@@ -7,17 +7,55 @@
 
 namespace omni {
 
+void ControlLoop::hold() {
+    void_before_.store(++order_, std::memory_order_relaxed);
+    stop(OMNI_EVENT_TRAJECTORY_STOP);
+}
+
+void ControlLoop::test_pin(const PinTest &test) {
+    pin_test_wanted_.store(test.ticks * 2 + (test.release ? 1 : 0), std::memory_order_relaxed);
+    tell(news_pin_test);
+}
+
+void ControlLoop::set_setpoint(const omni_setpoint_t &setpoint) {
+    setpoints_.writing() = {setpoint, order_};
+    setpoints_.publish();
+    tell(news_setpoint);
+}
+
+void ControlLoop::set_heartbeat(uint64_t time_us) {
+    heartbeats_.writing() = time_us;
+    heartbeats_.publish();
+    tell(news_heartbeat);
+}
+
+bool ControlLoop::request(Request request) {
+    request.order = ++order_;
+    const bool done = requests_.push(request);
+    tell(news_request);
+    return done;
+}
+
+bool ControlLoop::offer_fix(const omni_pose_fix_t &fix) {
+    const bool done = fixes_.push(fix);
+    tell(news_fix);
+    return done;
+}
+
 bool ControlLoop::request_event(uint32_t events) {
-    Request request;
-    request.kind = Request::Kind::event;
-    request.event = events;
-    return requests_.push(request);
+    Request wanted;
+    wanted.event = events;
+    return request(wanted);
 }
 
 void ControlLoop::restart() {
     while (requests_.front() != nullptr) {
         requests_.drop();
     }
+    while (fixes_.front() != nullptr) {
+        fixes_.drop();
+    }
+    flags_ = 0;
     plans.withdraw();
     if (const RobotSetup *latest = setups.take()) {
         setup_ = latest;
@@ -36,49 +74,85 @@ void ControlLoop::restart() {
     omni_robot_init(&robot_, &setup_->config);
 }
 
-bool ControlLoop::apply(const Request &request) {
+/// Set-points that came before are no longer valid, the one in force included.
+void ControlLoop::forget_setpoints(uint32_t before) {
+    inputs_.setpoint.kind = OMNI_SETPOINT_NONE;
+    oldest_valid_ = before;
+}
+
+void ControlLoop::apply(const Request &request) {
     switch (request.kind) {
     case Request::Kind::event:
         if ((request.event & OMNI_EVENT_ARM) != 0 && outputs_->state != OMNI_STATE_ARMED) {
-            inputs_.setpoint.kind = OMNI_SETPOINT_NONE; // what moved the robot before its last disarm does not start again
-        }
-        if ((request.event & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
-            inputs_.setpoint.kind = OMNI_SETPOINT_NONE;
+            forget_setpoints(request.order); // what moved the robot before its last disarm does not start again
         }
         inputs_.events |= request.event;
-        return true;
-    case Request::Kind::setpoint:
-        inputs_.setpoint = request.setpoint;
-        return true;
-    case Request::Kind::fix:
-        if (inputs_.has_fix) {
-            return false; // one per tick; the next one waits
-        }
-        inputs_.has_fix = true;
-        inputs_.fix = request.fix;
-        return true;
-    case Request::Kind::heartbeat:
-        inputs_.heartbeat_us = request.time_us;
-        return true;
+        break;
     case Request::Kind::set_pose:
         inputs_.pose = request.pose;
         inputs_.events |= OMNI_EVENT_SET_POSE;
-        return true;
+        break;
     case Request::Kind::i2c_scan:
         begin_scan();
-        return true;
-    case Request::Kind::pin_test:
-        begin_pin_test(request.pin_test);
-        return true;
+        break;
     }
-    return true;
 }
 
 void ControlLoop::take_requests() {
+    for (const Request *request = requests_.front(); request != nullptr; request = requests_.front()) {
+        apply(*request);
+        requests_.drop();
+    }
+}
+
+void ControlLoop::take_news(uint32_t flags) {
+    if ((flags & news_heartbeat) != 0 && heartbeats_.update()) {
+        inputs_.heartbeat_us = heartbeats_.reading();
+    }
+    if ((flags & news_setpoint) != 0 && setpoints_.update() &&
+        static_cast<int32_t>(setpoints_.reading().order - oldest_valid_) >= 0) {
+        inputs_.setpoint = setpoints_.reading().setpoint;
+    }
+    if ((flags & news_pin_test) != 0) {
+        begin_pin_test(pin_test_wanted_.load(std::memory_order_relaxed));
+    }
+}
+
+/// One per tick; the next one waits.
+void ControlLoop::take_fix() {
+    const omni_pose_fix_t *fix = fixes_.front();
+    inputs_.has_fix = fix != nullptr;
+    if (fix != nullptr) {
+        inputs_.fix = *fix;
+        fixes_.drop();
+        tell(news_fix);
+    }
+}
+
+/// @param flags the stops among them are in the tick's events before anything else is looked at: a request that came before a stop
+/// is then sure to be in the same tick, where the stop wins.
+void ControlLoop::take_flags(uint32_t flags) {
+    constexpr uint32_t news = news_request | news_fix | news_pin_test | news_heartbeat | news_setpoint;
+    inputs_.events = flags & ~news;
+    if ((flags & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
+        forget_setpoints(void_before_.load(std::memory_order_relaxed));
+    }
+    if ((flags & news_request) != 0) {
+        take_requests();
+    }
+    if ((flags & (news_heartbeat | news_setpoint | news_pin_test)) != 0) {
+        take_news(flags);
+    }
+    if ((flags & news_fix) != 0) {
+        take_fix();
+    }
+}
+
+void ControlLoop::take_what_waits() {
     inputs_.events = 0;
     inputs_.has_fix = false;
-    for (const Request *request = requests_.front(); request != nullptr && apply(*request); request = requests_.front()) {
-        requests_.drop();
+    if (flags_.load(std::memory_order_relaxed) != 0) {
+        take_flags(flags_.exchange(0, std::memory_order_acq_rel));
     }
 }
 
@@ -101,13 +175,19 @@ void ControlLoop::begin_scan() {
 }
 
 /// Only over small open-loop duties, which no loop raises while the wheels do not follow. A repeated command changes nothing.
-void ControlLoop::begin_pin_test(const PinTest &test) {
-    bool small = outputs_->drive && outputs_->setpoint_kind == OMNI_SETPOINT_DUTY;
+void ControlLoop::begin_pin_test(uint32_t wanted) {
+    if (pin_test_.ticks != 0 || !outputs_->drive) {
+        return;
+    }
+    bool small = outputs_->setpoint_kind == OMNI_SETPOINT_DUTY;
     for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
         small = small && std::abs(outputs_->duty[i]) <= PinTest::max_duty;
     }
-    if (small && pin_test_.ticks == 0) {
-        pin_test_ = test;
+    if (small) {
+        pin_test_.ticks = wanted / 2;
+        pin_test_.release = wanted % 2 != 0;
+    } else {
+        inputs_.events |= OMNI_EVENT_DISARM; // the duties have grown since it was accepted: it ends as it would have ended
     }
 }
 
@@ -217,7 +297,7 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pi
         omni_robot_set_config(&robot_, &setup_->config);
         driver_.set_wiring(setup_->wiring);
     }
-    take_requests();
+    take_what_waits();
     take_plan();
     prepare_pin_test();
     std::memcpy(inputs_.counts, sensors.counts, sizeof inputs_.counts);

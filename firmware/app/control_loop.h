@@ -1,9 +1,19 @@
 // SPDX-License-Identifier: MIT
 /// @file control_loop.h  The tick's side of the firmware: control core, motor driver, and what they are told and tell.
 ///
-/// tick() runs in interrupt context. Everything goes in through request(), setups and plans, and comes out through report.
+/// tick() runs in interrupt context. What goes in has a path of its own, so that nothing waits behind something else:
+///
+///     stop(), hold(), test_pin()      flags that the next tick looks at first; they cannot be full
+///     set_setpoint(), set_heartbeat() the newest counts
+///     offer_fix()                     one per tick, two wait
+///     request()                       commands, all of them in the next tick
+///     setups, plans                   the newest counts
+///
+/// Set-points are numbered by what was asked before them, since they do not wait in the order of the commands: one from before an
+/// arming or a hold() is void. What comes out is in report.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 
 #include "app/board.h"
@@ -31,14 +41,11 @@ struct PinTest {
 
 /// One thing the background asks of the tick. They are done in order.
 struct Request {
-    enum class Kind : uint8_t { event, setpoint, fix, heartbeat, set_pose, i2c_scan, pin_test };
+    enum class Kind : uint8_t { event, set_pose, i2c_scan };
     Kind kind = Kind::event;
-    uint32_t event = 0;   ///< omni_event_t bits
-    uint64_t time_us = 0; ///< heartbeat: arrival
-    omni_setpoint_t setpoint{};
-    omni_pose_fix_t fix{};
+    uint32_t event = 0; ///< omni_event_t bits; those that stop go to stop()
+    uint32_t order = 0; ///< set by the loop
     omni_pose_t pose{};
-    PinTest pin_test;
 };
 
 /// What the sensors say at one tick.
@@ -75,8 +82,22 @@ class ControlLoop {
 public:
     /// Start over: core, driver, requests; the latest setup stays. Only while no tick can run.
     void restart();
+    /// OMNI_EVENT_DISARM, OMNI_EVENT_ESTOP or both: done by the next tick, whatever else waits for it. From any context.
+    void stop(uint32_t events) { tell(events); }
+    /// These stops are still to be done.
+    bool stopping(uint32_t events) const { return (flags_.load(std::memory_order_relaxed) & events) != 0; }
+    /// Background: hold the pose from the next tick on (OMNI_EVENT_TRAJECTORY_STOP); set-points from before are void.
+    void hold();
+    /// Background: a test that cannot begin in the next tick disarms instead if motors are driven.
+    void test_pin(const PinTest &test);
+    /// Background: the set-point from the next tick on; it replaces one that no tick has seen.
+    void set_setpoint(const omni_setpoint_t &setpoint);
+    /// Background: arrival of the latest heartbeat that counts, robot clock.
+    void set_heartbeat(uint64_t time_us);
+    /// Background: @return false if two wait already; the fix is not taken then.
+    bool offer_fix(const omni_pose_fix_t &fix);
     /// Background: queue a request. @return false if the queue is full (nothing is done then).
-    bool request(const Request &request) { return requests_.push(request); }
+    bool request(Request request);
     bool request_event(uint32_t events);
 
     /// @param pin the driver's output enable, set in every tick. @param stopwatch for measuring how long the tick takes.
@@ -89,11 +110,22 @@ public:
     Snapshot<TickReport> report;
 
 private:
+    struct OrderedSetpoint {
+        omni_setpoint_t setpoint{};
+        uint32_t order = 0;
+    };
+
+    void tell(uint32_t flags) { flags_.fetch_or(flags, std::memory_order_release); }
+    void take_what_waits();
+    void take_flags(uint32_t flags);
     void take_requests();
+    void take_news(uint32_t flags);
+    void take_fix();
     void take_plan();
-    bool apply(const Request &request);
+    void apply(const Request &request);
+    void forget_setpoints(uint32_t before);
     void begin_scan();
-    void begin_pin_test(const PinTest &test);
+    void begin_pin_test(uint32_t wanted);
     void prepare_pin_test();
     bool test_pin(OutputEnable &pin);
     void scan(I2cBus &bus, OutputEnable &pin);
@@ -114,7 +146,23 @@ private:
     PinTest pin_test_;
     bool driver_was_ready_ = false;
     bool powered_ = false; ///< the output-enable pin is on
+    /// Bits for the next tick beside those of omni_event_t: where it must look.
+    enum News : uint32_t {
+        news_request = 1u << 27,
+        news_fix = 1u << 28,
+        news_pin_test = 1u << 29,
+        news_heartbeat = 1u << 30,
+        news_setpoint = 1u << 31
+    };
+    std::atomic<uint32_t> flags_{0};           ///< omni_event_t and News
+    std::atomic<uint32_t> void_before_{0};     ///< with OMNI_EVENT_TRAJECTORY_STOP: the order of the latest hold()
+    std::atomic<uint32_t> pin_test_wanted_{0}; ///< with news_pin_test: ticks * 2 + release
+    Snapshot<OrderedSetpoint> setpoints_;
+    Snapshot<uint64_t> heartbeats_;
+    Queue<omni_pose_fix_t, 2> fixes_;
     Queue<Request, 32> requests_;
+    uint32_t order_ = 0;        ///< background: rises with each request and hold()
+    uint32_t oldest_valid_ = 0; ///< tick: order of the oldest set-point that is not void
     uint32_t volt_us_[OMNI_MAX_WHEELS] = {};
     uint32_t ticks_ = 0;
     uint32_t window_count_ = 0;

@@ -33,6 +33,25 @@ void PoseFixes::restart() {
     said_us_ = 0;
     last_us_ = 0;
     travelled_ = 0.0f;
+    count_ = 0;
+}
+
+/// In place of the oldest if there is no room.
+void PoseFixes::wait(const omni_pose_fix_t &fix) {
+    if (count_ == most_waiting) {
+        first_ = (first_ + 1) % most_waiting;
+        --count_;
+        complain("too many at once");
+    }
+    waiting_[(first_ + count_) % most_waiting] = fix;
+    ++count_;
+}
+
+void PoseFixes::serve() {
+    while (count_ > 0 && shared_.control.offer_fix(waiting_[first_])) {
+        first_ = (first_ + 1) % most_waiting;
+        --count_;
+    }
 }
 
 void PoseFixes::complain(const char *why) {
@@ -64,17 +83,17 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float 
         complain("it repeats itself");
         return;
     }
-    Request request;
-    request.kind = Request::Kind::fix;
-    request.fix.time_us = time_of(stamp_us);
-    request.fix.pose = {world.x, world.y, omni_wrap_pi(world.theta)};
+    omni_pose_fix_t fix{};
+    fix.time_us = time_of(stamp_us);
+    fix.pose = {world.x, world.y, omni_wrap_pi(world.theta)};
     if (covariance != nullptr) {
         const float x = deviation(covariance[0]);
         const float y = deviation(covariance[6]);
-        request.fix.sd_xy = x > y ? x : y;
-        request.fix.sd_theta = deviation(covariance[20]);
+        fix.sd_xy = x > y ? x : y;
+        fix.sd_theta = deviation(covariance[20]);
     }
-    shared_.control.request(request); // a full queue drops the fix: the next one comes soon
+    wait(fix);
+    serve();
 }
 
 void PoseFixes::on_vicon(const Frame &frame) {

@@ -4,6 +4,9 @@
 /// A time stamp that lies within the last 0.25 s of the robot's clock is believed; any other (Unix time, say) is
 /// replaced by now - FIX_DELAY. A fix that repeats the one before, digit by digit, although the wheels have moved the robot
 /// meanwhile comes from a sensor that has frozen: it is not used.
+///
+/// The tick uses one per millisecond. Of a backlog, as a link delivers it after a pause, the newest `most_waiting` are kept and
+/// all others dropped, which is said: what is older helps the estimate no more.
 #pragma once
 
 #include "app/parameters.h"
@@ -19,8 +22,12 @@ public:
     void on_mocap(const Frame &frame);
     void on_compact(const Frame &frame);
     void restart();
+    /// Pass on what waits. Once per pass, and once per tick.
+    void serve();
 
 private:
+    static constexpr size_t most_waiting = 8;
+    void wait(const omni_pose_fix_t &fix);
     void accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance);
     uint64_t time_of(uint64_t stamp_us) const;
     bool frozen(const omni_pose_t &world);
@@ -32,6 +39,9 @@ private:
     omni_pose_t last_{};
     uint64_t last_us_ = 0;   ///< 0: no fix yet
     float travelled_ = 0.0f; ///< by the wheels since `last_` came first [m or rad]
+    omni_pose_fix_t waiting_[most_waiting] = {};
+    size_t first_ = 0; ///< the oldest that waits
+    size_t count_ = 0;
 };
 
 } // namespace omni

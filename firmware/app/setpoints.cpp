@@ -29,11 +29,10 @@ void Setpoints::restart() {
 }
 
 void Setpoints::accept(const omni_setpoint_t &setpoint) {
-    Request request;
-    request.kind = Request::Kind::setpoint;
-    request.setpoint = setpoint;
-    request.setpoint.time_us = shared_.now_us;
-    refused_ = !shared_.control.request(request);
+    omni_setpoint_t stamped = setpoint;
+    stamped.time_us = shared_.now_us;
+    shared_.control.set_setpoint(stamped);
+    refused_ = false;
 }
 
 void Setpoints::refuse(const char *why) {

@@ -5,26 +5,17 @@
 
 namespace omni {
 
-namespace {
-
-bool pass_heartbeat(ControlLoop &control, uint64_t time_us) {
-    Request request;
-    request.kind = Request::Kind::heartbeat;
-    request.time_us = time_us;
-    return control.request(request);
-}
-
-} // namespace
-
-bool Shared::heartbeat(size_t link) {
+void Shared::heartbeat(size_t link) {
     stations.hear(link, now_us);
-    return !stations.counts(link) || pass_heartbeat(control, stations.heard_us(link));
+    if (stations.counts(link)) {
+        control.set_heartbeat(stations.heard_us(link));
+    }
 }
 
 void Shared::commanded(size_t link) {
     if (armed() && stations.commander() != link && stations.alive(link, now_us)) {
         stations.take_command(link);
-        pass_heartbeat(control, stations.heard_us(link));
+        control.set_heartbeat(stations.heard_us(link));
     }
 }
 

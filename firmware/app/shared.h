@@ -45,8 +45,8 @@ struct Shared {
     bool armed() const {
         return arming > 0 || latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE;
     }
-    /// A ground station gave a sign of life on this link. @return false if the tick could not be told.
-    bool heartbeat(size_t link);
+    /// A ground station gave a sign of life on this link.
+    void heartbeat(size_t link);
     /// A set-point or motion command of this link was accepted: it has the command from now on if its ground station is alive.
     void commanded(size_t link);
     /// The tick has reported once more.

@@ -8,7 +8,7 @@
 
 namespace omni {
 
-/// Latest value, tick to background: three slots, of which each side owns one and the third is passed to and fro.
+/// Latest value, from one side to the other: three slots, of which each side owns one and the third is passed to and fro.
 template <class T>
 class Snapshot {
 public:

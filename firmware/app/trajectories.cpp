@@ -59,7 +59,8 @@ uint8_t Trajectories::start(float type, float laps) {
 uint8_t Trajectories::stop() {
     waiting_ = false;
     shared_.control.plans.withdraw();
-    return shared_.control.request_event(OMNI_EVENT_TRAJECTORY_STOP) ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
+    shared_.control.hold();
+    return MAV_RESULT_ACCEPTED;
 }
 
 uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {

@@ -19,6 +19,7 @@ ON_ALL_BOARDS = (
     "test_not_finite",
     "test_parameters",
     "test_stations",
+    "test_stop_path",
 )
 """The modules whose tests must hold for the firmware on any processor; ``pc_only`` tests are about the process."""
 

@@ -127,19 +127,16 @@ bool Bench::prepare() {
 
 /// What a ground station sends: a heartbeat a second, set-points at 50 Hz.
 void Bench::ask(uint64_t now_us) {
-    omni::Request request;
     if (tick_ % 1000 == 1) {
-        request.kind = omni::Request::Kind::heartbeat;
-        request.time_us = now_us;
-        loop_.request(request);
+        loop_.set_heartbeat(now_us);
     }
     if (case_.setpoint != OMNI_SETPOINT_TRAJECTORY && tick_ % 20 == 0) {
-        request.kind = omni::Request::Kind::setpoint;
-        request.setpoint.kind = case_.setpoint;
-        request.setpoint.time_us = now_us;
-        request.setpoint.pose = {0.4f, 0.3f, 1.0f};
-        request.setpoint.twist = {0.08f, 0.02f, 0.1f};
-        loop_.request(request);
+        omni_setpoint_t setpoint{};
+        setpoint.kind = case_.setpoint;
+        setpoint.time_us = now_us;
+        setpoint.pose = {0.4f, 0.3f, 1.0f};
+        setpoint.twist = {0.08f, 0.02f, 0.1f};
+        loop_.set_setpoint(setpoint);
     }
     if (tick_ == 100) {
         loop_.request_event(OMNI_EVENT_ARM);
@@ -153,13 +150,12 @@ void Bench::tell_fix() {
     if (case_.fix_period == 0 || tick_ % case_.fix_period != 7 || tick_ <= case_.fix_age) {
         return;
     }
-    omni::Request request;
-    request.kind = omni::Request::Kind::fix;
-    request.fix.pose = world_pose(&world_, case_.fix_age, &request.fix.time_us);
-    request.fix.pose.x += 0.004f * random_normal(&random_);
-    request.fix.pose.y += 0.004f * random_normal(&random_);
-    request.fix.pose.theta += 0.004f * random_normal(&random_);
-    loop_.request(request);
+    omni_pose_fix_t fix{};
+    fix.pose = world_pose(&world_, case_.fix_age, &fix.time_us);
+    fix.pose.x += 0.004f * random_normal(&random_);
+    fix.pose.y += 0.004f * random_normal(&random_);
+    fix.pose.theta += 0.004f * random_normal(&random_);
+    loop_.offer_fix(fix);
 }
 
 void Bench::tick(uint64_t now_us, bool counted) {
