@@ -324,7 +324,9 @@ void App::receive(size_t link) {
     while (owner_.load(std::memory_order_acquire) != Owner::handing_over && channel.next(&frame)) {
         const bool for_us = frame.target_system == 0 || frame.target_system == own;
         const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
-        if (for_us && for_component && frame.system != own && channel.admits(frame)) {
+        // An echo. A station or a companion computer of the same number is another component: whoever chose that must still be heard.
+        const bool by_us = frame.system == own && frame.component == MAV_COMP_ID_AUTOPILOT1;
+        if (for_us && for_component && !by_us && channel.admits(frame)) {
             dispatch(frame, {link, frame.system, frame.component});
             if (shared_.hil && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
                 serve(); // what is sent must depend on the frames, not on how often background() is called

@@ -113,7 +113,7 @@ void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t b
     } else if (why == OMNI_ERR_NOT_FINITE) {
         text.add("not a number");
     } else if (blamed == index && (value < info.minimum || value > info.maximum)) {
-        text.add(info.minimum).add("..").add(info.maximum);
+        text.add(info.minimum).add("..").add(info.maximum).add(index == OMNI_PARAM_SYS_ID ? " (255: ground station)" : "");
     } else if (blamed == index && info.kind == OMNI_PARAM_INT && value != static_cast<float>(static_cast<int32_t>(value))) {
         text.add("whole numbers only");
     } else if (blamed >= 0 && blamed != index) {

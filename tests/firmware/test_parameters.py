@@ -93,6 +93,15 @@ def test_the_system_id_changes_with_its_parameter(robot: Client) -> None:
     assert robot.wait("PARAM_VALUE", param_id="SYS_ID").get_srcSystem() == 7
 
 
+def test_a_ground_stations_number_is_refused_and_the_robot_goes_on_hearing(robot: Client) -> None:
+    robot.armed()
+    robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+    robot.ticks(5)
+    assert robot.set("SYS_ID", 255) == 1
+    assert any("255: ground station" in text for text in robot.texts())
+    assert robot.command(mav.MAV_CMD_OMNI_ESTOP, 1) == mav.MAV_RESULT_ACCEPTED
+
+
 def test_stored_parameters_come_back_and_reset_forgets_them_in_use_only(tmp_path: Path) -> None:
     storage = storage_arguments(tmp_path / "eeprom")
     with lockstep_robot(*storage) as robot:
