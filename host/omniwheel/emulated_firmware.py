@@ -17,6 +17,7 @@ from omniwheel.firmware_child import FirmwareChild
 from omniwheel.link import FileLink, StreamLink
 from omniwheel.parameters import ParameterValue
 from omniwheel.paths import MissingFileError, emulated_firmware_path
+from omniwheel.storage_file import hold_storage
 
 COMPILER = "the Arm compiler (Debian: apt-get install gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib)"
 DIRECT = "direct"
@@ -71,6 +72,7 @@ class EmulatedFirmware(FirmwareChild):
         self._wanted = tuple(links)
         self._direct: socket.socket | None = None
         self._storage = None if storage is None else Path(storage)
+        self._held: IO[bytes] | None = None
         self._program = Path(program) if program is not None else _program()
         self._emulator = _emulator()
         self._icount = [] if icount_shift is None else ["-icount", f"shift={icount_shift},align=off,sleep=off"]
@@ -128,13 +130,18 @@ class EmulatedFirmware(FirmwareChild):
         for symlink in self._symlinks:
             symlink.unlink(missing_ok=True)
         self._symlinks.clear()
-        return super().stop()
+        code = super().stop()
+        if self._held is not None:
+            self._held.close()
+            self._held = None
+        return code
 
     def _launch(self, folder: Path, parameters: Path, log: IO[bytes]) -> tuple[str, ...]:
         # The guest's command line is made of words without blanks: it runs in the folder and sees short names only.
         words = ["omni-firmware", "--params", parameters.name, *self._words]
         if self._storage is not None:
-            (folder / _STORAGE).symlink_to(_usable_storage(self._storage))
+            self._held = hold_storage(self._storage)
+            (folder / _STORAGE).symlink_to(self._storage.resolve())
             words += ["--storage", _STORAGE]
         command = [*self._emulator, "-M", MACHINE, "-kernel", str(self._program), "-display", "none"]
         semihosting = ",".join(["enable=on", "target=native", *(f"arg={word}" for word in words)])
@@ -248,14 +255,6 @@ def _listen(host: str, port: int) -> socket.socket:
     # Connections inherit it; the emulated serial port sends byte by byte, and each must go at once.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener
-
-
-def _usable_storage(path: Path) -> Path:
-    try:
-        path.open("ab").close()
-    except OSError as error:
-        raise FirmwareStartError(f"--storage {path}: {error.strerror}") from error
-    return path.resolve()
 
 
 def _program() -> Path:

@@ -100,11 +100,16 @@ class FirmwareChild(ABC):
 
     def start(self) -> None:
         """Start the program and wait until its links listen."""
-        self._folder = tempfile.TemporaryDirectory(prefix="omni-firmware-")
-        folder = Path(self._folder.name)
-        parameters = folder / "parameters"
-        parameters.write_text("".join(f"{name}={value!r}\n" for name, value in self.values.items()), encoding="ascii")
-        self._log = (folder / "log").open("a+b")
+        values = "".join(f"{name}={value!r}\n" for name, value in self.values.items())
+        try:
+            self._folder = tempfile.TemporaryDirectory(prefix="omni-firmware-")
+            folder = Path(self._folder.name)
+            parameters = folder / "parameters"
+            parameters.write_text(values, encoding="ascii")
+            self._log = (folder / "log").open("a+b")
+        except OSError as error:
+            hint = "free some space there, or set TMPDIR to another folder"
+            raise FirmwareStartError(f"cannot work in {tempfile.gettempdir()}: {error.strerror}", hint=hint) from error
         self.links = self._launch(folder, parameters, self._log)
 
     @abstractmethod
@@ -112,8 +117,10 @@ class FirmwareChild(ABC):
         """Start the process with :meth:`_spawn`, wait until it is ready, return its links."""
 
     def _spawn(self, command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
+        # Python ignores SIGXFSZ, and so is a child to: a file at its size limit is an error there, and not the end.
+        options = {"stdin": subprocess.DEVNULL, "restore_signals": False, **options}
         try:
-            self._process = subprocess.Popen(command, **{"stdin": subprocess.DEVNULL, **options})
+            self._process = subprocess.Popen(command, **options)
         except OSError as error:
             raise FirmwareStartError(f"cannot start {command[0]}: {error.strerror}") from error
         return self._process
@@ -141,8 +148,9 @@ class FirmwareChild(ABC):
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    pipe.close()
         if self._log is not None:
             self._log.close()
             self._log = None

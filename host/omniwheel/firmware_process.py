@@ -50,8 +50,9 @@ class FirmwareProcess(FirmwareChild):
         self._program = Path(program) if program is not None else _program()
 
     def _launch(self, folder: Path, parameters: Path, log: IO[bytes]) -> tuple[str, ...]:
-        command = [str(self._program), "--params", str(parameters), *self._options]
-        process = self._spawn(command, stdout=subprocess.PIPE, stderr=log)
+        command = [str(self._program), "--params", str(parameters), "--end-with-stdin", *self._options]
+        # Nothing is written to its standard input: that ends with this process, even one that is killed.
+        process = self._spawn(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log)
         links = first_ready_line(process)
         if links is None:
             raise self._not_started()

@@ -64,10 +64,21 @@ bool HostStorage::write(size_t offset, const uint8_t *data, size_t length) {
     if (offset > sizeof bytes_ || length > sizeof bytes_ - offset) {
         return false;
     }
+    uint8_t before[sizeof bytes_];
+    std::memcpy(before, bytes_, sizeof bytes_);
     std::memcpy(bytes_ + offset, data, length);
-    if (path_ == nullptr) {
+    if (path_ == nullptr || put()) {
         return true;
     }
+    // Some of it may have got there, and must not come back at the next start.
+    std::memcpy(bytes_, before, sizeof bytes_);
+    if (!put()) {
+        std::fprintf(stderr, "omni-firmware: the storage file cannot be put back\n");
+    }
+    return false;
+}
+
+bool HostStorage::put() {
     const int file = an500::semihosting_open(path_, an500::OpenMode::read_write);
     if (file < 0) {
         return false;

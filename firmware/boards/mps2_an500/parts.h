@@ -29,7 +29,7 @@ private:
     uint32_t seen_ = 0;
 };
 
-/// Non-volatile memory in a file of the host, or in memory only.
+/// Non-volatile memory in a file of the host, or in memory only. A write that fails leaves what was there before.
 class HostStorage final : public Storage {
 public:
     /// @param path nullptr: forgotten at the end. @return false after saying why on the console.
@@ -39,6 +39,9 @@ public:
     bool write(size_t offset, const uint8_t *data, size_t length) override;
 
 private:
+    /// Write all of it to the file.
+    bool put();
+
     uint8_t bytes_[2048] = {};
     const char *path_ = nullptr;
 };

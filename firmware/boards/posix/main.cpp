@@ -27,6 +27,12 @@ void on_signal(int) {
     [[maybe_unused]] const ssize_t count = write(wake_pipe[1], &byte, 1);
 }
 
+/// @return false at the end of standard input; what comes there before is dropped.
+bool stdin_goes_on() {
+    char dropped[256];
+    return read(STDIN_FILENO, dropped, sizeof dropped) > 0;
+}
+
 /// More missed ticks than this are not made up for: the core then sees time jump and says so.
 constexpr uint64_t catch_up_us = 1'000'000;
 /// Pause after which a frame that stopped half-way is looked at again.
@@ -156,9 +162,10 @@ void Process::start_app() {
 }
 
 void Process::wait(int timeout_ms) {
-    pollfd fds[1 + PosixPort::max_fds * Board::max_ports];
+    pollfd fds[2 + PosixPort::max_fds * Board::max_ports];
     fds[0] = {wake_pipe[0], POLLIN, 0};
-    size_t count = 1;
+    fds[1] = {options_.end_with_stdin ? STDIN_FILENO : -1, POLLIN, 0};
+    size_t count = 2;
     size_t first[Board::max_ports] = {};
     for (size_t i = 0; i < board_.port_count; ++i) {
         first[i] = count;
@@ -166,6 +173,9 @@ void Process::wait(int timeout_ms) {
     }
     if (poll(fds, static_cast<nfds_t>(count), timeout_ms) <= 0) {
         return;
+    }
+    if (fds[1].revents != 0 && !stdin_goes_on()) {
+        stop_wanted = 1;
     }
     for (size_t i = 0; i < board_.port_count; ++i) {
         ports_[i]->service(fds + first[i]);
@@ -249,6 +259,8 @@ bool catch_signals() {
         return false;
     }
     signal(SIGPIPE, SIG_IGN);
+    // A file at its size limit is a write that fails, not the end.
+    signal(SIGXFSZ, SIG_IGN);
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
     return true;

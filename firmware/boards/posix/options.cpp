@@ -15,6 +15,7 @@ constexpr int usage_error = 2;
 void print_help() {
     std::puts(
         "usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep [--asleep]]\n"
+        "                     [--end-with-stdin]\n"
         "\n"
         "The robot's firmware as a process of this computer.\n"
         "\n"
@@ -31,10 +32,13 @@ void print_help() {
         "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
         "  --asleep         wait for them asleep only; else it looks for them for a moment first, if it has a second "
         "processor\n"
+        "  --end-with-stdin end when standard input does: with a pipe there, with the program that started it, even if that\n"
+        "                   one is killed\n"
         "  --version, --help\n"
         "\n"
         "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
-        "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments or a link that cannot be opened.\n"
+        "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments, or a link or storage file that cannot be "
+        "opened.\n"
         "\n"
         "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
 }
@@ -104,6 +108,10 @@ bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
         }
         if (std::strcmp(name, "--asleep") == 0) {
             options->looks = false;
+            continue;
+        }
+        if (std::strcmp(name, "--end-with-stdin") == 0) {
+            options->end_with_stdin = true;
             continue;
         }
         if (i + 1 == argc) {

@@ -15,6 +15,7 @@ struct Options {
     const char *storage = nullptr;
     bool lockstep = false;
     bool looks = true;                         ///< in lockstep, for the next sensors before it sleeps
+    bool end_with_stdin = false;               ///< end with whoever holds the other end of the pipe
     uint8_t radios = 0b10;                     ///< a bit per link
     bool radio_line = false;                   ///< the radio was asked for: its line has a baud rate
     omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters

@@ -2,6 +2,7 @@
 /// @file parts.h  The PC board's clock, storage and watchdog.
 #pragma once
 
+#include <climits>
 #include <cstddef>
 #include <cstdint>
 
@@ -21,10 +22,12 @@ private:
     uint64_t now_us_ = 0;
 };
 
-/// Non-volatile memory in a file, or in memory only. Every write goes to the disk before it counts.
+/// Non-volatile memory in a file, or in memory only. Every write goes to the disk before it counts: a whole new file beside
+/// the old one, which then takes its place. One that fails leaves what was there before, in the file as well.
 class FileStorage final : public Storage {
 public:
-    /// @param path nullptr: forgotten at the end. @return false after saying why on standard error.
+    /// @param path nullptr: forgotten at the end. @return false after saying why on standard error: no such folder, or
+    /// another process has it open.
     bool open(const char *path);
     void close_file();
     size_t size() override { return sizeof bytes_; }
@@ -32,8 +35,17 @@ public:
     bool write(size_t offset, const uint8_t *data, size_t length) override;
 
 private:
+    /// @return false if another process has the file.
+    bool lock(int fd) const;
+    /// Write the new file and give it the old one's name. @return false with errno set; the old one is as it was.
+    bool put(const uint8_t *content, int *fd) const;
+    bool replace(const uint8_t *content);
+    void sync_folder() const;
+
     uint8_t bytes_[2048] = {};
-    int fd_ = -1;
+    char path_[PATH_MAX] = {};
+    char part_[PATH_MAX] = {};
+    int fd_ = -1; ///< holds the lock
 };
 
 /// Nothing to bite; a reset is main()'s business.
