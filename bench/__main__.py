@@ -17,6 +17,7 @@ from bench.build import OUT, BenchError
 from bench.options import Options
 from bench.tables import Table, write_page
 from hil_sim.speed import machine
+from omniwheel import files
 from omniwheel.errors import OmniError
 from tests.native import ROOT
 
@@ -75,7 +76,7 @@ def save(path: Path, line: str, seed: int, tables: Sequence[Table]) -> None:
     """Write the figures as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figures = {"machine": line, "seed": seed, "tables": {table.name: table.json() for table in tables}}
-    path.write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n")
+    files.write_text(path, json.dumps(figures, indent=2, ensure_ascii=False) + "\n")
 
 
 if __name__ == "__main__":

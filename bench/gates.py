@@ -24,6 +24,7 @@ from bench.build import BenchError, has_valgrind
 from hil_sim.speed import Spread, alternate
 from omni_reproduce.experiment import read_spec
 from omni_reproduce.filters import read_setting, shortened
+from omniwheel import files
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -108,7 +109,7 @@ def write_recorded(counts: Mapping[str, int]) -> None:
     """Replace the recorded instructions."""
     head = RECORDED.read_text().split("[instructions]", 1)[0]
     lines = [f"{name} = {value}" for name, value in counts.items()]
-    RECORDED.write_text("\n".join([f"{head}[instructions]", *lines]) + "\n")
+    files.write_text(RECORDED, "\n".join([f"{head}[instructions]", *lines]) + "\n")
 
 
 def _report(counts: Mapping[str, int], recorded: Mapping[str, int], spreads: Mapping[str, Spread]) -> Table:

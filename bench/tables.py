@@ -10,6 +10,7 @@ from typing import Any
 
 from rich.table import Table as RichTable
 
+from omniwheel import files
 from tests.parity.budget_page import replace_block
 
 Cell = float | str | None
@@ -88,4 +89,4 @@ def write_page(page: Path, machine: str, tables: Sequence[Table]) -> None:
     text = replace_block(page.read_text(), "bench-machine", [machine])
     for table in tables:
         text = replace_block(text, f"bench-{table.name}", table.markdown())
-    page.write_text(text)
+    files.write_text(page, text)

@@ -15,6 +15,7 @@ from pathlib import Path
 from hil_sim.fault_bench import FaultResult, run_case
 from hil_sim.fault_cases import CASES, FaultCase
 from hil_sim.state_diagram import diagram
+from omniwheel import files
 
 STATES = ("<!-- states: python -m hil_sim.fault_table --write -->", "<!-- end of states -->")
 FAULTS = ("<!-- faults: python -m hil_sim.fault_table --write -->", "<!-- end of faults -->")
@@ -84,7 +85,7 @@ def main() -> None:
     document = arguments.file.read_text()
     for marks, text in parts.items():
         document = with_part(document, marks, text)
-    arguments.file.write_text(document)
+    files.write_text(arguments.file, document)
 
 
 if __name__ == "__main__":

@@ -14,12 +14,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import signal
 import sys
+import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -30,11 +32,13 @@ from hil_sim.lockstep import WORLD_COMPONENT_ID, WORLD_SYSTEM_ID
 from hil_sim.rt1062 import STORAGE_SIZE, Channel, Machine, Options, Stop, wiring_of
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
+from omniwheel import files
 from omniwheel.dialect import mavlink
 from omniwheel.errors import FirmwareStartError, OmniError
 from omniwheel.frames import Pose
 from omniwheel.robots import read_robot
 from omniwheel.setpoints import compact_fix_message
+from omniwheel.storage_file import hold_storage
 
 SLICE_NS = 1_000_000
 LAG_S = 0.1
@@ -85,7 +89,7 @@ class Link:
 class Server:
     """Keeps a machine and its clients going."""
 
-    def __init__(self, machine: Machine, links: list[Link], storage: Path | None, *, lockstep: bool) -> None:
+    def __init__(self, machine: Machine, links: list[Link], storage: StorageFile | None, *, lockstep: bool) -> None:
         self.ended = False
         self._machine = machine
         self._links = links
@@ -187,7 +191,7 @@ class Server:
         """Write the parameter memory to its file if it has changed, and tell what is new among the findings."""
         content = self._machine.storage
         if self._storage is not None and content != self._saved:
-            _write_whole(self._storage, content)
+            self._storage.write(content)
         self._saved = content
         findings = self._machine.findings()
         for finding in findings[self._told :]:
@@ -201,23 +205,45 @@ class Server:
         return 1
 
 
-def _write_whole(path: Path, content: bytes) -> None:
-    """Replace the file at once, so that it is never half a memory."""
-    new = path.with_name(path.name + ".new")
-    new.write_bytes(content)
-    os.replace(new, path)
+class StorageFile:
+    """The file of a parameter memory, held against other firmwares until :meth:`close`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._held = hold_storage(path)
+
+    def read(self) -> bytes | None:
+        """Return what is in it, None if that is nothing. Raises FirmwareStartError."""
+        try:
+            content = self._path.read_bytes()
+        except OSError as error:
+            raise FirmwareStartError(f"--storage {self._path}: {error.strerror}") from error
+        if len(content) in (0, STORAGE_SIZE):
+            return content or None
+        raise FirmwareStartError(
+            f"--storage {self._path}: {len(content)} bytes are no parameter memory of {STORAGE_SIZE}"
+        )
+
+    def write(self, content: bytes) -> None:
+        """Replace the file at once, so that it is never half a memory. Raises OutputFileError."""
+        files.write_bytes(self._path, content)
+        replaced, self._held = self._held, hold_storage(self._path)
+        replaced.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._held.close()
 
 
-def _read_storage(path: Path) -> bytes | None:
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise FirmwareStartError(f"storage {path}: {error.strerror}") from error
-    if len(content) not in (0, STORAGE_SIZE):
-        raise FirmwareStartError(f"storage {path}: {len(content)} bytes are no parameter memory of {STORAGE_SIZE}")
-    return content or None
+def end_with_stdin(end: Callable[[], None]) -> None:
+    """Call ``end`` when standard input ends: whoever started this has gone."""
+
+    def wait() -> None:
+        while sys.stdin.buffer.read(256):
+            pass
+        end()
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _arguments(words: list[str] | None) -> argparse.Namespace:
@@ -231,6 +257,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int)
     parser.add_argument("--storage", type=Path, help="file that keeps the parameter memory")
     parser.add_argument("--lockstep", action="store_true", help="stand still while a host in the loop thinks")
+    parser.add_argument("--end-with-stdin", action="store_true", help="end when standard input does")
     parser.add_argument("--instruction-ns", type=int, default=Options.instruction_ns, help="time of an instruction")
     return parser.parse_args(words)
 
@@ -254,16 +281,19 @@ def _serve(arguments: argparse.Namespace) -> int:
                 port = open_port(wanted)
                 stack.callback(port.close)
                 links.append(Link(channel, port))
-        kept = _read_storage(arguments.storage) if arguments.storage is not None else None
-        if kept is not None:
-            machine.storage = kept
+        storage = StorageFile(arguments.storage) if arguments.storage is not None else None
+        if storage is not None:
+            stack.callback(storage.close)
+            machine.storage = storage.read() or machine.storage
         machine.power_on()
         machine.usb_cable(arguments.usb is not None)
-        server = Server(machine, links, arguments.storage, lockstep=arguments.lockstep)
+        server = Server(machine, links, storage, lockstep=arguments.lockstep)
 
         def end(number: int, frame: FrameType | None) -> None:
             server.ended = True
 
+        if arguments.end_with_stdin:
+            end_with_stdin(partial(end, 0, None))
         signal.signal(signal.SIGTERM, end)
         signal.signal(signal.SIGINT, end)
         print(json.dumps({"ready": True, "links": [link.port.name for link in links]}), flush=True)

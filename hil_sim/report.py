@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil_sim.metrics import PHASE_PATH, on_path, pose_error
+from omniwheel.files import save_figure
 
 WIDTH_PX, HEIGHT_PX, DPI = 1600, 1200, 120
 
@@ -67,7 +68,7 @@ def draw_report(summary: Mapping[str, Any], samples: NDArray[Any], path: Path) -
             axes.tick_params(labelbottom=axes is right[-1])
         right[-1].set_xlabel("time [s]")
         figure.align_ylabels(right)
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _number(value: float | None, factor: float, unit: str, digits: int = 2) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import tomli_w
 from hil_sim.faults import Fault
 from hil_sim.scenario import UNTIL_DONE, VALUE_FAULTS, WHEEL_FAULTS, Event, Scenario
 from omni_schema import Parameter, ParameterTable, Robot
+from omniwheel import files
 from omniwheel.paths import robots_dir
 
 
@@ -52,12 +52,10 @@ def write_scenario(scenario: Scenario, path: Path, comment: str) -> None:
         robot = document["scenario"].get(key, "")
         if os.sep in robot:
             copy = path.with_name(f"{Path(robot).stem}.{key}.toml")
-            shutil.copyfile(robot, copy)
+            files.write_bytes(copy, Path(robot).read_bytes())
             document["scenario"][key] = copy.name
     text = f"# {comment}\n{tomli_w.dumps(document)}"
-    partial = path.with_name(f"{path.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)
+    files.write_text(path, text)
 
 
 def _value(table: ParameterTable, name: str, value: float) -> Any:

@@ -19,7 +19,7 @@ from hil_sim.runs import Run, faults_seen
 from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
 from omni_schema import ParameterTable
-from omniwheel import __version__
+from omniwheel import __version__, files
 from omniwheel.plain import finite
 
 SUMMARY_FILE = "summary.json"
@@ -110,14 +110,10 @@ def new_run_folder(root: Path, scenario: Scenario) -> Path:
 
 
 def save_run(run: Run, summary: Mapping[str, Any], folder: Path) -> None:
-    """Write summary.json and the record; report.png is report.draw_report's."""
-    write_json(folder / SUMMARY_FILE, summary)
-    np.savez_compressed(folder / RECORD_FILE, samples=run.record[::STORED_EVERY])
-
-
-def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    """Write plain data as JSON, for people to read too."""
-    path.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    """Write summary.json and the record; report.png is report.draw_report's. Raises OutputFileError."""
+    files.write_json(folder / SUMMARY_FILE, summary)
+    with files.replaced(folder / RECORD_FILE) as file:
+        np.savez_compressed(file, samples=run.record[::STORED_EVERY])
 
 
 def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:

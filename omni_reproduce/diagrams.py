@@ -15,6 +15,7 @@ from matplotlib.patches import FancyBboxPatch
 
 from hil_sim.report import INK, STYLE
 from omni_reproduce.experiment import Context, Result
+from omniwheel.files import save_figure
 
 CONTROL, WORLD = "#dceaf5", "#fbe9c8"
 WIDTH, HEIGHT, GAP = 2.3, 1.1, 1.0
@@ -95,7 +96,7 @@ def draw(title: str, blocks: Sequence[Block], inner: tuple[int, int, str] | None
             _feed_back(
                 axes, _left(source) + 0.3 * WIDTH, _left(target) + 0.5 * WIDTH, -1.4, HEIGHT / 2, text, -HEIGHT / 2
             )
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _left(number: int) -> float:

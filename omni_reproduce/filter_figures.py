@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hil_sim.report import GREY, INK, STYLE
 from omni_reproduce.filters import AXES, AXIS_UNITS, FILTER_TITLES, Array, Setting, Study
+from omniwheel.files import save_figure
 
 _DPI = 120
 _RUN = "four-petal rose in 30 s, as the report's code had it"
@@ -45,7 +46,7 @@ def _figure(width: float, height: float) -> Figure:
 
 
 def _save(figure: Figure, path: Path) -> Path:
-    figure.savefig(path, metadata={"Software": None})
+    save_figure(figure, path)
     return path
 
 

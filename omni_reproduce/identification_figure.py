@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hil_sim.report import GREY, INK, MARK, STYLE, WHEEL_COLOURS
+from omniwheel.files import save_figure
 
 if TYPE_CHECKING:
     from omni_reproduce.identification import Experiment, Validation
@@ -50,7 +51,7 @@ def draw(
         _draw_residual(axes[1, 0], validation)
         _draw_ladder(axes[0, 1], ladders)
         _draw_intervals(axes[1, 1], experiments)
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _draw_validation(axes: Axes, validation: Validation) -> None:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from hil_sim.report import STYLE
 from omni_reproduce.models import LEDGER, Case, Run
+from omniwheel.files import save_figure
 
 _DPI = 120
 _LINES = {
@@ -43,7 +44,7 @@ def draw(robots: Sequence[str], runs: Mapping[Case, Run], folder: Path) -> Path:
         bars = panels[0][2].get_legend_handles_labels()
         figure.legend(*bars, loc="outside lower right", ncols=len(LEDGER), title="energy")
         path = folder / "models.png"
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
         return path
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -14,6 +13,7 @@ from markdown_it import MarkdownIt
 from omni_reproduce.experiment import Row
 from omni_reproduce.numbers import mean_and_sd, number, ratio
 from omni_reproduce.study import Outcome, row_dict
+from omniwheel import files
 
 MARKDOWN_FILE = "report.md"
 HTML_FILE = "report.html"
@@ -117,6 +117,6 @@ def data(outcomes: Sequence[Outcome], about: dict[str, Any]) -> dict[str, Any]:
 def write(folder: Path, outcomes: Sequence[Outcome], facts: str, everything: dict[str, Any]) -> None:
     """Write the page, as Markdown and as HTML, and the rows as JSON."""
     text = markdown(outcomes, facts)
-    (folder / MARKDOWN_FILE).write_text(text, encoding="utf-8")
-    (folder / HTML_FILE).write_text(html(text), encoding="utf-8")
-    (folder / JSON_FILE).write_text(json.dumps(everything, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    files.write_text(folder / MARKDOWN_FILE, text)
+    files.write_text(folder / HTML_FILE, html(text))
+    files.write_json(folder / JSON_FILE, everything)

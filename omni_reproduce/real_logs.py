@@ -10,6 +10,7 @@ from typing import Any
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_schema import Robot
+from omniwheel import files
 from omniwheel.errors import LogError
 from omniwheel.identification.log_plot import draw_study
 from omniwheel.identification.log_report import interval, study_report
@@ -64,7 +65,7 @@ def run(context: Context) -> Result:
     turns, lifted = (read_logs(sorted(folder.glob(settings[key]))) for key in ("turns", "lifted"))
     study = identify_from_logs(runs, robot, turns, lifted, _mapper(context))
     draw_study(study, runs, context.folder / PICTURE)
-    (context.folder / REPORT).write_text(study_report(study, robot, runs, PICTURE), encoding="utf-8")
+    files.write_text(context.folder / REPORT, study_report(study, robot, runs, PICTURE))
     left_out = [path.name for path in found if path not in paths]
     notes = _notes(study, robot) + ([f"Left out, without truth: {', '.join(left_out)}."] if left_out else [])
     return Result(tuple(_rows(study, robot)), (context.folder / PICTURE,), tuple(notes))

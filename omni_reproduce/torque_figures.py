@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from hil_sim.report import GREY, INK, STYLE
 from omni_reproduce.torque_loop import Array, Trace
+from omniwheel.files import save_figure
 
 _DPI = 120
 _X, _Y, _THETA = "#0072B2", "#E69F00", "#009E73"
@@ -29,7 +30,7 @@ def _figure(width: float, height: float) -> Figure:
 
 
 def _save(figure: Figure, path: Path) -> Path:
-    figure.savefig(path, metadata={"Software": None})
+    save_figure(figure, path)
     return path
 
 

@@ -17,6 +17,7 @@ from matplotlib.patches import Rectangle
 
 from hil_sim.report import INK, STYLE, WANTED
 from omni_reproduce.loops import Track
+from omniwheel.files import save_figure
 
 COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#D55E00")
 _MM, _MRAD = 1e3, 1e3
@@ -52,7 +53,7 @@ def draw_tracks(tracks: Mapping[str, Track], view: View, path: Path) -> None:
         right = halves[1].subgridspec(len(tracks), 1, hspace=0.33)
         for number, (name, run) in enumerate(tracks.items()):
             _draw_errors(figure, right[number], run, view, name, number)
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _draw_paths(axes: Axes, tracks: Mapping[str, Track], scale: float = 1.0) -> None:

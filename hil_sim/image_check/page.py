@@ -13,6 +13,7 @@ from pathlib import Path
 
 from hil_sim.image_check.run import all_checks
 from hil_sim.rt1062 import not_modelled
+from omniwheel import files
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "image.md"
 _WRITTEN_BY = ": python -m hil_sim.image_check.page --write"
@@ -44,7 +45,7 @@ def main(words: list[str]) -> int:
     page = PAGE.read_text(encoding="utf-8")
     wanted = filled_in(page)
     if words == ["--write"]:
-        PAGE.write_text(wanted, encoding="utf-8")
+        files.write_text(PAGE, wanted)
     return 0 if words == ["--write"] or page == wanted else 1
 
 

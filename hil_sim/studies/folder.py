@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from hil_sim.studies.errors import StudyFolderError
 from hil_sim.studies.store import BatchStore
+from omniwheel import files
 
 DEFINITION_FILE = "study.json"
 BATCHES_FILE = "batches.bin"
@@ -66,7 +66,7 @@ class StudyFolder:
             if not fresh:
                 _refuse_other_study(path, wanted)
             self.store = BatchStore(path / BATCHES_FILE, row, batch_runs, fresh=fresh)
-            write_text(path / DEFINITION_FILE, json.dumps(wanted, indent=1) + "\n")
+            files.write_text(path / DEFINITION_FILE, json.dumps(wanted, indent=1) + "\n")
         except OSError as error:
             hint = "choose another folder with --out"
             raise StudyFolderError(f"cannot work in {path}: {error.strerror or error}", hint=hint) from error
@@ -79,13 +79,6 @@ class StudyFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.store.close()
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file; an existing one is replaced only once the new one is whole."""
-    partial = path.with_name(f"{path.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)
 
 
 def _refuse_strange_folder(path: Path) -> None:

@@ -16,11 +16,12 @@ from hil_sim.scenario_file import write_scenario
 from hil_sim.studies import engine
 from hil_sim.studies.errors import StudyError
 from hil_sim.studies.figures import FIGURES
-from hil_sim.studies.folder import Definition, StudyFolder, write_text
+from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.plan import Point, check_plan
 from hil_sim.studies.pools import Pool
 from hil_sim.studies.statistics import ranking, summarise
 from hil_sim.studies.study import Progress, Runner, base_definition, no_progress
+from omniwheel import files
 from omniwheel.plain import finite
 
 ROWS_FILE = "runs.npy"
@@ -66,8 +67,9 @@ def run_study(plan: Plan, folder: StudyFolder, pool: Pool, progress: Progress = 
     rows = runner.one(Point(plan.scenario), plan.first_seed, plan.runs)
     worst = _keep_worst(plan, rows, folder.path / WORST_FOLDER)
     summary = _summary(plan, rows, worst)
-    np.save(folder.path / ROWS_FILE, rows)
-    write_text(folder.path / SUMMARY_FILE, json.dumps(finite(summary), indent=2, allow_nan=False) + "\n")
+    with files.replaced(folder.path / ROWS_FILE) as file:
+        np.save(file, rows)
+    files.write_text(folder.path / SUMMARY_FILE, json.dumps(finite(summary), indent=2, allow_nan=False) + "\n")
     return Outcome(summary, rows, tuple(path for path, _ in worst))
 
 

@@ -26,14 +26,14 @@ from hil_sim.scenario import Scenario
 from hil_sim.studies import engine
 from hil_sim.studies.errors import StudyError, StudyInputError
 from hil_sim.studies.figures import COMPLETED, Constraint, Number
-from hil_sim.studies.folder import Definition, StudyFolder, write_text
+from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.plan import Point, check_plan
 from hil_sim.studies.pools import Pool
 from hil_sim.studies.space import Axis
 from hil_sim.studies.statistics import summarise
 from hil_sim.studies.study import Progress, Runner, base_definition, no_progress
 from omni_schema import SchemaError
-from omniwheel import parameter_file
+from omniwheel import files, parameter_file
 from omniwheel.errors import MissingPackageError, OmniError
 from omniwheel.plain import finite
 
@@ -145,7 +145,7 @@ def run_study(
     """Optimise, check the result, and write it. Raises StudyError if no trial keeps the constraints."""
     runner = Runner(folder.store, pool, plan.batch_runs, progress)
     trials = _search(plan, runner, told)
-    write_text(folder.path / TRIALS_FILE, trial_table(plan, trials))
+    files.write_text(folder.path / TRIALS_FILE, trial_table(plan, trials))
     best = _best(trials)
     if best is None:
         for stale in (BEST_FILE, SUMMARY_FILE, PICTURE_FILE):  # of fewer runs or before --fresh: no longer true
@@ -305,7 +305,7 @@ def document(plan: Plan, outcome: Outcome) -> dict[str, Any]:
 
 def _write(plan: Plan, path: Path, outcome: Outcome) -> None:
     text = json.dumps(finite(document(plan, outcome)), indent=1, allow_nan=False)
-    write_text(path / SUMMARY_FILE, text + "\n")
+    files.write_text(path / SUMMARY_FILE, text + "\n")
     parameter_file.write(path / BEST_FILE, outcome.best.values, plan.scenario.robot.table)
 
 

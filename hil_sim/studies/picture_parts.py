@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hil_sim.report import DPI, HEIGHT_PX, INK, MARK, STYLE, TRUTH, WIDTH_PX
 from hil_sim.studies.figures import FIGURES
+from omniwheel.files import save_figure
 
 QUANTILE_MARKS = ((0.5, "median", INK), (0.95, "95 %", "#E69F00"), (0.99, "99 %", MARK))
 _BINS = 60
@@ -40,7 +41,7 @@ def sheet(path: Path, title: str, line: str, height_px: int = HEIGHT_PX) -> Iter
         figure.text(0.055, 1.0 - 0.45 * inch, title.replace("_", " "), fontsize=17, fontweight="bold", va="center")
         figure.text(0.055, 1.0 - 0.80 * inch, line, fontsize=11, color="#444444", va="center")
         yield figure
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def draw_spread(axes: Axes, values: NDArray[np.float64], name: str) -> None:

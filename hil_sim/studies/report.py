@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from hil_sim.studies.figures import FIGURES
-from hil_sim.studies.folder import write_text
 from hil_sim.studies.statistics import counted
+from omniwheel import files
 
 REPORT_FILE = "report.md"
 SPREAD_HEADINGS = ("", "mean", "± 95 %", "sd", "median", "5 %", "95 %", "99 %", "worst")
@@ -73,4 +73,4 @@ def write_montecarlo_report(summary: dict[str, Any], picture: str, path: Path) -
         f"Worst runs by {FIGURES[summary['worst_by']].heading}; `omni sim FILE` drives one again:",
         markdown_table(("file", "seed", FIGURES[summary["worst_by"]].heading), worst),
     ]
-    write_text(path, "\n\n".join(parts) + "\n")
+    files.write_text(path, "\n\n".join(parts) + "\n")

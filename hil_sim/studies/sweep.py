@@ -14,12 +14,13 @@ from typing import Any
 from hil_sim.scenario import Scenario
 from hil_sim.studies import engine
 from hil_sim.studies.figures import FIGURES, Number
-from hil_sim.studies.folder import Definition, StudyFolder, write_text
+from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.plan import Point, check_plan
 from hil_sim.studies.pools import Pool
 from hil_sim.studies.space import Axis
 from hil_sim.studies.statistics import summarise
 from hil_sim.studies.study import Progress, Runner, base_definition, no_progress
+from omniwheel import files
 from omniwheel.plain import finite
 
 SUMMARY_FILE = "summary.json"
@@ -73,8 +74,8 @@ def run_study(plan: Plan, folder: StudyFolder, pool: Pool, progress: Progress = 
         rows = runner.rows(point, plan.first_seed, plan.runs)
         results.append(PointResult(point, plan.shown.of(rows), summarise(rows)))
     text = json.dumps(finite(document(plan, results)), indent=1, allow_nan=False)
-    write_text(folder.path / SUMMARY_FILE, text + "\n")
-    write_text(folder.path / TABLE_FILE, table(plan, results))
+    files.write_text(folder.path / SUMMARY_FILE, text + "\n")
+    files.write_text(folder.path / TABLE_FILE, table(plan, results))
     return results
 
 

@@ -35,6 +35,8 @@
     ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
+    ├── OutputFileError               a file cannot be written: the disk is full or broken; the old one is still there
+    │   └── OutputPathError           ... because of its folder, name or permissions  (bad input)
     ├── MissingPackageError           a command needs an optional package that is not installed
     └── VersionMismatchError          robot and host speak different versions
 
@@ -237,6 +239,16 @@ class DatasetError(OmniError, ValueError):
 
 class IdentificationError(OmniError):
     """The data cannot show what was asked for: too short, not excited, saturated."""
+
+
+class OutputFileError(OmniError):
+    """A file cannot be written, because the disk is full or broken. What stood there before is untouched."""
+
+
+class OutputPathError(OutputFileError, ValueError):
+    """A file cannot be written because of its folder, its name or its permissions."""
+
+    exit_code = 2
 
 
 class MissingPackageError(OmniError):

@@ -45,13 +45,13 @@ class ImageFirmware(FirmwareChild):
         self._words = [sys.executable, "-m", MODULE, str(image), "--robot", str(robot)]
         for connector, link in _by_connector(links).items():
             self._words += [f"--{connector}", link]
-        self._words += ["--lockstep"] if lockstep else []
+        self._words += ["--end-with-stdin", *(["--lockstep"] if lockstep else [])]
         options = {"--storage": storage, "--scenario": scenario, "--world-robot": world_robot, "--seed": seed}
         for option, value in options.items():
             self._words += [] if value is None else [option, str(value)]
 
     def _launch(self, folder: Path, parameters: Path, log: IO[bytes]) -> tuple[str, ...]:
-        process = self._spawn(self._words, stdout=subprocess.PIPE, stderr=log)
+        process = self._spawn(self._words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log)
         links = first_ready_line(process)
         if links is None:
             raise self._not_started()

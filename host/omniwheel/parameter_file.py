@@ -6,12 +6,12 @@ A preset (:mod:`omniwheel.presets`) is a parameter file too, with a table ``[pre
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
 from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_table
+from omniwheel import files
 from omniwheel.errors import ParameterFileError
 
 
@@ -36,18 +36,10 @@ def _same_float32(text: str, value: float) -> bool:
 
 
 def write(path: Path | str, values: Mapping[str, float], table: ParameterTable) -> None:
-    """Write ``values``; an existing file is replaced only once the new one is whole."""
+    """Write ``values``; an existing file is replaced only once the new one is whole. Raises OutputFileError."""
     lines = ["# Parameters of an Omniwheel robot; `omni params load FILE` sets them.", "", "[parameters]"]
     lines += [_line(table.get(name), name, value) for name, value in values.items()]
-    target = Path(path)
-    partial = target.with_name(target.name + ".part")
-    try:
-        partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        os.replace(partial, target)
-    except OSError as error:
-        raise ParameterFileError(
-            f"cannot write {target}: {error.strerror}", hint="check folder and permissions"
-        ) from error
+    files.write_text(path, "\n".join(lines) + "\n")
 
 
 def _line(parameter: Parameter | None, name: str, value: float) -> str:

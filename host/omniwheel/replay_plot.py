@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hil_sim.report import GREY, HEADING, INK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
+from omniwheel.files import save_figure
 from omniwheel.logs.alignment import Alignment, truth_at
 from omniwheel.logs.log import Array, WheelLog
 from omniwheel.replay import Replay
@@ -34,7 +35,7 @@ def draw_replay(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Align
         for axes in right[1:]:
             axes.sharex(right[0])
         right[-1].set_xlabel("time [s]")
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _legend(axes: Axes) -> None:

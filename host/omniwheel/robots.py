@@ -9,6 +9,7 @@ from pathlib import Path
 
 from omni_schema import ParameterTable, Robot, SchemaError, load_parameters, load_robot
 from omni_schema.errors import did_you_mean
+from omniwheel import files
 from omniwheel.errors import RobotFileError
 from omniwheel.paths import params_path, robots_dir
 
@@ -64,15 +65,15 @@ def free_robot_path(name: str, folder: Path) -> Path:
 
 
 def new_robot_file(name: str, template: str, folder: Path) -> Path:
-    """Copy a robot file under a new name, comments and all, and return its path; never overwrites."""
+    """Copy a robot file under a new name, comments and all, and return its path; never overwrites.
+
+    Raises RobotFileError, OutputFileError.
+    """
     target = free_robot_path(name, folder)
     source = find_robot_file(template)
     text = _NAME_LINE.sub(f'name = "{name}"', source.read_text(encoding="utf-8"), count=1)
     try:
-        with target.open("x", encoding="utf-8") as file:
-            file.write(text)
+        files.create(target, text.encode("utf-8"))
     except FileExistsError:
         raise RobotFileError(f"{target} exists already", hint="choose another name") from None
-    except OSError as error:
-        raise RobotFileError(f"cannot write {target}: {error.strerror}", hint="check folder and permissions") from error
     return target

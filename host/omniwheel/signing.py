@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from omniwheel import files
 from omniwheel.dialect import mavlink
 from omniwheel.errors import SigningKeyError
 
@@ -52,17 +53,16 @@ def timestamp(now_s: float) -> int:
 
 
 def new_key_file(path: Path) -> bytes:
-    """Make a random key and write it to a new file that only its owner can read. Raises SigningKeyError."""
+    """Make a random key and write it to a new file that only its owner can read.
+
+    Once this returns, the key is on the disk. Raises SigningKeyError if there is a file, OutputFileError.
+    """
     key = secrets.token_bytes(KEY_BYTES)
     try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        files.create(path, f"{key.hex()}\n".encode("ascii"), 0o600)
     except FileExistsError:
         problem = f"{path} exists already"
         raise SigningKeyError(problem, hint="an old key may still be in a robot: choose another name") from None
-    except OSError as error:
-        raise SigningKeyError(f"cannot write {path}: {error.strerror}") from error
-    with os.fdopen(descriptor, "w", encoding="ascii") as file:
-        file.write(key.hex() + "\n")
     return key
 
 

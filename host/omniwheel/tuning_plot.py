@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hil_sim.report import INK, STYLE, TRUTH, WANTED
+from omniwheel.files import save_figure
 from omniwheel.tuning import AXES, UNITS, Trace
 
 _SIZE_IN, _DPI = (10.0, 7.5), 120
@@ -32,7 +33,7 @@ def draw_tuning(before: Trace, after: Trace, what: str, path: Path) -> None:
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="upper right", bbox_to_anchor=(0.98, 0.935), ncols=3)
         figure.align_ylabels()
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _draw_answer(axes: Axes, before: Trace, after: Trace, column: int, axis: str) -> None:

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from omniwheel import files
 from omniwheel.bringup.result import Result
 from omniwheel.plain import finite
 
@@ -28,9 +28,8 @@ def as_dict(results: Sequence[Result]) -> dict[str, object]:
 
 
 def write_report(results: Sequence[Result], folder: Path, title: str) -> tuple[Path, Path]:
-    """Write both files, over older ones; return their paths."""
+    """Write both files, over older ones; return their paths. Raises OutputFileError."""
     json_path, text_path = folder / "bringup.json", folder / "bringup.md"
-    text = json.dumps(finite(as_dict(results)), indent=2, allow_nan=False) + "\n"
-    json_path.write_text(text, encoding="utf-8")
-    text_path.write_text(as_markdown(results, title), encoding="utf-8")
+    files.write_json(json_path, finite(as_dict(results)))
+    files.write_text(text_path, as_markdown(results, title))
     return json_path, text_path

@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from hil_sim.image_check.check import CI, NIGHTLY, SHORT
 from hil_sim.image_check.run import Outcome, all_checks, report, run_checks
+from omniwheel import files
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.errors import OmniError
 
@@ -69,7 +70,7 @@ def check_image(
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     if report_file is not None:
-        report_file.write_text(report(image, robot, depth.value, seed, outcomes), encoding="utf-8")
+        files.write_text(report_file, report(image, robot, depth.value, seed, outcomes))
     failed = [outcome for outcome in outcomes if not outcome.passed]
     if json_wanted:
         print_json({"image": str(image), "robot": robot, "seed": seed, "checks": [o.as_dict() for o in outcomes]})

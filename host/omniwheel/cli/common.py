@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import signal
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ from omni_schema import SchemaError
 from omniwheel import signing
 from omniwheel.connection import Recorder
 from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
+from omniwheel.files import write_error
 from omniwheel.paths import MissingFileError
 from omniwheel.plain import finite
 from omniwheel.ports import serial_ports
@@ -48,6 +50,10 @@ class OmniGroup(TyperGroup):
             raise _reported(ctx, error, "correct the file and try again", BAD_INPUT) from error
         except MissingFileError as error:
             raise _reported(ctx, error, "", FAILED) from error
+        except OSError as error:  # a disk that fails where nobody expects it, also the one behind standard output
+            if error.errno == errno.EPIPE:  # whoever read it has seen enough
+                raise
+            raise _reported(ctx, _of_the_system(error), write_error("", error).hint, FAILED) from error
         except KeyboardInterrupt:
             error_console.print("interrupted", style="yellow")
             raise typer.Exit(INTERRUPTED) from None
@@ -55,6 +61,11 @@ class OmniGroup(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
         return super().parse_args(ctx, _signing_key_first(args))
+
+
+def _of_the_system(error: OSError) -> OmniError:
+    where = f"{error.filename}: " if error.filename else ""
+    return OmniError(f"{where}{error.strerror or error}")
 
 
 def _signing_key_first(args: list[str]) -> list[str]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +13,7 @@ from hil_sim.hil import run_hil
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.summary import summarize
-from omniwheel.cli.common import FAILED, JsonOption, console, examples, note, print_json
+from omniwheel.cli.common import FAILED, JsonOption, console, examples, note
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     EmulatedOption,
@@ -23,8 +24,8 @@ from omniwheel.cli.run_output import (
     SeedOption,
     apply_preset,
     comparison_table,
-    make_folder,
     print_facts,
+    run_folder,
     run_progress,
     store,
 )
@@ -56,17 +57,13 @@ def demo(
     if emulated and image is not None:
         raise typer.BadParameter("--emulated and --image are two firmwares: give one of them")
     scenario = apply_preset(load_scenario("demo").with_seed(seed).with_plant(plant), preset)
-    folder = make_folder(out, scenario)
-    note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
-    with run_progress("firmware in the loop", json_wanted) as progress:
-        run = run_hil(scenario, out_dir=folder, progress=progress, emulated=emulated, image=image)
-    summary = summarize(run)
-    summary["comparison"] = {name: _compared(name, scenario, json_wanted) for name in COMPARED} if compare else {}
-    store(run, summary, folder)
-    if json_wanted:
-        print_json({**summary, "folder": str(folder)})
-    else:
-        _print(summary, folder)
+    with run_folder(out, scenario) as folder:
+        note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
+        with run_progress("firmware in the loop", json_wanted) as progress:
+            run = run_hil(scenario, out_dir=folder, progress=progress, emulated=emulated, image=image)
+        summary = summarize(run)
+        summary["comparison"] = {name: _compared(name, scenario, json_wanted) for name in COMPARED} if compare else {}
+        store(run, summary, folder, partial(_print, summary, folder), as_json=json_wanted)
     if not run.done:
         raise typer.Exit(FAILED)
 

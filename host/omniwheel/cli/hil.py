@@ -9,7 +9,7 @@ import typer
 
 from hil_sim.hil import run_hil
 from hil_sim.scenario import load_scenario
-from omniwheel.cli.common import JsonOption, examples, note, print_json
+from omniwheel.cli.common import JsonOption, examples, note
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
     EmulatedOption,
@@ -20,11 +20,10 @@ from omniwheel.cli.run_output import (
     ScenarioArgument,
     SeedOption,
     apply_preset,
-    finished,
-    make_folder,
-    print_run,
+    run_folder,
     run_progress,
     scenario_help,
+    store_and_print,
 )
 
 EXAMPLES = examples(
@@ -55,15 +54,11 @@ def hil(
     if sum((emulated, image is not None, link is not None)) > 1:
         raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
     scenario = apply_preset(load_scenario(scenario_name).with_seed(seed).with_plant(plant), preset)
-    folder = make_folder(out, scenario)
-    note(scenario.description, quiet=json_wanted)
-    with run_progress(scenario.name, json_wanted) as progress:
-        run = run_hil(scenario, link, out_dir=folder, progress=progress, emulated=emulated, image=image)
-    summary = finished(run, folder)
-    if json_wanted:
-        print_json({**summary, "folder": str(folder)})
-    else:
-        print_run(summary, folder)
+    with run_folder(out, scenario) as folder:
+        note(scenario.description, quiet=json_wanted)
+        with run_progress(scenario.name, json_wanted) as progress:
+            run = run_hil(scenario, link, out_dir=folder, progress=progress, emulated=emulated, image=image)
+        store_and_print(run, folder, as_json=json_wanted)
 
 
 hil.__doc__ = f"{hil.__doc__}\n\n{scenario_help()}"

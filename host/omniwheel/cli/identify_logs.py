@@ -10,6 +10,7 @@ import typer
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.log_options import RobotOption
+from omniwheel.files import write_text
 from omniwheel.logs.log import load_log
 from omniwheel.robots import read_robot
 
@@ -58,7 +59,7 @@ def identify_logs(
     )
     robot_file, calibration = write_robot_file(study.whole, robot, out)
     draw_study(study, runs, folder / PICTURE_FILE)
-    (folder / REPORT_FILE).write_text(study_report(study, nominal, runs, PICTURE_FILE), encoding="utf-8")
+    write_text(folder / REPORT_FILE, study_report(study, nominal, runs, PICTURE_FILE))
     files = {
         "robot": str(robot_file),
         "calibration": str(calibration),

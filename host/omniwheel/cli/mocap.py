@@ -141,3 +141,4 @@ def _copy(stream: MocapSource, writer: RecordingWriter, duration_s: float) -> No
         measured = stream.read(min(left_s, _SLICE_S))
         if measured is not None:
             writer.write(measured)
+        writer.flush_if_due()

@@ -19,7 +19,7 @@ from omniwheel.cli.common import (
     print_json,
     writable_path,
 )
-from omniwheel.errors import LinkLostError
+from omniwheel.errors import LinkLostError, OmniError, OutputFileError
 from omniwheel.robot import DEFAULT_TIMEOUT_S
 from omniwheel.tlog import TlogWriter
 
@@ -41,7 +41,7 @@ def record(
     writable_path(out, "record")
     if out.exists() and not force:
         raise typer.BadParameter(f"{out} exists already; choose another name or give --force")
-    lost = None
+    lost: OmniError | None = None
     with TlogWriter(out) as log:
         try:
             with open_robot(link, timeout_s=timeout, recorder=log.write) as robot:
@@ -49,9 +49,10 @@ def record(
                 end = robot.connection.clock() + duration
                 while (left := end - robot.connection.clock()) > 0.0:
                     robot.pump(min(left, _SLICE_S))
+                    log.flush_if_due()
         except KeyboardInterrupt:
             note("", quiet=as_json)
-        except LinkLostError as error:
+        except (LinkLostError, OutputFileError) as error:
             lost = error
     note(f"{log.frames} frames in {out}", quiet=as_json)
     if lost is not None:

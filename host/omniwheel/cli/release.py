@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import shutil
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from omniwheel import __version__
 from omniwheel.cli.common import console, error_console
 from omniwheel.cli.image_check import check_image
 from omniwheel.errors import FlashError, OmniError
+from omniwheel.files import write_bytes, write_text
 from omniwheel.flashing.hex_file import read_hex
 from omniwheel.flashing.source import Build, build, source_dir
 from omniwheel.robots import robot_names
@@ -42,7 +42,7 @@ def release(out: Path, *, changed: bool, depth: str) -> list[Path]:
         files += _robot_files(out, robot, made, depth)
     files += sorted(out.glob(f"omniwheel-{__version__}-*.whl"))
     sums = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files]
-    (out / CHECKSUMS).write_text("".join(sums), encoding="utf-8")
+    write_text(out / CHECKSUMS, "".join(sums))
     return [*files, out / CHECKSUMS]
 
 
@@ -57,9 +57,9 @@ def _robot_files(out: Path, robot: str, made: Build, depth: str) -> list[Path]:
     ]
     name = f"omniwheel-{__version__}-{robot}"
     files = [out / f"{name}.{kind}" for kind in ("hex", "elf", "check.md")]
-    shutil.copyfile(made.hex, files[0])
-    shutil.copyfile(made.elf, files[1])
-    files[2].write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_bytes(files[0], made.hex.read_bytes())
+    write_bytes(files[1], made.elf.read_bytes())
+    write_text(files[2], "\n".join(lines) + "\n")
     return files
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from omniwheel import files
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.log_options import (
     CalibrationOption,
@@ -144,4 +145,5 @@ def _write_csv(path: Path, log: WheelLog, run: Replay, aligned: Alignment | None
     if aligned is not None:
         truth = aligned.to_robot(truth_at(log.require_truth(), log.time_s + aligned.offset_s))
     table = np.column_stack((log.time_s, run.pose, run.pose_sd, truth))
-    np.savetxt(path, table, delimiter=",", header=CSV_HEADER, comments="", fmt="%.9g")
+    with files.replaced(path) as file:
+        np.savetxt(file, table, delimiter=",", header=CSV_HEADER, comments="", fmt="%.9g")

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,8 +21,8 @@ from hil_sim.scenario import MAX_SEED, Scenario, scenario_names
 from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
 from hil_sim.world import PLANTS
 from omni_schema.errors import did_you_mean
-from omniwheel.cli.common import console, error_console
-from omniwheel.errors import OmniError
+from omniwheel.cli.common import console, error_console, print_json
+from omniwheel.errors import OmniError, OutputFileError
 from omniwheel.presets import read_preset
 
 ScenarioArgument = Annotated[
@@ -109,28 +110,46 @@ def apply_preset(scenario: Scenario, name: str | None) -> Scenario:
     return scenario.with_parameters(read_preset(name, scenario.robot.table).parameters)
 
 
-def make_folder(out: Path, scenario: Scenario) -> Path:
-    """Make a new run folder; RunFolderError says why it cannot be made."""
+@contextmanager
+def run_folder(out: Path, scenario: Scenario) -> Iterator[Path]:
+    """Make a new run folder; RunFolderError says why it cannot be made. An error that leaves it empty takes it away."""
     try:
-        return new_run_folder(out, scenario)
+        folder = new_run_folder(out, scenario)
     except OSError as error:
         hint = "choose another folder with --out"
         raise RunFolderError(f"cannot make a run folder in {out}: {error.strerror or error}", hint=hint) from error
+    try:
+        yield folder
+    except BaseException:
+        with suppress(OSError):
+            folder.rmdir()
+        raise
 
 
-def store(run: Run, summary: dict[str, Any], folder: Path) -> None:
-    """Write the run's files and note the folder in its summary."""
-    save_run(run, summary, folder)
-    from hil_sim.report import draw_report  # here, not above: matplotlib takes a second to import
+def store(run: Run, summary: dict[str, Any], folder: Path, show: Callable[[], None], *, as_json: bool) -> None:
+    """Write the run's files, then ``show`` it, or print it as JSON.
 
-    draw_report(summary, run.record, folder / REPORT_FILE)
+    A run that cannot be stored is shown all the same, before the OutputFileError.
+    """
+    try:
+        save_run(run, summary, folder)
+        from hil_sim.report import draw_report  # here, not above: matplotlib takes a second to import
+
+        draw_report(summary, run.record, folder / REPORT_FILE)
+    except OutputFileError:
+        if not as_json:
+            show()
+        raise
+    if as_json:
+        print_json({**summary, "folder": str(folder)})
+    else:
+        show()
 
 
-def finished(run: Run, folder: Path) -> dict[str, Any]:
-    """Summarise and store a run; return the summary."""
+def store_and_print(run: Run, folder: Path, *, as_json: bool) -> None:
+    """Summarise a run, store it and print its table. Raises OutputFileError."""
     summary = summarize(run)
-    store(run, summary, folder)
-    return summary
+    store(run, summary, folder, partial(print_run, summary, folder), as_json=as_json)
 
 
 def _cell(value: float | None, factor: float = 1.0, digits: int = 2) -> str:

@@ -24,11 +24,10 @@ from omniwheel.cli.run_output import (
     ScenarioArgument,
     SeedOption,
     apply_preset,
-    finished,
-    make_folder,
-    print_run,
+    run_folder,
     run_progress,
     scenario_help,
+    store_and_print,
 )
 from omniwheel.plain import finite
 
@@ -73,15 +72,11 @@ def sim(
     if seeds > 1:
         _many(scenario, seeds, json_wanted)
         return
-    folder = make_folder(out, scenario)
-    note(scenario.description, quiet=json_wanted)
-    with run_progress(scenario.name, json_wanted) as progress:
-        run = run_in_process(scenario, progress=progress)
-    summary = finished(run, folder)
-    if json_wanted:
-        print_json({**summary, "folder": str(folder)})
-    else:
-        print_run(summary, folder)
+    with run_folder(out, scenario) as folder:
+        note(scenario.description, quiet=json_wanted)
+        with run_progress(scenario.name, json_wanted) as progress:
+            run = run_in_process(scenario, progress=progress)
+        store_and_print(run, folder, as_json=json_wanted)
 
 
 sim.__doc__ = f"{sim.__doc__}\n\n{scenario_help()}"

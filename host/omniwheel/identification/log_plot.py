@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hil_sim.report import GREY, INK, STYLE, WHEEL_COLOURS
+from omniwheel.files import save_figure
 from omniwheel.identification.log_study import LogStudy, Scored
 from omniwheel.logs.log import WheelLog
 
@@ -32,7 +33,7 @@ def draw_study(study: LogStudy, runs: Sequence[WheelLog], path: Path) -> None:
         _draw_bars(grid[-1], study)
         handles, names = grid[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", ncols=len(names))
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _draw_run(axes: Axes, log: WheelLog, run: Scored) -> None:

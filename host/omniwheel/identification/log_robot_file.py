@@ -6,7 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from omni_schema.toml_file import read_toml
-from omniwheel.errors import LogError, RobotFileError
+from omniwheel import files
+from omniwheel.errors import LogError, OmniError
 from omniwheel.identification.odometry_calibration import Odometry
 from omniwheel.identification.robot_file import Changes, edited
 from omniwheel.logs.calibration import calibration_path, save_calibration
@@ -23,26 +24,26 @@ _MOTOR = {
 
 
 def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path, Path]:
-    """Write robot file and calibration and return their paths. Raises LogError, RobotFileError; overwrites nothing."""
+    """Write robot file and calibration and return their paths. Overwrites nothing.
+
+    Raises LogError, RobotFileError, OutputFileError; there is no robot file then.
+    """
     if target.suffix != ".toml":
         raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
     source = find_robot_file(nominal)
     text = source.read_text(encoding="utf-8")
     text += "".join(f"\n[{section}]\n" for section in ("motor", "parameters") if section not in read_toml(source))
     try:
-        with target.open("x", encoding="utf-8") as file:
-            file.write(edited(text, changes(found)))
+        files.create(target, edited(text, changes(found)).encode("utf-8"))
     except FileExistsError:
         raise LogError(f"{target} exists already", hint="choose another name") from None
-    except OSError as error:
-        raise LogError(f"cannot write {target}: {error.strerror}", hint="check folder and permissions") from error
+    calibration = calibration_path(target)
     try:
         read_robot(target)
-    except RobotFileError:
+        save_calibration(found.calibration, calibration)
+    except OmniError:
         target.unlink()
         raise
-    calibration = calibration_path(target)
-    save_calibration(found.calibration, calibration)
     return target, calibration
 
 

@@ -7,7 +7,8 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from omniwheel.errors import RobotFileError
+from omniwheel import files
+from omniwheel.errors import OmniError, RobotFileError
 from omniwheel.identification.pipeline import Identification
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot
 
@@ -20,13 +21,16 @@ _ENTRY = re.compile(r"^\s*([a-zA-Z_0-9]+)\s*=")
 
 
 def write_robot_file(found: Identification, name: str, template: str, folder: Path) -> Path:
-    """Write NAME.toml and return its path; it passes ``omni robots check``. Never overwrites. Raises RobotFileError."""
+    """Write NAME.toml and return its path; it passes ``omni robots check``. Never overwrites.
+
+    Raises RobotFileError, OutputFileError; there is no file then.
+    """
     path = new_robot_file(name, str(find_robot_file(template)), folder)
     try:
         text = edited(path.read_text(encoding="utf-8"), changes(found))
-        path.write_text(text, encoding="utf-8")
+        files.write_text(path, text)
         read_robot(path)
-    except RobotFileError:
+    except OmniError:
         path.unlink()
         raise
     return path

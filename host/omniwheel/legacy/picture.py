@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil_sim.report import HEADING, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
+from omniwheel.files import save_figure
 from omniwheel.legacy.pwm_line import FULL_PWM, MOTORS
 
 _SIZE_IN, _DPI = (11.0, 6.6), 120
@@ -36,7 +37,7 @@ def draw_legacy_run(record: NDArray[np.float64], truth: NDArray[np.float64] | No
         _draw_pwm(right[2], record)
         right[2].set_xlabel("time [s]")
         figure.align_ylabels(right)
-        figure.savefig(path, metadata={"Software": None})
+        save_figure(figure, path)
 
 
 def _draw_path(axes: Axes, record: NDArray[np.float64], truth: NDArray[np.float64] | None) -> None:

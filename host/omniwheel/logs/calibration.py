@@ -16,6 +16,7 @@ import numpy as np
 import tomli_w
 
 from omni_schema.toml_file import read_toml
+from omniwheel import files
 from omniwheel.errors import LogError
 from omniwheel.logs.log import Array
 
@@ -63,7 +64,7 @@ def calibration_path(robot_file: Path) -> Path:
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write a calibration. Raises LogError."""
+    """Write a calibration. Raises OutputFileError."""
     curve = calibration.curve
     document = {
         "odometry": {
@@ -72,10 +73,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         },
         "motor_curve": {name: _rounded(getattr(curve, name)) for name in MotorCurve.__dataclass_fields__},
     }
-    try:
-        path.write_text(tomli_w.dumps(document), encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"cannot write {path}: {error.strerror}", hint="check folder and permissions") from error
+    files.write_text(path, tomli_w.dumps(document))
 
 
 def load_calibration(path: Path, wheels: int) -> Calibration:

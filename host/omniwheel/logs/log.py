@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from omniwheel import files
 from omniwheel.errors import LogError
 
 Array = NDArray[np.float64]
@@ -110,28 +111,25 @@ class WheelLog:
 
 
 def save_log(log: WheelLog, path: Path) -> None:
-    """Write a log as NPZ, with the names and units of :class:`WheelLog`. Raises LogError."""
+    """Write a log as NPZ, with the names and units of :class:`WheelLog`. Raises OutputFileError."""
     truth = log.truth
     empty = np.zeros(0)
-    try:
-        with path.open("wb") as file:
-            np.savez_compressed(
-                file,
-                name=np.array(log.name),
-                period_s=np.array(log.period_s),
-                counts_per_revolution=np.array(log.counts_per_revolution),
-                time_s=log.time_s,
-                counts=log.counts,
-                good=log.good,
-                duty=log.duty,
-                heading_rad=log.heading_rad,
-                truth_time_s=empty if truth is None else truth.time_s,
-                truth_xy=np.zeros((0, 2)) if truth is None else truth.xy,
-                truth_theta=empty if truth is None else truth.theta,
-                truth_same_clock=np.array(truth is not None and truth.same_clock),
-            )
-    except OSError as error:
-        raise LogError(f"cannot write {path}: {error.strerror}", hint="check folder and permissions") from error
+    with files.replaced(path) as file:
+        np.savez_compressed(
+            file,
+            name=np.array(log.name),
+            period_s=np.array(log.period_s),
+            counts_per_revolution=np.array(log.counts_per_revolution),
+            time_s=log.time_s,
+            counts=log.counts,
+            good=log.good,
+            duty=log.duty,
+            heading_rad=log.heading_rad,
+            truth_time_s=empty if truth is None else truth.time_s,
+            truth_xy=np.zeros((0, 2)) if truth is None else truth.xy,
+            truth_theta=empty if truth is None else truth.theta,
+            truth_same_clock=np.array(truth is not None and truth.same_clock),
+        )
 
 
 def load_log(path: Path) -> WheelLog:

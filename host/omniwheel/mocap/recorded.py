@@ -11,12 +11,13 @@ from __future__ import annotations
 import csv
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
 from omniwheel.errors import MocapSourceError
 from omniwheel.frames import Pose
+from omniwheel.growing_file import GrowingFile
 from omniwheel.mocap.source import MocapPose
 
 COLUMNS = ("taken_s", "arrived_s", "frame", "x_m", "y_m", "theta_rad")
@@ -24,16 +25,15 @@ _HINT = f"the first line must be {','.join(COLUMNS)}; `omni mocap record` writes
 
 
 class RecordingWriter:
-    """Writes a recording; a context manager. An existing file is replaced."""
+    """Writes a recording; a context manager. An existing file is replaced. Everything here raises OutputFileError.
+
+    The file can be read while it grows; see :mod:`omniwheel.growing_file` for what a kill or a full disk leaves.
+    """
 
     def __init__(self, path: Path) -> None:
         self.poses = 0
-        try:
-            self._file = path.open("w", encoding="ascii", newline="")
-        except OSError as error:
-            raise MocapSourceError(f"cannot write {path}: {error.strerror}", hint="check folder and rights") from error
-        self._writer = csv.writer(self._file, lineterminator="\n")
-        self._writer.writerow(COLUMNS)
+        self._file = GrowingFile(path, lambda data: data.rfind(b"\n") + 1)
+        self._write_row(COLUMNS)
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -46,12 +46,19 @@ class RecordingWriter:
     def write(self, measured: MocapPose) -> None:
         """Append one pose, micrometres and microseconds exact."""
         times = (f"{measured.taken_s:.6f}", f"{measured.arrived_s:.6f}", measured.frame)
-        self._writer.writerow((*times, *(f"{value:.6f}" for value in measured.pose)))
+        self._write_row((*times, *(f"{value:.6f}" for value in measured.pose)))
         self.poses += 1
+
+    def flush_if_due(self) -> None:
+        """Hand out what waits for longer than a second: to be called now and then while a stream is silent."""
+        self._file.flush_if_due()
 
     def close(self) -> None:
         """Finish the file."""
         self._file.close()
+
+    def _write_row(self, row: Sequence[object]) -> None:
+        self._file.write((",".join(str(value) for value in row) + "\n").encode("ascii"))
 
 
 def read_recording(path: Path) -> list[MocapPose]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omniwheel.errors import RobotFileError
+from omniwheel import files
 from omniwheel.wiring import electrics
 from omniwheel.wiring.notes import Note, write_notes
 from omniwheel.wiring.plan import RADIO_RX, RADIO_TX, SCL, SDA, WheelWiring, WiringPlan
@@ -60,11 +60,8 @@ def draw_wiring(plan: WiringPlan) -> str:
 
 
 def write_wiring(plan: WiringPlan, path: Path) -> None:
-    """Write the diagram to a file; raise RobotFileError if it cannot be written."""
-    try:
-        path.write_text(draw_wiring(plan), encoding="utf-8")
-    except OSError as error:
-        raise RobotFileError(f"cannot write {path}: {error.strerror}", hint="check folder and permissions") from error
+    """Write the diagram to a file; raise OutputFileError if it cannot be written."""
+    files.write_text(path, draw_wiring(plan))
 
 
 def _row(number: int) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omniwheel import files
 from omniwheel.robots import read_robot, robot_names
 from omniwheel.wiring import electrics
 from omniwheel.wiring.connections import Connection, connections
@@ -66,4 +67,4 @@ def _with_part(document: str, marks: tuple[str, str], text: str) -> str:
 
 if __name__ == "__main__":
     for path, text in pages(Path("docs")).items():
-        path.write_text(text, encoding="utf-8")
+        files.write_text(path, text)
