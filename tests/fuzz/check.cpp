@@ -11,10 +11,11 @@ Figures counted;
 
 void print_figures() {
     std::printf("{\"executions\": %llu, \"bytes\": %llu, \"frames\": %llu, \"ticks\": %llu, \"armed_ticks\": %llu, "
-                "\"driving_ticks\": %llu}\n",
+                "\"driving_ticks\": %llu, \"stops\": %llu, \"stops_in_motion\": %llu}\n",
                 static_cast<unsigned long long>(counted.executions), static_cast<unsigned long long>(counted.bytes),
                 static_cast<unsigned long long>(counted.frames), static_cast<unsigned long long>(counted.ticks),
-                static_cast<unsigned long long>(counted.armed_ticks), static_cast<unsigned long long>(counted.driving_ticks));
+                static_cast<unsigned long long>(counted.armed_ticks), static_cast<unsigned long long>(counted.driving_ticks),
+                static_cast<unsigned long long>(counted.stops), static_cast<unsigned long long>(counted.stops_in_motion));
     std::fflush(stdout);
 }
 

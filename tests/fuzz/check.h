@@ -14,6 +14,8 @@ struct Figures {
     uint64_t ticks = 0;
     uint64_t armed_ticks = 0;   ///< ticks with the bridges switched on
     uint64_t driving_ticks = 0; ///< ticks with some motor driven
+    uint64_t stops = 0;         ///< Sequence: stops whose effect was watched
+    uint64_t stops_in_motion = 0;
 };
 
 /// Printed on standard output at exit, as one line of JSON.

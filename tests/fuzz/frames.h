@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "app/mavlink_types.h"
@@ -33,6 +34,17 @@ size_t entry_count();
 /// Append a frame with a correct checksum. @param payload max_msg_len bytes of the entry.
 void append_frame(Bytes *out, const mavlink_msg_entry_t &entry, const uint8_t *payload, const Form &form);
 
+/// A frame of this message, its struct as mavgen has it.
+template <class Message>
+Bytes frame_of(uint32_t id, const Message &message, const Form &form = {}) {
+    uint8_t payload[256] = {};
+    static_assert(sizeof message < sizeof payload, "not a MAVLink payload");
+    std::memcpy(payload, &message, sizeof message);
+    Bytes frame;
+    append_frame(&frame, *entry_of(id), payload, form);
+    return frame;
+}
+
 /// A frame that stands somewhere in a stream.
 struct Found {
     size_t begin = 0;
@@ -44,6 +56,16 @@ struct Found {
     size_t payload_length = 0;
     enum class Kind { none, incomplete, foreign, damaged, valid } kind = Kind::none;
 };
+
+/// The payload of a valid frame as mavgen's struct.
+template <class Message>
+Message as(const Found &frame) {
+    uint8_t whole[256] = {};
+    std::memcpy(whole, frame.payload, frame.payload_length);
+    Message message{};
+    std::memcpy(&message, whole, sizeof message);
+    return message;
+}
 
 /// What stands at this place of a stream: nothing (no start byte, an unknown flag or message, no length of it), or a frame and in
 /// which state it is; `foreign` is a whole one of a standard message that the robot does not speak.

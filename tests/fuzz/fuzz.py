@@ -24,6 +24,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "fuzz"
+BUILDS = {"sanitizers": BUILD, "nothing": ROOT / "build" / "fuzz-plain", "coverage": ROOT / "build" / "fuzz-coverage"}
+"""What the fuzzers can be built with, and where: see OMNI_FUZZ_WITH."""
 PROGRAMS = BUILD / "tests" / "fuzz"
 FINDINGS = BUILD / "findings"
 ROBOT_FILE = "robot_file"
@@ -39,15 +41,21 @@ def missing_tools() -> list[str]:
     return [tool for tool in ("clang", "clang++") if shutil.which(tool) is None]
 
 
-def build(targets: Sequence[str] = ("fuzzers",)) -> None:
-    """Configure and build in build/fuzz; what is up to date is left alone. Raises CalledProcessError."""
+def program(target: str, built_with: str = "sanitizers") -> Path:
+    """Return where the seeded fuzzer of a target is."""
+    return BUILDS[built_with] / "tests" / "fuzz" / f"seeded_{target}"
+
+
+def build(targets: Sequence[str] = ("fuzzers",), built_with: str = "sanitizers") -> None:
+    """Configure and build in a folder of BUILDS; what is up to date is left alone. Raises CalledProcessError."""
+    folder = BUILDS[built_with]
     tools = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
-    options = ["OMNI_PYTHON=OFF", "OMNI_FUZZ=ON", f"Python_EXECUTABLE={sys.executable}"]
+    options = ["OMNI_PYTHON=OFF", "OMNI_FUZZ=ON", f"OMNI_FUZZ_WITH={built_with}", f"Python_EXECUTABLE={sys.executable}"]
     compilers = ["CMAKE_C_COMPILER=clang", "CMAKE_CXX_COMPILER=clang++"]
     settings = [f"-D{option}" for option in (*options, *compilers)]
-    configure = ["cmake", "-S", str(ROOT), "-B", str(BUILD), "-G", "Ninja", *settings]
-    for command in (configure, ["cmake", "--build", str(BUILD), "--target", *targets]):
+    configure = ["cmake", "-S", str(ROOT), "-B", str(folder), "-G", "Ninja", *settings]
+    for command in (configure, ["cmake", "--build", str(folder), "--target", *targets]):
         subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
 
 
@@ -55,7 +63,7 @@ def seeded_command(target: str, seed: int, size: int) -> list[str]:
     """Return the command of a seeded run."""
     if target == ROBOT_FILE:
         return [sys.executable, "-m", "tests.fuzz.robot_file", str(seed), str(size)]
-    return [str(PROGRAMS / f"seeded_{target}"), str(seed), str(size)]
+    return [str(program(target)), str(seed), str(size)]
 
 
 def search_command(target: str, seed: int, seconds: int) -> list[str]:

@@ -138,15 +138,6 @@ void fill_command(uint8_t *payload, Script &script, const Manners &manners) {
     }
 }
 
-template <class Message>
-Bytes frame_of(uint32_t id, const Message &message) {
-    uint8_t payload[256] = {};
-    std::memcpy(payload, &message, sizeof message);
-    Bytes frame;
-    append_frame(&frame, *entry_of(id), payload, Form{});
-    return frame;
-}
-
 void address(uint8_t *payload, const mavlink_msg_entry_t &entry, Script &script) {
     const bool elsewhere = script.one_in(16);
     if ((entry.flags & MAV_MSG_ENTRY_FLAG_HAVE_TARGET_SYSTEM) != 0) {

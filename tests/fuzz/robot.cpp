@@ -16,15 +16,6 @@ float battery_V() {
     return battery_now;
 }
 
-template <class Message>
-Message as(const Found &frame) {
-    uint8_t whole[256] = {};
-    std::memcpy(whole, frame.payload, frame.payload_length);
-    Message message{};
-    std::memcpy(&message, whole, sizeof message);
-    return message;
-}
-
 /// Every floating-point field of a message is finite, but for those that MAVLink wants to be NaN.
 void check_finite(const Found &frame) {
     if (frame.id == MAVLINK_MSG_ID_ODOMETRY) {
@@ -57,8 +48,8 @@ void FakeEncoders::errors(uint32_t *to) {
 }
 
 bool FakeBus::submit(const omni::I2cTransaction *batch, size_t count) {
-    if (busy_) {
-        return false;
+    if (busy_ && fate == omni::I2cStatus::busy) {
+        return false; // otherwise the last batch is through by now, whether somebody asked or not
     }
     busy_ = true;
     foreign_ = count > 0 && batch[0].address != Chip::address;
@@ -131,6 +122,7 @@ Robot::Robot(const Setup &how, Script &script) : setup(how) {
 }
 
 void Robot::boot() {
+    ++boots;
     board_ = omni::Board{};
     board_.clock = &clock;
     board_.encoders = &encoders;
@@ -171,6 +163,7 @@ void Robot::tick() {
     clock.ns += 1'000'000;
     app_->tick();
     ++figures().ticks;
+    ++timer_ticks;
     check_motors(bus.chip, "no motor is driven by the timer's tick");
     figures().armed_ticks += bus.chip.all_off() ? 0 : 1;
     figures().driving_ticks += drives(bus.chip) ? 1 : 0;
@@ -190,6 +183,7 @@ void Robot::background() {
     }
     check_motors(bus.chip, "no motor is driven by the background");
     if (app_->reboot_wanted()) {
+        watchdog.cause = omni::ResetCause::software;
         boot();
     }
 }
@@ -227,8 +221,16 @@ bool Robot::drives(const Chip &chip) const {
     return false;
 }
 
+bool Robot::bench_moves() const {
+    return !bus.chip.all_off() && (!pin.is_wired || pin.is_on);
+}
+
+bool Robot::world_moves() const {
+    return hil_power_ && !hil_chip_.all_off();
+}
+
 void Robot::turn_wheels(int counts) {
-    const Chip &chip = setup.lockstep ? hil_chip_ : bus.chip;
+    const Chip &chip = setup.lockstep || hosted ? hil_chip_ : bus.chip;
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
         const int drive = drive_of(chip, i);
         const int by = drive > 0 ? counts : drive < 0 ? -counts : 0;
@@ -246,11 +248,7 @@ Bytes Robot::hil_sensors() {
     message.i2c_status = bus.fate == omni::I2cStatus::done ? 0 : 1;
     std::memcpy(message.i2c_read, hil_read_, sizeof hil_read_);
     hil_us += OMNI_TICK_US;
-    uint8_t payload[256] = {};
-    std::memcpy(payload, &message, sizeof message);
-    Bytes frame;
-    append_frame(&frame, *entry_of(MAVLINK_MSG_ID_OMNI_HIL_SENSORS), payload, Form{});
-    return frame;
+    return frame_of(MAVLINK_MSG_ID_OMNI_HIL_SENSORS, message);
 }
 
 /// Everything a port has sent must be whole, valid frames one after another; the last may still be on its way.
@@ -269,9 +267,12 @@ void Robot::look(size_t port) {
     out.erase(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(at));
 }
 
-void Robot::take_frame(size_t, const Found &frame) {
+void Robot::take_frame(size_t port, const Found &frame) {
     ++figures().frames;
     check_finite(frame);
+    if (listener != nullptr) {
+        listener->heard(port, frame);
+    }
     const bool resting = !setup.may_arm && !arming_asked_;
     switch (frame.id) {
     case MAVLINK_MSG_ID_HEARTBEAT:
@@ -306,10 +307,15 @@ void Robot::take_actuators(const Found &frame) {
         hil_chip_.transact(message.i2c[at], message.i2c + at + 2, written, hil_read_, read);
         at += 3 + written;
     }
+    hil_power_ = message.output_enable == 1;
+    ++host_ticks;
     ++figures().ticks;
     figures().armed_ticks += hil_chip_.all_off() ? 0 : 1;
     figures().driving_ticks += drives(hil_chip_) ? 1 : 0;
     check_motors(hil_chip_, "no motor is driven by the host's tick");
+    if (listener != nullptr) {
+        listener->host_ticked();
+    }
 }
 
 } // namespace fuzz

@@ -79,6 +79,17 @@ struct FakeWatchdog final : omni::Watchdog {
     void reset() override {}
 };
 
+/// Gets to know what the robot says, in its order.
+class Listener {
+public:
+    virtual void heard(size_t port, const Found &frame) = 0;
+    /// A tick of host-in-the-loop is over: what it did to the motors of that world can be seen.
+    virtual void host_ticked() = 0;
+
+protected:
+    ~Listener() = default;
+};
+
 /// How a run is set up.
 struct Setup {
     bool lockstep = false;
@@ -115,6 +126,16 @@ public:
     /// A correct OMNI_HIL_SENSORS for the next tick of the host's clock.
     Bytes hil_sensors();
 
+    /// Some bridge of the bench is switched on: the chip says so, and the output-enable pin (where it is wired) lets it.
+    bool bench_moves() const;
+    /// The same of the host's world, as of the last OMNI_HIL_ACTUATORS.
+    bool world_moves() const;
+
+    Listener *listener = nullptr;
+    bool hosted = false; ///< the wheels turn in the host's world
+    uint64_t timer_ticks = 0;
+    uint64_t host_ticks = 0;
+    uint64_t boots = 0;
     uint64_t hil_us = 1000;
     float hil_battery_V = 12.0f;
 
@@ -131,6 +152,7 @@ private:
     omni::Board board_;
     std::optional<omni::App> app_;
     Chip hil_chip_;
+    bool hil_power_ = false;
     uint8_t hil_read_[8] = {};
     uint32_t hil_sequence_ = 0;
     Bytes tail_[omni::Board::max_ports]; ///< end of what a port got, for frames that come in pieces

@@ -1,50 +1,92 @@
 // SPDX-License-Identifier: MIT
 /// @file seeded.cpp  A driver without feedback that does the same everywhere: inputs from a seeded generator, and mutations of a
-/// few that were kept. usage: PROGRAM SEED BYTES, or PROGRAM FILE... to run stored inputs. An input that takes longer than ten
-/// seconds (or FUZZ_HANG_S) ends the process by SIGALRM.
+/// few that were kept.
+///
+/// usage: PROGRAM SEED BYTES, until the code under test was handed so many bytes; PROGRAM SEED BLOCK COUNT LONGEST, COUNT inputs of
+/// at most LONGEST bytes, the BLOCK-th such lot of this seed (a lot depends on nothing before it); or PROGRAM FILE... to run stored
+/// inputs. An input that takes longer than ten seconds (or FUZZ_HANG_S) ends the process by SIGALRM. What ends the process
+/// is left in the file named by FUZZ_LAST.
+#include <fcntl.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
 #include <vector>
 
 #include "check.h"
+#include "generator.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+/// A target that changes its inputs itself has this.
+extern "C" __attribute__((weak)) size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t capacity, unsigned seed);
+extern "C" __attribute__((weak)) void __sanitizer_set_death_callback(void (*callback)());
 
 namespace {
 
-unsigned hang_s = 10;
-constexpr size_t kept_inputs = 64;
-const char *last_path = nullptr;
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-class Generator {
-public:
-    explicit Generator(uint64_t seed) : state_(seed) {}
-    uint64_t next() {
-        uint64_t z = state_ += 0x9E3779B97F4A7C15u;
-        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9u;
-        z = (z ^ z >> 27) * 0x94D049BB133111EBu;
-        return z ^ z >> 31;
-    }
-    size_t below(size_t count) { return next() % count; }
-
-private:
-    uint64_t state_;
-};
-
 using Input = std::vector<uint8_t>;
 
-Input fresh(Generator &random) {
-    Input input(1 + random.below(random.below(4) == 0 ? 8000 : 800));
+constexpr size_t kept_inputs = 64;
+const char *last_path = nullptr;
+const Input *volatile running = nullptr;
+volatile uint64_t runs = 0;
+
+// ---- What ends the process is kept. Writing every input before it runs would take longer than running it.
+
+void keep_last() {
+    const Input *input = running;
+    const int file = last_path != nullptr && input != nullptr ? open(last_path, O_WRONLY | O_CREAT | O_TRUNC, 0644) : -1;
+    if (file >= 0) {
+        const ssize_t written = write(file, input->data(), input->size());
+        static_cast<void>(written);
+        close(file);
+    }
+}
+
+void on_signal(int number) {
+    static volatile uint64_t seen = UINT64_MAX;
+    if (number == SIGALRM && (seen != runs || running == nullptr)) {
+        seen = runs;
+        return; // another input than last time: nothing hangs
+    }
+    keep_last();
+    std::signal(number, SIG_DFL);
+    std::raise(number);
+}
+
+void keep_what_ends_us(unsigned hang_s) {
+    std::signal(SIGABRT, on_signal);
+    std::signal(SIGALRM, on_signal);
+    if (__sanitizer_set_death_callback != nullptr) {
+        __sanitizer_set_death_callback(keep_last);
+    } else {
+        std::signal(SIGSEGV, on_signal);
+        std::signal(SIGFPE, on_signal);
+    }
+    const timeval period{static_cast<time_t>(hang_s), 0};
+    const itimerval timer{period, period};
+    setitimer(ITIMER_REAL, &timer, nullptr);
+}
+
+void run(const Input &input) {
+    runs = runs + 1;
+    running = &input;
+    LLVMFuzzerTestOneInput(input.data(), input.size());
+    running = nullptr;
+}
+
+// ---- Inputs
+
+Input fresh(fuzz::Generator &random, size_t longest) {
+    Input input(1 + random.below(random.below(4) == 0 ? longest : std::max<size_t>(longest / 10, 1)));
     std::generate(input.begin(), input.end(), [&random] { return static_cast<uint8_t>(random.next() >> 56); });
     return input;
 }
 
-void mutate(Input *input, Generator &random) {
+void mutate(Input *input, fuzz::Generator &random) {
     static constexpr uint8_t likely[] = {0x00, 0x01, 0x7F, 0x80, 0xFF, 0xFD, 0xFE, 0xC0};
     for (size_t i = 1 + random.below(8); i > 0; --i) {
         uint8_t &byte = (*input)[random.below(input->size())];
@@ -61,24 +103,43 @@ void mutate(Input *input, Generator &random) {
     }
 }
 
-/// So that a finding can be run again: what is being tried stands in the file named by FUZZ_LAST.
-void remember(const Input &input) {
-    if (last_path == nullptr) {
-        return;
-    }
-    std::FILE *file = std::fopen(last_path, "wb");
-    if (file != nullptr) {
-        std::fwrite(input.data(), 1, input.size(), file);
-        std::fclose(file);
-    }
-}
+/// Inputs one after another, each fresh or made from one before.
+class Inputs {
+public:
+    Inputs(uint64_t seed, size_t longest) : random_(seed), longest_(longest) {}
 
-void run(const Input &input) {
-    remember(input);
-    alarm(hang_s);
-    LLVMFuzzerTestOneInput(input.data(), input.size());
-    alarm(0);
-}
+    const Input &next() {
+        const bool anew = kept_.empty() || random_.below(2) == 0;
+        if (LLVMFuzzerCustomMutator != nullptr) {
+            custom(anew);
+        } else {
+            input_ = anew ? fresh(random_, longest_) : kept_[random_.below(kept_.size())];
+            mutate(&input_, random_);
+        }
+        return input_;
+    }
+    /// Some of what ran is kept, to make others from it.
+    void ran() {
+        if (kept_.size() < kept_inputs) {
+            kept_.push_back(input_);
+        } else if (random_.below(16) == 0) {
+            kept_[random_.below(kept_.size())] = input_;
+        }
+    }
+
+private:
+    void custom(bool anew) {
+        input_ = anew ? Input{} : kept_[random_.below(kept_.size())];
+        const size_t size = input_.size();
+        input_.resize(std::max(longest_, size));
+        input_.resize(LLVMFuzzerCustomMutator(input_.data(), size, input_.size(), static_cast<unsigned>(random_.next())));
+    }
+
+    fuzz::Generator random_;
+    size_t longest_;
+    std::vector<Input> kept_;
+    Input input_;
+};
 
 int run_files(int count, char **paths) {
     for (int i = 0; i < count; ++i) {
@@ -95,18 +156,20 @@ int run_files(int count, char **paths) {
     return 0;
 }
 
-void run_seeded(uint64_t seed, uint64_t bytes) {
-    Generator random(seed);
-    std::vector<Input> kept;
+void run_bytes(uint64_t seed, uint64_t bytes) {
+    constexpr size_t longest = 8000;
+    Inputs inputs(seed, longest);
     while (fuzz::figures().bytes < bytes) {
-        Input input = kept.empty() || random.below(2) == 0 ? fresh(random) : kept[random.below(kept.size())];
-        mutate(&input, random);
-        run(input);
-        if (kept.size() < kept_inputs) {
-            kept.push_back(input);
-        } else if (random.below(16) == 0) {
-            kept[random.below(kept.size())] = input;
-        }
+        run(inputs.next());
+        inputs.ran();
+    }
+}
+
+void run_block(uint64_t seed, uint64_t block, uint64_t count, size_t longest) {
+    Inputs inputs(fuzz::Generator(seed + (block << 32)).next(), longest);
+    for (; count > 0; --count) {
+        run(inputs.next());
+        inputs.ran();
     }
 }
 
@@ -120,19 +183,29 @@ bool number_of(const char *text, uint64_t *number) {
 
 int main(int argc, char **argv) {
     last_path = std::getenv("FUZZ_LAST");
-    uint64_t seed = 0;
-    uint64_t bytes = 0;
     const char *patience = std::getenv("FUZZ_HANG_S");
-    if (patience != nullptr && number_of(patience, &bytes)) {
-        hang_s = static_cast<unsigned>(bytes);
+    uint64_t hang_s = 10;
+    if (patience != nullptr && !number_of(patience, &hang_s)) {
+        std::fprintf(stderr, "FUZZ_HANG_S=%s is no number of seconds\n", patience);
+        return 2;
     }
-    if (argc == 3 && number_of(argv[1], &seed) && number_of(argv[2], &bytes)) {
-        run_seeded(seed, bytes);
+    keep_what_ends_us(static_cast<unsigned>(hang_s));
+    uint64_t numbers[4] = {};
+    int given = 0;
+    while (given < 4 && given + 1 < argc && number_of(argv[given + 1], &numbers[given])) {
+        ++given;
+    }
+    if (argc == 3 && given == 2) {
+        run_bytes(numbers[0], numbers[1]);
+        return 0;
+    }
+    if (argc == 5 && given == 4 && numbers[3] > 0) {
+        run_block(numbers[0], numbers[1], numbers[2], numbers[3]);
         return 0;
     }
     if (argc > 1) {
         return run_files(argc - 1, argv + 1);
     }
-    std::fprintf(stderr, "usage: %s SEED BYTES | FILE...\n", argv[0]);
+    std::fprintf(stderr, "usage: %s SEED BYTES | SEED BLOCK COUNT LONGEST | FILE...\n", argv[0]);
     return 2;
 }
