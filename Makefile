@@ -17,7 +17,7 @@ WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
 
 .PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        firmware-check firmware-memory firmware-build-check flash release nightly clean
+        firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -29,6 +29,7 @@ help:
 	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
 	@echo 'make tick-cycles  the same inside the image of make firmware, with cycles by LLVM'\''s Cortex-M7 model'
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
+	@echo 'make prove        the core has no run-time errors, for any input (docs/proof.md)'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
 	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
 	@echo 'make firmware-check        the image on an emulated Teensy: boots, drives, stops, survives power cuts'
@@ -137,6 +138,9 @@ budgets: $(VENV)/stamp-install
 
 tick-cycles: setup
 	$(BIN)/python tests/image/tick_cycles.py $(ARGS)
+
+prove: setup
+	$(BIN)/python -m tests.proof.prove $(ARGS)
 
 core-checks: $(VENV)/stamp-tools
 	PYTHON=$(BIN)/python .ci/core-checks

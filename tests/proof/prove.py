@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: MIT
+"""Proofs over the control core: Frama-C's Eva looks at every input at once, NaN and infinities too.
+
+usage: python -m tests.proof.prove [--write] [--nightly] [PROOF ...]
+
+Exit code 1: something is not proved that docs/proof.md does not list, or the page says something else. Without
+Frama-C nothing is proved, and it says so; with CI=true that is an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from tests.parity.budget_page import replace_block
+from tests.proof.frama_c import (
+    FOLDER,
+    ROOT,
+    Place,
+    Proof,
+    ProofError,
+    Result,
+    core_functions,
+    generate,
+    missing_tools,
+    run,
+)
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+PAGE = ROOT / "docs" / "proof.md"
+COMMAND = "make prove ARGS=--write"
+
+
+def _toml(name: str) -> dict[str, Any]:
+    with (FOLDER / name).open("rb") as file:
+        return tomllib.load(file)
+
+
+def read_proofs() -> list[Proof]:
+    """Return the proofs of proofs.toml in its order."""
+    return [
+        Proof(name, entry["shows"], entry["given"], tuple(entry.get("options", ())), entry.get("nightly", False))
+        for name, entry in _toml("proofs.toml").items()
+    ]
+
+
+def read_not_proved() -> tuple[dict[Place, str], dict[str, str]]:
+    """Return why each listed place, and each function that no proof reaches, is not proved."""
+    document = _toml("not_proved.toml")
+    places = {Place(row["function"], row["kind"], row["text"]): row["why"] for row in document.get("place", [])}
+    functions = {name: row["why"] for row in document.get("functions", []) for name in row["names"]}
+    return places, functions
+
+
+def differences(results: Sequence[Result], listed: Mapping[Place, str], all_ran: bool) -> list[str]:
+    """Return a sentence for every place that is not proved and not listed, and for every one that is listed in vain."""
+    met: dict[Place, str] = {place: result.proof.name for result in results for place in result.open}
+    sentences = [f"{name}: not proved: {place}" for place, name in sorted(met.items()) if place not in listed]
+    if all_ran:
+        sentences += [
+            f"not_proved.toml lists what is proved by now: {place}" for place in sorted(set(listed) - set(met))
+        ]
+    return sentences
+
+
+def unreached(results: Sequence[Result], listed: Mapping[str, str]) -> list[str]:
+    """Return a sentence for every function of the core that no proof reaches, or that is listed though one does."""
+    reached = {name for result in results for name in result.reached}
+    missed = _functions() - reached
+    sentences = [f"no proof reaches {name}" for name in sorted(missed - set(listed))]
+    return sentences + [f"not_proved.toml says that no proof reaches {name}" for name in sorted(set(listed) - missed)]
+
+
+def _functions() -> set[str]:
+    return core_functions(sorted((ROOT / "shared" / "core" / "src").glob("*.[ch]")))
+
+
+def page_blocks(
+    proofs: Sequence[Proof], places: Mapping[Place, str], functions: Mapping[str, str]
+) -> dict[str, list[str]]:
+    """Return the tables of docs/proof.md. They need no run: that they are true is what a run shows."""
+    proved = ["| Proof | What holds | Given | When |", "|---|---|---|---|"]
+    proved += [
+        f"| `{proof.name}` | {proof.shows} | {proof.given} | {'nightly' if proof.nightly else 'every run'} |"
+        for proof in proofs
+    ]
+    proved += ["", f"{len(_functions()) - len(functions)} of the core's {len(_functions())} functions are reached."]
+    rest = ["| Function | What | Why not |", "|---|---|---|"]
+    rest += [
+        f"| `{place.function}` | {place.kind}: `{_cell(place.text)}` | {why} |" for place, why in sorted(places.items())
+    ]
+    by_reason: dict[str, list[str]] = {}
+    for name, why in sorted(functions.items()):
+        by_reason.setdefault(why, []).append(f"`{name}`")
+    rest += [f"| {', '.join(names)} | reached by no proof | {why} |" for why, names in by_reason.items()]
+    return {"proofs": proved, "not-proved": rest}
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def with_blocks(page: str, blocks: Mapping[str, list[str]]) -> str:
+    """Return the page with the tables in it."""
+    for name, lines in blocks.items():
+        page = replace_block(page, name, lines)
+    return page
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("proofs", nargs="*", metavar="PROOF", help="run these only")
+    parser.add_argument("--nightly", action="store_true", help="the long ones, too")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/proof.md")
+    options = parser.parse_args(arguments)
+    everything = read_proofs()
+    unknown = set(options.proofs) - {proof.name for proof in everything}
+    if unknown:
+        parser.error(f"no such proof: {', '.join(sorted(unknown))}; there are {', '.join(p.name for p in everything)}")
+    chosen = [
+        p for p in everything if (p.name in options.proofs if options.proofs else options.nightly or not p.nightly)
+    ]
+    console, errors = Console(soft_wrap=True, highlight=False), Console(stderr=True, soft_wrap=True, highlight=False)
+    missing = missing_tools()
+    if missing:
+        errors.print(f"NOTHING WAS PROVED: {', '.join(missing)} not installed (Debian: frama-c-base ocaml-findlib gcc)")
+        return int(os.environ.get("CI") == "true")
+    places, functions = read_not_proved()
+    try:
+        results = _run_all(chosen, console)
+    except ProofError as error:
+        errors.print(f"error: {error}", markup=False)
+        return 1
+    all_ran = len(chosen) == len(everything)
+    sentences = differences(results, places, all_ran) + (unreached(results, functions) if all_ran else [])
+    sentences += _page(page_blocks(everything, places, functions), options.write)
+    for sentence in sentences:
+        errors.print(f"error: {sentence}", markup=False)
+    return int(bool(sentences))
+
+
+def _run_all(proofs: Sequence[Proof], console: Console) -> list[Result]:
+    generate()
+    results = []
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for result in pool.map(run, proofs):
+            results.append(result)
+            console.print(f"{result.proof.name}: {len(result.reached)} functions, {len(result.open)} places not proved")
+    return results
+
+
+def _page(blocks: Mapping[str, list[str]], write: bool, path: Path = PAGE) -> list[str]:
+    page = path.read_text(encoding="utf-8")
+    wanted = with_blocks(page, blocks)
+    if write:
+        path.write_text(wanted, encoding="utf-8")
+    return [] if write or wanted == page else [f"{path.name} does not say what is proved: {COMMAND}"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
