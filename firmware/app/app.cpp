@@ -11,6 +11,9 @@ namespace {
 
 constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
+/// A host in the loop that sends no sensors for this long has gone: a stop waits a tenth of a second for it, others longer.
+constexpr uint64_t hil_stop_patience_us = 100'000;
+constexpr uint64_t hil_patience_us = 10'000'000;
 /// A bus that stays busy this long is not waited for.
 constexpr uint32_t release_limit = 50;
 
@@ -95,6 +98,9 @@ void App::restart_control(uint64_t now_us) {
     shared_.control.restart();
     shared_.control.report.update();
     shared_.latest = TickReport{};
+    if (shared_.control.stopping(OMNI_EVENT_ESTOP)) {
+        shared_.latest.outputs.state = OMNI_STATE_ESTOP; // as the first tick will say
+    }
     shared_.arming = 0;
     shared_.stopping = 0;
     shared_.i2c_scanning = false;
@@ -102,6 +108,7 @@ void App::restart_control(uint64_t now_us) {
     jitter_.restart();
     last_tick_us_ = 0;
     overruns_in_row_ = 0;
+    hil_heard_us_ = board_.clock->now_us();
     hil_.restart();
     telemetry_.restart();
     trajectories_.restart();
@@ -118,24 +125,40 @@ void App::update_owner() {
     }
 }
 
+/// Leaving is always possible, over any link, armed or not: it ends with motors off.
 uint8_t App::switch_hil(bool enable, size_t link) {
-    if (shared_.armed()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: disarm first"));
-        return MAV_RESULT_DENIED;
+    if (enable) {
+        return enter_hil(link);
     }
-    if (hil_link_ != no_link && hil_link_ != link) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: in use on another link"));
-        return MAV_RESULT_DENIED;
-    }
-    if (!enable && lockstep_) {
+    if (lockstep_) {
         shared_.say(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
         return MAV_RESULT_DENIED;
     }
-    if (!enable) {
-        if (shared_.hil) {
-            leave_hil();
+    if (shared_.hil) {
+        if (hil_link_ != link) {
+            shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: another link asked for it"));
         }
-        return MAV_RESULT_ACCEPTED;
+        leave_hil();
+    }
+    return MAV_RESULT_ACCEPTED;
+}
+
+/// From a stopped robot only a release leads on, not a simulation of one.
+const char *App::hil_obstacle(size_t link) const {
+    if (shared_.armed()) {
+        return "disarm first";
+    }
+    if (hil_link_ != no_link && hil_link_ != link) {
+        return "in use on another link";
+    }
+    const bool stopped = shared_.latest.outputs.state == OMNI_STATE_ESTOP || shared_.control.stopping(OMNI_EVENT_ESTOP);
+    return stopped && !shared_.hil ? "release the emergency stop first" : nullptr;
+}
+
+uint8_t App::enter_hil(size_t link) {
+    if (const char *why = hil_obstacle(link)) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
+        return MAV_RESULT_DENIED;
     }
     hil_link_ = link;
     hil_session_ = board_.ports[link]->session();
@@ -175,6 +198,18 @@ void App::watch_hil_peer() {
     }
 }
 
+/// By the board's clock, since the simulated one stands still meanwhile. In lockstep there is no other clock and no motor.
+void App::watch_hil_silence() {
+    if (!shared_.hil || lockstep_) {
+        return;
+    }
+    const bool stop_waits = shared_.control.stopping(OMNI_EVENT_DISARM | OMNI_EVENT_ESTOP);
+    if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_patience_us : hil_patience_us)) {
+        leave_hil();
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its host is silent"));
+    }
+}
+
 void App::take_report() {
     if (shared_.control.report.update()) {
         shared_.latest = shared_.control.report.reading();
@@ -190,6 +225,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     }
     hil_link_ = link;
     hil_session_ = board_.ports[link]->session();
+    hil_heard_us_ = board_.clock->now_us();
     flush(); // what this tick reports must not depend on how the host's bytes were cut into packets
     TickSensors sensors;
     hil_.take(frame, &sensors);
@@ -384,6 +420,7 @@ void App::background() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         receive(i);
     }
+    watch_hil_silence();
     if (!shared_.hil || hil_link_ == no_link) {
         serve(); // once the world's time runs, every frame and every tick does
     }

@@ -47,8 +47,12 @@ private:
     void watch_overrun(TickSensors *sensors);
     void update_owner();
     void restart_control(uint64_t now_us);
+    uint8_t enter_hil(size_t link);
+    /// @return why host-in-the-loop cannot be entered from this link, or nullptr.
+    const char *hil_obstacle(size_t link) const;
     void leave_hil();
     void watch_hil_peer();
+    void watch_hil_silence();
     void receive(size_t link);
     void say_restart(size_t link);
     void greet(size_t link);
@@ -80,6 +84,7 @@ private:
     size_t line_link_ = no_link; ///< where set-point lines of the original robot are understood
     size_t hil_link_ = no_link;
     uint32_t hil_session_ = 0;
+    uint64_t hil_heard_us_ = 0; ///< board's clock: the host's latest sensors, or when the loop began
     float rates_[Board::max_ports][3] = {};
     TickJitter jitter_;
     uint64_t last_tick_us_ = 0;

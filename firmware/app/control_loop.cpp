@@ -49,13 +49,18 @@ bool ControlLoop::request_event(uint32_t events) {
 }
 
 void ControlLoop::restart() {
-    while (requests_.front() != nullptr) {
+    bool released = false;
+    for (const Request *request = requests_.front(); request != nullptr; request = requests_.front()) {
+        released = released || (request->event & OMNI_EVENT_ESTOP_CLEAR) != 0;
         requests_.drop();
     }
     while (fixes_.front() != nullptr) {
         fixes_.drop();
     }
-    flags_ = 0;
+    flags_.fetch_and(OMNI_EVENT_ESTOP);
+    if (robot_.state == OMNI_STATE_ESTOP && !released) {
+        stop(OMNI_EVENT_ESTOP);
+    }
     plans.withdraw();
     if (const RobotSetup *latest = setups.take()) {
         setup_ = latest;

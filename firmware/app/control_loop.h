@@ -80,7 +80,8 @@ struct TickReport {
 
 class ControlLoop {
 public:
-    /// Start over: core, driver, requests; the latest setup stays. Only while no tick can run.
+    /// Start over: core, driver, requests; the latest setup stays. So does an emergency stop, which the first tick comes up in:
+    /// only a release leads out. Only while no tick can run.
     void restart();
     /// OMNI_EVENT_DISARM, OMNI_EVENT_ESTOP or both: done by the next tick, whatever else waits for it. From any context.
     void stop(uint32_t events) { tell(events); }

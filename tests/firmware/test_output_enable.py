@@ -141,6 +141,8 @@ def test_a_test_does_not_outlive_its_host(robot: Client) -> None:
     robot.ticks(5)
     robot.command(mav.MAV_CMD_OMNI_ESTOP, 1)
     robot.ticks(3)
+    robot.command(mav.MAV_CMD_OMNI_ESTOP, 0)
+    robot.ticks(3)
     assert robot.command(mav.MAV_CMD_OMNI_HIL, 1) == mav.MAV_RESULT_ACCEPTED
     robot.time_us = 0
     driven(robot)

@@ -1,0 +1,338 @@
+// SPDX-License-Identifier: MIT
+// extern "C" access to the whole firmware on a board of fakes: simulated time, four serial ports, a PWM chip, wheels that turn as
+// they are driven. All of it is plain memory, so that a moment can be kept and gone back to.
+#include <algorithm>
+#include <cstring>
+#include <new>
+#include <optional>
+
+#include "app/app.h"
+#include "chip.h"
+#include "frames.h"
+
+namespace {
+
+constexpr size_t all_ports = omni::Board::max_ports;
+/// Counts per tick of a wheel at full duty.
+constexpr int64_t full_speed = 20;
+
+struct TestClock final : omni::Clock {
+    uint64_t us = 0;
+    uint64_t now_us() override { return us; }
+    uint64_t stopwatch_ns() override { return us * 1000; }
+};
+
+struct Wheels final : omni::Encoders {
+    int64_t turned[OMNI_MAX_WHEELS] = {}; ///< 1/4096 counts
+    uint8_t read(int32_t *counts) override {
+        for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+            counts[i] = static_cast<int32_t>(turned[i] / 4096);
+        }
+        return (1u << OMNI_MAX_WHEELS) - 1;
+    }
+    void errors(uint32_t *errors) override { std::fill(errors, errors + OMNI_MAX_WHEELS, 0u); }
+};
+
+struct TestBus final : omni::I2cBus {
+    fuzz::Chip chip;
+    bool busy = false;
+    bool dead = false; ///< nobody acknowledges
+    uint8_t answer[omni::I2cTransaction::max_read] = {};
+    bool submit(const omni::I2cTransaction *batch, size_t count) override {
+        for (size_t i = 0; i < count && !dead; ++i) {
+            chip.transact(batch[i].address, batch[i].write, batch[i].write_length, answer, batch[i].read_length);
+        }
+        busy = true;
+        return true;
+    }
+    omni::I2cStatus poll(uint8_t *read) override {
+        std::memcpy(read, answer, sizeof answer);
+        const bool done = busy;
+        busy = false;
+        const omni::I2cStatus outcome = dead ? omni::I2cStatus::nack : omni::I2cStatus::done;
+        return done ? outcome : omni::I2cStatus::idle;
+    }
+    void recover() override {}
+};
+
+struct TestPin final : omni::OutputEnable {
+    bool on = false;
+    bool wired() override { return true; }
+    void set(bool to) override { on = to; }
+};
+
+struct TestPort final : omni::SerialPort {
+    uint8_t in[16384] = {};
+    size_t in_length = 0;
+    uint8_t out[16384] = {};
+    size_t out_length = 0;
+    size_t piece = sizeof in; ///< bytes per read
+    uint32_t connection = 1;
+    size_t read(uint8_t *data, size_t capacity) override {
+        const size_t count = connection == 0 ? 0 : std::min({in_length, capacity, piece});
+        std::memcpy(data, in, count);
+        in_length -= count;
+        std::memmove(in, in + count, in_length);
+        return count;
+    }
+    size_t write_space() override { return sizeof out - out_length; }
+    bool write(const uint8_t *data, size_t length) override {
+        if (length > write_space()) {
+            return false;
+        }
+        std::memcpy(out + out_length, data, length);
+        out_length += length;
+        return true;
+    }
+    uint32_t session() override { return connection; }
+};
+
+struct TestStorage final : omni::Storage {
+    uint8_t bytes[2048] = {};
+    size_t writes_left = SIZE_MAX; ///< bytes until the power fails
+    bool unreadable = false;
+    size_t written = 0;
+    size_t size() override { return sizeof bytes; }
+    bool read(size_t offset, uint8_t *data, size_t length) override {
+        std::memcpy(data, bytes + offset, length);
+        return !unreadable;
+    }
+    bool write(size_t offset, const uint8_t *data, size_t length) override {
+        const size_t count = std::min(length, writes_left);
+        std::memcpy(bytes + offset, data, count);
+        writes_left -= writes_left == SIZE_MAX ? 0 : count;
+        written += count;
+        return count == length;
+    }
+};
+
+struct TestWatchdog final : omni::Watchdog {
+    omni::ResetCause cause = omni::ResetCause::power_on;
+    void feed() override {}
+    omni::ResetCause reset_cause() override { return cause; }
+    const char *crash_line(size_t) override { return nullptr; }
+    void reset() override {}
+};
+
+omni_real_t full_battery() {
+    return 12.0f;
+}
+
+} // namespace
+
+struct TestRobot {
+    bool lockstep = false;
+    TestClock clock;
+    Wheels wheels;
+    TestBus bus;
+    TestPin pin;
+    TestPort ports[all_ports];
+    TestStorage storage;
+    TestWatchdog watchdog;
+    omni::Board board;
+    std::optional<omni::App> app;
+    fuzz::Chip hil_chip;
+    uint8_t hil_read[8] = {};
+    uint8_t hil_read_length = 0;
+    uint64_t hil_us = 0;
+    uint32_t hil_sequence = 0;
+    uint8_t hil_enabled = 0;
+
+    void boot();
+    bool driven(const fuzz::Chip &chip, bool enabled) const;
+    void turn(const fuzz::Chip &chip, bool enabled);
+    void take_actuators(const uint8_t *bytes, size_t length);
+};
+
+void TestRobot::boot() {
+    board = omni::Board{};
+    board.clock = &clock;
+    board.encoders = &wheels;
+    board.i2c = &bus;
+    board.output_enable = &pin;
+    board.storage = &storage;
+    board.watchdog = &watchdog;
+    board.robot_values = omni_robot_presets[omni_robot_preset_find("three_wheel")].values;
+    board.battery_V = full_battery;
+    for (size_t i = 0; i < all_ports; ++i) {
+        board.ports[i] = &ports[i];
+        ports[i].in_length = ports[i].out_length = 0;
+    }
+    board.port_count = all_ports;
+    clock.us = 0;
+    pin.on = false;
+    bus.busy = false;
+    app.emplace(board, lockstep);
+}
+
+/// Of the bridge: full forward is 4096.
+static int drive_of(const omni_real_t *values, const fuzz::Chip &chip, size_t wheel) {
+    const auto in1 = static_cast<size_t>(values[OMNI_PARAM_W1_IN1_CH + wheel]);
+    const auto in2 = static_cast<size_t>(values[OMNI_PARAM_W1_IN2_CH + wheel]);
+    return static_cast<int>(chip.high_steps(in1)) - static_cast<int>(chip.high_steps(in2));
+}
+
+bool TestRobot::driven(const fuzz::Chip &chip, bool enabled) const {
+    bool any = false;
+    for (size_t i = 0; i < static_cast<size_t>(board.robot_values[OMNI_PARAM_WHEELS]); ++i) {
+        any = any || drive_of(board.robot_values, chip, i) != 0;
+    }
+    return any && enabled;
+}
+
+void TestRobot::turn(const fuzz::Chip &chip, bool enabled) {
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        wheels.turned[i] += enabled ? full_speed * drive_of(board.robot_values, chip, i) : 0;
+    }
+}
+
+void TestRobot::take_actuators(const uint8_t *bytes, size_t length) {
+    for (size_t at = 0; at < length;) {
+        const fuzz::Found frame = fuzz::frame_at(bytes, length, at);
+        if (frame.kind == fuzz::Found::Kind::valid && frame.id == MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS) {
+            mavlink_omni_hil_actuators_t message{};
+            std::memcpy(&message, frame.payload, std::min(frame.payload_length, sizeof message));
+            hil_enabled = message.output_enable;
+            hil_read_length = 0;
+            for (size_t i = 0; i < message.i2c_length; i += 3u + message.i2c[i + 1]) {
+                const uint8_t *it = message.i2c + i;
+                const uint8_t reads = it[2 + it[1]];
+                hil_chip.transact(it[0], it + 2, it[1], hil_read, reads);
+                hil_read_length = reads;
+            }
+        }
+        at += frame.kind == fuzz::Found::Kind::valid ? frame.length : 1;
+    }
+}
+
+extern "C" {
+
+/// @param lockstep as App's. @return nullptr without memory.
+TestRobot *robot_new(bool lockstep) {
+    auto *robot = new (std::nothrow) TestRobot;
+    if (robot != nullptr) {
+        robot->lockstep = lockstep;
+        std::memset(robot->storage.bytes, 0xFF, sizeof robot->storage.bytes);
+        robot->bus.chip.power_up();
+        robot->hil_chip.power_up();
+        robot->boot();
+    }
+    return robot;
+}
+
+void robot_delete(TestRobot *robot) {
+    delete robot;
+}
+
+size_t robot_size() {
+    return sizeof(TestRobot);
+}
+
+/// Power or only the processor comes back; the PWM chip keeps what it was told unless its power went, too.
+void robot_reset(TestRobot *robot, int cause, bool power) {
+    robot->watchdog.cause = static_cast<omni::ResetCause>(cause);
+    if (power) {
+        robot->bus.chip.power_up();
+    }
+    robot->boot();
+}
+
+void robot_send(TestRobot *robot, size_t port, const uint8_t *bytes, size_t length) {
+    TestPort &it = robot->ports[port];
+    const size_t count = std::min(length, sizeof it.in - it.in_length);
+    std::memcpy(it.in + it.in_length, bytes, count);
+    it.in_length += count;
+}
+
+/// What the robot has sent since the last call. @return count of bytes.
+size_t robot_take(TestRobot *robot, size_t port, uint8_t *bytes, size_t capacity) {
+    TestPort &it = robot->ports[port];
+    const size_t count = std::min(it.out_length, capacity);
+    std::memcpy(bytes, it.out, count);
+    it.out_length = 0;
+    return count;
+}
+
+size_t robot_unread(const TestRobot *robot, size_t port) {
+    return robot->ports[port].in_length;
+}
+
+/// The timer's tick, a millisecond after the last.
+void robot_tick(TestRobot *robot) {
+    robot->clock.us += OMNI_TICK_US;
+    robot->app->tick();
+    robot->turn(robot->bus.chip, robot->pin.on);
+}
+
+void robot_pass(TestRobot *robot) {
+    robot->app->background();
+}
+
+/// Time without ticks, as in lockstep or behind a save.
+void robot_wait(TestRobot *robot, uint64_t us) {
+    robot->clock.us += us;
+}
+
+/// The host in the loop: sensors to a port; what comes back is the world's.
+void robot_hil_sensors(TestRobot *robot, size_t port) {
+    mavlink_omni_hil_sensors_t message{};
+    robot->hil_us += OMNI_TICK_US;
+    message.time_us = robot->hil_us;
+    message.sequence = ++robot->hil_sequence;
+    robot->wheels.read(message.counts);
+    message.counts_valid = 0x0F;
+    message.battery_voltage = 12.0f;
+    message.i2c_read_length = robot->hil_read_length;
+    std::memcpy(message.i2c_read, robot->hil_read, sizeof robot->hil_read);
+    uint8_t payload[256] = {};
+    std::memcpy(payload, &message, sizeof message);
+    fuzz::Bytes frame;
+    fuzz::append_frame(&frame, *fuzz::entry_of(MAVLINK_MSG_ID_OMNI_HIL_SENSORS), payload, fuzz::Form{});
+    robot_send(robot, port, frame.data(), frame.size());
+}
+
+void robot_hil_actuators(TestRobot *robot, size_t port) {
+    robot->take_actuators(robot->ports[port].out, robot->ports[port].out_length);
+    robot->turn(robot->hil_chip, robot->hil_enabled == 1);
+}
+
+/// A new host in the loop.
+void robot_hil_restart(TestRobot *robot) {
+    robot->hil_us = 0;
+    robot->hil_read_length = 0;
+    robot->hil_chip.power_up();
+    robot->hil_enabled = 0;
+}
+
+/// Some motor gets voltage. @param hil of the simulated robot.
+bool robot_driven(const TestRobot *robot, bool hil) {
+    return hil ? robot->driven(robot->hil_chip, robot->hil_enabled == 1) : robot->driven(robot->bus.chip, robot->pin.on);
+}
+
+bool robot_reboot_wanted(const TestRobot *robot) {
+    return robot->app->reboot_wanted();
+}
+
+/// @param piece bytes per read(). @param connection 0: nobody.
+void robot_port(TestRobot *robot, size_t port, size_t piece, uint32_t connection) {
+    robot->ports[port].piece = piece;
+    robot->ports[port].connection = connection;
+}
+
+void robot_bus_dead(TestRobot *robot, bool dead) {
+    robot->bus.dead = dead;
+}
+
+uint8_t *robot_storage(TestRobot *robot) {
+    return robot->storage.bytes;
+}
+
+size_t robot_storage_written(const TestRobot *robot) {
+    return robot->storage.written;
+}
+
+void robot_storage_fate(TestRobot *robot, size_t writes_left, bool unreadable) {
+    robot->storage.writes_left = writes_left;
+    robot->storage.unreadable = unreadable;
+}
+}
