@@ -20,7 +20,9 @@ from tests.image.static.running import calls_seen, interrupts, running, used_sta
 from tests.image.static.stack import Stack, depths_of
 from tests.image.static.whole import heap_functions, whole_stack
 
-FLAGS = "-mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16 -ffunction-sections -O3 -ffp-contract=off -fno-math-errno"
+FLAGS = (
+    "-mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16 -ffunction-sections -O3 -ffp-contract=off -fno-math-errno"
+)
 LINK = "-nostartfiles -Wl,-Ttext=0x60001000,-Tdata=0x60100000,-Tbss=0x60180000,--unresolved-symbols=ignore-all"
 WATCHED_S, CALLS_WATCHED = 0.02, 60
 

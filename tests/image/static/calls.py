@@ -2,7 +2,7 @@
 """Which functions a call through a pointer may lead to.
 
 A virtual method is found by its place in the class's table and by its name, which stands in the source line of the
-call; the image's line table says which line that is. What the Teensy core calls through pointers, `indirect.toml` lists.
+call; the image's line table says which line that is. `indirect.toml` lists what the Teensy core calls through pointers.
 """
 
 from __future__ import annotations
