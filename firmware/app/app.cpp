@@ -20,14 +20,17 @@ constexpr uint32_t release_limit = 50;
 } // namespace
 
 App::App(const Board &board, bool lockstep)
-    : board_(board), shared_(board_), lockstep_(lockstep), signing_service_(shared_), parameters_(shared_, *this),
-      telemetry_(shared_), trajectories_(shared_, parameters_), setpoints_(shared_, parameters_),
+    : board_(board), shared_(board_), lockstep_(lockstep), signing_service_(shared_), stop_latch_(*board.storage),
+      parameters_(shared_, *this), telemetry_(shared_), trajectories_(shared_, parameters_), setpoints_(shared_, parameters_),
       pose_fixes_(shared_, parameters_), status_texts_(shared_),
       commands_(shared_, parameters_, telemetry_, trajectories_, *this), owner_(lockstep ? Owner::background : Owner::timer) {
     attach_links();
     shared_.hil = lockstep;
     signing_service_.boot();
     parameters_.boot();
+    if (stop_latch_.boot() != StopLatch::AtBoot::released) {
+        shared_.control.stop(OMNI_EVENT_ESTOP);
+    }
     restart_control(lockstep ? 0 : board_.clock->now_us());
 }
 
@@ -336,11 +339,36 @@ void App::say_restart(size_t link) {
     }
 }
 
+/// An emergency stop that this program came up in is told to everybody who comes.
+void App::say_latch(size_t link) {
+    if (shared_.latest.outputs.state != OMNI_STATE_ESTOP || stop_latch_.at_boot() == StopLatch::AtBoot::released) {
+        return;
+    }
+    const bool known = stop_latch_.at_boot() == StopLatch::AtBoot::stopped;
+    shared_.say_on(
+        link, MAV_SEVERITY_CRITICAL,
+        Text().add(known ? "stopped since before the restart: release it" : "stop memory unreadable: stopped until released"));
+}
+
+/// Before a restart a stop that no tick has seen yet is kept, too: nothing moves then.
+void App::keep_stop() {
+    const uint8_t state = shared_.latest.outputs.state;
+    const bool coming = shared_.control.stopping(OMNI_EVENT_ESTOP);
+    const bool stopped = state == OMNI_STATE_ESTOP || (shared_.reboot && coming);
+    const bool resting = state == OMNI_STATE_DISARMED && !coming && !shared_.armed();
+    stop_latch_.serve(stopped, resting, shared_.reboot, shared_.now_us);
+    if (stop_latch_.failed() && !latch_failure_said_) {
+        shared_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: a restart may lift the stop"));
+    }
+    latch_failure_said_ = stop_latch_.failed();
+}
+
 void App::greet(size_t link) {
     parameters_.stop_list(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
     say_restart(link);
+    say_latch(link);
 }
 
 void App::receive(size_t link) {
@@ -388,6 +416,7 @@ void App::serve() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         shared_.links[i].refill(shared_.now_us);
     }
+    keep_stop();
     signing_service_.serve();
     status_texts_.serve();
     commands_.serve();

@@ -15,6 +15,7 @@
 #include "app/shared.h"
 #include "app/signing_service.h"
 #include "app/status_texts.h"
+#include "app/stop_latch.h"
 #include "app/telemetry.h"
 #include "app/tick_jitter.h"
 #include "app/trajectories.h"
@@ -55,6 +56,8 @@ private:
     void watch_hil_silence();
     void receive(size_t link);
     void say_restart(size_t link);
+    void say_latch(size_t link);
+    void keep_stop();
     void greet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_setpoint(const Frame &frame, size_t link);
@@ -73,6 +76,7 @@ private:
     const bool lockstep_;
     Hil hil_;
     SigningService signing_service_;
+    StopLatch stop_latch_;
     Parameters parameters_;
     Telemetry telemetry_;
     Trajectories trajectories_;
@@ -84,6 +88,7 @@ private:
     size_t line_link_ = no_link; ///< where set-point lines of the original robot are understood
     size_t hil_link_ = no_link;
     uint32_t hil_session_ = 0;
+    bool latch_failure_said_ = false;
     uint64_t hil_heard_us_ = 0; ///< board's clock: the host's latest sensors, or when the loop began
     float rates_[Board::max_ports][3] = {};
     TickJitter jitter_;

@@ -121,6 +121,8 @@ public:
     virtual bool read(size_t offset, uint8_t *data, size_t length) = 0;
     /// Power may fail after any byte. @return false on failure.
     virtual bool write(size_t offset, const uint8_t *data, size_t length) = 0;
+    /// It reads as erased, but may hold something that cannot be read now.
+    virtual bool doubtful() { return false; }
 
 protected:
     ~Storage() = default;

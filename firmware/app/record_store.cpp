@@ -51,6 +51,16 @@ RecordStore::Result RecordStore::load(uint8_t *data) {
     return Result::ok;
 }
 
+bool RecordStore::damaged_slot() {
+    for (size_t number = 0; number < 2; ++number) {
+        const Slot slot = inspect(number);
+        if (!slot.valid && !slot.erased) {
+            return true;
+        }
+    }
+    return false;
+}
+
 bool RecordStore::save(const uint8_t *data) {
     bool damaged = false;
     const int last = newest(&damaged);

@@ -25,6 +25,8 @@ public:
 
     /// @param data `content` bytes, untouched unless ok.
     Result load(uint8_t *data);
+    /// A slot is neither valid nor erased, as a power cut while saving leaves it, or cannot be read.
+    bool damaged_slot();
     /// @return false if the memory did not take it; the old content is then still there.
     bool save(const uint8_t *data);
 

@@ -5,6 +5,7 @@
 ///     (size - tail) / 2     parameters, slot 1    ┘
 ///     size - tail           signing key, slots 0 and 1
 ///     size - tail + 2 key   signing time, slots 0 and 1
+///     size - 2 latch        emergency stop, slots 0 and 1
 ///
 /// A memory of 2048 bytes takes every parameter. The smallest one tested has the 1080 bytes of the Teensy core's EEPROM emulation:
 /// 444 bytes per parameter slot, room for 70 parameters that differ from the robot's own.
@@ -22,8 +23,11 @@ constexpr size_t key_content = 36;
 constexpr size_t time_content = 8;
 constexpr size_t key_slots = 2 * (record_overhead + key_content);
 constexpr size_t time_slots = 2 * (record_overhead + time_content);
+/// Emergency stop: a word.
+constexpr size_t latch_content = 4;
+constexpr size_t latch_slots = 2 * (record_overhead + latch_content);
 /// Bytes at the end of the memory that are not the parameters'; some of them are spare.
 constexpr size_t storage_tail = 192;
-static_assert(key_slots + time_slots <= storage_tail, "the records do not fit");
+static_assert(key_slots + time_slots + latch_slots <= storage_tail, "the records do not fit");
 
 } // namespace omni

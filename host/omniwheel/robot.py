@@ -317,7 +317,10 @@ class Robot:
         self.commands.send(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0, what="to reboot")
 
     def enter_hil(self) -> None:
-        """Enter host-in-the-loop; only while disarmed and not in an emergency stop. From now on the robot ticks once per OMNI_HIL_SENSORS."""
+        """Enter host-in-the-loop; only while disarmed and not in an emergency stop.
+
+        From now on the robot ticks once per OMNI_HIL_SENSORS.
+        """
         self.commands.send(mavlink.MAV_CMD_OMNI_HIL, 1.0, what="to enter host-in-the-loop")
 
     def leave_hil(self) -> None:

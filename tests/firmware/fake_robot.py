@@ -10,7 +10,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 from tests.firmware.client import GCS, mav
-from tests.native import ROOT, build_library, core_archive, generated_dir
+from tests.native import ROOT, build_library, core_archive
 
 PORTS = 4
 USB, RADIO = 0, 1

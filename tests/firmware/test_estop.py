@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from tests.firmware.client import Client, mav
+from tests.firmware.client import Client, lockstep_robot, mav, storage_arguments
 from tests.firmware.test_commands import ARM, ARMED, DISARMED, FAILSAFE, send_pose, send_velocity
 
 ESTOP = 4
@@ -116,3 +118,45 @@ def test_it_wins_over_an_arm_command_of_the_same_tick(robot: Client) -> None:
     assert robot.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
     assert robot.command(STOP, 1) == mav.MAV_RESULT_ACCEPTED
     assert [tick.actuators.state for tick in robot.ticks(5)] == [ESTOP] * 5
+
+
+def test_it_outlives_the_program_and_its_release_does_too(tmp_path: Path) -> None:
+    path = tmp_path / "memory"
+    with lockstep_robot(*storage_arguments(path)) as robot:
+        drive(robot, "velocity")
+        assert robot.command(STOP, 1) == mav.MAV_RESULT_ACCEPTED
+        assert {tick.actuators.state for tick in robot.ticks(3)} == {ESTOP}
+    for _ in range(2):
+        with lockstep_robot(*storage_arguments(path)) as robot:
+            robot.heartbeat()
+            assert {tick.actuators.state for tick in robot.ticks(30)} == {ESTOP}
+            assert robot.command(ARM, 1) == mav.MAV_RESULT_DENIED
+    with lockstep_robot(*storage_arguments(path)) as robot:
+        robot.tick()
+        assert robot.command(STOP, 0) == mav.MAV_RESULT_ACCEPTED
+        robot.ticks(600)
+    with lockstep_robot(*storage_arguments(path)) as robot:
+        drive(robot, "velocity")
+
+
+def test_a_program_that_ends_while_driving_does_not_drive_when_it_is_back(tmp_path: Path) -> None:
+    path = tmp_path / "memory"
+    with lockstep_robot(*storage_arguments(path)) as robot:
+        drive(robot, "velocity")
+    with lockstep_robot(*storage_arguments(path)) as robot:
+        robot.heartbeat()
+        for number in range(300):
+            send_velocity(robot, 0.05, 0.02, 0.2)
+            tick = robot.tick()
+            assert tick.actuators.state == DISARMED, number
+            assert tick.actuators.output_enable == 0
+
+
+def test_starting_the_loop_over_does_not_lift_it(robot: Client) -> None:
+    drive(robot, "velocity")
+    robot.command(STOP, 1)
+    robot.ticks(2)
+    for _ in range(2):
+        assert robot.command(mav.MAV_CMD_OMNI_HIL, 1) == mav.MAV_RESULT_ACCEPTED
+        robot.time_us = 0
+        assert {tick.actuators.state for tick in robot.ticks(30)} == {ESTOP}

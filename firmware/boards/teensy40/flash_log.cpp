@@ -139,6 +139,9 @@ void FlashLog::begin() {
     find_banks(&bank_, &second);
     if (bank_ == none) {
         std::memset(image_, 0xFF, sizeof image_);
+        for (size_t sector = 0; sector < flash_.sectors(); ++sector) {
+            doubtful_ = doubtful_ || !blank(sector, 0);
+        }
         return; // nothing is erased either: a supply that is too low to read may recover
     }
     replay();
@@ -210,6 +213,7 @@ bool FlashLog::begin_bank() {
         const size_t sector = bank_ == none ? step - 1 : (bank_ + step) % count;
         if (sector != bank_ && fill_bank(sector)) {
             bank_ = sector;
+            doubtful_ = false;
             ++sequence_;
             end_ = log_at;
             return true;

@@ -47,6 +47,8 @@ public:
     size_t size() override { return capacity; }
     bool read(size_t offset, uint8_t *data, size_t length) override;
     bool write(size_t offset, const uint8_t *data, size_t length) override;
+    /// No bank is valid, yet the sectors are not blank: a supply too low to read, a first write cut short, or another program's.
+    bool doubtful() override { return doubtful_; }
     /// Erases since begin(): each kept interrupts off for up to 400 ms.
     uint32_t late_erases() const { return late_erases_; }
 
@@ -74,6 +76,7 @@ private:
     uint32_t sequence_ = 0;
     size_t end_ = 0; ///< of the records, in the bank
     uint32_t late_erases_ = 0;
+    bool doubtful_ = false;
     uint8_t image_[capacity] = {};
 };
 

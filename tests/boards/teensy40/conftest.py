@@ -39,6 +39,7 @@ _BOOLEAN = (
     "flash_power_on",
     "usb_write",
     "radio_write",
+    "storage_doubtful",
     "storage_write",
     "storage_read",
     "board_storage_fill",

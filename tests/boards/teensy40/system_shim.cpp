@@ -161,6 +161,9 @@ bool storage_read(size_t offset, uint8_t *data, size_t length) {
 size_t storage_size() {
     return (*storage).size();
 }
+bool storage_doubtful() {
+    return (*storage).doubtful();
+}
 uint32_t storage_late_erases() {
     return (*storage).late_erases();
 }

@@ -95,6 +95,18 @@ def test_foreign_content_is_neither_taken_for_parameters_nor_erased_before_the_f
     assert store.load() == store.few(1)
 
 
+def test_a_memory_that_reads_as_erased_says_whether_it_may_hold_something(chip: ctypes.CDLL, store: Store) -> None:
+    """New memory is not in doubt, other content is until a save has worked; so the robot comes up stopped."""
+    assert not chip.storage_doubtful()
+    chip.flash_reset(0x5A)
+    store.boot()
+    assert chip.storage_doubtful()
+    assert store.save(store.few(1)) == OK
+    assert not chip.storage_doubtful()
+    store.boot()
+    assert not chip.storage_doubtful()
+
+
 def test_only_bytes_that_change_are_written(chip: ctypes.CDLL, store: Store) -> None:
     data = bytearray(write_all(chip, 1))
     before = chip.flash_steps()
