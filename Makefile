@@ -17,7 +17,7 @@ WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
 
 .PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        firmware-check firmware-memory firmware-build-check prove flash release nightly clean
+        mutants mutants-sample firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -30,6 +30,7 @@ help:
 	@echo 'make tick-cycles  the same inside the image of make firmware, with cycles by LLVM'\''s Cortex-M7 model'
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo 'make prove        the core has no run-time errors, for any input (docs/proof.md)'
+	@echo 'make mutants      does a test notice small changes of the core and the firmware (ARGS="--count 1100")?'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
 	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
 	@echo 'make firmware-check        the image on an emulated Teensy: boots, drives, stops, survives power cuts'
@@ -151,6 +152,14 @@ sanitize: setup
 
 fuzz: setup
 	$(BIN)/python -m tests.fuzz.fuzz $(if $(BYTES),--bytes $(BYTES)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
+
+# Small changes of the core and of firmware/app, and whether a test notices them (docs/testing.md).
+mutants: setup
+	$(BIN)/python -m tests.mutation $(ARGS)
+
+# Few of them: it ends with an error if fewer are noticed than the floor asks for.
+mutants-sample: setup
+	$(BIN)/python -m tests.mutation --quick --count 50 --seed 1 --floor 80 $(ARGS)
 
 clean:
 	rm -rf build dist runs .pio .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: MIT
+"""What became of mutants: results that can be gone on with, judgements of survivors, and the figures of both."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from tests.mutation.operators import OPERATORS, Mutant
+from tests.native import ROOT
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+JUDGEMENTS = Path(__file__).with_name("survivors.toml")
+EQUIVALENT, MISSING = "equivalent", "missing"
+KILLED, SURVIVED, GOLDEN, REFUSED, SAME = "killed", "survived", "golden", "does not compile", "same object code"
+"""``golden``: no test of a property or against a reference fails, but the recorded bits of the parity program do."""
+COUNTED = (KILLED, GOLDEN, SURVIVED)
+
+
+@dataclass(frozen=True)
+class Result:
+    """One mutant's fate; ``source`` and ``tests`` are digests of what it was found with."""
+
+    key: str
+    outcome: str
+    source: str
+    tests: str
+    by: str = ""
+    how: str = ""
+
+
+class Results:
+    """A file of results that grows line by line, so that an interrupted run goes on where it was."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._known: dict[str, Result] = {}
+        if path.exists():
+            for line in path.read_text(encoding="utf-8").splitlines():
+                try:
+                    result = Result(**json.loads(line))
+                except (json.JSONDecodeError, TypeError):
+                    continue  # the last line of a run that was killed
+                self._known[result.key] = result
+
+    def get(self, key: str, source: str, tests: str, test_file: str = "") -> Result | None:
+        """Return a mutant's result if it still holds.
+
+        A kill holds as long as the mutated file and the file of the test that killed are what they were
+        (``test_file`` is that file's digest now); a survival as long as no test has changed.
+        """
+        result = self._known.get(key)
+        if result is None or result.source != source:
+            return None
+        if result.outcome in (SURVIVED, GOLDEN):
+            return result if result.tests == tests else None
+        if result.outcome == KILLED:
+            return result if result.tests == test_file else None
+        return result
+
+    def killer(self, key: str) -> str:
+        """Return the file of tests that killed a mutant the last time, or nothing."""
+        result = self._known.get(key)
+        return result.by.split("::")[0] if result is not None else ""
+
+    def add(self, result: Result) -> None:
+        """Keep a result."""
+        self._known[result.key] = result
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(result)) + "\n")
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Why a survivor is no matter, or what is missing."""
+
+    file: str
+    function: str
+    operator: str
+    was: str
+    becomes: str
+    verdict: str
+    why: str
+    number: int = 0
+
+    @property
+    def key(self) -> str:
+        """The mutant's."""
+        return Mutant(self.file, self.function, "", self.operator, 0, 0, "", self.was, self.becomes, self.number).key
+
+
+def read_judgements(path: Path = JUDGEMENTS) -> dict[str, Judgement]:
+    """Return the judgements by the mutants' keys. Raises ValueError for one that says nothing."""
+    entries = tomllib.loads(path.read_text(encoding="utf-8")).get("survivor", []) if path.exists() else []
+    judged = {}
+    for entry in entries:
+        judgement = Judgement(**entry)
+        if judgement.verdict not in (EQUIVALENT, MISSING) or not judgement.why:
+            raise ValueError(f"{path.name}: {judgement.function}: verdict '{EQUIVALENT}' or '{MISSING}', and why")
+        judged[judgement.key] = judgement
+    return judged
+
+
+@dataclass(frozen=True)
+class Score:
+    """Counts of a sample; ``equivalent``: survivors judged so."""
+
+    outcomes: Counter[str]
+    equivalent: int = 0
+
+    @property
+    def counted(self) -> int:
+        """Mutants that compile and are not proved equivalent by their object code."""
+        return sum(self.outcomes[name] for name in COUNTED)
+
+    @property
+    def killed_percent(self) -> float:
+        """Share that a property or a reference kills, survivors that were judged equivalent among the others."""
+        return 100.0 * self.outcomes[KILLED] / self.counted if self.counted else 100.0
+
+    @property
+    def killed_percent_of_different(self) -> float:
+        """The same, without survivors that were judged equivalent."""
+        different = self.counted - self.equivalent
+        return 100.0 * self.outcomes[KILLED] / different if different else 100.0
+
+
+def score(pairs: Iterable[tuple[Mutant, Result]], judged: dict[str, Judgement]) -> Score:
+    """Count."""
+    outcomes: Counter[str] = Counter()
+    equivalent = 0
+    for mutant, result in pairs:
+        outcomes[result.outcome] += 1
+        judgement = judged.get(mutant.key)
+        if result.outcome in (SURVIVED, GOLDEN) and judgement is not None and judgement.verdict == EQUIVALENT:
+            equivalent += 1
+    return Score(outcomes, equivalent)
+
+
+def table(rows: Sequence[tuple[str, Score]]) -> str:
+    """Return Markdown: one row per name."""
+    lines = [
+        "| | sampled | do not compile | same object code | counted | killed | seen by recorded bits only | survived "
+        "| of these judged equivalent | killed of counted | killed of different |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for name, figures in rows:
+        n = figures.outcomes
+        cells = [sum(n.values()), n[REFUSED], n[SAME], figures.counted, n[KILLED], n[GOLDEN], n[SURVIVED]]
+        percents = (figures.killed_percent, figures.killed_percent_of_different)
+        words = [name, *map(str, cells), str(figures.equivalent), *(f"{percent:.1f} %" for percent in percents)]
+        lines.append("| " + " | ".join(words) + " |")
+    return "\n".join(lines)
+
+
+def report(pairs: Sequence[tuple[Mutant, Result]], judged: dict[str, Judgement]) -> str:
+    """Return the tables by area and by operator."""
+    folders = sorted({mutant.file.rsplit("/", 1)[0] for mutant, _ in pairs})
+    rows = [(f"`{f}`", score([p for p in pairs if p[0].file.startswith(f + "/")], judged)) for f in folders]
+    by_operator = [(name, score([p for p in pairs if p[0].operator == name], judged)) for name in OPERATORS]
+    return "\n\n".join((table([*rows, ("**all**", score(pairs, judged))]), table(by_operator)))
+
+
+def survivor_text(mutant: Mutant) -> str:
+    """Return a survivor as an entry to be judged in survivors.toml."""
+    lines = ["[[survivor]]"]
+    for name in ("file", "function", "operator", "was", "becomes"):
+        lines.append(f"{name} = {json.dumps(getattr(mutant, name), ensure_ascii=False)}")
+    if mutant.number:
+        lines.append(f"number = {mutant.number}")
+    return "\n".join([*lines, f'verdict = "{MISSING}"', 'why = ""'])
+
+
+def line_of(mutant: Mutant) -> int:
+    """Return where a mutant is now."""
+    return (ROOT / mutant.file).read_bytes()[: mutant.start].count(b"\n") + 1

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""Results go on after an interruption, judgements say something, and every judged survivor is still a mutant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.mutation.builds import areas
+from tests.mutation.operators import Mutant
+from tests.mutation.records import (
+    GOLDEN,
+    KILLED,
+    REFUSED,
+    SAME,
+    SURVIVED,
+    Judgement,
+    Result,
+    Results,
+    read_judgements,
+    report,
+    score,
+    survivor_text,
+)
+
+
+def mutant(number: int) -> Mutant:
+    return Mutant("shared/core/src/pid.c", "f", "f", "sign", 0, 1, "-", "a = b;", "a = -(b);", number)
+
+
+def test_every_judged_survivor_is_a_mutant_of_the_tree() -> None:
+    known = {found.key for area in areas().values() for found in area.mutants()}
+    gone = [judgement for key, judgement in read_judgements().items() if key not in known]
+    assert gone == []
+
+
+def test_results_hold_until_what_they_depend_on_changes(tmp_path: Path) -> None:
+    path = tmp_path / "results.jsonl"
+    Results(path).add(Result("k", KILLED, "source", "file", "tests/a.py::test", "failed"))
+    Results(path).add(Result("s", SURVIVED, "source", "tests"))
+    Results(path).add(Result("n", REFUSED, "source", ""))
+    with path.open("a") as file:
+        file.write('{"key": "cut off')
+    again = Results(path)
+    assert again.killer("k") == "tests/a.py"
+    assert again.get("k", "source", "other tests", "file") is not None
+    assert again.get("k", "source", "tests", "other file") is None
+    assert again.get("s", "source", "tests") is not None
+    assert again.get("s", "source", "other tests") is None
+    assert again.get("n", "source", "other tests") is not None
+    assert again.get("n", "other source", "tests") is None
+
+
+def test_only_what_differs_counts_and_recorded_bits_do_not_kill() -> None:
+    outcomes = [KILLED, KILLED, KILLED, GOLDEN, SURVIVED, SURVIVED, REFUSED, SAME]
+    pairs = [(mutant(n), Result(mutant(n).key, outcome, "", "")) for n, outcome in enumerate(outcomes)]
+    last = pairs[5][0]
+    judgement = Judgement(
+        last.file, last.function, last.operator, last.was, last.becomes, "equivalent", "x", last.number
+    )
+    figures = score(pairs, {judgement.key: judgement})
+    assert (figures.counted, figures.equivalent) == (6, 1)
+    assert figures.killed_percent == pytest.approx(50.0)
+    assert figures.killed_percent_of_different == pytest.approx(60.0)
+    assert "| `shared/core/src` | 8 | 1 | 1 | 6 | 3 | 1 | 2 | 1 | 50.0 % | 60.0 % |" in report(
+        pairs, {last.key: judgement}
+    )
+
+
+def test_a_judgement_has_a_reason(tmp_path: Path) -> None:
+    path = tmp_path / "survivors.toml"
+    path.write_text(survivor_text(mutant(1)), encoding="utf-8")
+    with pytest.raises(ValueError, match="and why"):
+        read_judgements(path)
+    path.write_text(survivor_text(mutant(1)).replace('why = ""', 'why = "b is zero"'), encoding="utf-8")
+    assert list(read_judgements(path)) == [mutant(1).key]
