@@ -84,7 +84,7 @@ class Campaign:
     def total(self, name: str, build: str | None = None) -> float:
         """Return the sum of a figure over all lots, or those of one build."""
         chosen = (figures for lot, figures in self.done.items() if build in (None, self.plan.build_of(int(lot))))
-        return sum(figures[name] for figures in chosen)
+        return float(sum(figures[name] for figures in chosen))
 
 
 def commit() -> str:
