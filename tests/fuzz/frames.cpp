@@ -95,6 +95,17 @@ void append_frame(Bytes *out, const mavlink_msg_entry_t &entry, const uint8_t *p
     }
 }
 
+void sign(Bytes *frame, const uint8_t *key, uint64_t time) {
+    uint8_t *at = frame->data() + frame->size() - signature_length;
+    at[0] = 1;
+    std::memcpy(at + 1, &time, 6);
+    mavlink_sha256_ctx context;
+    mavlink_sha256_init(&context);
+    mavlink_sha256_update(&context, key, 32);
+    mavlink_sha256_update(&context, frame->data(), static_cast<uint32_t>(frame->size() - 6));
+    mavlink_sha256_final_48(&context, at + 7);
+}
+
 Found frame_at(const uint8_t *stream, size_t size, size_t begin) {
     Found found;
     found.begin = begin;

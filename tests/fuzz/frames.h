@@ -45,6 +45,10 @@ Bytes frame_of(uint32_t id, const Message &message, const Form &form = {}) {
     return frame;
 }
 
+/// Put a right signature into the place that `is_signed` left, as https://mavlink.io/en/guide/message_signing.html has it, with
+/// MAVLink's own SHA-256. @param key 32 bytes. @param time [10 us since 2015], above that of the frame before.
+void sign(Bytes *frame, const uint8_t *key, uint64_t time);
+
 /// A frame that stands somewhere in a stream.
 struct Found {
     size_t begin = 0;

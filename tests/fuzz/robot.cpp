@@ -121,6 +121,10 @@ Robot::Robot(const Setup &how, Script &script) : setup(how) {
     boot();
 }
 
+void Robot::set_battery(float volts) {
+    battery_now = volts;
+}
+
 void Robot::boot() {
     ++boots;
     board_ = omni::Board{};

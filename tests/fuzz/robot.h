@@ -112,6 +112,8 @@ public:
     FakeStorage storage;
     FakeWatchdog watchdog;
 
+    /// What the robot measures from now on [V]. Of all robots: the board's function takes no argument.
+    static void set_battery(float volts);
     /// Power up (again).
     void boot();
     /// Bytes for a port; whether they ask to arm is noted.

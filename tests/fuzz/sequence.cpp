@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "app/core.h"
 #include "app/crc32.h"
 #include "check.h"
 #include "messages.h"
@@ -13,7 +14,6 @@ namespace {
 
 /// A bus that works again after a fault needs so many ticks until the chip has surely been told.
 constexpr unsigned bus_recovery_ticks = 50;
-constexpr size_t signature_length = 13;
 
 } // namespace
 
@@ -59,6 +59,7 @@ void Sequence::act(const Action &action) {
 
 void Sequence::tick_once(int turning) {
     robot_.turn_wheels(turning);
+    signing_time_ += OMNI_TICK_US / 10;
     allow_what_waits();
     if (robot_.setup.lockstep) {
         put(0, robot_.hil_sensors());
@@ -142,20 +143,6 @@ Form Sequence::form_on(size_t link) const {
     return form;
 }
 
-/// As https://mavlink.io/en/guide/message_signing.html has it, with MAVLink's own SHA-256.
-void Sequence::sign(Bytes *frame) {
-    static constexpr uint8_t key[32] = {0x4B, 0x45, 0x59};
-    uint8_t *at = frame->data() + frame->size() - signature_length;
-    at[0] = 1;
-    ++signing_time_;
-    std::memcpy(at + 1, &signing_time_, 6);
-    mavlink_sha256_ctx context;
-    mavlink_sha256_init(&context);
-    mavlink_sha256_update(&context, key, sizeof key);
-    mavlink_sha256_update(&context, frame->data(), static_cast<uint32_t>(frame->size() - 6));
-    mavlink_sha256_final_48(&context, at + 7);
-}
-
 void Sequence::put(size_t link, Bytes bytes) {
     if (robot_.ports[link].connection == 0) {
         return;
@@ -172,7 +159,8 @@ void Sequence::send(const Action &action, Bytes frame, Event event) {
         return;
     }
     if (signs_ && link == radio) {
-        sign(&frame);
+        static constexpr uint8_t key[32] = {0x4B, 0x45, 0x59};
+        sign(&frame, key, ++signing_time_);
     }
     events_[link].push_back(event);
     if ((action.link & 0x80) != 0) {

@@ -66,7 +66,6 @@ private:
     void background();
     void allow_what_waits();
     void deliver();
-    void sign(Bytes *frame);
 
     Script nothing_; ///< the robot's own chances: a memory that is erased, a start by power
     Robot robot_;

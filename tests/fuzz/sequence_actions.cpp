@@ -152,12 +152,14 @@ void Sequence::clock_jump(const Action &action) {
     robot_.clock.us += by;
     robot_.clock.ns += by * 1000;
     robot_.hil_us += by;
+    signing_time_ += by / 10;
 }
 
 void Sequence::silence(const Action &) {
     constexpr uint64_t span_us = 300'000;
     robot_.clock.us += span_us;
     robot_.clock.ns += span_us * 1000;
+    signing_time_ += span_us / 10;
     background();
 }
 
