@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from hil_sim.image_check.apart import Died, call_apart
 from hil_sim.image_check.bench import Context
 from hil_sim.image_check.check import CI, Check
 from hil_sim.image_file import read_image
@@ -51,13 +51,17 @@ MODULES = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a check showed. ``failure`` is "" if it passed; ``wall_s`` is the time it took on this computer."""
+    """What a check showed. ``failure`` is "" if it passed.
+
+    ``wall_s`` is the time it took on this computer, ``cpu_s`` what its process used of a processor.
+    """
 
     name: str
     what: str
     figures: tuple[str, ...]
     failure: str
     wall_s: float
+    cpu_s: float = 0.0
 
     @property
     def passed(self) -> bool:
@@ -78,7 +82,7 @@ def all_checks() -> tuple[Check, ...]:
 def run_one(image: Path, robot: str, depth: str, seed: int, name: str) -> Outcome:
     """Run a check by name, in whatever process."""
     check = next(check for check in all_checks() if check.name == name)
-    begin_s = time.perf_counter()
+    begin_s, cpu_begin_s = time.perf_counter(), time.process_time()
     figures: list[str] = []
     failure = ""
     try:
@@ -88,7 +92,8 @@ def run_one(image: Path, robot: str, depth: str, seed: int, name: str) -> Outcom
         failure = str(error)
     except Exception as error:  # a check that breaks has not shown anything
         failure = f"the check itself failed: {type(error).__name__}: {error}"
-    return Outcome(check.name, check.what, tuple(figures), failure, time.perf_counter() - begin_s)
+    wall_s, cpu_s = time.perf_counter() - begin_s, time.process_time() - cpu_begin_s
+    return Outcome(check.name, check.what, tuple(figures), failure, wall_s, cpu_s)
 
 
 def run_checks(
@@ -105,25 +110,31 @@ def run_checks(
 
     Raises FirmwareImageError, RobotFileError, MissingPackageError, and ValueError for a name that is none.
     """
-    names = _chosen(depth, only)
+    checks = _chosen(depth, only)
     read_image(image)
     load_scenario(WORLD, robot)
     unicorn_library()
-    outcomes = []
-    with ProcessPoolExecutor(max_workers=workers) as pool:
-        futures = [pool.submit(run_one, image, robot, depth, seed, name) for name in names]
-        for future in futures:
-            outcomes.append(future.result())
-            done(outcomes[-1])
-    return outcomes
+    outcomes: dict[int, Outcome] = {}
+    told = 0
+    for number, outcome in call_apart(run_one, [(image, robot, depth, seed, check.name) for check in checks], workers):
+        outcomes[number] = _failed(checks[number], outcome) if isinstance(outcome, Died) else outcome
+        while told in outcomes:
+            done(outcomes[told])
+            told += 1
+    return [outcomes[number] for number in range(len(checks))]
 
 
-def _chosen(depth: str, only: Sequence[str]) -> list[str]:
+def _failed(check: Check, died: Died) -> Outcome:
+    """Return what becomes of a check whose process gave no result: it has not shown anything."""
+    return Outcome(check.name, check.what, (), f"the check itself failed: {died.why}", 0.0)
+
+
+def _chosen(depth: str, only: Sequence[str]) -> list[Check]:
     known = {check.name: check for check in all_checks()}
     unknown = [name for name in only if name not in known]
     if unknown:
         raise ValueError(f"there is no check {unknown[0]}; there are {', '.join(known)}")
-    return [name for name, check in known.items() if (name in only if only else depth in check.depths)]
+    return [check for name, check in known.items() if (name in only if only else depth in check.depths)]
 
 
 def report(image: Path, robot: str, depth: str, seed: int, outcomes: Iterable[Outcome]) -> str:

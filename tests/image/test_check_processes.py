@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: MIT
+"""Checks run in processes of their own: one that dies is reported as failed, with the cause, beside all others."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from hil_sim.image_check import run
+from hil_sim.image_check.apart import Died, call_apart
+from hil_sim.image_check.bench import Context
+from hil_sim.image_check.check import Check
+from hil_sim.image_check.run import report, run_checks
+from tests.image.flashed import image_path, missing_image, need
+
+
+def _act(what: int) -> int:
+    if what == 1:
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if what == 2:
+        os._exit(7)
+    if what == 3:
+        time.sleep(60.0)
+    return 10 * what
+
+
+def test_each_call_gives_its_result_or_the_cause_of_its_end() -> None:
+    results = dict(call_apart(_act, [(0,), (1,), (2,), (4,)], 2))
+    assert results[0] == 0
+    assert results[1] == Died("its process was ended by signal SIGSEGV")
+    assert results[2] == Died("its process ended by itself with exit code 7")
+    assert results[3] == 40
+
+
+def test_a_call_that_takes_too_long_is_ended() -> None:
+    assert list(call_apart(_act, [(3,)], 1, limit_s=0.2)) == [(0, Died("it did not end in time"))]
+
+
+def _fine(_context: Context) -> list[str]:
+    return ["fine"]
+
+
+def _dies(_context: Context) -> list[str]:
+    os._exit(9)
+
+
+@pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="the checks of this test are not imported")
+def test_a_check_whose_process_dies_is_reported_as_failed_beside_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    need(missing_image(image_path()))
+    checks = (Check("first", "fine", _fine), Check("second", "dies", _dies), Check("third", "fine", _fine))
+    monkeypatch.setattr(run, "all_checks", lambda: checks)
+    told: list[str] = []
+    outcomes = run_checks(image_path(), "three_wheel", done=lambda outcome: told.append(outcome.name))
+    assert [outcome.passed for outcome in outcomes] == [True, False, True]
+    assert told == ["first", "second", "third"]
+    assert "exit code 9" in outcomes[1].failure
+    assert "exit code 9" in report(Path("x.elf"), "three_wheel", "ci", 1, outcomes)
