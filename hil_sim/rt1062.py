@@ -30,6 +30,8 @@ from omniwheel.errors import FirmwareImageError, MissingPackageError
 NS_PER_S = 1_000_000_000
 PROGRAM_COUNTER = 15
 MAIN_LOOP = "_ZN4omni3App10backgroundEv"
+STACK_END = "_ebss"
+"""The stack grows down to the end of the variables (Teensyduino's linker script)."""
 STORAGE_BEGIN = 0x1F0000
 STORAGE_SIZE = 60 * 1024
 """Where flash memory keeps parameters: the part that Teensyduino reserves for its EEPROM emulation."""
@@ -65,6 +67,7 @@ class FindingKind(IntEnum):
     STORM = lib.RT1062_FINDING_STORM
     PINS = lib.RT1062_FINDING_PINS
     CLOCK = lib.RT1062_FINDING_CLOCK
+    STACK = lib.RT1062_FINDING_STACK
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,8 @@ class Machine:
         self.flash[: len(image.flash)] = image.flash
         if MAIN_LOOP in image.symbols:
             lib.rt1062_pace(self._c, image.symbols[MAIN_LOOP], options.pause_ns)
+        if STACK_END in image.symbols:
+            lib.rt1062_stack_end(self._c, image.symbols[STACK_END])
         self._world_c = world.c if world is not None else ffi.NULL
         lib.rt1062_attach(self._c, self._world_c)
 
@@ -227,6 +232,11 @@ class Machine:
         said = _text(lib.rt1062_why(self._c))
         place = self.place
         return f"{said} (in {place})" if said and place is not None else said
+
+    @property
+    def stack_left(self) -> int:
+        """Least bytes that were left of the stack whenever an interrupt came; more than there are if nobody knows."""
+        return int(lib.rt1062_stack_left(self._c))
 
     def stop_on(self, *stops: Stop) -> None:
         """Choose which of BREAK, OUTPUT and RESET end a run; the others always do."""

@@ -160,7 +160,8 @@ def _every_alignment(context: Context, reader: Store, draw: random.Random) -> st
             saver.save(RESIDUES * draw.randrange(CAPACITY // RESIDUES - 1) + place, length)
             bench.advance(BETWEEN_S)
         saver.compare()
-    return f"{saver.saves} saves of lengths and places modulo {RESIDUES} while the robot ticks"
+        stack = f"at least {bench.machine.stack_left // 1024} KB of stack are left"
+    return f"{saver.saves} saves of lengths and places modulo {RESIDUES} while the robot ticks; {stack}"
 
 
 CHECKS = (Check("saves", "saves of every length and alignment, read back", saves),)

@@ -152,6 +152,15 @@ bool rt1062_break(rt1062_t *m, uint32_t address) {
     return true;
 }
 
+void rt1062_stack_end(rt1062_t *m, uint32_t address) {
+    m->stack_end = address;
+    m->stack_left = UINT32_MAX;
+}
+
+uint32_t rt1062_stack_left(const rt1062_t *m) {
+    return m->stack_end == 0 ? UINT32_MAX : m->stack_left;
+}
+
 void rt1062_pace(rt1062_t *m, uint32_t address, uint32_t pause_ns) {
     m->pace_at = address & ~1u;
     m->pace_ns = pause_ns;

@@ -153,6 +153,20 @@ static bool push_frame(rt1062_t *m, uint32_t return_address, bool with_fp) {
     return stored;
 }
 
+/* The stack shares its memory with the variables below. The program's guard between them is small: large arrays reach over it. */
+static void watch_stack(rt1062_t *m) {
+    if (m->stack_end == 0) {
+        return;
+    }
+    const uint32_t stack = rt_reg(m, RT_REG_SP);
+    const uint32_t left = stack > m->stack_end ? stack - m->stack_end : 0;
+    m->stack_left = left < m->stack_left ? left : m->stack_left;
+    if (left == 0) {
+        rt_finding(m, RT1062_FINDING_STACK, "the stack reaches %u bytes below its end at 0x%08X, over the variables",
+                   (unsigned)(m->stack_end - stack), (unsigned)m->stack_end);
+    }
+}
+
 static void watch_for_storm(rt1062_t *m, uint32_t exception) {
     rt_scs_t *scs = &m->s.scs;
     const bool again = scs->storm_exception == exception && scs->storm_instructions == m->s.instructions;
@@ -179,6 +193,7 @@ static void enter(rt1062_t *m, uint32_t exception, uint32_t return_address) {
         m->s.locked_up = true;
         return;
     }
+    watch_stack(m);
     const uint32_t back = m->s.ipsr != 0 ? EXC_RETURN_HANDLER : EXC_RETURN_THREAD;
     rt_set_reg(m, RT_REG_LR, with_fp ? back & ~EXC_RETURN_NO_FP : back);
     rt_set_reg(m, RT_REG_CONTROL, control & ~(uint32_t)CONTROL_FPCA);

@@ -90,6 +90,8 @@ struct rt1062_t {
     uint32_t break_count;
     uint32_t pace_at; /* rt1062_pace() */
     int64_t pace_ns;
+    uint32_t stack_end; /* rt1062_stack_end() */
+    uint32_t stack_left;
     uint32_t stop_on;             /* a bit per rt1062_stop_t */
     rt_block_t blocks[RT_BLOCKS]; /* instructions per basic block, as it was met */
     rt1062_output_t output[RT1062_OUTPUT_COUNT];

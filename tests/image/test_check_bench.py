@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ pytest.importorskip("elftools")
 
 from hil_sim.image_check.bench import Bench, CheckError, Context, MachineLink
 from hil_sim.image_file import Image
-from hil_sim.rt1062 import Channel, Stop
+from hil_sim.rt1062 import STACK_END, Channel, FindingKind, Stop
 from hil_sim.scenario import load_scenario
 from omniwheel.errors import LinkLostError
 from tests.image.assembly import assemble
@@ -71,3 +72,27 @@ def test_a_robot_that_takes_no_bytes_ends_the_check(context: Context) -> None:
         with pytest.raises(LinkLostError, match="takes no byte from image:usb"):
             link.write(b"anybody there?")
         bench.machine.forget_findings()
+
+
+STACK = 0x2000F000
+FRAME = 32
+
+
+def test_a_stack_over_the_variables_is_objected_to(context: Context) -> None:
+    deep = with_stack_end(context, STACK - FRAME + 4)
+    with (
+        pytest.raises(CheckError, match="the stack reaches 4 bytes below its end at 0x2000EFE4"),
+        deep.bench(expected=frozenset({FindingKind.FAULT})) as bench,
+    ):
+        fault(bench)
+
+
+def test_what_is_left_of_the_stack_is_told(context: Context) -> None:
+    with with_stack_end(context, STACK - FRAME - 8).bench(expected=frozenset({FindingKind.FAULT})) as bench:
+        fault(bench)
+        assert bench.machine.stack_left == 8
+
+
+def with_stack_end(context: Context, address: int) -> Context:
+    """Return the same with the end of the variables at an address."""
+    return replace(context, image=replace(context.image, symbols={STACK_END: address}))

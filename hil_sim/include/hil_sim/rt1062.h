@@ -56,6 +56,7 @@ typedef enum rt1062_finding_kind_t {
     RT1062_FINDING_STORM,    /**< an interrupt returned many times in a row without its cause being taken away */
     RT1062_FINDING_PINS,     /**< two drivers on a pin, a peripheral whose pad is not connected to it */
     RT1062_FINDING_CLOCK,    /**< a peripheral used while its clock is off */
+    RT1062_FINDING_STACK,    /**< an exception's frame below the stack's end: over the program's variables */
     RT1062_FINDING_KIND_COUNT
 } rt1062_finding_kind_t;
 
@@ -122,6 +123,11 @@ bool rt1062_break(rt1062_t *m, uint32_t address);
  * that only waits then costs fewer instructions. 0, 0: no longer.
  */
 void rt1062_pace(rt1062_t *m, uint32_t address, uint32_t pause_ns);
+
+/** Tell where the stack's room ends, from power-on on: what lies below is the program's variables. 0: nobody knows. */
+void rt1062_stack_end(rt1062_t *m, uint32_t address);
+/** Least bytes that have been left between that end and an exception's frame; UINT32_MAX: nobody knows. 0: it was below. */
+uint32_t rt1062_stack_left(const rt1062_t *m);
 
 uint32_t rt1062_register(rt1062_t *m, uint32_t number); /**< r0..r15, 16: xPSR */
 /** Copy memory (not registers). @return false: not all of it is memory. */
