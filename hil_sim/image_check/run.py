@@ -26,6 +26,7 @@ MODULES = (
     "start",
     "enable",
     "bus",
+    "chip",
     "drive",
     "latch",
     "stops",
@@ -44,6 +45,7 @@ MODULES = (
     "restarts",
     "hangs",
     "signing",
+    "idle",
     "heat",
 )
 """Where checks are, in the order of the report: each module has CHECKS."""
