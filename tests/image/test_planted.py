@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -53,8 +52,19 @@ def test_the_page_says_what_was_found_and_why_the_rest_was_not(tmp_path: Path) -
     missed = table(bugs, {"brake": Result(bug.digest, "", "")})
     assert "| No brake | **not found**: nobody looks. |" in missed
     page = filled_in(PAGE.read_text(encoding="utf-8"), bugs, {"brake": Result(bug.digest, "stops", "rolls on")})
-    assert "find 1 of 1 planted bugs (100 %)" in page
+    assert "find 1 of 1 planted bugs (100 %).\n" in page
     assert finders(page) == {"No brake": "stops"}
+
+
+def test_the_page_has_a_row_for_what_was_not_run_to_its_end(tmp_path: Path) -> None:
+    for name in ("brake", "wheel"):
+        (tmp_path / f"{name}.patch").write_text(f"Subject: No {name}\nOn a robot: it does not stop.\n---\n")
+    bugs = {name: read_bug(tmp_path / f"{name}.patch") for name in ("brake", "wheel")}
+    page = filled_in(PAGE.read_text(encoding="utf-8"), bugs, {"brake": Result(bugs["brake"].digest, "", "")})
+    assert "find 0 of 1 planted bugs (0 %). Of 1 more there is no verdict yet.\n" in page
+    assert "| No brake | **not found**: a check is missing |\n" in page
+    assert "| No wheel | no verdict yet: not run to its end |\n" in page
+    assert finders(page) == {}
 
 
 def test_a_patch_without_a_head_is_refused(tmp_path: Path) -> None:
@@ -71,9 +81,7 @@ def test_the_quickest_are_built_and_found(tmp_path: Path) -> None:
     told = finders(PAGE.read_text(encoding="utf-8"))
     tree = Tree(tmp_path / "tree")
     for name in QUICKEST:
-        tree.plant(bugs[name])
-        image, words = tree.build(Path(sys.executable).parent / "pio")
-        assert image is not None, words
-        result = Search.only("ci", told[bugs[name].title]).of(image, bugs[name], "")
+        image = tree.image(bugs[name], tmp_path / "images")
+        result = Search("ci", {told[bugs[name].title]: 1.0}).of(image, bugs[name], "")
         assert result is not None
         assert result.found_by, f"{name}: {told[bugs[name].title]} does not find it any more"

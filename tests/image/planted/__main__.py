@@ -3,19 +3,21 @@
 
 usage: python -m tests.image.planted [--only NAME ...] [--survivors] [--write] [--results FILE.json]
 
-What was found is kept in ``--results`` after each bug, so a run that was cut goes on where it was. A change of a patch
-makes its result void; ``--survivors`` makes those of the bugs void that were not found. Exit code 1 if a bug was not
-found and its patch does not say why none can. Needs what `make firmware` needs.
+All images are built first and kept, then they are searched side by side. What was found is kept in ``--results`` after
+each bug, so a run that was cut goes on where it was. A change of a patch makes its result void; ``--survivors`` makes
+those of the bugs void that were not found. Exit code 1 if a bug was not found and its patch does not say why none can.
+Needs what `make firmware` needs.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from hil_sim.image_check.apart import Died, call_apart
 from tests.image.planted.bugs import ROOT, Bug, Tree, all_bugs
 from tests.image.planted.page import PAGE, filled_in, finders, summary
 from tests.image.planted.search import Result, Search
@@ -43,20 +45,31 @@ def known(result: Result | None, bug: Bug | None, again: bool) -> bool:
     )
 
 
-def look_for(bug: Bug, tree: Tree, search: Search, pio: Path, first: str) -> Result | None:
-    """Plant one bug and look for it, first with what found it the last time."""
-    try:
-        tree.plant(bug)
-    except subprocess.CalledProcessError as error:
-        raise SystemExit(f"{bug.name}.patch does not fit the sources any more: {error.stderr.strip()}") from error
-    image, words = tree.build(pio)
-    if image is None:
-        raise SystemExit(f"{bug.name}: does not build, so it is no bug that could be flashed: {words}")
-    return search.of(image, bug, first)
+def look_for(
+    todo: Sequence[Bug], first: Mapping[str, str], results: dict[str, Result], arguments: argparse.Namespace
+) -> None:
+    """Build what is to be searched and search it, each first with what found it the last time; keep each result."""
+    tree = Tree(FOLDER / "tree")
+    clean = tree.image(None, FOLDER / "images")
+    images = [tree.image(bug, FOLDER / "images") for bug in todo]
+    kept: Path = arguments.results
+    search = Search.by_all(
+        arguments.depth, kept.with_suffix(".clean.json"), clean, quick=arguments.quick, workers=arguments.workers
+    )
+    calls = [(image, bug, first[bug.name]) for image, bug in zip(images, todo, strict=True)]
+    for number, result in call_apart(search.of, calls, arguments.workers):
+        name = todo[number].name
+        if isinstance(result, Died):
+            raise SystemExit(f"{name}: the search failed: {result.why}")
+        if result is not None:
+            results[name] = result
+            store(kept, results)
+        sys.stdout.write(f"{name:28} {result.line() if result else 'not found quickly'}\n")
+        sys.stdout.flush()
 
 
-def main() -> int:
-    """Run what is asked for; return the exit code."""
+def parse() -> argparse.Namespace:
+    """Return what was asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.image.planted", description=__doc__)
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="these bugs")
     parser.add_argument("--survivors", action="store_true", help="look again for what was not found")
@@ -64,35 +77,31 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="put the table into docs/teensy.md")
     parser.add_argument("--results", type=Path, default=FOLDER / "results.json", help="what has been found so far")
     parser.add_argument("--depth", default="ci", help="of the checks: short, ci or nightly")
-    arguments = parser.parse_args()
-    kept = arguments.results
-    results = load(kept)
+    parser.add_argument("--workers", type=int, default=2, help="images that are searched at the same time")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Run what is asked for; return the exit code."""
+    arguments = parse()
+    results = load(arguments.results)
     page = PAGE.read_text(encoding="utf-8")
-    bugs = [bug for bug in all_bugs() if not arguments.only or bug.name in arguments.only]
-    todo = [bug for bug in bugs if not known(results.get(bug.name), bug, arguments.survivors)]
+    bugs = {bug.name: bug for bug in all_bugs()}
+    unknown = [name for name in arguments.only if name not in bugs]
+    if unknown:
+        raise SystemExit(f"there is no planted bug {unknown[0]}; there are {', '.join(bugs)}")
+    wanted = [bugs[name] for name in arguments.only] if arguments.only else list(bugs.values())
+    todo = [bug for bug in wanted if not known(results.get(bug.name), bug, arguments.survivors)]
     told = finders(page)
     first = {bug.name: results[bug.name].found_by if bug.name in results else told.get(bug.title, "") for bug in todo}
     todo.sort(key=lambda bug: not first[bug.name])  # those found before are found soon
     if todo:
-        pio = Path(sys.executable).parent / "pio"
-        tree = Tree(FOLDER / "tree")
-        image, words = tree.build(pio)
-        if image is None:
-            raise SystemExit(f"the image without any bug does not build: {words}")
-        search = Search.by_all(arguments.depth, kept.with_suffix(".clean.json"), image, quick=arguments.quick)
-        for bug in todo:
-            result = look_for(bug, tree, search, pio, first[bug.name])
-            if result is not None:
-                results[bug.name] = result
-                store(kept, results)
-            sys.stdout.write(f"{bug.name:28} {result.line() if result else 'not found quickly'}\n")
-            sys.stdout.flush()
-    current = {bug.name: bug for bug in all_bugs()}
-    results = {name: result for name, result in sorted(results.items()) if known(result, current.get(name), False)}
-    sys.stdout.write(f"{summary(results)}\n")
+        look_for(todo, first, results, arguments)
+    results = {name: result for name, result in sorted(results.items()) if known(result, bugs.get(name), False)}
+    sys.stdout.write(f"{summary(bugs, results)}\n")
     if arguments.write:
-        PAGE.write_text(filled_in(page, current, results), encoding="utf-8")
-    unexplained = [name for name, result in results.items() if not result.found_by and not current[name].missed]
+        PAGE.write_text(filled_in(page, bugs, results), encoding="utf-8")
+    unexplained = [name for name, result in results.items() if not result.found_by and not bugs[name].missed]
     if unexplained:
         sys.stdout.write(f"Not found, and nothing says why: {', '.join(unexplained)}\n")
     return 1 if unexplained else 0

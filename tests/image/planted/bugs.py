@@ -7,12 +7,15 @@ import hashlib
 import os
 import shutil
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 HERE = Path(__file__).resolve().parent
 END_OF_HEAD = "---\n"
+ROBOT = "three_wheel"
+"""The robot whose image they are planted in."""
 KIT = ROOT / "build" / "platformio-core"
 """PlatformIO's platform and tools as CI puts them together, if PLATFORMIO_CORE_DIR does not say where they are."""
 
@@ -47,6 +50,13 @@ def all_bugs() -> list[Bug]:
     return [read_bug(path) for path in sorted(HERE.glob("*.patch"))]
 
 
+def _listed(*under: str) -> list[str]:
+    """Return the files that git knows, perhaps only those under some folders."""
+    command = ["git", "-C", str(ROOT), "ls-files", "-z", *under]
+    listed = subprocess.run(command, capture_output=True, check=True).stdout
+    return sorted(filter(None, listed.decode().split("\0")))
+
+
 class Tree:
     """A copy of the sources in which bugs are planted. The work tree is never touched."""
 
@@ -58,8 +68,7 @@ class Tree:
 
     def refresh(self) -> None:
         """Bring the copy to what the work tree has. What was built in it stays."""
-        listed = subprocess.run(["git", "-C", str(ROOT), "ls-files", "-z"], capture_output=True, check=True).stdout
-        for name in filter(None, listed.decode().split("\0")):
+        for name in _listed():
             source, target = ROOT / name, self.folder / name
             if not source.is_file() or (target.is_file() and source.read_bytes() == target.read_bytes()):
                 continue
@@ -73,11 +82,43 @@ class Tree:
         command = ["git", "apply", "--whitespace=nowarn", str(bug.path)]
         subprocess.run(command, cwd=self.folder, env=outside, check=True, capture_output=True, text=True)
 
-    def build(self, pio: Path) -> tuple[Path | None, str]:
-        """Build three_wheel; return the image, or None and the compiler's last words."""
-        command = [str(pio), "run", "-s", "-d", str(self.folder), "-e", "three_wheel"]
+    def image(self, bug: Bug | None, keep: Path) -> Path:
+        """Return the image with a bug, or with none; built once for these sources and kept in the folder ``keep``.
+
+        Raises SystemExit if the patch does not fit any more or does not build: that is no bug that could be flashed.
+        """
+        name, digest = (bug.name, bug.digest) if bug is not None else ("clean", "")
+        kept = keep / f"{name}-{hashlib.sha256((self._sources() + digest).encode()).hexdigest()[:16]}.elf"
+        if kept.is_file():
+            return kept
+        if bug is None:
+            self.refresh()
+        else:
+            try:
+                self.plant(bug)
+            except subprocess.CalledProcessError as error:
+                raise SystemExit(f"{name}.patch does not fit the sources any more: {error.stderr.strip()}") from error
+        image, words = self.build()
+        if image is None:
+            raise SystemExit(f"{name}: does not build: {words}")
+        keep.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(image, kept.with_suffix(".part"))
+        kept.with_suffix(".part").rename(kept)
+        return kept
+
+    def _sources(self) -> str:
+        """Return what tells these sources of the image from others."""
+        state = hashlib.sha256()
+        for name in _listed("firmware", "shared", "platformio.ini"):
+            if (ROOT / name).is_file():
+                state.update(name.encode() + hashlib.sha256((ROOT / name).read_bytes()).digest())
+        return state.hexdigest()
+
+    def build(self) -> tuple[Path | None, str]:
+        """Build the image; return it, or None and the compiler's last words."""
+        command = [str(Path(sys.executable).parent / "pio"), "run", "-s", "-d", str(self.folder), "-e", ROBOT]
         core = os.environ.get("PLATFORMIO_CORE_DIR") or str(KIT if KIT.is_dir() else "")
         env = {**os.environ, **({"PLATFORMIO_CORE_DIR": core} if core else {})}
         done = subprocess.run(command, cwd=self.folder, env=env, capture_output=True, text=True, check=False)
-        image = self.folder / ".pio" / "build" / "three_wheel" / "firmware.elf"
+        image = self.folder / ".pio" / "build" / ROBOT / "firmware.elf"
         return (image, "") if done.returncode == 0 else (None, (done.stderr or done.stdout).strip()[-300:])

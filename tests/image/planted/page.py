@@ -11,24 +11,28 @@ from tests.image.planted.search import Result
 
 PAGE = ROOT / "docs" / "teensy.md"
 BEGIN, END = "<!-- planted: python -m tests.image.planted --write -->\n", "<!-- /planted -->"
+NO_VERDICT = "no verdict yet: not run to its end"
 
 
-def summary(results: Mapping[str, Result]) -> str:
-    """Return the figure as a sentence."""
+def summary(bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
+    """Return the figures as sentences."""
     found = sum(bool(result.found_by) for result in results.values())
     share = 100 * found // max(len(results), 1)
-    return f"The checks of an image find {found} of {len(results)} planted bugs ({share} %)."
+    tried = f"The checks of an image find {found} of {len(results)} planted bugs ({share} %)."
+    left = len(bugs) - len(results)
+    return f"{tried} Of {left} more there is no verdict yet." if left else tried
+
+
+def _verdict(bug: Bug, result: Result | None) -> str:
+    if result is None:
+        return NO_VERDICT
+    return f"`{result.found_by}`" if result.found_by else f"**not found**: {bug.missed or 'a check is missing'}"
 
 
 def table(bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
     """Return a row for each bug: which check finds it, or why none does."""
-    rows = ["| Planted | Found by |", "|---|---|"]
-    for name, result in results.items():
-        verdict = (
-            f"`{result.found_by}`" if result.found_by else f"**not found**: {bugs[name].missed or 'a check is missing'}"
-        )
-        rows.append(f"| {bugs[name].title} | {verdict} |")
-    return "\n".join(rows)
+    rows = [f"| {bug.title} | {_verdict(bug, results.get(name))} |" for name, bug in bugs.items()]
+    return "\n".join(["| Planted | Found by |", "|---|---|", *rows])
 
 
 def finders(page: str) -> dict[str, str]:
@@ -39,4 +43,4 @@ def finders(page: str) -> dict[str, str]:
 def filled_in(page: str, bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
     """Return the page with the figure and the table as they are now. Raises ValueError if it has no place for them."""
     begin, end = page.index(BEGIN) + len(BEGIN), page.index(END)
-    return f"{page[:begin]}{summary(results)}\n\n{table(bugs, results)}\n{page[end:]}"
+    return f"{page[:begin]}{summary(bugs, results)}\n\n{table(bugs, results)}\n{page[end:]}"
