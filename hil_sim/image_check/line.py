@@ -6,9 +6,9 @@ from __future__ import annotations
 from itertools import pairwise
 from statistics import median
 
-from hil_sim.image_check.bench import Bench, CheckError, Context
+from hil_sim.image_check.bench import Bench, CheckError, Context, boot
 from hil_sim.image_check.check import CI, NIGHTLY, Check
-from hil_sim.rt1062 import Channel, Stop
+from hil_sim.rt1062 import Channel, Options, Stop
 from omniwheel.dialect import mavlink
 from omniwheel.robot import FORCE, Robot
 from omniwheel.telemetry import Status
@@ -21,6 +21,12 @@ BYTES = 60
 BYTES_S = 3.0
 SETTLE_S = 0.3
 QUIET_S = 0.05
+READ_RADIO = "_ZN4omni9RadioPort4readEPhj"
+SLOW = 40
+"""Time of an instruction [ns]: from the radio's turn to that of USB takes longer than a frame and the closing do."""
+ARRIVES_S = 20e-6
+"""A frame's way over USB."""
+HEARTBEAT_S = 1.1
 SPEEDS = (115200.0, 57600.0, 9600.0)
 
 
@@ -68,12 +74,17 @@ def _byte_times(bench: Bench) -> list[int]:
 
 
 def closed_port(context: Context) -> list[str]:
-    """An arm command, whole or half, is on its way when the port is closed; the next session begins clean."""
-    with context.booted() as bench:
+    """An arm command, whole or half, has come, unread, when the port is closed; the next session begins clean."""
+    with context.bench(options=Options(instruction_ns=SLOW, pause_ns=0, seed=context.seed)) as bench:
+        boot(bench)
         robot = bench.connect()
-        robot.pump(1.2)
+        radio = bench.connect(Channel.UART, heartbeat=False)
+        robot.pump(SETTLE_S)
         for kept in (1.0, 0.5):
             _send_and_close(bench, robot, kept)
+            radio.pump(HEARTBEAT_S)
+            if radio.status.armed:
+                raise CheckError("an arm command that came right before the port was closed is executed after it")
             begin_s = bench.clock_s()
             robot = bench.connect()
             robot.pump(0.5)
@@ -84,12 +95,17 @@ def closed_port(context: Context) -> list[str]:
 
 
 def _send_and_close(bench: Bench, robot: Robot, share: float) -> None:
-    """Give the port this share of an arm command's frame and close it before the robot can have looked."""
+    """Give the port this share of an arm command's frame, and close it while the main loop looks after the radio."""
     target = (robot.connection.target_system, robot.connection.target_component)
     numbers = (1.0, FORCE, 0.0, 0.0, 0.0, 0.0, 0.0)
     arm = mavlink.MAVLink_command_long_message(*target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, *numbers)
     frame = bytes(arm.pack(mavlink.MAVLink(None, srcSystem=251)))
+    bench.machine.break_at(READ_RADIO)
+    if bench.machine.run(QUIET_S) != Stop.BREAK:
+        raise CheckError(f"the main loop does not read the radio: {bench.machine.why}")
+    bench.machine.clear_breaks()
     bench.machine.send(Channel.USB, frame[: round(share * len(frame))])
+    bench.advance(ARRIVES_S)
     bench.machine.usb_open(False)
     bench.advance(QUIET_S)
     bench.drain()
