@@ -103,6 +103,7 @@ firmware-check: setup $(VENV)/stamp-platformio
 firmware-memory: setup firmware
 	$(BIN)/python -m tests.image_build.memory_page $(ARGS)
 	$(BIN)/python -m tests.image.static $(ARGS)
+	$(BIN)/python -m tests.image.static.tick_bound $(ARGS)
 
 firmware-build-check: setup $(VENV)/stamp-platformio
 	.ci/firmware $(VENV)

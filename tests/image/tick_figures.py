@@ -45,6 +45,12 @@ class CaseFigures:
 
 def measure_cases(image: Path, only_first: bool = False) -> list[CaseFigures]:
     """Run all cases, or the first, and return their figures. Raises BuildError or ModelError."""
+    code, cases = record_cases(image, only_first)
+    return [_figures(name, code, ticks) for name, ticks in cases.items()]
+
+
+def record_cases(image: Path, only_first: bool = False) -> tuple[Code, dict[str, list[tuple[Blocks, Blocks]]]]:
+    """Run all cases, or the first; return the code and for each case its ticks' blocks, and those of the core alone."""
     machine = ElfCall(image)
     code = Code(image, machine)
     guest = _build(image)
@@ -60,7 +66,7 @@ def measure_cases(image: Path, only_first: bool = False) -> list[CaseFigures]:
     if exit_code != 0 or len(names) != cases or len(recorder.recorded) % cases != 0:
         raise BuildError(f"{guest.stem}: exit code {exit_code}, {len(recorder.recorded)} ticks\n{output}")
     ticks = len(recorder.recorded) // cases
-    return [_figures(name, code, recorder.recorded[i * ticks : (i + 1) * ticks]) for i, name in enumerate(names)]
+    return code, {name: recorder.recorded[i * ticks : (i + 1) * ticks] for i, name in enumerate(names)}
 
 
 class _Rounds:

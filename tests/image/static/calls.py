@@ -57,6 +57,13 @@ class Calls:
             raise CodeError(f"{function.name}: {step.text} at {step.address:#x} ({place}) leads to no known function")
         return found
 
+    def matching(self, pattern: str) -> int:
+        """Return the start of the one function whose symbol fits. Raises CodeError."""
+        found = self._named([pattern])
+        if len(found) != 1:
+            raise CodeError(f"{len(found)} functions are called {pattern}")
+        return found[0]
+
     def _named(self, patterns: Sequence[str]) -> tuple[int, ...]:
         found = set()
         for pattern in patterns:
