@@ -20,6 +20,7 @@ from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
 from omni_schema import ParameterTable
 from omniwheel import __version__, files
+from omniwheel.npz_file import read_npz
 from omniwheel.plain import finite
 
 SUMMARY_FILE = "summary.json"
@@ -118,12 +119,17 @@ def save_run(run: Run, summary: Mapping[str, Any], folder: Path) -> None:
 
 def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:
     """Return summary and stored samples of a run folder. Raises FileNotFoundError or ValueError that names the file."""
+    path = folder / SUMMARY_FILE
     try:
-        summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{folder / SUMMARY_FILE} is not JSON: {error}") from error
-    with np.load(folder / RECORD_FILE) as stored:
-        return summary, stored["samples"]
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is not JSON: {error}") from error
+    samples = read_npz(folder / RECORD_FILE).get("samples")
+    if not isinstance(summary, dict) or not isinstance(summary.get("parameters"), dict):
+        raise ValueError(f"{path} is no summary of a run: it has no parameters")  # noqa: TRY004
+    if samples is None or samples.dtype.names is None or samples.ndim != 1 or not len(samples):
+        raise ValueError(f"{folder / RECORD_FILE} is no record of a run")
+    return summary, samples
 
 
 def _plan(run: Run) -> dict[str, float] | None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from hil_sim.studies.store import BatchStore
 from omniwheel import files
 
 DEFINITION_FILE = "study.json"
+DIGEST_FILE = "study.sha256"
+"""Tells whose a damaged DEFINITION_FILE was."""
 BATCHES_FILE = "batches.bin"
 _SHOWN = 5
 
@@ -49,7 +52,7 @@ def differences(old: Any, new: Any, key: str = "") -> list[str]:
 
 
 def _short(value: Any) -> str:
-    text = "not given" if value is None else json.dumps(value)
+    text = "not given" if value is None else str(value) if isinstance(value, dict) else json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
@@ -66,10 +69,15 @@ class StudyFolder:
             if not fresh:
                 _refuse_other_study(path, wanted)
             self.store = BatchStore(path / BATCHES_FILE, row, batch_runs, fresh=fresh)
-            files.write_text(path / DEFINITION_FILE, json.dumps(wanted, indent=1) + "\n")
         except OSError as error:
             hint = "choose another folder with --out"
             raise StudyFolderError(f"cannot work in {path}: {error.strerror or error}", hint=hint) from error
+        try:
+            files.write_text(path / DIGEST_FILE, _digest(wanted) + "\n")
+            files.write_text(path / DEFINITION_FILE, json.dumps(wanted, indent=1) + "\n")
+        except BaseException:
+            self.store.close()
+            raise
         self.kept = len(self.store)
 
     def __enter__(self) -> StudyFolder:
@@ -79,6 +87,15 @@ class StudyFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.store.close()
+
+
+def _digest(document: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def _digest_in(path: Path) -> str:
+    file = path / DIGEST_FILE
+    return file.read_text(encoding="utf-8", errors="replace").strip() if file.exists() else ""
 
 
 def _refuse_strange_folder(path: Path) -> None:
@@ -91,14 +108,20 @@ def _refuse_strange_folder(path: Path) -> None:
 
 def _refuse_other_study(path: Path, wanted: dict[str, Any]) -> None:
     file = path / DEFINITION_FILE
-    if not file.exists():
+    digest = _digest_in(path)
+    if not file.exists() and not digest:
         return
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
-        hint = "choose another folder with --out, or start over with --fresh"
+        lines = differences(found, wanted)
+    except (OSError, ValueError, RecursionError) as error:
+        if digest == _digest(wanted):
+            return  # it is written anew
+        hint = (
+            f"the finished batches are kept, and only their study's own command may go on with them. Give it with "
+            f"another --out, copy the {DEFINITION_FILE} that it writes there to {path}, and give it again"
+        )
         raise StudyFolderError(f"{file} is damaged: {error}", hint=hint) from error
-    lines = differences(found, wanted)
     if lines:
         more = f" and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
         raise StudyFolderError(

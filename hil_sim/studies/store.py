@@ -18,6 +18,8 @@ import os
 import struct
 import time
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -26,12 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.studies.errors import StudyFolderError
+from omniwheel.errors import OutputFileError
+from omniwheel.files import write_error
 
 MAGIC = b"OMNB"
 KEY_BYTES = 16
 _HEAD = struct.Struct(f"<4sI{KEY_BYTES}s")
 _CHECK = struct.Struct("<I")
 _SYNC_EVERY_S = 1.0
+_MOST_RUNS = 4096
+"""Batch sizes that are looked for in a file of another one."""
 
 
 class BatchStore:
@@ -41,6 +47,7 @@ class BatchStore:
         self._row = row
         self._batch_runs = batch_runs
         self._length = _HEAD.size + batch_runs * row.itemsize + _CHECK.size
+        self._path = path
         self._places: dict[bytes, tuple[int, int]] = {}
         self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
@@ -67,9 +74,12 @@ class BatchStore:
     def close(self) -> None:
         """Bring everything to the disk and let go of the file."""
         if self._file >= 0:
-            os.fsync(self._file)
-            os.close(self._file)
-            self._file = -1
+            file, self._file = self._file, -1
+            try:
+                with self._explained():
+                    os.fsync(file)
+            finally:
+                os.close(file)
 
     def holds(self, key: bytes, runs: int) -> bool:
         """Return whether at least this many runs of a batch are there."""
@@ -88,17 +98,28 @@ class BatchStore:
         padded[: len(rows)] = rows
         body = _HEAD.pack(MAGIC, len(rows), key) + padded.tobytes()
         record = memoryview(body + _CHECK.pack(zlib.crc32(body)))
-        os.lseek(self._file, self._end, os.SEEK_SET)
-        while record:
-            record = record[os.write(self._file, record) :]
-        self._places[key] = (self._end, len(rows))
-        self._end += self._length
-        if time.monotonic() > self._synced_s + _SYNC_EVERY_S:
-            os.fsync(self._file)
-            self._synced_s = time.monotonic()
+        with self._explained():
+            os.lseek(self._file, self._end, os.SEEK_SET)
+            while record:
+                record = record[os.write(self._file, record) :]
+            self._places[key] = (self._end, len(rows))
+            self._end += self._length
+            if time.monotonic() > self._synced_s + _SYNC_EVERY_S:
+                os.fsync(self._file)
+                self._synced_s = time.monotonic()
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            said = write_error(self._path, error)
+            hint = f"{said.hint}; finished batches are kept: the same command goes on"
+            raise OutputFileError(said.message, hint=hint) from error
 
     def _read(self) -> None:
         """Find the whole records; a torn one at the end is written over by the next."""
+        self._refuse_other_batches()
         self._end = os.fstat(self._file).st_size // self._length * self._length
         os.ftruncate(self._file, self._end)
         for offset in range(0, self._end, self._length):
@@ -107,6 +128,24 @@ class BatchStore:
             (check,) = _CHECK.unpack_from(record, self._length - _CHECK.size)
             if magic == MAGIC and runs <= self._batch_runs and check == zlib.crc32(record[: -_CHECK.size]):
                 self._places[key] = (offset, runs)
+
+    def _refuse_other_batches(self) -> None:
+        """Records of another length would all be taken for torn ones."""
+        head = os.pread(self._file, _HEAD.size, 0)
+        if not head.startswith(MAGIC) or self._record_length(self._batch_runs):
+            return
+        whole = os.fstat(self._file).st_size // self._row.itemsize
+        for runs in range(1, min(whole, _MOST_RUNS) + 1):
+            if self._record_length(runs):
+                hint = f"give --batch {runs}, or choose another folder with --out"
+                raise StudyFolderError(f"{self._path} holds batches of {runs} runs", hint=hint)
+
+    def _record_length(self, runs: int) -> int:
+        """Return the length of the first record if it is one of this many runs, else 0."""
+        length = _HEAD.size + runs * self._row.itemsize + _CHECK.size
+        record = os.pread(self._file, length, 0)
+        whole = len(record) == length and record[-_CHECK.size :] == _CHECK.pack(zlib.crc32(record[: -_CHECK.size]))
+        return length if whole else 0
 
 
 def _lock(file: int, path: Path) -> None:

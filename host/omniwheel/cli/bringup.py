@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -41,6 +41,7 @@ from omniwheel.cli.common import (
     open_robot,
     print_json,
 )
+from omniwheel.errors import OutputFileError
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.robots import read_robot
 
@@ -253,6 +254,7 @@ def all_command(
 ) -> None:
     """All of them in order, up to the first that fails; leaves bringup.json and bringup.md."""
     file = None if robot_file is None else read_robot(robot_file)
+    title = "Bring-up" if file is None else f"Bring-up of {file.name}"
     results: list[Result] = []
     with ExitStack() as stack:
         robot = stack.enter_context(open_robot(link, timeout_s=timeout))
@@ -265,8 +267,11 @@ def all_command(
                 results.append(result)
                 if not as_json:
                     _print(result)
-        finally:
-            paths = write_report(results, folder, "Bring-up" if file is None else f"Bring-up of {file.name}")
+        except BaseException:
+            with suppress(OutputFileError):  # what went wrong with the robot is to be heard
+                write_report(results, folder, title)
+            raise
+    paths = write_report(results, folder, title)
     note(f"report: {paths[0]}, {paths[1]}", quiet=as_json)
     if as_json:
         print_json(as_dict(results))

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -69,16 +71,22 @@ def check_image(
         raise
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-    if report_file is not None:
-        files.write_text(report_file, report(image, robot, depth.value, seed, outcomes))
     failed = [outcome for outcome in outcomes if not outcome.passed]
+    page = partial(report, image, robot, depth.value, seed, outcomes)
     if json_wanted:
+        _write(report_file, page)
         print_json({"image": str(image), "robot": robot, "seed": seed, "checks": [o.as_dict() for o in outcomes]})
     else:
         verdict = f"checks: {len(outcomes) - len(failed)} passed, {len(failed)} failed"
         console.print(f"{verdict}, on a model of the chip: no silicon was tested (seed {seed})")
+        _write(report_file, page)  # last: on a full disk, too, the checks have been told
     if failed:
         raise typer.Exit(1)
+
+
+def _write(path: Path | None, page: Callable[[], str]) -> None:
+    if path is not None:
+        files.write_text(path, page())
 
 
 def say_outcome(outcome: Outcome) -> None:

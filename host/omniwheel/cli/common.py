@@ -7,7 +7,7 @@ import errno
 import json
 import signal
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -87,7 +87,8 @@ def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -
     if hint:
         error_console.print(f"[dim]hint:[/] {escape(hint)}", soft_wrap=True)
     if ctx.meta.get(_JSON_WANTED):
-        print_json({"error": {"type": type(error).__name__, "message": str(error), "hint": hint}})
+        with suppress(OSError):  # it may be standard output that fails
+            print_json({"error": {"type": type(error).__name__, "message": str(error), "hint": hint}})
     return typer.Exit(exit_code)
 
 

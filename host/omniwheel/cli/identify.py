@@ -254,9 +254,8 @@ def _finish(
     as_json: bool,
     truth: dict[str, float] | None = None,
 ) -> None:
-    path = write_robot_file(found, name, template, folder)
     if as_json:
-        print_json(_as_dict(found, path, truth))
+        print_json(_as_dict(found, write_robot_file(found, name, template, folder), truth))
         return
     console.print(_table(found, truth))
     if found.motors is not None:
@@ -267,6 +266,7 @@ def _finish(
         console.print(f"{100 * found.validation:.2f} % of a run that was not fitted")
     for remark in found.remarks:
         console.print(escape(remark))
+    path = write_robot_file(found, name, template, folder)  # last: on a full disk a long drive has been told
     console.print(f"\n[bold]{path}[/]  check it with: omni robots check {path}")
 
 

@@ -11,6 +11,7 @@ import typer
 from hil_sim.summary import REPORT_FILE, load_run
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.run_output import RunFolderError
+from omniwheel.errors import OmniError
 
 EXAMPLES = examples("omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --out demo.png")
 
@@ -31,7 +32,12 @@ def plot(
     target = writable_path(out, "the picture") if out is not None else run / REPORT_FILE
     from hil_sim.report import draw_report  # here, not above: matplotlib takes a second to import
 
-    draw_report(summary, samples, target)
+    try:
+        draw_report(summary, samples, target)
+    except OmniError:
+        raise
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
+        raise RunFolderError(f"{run} holds another kind of run: {error!r}", hint="run it again") from error
     if json_wanted:
         print_json({"report": str(target)})
     else:

@@ -58,12 +58,13 @@ def reproduce(
         outcomes = study.run_all(chosen, Context(folder, quick=quick, seeds=seeds, pool=pool), show)
     about = {"omniwheel": __version__, "quick": quick, "seeds": seeds, "folder": str(folder)}
     everything = finite(page.data(outcomes, about))
+    if not json_wanted:
+        for outcome in outcomes:
+            _print(outcome)
     page.write(folder, outcomes, _facts(quick, seeds), everything)
     if json_wanted:
         print_json(everything)
     else:
-        for outcome in outcomes:
-            _print(outcome)
         console.print(f"\n[bold]{folder / page.HTML_FILE}[/]", soft_wrap=True)
     if any(outcome.error for outcome in outcomes):
         raise typer.Exit(FAILED)

@@ -38,7 +38,7 @@ def read_columns(path: Path, delimiter: str) -> dict[str, Array]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [row for row in csv.reader(file, delimiter=delimiter, skipinitialspace=True) if row]
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise LogError(f"cannot read {path}: {error}", hint="give a CSV file with a header line") from error
     if len(rows) < 2:
         raise LogError(f"{path} holds no rows", hint="give a CSV file with a header line")

@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
-import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel import files
 from omniwheel.errors import LogError
+from omniwheel.npz_file import read_npz
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -56,6 +58,8 @@ class WheelLog:
     def __post_init__(self) -> None:
         """Check shapes, finiteness and the clock. Raises LogError."""
         rows = len(self.time_s)
+        if self.time_s.ndim != 1:
+            raise LogError(f"{self.name}: the times have shape {self.time_s.shape}; one number per row is needed")
         if rows < MIN_ROWS:
             raise LogError(f"{self.name}: {rows} rows; at least {MIN_ROWS} are needed")
         if self.counts.ndim != 2 or self.counts.shape[1] not in (3, 4):
@@ -66,8 +70,10 @@ class WheelLog:
         for field in ("time_s", "counts", "duty"):
             if not np.all(np.isfinite(getattr(self, field))):
                 raise LogError(f"{self.name}: {field} holds a value that is not finite", hint="drop or repair that row")
-        if not (self.period_s > 0.0 and self.counts_per_revolution > 0):
-            raise LogError(f"{self.name}: period and counts per revolution must be positive")
+        if self.heading_rad.shape != self.time_s.shape:
+            raise LogError(f"{self.name}: heading_rad has shape {self.heading_rad.shape} beside {rows} rows")
+        if not (0.0 < self.period_s < np.inf and self.counts_per_revolution > 0):
+            raise LogError(f"{self.name}: period and counts per revolution must be positive and finite")
         if np.any(np.diff(self.time_s) <= 0.0):
             raise LogError(f"{self.name}: the clock does not rise", hint="drop repeated rows")
 
@@ -135,26 +141,36 @@ def save_log(log: WheelLog, path: Path) -> None:
 def load_log(path: Path) -> WheelLog:
     """Read a log that :func:`save_log` wrote. Raises LogError."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            times = stored["truth_time_s"]
-            truth = None
-            if len(times):
-                same_clock = bool(stored["truth_same_clock"])
-                truth = Truth(times, stored["truth_xy"], stored["truth_theta"], same_clock)
-            return WheelLog(
-                name=str(stored["name"]),
-                period_s=float(stored["period_s"]),
-                counts_per_revolution=int(stored["counts_per_revolution"]),
-                time_s=stored["time_s"],
-                counts=stored["counts"],
-                good=stored["good"],
-                duty=stored["duty"],
-                heading_rad=stored["heading_rad"],
-                truth=truth,
-            )
+        return _from_arrays(read_npz(path))
     except LogError:
         raise
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, ValueError, TypeError, OverflowError) as error:
         hint = "make it from a CSV file with: omni logs import LOG.csv --mapping FILE --out LOG.npz"
         why = f": {error.strerror}" if isinstance(error, OSError) and error.strerror else ""
         raise LogError(f"{path} is no imported log{why}", hint=hint) from error
+
+
+def _from_arrays(stored: Mapping[str, NDArray[Any]]) -> WheelLog:
+    """Make a log of what :func:`save_log` stores. Raises KeyError, ValueError, TypeError or OverflowError."""
+    times = _numbers(stored["truth_time_s"])
+    truth = None
+    if len(times):
+        same_clock = bool(stored["truth_same_clock"])
+        truth = Truth(times, _numbers(stored["truth_xy"]), _numbers(stored["truth_theta"]), same_clock)
+        if truth.xy.shape != (len(times), 2) or truth.theta.shape != times.shape:
+            raise ValueError("the truth's arrays do not belong together")
+    return WheelLog(
+        name=str(stored["name"]),
+        period_s=float(stored["period_s"]),
+        counts_per_revolution=int(stored["counts_per_revolution"]),
+        time_s=_numbers(stored["time_s"]),
+        counts=_numbers(stored["counts"]),
+        good=stored["good"].astype(np.bool_),
+        duty=_numbers(stored["duty"]),
+        heading_rad=_numbers(stored["heading_rad"]),
+        truth=truth,
+    )
+
+
+def _numbers(values: NDArray[Any]) -> Array:
+    return np.atleast_1d(values.astype(np.float64))

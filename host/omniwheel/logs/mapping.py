@@ -103,11 +103,25 @@ class _Section:
             raise self.error(key, f"is {value!r}; a text is needed")
         return value
 
+    def sign(self, key: str, default: str) -> str:
+        value = self.text(key, default)
+        if len(value) != 1 or value in '\r\n"':
+            raise self.error(key, f"is {value!r}; one character is needed, as , ; or a tabulator")
+        return value
+
     def number(self, key: str, default: float | None = None) -> float:
-        value = self.take(key, default)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:
-            raise self.error(key, f"is {value!r}; a number above 0 is needed")
+        if default is not None and key not in self.left:
+            return default
+        value = self.take(key)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
+            raise self.error(key, f"is {value!r}; a finite number above 0 is needed")
         return float(value)
+
+    def whole(self, key: str) -> int:
+        value = self.number(key)
+        if round(value) < 1:
+            raise self.error(key, f"is {value!r}; a whole number above 0 is needed")
+        return round(value)
 
     def unit(self, key: str, units: AnyMapping[str, float], default: str | None = None) -> float:
         value = self.text(key, default)
@@ -151,7 +165,7 @@ def read_mapping(path: Path) -> Mapping:
     mapping = Mapping(
         source=source,
         name=log.text("name"),
-        delimiter=log.text("delimiter", ","),
+        delimiter=log.sign("delimiter", ","),
         period_s=log.number("period_s"),
         time=time.text("column"),
         time_unit=time.unit("unit", TIME_UNITS, "s"),
@@ -159,7 +173,7 @@ def read_mapping(path: Path) -> Mapping:
         quantity=quantity,
         wheel_unit=wheels.unit("unit", WHEEL_UNITS[quantity]),
         wheel_sign=wheels.signs("sign", len(columns)),
-        counts_per_revolution=round(wheels.number("counts_per_revolution")),
+        counts_per_revolution=wheels.whole("counts_per_revolution"),
         duty=duty,
         duty_full_scale=duty_full_scale,
         duty_sign=duty_sign,

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -49,7 +48,7 @@ def read_run(folder: Path) -> WheelLog:
         duty = samples["duty"][:, :wheels] * direction * supply[:, None]
         speed = samples["wheel_rad_s"][:, :wheels]
         pose = samples["truth"]
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
         hint = "give the folder of a run, as printed by omni demo, hil and sim"
         raise LogError(f"{folder} is not a run: {error}", hint=hint) from error
     truth = Truth(time, np.array(pose[:, :2]), np.unwrap(pose[:, 2]), same_clock=True)

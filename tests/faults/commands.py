@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT
+"""The commands that write files, each as a case for :mod:`tests.faults.drive`; and the commands that write none.
+
+What takes minutes and is no writing (driving, identifying, checking an image) is replaced by something short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from hil_sim.hil import run_hil
+from hil_sim.scenario import load_scenario
+from omniwheel import FirmwareProcess
+from omniwheel.tuning import Figures, Trace
+from tests.host.logs import synthetic
+
+QUICK = """
+[scenario]
+name = "quick"
+description = "The demo's path for half a second"
+extends = "demo"
+duration_s = 0.5
+[[event]]
+at_s = 0.05
+command = "trajectory_start"
+[[event]]
+at_s = 0.05
+command = "arm"
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line; {disk} is the folder whose calls fail, {inputs} what :func:`make_inputs` made.
+
+    ``links``: it needs a robot, whose link takes the place of {link}. ``again``: after a failure the same command goes
+    on in the same folder. ``during`` is a context for its run. ``step``: every so many calls one fails, for slow ones.
+    """
+
+    line: str
+    links: bool = False
+    again: bool = False
+    step: int = 1
+    during: Callable[[], Any] = field(default=ExitStack)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The command line's words."""
+        return tuple(self.line.split())
+
+
+def make_inputs(folder: Path) -> None:
+    """Write what the commands read."""
+    (folder / "quick.toml").write_text(QUICK, encoding="utf-8")
+    (folder / "mapping.toml").write_text(synthetic.MAPPING, encoding="utf-8")
+    (folder / "robot.toml").write_text(synthetic.ROBOT, encoding="utf-8")
+    for seed in (1, 2):
+        synthetic.write(folder, f"run{seed}", synthetic.Known(), seed)
+
+
+@contextmanager
+def _patched(**replacements: Any) -> Iterator[None]:
+    with ExitStack() as stack:
+        for name, value in replacements.items():
+            stack.enter_context(patch(name.replace("__", "."), value))
+        yield
+
+
+def _identified(*_: Any, **__: Any) -> Any:
+    """Write the nominal robot's file instead of an identified one's: by the same way, in a moment."""
+    from omniwheel.identification.robot_file import write_robot_file
+
+    with patch("omniwheel.identification.robot_file.changes", lambda _: {}):
+        return write_robot_file(None, *_[1:])  # type: ignore[arg-type]
+
+
+def _telemetry() -> Any:
+    fit = SimpleNamespace(fit=1.0, rmse_rad_s=0.0)
+    found = SimpleNamespace(motors=None, diagnostics=fit, validation=1.0, remarks=())
+    return _patched(
+        omniwheel__cli__identify__identify_robot=lambda *_, **__: found,
+        omniwheel__cli__identify__write_robot_file=_identified,
+        omniwheel__cli__identify___table=lambda *_: "",
+        omniwheel__cli__identify___as_dict=lambda *_: {},
+        omniwheel__cli__identify__read_dataset=lambda *_: None,
+    )
+
+
+@contextmanager
+def _live() -> Iterator[None]:
+    def excite(robot: Any, *_: Any) -> None:
+        robot.pump(0.3)
+
+    with _telemetry(), _patched(omniwheel__cli__identify__excite=excite):
+        yield
+
+
+def _both(*_: Any) -> Any:
+    trace = Trace(np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
+    return (trace, trace), (Figures(0.0, 0.0), Figures(0.0, 0.0))
+
+
+def _no_checks() -> Any:
+    return _patched(
+        omniwheel__cli__check_image__run_checks=lambda *_, **__: [], omniwheel__cli__check_image__report=_page
+    )
+
+
+def _page(*_: Any) -> str:
+    return "# Report\n"
+
+
+def _no_bring_up() -> Any:
+    return _patched(omniwheel__cli__bringup__bring_up=lambda *_, **__: iter(()))
+
+
+def _short_demo() -> Any:
+    def run(*arguments: Any, **options: Any) -> Any:
+        return replace(run_hil(*arguments, **options), done=True)
+
+    return _patched(omniwheel__cli__demo__load_scenario=_quick, omniwheel__cli__demo__run_hil=run)
+
+
+def _quick(_: str) -> Any:
+    return load_scenario(str(INPUTS[0] / "quick.toml"))
+
+
+INPUTS: list[Path] = []
+
+CASES = {
+    "demo": Case("demo --no-compare --out {disk}", during=_short_demo),
+    "hil": Case("hil {inputs}/quick.toml --out {disk}/runs"),
+    "sim": Case("sim {inputs}/quick.toml --out {disk}"),
+    "montecarlo": Case(
+        "montecarlo {inputs}/quick.toml --runs 24 --worst 1 --workers 1 --batch 8 --duration 0.3 --out {disk}/mc",
+        again=True,
+    ),
+    "sweep": Case(
+        "sweep {inputs}/quick.toml --param WS_P=1:3:2 --runs 8 --workers 1 --batch 8 --duration 0.3 --out {disk}/sw",
+        again=True,
+    ),
+    "optimize": Case(
+        "optimize {inputs}/quick.toml --param WS_P=1:3 --trials 2 --runs 8 --workers 1 --batch "
+        "8 --duration 0.3 --minimise position_m --constraint completed.mean>=0 --out {disk}/op",
+        again=True,
+    ),
+    "tune": Case(
+        "tune --set WS_P=6 --size 0.02 --duration 0.2 --revert --out {disk}/t.png --link {link}",
+        links=True,
+        during=lambda: _patched(omniwheel__cli__tune___both=_both),
+    ),
+    "plot": Case("plot {inputs}/run --out {disk}/plot.png"),
+    "reproduce": Case("reproduce diagrams --out {disk}", step=4),
+    "record": Case("record {disk}/r.tlog --duration 0.3 --link {link}", links=True),
+    "replay": Case("replay {inputs}/run1.npz --robot {inputs}/robot.toml --csv {disk}/r.csv --plot {disk}/r.png"),
+    "check-image": Case("check-image {inputs}/none.elf --report {disk}/report.md", during=_no_checks),
+    "params save": Case("params save {disk}/p.toml --link {link}", links=True),
+    "legacy pose": Case(
+        "legacy pose 0.1 0 0 --simulate --for 0.5 --tolerance 0 --plot {disk}/l.png",
+    ),
+    "legacy trajectory": Case(
+        "legacy trajectory rose --simulate --for 0.5 --plot {disk}/l.png",
+    ),
+    "mocap record": Case("mocap record {disk}/m.csv --source simulated --for 0.3"),
+    "radio key new": Case("radio key new {disk}/robot.key"),
+    "logs import": Case("logs import {inputs}/run1.csv --mapping {inputs}/mapping.toml --out {disk}/l.npz"),
+    "robots new": Case("robots new mine --from three_wheel --folder {disk}"),
+    "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
+    "bringup all": Case("bringup all --yes --folder {disk} --link {link}", links=True, during=_no_bring_up),
+    "identify logs": Case(
+        "identify logs {inputs}/run1.npz {inputs}/run2.npz --turn {inputs}/run2.npz --lifted "
+        "{inputs}/run2.npz --robot {inputs}/robot.toml --out {disk}/i.toml --report {disk}",
+        step=3,
+    ),
+    "identify telemetry": Case(
+        "identify telemetry {inputs}/quick.toml --name found --folder {disk}", during=_telemetry
+    ),
+    "identify live": Case(
+        "identify live --name found --folder {disk} --log {disk}/i.tlog --link {link}",
+        links=True,
+        during=_live,
+    ),
+    "identify simulate": Case(
+        "identify simulate three_wheel --duration 4 --name found --folder {disk}",
+        during=_telemetry,
+    ),
+}
+
+STORED_BY_FIRMWARE = ("sitl", "emulate")
+"""Commands whose ``--storage`` a firmware writes: tests/firmware/test_storage_file.py."""
+
+WRITE_NOTHING = (
+    "soak", "bench", "monitor", "flash", "doctor", "params list", "params get", "params set", "params load",
+    "params presets", "params diff", "params reset", "drive velocity", "drive pose", "drive trajectory", "drive duty",
+    "drive keys", "legacy motor", "mocap bridge", "radio key set", "radio key remove", "radio key show", "logs show",
+    "logs align", "robots show", "robots check", "bringup link", "bringup i2c", "bringup encoders", "bringup motors",
+    "bringup estop", "bringup oe", "bringup drive", "bringup radio",
+)  # fmt: skip
+"""Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
+
+SAME_AS = {f"drive {name}": name for name in ("legacy pose", "legacy trajectory", "legacy motor")}
+
+
+def firmware() -> FirmwareProcess:
+    """Return a robot in real time for the commands that need one."""
+    return FirmwareProcess("three_wheel")

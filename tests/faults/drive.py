@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: MIT
+"""Runs one command of tests/faults/commands.py again and again; each of its calls to the file system fails in turn.
+
+``LD_PRELOAD=failing_calls.so python -m tests.faults.drive CASE FOLDER`` prints one line of JSON: how many calls were
+tried, and what was wrong. Whatever fails, a command must end with a clear error and a code other than 0, leave whole
+files only, and work the next time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import shutil
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomllib
+from typer.testing import CliRunner, Result
+
+from omniwheel.cli import app
+from omniwheel.tlog import whole_records
+from tests.faults.commands import CASES, INPUTS, Case, firmware, make_inputs
+from tests.faults.shim import FAILURES, FULL, Failure
+
+_LIBC = ctypes.CDLL(None)
+_LIBC.fail_last.restype = ctypes.c_char_p
+_TAIL = 300
+
+
+def arm(folder: Path, number: int, failure: Failure) -> None:
+    """Let call ``number`` below ``folder`` fail; 0: only count."""
+    _LIBC.fail_arm(str(folder).encode(), number, failure.error, int(failure.stays), int(failure.short))
+
+
+def disarm() -> tuple[int, str]:
+    """Let nothing fail any more; return how many calls there were, and the name of the one that failed."""
+    calls, name = int(_LIBC.fail_calls()), _LIBC.fail_last().decode()
+    _LIBC.fail_arm(b"", 0, 0, 0, 0)
+    return calls, name
+
+
+def run(words: tuple[str, ...], values: dict[str, str]) -> Result:
+    """Run a command line in this process."""
+    return CliRunner().invoke(app, [word.format(**values) for word in words])
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return every file below a folder."""
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def trouble(path: Path) -> str:
+    """Return what is wrong with a file that a failed command has left, "" if it is whole."""
+    data = path.read_bytes()
+    if not data and path.name != "batches.bin":
+        return f"{path.name} has no bytes"
+    if path.name.endswith(".part"):
+        return f"{path.name} was left behind"
+    try:
+        whole = _is_whole(path, data)
+    except Exception as error:  # whatever a reader says of a damaged file
+        return f"{path.name}: {error!r}"
+    return "" if whole else f"{path.name} is not whole"
+
+
+def _is_whole(path: Path, data: bytes) -> bool:
+    if path.suffix == ".json":
+        json.loads(data)
+    elif path.suffix == ".toml":
+        tomllib.loads(data.decode())
+    elif path.suffix == ".npz":
+        with np.load(path) as stored:
+            return all(len(np.atleast_1d(stored[name])) >= 0 for name in stored.files)
+    elif path.suffix == ".npy":
+        np.load(path)
+    elif path.suffix == ".png":
+        return data.endswith(b"IEND\xaeB`\x82")
+    elif path.suffix == ".tlog":
+        return whole_records(data) == len(data)
+    elif path.suffix in (".csv", ".md", ".svg", ".key"):
+        return data.endswith((b"\n", b"</svg>"))
+    return True
+
+
+def judge(result: Result, failed: str, disk: Path, wanted: list[str]) -> list[str]:
+    """Return what was wrong with a run in which a call failed."""
+    found = [text for text in map(trouble, files_in(disk)) if text]
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        found.append(f"uncaught {result.exception!r}")
+    if "Traceback" in result.output:
+        found.append("a traceback")
+    if result.exit_code == 0:
+        missing = sorted(set(wanted) - {str(path.relative_to(disk)) for path in files_in(disk)})
+        found += [f"exit code 0, but {missing} missing"] if missing else []
+    elif "error:" not in result.output and "cannot write" not in result.output:
+        found.append(f"no error said: {result.output[-_TAIL:]}")
+    return [f"after {failed}: {text}" for text in found]
+
+
+class Drive:
+    """A case in its folders."""
+
+    def __init__(self, case: Case, folder: Path, values: dict[str, str]) -> None:
+        self.case = case
+        self.disk = folder / "disk"
+        self.values = {**values, "disk": str(self.disk)}
+
+    def once(self, number: int, failure: Failure) -> tuple[Result, int, str]:
+        """Run it in an empty folder while call ``number`` fails."""
+        shutil.rmtree(self.disk, ignore_errors=True)
+        self.disk.mkdir()
+        arm(self.disk, number, failure)
+        try:
+            with self.case.during():
+                result = run(self.case.words, self.values)
+        finally:
+            calls, failed = disarm()
+        return result, calls, failed
+
+    def all(self) -> dict[str, Any]:
+        """Let every call fail in turn, each in another of the ways."""
+        result, calls, _ = self.once(0, FULL)
+        if result.exit_code != 0:
+            return {"calls": calls, "problems": [f"fails by itself: {result.output[-_TAIL:]} {result.exception!r}"]}
+        wanted = [str(path.relative_to(self.disk)) for path in files_in(self.disk)]
+        problems = []
+        for number in range(1, calls + 1, self.case.step):
+            problems += self._try(number, FAILURES[number % len(FAILURES)], wanted)
+        return {"calls": calls, "files": wanted, "problems": problems}
+
+    def _try(self, number: int, failure: Failure, wanted: list[str]) -> list[str]:
+        result, _, failed = self.once(number, failure)
+        if not failed:  # timing: this run made fewer calls
+            return []
+        found = judge(result, failed, self.disk, wanted)
+        if self.case.again:
+            with self.case.during():
+                again = run(self.case.words, self.values)
+            if again.exit_code != 0:
+                found.append(f"the same command afterwards: {again.output[-_TAIL:]} {again.exception!r}")
+        return [f"call {number}, {failure.name}: {text}" for text in found]
+
+
+def main(name: str, folder: Path) -> None:
+    """Drive one case."""
+    case = CASES[name]
+    inputs = folder / "inputs"
+    inputs.mkdir(parents=True)
+    INPUTS.append(inputs)
+    make_inputs(inputs)
+    values = {"inputs": str(inputs)}
+    if any("run" in word for word in case.words if "{inputs}" in word):
+        for run_name in ("run1", "run2"):
+            words = ("logs", "import", f"{{inputs}}/{run_name}.csv", "--mapping", "{inputs}/mapping.toml")
+            truth = ("--truth", f"{{inputs}}/truth_{run_name}.csv", "--out", f"{{inputs}}/{run_name}.npz")
+            run((*words, *truth), values)
+        run(("sim", "{inputs}/quick.toml", "--out", "{inputs}/runs"), values)
+        (inputs / "runs" / "quick-seed1").rename(inputs / "run")
+    with ExitStack() as stack:
+        if case.links:
+            values["link"] = stack.enter_context(firmware()).urls[0]
+        sys.stdout.write(json.dumps(Drive(case, folder.resolve(), values).all()) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]))

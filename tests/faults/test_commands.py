@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: MIT
+"""A failing file system under every command that writes: an error that is said, whole files, nothing left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from omniwheel.cli import app
+from tests.faults.commands import CASES, SAME_AS, STORED_BY_FIRMWARE, WRITE_NOTHING
+from tests.faults.shim import library, need_shim
+
+ROOT = Path(__file__).resolve().parents[2]
+TIMEOUT_S = 1200
+
+
+def commands(command: Any, name: str = "") -> Iterator[str]:
+    """Yield the name of every command of the program."""
+    if not hasattr(command, "commands"):
+        yield name
+        return
+    for word, inner in command.commands.items():
+        yield from commands(inner, f"{name} {word}".strip())
+
+
+def test_every_command_of_the_program_is_known_here() -> None:
+    """A new one that writes gets a case; one that writes nothing is entered as such."""
+    known = [*CASES, *STORED_BY_FIRMWARE, *WRITE_NOTHING, *SAME_AS]
+    assert len(known) == len(set(known))
+    assert set(commands(typer.main.get_command(app))) == set(known)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_whatever_call_fails_a_command_says_so_and_leaves_whole_files(name: str, tmp_path: Path) -> None:
+    need_shim()
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.faults.drive", name, str(tmp_path)],
+        cwd=ROOT,
+        env={**os.environ, "LD_PRELOAD": str(library()), "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["problems"] == []
+    assert told["calls"] >= 3, "a command that writes opens, writes and renames"
