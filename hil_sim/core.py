@@ -50,12 +50,15 @@ def path_ticks(config: Any, share: float) -> int:
     return high
 
 
-def plan_summary(values: Mapping[str, float], table: ParameterTable) -> dict[str, float]:
-    """Return what the planner says of the configured path: scale, needed scale, peak demands at scale 1."""
+def plan_summary(values: Mapping[str, float], table: ParameterTable) -> dict[str, float | None]:
+    """Return what the planner says of the configured path: scale, needed scale, peak demands at scale 1.
+
+    The duration of a path without end is None.
+    """
     config = robot_config(values, table, 0)
     plan = plan_trajectory(config, ffi.new("omni_pose_t *"))
     return {
-        "duration_s": float(plan.duration_s * plan.scale),
+        "duration_s": float(plan.duration_s * plan.scale) if plan.duration_s >= 0.0 else None,
         "scale": float(plan.scale),
         "needed_scale": float(plan.needed_scale),
         "peak_wheel_rad_s": float(plan.peak_wheel_rad_s),

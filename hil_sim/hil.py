@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,6 +31,7 @@ from hil_sim.world import World
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
+from omniwheel.errors import CommandRefusedError, OmniError
 from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.image_firmware import ImageFirmware
@@ -69,6 +70,14 @@ _UNHEARD = (
 )
 """Streams that nobody here listens to while ticks run: logged, not decoded."""
 _STATUS_ID = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
+
+
+class AfterRunError(RunError):
+    """``run`` is over and good; then its log could not be finished, or the robot not be given back."""
+
+    def __init__(self, run: Run, error: OmniError) -> None:
+        super().__init__(f"the run is over, but then: {error}", hint=error.hint)
+        self.run = run
 
 
 class HilLoop:
@@ -213,8 +222,27 @@ def run_hil(
     With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
     run and its own ones back afterwards; nothing is stored on it. ``asleep``: this end and a firmware process of its
     own wait for each other without looking (:class:`LockstepLink`), for comparison.
+
+    Raises RunError before anything is changed on a firmware that was started in lockstep. Whatever ends the run, a
+    robot behind a link is disarmed and out of host-in-the-loop then. AfterRunError holds a run that was good to its
+    end.
     """
     scenario = scenario.with_seed(seed)
+    run: Run | None = None
+    try:
+        with _closed_loop(scenario, link, out_dir, emulated=emulated, asleep=asleep, image=image) as loop:
+            run = _run(scenario, loop, progress)
+    except OmniError as error:
+        if run is None:
+            raise
+        raise AfterRunError(run, error) from error
+    return run
+
+
+@contextmanager
+def _closed_loop(
+    scenario: Scenario, link: str | None, out_dir: Path | None, *, emulated: bool, asleep: bool, image: Path | None
+) -> Iterator[HilLoop]:
     with ExitStack() as stack:
         if image is not None:
             firmware = ImageFirmware(image, scenario.robot.source, lockstep=True, scenario=AT_REST)
@@ -226,7 +254,7 @@ def run_hil(
         if out_dir is not None:
             log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
             loop.log_to(stack.enter_context(log))
-        return _run(scenario, loop, progress)
+        yield loop
 
 
 def _run(scenario: Scenario, loop: HilLoop, progress: Progress | None) -> Run:
@@ -270,17 +298,36 @@ def _own_firmware(scenario: Scenario, emulated: bool, asleep: bool) -> Iterator[
 def _linked_firmware(scenario: Scenario, url: str) -> Iterator[FileLink]:
     base = open_link(url)
     with omniwheel.connect(base) as robot:
+        _free(robot)
         wanted = scenario.parameter_values()
         wanted["SYS_ID"] = robot.parameters["SYS_ID"]
         before = dict(robot.parameters)
         changed = {name: value for name, value in wanted.items() if before.get(name) != value}
-        robot.parameters.set_many(changed)
-        robot.enter_hil()
+        own = {name: before[name] for name in changed}
         try:
+            robot.parameters.set_many(changed)
+            robot.enter_hil()
             yield base
-        finally:
-            robot.leave_hil()
-            robot.parameters.set_many({name: before[name] for name in changed})
+        except BaseException:
+            with suppress(OmniError):  # what went wrong first is to be heard
+                _give_back(robot, own)
+            raise
+        _give_back(robot, own)
 
 
-__all__ = ["EPOCH_US", "HilLoop", "RunError", "run_hil"]
+def _free(robot: Robot) -> None:
+    """Take a robot out of the host-in-the-loop of a host that was killed. RunError if it cannot leave, ever."""
+    try:
+        robot.leave_hil()
+    except CommandRefusedError as error:
+        hint = "start that firmware without --lockstep: a run puts it into host-in-the-loop by itself"
+        raise RunError(f"the firmware behind {robot.url} is not free for a run: {error}", hint=hint) from error
+
+
+def _give_back(robot: Robot, values: Mapping[str, float]) -> None:
+    """Leave host-in-the-loop, which disarms whatever the state is, and set the robot's own parameters again."""
+    robot.leave_hil()
+    robot.parameters.set_many(dict(values))
+
+
+__all__ = ["EPOCH_US", "AfterRunError", "HilLoop", "RunError", "run_hil"]

@@ -132,7 +132,7 @@ def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:
     return summary, samples
 
 
-def _plan(run: Run) -> dict[str, float] | None:
+def _plan(run: Run) -> dict[str, float | None] | None:
     if not any(entry.event.command == "trajectory_start" for entry in run.applied):
         return None
     return core.plan_summary(run.scenario.parameter_values(), run.scenario.robot.table)

@@ -166,9 +166,6 @@ CASES = {
     "legacy pose": Case(
         "legacy pose 0.1 0 0 --simulate --for 0.5 --tolerance 0 --plot {disk}/l.png",
     ),
-    "legacy trajectory": Case(
-        "legacy trajectory rose --simulate --for 0.5 --plot {disk}/l.png",
-    ),
     "mocap record": Case("mocap record {disk}/m.csv --source simulated --for 0.3"),
     "radio key new": Case("radio key new {disk}/robot.key"),
     "logs import": Case("logs import {inputs}/run1.csv --mapping {inputs}/mapping.toml --out {disk}/l.npz"),
@@ -206,7 +203,11 @@ WRITE_NOTHING = (
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
 
-SAME_AS = {f"drive {name}": name for name in ("legacy pose", "legacy trajectory", "legacy motor")}
+SAME_AS = {
+    "legacy trajectory": "legacy pose",
+    **{f"drive {name}": name for name in ("legacy pose", "legacy trajectory", "legacy motor")},
+}
+"""Commands that write by the very code of another one."""
 
 
 def firmware() -> FirmwareProcess:

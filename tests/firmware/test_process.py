@@ -86,7 +86,7 @@ def test_a_port_in_use_is_named() -> None:
     assert str(port) in result.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 @pytest.mark.parametrize("mode", [["--lockstep"], []])
 def test_signals_end_it_cleanly(number: signal.Signals, mode: list[str]) -> None:
     with firmware(*mode) as running:

@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import socket
 import stat
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -187,3 +191,34 @@ def _arm_with_one_heartbeat(robot: Robot) -> None:
     gcs, invalid = mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID
     robot.send(mavlink.MAVLink_heartbeat_message(gcs, invalid, 0, 0, 4, 3))
     robot.arm()
+
+
+def test_a_killed_sitl_takes_its_firmware_along(tmp_path: Path) -> None:
+    command = [str(Path(sys.executable).with_name("omni")), "sitl", "--port", "0", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+        assert process.stdout is not None
+        _, host, port = json.loads(process.stdout.readline())["links"][0].split(":")
+        process.kill()
+        process.wait(60.0)
+    assert is_gone((host, int(port)))
+
+
+def is_gone(address: tuple[str, int]) -> bool:
+    """Wait until nobody listens there."""
+    for _ in range(600):
+        try:
+            socket.create_connection(address, timeout=1.0).close()
+        except ConnectionRefusedError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_a_full_folder_for_temporary_files_is_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("omniwheel.firmware_child.tempfile.TemporaryDirectory", fail)
+    with pytest.raises(FirmwareStartError, match="No space left") as caught, FirmwareProcess():
+        pass
+    assert "TMPDIR" in caught.value.hint

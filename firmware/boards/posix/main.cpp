@@ -263,6 +263,9 @@ bool catch_signals() {
     signal(SIGXFSZ, SIG_IGN);
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
+    if (signal(SIGHUP, on_signal) == SIG_IGN) {
+        signal(SIGHUP, SIG_IGN); // nohup
+    }
     return true;
 }
 

@@ -37,8 +37,7 @@ void print_help() {
         "  --version, --help\n"
         "\n"
         "When it listens, one line of JSON on standard output names the links; everything else goes to standard error.\n"
-        "SIGINT and SIGTERM end it. Exit code 0: ended so; 2: wrong arguments, or a link or storage file that cannot be "
-        "opened.\n"
+        "SIGINT, SIGTERM and SIGHUP end it. Exit code 0: ended so; 2: wrong arguments, or a link or file that cannot be used.\n"
         "\n"
         "example: omni-firmware --robot three_wheel --link tcp:127.0.0.1:5760 --link pty:/tmp/robot");
 }

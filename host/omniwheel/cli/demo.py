@@ -28,6 +28,7 @@ from omniwheel.cli.run_output import (
     run_folder,
     run_progress,
     store,
+    tried,
 )
 
 EXAMPLES = examples(
@@ -60,10 +61,12 @@ def demo(
     with run_folder(out, scenario) as folder:
         note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
         with run_progress("firmware in the loop", json_wanted) as progress:
-            run = run_hil(scenario, out_dir=folder, progress=progress, emulated=emulated, image=image)
+            run, trouble = tried(
+                partial(run_hil, scenario, out_dir=folder, progress=progress, emulated=emulated, image=image)
+            )
         summary = summarize(run)
         summary["comparison"] = {name: _compared(name, scenario, json_wanted) for name in COMPARED} if compare else {}
-        store(run, summary, folder, partial(_print, summary, folder), as_json=json_wanted)
+        store(run, summary, folder, partial(_print, summary, folder), as_json=json_wanted, trouble=trouble)
     if not run.done:
         raise typer.Exit(FAILED)
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -24,6 +25,7 @@ from omniwheel.cli.run_output import (
     run_progress,
     scenario_help,
     store_and_print,
+    tried,
 )
 
 EXAMPLES = examples(
@@ -57,8 +59,10 @@ def hil(
     with run_folder(out, scenario) as folder:
         note(scenario.description, quiet=json_wanted)
         with run_progress(scenario.name, json_wanted) as progress:
-            run = run_hil(scenario, link, out_dir=folder, progress=progress, emulated=emulated, image=image)
-        store_and_print(run, folder, as_json=json_wanted)
+            run, trouble = tried(
+                partial(run_hil, scenario, link, out_dir=folder, progress=progress, emulated=emulated, image=image)
+            )
+        store_and_print(run, folder, as_json=json_wanted, trouble=trouble)
 
 
 hil.__doc__ = f"{hil.__doc__}\n\n{scenario_help()}"

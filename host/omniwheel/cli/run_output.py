@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from hil_sim import timeline
+from hil_sim.hil import AfterRunError
 from hil_sim.runs import Run
 from hil_sim.scenario import MAX_SEED, Scenario, scenario_names
 from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
@@ -126,10 +127,27 @@ def run_folder(out: Path, scenario: Scenario) -> Iterator[Path]:
         raise
 
 
-def store(run: Run, summary: dict[str, Any], folder: Path, show: Callable[[], None], *, as_json: bool) -> None:
+def tried(run: Callable[[], Run]) -> tuple[Run, AfterRunError | None]:
+    """Return a run, and what went wrong after its end: to be raised once the run is stored and shown."""
+    try:
+        return run(), None
+    except AfterRunError as error:
+        return error.run, error
+
+
+def store(
+    run: Run,
+    summary: dict[str, Any],
+    folder: Path,
+    show: Callable[[], None],
+    *,
+    as_json: bool,
+    trouble: OmniError | None = None,
+) -> None:
     """Write the run's files, then ``show`` it, or print it as JSON.
 
-    A run that cannot be stored is shown all the same, before the OutputFileError.
+    A run that cannot be stored is shown all the same, before the OutputFileError; so is one with ``trouble`` after its
+    end, which is raised then.
     """
     try:
         save_run(run, summary, folder)
@@ -140,16 +158,18 @@ def store(run: Run, summary: dict[str, Any], folder: Path, show: Callable[[], No
         if not as_json:
             show()
         raise
+    if not as_json:
+        show()
+    if trouble is not None:
+        raise trouble
     if as_json:
         print_json({**summary, "folder": str(folder)})
-    else:
-        show()
 
 
-def store_and_print(run: Run, folder: Path, *, as_json: bool) -> None:
-    """Summarise a run, store it and print its table. Raises OutputFileError."""
+def store_and_print(run: Run, folder: Path, *, as_json: bool, trouble: OmniError | None = None) -> None:
+    """Summarise a run, store it and print its table. Raises OutputFileError, or ``trouble`` afterwards."""
     summary = summarize(run)
-    store(run, summary, folder, partial(print_run, summary, folder), as_json=as_json)
+    store(run, summary, folder, partial(print_run, summary, folder), as_json=as_json, trouble=trouble)
 
 
 def _cell(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
