@@ -85,10 +85,10 @@ class Runner:
 class Bench:
     """Tries mutants of one area, one at a time."""
 
-    def __init__(self, area: Area, reach: Reach, functions: Mapping[str, frozenset[str]], slot: int) -> None:
-        self._builder = Builder(area, slot)
+    def __init__(self, area: Area, reach: Reach, functions: Mapping[str, frozenset[str]]) -> None:
+        self._builder = Builder(area)
         self._area, self._reach, self._functions = area, reach, functions
-        self._runner = Runner(area, OUT / f"{area.name}-tests-{slot}")
+        self._runner = Runner(area, self._builder.folder)
         self._golden = Golden(self._builder.folder / "golden") if area.name == "core" else None
         self._killers: dict[str, list[str]] = defaultdict(list)
 
@@ -136,7 +136,7 @@ def try_all(
     """Yield each of ``mutants``, some of ``everything`` in the area, with its result, known or found now."""
     reach = Reach(area)
     reach.update()
-    tests = digest(reach.test_files())
+    tests = digest(reach.test_files)
     sources = {mutant.file: digest([ROOT / mutant.file]) for mutant in mutants}
     todo = []
     for mutant in mutants:
@@ -151,8 +151,8 @@ def try_all(
     for mutant in everything:
         functions[mutant.file] |= {mutant.symbol} - {""}
     benches: Queue[Bench] = Queue()
-    for slot in range(jobs):
-        benches.put(Bench(area, reach, functions, slot))
+    for _ in range(jobs):
+        benches.put(Bench(area, reach, functions))
 
     def attempt(mutant: Mutant) -> tuple[Mutant, Result]:
         bench = benches.get()
@@ -161,7 +161,6 @@ def try_all(
         finally:
             benches.put(bench)
 
-    todo.sort(key=lambda mutant: (mutant.file, mutant.function))
     with ThreadPoolExecutor(jobs) as pool:
         for mutant, result in pool.map(attempt, todo):
             results.add(result)

@@ -7,6 +7,7 @@ mutant of the core is one compiler run and one small link. A mutant of the firmw
 
 from __future__ import annotations
 
+import fcntl
 import json
 import shlex
 import shutil
@@ -16,6 +17,7 @@ import sysconfig
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from tests.mutation.operators import Mutant, find_mutants
 from tests.native import ROOT, generated_dir
@@ -90,15 +92,14 @@ class Compiled:
 class Builder:
     """Compiles mutants of one area in a folder of its own."""
 
-    def __init__(self, area: Area, slot: int = 0, extra: Sequence[str] = ()) -> None:
+    def __init__(self, area: Area, extra: Sequence[str] = ()) -> None:
         self.area = area
         self.build = generated_dir().parent
-        self.folder = OUT / f"{area.name}-{slot}"
+        self.folder, self._lock = _own_folder(area.name)
         self._extra = list(extra)
         self._commands = _commands(self.build, area.folder)
         self._copy = self.folder / area.folder.name
         self._texts = {path: path.read_bytes() for path in area.folder.iterdir() if path.is_file()}
-        shutil.rmtree(self.folder, ignore_errors=True)
         shutil.copytree(area.folder, self._copy)
 
     def try_mutant(self, mutant: Mutant) -> Compiled:
@@ -205,6 +206,23 @@ class Builder:
         return users
 
 
+def _own_folder(name: str) -> tuple[Path, IO[str]]:
+    """Return an empty folder that no other run uses while the lock is open."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    for number in range(100):
+        folder = OUT / f"{name}-{number}"
+        lock = folder.with_suffix(".lock").open("w")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+            continue
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        return folder, lock
+    raise BuildError(f"a hundred runs at once in {OUT}?")
+
+
 def _commands(build: Path, folder: Path) -> dict[Path, tuple[list[str], Path]]:
     """Return per source the compiler's command without warnings, input and output, and the object it wrote."""
     commands = {}
@@ -234,7 +252,7 @@ def prepare_site() -> None:
         shutil.copytree(ROOT / folder / package, SITE / package, ignore=leave_out)
     run([_tool("cmake"), "--install", str(build), "--prefix", str(SITE)])
     extension = SITE / "omniwheel" / "_core.abi3.so"
-    core = Builder(areas()["core"], slot=99)
+    core = Builder(areas()["core"])
     library = SITE / CORE_LIBRARY
     shutil.copy(core.link({}), library)
     parts = ["host/native/CMakeFiles/_core.dir/_core.c.o", "hil_sim/libhil_sim.a", "shared/link/libomni_link.a"]

@@ -39,22 +39,21 @@ class Reach:
     def __init__(self, area: Area) -> None:
         self._area = area
         self._path = OUT / f"{area.name}-reach.json"
+        parts = [ROOT / part for part in area.tests]
+        found = [path for part in parts for path in ([part] if part.is_file() else sorted(part.rglob("test_*.py")))]
+        left_out = area.left_out or ("-",)
+        self.test_files = [path for path in found if not path.relative_to(ROOT).as_posix().startswith(left_out)]
+        """The files of tests that may find a mutant of the area."""
         self._map: dict[str, Any] = {"sources": "", "files": {}}
         if self._path.exists():
             self._map = json.loads(self._path.read_text(encoding="utf-8"))
-
-    def test_files(self) -> list[Path]:
-        """Return the files of tests that may find a mutant of the area."""
-        parts = [ROOT / part for part in self._area.tests]
-        found = [path for part in parts for path in ([part] if part.is_file() else sorted(part.rglob("test_*.py")))]
-        return [p for p in found if not p.relative_to(ROOT).as_posix().startswith(self._area.left_out or ("-",))]
 
     def update(self) -> None:
         """Measure what has changed since the last time. Raises BuildError."""
         sources = digest(sorted(self._area.folder.iterdir()))
         if self._map["sources"] != sources:
             self._map = {"sources": sources, "files": {}}
-        files = {path.relative_to(ROOT).as_posix(): digest([path, *helpers(path)]) for path in self.test_files()}
+        files = {path.relative_to(ROOT).as_posix(): digest([path, *helpers(path)]) for path in self.test_files}
         stale = [name for name, value in files.items() if self._map["files"].get(name, {}).get("digest") != value]
         if stale:
             for name, tests in measure(self._area, stale).items():
@@ -64,7 +63,7 @@ class Reach:
 
     def tests(self) -> Iterator[tuple[str, float, frozenset[str]]]:
         """Yield each test with its seconds and the functions that it reaches."""
-        for file in self.test_files():
+        for file in self.test_files:
             entry = self._map["files"][file.relative_to(ROOT).as_posix()]
             for test, (seconds, functions) in entry["tests"].items():
                 yield test, seconds, frozenset(functions)
@@ -105,7 +104,7 @@ def helpers(test: Path) -> list[Path]:
 
 def measure(area: Area, files: Sequence[str]) -> dict[str, dict[str, tuple[float, list[str]]]]:
     """Run files of tests on an instrumented build; per file and passing test its seconds and functions."""
-    builder = Builder(area, slot=98, extra=INSTRUMENTED)
+    builder = Builder(area, extra=INSTRUMENTED)
     product = builder.link(builder.compile_all())
     hook = OUT / "reach.so"
     run(["cc", "-O2", "-shared", "-fPIC", str(Path(__file__).with_suffix(".c")), "-o", str(hook), "-ldl"])
