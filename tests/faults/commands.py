@@ -142,15 +142,18 @@ CASES = {
     "montecarlo": Case(
         "montecarlo {inputs}/quick.toml --runs 24 --worst 1 --workers 1 --batch 8 --duration 0.3 --out {disk}/mc",
         again=True,
+        step=2,
     ),
     "sweep": Case(
         "sweep {inputs}/quick.toml --param WS_P=1:3:2 --runs 8 --workers 1 --batch 8 --duration 0.3 --out {disk}/sw",
         again=True,
+        step=2,
     ),
     "optimize": Case(
         "optimize {inputs}/quick.toml --param WS_P=1:3 --trials 2 --runs 8 --workers 1 --batch "
         "8 --duration 0.3 --minimise position_m --constraint completed.mean>=0 --out {disk}/op",
         again=True,
+        step=2,
     ),
     "tune": Case(
         "tune --set WS_P=6 --size 0.02 --duration 0.2 --revert --out {disk}/t.png --link {link}",
