@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import os
 import select
-import socket
 import termios
 import tty
 from abc import ABC, abstractmethod
 from pathlib import Path
 
 from omniwheel.errors import FirmwareStartError
+from omniwheel.tcp_server import TcpServer
 
 _READ_SIZE = 4096
 _KEPT = 1 << 16
@@ -84,66 +84,46 @@ class TcpPort(ImagePort):
     def __init__(self, host: str, port: int) -> None:
         super().__init__()
         try:
-            self._listener = socket.create_server((host, port))
+            self._server = TcpServer(host, port)
         except OSError as error:
             raise FirmwareStartError(f"cannot listen at {host}:{port}: {error.strerror}") from error
-        self._listener.setblocking(False)
-        self._client: socket.socket | None = None
-        self.name = f"tcp:{host}:{self._listener.getsockname()[1]}"
+        self.name = self._server.url
 
     @property
     def connected(self) -> bool:
         """Whether a client is there; takes the next one."""
-        if self._client is None:
-            try:
-                self._client, _ = self._listener.accept()
-            except OSError:
-                return False
-            self._client.setblocking(False)
-            self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return True
+        return self._server.connected
 
     def read(self) -> bytes:
         """Return what the client has sent."""
-        if self._client is None:
-            return b""
-        try:
-            data = self._client.recv(_READ_SIZE)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            data = b""
-        if not data:
-            self.hang_up()
+        data = self._server.read()
+        self._forget_if_gone()
         return data
 
     def _send(self, data: bytes) -> int:
-        if self._client is None:
-            return len(data)
-        try:
-            return self._client.send(data)
-        except BlockingIOError:
-            return 0
-        except OSError:
-            self.hang_up()
-            return len(data)
+        taken = self._server.send(data)
+        self._forget_if_gone()
+        return taken
 
     def wait(self, timeout_s: float | None) -> None:
         """Sleep until something has come."""
-        select.select([self._client if self._client is not None else self._listener], [], [], timeout_s)
+        select.select([self._server.waits_on], [], [], timeout_s)
 
     def hang_up(self) -> None:
         """Close the connection."""
-        self._unsent.clear()
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        self._server.hang_up()
+        self._forget_if_gone()
+
+    def _forget_if_gone(self) -> None:
+        """Keep nothing of a client that has gone: the next one is another session."""
+        if not self._server.has_client:
+            self._unsent.clear()
             self._in_session = False
 
     def close(self) -> None:
         """Close connection and server."""
         self.hang_up()
-        self._listener.close()
+        self._server.close()
 
 
 class TerminalPort(ImagePort):

@@ -100,19 +100,13 @@ class _Cutter:
             raise CheckError(f"{what}: the store does not open: {stop} {self.store.machine.why}")
 
 
-def _save(store: Store, draw: random.Random, offset: int, length: int) -> None:
-    old = store.content()
-    if store.save(offset, other_bytes(draw, old[offset : offset + length])) is not True:
-        raise CheckError(f"a save of {length} bytes at {offset} fails: {store.machine.why}")
-
-
 def _logs(store: Store, draw: random.Random) -> dict[int, bytes]:
     """Return flash memory with a log that ends at each place modulo 32 at which it can."""
     logs = {}
     for place in range(0, RESIDUES, STEP):
         store.start(b"\xff" * len(store.machine.storage))
-        _save(store, draw, 0, 1)
-        _save(store, draw, 0, RESIDUES + place)
+        store.change(draw, 1, 0)
+        store.change(draw, RESIDUES + place, 0)
         logs[place] = store.machine.storage
     return logs
 
@@ -139,8 +133,8 @@ def _new_sector(cutter: _Cutter, at_once: int) -> str:
     """A save into a full log: the next sector takes all of the content."""
     cuts = cutter.cuts
     cutter.store.start(b"\xff" * len(cutter.store.machine.storage))
-    _save(cutter.store, cutter.draw, 0, 1)
-    _save(cutter.store, cutter.draw, 0, FULL)
+    cutter.store.change(cutter.draw, 1, 0)
+    cutter.store.change(cutter.draw, FULL, 0)
     cutter.in_save(cutter.store.machine.storage, 7, FULL, at_once=at_once)
     return f"{cutter.cuts - cuts} cuts while a new sector is begun"
 
@@ -148,7 +142,7 @@ def _new_sector(cutter: _Cutter, at_once: int) -> str:
 def _fill(store: Store, draw: random.Random, banks: int) -> bytes:
     store.start(b"\xff" * len(store.machine.storage))
     for number in range(2 * banks):
-        _save(store, draw, number, FULL)
+        store.change(draw, FULL, number)
     return store.machine.storage
 
 

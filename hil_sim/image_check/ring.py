@@ -9,7 +9,7 @@ from hil_sim.i2c_wave import STOP, Edge, read_wave
 from hil_sim.image_check.bench import CheckError, Context
 from hil_sim.image_check.bus import ALL_LED_OFF, OFF_LIMIT_S
 from hil_sim.image_check.check import CI, NIGHTLY, Check
-from hil_sim.image_check.storage import FAST, TICKING, Store, other_bytes
+from hil_sim.image_check.storage import FAST, TICKING, Store
 from hil_sim.rt1062 import Options
 
 SECTOR = 4096
@@ -28,21 +28,15 @@ def erase_while_ticking(context: Context) -> list[str]:
         store = Store(bench)
         store.run_on()
         machine = store.machine
-        _save(store, draw, 1)
+        store.change(draw, 1)
         machine.storage = machine.storage[:SECTOR] + USED * (len(machine.storage) // SECTOR - 1)
         longest_s = 0.0
         for _ in range(2 * ERASES):
             begin_s = machine.time_s
-            _save(store, draw, LONG)
+            store.change(draw, LONG)
             longest_s = max(longest_s, machine.time_s - begin_s)
             bench.advance(REST_S)
     return [f"{2 * ERASES} saves over used sectors while the robot ticks; the longest took {longest_s:.2f} s"]
-
-
-def _save(store: Store, draw: random.Random, length: int) -> None:
-    done = store.save(0, other_bytes(draw, store.content()[:length]))
-    if done is not True:
-        raise CheckError(f"a save of {length} bytes over used sectors: {done} {store.machine.why}")
 
 
 def off_before_erases(context: Context) -> list[str]:
@@ -51,7 +45,7 @@ def off_before_erases(context: Context) -> list[str]:
     with context.bench(options=Options(instruction_ns=FAST, seed=context.seed)) as quick:
         store = Store(quick)
         store.start()
-        _save(store, draw, LONG)
+        store.change(draw, LONG)
         used = store.machine.storage[:SECTOR] + USED * (len(store.machine.storage) // SECTOR - 1)
     with context.bench() as bench:
         bench.machine.storage = used

@@ -82,6 +82,12 @@ class Store:
         result = self.machine.attempt(WRITE, (self.this, offset, BUFFER, len(data)), limit_s=SAVE_LIMIT_S)
         return result if isinstance(result, Stop) else result & 0xFF != 0
 
+    def change(self, draw: random.Random, length: int, offset: int = 0) -> None:
+        """Store other bytes than the ones that are there. Raises CheckError if it does not say that it did."""
+        done = self.save(offset, other_bytes(draw, self.content()[offset : offset + length]))
+        if done is not True:
+            raise CheckError(f"a save of {length} bytes at {offset}: {done} {self.machine.why}")
+
 
 def other_bytes(draw: random.Random, old: bytes) -> bytes:
     """Return as many bytes, each other than the one that is there: the store leaves out what does not change."""

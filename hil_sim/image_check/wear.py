@@ -34,8 +34,8 @@ def worn_cells(context: Context) -> list[str]:
     with context.bench(options=Options(instruction_ns=FAST, seed=context.seed), expected=expected) as bench:
         store = Store(bench)
         store.start()
-        _save(store, draw, LONG)
-        _save(store, draw, WORN)
+        store.change(draw, LONG)
+        store.change(draw, WORN)
         flash = bytearray(store.machine.storage)
         free = max(at for at in range(SECTOR) if flash[at] != 0xFF) + 1
         flash[free + WORN : free + 2 * WORN] = bytes(WORN)
@@ -52,12 +52,6 @@ def worn_cells(context: Context) -> list[str]:
     return ["cells that cannot be programmed: the save goes to another sector"]
 
 
-def _save(store: Store, draw: random.Random, length: int) -> None:
-    done = store.save(0, other_bytes(draw, store.content()[:length]))
-    if done is not True:
-        raise CheckError(f"a save of {length} bytes: {done} {store.machine.why}")
-
-
 def only_its_own(context: Context) -> list[str]:
     """Saves over the whole ring of sectors change nothing beside it: not the program, not the restore sector."""
     draw = random.Random(context.seed)
@@ -66,7 +60,7 @@ def only_its_own(context: Context) -> list[str]:
         store.start()
         with _beside(store.machine):
             for _ in range(ROUNDS):
-                _save(store, draw, LONG)
+                store.change(draw, LONG)
     return [f"{ROUNDS} saves, more than once round the ring: nothing beside it changes"]
 
 

@@ -122,24 +122,27 @@ static bool start(rt1062_t *m, uint32_t unit, uint32_t value) {
 /* ------------------------------------------------------------------ registers */
 
 static bool clocked(rt1062_t *m, uint32_t unit) {
-    const bool on = rt_clock_on(m, unit == 0 ? RT_CLOCK_ADC1 : RT_CLOCK_ADC2);
-    if (!on) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "ADC%u is used while its clock is off", (unsigned)unit + 1);
+    return unit == 0 ? rt_clock_needed(m, RT_CLOCK_ADC1, "ADC1") : rt_clock_needed(m, RT_CLOCK_ADC2, "ADC2");
+}
+
+/* The converter that an access is for, as it is now. NULL: the access is over; *good says whether there is such a register. */
+static rt_adc_t *reached(rt1062_t *m, uint32_t offset, uint32_t size, bool *good) {
+    const uint32_t unit = offset / SPACING;
+    *good = size == 4;
+    if (!*good || !clocked(m, unit)) {
+        return NULL;
     }
-    return on;
+    finish(m, &m->s.adc[unit]);
+    return &m->s.adc[unit];
 }
 
 static bool read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value) {
-    const uint32_t unit = offset / SPACING;
-    rt_adc_t *adc = &m->s.adc[unit];
+    bool good;
+    rt_adc_t *adc = reached(m, offset, size, &good);
     *value = 0;
-    if (size != 4) {
-        return false;
+    if (adc == NULL) {
+        return good;
     }
-    if (!clocked(m, unit)) {
-        return true;
-    }
-    finish(m, adc);
     switch (offset % SPACING) {
     case HC0:
         *value = adc->channel;
@@ -190,18 +193,14 @@ static bool write_general(rt1062_t *m, rt_adc_t *adc, uint32_t value) {
 }
 
 static bool write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {
-    const uint32_t unit = offset / SPACING;
-    rt_adc_t *adc = &m->s.adc[unit];
-    if (size != 4) {
-        return false;
+    bool good;
+    rt_adc_t *adc = reached(m, offset, size, &good);
+    if (adc == NULL) {
+        return good;
     }
-    if (!clocked(m, unit)) {
-        return true;
-    }
-    finish(m, adc);
     switch (offset % SPACING) {
     case HC0:
-        return start(m, unit, value);
+        return start(m, offset / SPACING, value);
     case CFG:
         return write_config(adc, value);
     case GC:

@@ -53,6 +53,14 @@ bool rt_clock_on(const rt1062_t *m, rt_clock_gate_t gate) {
     return (m->s.ccm.values[CCGR0 + (uint32_t)gate / 16] >> (2 * ((uint32_t)gate % 16)) & 1) != 0;
 }
 
+bool rt_clock_needed(rt1062_t *m, rt_clock_gate_t gate, const char *peripheral) {
+    const bool on = rt_clock_on(m, gate);
+    if (!on) {
+        rt_finding(m, RT1062_FINDING_CLOCK, "%s is used while its clock is off", peripheral);
+    }
+    return on;
+}
+
 /* A PFD of PLL2: 18 / FRAC of it [CCM_ANALOG_PFD_528]. */
 static uint32_t pll2_pfd_hz(const rt1062_t *m, uint32_t number) {
     const uint32_t pfd = rt_analog_value(m, RT_ANALOG_PFD_528) >> (8 * number);

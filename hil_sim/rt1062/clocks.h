@@ -69,8 +69,10 @@ typedef enum rt_clock_root_t {
     RT_ROOT_LPI2C   /* LPI2C1 .. 4 */
 } rt_clock_root_t;
 
-/* The gate is open while the processor runs. Says nothing to the user: whoever finds a closed one calls rt_finding(). */
+/* The gate is open while the processor runs. Says nothing to the user: rt_clock_needed() does. */
 bool rt_clock_on(const rt1062_t *m, rt_clock_gate_t gate);
+/* The same for a peripheral that is being used: a closed gate is a finding that names it. */
+bool rt_clock_needed(rt1062_t *m, rt_clock_gate_t gate, const char *peripheral);
 /* Frequency [Hz] as the dividers and PLLs stand; 0: its source is off. */
 uint32_t rt_clock_hz(const rt1062_t *m, rt_clock_root_t root);
 /* What the boot ROM leaves in the clock registers; after the devices' reset. */

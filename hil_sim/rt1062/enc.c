@@ -109,11 +109,19 @@ void rt_enc_inputs_changed(rt1062_t *m) {
 /* ------------------------------------------------------------------ registers */
 
 static bool clocked(rt1062_t *m, uint32_t unit) {
-    const bool on = rt_clock_on(m, (rt_clock_gate_t)(RT_CLOCK_ENC1 + unit));
-    if (!on) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "ENC%u is used while its clock is off", (unsigned)unit + 1);
+    static const char *const names[RT_ENCODERS] = {"ENC1", "ENC2", "ENC3", "ENC4"};
+    return rt_clock_needed(m, (rt_clock_gate_t)(RT_CLOCK_ENC1 + unit), names[unit]);
+}
+
+/* The decoder that an access is for, as it is now. NULL: the access is over; *good says whether there is such a register. */
+static rt_enc_t *reached(rt1062_t *m, uint32_t offset, uint32_t size, bool *good) {
+    const uint32_t unit = offset / SPACING;
+    *good = size == 2;
+    if (!*good || !clocked(m, unit)) {
+        return NULL;
     }
-    return on;
+    settle(m, &m->s.enc[unit], rt_now(m));
+    return &m->s.enc[unit];
 }
 
 static void expect_pins(rt1062_t *m, uint32_t unit) {
@@ -149,16 +157,12 @@ static uint32_t inputs(const rt_enc_t *enc) {
 }
 
 static bool read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value) {
-    const uint32_t unit = offset / SPACING;
-    rt_enc_t *enc = &m->s.enc[unit];
+    bool good;
+    rt_enc_t *enc = reached(m, offset, size, &good);
     *value = 0;
-    if (size != 2) {
-        return false;
+    if (enc == NULL) {
+        return good;
     }
-    if (!clocked(m, unit)) {
-        return true;
-    }
-    settle(m, enc, rt_now(m));
     switch (offset % SPACING) {
     case CTRL:
         *value = enc->control;
@@ -169,7 +173,7 @@ static bool read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value) {
     case POSD:
     case UPOS:
     case LPOS:
-        *value = read_counter(m, unit, offset % SPACING);
+        *value = read_counter(m, offset / SPACING, offset % SPACING);
         return true;
     case POSDH:
         *value = (uint16_t)enc->difference_hold;
@@ -226,15 +230,11 @@ static bool write_control2(rt_enc_t *enc, uint32_t value) {
 }
 
 static bool write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {
-    const uint32_t unit = offset / SPACING;
-    rt_enc_t *enc = &m->s.enc[unit];
-    if (size != 2) {
-        return false;
+    bool good;
+    rt_enc_t *enc = reached(m, offset, size, &good);
+    if (enc == NULL) {
+        return good;
     }
-    if (!clocked(m, unit)) {
-        return true;
-    }
-    settle(m, enc, rt_now(m));
     switch (offset % SPACING) {
     case CTRL:
         return write_control(enc, value);

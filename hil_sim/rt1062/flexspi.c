@@ -64,11 +64,7 @@ typedef struct sequence_t {
 } sequence_t;
 
 static bool clocked(rt1062_t *m) {
-    if (!rt_clock_on(m, RT_CLOCK_FLEXSPI)) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "FlexSPI is used while CCM_CCGR6_FLEXSPI is off");
-        return false;
-    }
-    return true;
+    return rt_clock_needed(m, RT_CLOCK_FLEXSPI, "FlexSPI");
 }
 
 /* Bytes at which IPTXWE and IPRXWA are set: (WMRK + 1) times 64 bits. */

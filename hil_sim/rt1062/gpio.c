@@ -173,11 +173,9 @@ static uint32_t read_data(const rt1062_t *m, uint32_t number) {
 
 static bool clocked(rt1062_t *m, uint32_t number) {
     static const rt_clock_gate_t gates[RT_GPIO_SLOW] = {RT_CLOCK_GPIO1, RT_CLOCK_GPIO2, RT_CLOCK_GPIO3, RT_CLOCK_GPIO4};
-    const bool on = number >= RT_GPIO_SLOW || rt_clock_on(m, gates[number]); /* the fast ones run with the processor */
-    if (!on) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "GPIO%u is used while its clock is off", (unsigned)number + 1);
-    }
-    return on;
+    static const char *const names[RT_GPIO_SLOW] = {"GPIO1", "GPIO2", "GPIO3", "GPIO4"};
+    /* The fast ones run with the processor. */
+    return number >= RT_GPIO_SLOW || rt_clock_needed(m, gates[number], names[number]);
 }
 
 static bool read_port(rt1062_t *m, uint32_t number, uint32_t offset, uint32_t size, uint32_t *value) {

@@ -35,11 +35,7 @@ enum {
 static const uint32_t config_bits[] = {0, 0x7, 0x0F0F0FFF, 0x000FFF00};
 
 static bool clocked(rt1062_t *m) {
-    const bool on = rt_clock_on(m, RT_CLOCK_LPI2C1);
-    if (!on) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "LPI2C1 is used while its clock is off");
-    }
-    return on;
+    return rt_clock_needed(m, RT_CLOCK_LPI2C1, "LPI2C1");
 }
 
 /* ------------------------------------------------------------------ reading */

@@ -109,12 +109,6 @@ static uint64_t bits_ns(const rt1062_t *m, uint32_t bits) {
     return hz == 0 ? 0 : (clocks * 1000000000u + hz / 2) / hz;
 }
 
-static void look_at_clock(rt1062_t *m) {
-    if (!rt_clock_on(m, RT_CLOCK_LPUART6)) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "LPUART6 is used while its clock is off");
-    }
-}
-
 /* Whether the pads of pins 0 and 1 are connected to it [core, UART6_Hardware]. The daisy of TX is that of its input, for a single wire. */
 static bool hears_pad(const rt1062_t *m) {
     return rt_pad_is(m, RT_PAD_UART_RX, ALT_LPUART6) && m->s.pads.daisy[RT_DAISY_LPUART6_RX] == DAISY_RX_PIN_0;
@@ -271,7 +265,7 @@ static bool lpuart_read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *v
     if (size != 4) {
         return false;
     }
-    look_at_clock(m);
+    rt_clock_needed(m, RT_CLOCK_LPUART6, "LPUART6");
     switch (offset) {
     case PINCFG:
         *value = 0;
@@ -351,7 +345,7 @@ static bool lpuart_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t v
     if (size != 4) {
         return false;
     }
-    look_at_clock(m);
+    rt_clock_needed(m, RT_CLOCK_LPUART6, "LPUART6");
     switch (offset) {
     case PINCFG:
         if (value != 0) {

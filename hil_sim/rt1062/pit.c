@@ -83,11 +83,7 @@ void rt_pit3_event(rt1062_t *m) {
 /* ------------------------------------------------------------------ registers */
 
 static bool clocked(rt1062_t *m) {
-    const bool on = rt_clock_on(m, RT_CLOCK_PIT);
-    if (!on) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "PIT is used while its clock is off");
-    }
-    return on;
+    return rt_clock_needed(m, RT_CLOCK_PIT, "PIT");
 }
 
 static uint32_t counts_left(const rt1062_t *m, const rt_pit_channel_t *channel) {

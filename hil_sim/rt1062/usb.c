@@ -251,12 +251,6 @@ void rt_usb_event(rt1062_t *m) {
 
 /* ---- registers */
 
-static void look_at_clock(rt1062_t *m) {
-    if (!rt_clock_on(m, RT_CLOCK_USBOH3)) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "USB1 is used while its clock is off");
-    }
-}
-
 static uint32_t port_value(const rt1062_t *m) {
     const rt_usb_t *u = &m->s.usb;
     const uint32_t speed = u->high_speed ? 2u << PORTSC1_PSPD_SHIFT | PORTSC1_HSP : 0;
@@ -269,7 +263,7 @@ static bool usb_read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *valu
     if (size != 4) {
         return false;
     }
-    look_at_clock(m);
+    rt_clock_needed(m, RT_CLOCK_USBOH3, "USB1");
     if (offset >= ENDPTCTRL0 && offset <= ENDPTCTRL7) {
         *value = u->endpoint[(offset - ENDPTCTRL0) / 4];
         return true;
@@ -424,7 +418,7 @@ static bool usb_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t valu
     if (size != 4) {
         return false;
     }
-    look_at_clock(m);
+    rt_clock_needed(m, RT_CLOCK_USBOH3, "USB1");
     if (offset >= ENDPTCTRL0 && offset <= ENDPTCTRL7) {
         write_endpoint(m, (offset - ENDPTCTRL0) / 4, value);
         return true;

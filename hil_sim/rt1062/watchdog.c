@@ -228,11 +228,7 @@ static bool status_ok(rt1062_t *m, uint32_t value) {
 }
 
 static bool clocked(rt1062_t *m) {
-    if (!rt_clock_on(m, RT_CLOCK_WDOG3)) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "WDOG3 is accessed while CCM_CCGR5_WDOG3 is off");
-        return false;
-    }
-    return true;
+    return rt_clock_needed(m, RT_CLOCK_WDOG3, "WDOG3");
 }
 
 static bool watchdog_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {

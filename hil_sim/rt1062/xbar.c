@@ -78,11 +78,7 @@ bool rt_xbar_level(const rt1062_t *m, uint32_t output) {
 /* ------------------------------------------------------------------ registers */
 
 static bool clocked(rt1062_t *m) {
-    const bool on = rt_clock_on(m, RT_CLOCK_XBAR1);
-    if (!on) {
-        rt_finding(m, RT1062_FINDING_CLOCK, "XBAR1 is used while its clock is off");
-    }
-    return on;
+    return rt_clock_needed(m, RT_CLOCK_XBAR1, "XBAR1");
 }
 
 /* SEL0..65: halfwords with two outputs each; bytes are not to be had ([core] pwm.c). */

@@ -15,17 +15,16 @@ Time is an argument, chance is seeded: equal input gives equal output.
 from __future__ import annotations
 
 import random
-import socket
 from collections import deque
 from dataclasses import dataclass
 from types import TracebackType
 
 from omniwheel.errors import LinkOpenError
 from omniwheel.link import FileLink
+from omniwheel.tcp_server import TcpServer
 
 BITS_PER_BYTE = 10
 SILENT_CHARACTERS = 3
-_READ_SIZE = 4096
 
 
 @dataclass(frozen=True)
@@ -138,14 +137,11 @@ class RadioBridge:
     def __init__(self, robot: FileLink, settings: RadioSettings, address: tuple[str, int], *, seed: int = 1) -> None:
         self.radio = Radio(settings, seed)
         self._robot = robot
-        self._client: socket.socket | None = None
         try:
-            self._listener = socket.create_server(address)
+            self._server = TcpServer(*address)
         except OSError as error:
             raise LinkOpenError(f"cannot listen at {address[0]}:{address[1]}: {error.strerror}") from error
-        self._listener.setblocking(False)
-        host, port = self._listener.getsockname()[:2]
-        self.url = f"tcp:{host}:{port}"
+        self.url = self._server.url
 
     def __enter__(self) -> RadioBridge:
         return self
@@ -159,7 +155,7 @@ class RadioBridge:
         """Move what is due; to be called every few milliseconds. Raises LinkLostError if the robot has gone."""
         if data := self._robot.read(0.0):
             self.radio.down.put(data, now_s)
-        if data := self._receive():
+        if self._server.connected and (data := self._server.read()):
             self.radio.up.put(data, now_s)
         if data := self.radio.up.take(now_s):
             self._robot.write(data)
@@ -168,37 +164,10 @@ class RadioBridge:
 
     def close(self) -> None:
         """Close port and connections."""
-        for opened in (self._client, self._listener):
-            if opened is not None:
-                opened.close()
+        self._server.close()
         self._robot.close()
-
-    def _receive(self) -> bytes:
-        if self._client is None:
-            try:
-                self._client, _ = self._listener.accept()
-                self._client.setblocking(False)
-            except BlockingIOError:
-                return b""
-        try:
-            data = self._client.recv(_READ_SIZE)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            data = b""
-        if not data:
-            self._drop()
-        return data
 
     def _send(self, data: bytes) -> None:
         """Give the ground station what came; nobody there: it is lost in the air, as with a radio."""
-        if self._client is not None:
-            try:
-                self._client.sendall(data)
-            except OSError:
-                self._drop()
-
-    def _drop(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        if self._server.send(data) < len(data):
+            self._server.hang_up()  # it does not read
