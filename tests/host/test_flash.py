@@ -150,6 +150,16 @@ def test_a_build_that_fails_is_an_error_of_its_own(bench: Bench) -> None:
     assert "exit code 3" in result.stderr
 
 
+def test_a_first_build_that_fails_tells_that_it_needs_the_network(bench: Bench) -> None:
+    bench.program("pio", 1)
+    said = " ".join(flash("--build-only").stderr.split())
+    assert "no platforms/teensy yet" in said
+    assert "HTTPClientError" in said
+    for part in ("platforms/teensy", "packages/framework-arduinoteensy", "packages/toolchain-gccarmnoneeabi-teensy"):
+        (bench.folder / "core" / part).mkdir(parents=True)
+    assert "HTTPClientError" not in flash("--build-only").stderr
+
+
 def test_a_wrong_robot_file_is_refused_before_anything_is_built(bench: Bench, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(find_robot_file("three_wheel").read_text().replace("wheels = 3", "wheels = 7"))
@@ -445,7 +455,7 @@ def test_a_dry_run_needs_neither_board_nor_loader(bench: Bench) -> None:
     assert result.exit_code == 0, result.output
     said = " ".join(result.stderr.split())
     assert "no Teensy is connected" in said
-    assert "teensy_loader_cli is not installed" in said
+    assert "teensy_loader_cli is not installed here; Debian, Ubuntu: sudo apt install teensy-loader-cli" in said
     assert "nothing was uploaded" in said
 
 

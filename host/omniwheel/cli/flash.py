@@ -20,6 +20,7 @@ from omniwheel.flashing.boards import Board, choose_board
 from omniwheel.flashing.hex_file import HexImage, read_hex
 from omniwheel.flashing.loader import (
     CUT_SHORT,
+    HOW_TO_GET_IT,
     PROGRAM,
     enter_bootloader,
     find_loader,
@@ -121,7 +122,7 @@ def _dry_run(program: Program, port: str | None, blank: bool) -> dict[str, Any]:
     note(escape(f"{program.what}: {program.image.size} bytes, SHA-256 {program.image.sha256}"))
     note(escape(f"would run: {shlex.join(command)}"))
     if loader is None:
-        note(f"{PROGRAM} is not installed here")
+        note(f"{PROGRAM} is not installed here; {HOW_TO_GET_IT}")
     note(escape(f"for {board}" if board else f"an upload would be refused now: {problem}"))
     note("dry run: nothing was uploaded")
     return {

@@ -18,6 +18,9 @@ from omniwheel.flashing.source import STANDARD_ERROR, core_dir
 from omniwheel.ports import bootloaders
 
 PROGRAM = "teensy_loader_cli"
+HOW_TO_GET_IT = (
+    "Debian, Ubuntu: sudo apt install teensy-loader-cli; anywhere: pio pkg install -g -t platformio/tool-teensy"
+)
 REBOOT_BAUD = 134
 """Opening a Teensy's port at this rate sends it to its bootloader; our firmware switches the motors off first."""
 LEAVE_S = 5.0
@@ -41,10 +44,7 @@ def require_loader() -> str:
     """Return PJRC's loader. Raises FlashError."""
     path = find_loader()
     if path is None:
-        hint = (
-            "Debian, Ubuntu: sudo apt install teensy-loader-cli; anywhere: pio pkg install -g -t platformio/tool-teensy"
-        )
-        raise FlashError(f"{PROGRAM} is not installed", hint=hint)
+        raise FlashError(f"{PROGRAM} is not installed", hint=HOW_TO_GET_IT)
     return path
 
 

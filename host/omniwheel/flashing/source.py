@@ -79,11 +79,23 @@ def build(robot: str | Path) -> Build:
     command = [find_pio(), "run", "-d", str(root), "-e", environment]
     done = subprocess.run(command, check=False, env={**inherited, **variables}, stdout=STANDARD_ERROR)
     if done.returncode != 0:
-        raise FlashError(f"PlatformIO's build failed (exit code {done.returncode})", hint="its own words are above")
+        raise FlashError(f"PlatformIO's build failed (exit code {done.returncode})", hint=_why_it_failed())
     folder = root / ".pio" / "build" / environment
     header = folder / "generated" / "include" / "omni" / "version_gen.h"
     git_hash, changed = _version(header.read_text(encoding="utf-8") if header.is_file() else "")
     return Build(folder / "firmware.elf", folder / "firmware.hex", git_hash, changed)
+
+
+def _why_it_failed() -> str:
+    """Return what to do about a build that failed. Without a network the first one ends in an HTTPClientError."""
+    parts = ("platforms/teensy", "packages/framework-arduinoteensy", "packages/toolchain-gccarmnoneeabi-teensy")
+    missing = [part for part in parts if not (core_dir() / part).is_dir()]
+    if not missing:
+        return "its own words are above"
+    return (
+        f"its own words are above; {core_dir()} has no {missing[0]} yet: PlatformIO fetches it in the first build, "
+        "which needs the network (HTTPClientError: there is none)"
+    )
 
 
 def _version(header: str) -> tuple[str, bool]:
