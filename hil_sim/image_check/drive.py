@@ -15,7 +15,8 @@ from hil_sim.scenario import Scenario, parse_scenario
 from omniwheel.robot import Robot
 
 DUTY = 0.3
-SPIN_S = 0.4
+SPIN_S = 0.3
+BETWEEN_S = 0.05
 REST_RAD_S = 0.05
 COUNT_TOLERANCE = 1
 """Counts between what the discs have passed and what the driver says: the last edge may still be on its way."""
@@ -63,7 +64,7 @@ def _turn_one(bench: Bench, robot: Robot, wheel: int, duty: float) -> None:
     others = [number + 1 for number in range(wheels) if number != wheel and abs(given[number]) > 0.0]
     if others:
         raise CheckError(f"duty on motor {wheel + 1} alone drives motor {others[0]}, too")
-    robot.drive_duty([0.0] * wheels, SPIN_S, stop=False)
+    robot.drive_duty([0.0] * wheels, BETWEEN_S, stop=False)
 
 
 def _compare_counts(bench: Bench) -> int:

@@ -29,7 +29,7 @@ WATCHDOG_EARLY_S = 0.01
 TICK_S = 0.001
 OFF_INSTRUCTIONS = 20
 """From the bad code to the output-enable pin: with the first instructions of the handler, says docs/teensy.md."""
-SAID_S = 1.5
+SAID_S = 0.8
 HANG = 20
 """Time of an instruction [ns]: a tick still ends within its millisecond."""
 

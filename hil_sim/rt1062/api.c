@@ -227,7 +227,7 @@ const char *const *rt1062_not_modelled(void) {
         "Analog behaviour: edges, levels between high and low, noise, supply currents.",
         "The 500 us that the PWM chip's oscillator takes to start.",
         "Levels of the serial port's pins: its bytes go past them.",
-        "Flash memory after a cut: bits are old or new; a real chip's may read now so, now so, or be 0 where an erase began.",
+        "Flash memory after a cut: bits are old or new. A real chip's may read now so, now so, or be 0 where an erase began.",
         "An interrupt between LDREX and STREX: STREX fails only if the value has changed.",
         "After a fault by alignment or in a protected region smaller than a page, the rest of the basic block is executed.",
         "Cumulative exception flags of double-precision operations; whether the floating-point unit was switched on.",

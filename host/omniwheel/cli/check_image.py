@@ -79,6 +79,7 @@ def check_image(
     else:
         verdict = f"checks: {len(outcomes) - len(failed)} passed, {len(failed)} failed"
         console.print(f"{verdict}, on a model of the chip: no silicon was tested (seed {seed})")
+        console.print(f"{sum(outcome.cpu_s for outcome in outcomes):.1f} s of processor time")
         _write(report_file, page)  # last: on a full disk, too, the checks have been told
     if failed:
         raise typer.Exit(1)
