@@ -37,6 +37,10 @@ from tests.native import ROOT
 RESULTS = OUT / "results.jsonl"
 PAGE = ROOT / "docs" / "testing.md"
 AREAS = ("core", "app")
+SILENT_S = 150.0
+"""A test that says nothing for so long hangs. Only for what waits: what computes is stopped by its processor time."""
+SLOW_S = 1800.0
+"""The same for the unchanged program, when tests compile the firmware for the first time."""
 FIRST = 12
 """Tests that are run before the files of all others are even loaded."""
 MARKS = ("<!-- mutation: begin -->", "<!-- mutation: end -->")
@@ -62,13 +66,16 @@ class Runner:
         if self._out.readline() != "ready\n":
             raise BuildError("the process that runs the tests does not start")
 
-    def verdict(self, costs_s: dict[str, float], environment: dict[str, str], library: str) -> dict[str, str]:
+    def verdict(
+        self, costs_s: dict[str, float], environment: dict[str, str], library: str, silent_s: float = SILENT_S
+    ) -> dict[str, str]:
         """Return the test that failed and how."""
         folder = self._folder / "tmp"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         environment = {**environment, "TMPDIR": str(folder)}
         job = {"costs_s": costs_s, "environment": environment, "library": library, "folder": str(folder / "pytest")}
+        job["silent_s"] = silent_s
         self._in.write(json.dumps(job) + "\n")
         self._in.flush()
         if not (line := self._out.readline()):
@@ -91,6 +98,7 @@ class Bench:
         self._runner = Runner(area, self._builder.folder)
         self._golden = Golden(self._builder.folder / "golden") if area.name == "core" else None
         self._killers: dict[str, list[str]] = defaultdict(list)
+        self._try_original()
 
     def close(self) -> None:
         """End the tests' process."""
@@ -115,6 +123,19 @@ class Bench:
         if self._golden is not None and self._golden.differs(compiled.product):
             return Result(mutant.key, GOLDEN, source, tests)
         return Result(mutant.key, SURVIVED, source, tests, how="" if costs_s else "no test reaches it")
+
+    def _try_original(self) -> None:
+        """Run a test of each file on the unchanged program: they must pass. Raises BuildError."""
+        cheapest: dict[str, tuple[float, str]] = {}
+        for test, seconds, _ in self._reach.tests():
+            file = test.split("::")[0]
+            cheapest[file] = min(cheapest.get(file, (seconds, test)), (seconds, test))
+        product = self._builder.link({})
+        environment = self._builder.test_environment(None, product)
+        library = str(product) if self._area.name == "core" else ""
+        answer = self._runner.verdict({test: s for s, test in cheapest.values()}, environment, library, SLOW_S)
+        if answer["test"]:
+            raise BuildError(f"{answer['test']}: {answer['how']} on the unchanged program; run make setup, make test")
 
     def _first_failure(self, costs_s: dict[str, float], environment: dict[str, str], library: str) -> dict[str, str]:
         """Run the tests; the first ones alone, because loading the files of all takes longer than those few."""

@@ -21,8 +21,6 @@ from typing import Any
 import hypothesis
 import pytest
 
-SILENT_S = 60.0
-"""A test that says nothing for so long hangs. Only for what waits: what computes is stopped by its processor time."""
 GRACE_S = 3.0
 FACTOR = 6.0
 OPTIONS = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "--tb=no", "--assert=plain")
@@ -114,7 +112,7 @@ def verdict(job: dict[str, Any]) -> dict[str, str]:
         os.close(reader)
         _run_tests(job, writer)
     os.close(writer)
-    said, silent = _listen(reader)
+    said, silent = _listen(reader, job["silent_s"])
     os.close(reader)
     with suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)
@@ -135,11 +133,11 @@ def verdict(job: dict[str, Any]) -> dict[str, str]:
     return {"test": last[1], "how": how}
 
 
-def _listen(reader: int) -> tuple[list[str], bool]:
+def _listen(reader: int, silent_s: float) -> tuple[list[str], bool]:
     """Return what the child said until it ended, and whether it was silent for too long."""
     data = b""
     while True:
-        if not select.select([reader], [], [], SILENT_S)[0]:
+        if not select.select([reader], [], [], silent_s)[0]:
             return data.decode().splitlines(), True
         part = os.read(reader, 65536)
         data += part
