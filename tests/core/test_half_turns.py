@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ def test_floats_around_a_half_turn_stay_in_range_and_keep_their_direction(half_t
     centre = np.float32(half_turns * math.pi)
     near = [centre]
     for direction in (-np.inf, np.inf):
-        angle = centre
+        angle: Any = centre
         for _ in range(30):
             angle = np.nextafter(angle, np.float32(direction))
             near.append(angle)
