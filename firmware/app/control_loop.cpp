@@ -6,6 +6,12 @@
 #include <cstring>
 
 namespace omni {
+namespace {
+
+/// A megavolt: no supply that is measured, but one that a host may tell.
+constexpr float most_volt_us = 1e9f;
+
+} // namespace
 
 void ControlLoop::hold() {
     void_before_.store(++order_, std::memory_order_relaxed);
@@ -272,7 +278,8 @@ void ControlLoop::measure(uint64_t duration_ns) {
 /// The voltage of this tick acts until the next one.
 void ControlLoop::integrate_voltage() {
     for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
-        volt_us_[i] += static_cast<uint32_t>(std::lround(outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US)));
+        const float volt_us = outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US);
+        volt_us_[i] += static_cast<uint32_t>(std::lround(omni_clampf(volt_us, -most_volt_us, most_volt_us)));
     }
 }
 

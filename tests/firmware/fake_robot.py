@@ -10,7 +10,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 from tests.firmware.client import GCS, mav
-from tests.native import ROOT, build_library, core_archive
+from tests.native import ROOT, build_library, core_archive, generated_dir
 
 PORTS = 4
 USB, RADIO = 0, 1
@@ -22,25 +22,32 @@ _OUT = 1 << 14
 _FOREVER = ctypes.c_size_t(-1).value
 
 
+CORE = ROOT / "shared/core/src"
+TRAPS = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error", "-Wno-conversion")
+"""A conversion of a number that the whole number cannot hold ends the process."""
+
+
 @cache
-def library() -> ctypes.CDLL:
-    """Build the firmware with its shim, once per process."""
+def library(trapping: bool = False) -> ctypes.CDLL:
+    """Build the firmware with its shim, once per process; ``trapping`` with the core's sources too, and TRAPS."""
     sources = [*sorted((ROOT / "firmware/app").glob("*.cpp")), Path(__file__).parent / "robot_shim.cpp"]
     sources += [ROOT / "tests/fuzz" / name for name in ("chip.cpp", "check.cpp", "frames.cpp")]
+    if trapping:
+        sources += [*sorted(CORE.glob("*.c")), *(generated_dir() / "src").glob("*_gen.c")]
     built = build_library(
         Path(mkdtemp(prefix="omni-robot-")),
         "robot",
         sources,
         includes=[ROOT / "tests/fuzz"],
-        flags=["-DMAVLINK_USE_MESSAGE_INFO", "-Wno-address-of-packed-member"],
-        archives=[core_archive()],
+        flags=["-DMAVLINK_USE_MESSAGE_INFO", "-Wno-address-of-packed-member", *(TRAPS if trapping else ())],
+        archives=[] if trapping else [core_archive()],
     )
     loaded = ctypes.CDLL(str(built))
     loaded.robot_new.restype = ctypes.c_void_p
     loaded.robot_storage.restype = ctypes.POINTER(ctypes.c_uint8)
     for name in ("robot_size", "robot_take", "robot_unread", "robot_storage_written"):
         getattr(loaded, name).restype = ctypes.c_size_t
-    for name in ("robot_driven", "robot_reboot_wanted"):
+    for name in ("robot_driven", "robot_enabled", "robot_has_duty", "robot_reboot_wanted"):
         getattr(loaded, name).restype = ctypes.c_bool
     return loaded
 
@@ -94,8 +101,8 @@ def duty(value: float) -> bytes:
 class FakeRobot:
     """A robot with a ground station on each of four links. What it says is kept per link."""
 
-    def __init__(self, lockstep: bool = False) -> None:
-        self._c = library()
+    def __init__(self, lockstep: bool = False, *, trapping: bool = False) -> None:
+        self._c = library(trapping)
         self._robot = ctypes.c_void_p(self._c.robot_new(lockstep))
         self._parsers = [self._parser() for _ in range(PORTS)]
         self._buffer = (ctypes.c_uint8 * _OUT)()
@@ -173,6 +180,14 @@ class FakeRobot:
     def driven(self, hil: bool = False) -> bool:
         """Return whether a motor gets voltage."""
         return bool(self._c.robot_driven(self._robot, hil))
+
+    def enabled(self, hil: bool = False) -> bool:
+        """Return whether the output-enable pin is on."""
+        return bool(self._c.robot_enabled(self._robot, hil))
+
+    def has_duty(self, hil: bool = False) -> bool:
+        """Return whether the PWM chip holds a duty, let through or not."""
+        return bool(self._c.robot_has_duty(self._robot, hil))
 
     @property
     def reboots(self) -> bool:

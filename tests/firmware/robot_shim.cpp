@@ -309,6 +309,16 @@ bool robot_driven(const TestRobot *robot, bool hil) {
     return hil ? robot->driven(robot->hil_chip, robot->hil_enabled == 1) : robot->driven(robot->bus.chip, robot->pin.on);
 }
 
+/// The output-enable pin lets the chip's outputs through.
+bool robot_enabled(const TestRobot *robot, bool hil) {
+    return hil ? robot->hil_enabled == 1 : robot->pin.on;
+}
+
+/// The chip's outputs would drive some motor.
+bool robot_has_duty(const TestRobot *robot, bool hil) {
+    return robot->driven(hil ? robot->hil_chip : robot->bus.chip, true);
+}
+
 bool robot_reboot_wanted(const TestRobot *robot) {
     return robot->app->reboot_wanted();
 }

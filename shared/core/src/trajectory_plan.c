@@ -18,6 +18,8 @@ static const omni_real_t report_repeats_s = 1680.0f;
 static const omni_real_t near_m = 1e-3f;
 static const omni_real_t near_rad = 1e-3f;
 static const omni_real_t shortest_lead_in_s = 0.2f;
+/* Seconds, or times slower than planned: what is beyond is refused. */
+static const omni_real_t largest = 1e6f;
 
 /* What a motion asks of the wheels, at its own speed. */
 typedef struct demand_t {
@@ -170,7 +172,8 @@ static void set_lead_in(omni_trajectory_t *plan, const omni_kinematics_t *k) {
         add_demand(&demand, &plan->config, k, pose.theta, &rate, &acceleration);
     }
     plan->lead_in_s = larger(demand.scale, shortest_lead_in_s);
-    plan->timing.lead_in_us = omni_nanoseconds(plan->lead_in_s) / 1000u;
+    /* What is longer is refused; it must not be converted. */
+    plan->timing.lead_in_us = omni_nanoseconds(omni_select(plan->lead_in_s <= largest, plan->lead_in_s, largest)) / 1000u;
 }
 
 /* Hold `at` for ever; also what is left of a refused plan. */
@@ -195,7 +198,8 @@ static void set_start(omni_trajectory_t *plan) {
     omni_twist_t second;
     plan->heading_offset_rad = plan->config.type == OMNI_TRJ_TYPE_HOLD ? plan->origin.theta : 0.0f;
     omni_path_at(plan, 0, &plan->start, &first, &second);
-    const omni_real_t turns = (plan->origin.theta - plan->start.theta) / omni_two_pi;
+    /* Turns beyond what a float can tell apart make no difference, and must not be converted. */
+    const omni_real_t turns = omni_clampf((plan->origin.theta - plan->start.theta) / omni_two_pi, -largest, largest);
     plan->heading_offset_rad += omni_two_pi * (omni_real_t)(int32_t)(turns + (turns < 0.0f ? -0.5f : 0.5f));
     omni_path_at(plan, 0, &plan->start, &first, &second);
 }
@@ -265,7 +269,7 @@ omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajector
     plan->duration_s = duration_ns == OMNI_ENDLESS_NS ? -1.0f : (omni_real_t)duration_ns * 1e-9f;
     set_scale(plan, k);
     set_lead_in(plan, k);
-    if (!omni_is_finite(plan->needed_scale) || plan->needed_scale > 1e6f || plan->lead_in_s > 1e6f) {
+    if (!omni_is_finite(plan->needed_scale) || plan->needed_scale > largest || !(plan->lead_in_s <= largest)) {
         hold(plan, at);
         return OMNI_ERR_RANGE;
     }
