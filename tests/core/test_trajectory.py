@@ -465,6 +465,9 @@ def test_bad_waypoints_and_start_hold() -> None:
     assert Plan({"type": "waypoints"}, waypoints=[(0.0, 0.0, 0.0)]).result == lib.OMNI_ERR_RANGE
     bad = [(0.0, 0.0, 0.0), (math.nan, 0.0, 0.0)]
     assert Plan({"type": "waypoints"}, waypoints=bad).result == lib.OMNI_ERR_NOT_FINITE
+    spun = [(0.0, 0.0, 1e12), (0.1, 0.0, 0.0)]
+    assert Plan({"type": "waypoints"}, waypoints=spun).result == lib.OMNI_ERR_RANGE
+    assert Plan({}, at=(0.0, 0.0, -1e12)).result == lib.OMNI_ERR_RANGE
     nowhere = Plan({}, at=(math.nan, 0.0, 0.0))
     assert nowhere.result == lib.OMNI_ERR_NOT_FINITE
     assert nowhere.at_us(0).pose.x == 0.0

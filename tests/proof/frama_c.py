@@ -60,10 +60,11 @@ class Proof:
     given: str
     options: tuple[str, ...] = ()
     nightly: bool = False
+    driver_name: str = ""
 
     @property
     def driver(self) -> Path:
-        return FOLDER / "drivers" / f"{self.name}.c"
+        return FOLDER / "drivers" / f"{self.driver_name or self.name}.c"
 
 
 @dataclass
@@ -140,10 +141,11 @@ def judge(proof: Proof, rows: Iterable[dict[str, str]], reached: set[str]) -> Re
             or function.startswith("Frama_C_")
         ):
             continue
-        ours = row["file"] == proof.driver.name
+        other_entry = function.startswith("proof_") and function != f"proof_{proof.name}"
+        needed = kind == "user check" and row["file"] == proof.driver.name and not other_entry
         if status in _PROVED:
             result.proved += status == "Valid"
-        elif status != "Dead" or ours:
+        elif status != "Dead" or needed:
             words = kind if status == "Unknown" else f"{kind} ({status.lower()})"
             result.open.add(Place(base_name(function), words, " ".join(row["property"].split())))
     return result

@@ -2,7 +2,7 @@
 (* Two facts of IEEE 754 that Frama-C 25 does not use, told to it. The program stays as it is.
 
    1. a < b (or >, <=, >=) holds only if neither side is a NaN. `if (a < b) S` becomes `if (a < b) { admit a and b are numbers; S }`,
-      and `x = a < b` becomes `if (a < b) x = 1; else x = 0;`.
+      and `x = a < b` becomes `if (a < b) x = 1; else x = 0;`, for whole numbers, too: the two cases can then be followed apart.
    2. x - x is 0 for a finite x and a NaN for any other. The core asks so whether numbers are finite. An interval for x says nothing about
       x - x, so it becomes `if (-FLT_MAX <= x && x <= FLT_MAX) t = 0; else t = NaN;`. *)
 open Cil_types
@@ -19,6 +19,12 @@ let rec comparison e =
   | _ -> None
 
 let rec uncast e = match e.enode with CastE (_, inner) -> uncast inner | _ -> e
+
+let is_comparison e =
+  match (uncast e).enode with
+  | UnOp (LNot, _, _) | BinOp ((Lt | Gt | Le | Ge | Eq | Ne), _, _, _) -> true
+  | _ -> false
+
 let width t = match Cil.unrollType t with TFloat (kind, _) -> Some kind | _ -> None
 
 let is_a_number e =
@@ -51,14 +57,15 @@ class ordered =
         (match stmt.skind with
         | If (condition, yes, no, loc) ->
             Option.iter (fun found -> self#admit loc found yes no) (comparison condition)
-        | Instr (Set (place, value, loc)) when comparison value <> None ->
+        | Instr (Set (place, value, loc)) when is_comparison value ->
             let set number =
               let value = Cil.mkCast ~newt:(Cil.typeOfLval place) number in
               Cil.mkBlock [ Cil.mkStmt ~valid_sid:true (Instr (Set (place, value, loc))) ]
             in
             let yes = set (Cil.one ~loc) and no = set (Cil.zero ~loc) in
+            File.must_recompute_cfg (Option.get self#current_func);
             stmt.skind <- If (uncast value, yes, no, loc);
-            self#admit loc (Option.get (comparison value)) yes no
+            Option.iter (fun found -> self#admit loc found yes no) (comparison value)
         | _ -> ());
         stmt
       in

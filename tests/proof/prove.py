@@ -50,7 +50,14 @@ def _toml(name: str) -> dict[str, Any]:
 def read_proofs() -> list[Proof]:
     """Return the proofs of proofs.toml in its order."""
     return [
-        Proof(name, entry["shows"], entry["given"], tuple(entry.get("options", ())), entry.get("nightly", False))
+        Proof(
+            name,
+            entry["shows"],
+            entry["given"],
+            tuple(" ".join(entry.get("options", [])).split()),
+            entry.get("nightly", False),
+            entry.get("driver", ""),
+        )
         for name, entry in _toml("proofs.toml").items()
     ]
 

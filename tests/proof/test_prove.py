@@ -47,6 +47,12 @@ MUTANTS = {
         "omni_clampf(voltage_V[i] / supply_V, -config->duty_limit, config->duty_limit)",
         "voltage_V[i] / supply_V",
     ),
+    "duties of the tick that are not limited": (
+        "tick_three",
+        "robot.c",
+        "omni_clampf(out->duty[i], -1.0f, 1.0f)",
+        "out->duty[i]",
+    ),
     "parameters that may be NaN": ("config", "params.c", "if (!omni_is_finite(value)) {", "if (false) {"),
     "parameters beyond their range": ("config", "params.c", "value < info->minimum || value > info->maximum", "false"),
 }

@@ -51,7 +51,7 @@ static omni_real_t arctangent_polynomial(omni_real_t x) {
 }
 
 void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine) {
-    if (!(omni_absf(angle) <= largest_angle)) {
+    if (!(OMNI_FABSF(angle) <= largest_angle)) {
         const omni_real_t x = usable_angle(angle); /* 0, or NaN */
         *sine = x;
         *cosine = 1.0f + x;

@@ -37,6 +37,7 @@ static void seal(omni_robot_t *robot, omni_tick_t *tick) {
         robot->state = omni_safety_next(robot->state, OMNI_SAFETY_FAULT);
     }
     out->drive = finite && robot->state == OMNI_STATE_ARMED;
+    /*@ split out->drive; */
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         const omni_real_t duty = out->drive ? omni_clampf(out->duty[i], -1.0f, 1.0f) : 0.0f;
         out->voltage_V[i] = duty * out->supply_V;

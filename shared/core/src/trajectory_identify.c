@@ -18,8 +18,8 @@ omni_ns_t omni_identify_round_ns(const omni_trajectory_t *plan) {
     const omni_real_t laps = laps_each_way(plan);
     const omni_ns_t period_ns = omni_nanoseconds(plan->config.period_s);
     const omni_uint_t whole = (omni_uint_t)laps;
-    const omni_ns_t segment_ns =
-        (omni_ns_t)whole * period_ns + (omni_ns_t)((laps - (omni_real_t)whole) * (omni_real_t)period_ns);
+    const omni_real_t rest = omni_clampf(laps - (omni_real_t)whole, 0.0f, 1.0f);
+    const omni_ns_t segment_ns = (omni_ns_t)whole * period_ns + (omni_ns_t)(rest * (omni_real_t)period_ns);
     return (omni_ns_t)SEGMENTS * omni_select(segment_ns > 0u, segment_ns, 1u);
 }
 

@@ -44,7 +44,7 @@ omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan) {
         return lap_ns; /* TRJ_LAPS are in it */
     }
     const omni_uint_t whole = (omni_uint_t)plan->config.laps;
-    const omni_real_t rest = plan->config.laps - (omni_real_t)whole;
+    const omni_real_t rest = omni_clampf(plan->config.laps - (omni_real_t)whole, 0.0f, 1.0f);
     const omni_ns_t laps_ns = (omni_ns_t)whole * lap_ns + (omni_ns_t)(rest * (omni_real_t)lap_ns);
     /* A tour of n points has n - 1 legs if it does not come back to the first. */
     const omni_ns_t back_ns = has_points(plan) ? omni_path_period_ns(plan) : (omni_ns_t)0;

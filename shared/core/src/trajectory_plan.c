@@ -21,6 +21,9 @@ static const omni_real_t shortest_lead_in_s = 0.2f;
 /* Seconds, or times slower than planned: what is beyond is refused. */
 static const omni_real_t largest = 1e6f;
 
+/* Whole turns of a heading beyond this could not be counted. */
+static const omni_real_t largest_heading_rad = 1e6f;
+
 /* What a motion asks of the wheels, at its own speed. */
 typedef struct demand_t {
     omni_real_t wheel_rad_s;
@@ -235,6 +238,13 @@ static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
     return path && limits ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
+static omni_result_t check_pose(const omni_pose_t *pose) {
+    if (!omni_pose_is_finite(pose)) {
+        return OMNI_ERR_NOT_FINITE;
+    }
+    return within(pose->theta, -largest_heading_rad, largest_heading_rad) ? OMNI_OK : OMNI_ERR_RANGE;
+}
+
 static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_waypoints_t *waypoints) {
     if (c->type != OMNI_TRJ_TYPE_WAYPOINTS) {
         return OMNI_OK;
@@ -243,8 +253,9 @@ static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_
         return OMNI_ERR_RANGE;
     }
     for (uint8_t i = 0; i < waypoints->count; ++i) {
-        if (!omni_pose_is_finite(&waypoints->pose[i])) {
-            return OMNI_ERR_NOT_FINITE;
+        const omni_result_t result = check_pose(&waypoints->pose[i]);
+        if (result != OMNI_OK) {
+            return result;
         }
     }
     return OMNI_OK;
@@ -253,7 +264,10 @@ static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_
 omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config, const omni_kinematics_t *k,
                                    const omni_waypoints_t *waypoints, const omni_pose_t *at) {
     hold(plan, at);
-    omni_result_t result = omni_pose_is_finite(at) ? check_numbers(config) : OMNI_ERR_NOT_FINITE;
+    omni_result_t result = check_pose(at);
+    if (result == OMNI_OK) {
+        result = check_numbers(config);
+    }
     if (result == OMNI_OK) {
         result = check_points(config, waypoints);
     }
@@ -261,6 +275,7 @@ omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajector
         return result;
     }
     plan->config = *config;
+    plan->origin = *at; /* as `hold` has set it; said again because a proof follows what was checked */
     plan->scale = 1.0f;
     omni_path_points(plan, waypoints);
     omni_path_set_lengths(plan);

@@ -41,7 +41,9 @@ omni_original_config_t omni_original_defaults(omni_real_t step_s, omni_real_t ra
 
 void omni_original_reset(omni_original_state_t *state);
 
-/** One tick (the law itself runs every period_ticks). Results are read from `state`. */
+/** One tick (the law itself runs every period_ticks). Results are read from `state`.
+ *  @param delta_counts per wheel, at most 1000003 either way: what a period sums up then fits its counter. */
+/*@ requires fits: \forall integer i; 0 <= i < k->wheels ==> -1000003 <= delta_counts[i] <= 1000003; */
 void omni_original_step(omni_original_state_t *state, const omni_original_config_t *config, const omni_kinematics_t *k,
                         const omni_int_t *delta_counts, const omni_pose_t *pose, const omni_pose_t *reference,
                         const omni_twist_t *reference_rate, omni_real_t supply_V);

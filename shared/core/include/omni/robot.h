@@ -213,6 +213,11 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config);
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config);
 
 /** One tick. Never fails: whatever comes in, `outputs` is finite, |duty| <= 1, and 0 unless armed and healthy. */
+/*@ ensures duty_in_range: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==>
+        \is_finite(outputs->duty[i]) && -1.0 <= outputs->duty[i] <= 1.0;
+    ensures voltage_finite: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> \is_finite(outputs->voltage_V[i]);
+    ensures armed_to_drive: outputs->drive ==> outputs->state == OMNI_STATE_ARMED;
+    ensures off_is_zero: !outputs->drive ==> \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> outputs->duty[i] == 0.0; */
 void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs);
 
 /** May the robot be armed now? @return 0, or the stop fault bits that prevent it; state other than DISARMED: OMNI_FAULT_CONFIG. */

@@ -101,7 +101,7 @@ typedef struct omni_reference_t {
  * Plan. @param waypoints needed for OMNI_TRJ_TYPE_WAYPOINTS, else NULL (a pose each, straight quintic legs of period_s, headings
  * the short way round).
  * @param at pose the robot has now; its heading's whole turns are kept (no unwinding). Type hold stays there.
- * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration; the plan then holds `at`.
+ * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration, or a heading beyond 1e6 rad; the plan then holds `at`.
  */
 omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config, const omni_kinematics_t *k,
                                    const omni_waypoints_t *waypoints, const omni_pose_t *at);

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: MIT
+"""Numbers that fit no integer are refused before they are converted: in C the conversion would be undefined."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.native import ROOT, generated_dir
+
+CORE = ROOT / "shared" / "core"
+
+
+def test_a_path_is_refused_without_converting_what_does_not_fit(tmp_path: Path) -> None:
+    clang = shutil.which("clang")
+    if clang is None and os.environ.get("CI") != "true":
+        pytest.skip("clang is not installed")
+    program = tmp_path / "refused_paths"
+    sources = [*CORE.glob("src/trajectory*.c"), CORE / "src" / "kinematics.c", CORE / "src" / "math.c"]
+    flags = ["-std=c99", "-O1", "-ffp-contract=off", "-fsanitize=float-cast-overflow", "-fno-sanitize-recover=all"]
+    includes = [f"-I{path}" for path in (CORE / "include", CORE / "src", generated_dir() / "include")]
+    main = ROOT / "tests" / "core" / "refused_paths.c"
+    subprocess.run(
+        [str(clang), *flags, *includes, *map(str, sources), str(main), "-o", str(program)], check=True, timeout=300
+    )
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr

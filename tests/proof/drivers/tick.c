@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * One tick from any state of the robot with any inputs. That the state after it is one of those again makes it hold for every tick.
+ */
+#include "any.h"
+
+enum { LARGEST_DELTA = 1000003 };
+
+static omni_robot_config_t config;
+static omni_robot_t robot;
+static omni_inputs_t inputs;
+static omni_outputs_t outputs;
+
+/* Any parameter set that is accepted. */
+static bool make_config(int wheels, omni_real_t ekf_mode) {
+    omni_real_t values[OMNI_PARAM_COUNT];
+    int32_t bad;
+    ANYTHING(values);
+    values[OMNI_PARAM_WHEELS] = (omni_real_t)wheels;
+    values[OMNI_PARAM_EKF_MODE] = ekf_mode;
+    if (omni_robot_config(&config, values, &bad) != OMNI_OK) {
+        return false;
+    }
+    ANYTHING(config.sequence);
+    return true;
+}
+
+static void make_state(void) {
+    ANYTHING(robot);
+    robot.config = &config;
+    robot.trajectory = NULL;
+    robot.pose_ekf.newest = (uint16_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
+    robot.pose_ekf.filled = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
+    robot.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
+    robot.state = (omni_safety_state_t)Frama_C_interval(0, OMNI_STATE_COUNT - 1);
+    robot.original.tick = (uint16_t)Frama_C_interval(0, config.original.period_ticks - 1);
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        robot.original.moved_counts[i] = Frama_C_interval(-19 * LARGEST_DELTA, 19 * LARGEST_DELTA); /* proof original */
+    }
+    robot.original.next = (uint8_t)Frama_C_interval(0, OMNI_ORIGINAL_WINDOW - 1);
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        robot.wheel_speed.pid[i].primed = any_bool();
+    }
+    robot.primed = any_bool();
+    robot.saturated = any_bool();
+    robot.uncovered = any_bool();
+    robot.off_track = any_bool();
+}
+
+/* What make_state takes for granted holds again. */
+static void check_state(void) {
+    /*@ check newest: robot.pose_ekf.newest < OMNI_EKF_HISTORY; */
+    /*@ check filled: robot.pose_ekf.filled < OMNI_EKF_HISTORY; */
+    /*@ check slot_tick: robot.pose_ekf.slot_tick < OMNI_EKF_SLOT_TICKS; */
+    /*@ check window: robot.original.next < OMNI_ORIGINAL_WINDOW; */
+    /*@ check original_tick: robot.original.tick < config.original.period_ticks; */
+    /*@ check robot_state: robot.state < OMNI_STATE_COUNT; */
+}
+
+static void make_inputs(void) {
+    ANYTHING(inputs);
+    inputs.has_fix = any_bool();
+    inputs.trajectory = NULL;
+}
+
+static void tick(int wheels, omni_real_t ekf_mode) {
+    if (!make_config(wheels, ekf_mode)) {
+        return;
+    }
+    make_state();
+    make_inputs();
+    omni_robot_tick(&robot, &inputs, &outputs);
+    check_state();
+}
+
+/* The numbers of states with and without slip are kept apart. */
+static void with_wheels(int wheels) {
+    tick(wheels, Frama_C_float_interval((omni_real_t)OMNI_EKF_MODE_ODOMETRY, (omni_real_t)OMNI_EKF_MODE_POSE));
+    tick(wheels, (omni_real_t)OMNI_EKF_MODE_SLIP);
+}
+
+void proof_tick_three(void) {
+    with_wheels(3);
+}
+
+void proof_tick_four(void) {
+    with_wheels(4);
+}
+
+void proof_start(void) {
+    for (int wheels = 3; wheels <= OMNI_MAX_WHEELS; ++wheels) {
+        if (make_config(wheels, any_real())) {
+            omni_robot_init(&robot, &config);
+            check_state();
+            omni_robot_set_config(&robot, &config);
+            check_state();
+            outputs.faults = (omni_uint_t)Frama_C_unsigned_int_interval(0, UINT32_MAX);
+            (void)omni_robot_arming_faults(&robot, &outputs);
+        }
+    }
+}
