@@ -133,9 +133,14 @@ def _explained(path: Path) -> Iterator[None]:
         raise write_error(path, error) from error
 
 
-def _open_partial(target: Path, mode: int) -> tuple[Path, IO[bytes]]:
+def open_partial(target: Path, mode: int = _ALL) -> tuple[int, Path]:
+    """Open a new file beside ``target``, to take its place later; return descriptor and path. Raises OSError."""
     partial = target.with_name(f".{target.name[:200]}.{secrets.token_hex(4)}.part")
-    descriptor = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
+    return os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode), partial
+
+
+def _open_partial(target: Path, mode: int) -> tuple[Path, IO[bytes]]:
+    descriptor, partial = open_partial(target, mode)
     return partial, os.fdopen(descriptor, "w+b")
 
 

@@ -8,14 +8,16 @@ takes nothing, so that who records can still stop a robot over the same connecti
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from omniwheel.errors import OutputFileError
-from omniwheel.files import write_error
+from omniwheel.files import open_partial, write_error
 
 FLUSH_S = 1.0
 FLUSH_BYTES = 1 << 16
@@ -36,12 +38,14 @@ class GrowingFile:
         self._waiting = bytearray()
         self._size = 0
         self._flushed_s = clock_s()
-        self._new = not path.exists()
+        self._made: Path | None = None
         self._dead = False
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+            self._old = path.resolve() if path.is_file() else None  # replaced when there is something to put there
+            self._file = self._open_beside(self._old) if self._old is not None else self._open(path)
         except OSError as error:
             raise write_error(path, error) from error
+        self._has_disk = stat.S_ISREG(os.fstat(self._file).st_mode)  # else a pipe or a terminal
 
     def write(self, records: bytes) -> None:
         """Append whole records. Raises OutputFileError, once: what comes after it is dropped."""
@@ -67,12 +71,13 @@ class GrowingFile:
         self._waiting.clear()
         done = 0
         try:
-            if self._size == 0:
-                os.ftruncate(self._file, 0)  # who asked to replace a file has something to put there now
             while done < len(records):
                 done += os.write(self._file, records[done:])
+            if self._old is not None and self._made is not None:
+                os.replace(self._made, self._old)
+                self._made = self._old = None
         except OSError as error:
-            self._size += self._whole(records[:done])
+            self._size += self._whole(records[:done]) if self._old is None else 0
             self._dead = True
             with suppress(OSError):
                 os.ftruncate(self._file, self._size)
@@ -85,21 +90,32 @@ class GrowingFile:
             return
         try:
             self.flush()
-            if not self._dead:
+            if self._has_disk and not self._dead:
                 self._sync()
         finally:
             os.close(self._file)
             self._file = -1
-            if self._size == 0 and self._new:
+            if self._size == 0 and self._made is not None:
                 with suppress(OSError):
-                    self.path.unlink()
+                    self._made.unlink()
+
+    def _open(self, path: Path) -> int:
+        made = not path.exists()
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+        self._made = path if made else None
+        return file
+
+    def _open_beside(self, old: Path) -> int:
+        if not os.access(old, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        file, self._made = open_partial(old, stat.S_IMODE(old.stat().st_mode))
+        return file
 
     def _sync(self) -> None:
         try:
             os.fsync(self._file)
         except OSError as error:
-            if self.path.is_file():  # a pipe or terminal has no disk
-                raise self._error(error) from error
+            raise self._error(error) from error
 
     def _error(self, error: OSError) -> OutputFileError:
         said = write_error(self.path, error)

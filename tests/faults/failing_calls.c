@@ -2,9 +2,10 @@
 /// @file failing_calls.c  A file system whose calls fail on command: loaded with LD_PRELOAD over libc's.
 ///
 /// Calls that change something at or below the folder $FAIL_UNDER are counted: open for writing, write, pwrite, fsync,
-/// rename, link, mkdir, ftruncate. The call number $FAIL_AT (from 1) fails with errno $FAIL_WITH; with $FAIL_STAYS=1 so do
-/// all later ones. $FAIL_SHORT=1: the first write to fail takes half of its bytes, and the next call that writes fails.
-/// Programs that load this set the same by fail_arm(). Removing a file and reading never fail: a full disk allows both.
+/// rename, link, mkdir, ftruncate. The call number $FAIL_AT (from 1) fails with errno $FAIL_WITH; with $FAIL_STAYS=1 so
+/// do all later ones. $FAIL_SHORT=1: the first write to fail takes half of its bytes, and the next that writes fails.
+/// Programs that load this set the same by fail_arm(). Removing a file and reading never fail, and a full disk lets
+/// files be cut off.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -173,8 +174,14 @@ ssize_t writev(int fd, const struct iovec *parts, int count) {
 #define TYPES(...) __VA_ARGS__
 OF_FD(fsync, (int fd), (fd), TYPES(int))
 OF_FD(fdatasync, (int fd), (fd), TYPES(int))
-OF_FD(ftruncate, (int fd, off_t length), (fd, length), TYPES(int, off_t))
-OF_FD(ftruncate64, (int fd, off64_t length), (fd, length), TYPES(int, off64_t))
+/// Cutting a file off works on a full disk.
+#define CUTS(name, offset)                                                                                                     \
+    int name(int fd, offset length) {                                                                                          \
+        REAL(int, #name, int, offset)                                                                                          \
+        return with == EIO && ours_fd(fd) && fails(#name) ? -1 : real(fd, length);                                             \
+    }
+CUTS(ftruncate, off_t)
+CUTS(ftruncate64, off64_t)
 
 int rename(const char *from, const char *to) {
     REAL(int, "rename", const char *, const char *)

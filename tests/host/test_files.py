@@ -178,6 +178,36 @@ def test_a_full_disk_leaves_whole_records_and_is_told_once(tmp_path: Path, monke
     log.write(FRAME)  # who stops a robot over this connection must not be hindered
 
 
+def test_a_full_disk_keeps_the_recording_that_was_to_be_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    old = tmp_path / "old.tlog"
+    for call in ("write", "replace"):
+        old.write_bytes(b"old")
+        log = TlogWriter(old, lambda: 1)
+        log.write(FRAME)
+        with monkeypatch.context() as patch:
+            patch.setattr(os, call, fail)
+            with pytest.raises(OutputFileError):
+                log.close()
+        assert old.read_bytes() == b"old"
+        assert list(tmp_path.iterdir()) == [old]
+
+
+def test_a_recording_goes_into_a_pipe_too(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    with TlogWriter(pipe, lambda: 1) as log:
+        log.write(FRAME)
+    assert os.read(reading, 1000) == (1).to_bytes(8, "big") + FRAME
+    os.close(reading)
+    assert pipe.exists()
+
+
 def test_a_recording_without_a_record_is_none_and_keeps_what_was_there(tmp_path: Path) -> None:
     TlogWriter(tmp_path / "new.tlog").close()
     assert not (tmp_path / "new.tlog").exists()
