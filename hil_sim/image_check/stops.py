@@ -18,6 +18,10 @@ COMMAND_LIMIT_S = 3 * TICK_S
 """Last byte of the command to bridges off: two ticks, and the bus update of the second."""
 LATE_S = 0.010
 """How much later than its parameter says a time-out may act."""
+BURST = 40
+"""More than fit the queue that stops once shared with fixes and heartbeats."""
+BURST_READ_S = TICK_S
+"""The USB port passes such a burst on within a tick."""
 RADIO_BYTE_S = 10 / 9600
 TURN_RAD_S = 1.0
 
@@ -82,6 +86,30 @@ def commands(context: Context) -> list[str]:
     return figures
 
 
+def backlog(context: Context) -> list[str]:
+    """The same over USB, behind what a link delivers in one burst after a pause."""
+    figures = []
+    floods = {
+        "pose fixes": [mavlink.MAVLink_omni_pose_fix_message(0, number % 5, 0, 0) for number in range(BURST)],
+        "heartbeats": [mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3) for _ in range(BURST)],
+    }
+    with context.booted() as bench:
+        driving(bench)
+        moving = bench.machine.snapshot()
+        for before, frames in floods.items():
+            for name, command, parameters in COMMANDS:
+                bench.machine.restore(moving)
+                robot = bench.connect(heartbeat=False)
+                for message in frames:
+                    robot.send(message)
+                what = f"{name} behind {BURST} {before}"
+                off_s = _time_to_off(bench, _send(robot, Channel.USB, command, *parameters), 0.1, what)
+                if off_s > COMMAND_LIMIT_S + BURST_READ_S:
+                    raise CheckError(f"{what}: bridges off after {1e3 * off_s:.1f} ms")
+                figures.append(f"{what}: {1e3 * off_s:.1f} ms")
+    return figures
+
+
 def silence(context: Context) -> list[str]:
     """Set-points stop coming; then, in a robot that needs none, the ground station's heartbeats."""
     values = context.scenario.parameter_values()
@@ -107,5 +135,6 @@ def _within(measured_s: float, promised_s: float, what: str) -> None:
 
 CHECKS = (
     Check("stop-commands", "emergency stop and disarm, from both links", commands),
+    Check("stop-backlog", "emergency stop and disarm behind a burst of fixes or heartbeats", backlog),
     Check("silence", "set-points or heartbeats stop coming", silence, (CI, NIGHTLY)),
 )
