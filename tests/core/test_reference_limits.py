@@ -67,6 +67,19 @@ def test_a_pose_takes_over_the_speed_of_a_body_velocity_in_the_world() -> None:
     assert out.reference.rate.vy == pytest.approx(0.05 * math.sin(heading), abs=1.5 * step)
 
 
+def test_a_body_velocity_takes_over_the_speed_of_a_pose_in_the_body() -> None:
+    bench = turned(math.pi / 2)
+    bench.command(lib.OMNI_SETPOINT_POSE, pose=(0.0, 2.0, math.pi / 2))
+    out = bench.tick(count=30)
+    speed = out.reference.rate.vy
+    assert speed > 0.03
+    bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(speed, 0.0, 0.0))
+    bench.tick()
+    step = bench.config.limits.acceleration_m_s2 * TICK_US * 1e-6
+    assert bench.robot.ramped.vx == pytest.approx(speed, abs=1.5 * step)
+    assert bench.robot.ramped.vy == pytest.approx(0.0, abs=1.5 * step)
+
+
 def test_a_stop_of_the_trajectory_hides_no_other_event() -> None:
     bench = turned(0.0)
     assert bench.tick(lib.OMNI_EVENT_TRAJECTORY_STOP | lib.OMNI_EVENT_DISARM).state == lib.OMNI_STATE_DISARMED
