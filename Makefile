@@ -153,6 +153,7 @@ sanitize: setup
 
 fuzz: setup
 	$(BIN)/python -m tests.fuzz.fuzz $(if $(BYTES),--bytes $(BYTES)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
+	$(if $(BYTES)$(SECONDS)$(ARGS),,$(BIN)/python -m tests.fuzz.corpus)
 
 # Small changes of the core and of firmware/app, and whether a test notices them (docs/testing.md).
 mutants: setup

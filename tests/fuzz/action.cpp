@@ -24,7 +24,7 @@ Kind likely_kind(Generator &random) {
 Action new_action(Generator &random) {
     Action action{};
     action.kind = static_cast<uint8_t>(likely_kind(random));
-    action.link = static_cast<uint8_t>(random.below(4));
+    action.link = static_cast<uint8_t>(random.below(4) | (random.below(8) == 0 ? 0x80u : 0u));
     action.a = static_cast<uint8_t>(random.next());
     action.b = static_cast<uint8_t>(random.next());
     action.n = static_cast<uint16_t>(random.below(random.below(8) == 0 ? 65536 : 48));

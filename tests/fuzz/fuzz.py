@@ -29,8 +29,8 @@ BUILDS = {"sanitizers": BUILD, "nothing": ROOT / "build" / "fuzz-plain", "covera
 PROGRAMS = BUILD / "tests" / "fuzz"
 FINDINGS = BUILD / "findings"
 ROBOT_FILE = "robot_file"
-TARGETS = ("app", "parser", "params_file", "store", ROBOT_FILE)
-SHARES = {"app": 1.0, "parser": 0.5, "params_file": 0.1, "store": 0.5, ROBOT_FILE: 1.0}
+TARGETS = ("app", "sequence", "parser", "params_file", "store", ROBOT_FILE)
+SHARES = {"app": 0.5, "sequence": 0.5, "parser": 0.5, "params_file": 0.1, "store": 0.5, ROBOT_FILE: 1.0}
 """Bytes of a target per byte asked for: a byte of one costs more time than one of the other."""
 DEFAULT_BYTES = 4_000_000
 FIRST_INPUTS = 100
@@ -66,23 +66,29 @@ def seeded_command(target: str, seed: int, size: int) -> list[str]:
     return [str(program(target)), str(seed), str(size)]
 
 
-def search_command(target: str, seed: int, seconds: int) -> list[str]:
-    """Return the command of a search by libFuzzer."""
-    corpus = BUILD / "corpus" / target
+def first_inputs(corpus: Path, seed: int) -> None:
+    """Give an empty corpus something to begin with."""
     corpus.mkdir(parents=True, exist_ok=True)
     if not any(corpus.iterdir()):
         rng = random.Random(seed)
         for number in range(FIRST_INPUTS):  # inputs are scripts: every byte string is a good one to begin with
             (corpus / f"first-{number}").write_bytes(rng.randbytes(rng.randrange(1, 1000)))
+
+
+def search_command(target: str, seed: int, seconds: int) -> list[str]:
+    """Return the command of a search by libFuzzer."""
+    corpus = BUILD / "corpus" / target
+    first_inputs(corpus, seed)
     limits = [f"-seed={seed}", f"-max_total_time={seconds}", "-timeout=10", "-max_len=4000", "-len_control=0"]
     return [str(PROGRAMS / f"fuzz_{target}"), *limits, f"-artifact_prefix={FINDINGS / target}-", str(corpus)]
 
 
-def run(target: str, command: list[str]) -> bool:
-    """Run one fuzzer and say how it went; False if it found something."""
+def run(target: str, command: list[str], **more: str) -> bool:
+    """Run one fuzzer, with ``more`` in its environment, and say how it went; False if it found something."""
     FINDINGS.mkdir(parents=True, exist_ok=True)
     paths = [str(ROOT / "shared" / "generate"), os.environ.get("PYTHONPATH", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    environment.update(more)
     environment["FUZZ_LAST"] = str(FINDINGS / f"{target}-last")
     begin = time.monotonic()
     done = subprocess.run(
@@ -115,7 +121,7 @@ def main() -> int:
     missing = missing_tools()
     if missing:
         parser.error(f"{' and '.join(missing)} missing (Debian: apt-get install clang libclang-rt-dev)")
-    build()
+    build(["fuzzers"] if options.seconds is not None else [f"seeded_{t}" for t in TARGETS if t != ROBOT_FILE])
     good = True
     for target in options.targets or TARGETS:
         if options.seconds is None or target == ROBOT_FILE:

@@ -188,33 +188,47 @@ Seen seen_of(const Found &found) {
     return seen;
 }
 
+/// A stop that is not the payload of a whole frame comes with its last byte.
+void check_stops(const Bytes &stream, const Parsed &parsed) {
+    std::vector<Found> claims;
+    for (size_t i = 0; i < stream.size(); ++i) {
+        const Found found = frame_at(stream.data(), stream.size(), i);
+        if (found.kind == Found::Kind::valid && !hidden(claims, i) && is_stop(seen_of(found))) {
+            check(came_at_once(parsed, seen_of(found), i + found.length), "a stop comes with its last byte",
+                  static_cast<long>(i));
+        }
+        if (found.kind != Found::Kind::none) {
+            claims.push_back(found);
+        }
+    }
+}
+
+/// What a parser finds that looks at every byte again but those of a whole frame: frames that stand side by side.
+Stream frames_in(const Bytes &stream) {
+    Stream frames;
+    size_t at = 0;
+    while (at < stream.size()) {
+        const Found found = frame_at(stream.data(), stream.size(), at);
+        if (found.kind == Found::Kind::valid) {
+            frames.push_back(seen_of(found));
+        }
+        at += found.kind == Found::Kind::valid || found.kind == Found::Kind::foreign ? found.length : 1;
+    }
+    return frames;
+}
+
 void damaged(Script &script) {
     const Bytes stream = damaged_stream(script);
     Script cuts(stream.data(), std::min<size_t>(stream.size(), 8));
     const Parsed parsed = with_our_parser(stream, cuts);
     const Stream &ours = parsed.frames;
-    std::vector<Found> claims;
-    size_t next = 0;
-    for (size_t i = 0; i < stream.size(); ++i) {
-        const Found found = frame_at(stream.data(), stream.size(), i);
-        if (found.kind == Found::Kind::none) {
-            continue;
-        }
-        claims.push_back(found);
-        if (found.kind != Found::Kind::valid) {
-            continue;
-        }
-        const Seen seen = seen_of(found);
-        const bool within = hidden(claims, i);
-        check(within || !is_stop(seen) || came_at_once(parsed, seen, i + found.length), "a stop comes with its last byte",
-              static_cast<long>(i));
-        if (next < ours.size() && ours[next] == seen) {
-            ++next;
-        } else {
-            check(within, "no whole valid frame is lost", static_cast<long>(i));
-        }
-    }
-    check(next == ours.size(), "nothing is found that is not there", static_cast<long>(ours.size() - next));
+    check_stops(stream, parsed);
+    const Stream expected = frames_in(stream);
+    const size_t shorter = std::min(ours.size(), expected.size());
+    const auto same = std::mismatch(ours.begin(), ours.begin() + static_cast<std::ptrdiff_t>(shorter), expected.begin());
+    const auto first = static_cast<size_t>(same.first - ours.begin());
+    check(first == shorter && ours.size() >= expected.size(), "no whole valid frame is lost", static_cast<long>(first));
+    check(ours.size() == expected.size(), "nothing is found that is not there", static_cast<long>(first));
     figures().frames += ours.size();
     figures().bytes += stream.size();
 }

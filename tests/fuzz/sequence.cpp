@@ -151,6 +151,8 @@ void Sequence::put(size_t link, Bytes bytes) {
     joined.insert(joined.end(), bytes.begin(), bytes.end());
     robot_.send(link, joined);
     joined.clear();
+    events_[link].insert(events_[link].end(), joined_events_[link].begin(), joined_events_[link].end());
+    joined_events_[link].clear();
 }
 
 void Sequence::send(const Action &action, Bytes frame, Event event) {
@@ -162,7 +164,7 @@ void Sequence::send(const Action &action, Bytes frame, Event event) {
         static constexpr uint8_t key[32] = {0x4B, 0x45, 0x59};
         sign(&frame, key, ++signing_time_);
     }
-    events_[link].push_back(event);
+    joined_events_[link].push_back(event);
     if ((action.link & 0x80) != 0) {
         joined_[link].insert(joined_[link].end(), frame.begin(), frame.end());
         return;
@@ -223,6 +225,17 @@ void Sequence::estop(const Action &action) {
     }
 }
 
+bool Sequence::may_be_hosted() {
+    hosted_ = hosted_ || !signs_;
+    return !signs_;
+}
+
+void Sequence::enter_hil(const Action &action) {
+    if (may_be_hosted()) {
+        command(action, MAV_CMD_OMNI_HIL, 1.0f, 0.0f);
+    }
+}
+
 void Sequence::release(const Action &action) {
     command(action, MAV_CMD_OMNI_ESTOP, 0.0f, 0.0f);
 }
@@ -231,6 +244,7 @@ void Sequence::connect(const Action &action) {
     const size_t link = link_of(action);
     robot_.connect_anew(link, action.a % 4 == 3);
     joined_[link].clear();
+    joined_events_[link].clear();
     events_[link].clear();
     dirty_[link] = false;
     oracle_.forget_acks(link);
@@ -245,7 +259,7 @@ void Sequence::power_cut(const Action &) {
     for (auto &events : events_) {
         events.clear();
     }
-    oracle_.rebooted(false);
+    oracle_.rebooted(storage_works_ && oracle_.settled());
 }
 
 } // namespace fuzz

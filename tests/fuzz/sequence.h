@@ -37,7 +37,7 @@ private:
     void drive(const Action &action);
     void fixes(const Action &action);
     void heartbeat(const Action &action);
-    void enter_hil(const Action &action) { command(action, MAV_CMD_OMNI_HIL, 1.0f, 0.0f); }
+    void enter_hil(const Action &action);
     void leave_hil(const Action &action) { command(action, MAV_CMD_OMNI_HIL, 0.0f, 0.0f); }
     void reboot(const Action &action) { command(action, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0f, 0.0f); }
     void power_cut(const Action &action);
@@ -55,6 +55,8 @@ private:
     void scan(const Action &action);
     void list(const Action &action);
 
+    /// Without a key host-in-the-loop may be entered, and is from now on taken to have been.
+    bool may_be_hosted();
     size_t link_of(const Action &action) const { return (action.link & 0x7F) % robot_.setup.ports; }
     /// How frames look on this link at the moment.
     Form form_on(size_t link) const;
@@ -70,10 +72,12 @@ private:
     Script nothing_; ///< the robot's own chances: a memory that is erased, a start by power
     Robot robot_;
     StopOracle oracle_;
-    Bytes joined_[max_ports];
-    std::vector<Event> events_[max_ports]; ///< of frames that the robot has not read to the end
-    bool dirty_[max_ports] = {};           ///< an unfinished frame came before: all but stops may be found later
+    Bytes joined_[max_ports];                     ///< waits to go out with the next frame
+    std::vector<Event> joined_events_[max_ports]; ///< of what waits
+    std::vector<Event> events_[max_ports];        ///< of frames that the robot has not read to the end
+    bool dirty_[max_ports] = {};                  ///< an unfinished frame came before: all but stops may be found later
     bool signs_ = false;
+    bool hosted_ = false; ///< host-in-the-loop may have been entered
     bool storage_works_ = true;
     unsigned good_bus_ticks_ = 0;
     uint64_t boots_ = 0;

@@ -113,6 +113,9 @@ void Sequence::message(const Action &action) {
     const bool is_command = entry.msgid == MAVLINK_MSG_ID_COMMAND_LONG || entry.msgid == MAVLINK_MSG_ID_COMMAND_INT;
     mavlink_command_long_t said{};
     std::memcpy(&said, payload, sizeof said);
+    if (is_command && said.command == MAV_CMD_OMNI_HIL && !may_be_hosted()) {
+        return;
+    }
     const bool releases = is_command && said.command == MAV_CMD_OMNI_ESTOP && said.param1 == 0.0f;
     if (releases && dirty_[link]) {
         return;
@@ -133,9 +136,10 @@ void Sequence::noise(const Action &action) {
 
 void Sequence::half(const Action &action) {
     const size_t link = link_of(action);
-    mavlink_param_request_read_t message{};
-    message.param_index = static_cast<int16_t>(action.b);
-    Bytes frame = frame_of(MAVLINK_MSG_ID_PARAM_REQUEST_READ, message);
+    mavlink_vicon_position_estimate_t message{}; // long: a stop behind its beginning lies within what it claims
+    message.x = share(action.x);
+    std::fill(message.covariance, message.covariance + 21, 1.0f);
+    Bytes frame = frame_of(MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE, message);
     frame.resize(1 + action.n % (frame.size() - 1));
     dirty_[link] = true;
     put(link, frame);
@@ -171,7 +175,8 @@ void Sequence::storage(const Action &action) {
     command(action, MAV_CMD_PREFLIGHT_STORAGE, static_cast<float>(action.a % 3), 0.0f);
 }
 
-/// From now on everything said over the radio is signed, whether the robot took the key or not.
+/// From now on everything said over the radio is signed, whether the robot took the key or not. Never together with
+/// host-in-the-loop: the signing clock follows the simulated one, and then takes the time of both.
 void Sequence::key(const Action &action) {
     mavlink_setup_signing_t message{};
     message.target_system = 1;
@@ -181,9 +186,11 @@ void Sequence::key(const Action &action) {
     message.initial_timestamp = signing_time_;
     Action over_usb = action;
     over_usb.link = 0;
-    if (robot_.ports[0].connection == 0 || dirty_[0] || !joined_[radio].empty() || !robot_.ports[radio].in.empty()) {
+    if (robot_.setup.lockstep || hosted_ || robot_.ports[0].connection == 0 || dirty_[0] || !joined_[radio].empty() ||
+        !robot_.ports[radio].in.empty()) {
         return;
     }
+    tick_once(0); // a robot sees its clock a thousand times a second: no jump falls together with a new key
     signs_ = true;
     send(over_usb, frame_of(MAVLINK_MSG_ID_SETUP_SIGNING, message));
 }

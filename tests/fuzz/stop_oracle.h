@@ -21,6 +21,7 @@ public:
     /// Passes of the background in which the acknowledgement of a stop must come.
     static constexpr int ack_passes = 3;
     static constexpr unsigned ticks_to_rest = 2;
+    static constexpr unsigned ticks_to_settle = 150;
 
     /// These were said to the robot; none of them has to be obeyed.
     void arm();
@@ -32,6 +33,9 @@ public:
     void forget_acks(size_t link);
     /// The robot has started anew. @param latch_kept its memory worked, so that it knows about an emergency stop.
     void rebooted(bool latch_kept);
+
+    /// The latest stop has surely been done and written down: a power cut does not undo it. A silent host in the loop delays it.
+    bool settled() const { return host_ticks_ > ticks_to_rest || bench_ticks_ > ticks_to_settle; }
 
     void bench_ticked(bool moves);
     void host_ticked(bool moves);

@@ -45,6 +45,8 @@ def test_a_seeded_run_finds_nothing_and_is_the_same_every_time(target: str) -> N
     assert runs[0].stdout == runs[1].stdout
     figures = json.loads(runs[0].stdout)
     assert figures["bytes"] >= BYTES
+    if target == "sequence":
+        assert figures["stops_in_motion"] > 5
     if target == "app":
         assert figures["armed_ticks"] > figures["driving_ticks"] > 50  # so that "no motor command" means something
 
@@ -70,6 +72,49 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
         "if (wanted == 1.0f) {",
         "if (wanted > 0.5f) {",
         "no motor is driven",
+    ),
+    "a disarm that is left out while nothing drives yet": (
+        "sequence",
+        "firmware/app/commands.cpp",
+        "    shared_.control.stop(event);",
+        "    if (shared_.latest.outputs.drive) {\n        shared_.control.stop(event);\n    }",
+        "zero volts within two ticks",
+    ),
+    "an emergency stop that another host in the loop forgets": (
+        "sequence",
+        "firmware/app/control_loop.cpp",
+        "if (robot_.state == OMNI_STATE_ESTOP && !released) {",
+        "if (robot_.state == OMNI_STATE_ESTOP && released) {",
+        "emergency stop",
+    ),
+    "an emergency stop that a restart forgets": (
+        "sequence",
+        "firmware/app/app.cpp",
+        "if (stop_latch_.boot() != StopLatch::AtBoot::released) {",
+        "if (stop_latch_.boot() == StopLatch::AtBoot::unknown) {",
+        "emergency stop",
+    ),
+    "a stop without an answer": (
+        "sequence",
+        "firmware/app/commands.cpp",
+        "    shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);",
+        "    if (command.id != cmd_terminate) {\n"
+        "        shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);\n    }",
+        "every stop is acknowledged",
+    ),
+    "a stop that is said to be refused": (
+        "sequence",
+        "firmware/app/commands.cpp",
+        "shared_.stopping = reports_until_known;\n    return MAV_RESULT_ACCEPTED;",
+        "shared_.stopping = reports_until_known;\n    return queued(!shared_.hil);",
+        "no stop is refused",
+    ),
+    "a stop that waits for the end of half a frame": (
+        "sequence",
+        "firmware/app/codec.cpp",
+        "return find_stop(frame);",
+        "return frame->early && find_stop(frame);",
+        "stop",
     ),
     "a checksum that is checked by half": (
         "parser",
@@ -110,6 +155,7 @@ def plant(folder: Path, target: str, source: str, old: str, new: str) -> Path:
     changed = folder / original.name
     changed.write_text(text.replace(old, new), encoding="utf-8")
     commands = json.loads((fuzz.BUILD / "compile_commands.json").read_text(encoding="utf-8"))
+    commands.sort(key=lambda entry: "omni_fuzz" not in entry["command"])  # the firmware of the PC has other flags
     command = shlex.split(next(entry["command"] for entry in commands if entry["file"] == str(original)))
     planted = folder / "planted.o"
     command[command.index("-o") + 1] = str(planted)

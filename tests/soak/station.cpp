@@ -94,11 +94,11 @@ void Station::tick() {
 void Station::take_text(const Found &frame) {
     const auto message = as<mavlink_statustext_t>(frame);
     ++texts;
-    const bool fine = message.severity > MAV_SEVERITY_ERROR || stop_expected_;
+    const bool fine = message.severity > MAV_SEVERITY_WARNING || stop_expected_;
     if (!fine) {
         std::printf("the robot says: %.50s\n", message.text);
     }
-    check(fine, "a healthy robot says nothing bad (severity)", message.severity);
+    check(fine, "a healthy robot warns of nothing (severity)", message.severity);
 }
 
 void Station::take_ack(const Found &frame) {
