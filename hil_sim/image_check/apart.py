@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import signal
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -23,16 +23,15 @@ class Died:
 class _Call:
     number: int
     process: Any
-    give_up_s: float
 
 
 def call_apart(
-    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: int, limit_s: float | None = None
+    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: int, limit_s: int | None = None
 ) -> Iterator[tuple[int, Any]]:
     """Call ``function`` with each of these arguments, ``workers`` at a time, begun in this order.
 
-    Yields the number of a call and its result, or :class:`Died`, as they end. A call that takes longer than ``limit_s``
-    on this computer is ended. ``function`` must not raise.
+    Yields the number of a call and its result, or :class:`Died`, as they end. A call that takes more than ``limit_s``
+    of a processor's time is ended: on a busy computer it may last longer. ``function`` must not raise.
     """
     waiting = list(enumerate(calls))[::-1]
     running: dict[Connection, _Call] = {}
@@ -40,52 +39,43 @@ def call_apart(
         while waiting or running:
             while waiting and len(running) < workers:
                 _begin(function, *waiting.pop(), limit_s, running)
-            ready = wait(list(running), _rest_s(running))
-            for receiver in [other for other in running if other in ready or _is_late(running[other])]:
-                call = running.pop(receiver)
-                yield call.number, _result(receiver, call, receiver in ready)
+            for receiver in wait(list(running)):
+                call = running.pop(receiver)  # type: ignore[call-overload]
+                yield call.number, _result(receiver, call)  # type: ignore[arg-type]
     finally:
-        for receiver, call in running.items():
-            _result(receiver, call, False)
+        for call in running.values():
+            call.process.terminate()
+            call.process.join()
 
 
 def _begin(
     function: Callable[..., Any],
     number: int,
     arguments: tuple[Any, ...],
-    limit_s: float | None,
+    limit_s: int | None,
     running: dict[Connection, _Call],
 ) -> None:
     receiver, sender = multiprocessing.Pipe(duplex=False)
-    process = multiprocessing.Process(target=_send, args=(sender, function, arguments))
+    process = multiprocessing.Process(target=_send, args=(sender, function, arguments, limit_s))
     process.start()
     sender.close()
-    running[receiver] = _Call(number, process, float("inf") if limit_s is None else time.monotonic() + limit_s)
+    running[receiver] = _Call(number, process)
 
 
-def _send(sender: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+def _send(sender: Connection, function: Callable[..., Any], arguments: tuple[Any, ...], limit_s: int | None) -> None:
+    if limit_s is not None:
+        import resource  # Unix only, as the limit is
+
+        _, most = resource.getrlimit(resource.RLIMIT_CPU)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, most))
     sender.send(function(*arguments))
 
 
-def _rest_s(running: dict[Connection, _Call]) -> float | None:
-    rest_s = min(call.give_up_s for call in running.values()) - time.monotonic()
-    return None if rest_s == float("inf") else max(rest_s, 0.0)
-
-
-def _is_late(call: _Call) -> bool:
-    return time.monotonic() >= call.give_up_s
-
-
-def _result(receiver: Connection, call: _Call, ready: bool) -> Any:
-    """Take what a process has to say, and end it."""
-    result: Any = Died("it did not end in time")
-    if ready:
-        try:
-            result = receiver.recv()
-        except EOFError:
-            result = None
-    else:
-        call.process.terminate()
+def _result(receiver: Connection, call: _Call) -> Any:
+    """Take what a process has to say, and wait for its end."""
+    result: Any = None
+    with contextlib.suppress(EOFError):
+        result = receiver.recv()
     call.process.join()
     receiver.close()
     return Died(_cause(call.process.exitcode)) if result is None else result
@@ -98,5 +88,7 @@ def _cause(code: int) -> str:
         name = signal.Signals(-code).name
     except ValueError:
         name = str(-code)
+    if name == "SIGXCPU":
+        return "it did not end in the processor time that it has"
     hint = "; perhaps there was not enough memory" if name == "SIGKILL" else ""
     return f"its process was ended by signal {name}{hint}"

@@ -16,11 +16,14 @@ from hil_sim.image_check.check import CI, Check
 from hil_sim.image_file import read_image
 from hil_sim.rt1062 import not_modelled, unicorn_library
 from hil_sim.scenario import load_scenario
-from omniwheel.errors import OmniError
+from omniwheel.errors import FirmwareStartError, OmniError
 
 WORLD = "stand"
 """The scenario whose world the checks use unless they say otherwise: the robot on a stand."""
 
+
+NOT_RUN = "the check could not run: "
+"""A failure that begins so says nothing about the image."""
 
 MODULES = (
     "start",
@@ -90,6 +93,8 @@ def run_one(image: Path, robot: str, depth: str, seed: int, name: str) -> Outcom
     try:
         context = Context(read_image(image), load_scenario(WORLD, robot), seed=seed, depth=depth)
         figures = check.run(context)
+    except FirmwareStartError as error:  # the PC's firmware, which some checks compare with: nothing about the image
+        failure = f"{NOT_RUN}{error}"
     except OmniError as error:
         failure = str(error)
     except Exception as error:  # a check that breaks has not shown anything

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil_sim.image_check.apart import Died, call_apart
-from hil_sim.image_check.run import Outcome, all_checks, run_checks, run_one
+from hil_sim.image_check.run import NOT_RUN, Outcome, all_checks, run_checks, run_one
 from tests.image.planted.bugs import ROBOT, Bug
 
-LEAST_LIMIT_S, LIMIT_FACTOR = 60.0, 15.0
-"""A check of a broken image may never end. It gets this much, or this many times what it takes without a bug."""
+LEAST_LIMIT_S, LIMIT_FACTOR = 30, 10
+"""A check of a broken image may never end. It gets so much processor time, or so many times its usual one."""
 QUICK_S = 3.0
 """A quick search leaves out what takes longer, unless it found the bug the last time."""
 SEED = 1
@@ -70,7 +70,7 @@ class Search:
         return None if self.quick else Result(bug.digest, "", "")
 
     def _run(self, image: Path, name: str) -> Outcome | None:
-        """Return what a check shows; None if it was cut off: it has found nothing."""
-        limit_s = max(LEAST_LIMIT_S, LIMIT_FACTOR * self.costs_s[name])
+        """Return what a check shows; None if it was cut off or could not run: it has found nothing."""
+        limit_s = max(LEAST_LIMIT_S, round(LIMIT_FACTOR * self.costs_s[name]))
         ((_, outcome),) = call_apart(run_one, [(image, ROBOT, self.depth, SEED, name)], 1, limit_s)
-        return None if isinstance(outcome, Died) else outcome
+        return None if isinstance(outcome, Died) or outcome.failure.startswith(NOT_RUN) else outcome
