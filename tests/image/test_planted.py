@@ -61,7 +61,7 @@ def test_the_page_has_a_row_for_what_was_not_run_to_its_end(tmp_path: Path) -> N
         (tmp_path / f"{name}.patch").write_text(f"Subject: No {name}\nOn a robot: it does not stop.\n---\n")
     bugs = {name: read_bug(tmp_path / f"{name}.patch") for name in ("brake", "wheel")}
     page = filled_in(PAGE.read_text(encoding="utf-8"), bugs, {"brake": Result(bugs["brake"].digest, "", "")})
-    assert "find 0 of 1 planted bugs (0 %). Of 1 more there is no verdict yet.\n" in page
+    assert "find 0 of 2 planted bugs (0 %). Not found counts also what has no verdict yet: 1.\n" in page
     assert "| No brake | **not found**: a check is missing |\n" in page
     assert "| No wheel | no verdict yet: not run to its end |\n" in page
     assert finders(page) == {}

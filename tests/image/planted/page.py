@@ -15,12 +15,12 @@ NO_VERDICT = "no verdict yet: not run to its end"
 
 
 def summary(bugs: Mapping[str, Bug], results: Mapping[str, Result]) -> str:
-    """Return the figures as sentences."""
+    """Return the figures as sentences. What has no verdict yet counts as not found."""
     found = sum(bool(result.found_by) for result in results.values())
-    share = 100 * found // max(len(results), 1)
-    tried = f"The checks of an image find {found} of {len(results)} planted bugs ({share} %)."
+    share = 100 * found // len(bugs)
+    told = f"The checks of an image find {found} of {len(bugs)} planted bugs ({share} %)."
     left = len(bugs) - len(results)
-    return f"{tried} Of {left} more there is no verdict yet." if left else tried
+    return f"{told} Not found counts also what has no verdict yet: {left}." if left else told
 
 
 def _verdict(bug: Bug, result: Result | None) -> str:
