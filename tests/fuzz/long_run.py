@@ -171,6 +171,16 @@ def table(runs: list[Campaign]) -> str:
     return "\n".join(lines)
 
 
+def latest() -> list[Campaign]:
+    """Return the latest run of each target, whatever its programs were built from: the table names the commit."""
+    runs: dict[str, Campaign] = {}
+    for path in sorted(STATE.glob("*/state.json"), key=lambda path: path.stat().st_mtime):
+        state = json.loads(path.read_text(encoding="utf-8"))
+        plan = Plan(*(state[name] for name in ("inputs", "longest", "lot", "sanitized_every")))
+        runs[state["target"]] = Campaign(state["target"], plan, state["seed"], {}, path, state["commit"], state["done"])
+    return [runs[target] for target in PLANS if target in runs]
+
+
 def write_page(runs: list[Campaign]) -> None:
     """Put the table between its marks."""
     text = PAGE.read_text(encoding="utf-8")
@@ -196,13 +206,13 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes [%(default)s]")
     parser.add_argument("--write", action="store_true", help="put what has been done so far into docs/fuzzing.md")
     options = parser.parse_args()
+    if options.write:
+        write_page(latest())
+        return 0
     for name in ("nothing", "sanitizers"):
         fuzz.build([f"seeded_{target}" for target in PLANS], name)
     targets = options.targets or [(target, plan.inputs) for target, plan in PLANS.items()]
     runs = [campaign(target, inputs, options.seed) for target, inputs in targets]
-    if options.write:
-        write_page([run for run in runs if run.done])
-        return 0
     good = True
     for run in runs:
         good = go_on(run, options.jobs) and good

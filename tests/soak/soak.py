@@ -169,10 +169,13 @@ def main() -> int:
     parser.add_argument("--days", type=int, default=60, help="by jumping the clocks [%(default)s]")
     parser.add_argument("--write", action="store_true", help="put what has been done so far into docs/fuzzing.md")
     options = parser.parse_args()
-    folder = folder_of(program())
-    if options.write:
-        write_page(folder, options.days)
+    if options.write:  # the latest run that did hours, whatever it was built from: the table names the commit
+        runs = sorted(STATE.glob("*/hours.jsonl"), key=lambda path: path.stat().st_mtime)
+        if not runs:
+            parser.error(f"nothing has been run: there are no hours in {STATE}")
+        write_page(runs[-1].parent, options.days)
         return 0
+    folder = folder_of(program())
     try:
         do_jumps(folder, options.days)
         do_hours(folder, options.hours)
