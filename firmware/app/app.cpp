@@ -134,7 +134,7 @@ uint8_t App::switch_hil(bool enable, size_t link) {
         return enter_hil(link);
     }
     if (lockstep_) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
         return MAV_RESULT_DENIED;
     }
     if (shared_.hil) {
@@ -160,7 +160,7 @@ const char *App::hil_obstacle(size_t link) const {
 
 uint8_t App::enter_hil(size_t link) {
     if (const char *why = hil_obstacle(link)) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
         return MAV_RESULT_DENIED;
     }
     hil_link_ = link;
@@ -391,7 +391,9 @@ void App::receive(size_t link) {
         // An echo. A station or a companion computer of the same number is another component: whoever chose that must still be heard.
         const bool by_us = frame.system == own && frame.component == MAV_COMP_ID_AUTOPILOT1;
         if (for_us && for_component && !by_us && channel.admits(frame)) {
+            shared_.asker = link;
             dispatch(frame, {link, frame.system, frame.component});
+            shared_.asker = Board::max_ports;
             if (shared_.hil && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
                 serve(); // what is sent must depend on the frames, not on how often background() is called
             }
@@ -405,7 +407,7 @@ void App::take_legacy_line(size_t link) {
     LegacySetpoint setpoint;
     if (link == line_link_ && shared_.legacy_line.take(&setpoint)) {
         shared_.heartbeat(link);
-        setpoints_.on_legacy_line(setpoint);
+        setpoints_.on_legacy_line(setpoint); // its refusal goes to all links: who sends lines reads no MAVLink
         if (!setpoints_.refused()) {
             shared_.commanded(link);
         }
@@ -422,6 +424,7 @@ void App::serve() {
     commands_.serve();
     telemetry_.serve();
     parameters_.serve();
+    shared_.say_left_out();
 }
 
 void App::flush() {

@@ -7,6 +7,7 @@
 #include "app/core.h"
 #include "app/crc32.h"
 #include "app/reports.h"
+#include "app/stops.h"
 
 namespace omni {
 namespace {
@@ -58,7 +59,8 @@ void Commands::on_command_long(const Frame &frame, const Sender &sender) {
     handle({message.command,
             {message.param1, message.param2, message.param3, message.param4},
             sender,
-            receipt_of(message, message.param5 != 0.0f)});
+            receipt_of(message, message.param5 != 0.0f),
+            is_stop(frame)});
 }
 
 void Commands::on_command_int(const Frame &frame, const Sender &sender) {
@@ -66,7 +68,8 @@ void Commands::on_command_int(const Frame &frame, const Sender &sender) {
     handle({message.command,
             {message.param1, message.param2, message.param3, message.param4},
             sender,
-            receipt_of(message, message.x != 0)});
+            receipt_of(message, message.x != 0),
+            is_stop(frame)});
 }
 
 void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
@@ -83,7 +86,7 @@ void Commands::handle(const Command &command) {
     ack.result_param2 = command.receipt;
     ack.target_system = command.sender.system;
     ack.target_component = command.sender.component;
-    shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);
+    shared_.links[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack, command.stops ? Priority::stop : Priority::reply);
 }
 
 /// Commands that say where to go.
@@ -167,7 +170,7 @@ void Commands::warn_of_missing_pin() {
 uint8_t Commands::arm(size_t link) {
     const uint8_t state = shared_.latest.outputs.state;
     if (shared_.reboot) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
         return MAV_RESULT_DENIED;
     }
     if (shared_.stopping > 0 && (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_DISARMED)) {
@@ -178,26 +181,26 @@ uint8_t Commands::arm(size_t link) {
         return MAV_RESULT_ACCEPTED;
     }
     if (hil_.hil_silent()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: no OMNI_HIL_SENSORS yet"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: no OMNI_HIL_SENSORS yet"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (shared_.i2c_scanning) {
-        shared_.say(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: I2C scan"));
+        shared_.refuse(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: I2C scan"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (starting_up(shared_.latest)) {
-        shared_.say(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: starting up"));
+        shared_.refuse(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: starting up"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (state != OMNI_STATE_DISARMED) {
         const char *name = omni_safety_state_name(static_cast<omni_safety_state_t>(state));
         const char *way_out = state == OMNI_STATE_ESTOP ? " (release it first)" : " (disarm first)";
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("cannot arm: ").add(name).add(way_out));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: ").add(name).add(way_out));
         return MAV_RESULT_DENIED;
     }
     const uint32_t faults = shared_.latest.arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
     if (faults != 0) {
-        shared_.say(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", faults));
+        shared_.refuse(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", faults));
         return MAV_RESULT_DENIED;
     }
     // Whoever arms is there: the command counts as a heartbeat.
@@ -244,7 +247,7 @@ uint8_t Commands::hil_command(float enable, size_t link) {
 
 uint8_t Commands::clear_estop() {
     if (shared_.armed()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
         return MAV_RESULT_DENIED;
     }
     if (shared_.control.stopping(OMNI_EVENT_ESTOP)) {
@@ -260,18 +263,18 @@ uint8_t Commands::set_mode(float mode) {
     if (mode == static_cast<float>(OMNI_MODE_TRAJECTORY)) {
         return trajectories_.start(-1.0f, -1.0f);
     }
-    shared_.say(MAV_SEVERITY_NOTICE, Text().add("mode follows the set-points: hold 0, trajectory 3"));
+    shared_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode follows the set-points: hold 0, trajectory 3"));
     return MAV_RESULT_DENIED;
 }
 
 uint8_t Commands::set_pose(const omni_pose_t &pose) {
     const float limit = parameters_.config().limits.position_m;
     if (shared_.armed()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("pose not set: disarm first"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("pose not set: disarm first"));
         return MAV_RESULT_DENIED;
     }
     if (!omni_pose_is_finite(&pose) || omni_absf(pose.x) > limit || omni_absf(pose.y) > limit) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("pose not set: not finite or beyond LIM_POS"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("pose not set: not finite or beyond LIM_POS"));
         return MAV_RESULT_DENIED;
     }
     Request request;
@@ -285,7 +288,7 @@ uint8_t Commands::reboot(float what) {
         return MAV_RESULT_UNSUPPORTED;
     }
     if (shared_.armed()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("reboot refused: disarm first"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("reboot refused: disarm first"));
         return MAV_RESULT_DENIED;
     }
     shared_.reboot = true;
@@ -294,11 +297,11 @@ uint8_t Commands::reboot(float what) {
 
 uint8_t Commands::scan_i2c(const Sender &sender) {
     if (shared_.armed()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: disarm first"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: disarm first"));
         return MAV_RESULT_DENIED;
     }
     if (hil_.hil_silent()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: no OMNI_HIL_SENSORS yet"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: no OMNI_HIL_SENSORS yet"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     scan_sender_ = sender;
@@ -313,7 +316,7 @@ uint8_t Commands::scan_i2c(const Sender &sender) {
 }
 
 uint8_t Commands::refuse_pin_test(uint8_t result, const char *why) {
-    shared_.say(MAV_SEVERITY_WARNING, Text().add("OE test refused: ").add(why));
+    shared_.refuse(MAV_SEVERITY_WARNING, Text().add("OE test refused: ").add(why));
     return result;
 }
 

@@ -42,6 +42,7 @@ private:
         float param[4] = {};
         Sender sender;
         int32_t receipt = 0;
+        bool stops = false; ///< its answer goes before all others
     };
     void handle(const Command &command);
     uint8_t run(const Command &command);

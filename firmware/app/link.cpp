@@ -13,6 +13,11 @@ constexpr float burst_s = 0.1f;
 constexpr float least_burst = 400.0f;
 /// Telemetry waits while this much is buffered: what waits is old by the time it arrives.
 constexpr size_t telemetry_backlog = 2048;
+/// Room for the answers to stops.
+constexpr size_t stop_reserve = 512;
+/// In the signature of an answer to a stop: it overtakes what was signed before, which would be too old behind it in one stream.
+constexpr unsigned stop_stream = 0x80;
+
 /// Lists leave room for telemetry in front of the port.
 constexpr size_t bulk_backlog = 1024;
 
@@ -50,7 +55,7 @@ void Link::receive(uint64_t idle_ns) {
         session_ = session;
         new_session_ = session != 0;
         parser_.reset();
-        pending_ = 0;
+        pending_ = begun_ = urgent_ = 0;
         tokens_ = burst_of(budget());
         bulk_tokens_ = burst_of(0.5f * budget());
     }
@@ -82,8 +87,10 @@ bool Link::connected_anew() {
 bool Link::admits(Priority priority, size_t length) const {
     const auto bytes = static_cast<float>(length);
     switch (priority) {
-    case Priority::reply:
+    case Priority::stop:
         return pending_ + length <= buffer_size;
+    case Priority::reply:
+        return pending_ + length <= buffer_size - stop_reserve;
     case Priority::text:
         return pending_ + length <= buffer_size / 2;
     case Priority::telemetry:
@@ -94,6 +101,27 @@ bool Link::admits(Priority priority, size_t length) const {
     return false;
 }
 
+void Link::put(const uint8_t *frame, size_t length, Priority priority) {
+    const size_t at = priority == Priority::stop ? begun_ + urgent_ : pending_;
+    std::memmove(out_ + at + length, out_ + at, pending_ - at);
+    std::memcpy(out_ + at, frame, length);
+    pending_ += length;
+    urgent_ += priority == Priority::stop ? length : 0;
+}
+
+/// The port has taken so many bytes.
+void Link::sent(size_t count) {
+    size_t end = begun_; // of the frame that the last byte belongs to
+    while (end < count) {
+        end += frame_length(out_ + end);
+    }
+    const size_t urgent_end = begun_ + urgent_;
+    begun_ = end - count;
+    urgent_ = urgent_end > end ? urgent_end - end : 0;
+    pending_ -= count;
+    std::memmove(out_, out_ + count, pending_);
+}
+
 bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) {
     if (session_ == 0) {
         return false;
@@ -102,14 +130,14 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
     const bool is_signed = signing_ != nullptr && signing_->required();
     size_t length = encode_frame(frame, sequence_, system_, id, payload, is_signed);
     if (is_signed && length != 0) {
-        length = signing_->sign(frame, length, number_);
+        const unsigned stream = number_ | (priority == Priority::stop ? stop_stream : 0u);
+        length = signing_->sign(frame, length, static_cast<uint8_t>(stream));
     }
     if (length == 0 || !admits(priority, length)) {
         tx_dropped_ += priority == Priority::bulk ? 0 : 1;
         return false;
     }
-    std::memcpy(out_ + pending_, frame, length);
-    pending_ += length;
+    put(frame, length, priority);
     ++sequence_;
     tokens_ -= static_cast<float>(length);
     if (priority == Priority::bulk) {
@@ -123,15 +151,14 @@ void Link::flush_frames() {
     size_t done = 0;
     while (done < pending_) {
         const size_t length = frame_length(out_ + done);
-        const bool due = line_tokens_ >= static_cast<float>(std::min(length, radio_frame));
+        const bool due = done < urgent_ || line_tokens_ >= static_cast<float>(std::min(length, radio_frame));
         if (!due || length > port_->write_space() || !port_->write(out_ + done, length)) {
             break;
         }
         line_tokens_ -= static_cast<float>(length);
         done += length;
     }
-    pending_ -= done;
-    std::memmove(out_, out_ + done, pending_);
+    sent(done);
 }
 
 void Link::flush() {
@@ -144,8 +171,7 @@ void Link::flush() {
     }
     const size_t count = std::min(pending_, port_->write_space());
     if (count > 0 && port_->write(out_, count)) {
-        pending_ -= count;
-        std::memmove(out_, out_ + count, pending_);
+        sent(count);
     }
 }
 

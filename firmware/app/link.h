@@ -13,6 +13,7 @@ namespace omni {
 
 /// Who may still send when room or budget gets short, most important first.
 enum class Priority : uint8_t {
+    stop,      ///< answers to stops: in front of everything that waits, and at once; room is kept for them
     reply,     ///< answers and heartbeats: dropped only when the buffer is full
     text,      ///< STATUSTEXT: as long as half of the buffer is free
     telemetry, ///< within the budget
@@ -73,6 +74,8 @@ public:
 
 private:
     float budget() const;
+    void put(const uint8_t *frame, size_t length, Priority priority);
+    void sent(size_t count);
     void flush_frames();
     bool send_payload(uint32_t id, const uint8_t *payload, Priority priority);
 
@@ -85,6 +88,8 @@ private:
     uint32_t applied_baud_ = 0;
     uint8_t out_[buffer_size] = {};
     size_t pending_ = 0;
+    size_t begun_ = 0;  ///< bytes at the beginning of out_ that belong to a frame whose first bytes have gone
+    size_t urgent_ = 0; ///< bytes behind those that answer stops
     uint8_t system_ = 1;
     uint8_t sequence_ = 0;
     bool unlimited_ = false;

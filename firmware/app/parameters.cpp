@@ -101,7 +101,7 @@ void Parameters::on_request_read(const Frame &frame, const Sender &sender) {
     }
     char name[OMNI_PARAM_NAME_LEN + 1] = {};
     std::memcpy(name, message.param_id, OMNI_PARAM_NAME_LEN);
-    shared_.say(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name[0] != 0 ? name : "index").add(": unknown"));
+    shared_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name[0] != 0 ? name : "index").add(": unknown"));
 }
 
 void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t blamed) {
@@ -121,7 +121,7 @@ void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t b
     } else {
         text.add("does not fit the others");
     }
-    shared_.say(MAV_SEVERITY_WARNING, text);
+    shared_.refuse(MAV_SEVERITY_WARNING, text);
 }
 
 void Parameters::on_set(const Frame &frame, const Sender &sender) {
@@ -130,14 +130,14 @@ void Parameters::on_set(const Frame &frame, const Sender &sender) {
     if (index < 0) {
         char name[OMNI_PARAM_NAME_LEN + 1] = {};
         std::memcpy(name, message.param_id, OMNI_PARAM_NAME_LEN);
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name).add(": unknown"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name).add(": unknown"));
         return;
     }
     const float value = message.param_value;
     omni_result_t why = omni_param_check(index, value, shared_.armed());
     int32_t blamed = index;
     if (message.param_type != MAV_PARAM_TYPE_REAL32) {
-        shared_.say(MAV_SEVERITY_WARNING, named(index).add(" refused: send it as REAL32"));
+        shared_.refuse(MAV_SEVERITY_WARNING, named(index).add(" refused: send it as REAL32"));
     } else if (why != OMNI_OK) {
         refuse(index, value, why, blamed);
     } else {
@@ -159,7 +159,8 @@ bool Parameters::adopt_or_say(const omni_real_t *values) {
     if (adopt(values, &bad, &why)) {
         return true;
     }
-    shared_.say(MAV_SEVERITY_ERROR, Text().add("refused because of ").add(bad >= 0 ? omni_param_table[bad].name : "their sum"));
+    shared_.refuse(MAV_SEVERITY_ERROR,
+                   Text().add("refused because of ").add(bad >= 0 ? omni_param_table[bad].name : "their sum"));
     return false;
 }
 
@@ -168,11 +169,11 @@ uint8_t Parameters::load() {
     std::memcpy(values, shared_.board.robot_values, sizeof values);
     const StoreResult result = store_.load(values);
     if (result == StoreResult::foreign) {
-        shared_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
+        shared_.refuse(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
         return MAV_RESULT_FAILED;
     }
     if (result == StoreResult::empty) {
-        shared_.say(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
+        shared_.refuse(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
     }
     return adopt_or_say(values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
 }
@@ -183,14 +184,14 @@ uint8_t Parameters::save() {
         shared_.say(MAV_SEVERITY_INFO, Text().add("parameters stored"));
         return MAV_RESULT_ACCEPTED;
     }
-    shared_.say(MAV_SEVERITY_ERROR, Text().add(result == StoreResult::full ? "too many parameters differ: nothing stored"
-                                                                           : "the memory failed: nothing stored"));
+    shared_.refuse(MAV_SEVERITY_ERROR, Text().add(result == StoreResult::full ? "too many parameters differ: nothing stored"
+                                                                              : "the memory failed: nothing stored"));
     return MAV_RESULT_FAILED;
 }
 
 uint8_t Parameters::storage_command(float action) {
     if (shared_.armed()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("parameter storage refused: disarm first"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter storage refused: disarm first"));
         return MAV_RESULT_DENIED;
     }
     if (action == 0.0f) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "app/pose_fixes.h"
 
+#include <algorithm>
+
 #include "app/core.h"
 #include "app/frames.h"
 
@@ -9,13 +11,19 @@ namespace {
 
 constexpr uint64_t oldest_us = 250'000;
 constexpr uint64_t ahead_us = 5'000;
-constexpr uint64_t text_interval_us = 1'000'000;
 /// Further than this [m or rad] no sensor, however coarse, says the same pose twice.
 constexpr float frozen_travel = 0.005f;
 
 /// Standard deviation from a variance; 0 (take the configured one) if the sender gave none.
 float deviation(float variance) {
     return omni_is_finite(variance) && variance > 0.0f ? omni_sqrtf(variance) : 0.0f;
+}
+
+/// The time that these 32 bits stand for: the one nearest to now. They wrap every 49.7 days.
+uint64_t whole_time_us(uint32_t time_ms, uint64_t now_us) {
+    const uint64_t now_ms = now_us / 1000;
+    const auto ahead_ms = static_cast<int32_t>(time_ms - static_cast<uint32_t>(now_ms));
+    return (now_ms + static_cast<uint64_t>(static_cast<int64_t>(ahead_ms))) * 1000;
 }
 
 } // namespace
@@ -30,7 +38,7 @@ uint64_t PoseFixes::time_of(uint64_t stamp_us) const {
 }
 
 void PoseFixes::restart() {
-    said_us_ = 0;
+    std::fill(said_us_, said_us_ + Board::max_ports, uint64_t{0});
     last_us_ = 0;
     travelled_ = 0.0f;
     count_ = 0;
@@ -55,10 +63,7 @@ void PoseFixes::serve() {
 }
 
 void PoseFixes::complain(const char *why) {
-    if (said_us_ == 0 || shared_.now_us < said_us_ || shared_.now_us - said_us_ >= text_interval_us) {
-        said_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("pose fix refused: ").add(why));
-    }
+    shared_.refuse_streamed(said_us_, Text().add("pose fix refused: ").add(why));
 }
 
 /// How far the wheels have gone meanwhile, slip or not, is what the sensor cannot have missed.
@@ -112,7 +117,7 @@ void PoseFixes::on_compact(const Frame &frame) {
     const auto message = frame.as<mavlink_omni_pose_fix_t>();
     const omni_pose_t pose = {static_cast<float>(message.x_mm) * 1e-3f, static_cast<float>(message.y_mm) * 1e-3f,
                               static_cast<float>(message.theta_mrad10) * 1e-4f};
-    accept(pose, static_cast<uint64_t>(message.time_boot_ms) * 1000, nullptr);
+    accept(pose, message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, shared_.now_us) : 0, nullptr);
 }
 
 } // namespace omni

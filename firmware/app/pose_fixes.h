@@ -35,7 +35,7 @@ private:
 
     Shared &shared_;
     const Parameters &parameters_;
-    uint64_t said_us_ = 0;
+    uint64_t said_us_[Board::max_ports] = {}; ///< per link
     omni_pose_t last_{};
     uint64_t last_us_ = 0;   ///< 0: no fix yet
     float travelled_ = 0.0f; ///< by the wheels since `last_` came first [m or rad]

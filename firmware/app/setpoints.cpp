@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "app/setpoints.h"
 
+#include <algorithm>
+
 #include "app/core.h"
 #include "app/frames.h"
 
 namespace omni {
 namespace {
 
-constexpr uint64_t text_interval_us = 1'000'000;
 /// A limit sent as the nearest float must pass.
 constexpr float rounding = 1.00001f;
 
@@ -25,7 +26,7 @@ float axis(int16_t value) {
 
 void Setpoints::restart() {
     refused_ = false;
-    said_us_ = 0;
+    std::fill(said_us_, said_us_ + Board::max_ports, uint64_t{0});
 }
 
 void Setpoints::accept(const omni_setpoint_t &setpoint) {
@@ -37,10 +38,7 @@ void Setpoints::accept(const omni_setpoint_t &setpoint) {
 
 void Setpoints::refuse(const char *why) {
     refused_ = true;
-    if (said_us_ == 0 || shared_.now_us < said_us_ || shared_.now_us - said_us_ >= text_interval_us) {
-        said_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("set-point refused: ").add(why));
-    }
+    shared_.refuse_streamed(said_us_, Text().add("set-point refused: ").add(why));
 }
 
 const char *Setpoints::check_twist(const omni_twist_t &twist) const {

@@ -35,7 +35,7 @@ private:
     Shared &shared_;
     const Parameters &parameters_;
     bool refused_ = false;
-    uint64_t said_us_ = 0; ///< 0: not yet
+    uint64_t said_us_[Board::max_ports] = {}; ///< per link
 };
 
 } // namespace omni

@@ -31,6 +31,8 @@ void Shared::count_report() {
 
 namespace {
 
+constexpr uint64_t streamed_interval_us = 1'000'000;
+
 mavlink_statustext_t status_text(uint8_t severity, const Text &text) {
     mavlink_statustext_t message{};
     message.severity = severity;
@@ -40,12 +42,54 @@ mavlink_statustext_t status_text(uint8_t severity, const Text &text) {
 
 } // namespace
 
+void Shared::send_text(size_t link, TextGate &gate, uint8_t severity, const Text &text) {
+    const bool passes = links[link].connected() && gate.pass(now_us);
+    if (passes && !links[link].send(MAVLINK_MSG_ID_STATUSTEXT, status_text(severity, text), Priority::text)) {
+        gate.count();
+    }
+}
+
 void Shared::say(uint8_t severity, const Text &text) {
-    send_all(MAVLINK_MSG_ID_STATUSTEXT, status_text(severity, text), Priority::text);
+    for (size_t i = 0; i < board.port_count; ++i) {
+        say_on(i, severity, text);
+    }
 }
 
 void Shared::say_on(size_t link, uint8_t severity, const Text &text) {
-    links[link].send(MAVLINK_MSG_ID_STATUSTEXT, status_text(severity, text), Priority::text);
+    send_text(link, texts_[link].news, severity, text);
+}
+
+void Shared::refuse(uint8_t severity, const Text &text) {
+    if (asker < board.port_count) {
+        send_text(asker, texts_[asker].refusals, severity, text);
+    } else {
+        say(severity, text);
+    }
+}
+
+void Shared::refuse_streamed(uint64_t (&said_us)[Board::max_ports], const Text &text) {
+    const size_t link = asker < board.port_count ? asker : 0;
+    if (said_us[link] != 0 && now_us >= said_us[link] && now_us - said_us[link] < streamed_interval_us) {
+        texts_[link].refusals.count();
+        return;
+    }
+    said_us[link] = now_us > 0 ? now_us : 1;
+    refuse(MAV_SEVERITY_WARNING, text);
+}
+
+void Shared::say_left_out(size_t link, TextGate &gate, const char *what) {
+    const uint32_t number = gate.take_left_out(now_us);
+    const mavlink_statustext_t message = status_text(MAV_SEVERITY_NOTICE, Text().add(number).add(what));
+    if (number > 0 && !links[link].send(MAVLINK_MSG_ID_STATUSTEXT, message, Priority::text)) {
+        gate.count(number);
+    }
+}
+
+void Shared::say_left_out() {
+    for (size_t i = 0; i < board.port_count; ++i) {
+        say_left_out(i, texts_[i].news, " messages left out");
+        say_left_out(i, texts_[i].refusals, " more refusals left out");
+    }
 }
 
 Text fault_text(const char *prefix, uint32_t faults) {

@@ -13,6 +13,7 @@
 #include "app/signing.h"
 #include "app/stations.h"
 #include "app/text.h"
+#include "app/text_gate.h"
 
 namespace omni {
 
@@ -37,8 +38,9 @@ struct Shared {
     bool reboot = false;       ///< asked for
     bool i2c_scanning = false; ///< asked for, and its result not sent yet
     Stations stations;
-    uint8_t stopping = 0; ///< reports to wait for until one tells what became of a disarm or an emergency stop
-    uint8_t arming = 0;   ///< reports to wait for until one tells what became of an accepted arm command
+    size_t asker = Board::max_ports; ///< link of the message that is being seen to; max_ports: none
+    uint8_t stopping = 0;            ///< reports to wait for until one tells what became of a disarm or an emergency stop
+    uint8_t arming = 0;              ///< reports to wait for until one tells what became of an accepted arm command
 
     uint32_t now_ms() const { return static_cast<uint32_t>(now_us / 1000); }
     /// Motors may move, or would but for a fault: what is locked while armed is locked now.
@@ -51,8 +53,14 @@ struct Shared {
     void commanded(size_t link);
     /// The tick has reported once more.
     void count_report();
-    /// Send a STATUSTEXT on every link. @param severity MAV_SEVERITY.
+    /// Send a STATUSTEXT on every link, at most two a second after a burst. @param severity MAV_SEVERITY.
     void say(uint8_t severity, const Text &text);
+    /// Tell whoever asked why not: on that link only, at most one a second after a burst. Everybody's business if nobody asked.
+    void refuse(uint8_t severity, const Text &text);
+    /// The same for what is streamed, at most once a second. @param said_us when it was last said on each link; 0: not yet.
+    void refuse_streamed(uint64_t (&said_us)[Board::max_ports], const Text &text);
+    /// Say how many texts were left out, where there were any.
+    void say_left_out();
     /// The same on one link.
     void say_on(size_t link, uint8_t severity, const Text &text);
     /// Send a message on every link.
@@ -66,6 +74,17 @@ struct Shared {
     bool reply(const Sender &to, uint32_t id, const Message &message) {
         return links[to.link].send(id, message, Priority::reply);
     }
+
+private:
+    /// What a link was not told.
+    struct Texts {
+        TextGate news = TextGate(500'000);
+        TextGate refusals = TextGate(1'000'000);
+    };
+    void send_text(size_t link, TextGate &gate, uint8_t severity, const Text &text);
+    void say_left_out(size_t link, TextGate &gate, const char *what);
+
+    Texts texts_[Board::max_ports];
 };
 
 /// Names of all fault bits in `faults`, joined by ", ".

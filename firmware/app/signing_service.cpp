@@ -31,11 +31,11 @@ void SigningService::on_setup(const Frame &frame, const Sender &sender) {
     Signing &signing = shared_.signing;
     if (shared_.links[sender.link].is_radio()) {
         signing.count_refused_key();
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("signing key refused: set it over USB (link 1)"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: set it over USB (link 1)"));
         return;
     }
     if (shared_.armed()) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("signing key refused: disarm first"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: disarm first"));
         return;
     }
     const uint8_t *key = message.secret_key;
@@ -44,7 +44,7 @@ void SigningService::on_setup(const Frame &frame, const Sender &sender) {
     if (done) {
         say_key();
     } else {
-        shared_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing key not changed"));
+        shared_.refuse(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing key not changed"));
     }
 }
 

@@ -12,32 +12,34 @@ uint8_t Trajectories::plan() {
     const omni_param_info_t &laps = omni_param_table[OMNI_PARAM_TRJ_LAPS];
     if (type_ != -1.0f) {
         if (omni_param_check(OMNI_PARAM_TRJ_TYPE, type_, false) != OMNI_OK) {
-            shared_.say(MAV_SEVERITY_WARNING, Text().add("trajectory type: ").add(types.minimum).add("..").add(types.maximum));
+            shared_.refuse(MAV_SEVERITY_WARNING,
+                           Text().add("trajectory type: ").add(types.minimum).add("..").add(types.maximum));
             return MAV_RESULT_DENIED;
         }
         config.type = static_cast<uint8_t>(type_);
     }
     if (laps_ != -1.0f) {
         if (omni_param_check(OMNI_PARAM_TRJ_LAPS, laps_, false) != OMNI_OK) {
-            shared_.say(MAV_SEVERITY_WARNING, Text().add("laps: ").add(laps.minimum).add("..").add(laps.maximum));
+            shared_.refuse(MAV_SEVERITY_WARNING, Text().add("laps: ").add(laps.minimum).add("..").add(laps.maximum));
             return MAV_RESULT_DENIED;
         }
         config.laps = laps_;
     }
     const bool listed = config.type == OMNI_TRJ_TYPE_WAYPOINTS;
     if (listed && waypoints_.count < 2) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("trajectory refused: send two waypoints or more"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: send two waypoints or more"));
         return MAV_RESULT_DENIED;
     }
     omni_trajectory_t &path = shared_.control.plans.scratch();
     const omni_pose_t &at = shared_.latest.outputs.pose;
     if (omni_trajectory_plan(&path, &config, &parameters_.config().kinematics, listed ? &waypoints_ : nullptr, &at) !=
         OMNI_OK) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("trajectory refused: check the TRJ_ parameters"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: check the TRJ_ parameters"));
         return MAV_RESULT_FAILED;
     }
     if (path.needed_scale > path.scale * 1.001f) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
+        shared_.refuse(MAV_SEVERITY_WARNING,
+                       Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
     }
     return MAV_RESULT_ACCEPTED;
 }
@@ -66,18 +68,18 @@ uint8_t Trajectories::stop() {
 uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
     const float expected = static_cast<float>(waypoints_.count);
     if (!omni_pose_is_finite(&pose)) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("waypoint refused: not finite"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: not finite"));
         return MAV_RESULT_DENIED;
     }
     const float limit = parameters_.config().limits.position_m;
     if (omni_absf(pose.x) > limit || omni_absf(pose.y) > limit) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("waypoint refused: beyond LIM_POS"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: beyond LIM_POS"));
         return MAV_RESULT_DENIED;
     }
     if (number == 0.0f) {
         waypoints_.count = 0;
     } else if (!(number == expected && number < static_cast<float>(OMNI_MAX_WAYPOINTS))) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("waypoint refused: number without gaps, 0..31"));
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: number without gaps, 0..31"));
         return MAV_RESULT_DENIED;
     }
     waypoints_.pose[waypoints_.count++] = pose;

@@ -10,6 +10,7 @@ from tests.arm import need_emulated_firmware
 from tests.firmware.client import BOARDS, Client, lockstep_robot, on_board
 
 ON_ALL_BOARDS = (
+    "test_clock_wraps",
     "test_commands",
     "test_damaged_storage",
     "test_driver",

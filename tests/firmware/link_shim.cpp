@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // extern "C" access to one link on a port whose connection and room the test decides.
+#include <cstring>
+
 #include "app/link.h"
 #include "app/mavlink_types.h"
 
@@ -8,10 +10,12 @@ namespace {
 struct Port final : omni::SerialPort {
     size_t room = 0;
     size_t written = 0;
+    uint8_t bytes[omni::Link::buffer_size] = {}; ///< of the last flush
     uint32_t connection = 1;
     size_t read(uint8_t *, size_t) override { return 0; }
     size_t write_space() override { return room; }
-    bool write(const uint8_t *, size_t length) override {
+    bool write(const uint8_t *data, size_t length) override {
+        std::memcpy(bytes + written, data, length);
         written += length;
         return true;
     }
@@ -36,6 +40,17 @@ void link_receive() {
 
 bool link_send() {
     return link.send(MAVLINK_MSG_ID_HEARTBEAT, mavlink_heartbeat_t{}, omni::Priority::reply);
+}
+
+/// An answer to a stop, told apart by a number.
+bool link_answer(uint16_t number) {
+    mavlink_command_ack_t ack{};
+    ack.command = number;
+    return link.send(MAVLINK_MSG_ID_COMMAND_ACK, ack, omni::Priority::stop);
+}
+
+const uint8_t *link_bytes() {
+    return port.bytes;
 }
 
 /// Flush into this much room. @return bytes that went out.

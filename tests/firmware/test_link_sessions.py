@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What waits to be sent when a connection ends."""
+"""What waits to be sent: when a connection ends, and when the answer to a stop overtakes it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,13 @@ import ctypes
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from tests.firmware.client import mav
 from tests.native import ROOT, build_library
+
+ACTIONS = st.lists(st.sampled_from(["beat", "answer"]) | st.integers(0, 60), max_size=60)
 
 
 @pytest.fixture
@@ -29,3 +34,47 @@ def test_a_new_connection_does_not_get_the_rest_of_the_old_ones_frame(link: ctyp
     assert link.link_flush(1000) == 0
     assert link.link_send()
     assert link.link_flush(1000) > 8
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(actions=ACTIONS)
+def test_answers_to_stops_go_before_all_that_has_not_begun_and_cut_no_frame(
+    link: ctypes.CDLL, actions: list[str | int]
+) -> None:
+    link.link_bytes.restype = ctypes.c_void_p
+    link.link_connect(0)
+    link.link_receive()
+    link.link_connect(1)
+    link.link_receive()
+    codec = mav.MAVLink(None)
+    heard: list[str] = []
+    waiting: list[str] = []  # in the order in which it must come
+    begun = 0  # whether the first of those is under way
+    answers = 0
+
+    def take(room: int) -> None:
+        nonlocal begun
+        data = ctypes.string_at(link.link_bytes(), link.link_flush(room))
+        before = len(heard)
+        for message in codec.parse_buffer(bytearray(data)) or []:
+            heard.append("beat" if message.get_type() == "HEARTBEAT" else f"answer {message.command}")
+        arrived = heard[before:]
+        assert arrived == waiting[: len(arrived)]
+        del waiting[: len(arrived)]
+        begun = int(len(codec.buf) > codec.buf_index)
+
+    for action in actions:
+        if action == "beat":
+            assert link.link_send()
+            waiting.append("beat")
+        elif action == "answer":
+            answers += 1
+            assert link.link_answer(answers)
+            at = begun
+            while at < len(waiting) and waiting[at].startswith("answer"):
+                at += 1
+            waiting.insert(at, f"answer {answers}")
+        else:
+            take(int(action))
+    take(8192)
+    assert waiting == []
