@@ -205,6 +205,9 @@ uint8_t Commands::arm(size_t link) {
     }
     // Whoever arms is there: the command counts as a heartbeat.
     shared_.stations.take_command(link);
+    if (!shared_.signing.store_for_drive()) {
+        shared_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));
+    }
     shared_.heartbeat(link);
     if (!shared_.control.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;

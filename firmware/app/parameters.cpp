@@ -225,7 +225,7 @@ void Parameters::serve() {
             ++next;
         }
     }
-    if (!boot_said_ && shared_.links[0].connected()) {
+    if (!boot_said_ && shared_.cable_connected()) {
         boot_said_ = true;
         say_boot_problems();
     }

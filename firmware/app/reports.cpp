@@ -302,7 +302,7 @@ bool report_signing(const Shared &shared, Link &link, Priority priority, bool) {
     message.fingerprint = shared.signing.fingerprint();
     message.refused_unsigned = counts.not_signed;
     message.refused_wrong = counts.wrong;
-    message.refused_replayed = counts.replayed;
+    message.refused_replayed = counts.replayed + counts.ahead;
     message.refused_keys = counts.keys;
     message.refused_lines = shared.legacy_line.refused();
     message.state = static_cast<uint8_t>(shared.signing.state());

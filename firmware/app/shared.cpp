@@ -1,9 +1,18 @@
 // SPDX-License-Identifier: MIT
 #include "app/shared.h"
 
+#include <algorithm>
+
 #include "app/core.h"
 
 namespace omni {
+
+bool Shared::cable_connected() const {
+    const Link *const end = links + board.port_count;
+    const auto is_radio = [](const Link &link) { return link.is_radio(); };
+    const auto is_taken = [](const Link &link) { return !link.is_radio() && link.connected(); };
+    return std::any_of(links, end, is_taken) || std::all_of(links, end, is_radio);
+}
 
 void Shared::heartbeat(size_t link) {
     stations.hear(link, now_us);

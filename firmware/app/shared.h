@@ -47,6 +47,8 @@ struct Shared {
     bool armed() const {
         return arming > 0 || latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE;
     }
+    /// Whoever has the robot in hand can be told something: a link that is no radio is connected, or there is none.
+    bool cable_connected() const;
     /// A ground station gave a sign of life on this link.
     void heartbeat(size_t link);
     /// A set-point or motion command of this link was accepted: it has the command from now on if its ground station is alive.

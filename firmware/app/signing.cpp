@@ -15,6 +15,7 @@ constexpr size_t at_time = 1; ///< in the signature, behind the link id
 constexpr size_t at_digest = at_time + time_length;
 constexpr size_t at_key = 4; ///< in the stored record
 constexpr uint64_t us_per_unit = 10;
+constexpr uint64_t time_stamp_limit = (uint64_t{1} << 48) - 1;
 /// A new stream may start this far behind our clock: one minute.
 constexpr uint64_t new_stream_slack = 6'000'000;
 
@@ -63,8 +64,8 @@ void Signing::boot() {
     }
     uint64_t time = 0;
     if (time_store_.load(reinterpret_cast<uint8_t *>(&time)) == RecordStore::Result::ok) {
-        set_on(time);
         stored_time_ = time;
+        set_on(std::min(time, latest_time));
     }
 }
 
@@ -100,16 +101,30 @@ bool Signing::store_key(const uint8_t *key) {
     return key_store_.save(record) && key_store_.save(record);
 }
 
-bool Signing::set_key(const uint8_t *key, uint64_t time) {
-    set_on(time);
-    if (is_key(key)) {
-        return true; // a repeated request wears nothing
+/// Whoever holds the cable says what time it is. A stream that is ahead of that could not go on.
+void Signing::set_time(uint64_t time) {
+    if (time == 0) {
+        return;
     }
-    if (!store_key(key)) {
+    time_ = std::min(time, latest_time);
+    last_sent_ = time_; // what was signed ahead of it could not be followed by a station that is right
+    for (Stream &stream : streams_) {
+        stream.used = stream.used && stream.last <= time_;
+    }
+}
+
+bool Signing::set_key(const uint8_t *key, uint64_t time) {
+    const bool same = is_key(key);
+    if (!same && !store_key(key)) {
         return false;
     }
-    use_key(key);
-    store_time(); // tried again every minute if it fails
+    if (!same) {
+        use_key(key);
+    }
+    set_time(time);
+    if (!same || outdated(new_stream_slack)) { // a repeated request wears nothing
+        store_time();                          // tried again if it fails
+    }
     return true;
 }
 
@@ -162,6 +177,9 @@ Signing::Verdict Signing::judge(const Frame &frame) {
     if (state_ == State::damaged || !equal(expected, signature + at_digest, digest_length)) {
         return Verdict::wrong;
     }
+    if (time_ != 0 && time_of(signature) > time_ + most_ahead) {
+        return Verdict::ahead;
+    }
     Stream *stream = stream_of(frame);
     if (stream == nullptr) {
         return Verdict::replayed;
@@ -169,7 +187,7 @@ Signing::Verdict Signing::judge(const Frame &frame) {
     if (!frame.early) {
         const uint64_t time = time_of(signature);
         *stream = {true, frame.system, frame.component, signature[0], time};
-        set_on(time + 1); // a peer that takes its clock from ours has this time already
+        set_on(std::min(time + 1, latest_time)); // a peer that takes its clock from ours has this time already
     }
     return Verdict::taken;
 }
@@ -183,11 +201,12 @@ bool Signing::admits(const Frame &frame) {
     counts_.not_signed += verdict == Verdict::not_signed ? one : 0;
     counts_.wrong += verdict == Verdict::wrong ? one : 0;
     counts_.replayed += verdict == Verdict::replayed ? one : 0;
+    counts_.ahead += verdict == Verdict::ahead ? one : 0;
     return verdict == Verdict::taken;
 }
 
 size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {
-    last_sent_ = std::max(last_sent_ + 1, time_);
+    last_sent_ = std::min(std::max(last_sent_ + 1, time_), time_stamp_limit);
     frame[length] = link_id;
     std::memcpy(frame + length + at_time, &last_sent_, time_length);
     digest(key_, frame, length + at_digest, frame + length + at_digest);
@@ -197,15 +216,15 @@ size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {
 void Signing::advance(uint64_t now_us) {
     rest_us_ += now_us > advanced_us_ ? now_us - advanced_us_ : 0;
     advanced_us_ = now_us;
-    time_ += rest_us_ / us_per_unit;
+    time_ = std::min(time_ + rest_us_ / us_per_unit, time_stamp_limit);
     rest_us_ %= us_per_unit;
 }
 
-bool Signing::store_time() {
-    if (!time_store_.save(reinterpret_cast<const uint8_t *>(&time_))) {
+bool Signing::store(uint64_t time) {
+    if (!time_store_.save(reinterpret_cast<const uint8_t *>(&time))) {
         return false;
     }
-    stored_time_ = time_;
+    stored_time_ = time;
     return true;
 }
 

@@ -2,8 +2,14 @@
 /// @file signing.h  MAVLink 2 message signing: who may command the robot through the air.
 ///
 /// With a key set, a frame from a radio counts only if its signature is right and its time stamp is newer than the last one of
-/// its stream (system, component, link id), or, for a new stream, no older than a minute before our clock. See docs/protocol.md
-/// for the table, and https://mavlink.io/en/guide/message_signing.html for the format.
+/// its stream (system, component, link id), or, for a new stream, no older than a minute before our clock. A frame of any stream that is
+/// more than half a year ahead of our clock does not count either, so that one wrong calendar cannot shut out the right ones.
+/// See docs/protocol.md for the table, and https://mavlink.io/en/guide/message_signing.html for the format.
+///
+/// **Where the clock comes from.** A key that is set over a cable brings the time, exactly: it may go back. After that it counts on, and
+/// follows every frame that was taken. The memory holds the time while disarmed; from arming on it holds a time far ahead instead, so
+/// that a robot that lost its power while armed takes no recording of that drive. Its own frames then tell the stations
+/// the time that it wants: every MAVLink signer follows a clock that is ahead of its own.
 #pragma once
 
 #include <cstddef>
@@ -20,13 +26,20 @@ struct SigningCounts {
     uint32_t not_signed = 0;
     uint32_t wrong = 0;    ///< signature of another key, or of other bytes
     uint32_t replayed = 0; ///< time stamp not newer than the stream's last, or too old for a new stream
+    uint32_t ahead = 0;    ///< time stamp too far ahead of our clock
     uint32_t keys = 0;     ///< keys that came over a radio; not frames
-    uint32_t total() const { return not_signed + wrong + replayed; }
+    uint32_t total() const { return not_signed + wrong + replayed + ahead; }
 };
 
 class Signing {
 public:
     static constexpr size_t key_length = 32;
+    /// A year before the 48 bits of a time stamp end (March 2104): our own would stand still there [10 us].
+    static constexpr uint64_t latest_time = (uint64_t{1} << 48) - uint64_t{100'000} * 86'400 * 365;
+    /// What the memory is ahead of the clock while armed: longer than any drive on one battery [10 us].
+    static constexpr uint64_t longest_drive = uint64_t{100'000} * 3600 * 12;
+    /// A frame further ahead of a clock that was ever set is refused: half a year, longer than most robots lie on a shelf [10 us].
+    static constexpr uint64_t most_ahead = uint64_t{100'000} * 86'400 * 183;
     enum class State : uint8_t {
         off,     ///< no key: radios are open
         on,      ///< a key is set
@@ -43,8 +56,8 @@ public:
     /// First bytes of the key's SHA-256, to compare keys by; 0 without a key.
     uint32_t fingerprint() const { return fingerprint_; }
     bool is_key(const uint8_t *key) const;
-    /// Use and store a key. @param time our clock is set on to it [10 us since 2015]. @return false if the memory failed; the old
-    /// key stays.
+    /// Use and store a key. @param time our clock is set to it, forward or back; streams ahead of it are forgotten; 0: the sender has
+    /// no clock, ours stays. At most latest_time [10 us since 2015]. @return false if the memory failed; the old key and time stay.
     bool set_key(const uint8_t *key, uint64_t time);
     bool remove_key();
 
@@ -59,10 +72,11 @@ public:
     void advance(uint64_t now_us);
     /// The clock [10 us since 2015].
     uint64_t time() const { return time_; }
-    void set_on(uint64_t time) { time_ = time > time_ ? time : time_; }
-    /// How far the clock is ahead of the stored one [10 us].
-    uint64_t not_stored() const { return time_ - stored_time_; }
-    bool store_time();
+    /// Whether the memory holds a time that is this far behind, or one that is ahead of the clock.
+    bool outdated(uint64_t behind) const { return stored_time_ > time_ || time_ - stored_time_ > behind; }
+    bool store_time() { return store(time_); }
+    /// Before motors may move. @return false if the memory failed.
+    bool store_for_drive() { return !required() || stored_time_ > time_ + longest_drive / 2 || store(time_ + longest_drive); }
     void count_refused_key() { ++counts_.keys; }
     const SigningCounts &counts() const { return counts_; }
 
@@ -77,10 +91,13 @@ private:
     static constexpr size_t max_streams = 16;
 
     bool store_key(const uint8_t *key);
+    bool store(uint64_t time);
+    void set_on(uint64_t time) { time_ = time > time_ ? time : time_; }
+    void set_time(uint64_t time);
     void use_key(const uint8_t *key);
     void forget_key(State state);
     /// What becomes of a frame.
-    enum class Verdict : uint8_t { taken, from_the_air, not_signed, wrong, replayed };
+    enum class Verdict : uint8_t { taken, from_the_air, not_signed, wrong, replayed, ahead };
     Verdict judge(const Frame &frame);
     Stream *stream_of(const Frame &frame);
     Stream *find(const Frame &frame, uint8_t link_id);

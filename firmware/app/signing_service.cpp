@@ -8,7 +8,7 @@ namespace {
 
 /// The stored clock is at most this far behind while disarmed [10 us]: 50 s.
 constexpr uint64_t store_interval = 5'000'000;
-constexpr uint64_t latest_time = (uint64_t{1} << 48) - 1;
+constexpr uint64_t retry_us = 60'000'000;
 constexpr uint64_t text_interval_us = 10'000'000;
 
 } // namespace
@@ -26,21 +26,27 @@ void SigningService::say_key() {
     }
 }
 
-void SigningService::on_setup(const Frame &frame, const Sender &sender) {
-    const auto message = frame.as<mavlink_setup_signing_t>();
-    Signing &signing = shared_.signing;
+const char *SigningService::obstacle(const Sender &sender, uint64_t time) {
     if (shared_.links[sender.link].is_radio()) {
-        signing.count_refused_key();
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: set it over USB (link 1)"));
-        return;
+        shared_.signing.count_refused_key();
+        return "set it over USB or a cable";
     }
     if (shared_.armed()) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: disarm first"));
+        return "disarm first";
+    }
+    return time > Signing::latest_time ? "its time is beyond 2103" : nullptr;
+}
+
+void SigningService::on_setup(const Frame &frame, const Sender &sender) {
+    const auto message = frame.as<mavlink_setup_signing_t>();
+    if (const char *why = obstacle(sender, message.initial_timestamp)) {
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: ").add(why));
         return;
     }
+    Signing &signing = shared_.signing;
     const uint8_t *key = message.secret_key;
     const bool none = std::all_of(key, key + Signing::key_length, [](uint8_t byte) { return byte == 0; });
-    const bool done = none ? signing.remove_key() : signing.set_key(key, std::min(message.initial_timestamp, latest_time));
+    const bool done = none ? signing.remove_key() : signing.set_key(key, message.initial_timestamp);
     if (done) {
         say_key();
     } else {
@@ -48,18 +54,19 @@ void SigningService::on_setup(const Frame &frame, const Sender &sender) {
     }
 }
 
-/// Never while armed: writing may stop the processor for a while.
+/// Never while armed: writing may stop the processor for a while. What was stored for a drive is taken back after it.
 void SigningService::keep_time() {
     Signing &signing = shared_.signing;
     const bool armed = shared_.armed();
     const bool disarmed_now = was_armed_ && !armed;
     was_armed_ = armed;
-    if (armed || !signing.required() || signing.not_stored() == 0) {
+    const bool wait = tried_us_ != 0 && shared_.now_us >= tried_us_ && shared_.now_us - tried_us_ < retry_us;
+    if (armed || !signing.required() || wait) {
         return;
     }
-    if (disarmed_now || shared_.reboot || signing.not_stored() >= (store_failed_ ? 2 * store_interval : store_interval)) {
-        store_failed_ = !signing.store_time();
-        if (store_failed_) {
+    if (signing.outdated(disarmed_now || shared_.reboot ? 0 : store_interval)) {
+        tried_us_ = signing.store_time() ? 0 : std::max<uint64_t>(shared_.now_us, 1);
+        if (tried_us_ != 0) {
             shared_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));
         }
     }
@@ -68,26 +75,33 @@ void SigningService::keep_time() {
 void SigningService::say_refused() {
     const SigningCounts &counts = shared_.signing.counts();
     const bool quiet = shared_.now_us >= said_us_ && shared_.now_us - said_us_ < text_interval_us && said_us_ != 0;
-    if (counts.total() == said_refused_ || quiet) {
+    const uint32_t others = counts.total() - counts.ahead;
+    if ((others == said_others_ && counts.ahead == said_ahead_) || quiet) {
         return;
     }
     said_us_ = std::max<uint64_t>(shared_.now_us, 1);
-    said_refused_ = counts.total();
-    shared_.say(MAV_SEVERITY_WARNING, Text()
-                                          .add("radio refused: ")
-                                          .add(counts.not_signed)
-                                          .add(" unsigned, ")
-                                          .add(counts.wrong)
-                                          .add(" wrong, ")
-                                          .add(counts.replayed)
-                                          .add(" old"));
+    if (counts.ahead != said_ahead_) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add("radio refused: clock far ahead; set the key again"));
+    }
+    if (others != said_others_) {
+        shared_.say(MAV_SEVERITY_WARNING, Text()
+                                              .add("radio refused: ")
+                                              .add(counts.not_signed)
+                                              .add(" unsigned, ")
+                                              .add(counts.wrong)
+                                              .add(" wrong, ")
+                                              .add(counts.replayed)
+                                              .add(" old"));
+    }
+    said_ahead_ = counts.ahead;
+    said_others_ = others;
 }
 
 void SigningService::serve() {
     shared_.signing.advance(shared_.now_us);
     keep_time();
     say_refused();
-    if (!damage_said_ && shared_.signing.state() == Signing::State::damaged && shared_.links[0].connected()) {
+    if (!damage_said_ && shared_.signing.state() == Signing::State::damaged && shared_.cable_connected()) {
         damage_said_ = true;
         shared_.say(MAV_SEVERITY_CRITICAL, Text().add("signing key unreadable, radio closed: set it again"));
     }

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import pytest
 
 from omniwheel import signing
 from omniwheel.dialect import mavlink
 from tests.radio.memory_robot import ERASED, RADIO, USB, MemoryRobot
-from tests.radio.station import ARM, KEY, OTHER_KEY, START, Station, state_of, usb
+from tests.radio.station import ARM, KEY, OTHER_KEY, START, YEAR, Station, state_of, usb
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 MINUTE = 6_000_000
@@ -152,7 +154,7 @@ def test_keys_come_in_over_usb_only(robot: MemoryRobot) -> None:
     signed = Station(robot, key=KEY)
     signed.mav.setup_signing_send(1, 1, list(OTHER_KEY), START)
     texts = [m.text for m in signed.run(300) if m.get_type() == "STATUSTEXT"]
-    assert "signing key refused: set it over USB (link 1)" in texts
+    assert "signing key refused: set it over USB or a cable" in texts
     status = usb(robot).signing_status()
     assert status.refused_keys == 1
     assert f"{status.fingerprint:08x}" == signing.fingerprint(KEY)
@@ -227,6 +229,144 @@ def test_a_clock_in_a_station_ahead_pulls_the_robots_along(robot: MemoryRobot) -
     assert Station(robot, key=KEY, time=START + 100 * MINUTE, link_id=1).command(ARM, 0) == ACCEPTED
     assert usb(robot).signing_status().time >= (START + 100 * MINUTE) * 10
     assert Station(robot, key=KEY, time=START, link_id=2).command(ARM, 0) is None
+
+
+@pytest.mark.parametrize("ahead", [YEAR, 10 * YEAR, (1 << 48) - 1 - START])
+def test_one_frame_from_a_wrong_calendar_does_not_shut_out_the_right_ones(robot: MemoryRobot, ahead: int) -> None:
+    usb(robot).run(1)
+    assert Station(robot, key=KEY, time=START + ahead - 10, link_id=1).command(ARM, 0) is None
+    texts = [m.text for m in usb(robot).run(1) if m.get_type() == "STATUSTEXT"]
+    assert "radio refused: clock far ahead; set the key again" in texts
+    assert refused(robot) == (0, 0, 1)
+    assert Station(robot, key=KEY, time=START, link_id=2).command(ARM, 1) == ACCEPTED
+
+
+LOCKED_AHEAD = YEAR // 3
+
+
+def lock_out(robot: MemoryRobot) -> None:
+    """Pull the clock ahead, as far as a frame can, so that a station of the right time is too old."""
+    assert Station(robot, key=KEY, time=START + LOCKED_AHEAD, link_id=1).command(ARM, 0) == ACCEPTED
+    assert Station(robot, key=KEY, time=START + MINUTE, link_id=2).command(ARM, 0) is None
+
+
+@pytest.mark.parametrize("restart", [False, True])
+@pytest.mark.parametrize(
+    "way",
+    [
+        lambda station: station.give_key(KEY, START + MINUTE),
+        lambda station: station.give_key(OTHER_KEY, START + MINUTE) + station.give_key(KEY, START + MINUTE),
+        lambda station: station.give_key(bytes(32), 0) + station.give_key(KEY, START + MINUTE),
+    ],
+    ids=["the same key", "a new key and back", "key removed and set"],
+)
+def test_a_key_over_usb_sets_the_clock_exactly_and_brings_a_locked_robot_back(
+    robot: MemoryRobot, way: Callable[[Station], object], restart: bool
+) -> None:
+    lock_out(robot)
+    way(usb(robot))
+    if restart:
+        robot.run(100)
+        robot.reboot()
+        robot.run(100)
+    assert abs(usb(robot).signing_status().time - (START + MINUTE) * 10) < 60e6
+    robot.run(3000)
+    robot.read(RADIO)  # what was signed before
+    right = Station(robot, key=KEY, time=START + 2 * MINUTE, link_id=1)  # the very stream that was ahead
+    assert right.command(ARM, 1) == ACCEPTED
+    assert right.mav.signing.badsig_count == 0
+
+
+def test_a_recording_from_before_the_clock_went_back_is_still_refused_if_its_stream_has_gone_on(
+    robot: MemoryRobot,
+) -> None:
+    station = Station(robot, key=KEY, time=START)
+    assert station.command(ARM, 0) == ACCEPTED
+    usb(robot).give_key(KEY, START + MINUTE // 6)
+    robot.write(station.port, station.frames[0])
+    robot.run(100)
+    assert refused(robot) == (0, 0, 1)
+
+
+@pytest.mark.parametrize("time", [1 << 48, (1 << 48) - YEAR + 1, (1 << 64) - 1])
+def test_a_time_beyond_48_bits_is_refused_and_changes_nothing(robot: MemoryRobot, time: int) -> None:
+    before = usb(robot).signing_status()
+    assert "signing key refused: its time is beyond 2103" in usb(robot).give_key(OTHER_KEY, time)
+    after = usb(robot).signing_status()
+    assert after.fingerprint == before.fingerprint
+    assert 0 <= after.time - before.time < 10e6
+
+
+def test_the_latest_time_that_is_taken_still_counts_on(robot: MemoryRobot) -> None:
+    latest = (1 << 48) - YEAR
+    usb(robot).give_key(KEY, latest)
+    station = Station(robot, key=KEY, time=latest)
+    heard = station.run(5000)
+    stamps = [int.from_bytes(m.get_msgbuf()[-12:-6], "little") for m in heard if m.get_signed()]
+    assert len(stamps) > 3
+    assert all(later > earlier >= latest for earlier, later in pairwise(stamps))
+    assert station.command(ARM, 1) == ACCEPTED
+
+
+def test_a_stored_clock_beyond_the_limit_is_brought_back(robot: MemoryRobot) -> None:
+    image = bytearray(robot.storage()[0])
+    at = len(image) - 192 + 96
+    for slot in range(2):
+        begin = at + 20 * slot
+        content = bytearray(image[begin : begin + 16])
+        content[8:16] = ((1 << 63) + slot).to_bytes(8, "little")
+        image[begin : begin + 16] = content
+        image[begin + 16 : begin + 20] = zlib.crc32(content).to_bytes(4, "little")
+    with MemoryRobot(bytes(image)) as copy:
+        copy.run(100)
+        assert usb(copy).signing_status().time <= (1 << 48) * 10
+        usb(copy).give_key(KEY, START)
+        copy.run(3000)
+        copy.read(RADIO)
+        assert Station(copy, key=KEY, time=START).command(ARM, 1) == ACCEPTED
+
+
+def test_after_a_power_loss_while_armed_no_recording_of_that_drive_is_taken(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    assert station.command(ARM, 1) == ACCEPTED
+    for _ in range(90):
+        station.heartbeat()
+        robot.run(1000)
+        station.mav.signing.timestamp += 100_000
+    late = Station(robot, key=KEY, time=station.mav.signing.timestamp, link_id=3)
+    assert late.command(ARM, 1) == ACCEPTED
+    recording = station.frames + late.frames
+    robot.reboot()
+    robot.run(100)
+    for frame in recording:
+        robot.write(RADIO, frame)
+        robot.run(20)
+        assert state_of(robot) == "disarmed"
+    assert refused(robot)[2] == len(recording)
+
+
+def test_after_a_power_loss_while_armed_a_station_that_hears_the_robot_goes_on(robot: MemoryRobot) -> None:
+    station = Station(robot, key=KEY)
+    assert station.command(ARM, 1) == ACCEPTED
+    robot.reboot()
+    station.run(3000)  # the robot's heartbeat takes the station's clock along, as in every MAVLink signer
+    assert station.command(ARM, 1) == ACCEPTED
+    assert station.command(ARM, 0) == ACCEPTED
+    robot.run(100)
+    image, _, _ = robot.storage()
+    with MemoryRobot(image) as copy:  # after an ordinary end the time is the time again
+        copy.run(10)
+        assert usb(copy).signing_status().time - usb(robot).signing_status().time < 60e6
+
+
+def test_an_arm_command_that_came_to_nothing_leaves_no_time_ahead(robot: MemoryRobot) -> None:
+    station = usb(robot)
+    assert station.command(ARM, 1) == ACCEPTED
+    assert station.command(ARM, 0) == ACCEPTED
+    robot.run(100)
+    robot.reboot()
+    robot.run(100)
+    assert usb(robot).signing_status().time < (START + MINUTE) * 10
 
 
 def test_a_key_that_cannot_be_read_closes_the_radio_until_it_is_set_again(robot: MemoryRobot) -> None:
