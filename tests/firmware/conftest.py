@@ -19,6 +19,7 @@ ON_ALL_BOARDS = (
     "test_link",
     "test_not_finite",
     "test_parameters",
+    "test_refusals",
     "test_stations",
     "test_stop_path",
 )

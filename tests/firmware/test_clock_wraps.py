@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A robot that has been on for weeks does what it does after ten seconds, also while a 32-bit time wraps.
 
-In lockstep the robot's clock is the host's, so a session can begin at any time. The same session, shifted, must give the same
-bytes but for the times in them.
+In lockstep the robot's clock is the host's, so a session can begin at any time. The same session, shifted, must give the
+same bytes but for the times in them.
 """
 
 from __future__ import annotations
