@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A robot that has been on for weeks does what it does after ten seconds, also while a 32-bit time wraps.
 
-In lockstep the robot's clock is the host's, so a session can begin at any time. The same session, shifted, must give the
-same bytes but for the times in them.
+In lockstep the robot's clock is the host's, so a session can begin at any time. The same session, shifted, must give
+the same bytes but for the times in them.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from tests.firmware.client import Client, lockstep_robot, mav
 
 MILLISECOND = 1000
 EARLY_US = 10_000_000
-BEFORE_US = 300_000
-"""How long before the wrap a session begins: it must happen while the robot drives."""
+BEFORE_US = 303_000
+"""Before the wrap a session begins, so that it happens while it drives. No fix is stamped 0: that means unknown."""
 WRAPS = {
     "31 bits of microseconds (36 minutes)": 2**31,
     "32 bits of microseconds (72 minutes)": 2**32,

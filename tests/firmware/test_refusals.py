@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -11,7 +12,7 @@ from tests.firmware.client import Client, mav
 
 UNSUPPORTED = mav.MAV_MISSION_UNSUPPORTED
 FENCE = mav.MAV_MISSION_TYPE_FENCE
-Ask = Callable[["mav.MAVLink", int], None]
+Ask = Callable[[Any, int], None]
 
 MISSIONS: dict[str, Ask] = {
     "upload": lambda m, to: m.mission_count_send(to, 1, 3, FENCE),

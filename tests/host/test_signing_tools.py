@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink import mavutil
@@ -15,7 +16,7 @@ from omniwheel.robots import parameter_table
 from tests.firmware.client import Client, Firmware, connect, firmware, mav
 from tests.host.test_mavproxy import MavProxy
 
-PASSPHRASE = "three wheels are enough"
+PASSPHRASE = "three-wheels-are-enough"
 KEY = hashlib.sha256(PASSPHRASE.encode()).digest()
 WAIT_S = 30.0
 
@@ -27,7 +28,7 @@ def robot() -> Iterator[Firmware]:
         yield running
 
 
-def status_over_cable(robot: Firmware) -> mav.MAVLink_message:
+def status_over_cable(robot: Firmware) -> Any:
     client: Client = connect(robot, 0)
     assert client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_OMNI_SIGNING) == mav.MAV_RESULT_ACCEPTED
     status = client.wait("OMNI_SIGNING")
@@ -47,14 +48,14 @@ def test_mavproxy_gives_the_robot_a_key_and_commands_it_over_the_radio(robot: Fi
     received = rf"Received {len(parameter_table())} parameters"
     with MavProxy(robot.links[0], tmp_path) as cable:
         cable.expect(received)
-        cable.enter(f"signing setup '{PASSPHRASE}'")
+        cable.enter(f"signing setup {PASSPHRASE}")
         cable.expect("Sent secret_key")
         cable.expect("signing key 0x[0-9A-F]+ set")
     status = status_over_cable(robot)
     assert (status.state, f"{status.fingerprint:08x}") == (1, signing.fingerprint(KEY))
     (tmp_path / "radio").mkdir()
     with MavProxy(robot.links[1], tmp_path / "radio") as radio:
-        radio.enter(f"signing key '{PASSPHRASE}'")
+        radio.enter(f"signing key {PASSPHRASE}")
         radio.expect(received)
         radio.enter("param set ISMC_LAM_XY 15")
         while radio.fetch("ISMC_LAM_XY") != 15.0:
