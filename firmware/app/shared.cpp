@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: MIT
 #include "app/shared.h"
 
-#include <algorithm>
-
 #include "app/core.h"
 
 namespace omni {
 
 bool Shared::cable_connected() const {
-    const Link *const end = links + board.port_count;
-    const auto is_radio = [](const Link &link) { return link.is_radio(); };
-    const auto is_taken = [](const Link &link) { return !link.is_radio() && link.connected(); };
-    return std::any_of(links, end, is_taken) || std::all_of(links, end, is_radio);
+    bool connected = false;
+    bool any = false;
+    for (size_t i = 0; i < board.port_count; ++i) {
+        any = any || !links[i].is_radio();
+        connected = connected || (!links[i].is_radio() && links[i].connected());
+    }
+    return connected || !any;
 }
 
 void Shared::heartbeat(size_t link) {

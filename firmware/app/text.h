@@ -9,18 +9,19 @@
 
 namespace omni {
 
-/// Text of at most 50 characters (one STATUSTEXT); more is cut.
+/// Text of at most 50 characters (one STATUSTEXT); more is cut. Not inline: a hundred texts are built in places where nobody waits, and
+/// a Teensy's fast memory is small.
 class Text {
 public:
     static constexpr size_t capacity = 50;
 
-    Text &add(const char *text) {
+    [[gnu::noinline]] Text &add(const char *text) {
         while (*text != '\0' && length_ < capacity) {
             buffer_[length_++] = *text++;
         }
         return *this;
     }
-    Text &add(uint32_t number) {
+    [[gnu::noinline]] Text &add(uint32_t number) {
         char digits[11];
         size_t at = sizeof digits;
         digits[--at] = '\0';
@@ -31,7 +32,7 @@ public:
         return add(digits + at);
     }
     /// Eight digits after 0x.
-    Text &add_hex(uint32_t number) {
+    [[gnu::noinline]] Text &add_hex(uint32_t number) {
         char digits[11] = "0x00000000";
         for (size_t at = 9; number != 0; --at, number >>= 4) {
             digits[at] = "0123456789ABCDEF"[number & 0xF];
@@ -39,7 +40,7 @@ public:
         return add(digits);
     }
     /// With up to four decimals below 100000; huge and non-finite values are named instead.
-    Text &add(float value) {
+    [[gnu::noinline]] Text &add(float value) {
         if (!(value == value)) {
             return add("NaN");
         }
