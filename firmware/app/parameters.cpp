@@ -190,6 +190,9 @@ uint8_t Parameters::save() {
 }
 
 uint8_t Parameters::storage_command(float action) {
+    if (shared_.armed() && shared_.stopping > 0) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the answer to a stop comes before the tick's report of it
+    }
     if (shared_.armed()) {
         shared_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter storage refused: disarm first"));
         return MAV_RESULT_DENIED;

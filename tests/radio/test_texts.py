@@ -114,3 +114,16 @@ def test_news_goes_to_everybody_a_few_at_a_time_and_what_is_left_out_is_counted(
             for link in (texts, over_usb)
         ]
         assert told == others > 2 * len(texts)
+
+
+def test_a_command_right_behind_a_disarm_is_to_be_tried_again_not_denied() -> None:
+    """The answer to a stop comes before the report that it is done."""
+    with MemoryRobot() as robot:
+        robot.run(100)
+        station = usb(robot)
+        assert station.command(ARM, 1) == mavlink.MAV_RESULT_ACCEPTED
+        station.mav.command_long_send(1, 1, ARM, 0, 0, 0, 0, 0, 0, 0, 0)
+        station.mav.command_long_send(1, 1, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 0, 1, 0, 0, 0, 0, 0, 0)
+        results = [m.result for m in station.run(20) if m.get_type() == "COMMAND_ACK"]
+        assert results == [mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED]
+        assert station.command(mavlink.MAV_CMD_PREFLIGHT_STORAGE, 1) == mavlink.MAV_RESULT_ACCEPTED
