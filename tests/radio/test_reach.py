@@ -46,7 +46,9 @@ def check_reachable(robot: MemoryRobot, system: int, port: int) -> None:
     station.mav.command_long_send(
         system, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, mavlink.MAVLINK_MSG_ID_OMNI_STATUS, 0, 0, 0, 0, 0, 0
     )
-    heard = [m for _ in range(30) for m in station.run(100)]
+    heard = [
+        m for _ in range(100) for m in station.run(100)
+    ]  # at 1200 baud the stop's answer overtakes, its news waits
     assert [m.state for m in heard if m.get_type() == "OMNI_STATUS"][-1] == STOPPED
     assert "HEARTBEAT" in [m.get_type() for m in heard]
     assert command(station, system, ESTOP, 0) == ACCEPTED
