@@ -214,7 +214,7 @@ size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {
 }
 
 void Signing::advance(uint64_t now_us) {
-    rest_us_ += now_us > advanced_us_ ? now_us - advanced_us_ : 0;
+    rest_us_ += now_us > advanced_us_ ? std::min(now_us - advanced_us_, longest_step_us) : 0;
     advanced_us_ = now_us;
     time_ = std::min(time_ + rest_us_ / us_per_unit, time_stamp_limit);
     rest_us_ %= us_per_unit;

@@ -38,6 +38,8 @@ public:
     static constexpr uint64_t latest_time = (uint64_t{1} << 48) - uint64_t{100'000} * 86'400 * 365;
     /// What the memory is ahead of the clock while armed: longer than any drive on one battery [10 us].
     static constexpr uint64_t longest_drive = uint64_t{100'000} * 3600 * 12;
+    /// A robot clock that goes on by more at once has become another clock. Erasing flash memory, the longest pause, takes 0.4 s.
+    static constexpr uint64_t longest_step_us = 10'000'000;
     /// A frame further ahead of a clock that was ever set is refused: half a year, longer than most robots lie on a shelf [10 us].
     static constexpr uint64_t most_ahead = uint64_t{100'000} * 86'400 * 183;
     enum class State : uint8_t {
@@ -68,7 +70,8 @@ public:
     /// Sign a frame that was encoded with `is_signed`. @param frame room for signature_length more. @return its new length.
     size_t sign(uint8_t *frame, size_t length, uint8_t link_id);
 
-    /// Let the clock go on; a time that went back only starts a new count. @param now_us robot clock.
+    /// Let the clock go on; a time that went back only starts a new count, and a jump counts as `longest_step_us`: the robot clock
+    /// becomes another one when host-in-the-loop begins or ends. @param now_us robot clock.
     void advance(uint64_t now_us);
     /// The clock [10 us since 2015].
     uint64_t time() const { return time_; }

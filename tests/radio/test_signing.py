@@ -225,6 +225,21 @@ def test_nothing_is_written_while_armed_and_the_clock_at_once_after(robot: Memor
     assert robot.storage()[2] == writes + 1
 
 
+def test_a_simulated_clock_does_not_move_the_signing_clock(robot: MemoryRobot) -> None:
+    """Host-in-the-loop brings a clock of its own; entering, a far jump of it, and leaving must not age all stations."""
+    robot.run(60_000)
+    station = usb(robot)
+    before = station.signing_status().time
+    assert station.command(mavlink.MAV_CMD_OMNI_HIL, 1) == ACCEPTED
+    for sequence, time_us in enumerate((1_000, 10**13, 10**13 + 1_000)):
+        station.mav.omni_hil_sensors_send(time_us, sequence, [0] * 4, 12.0, 15, 0, 0, [0] * 8)
+        robot.run(1)
+    assert station.command(mavlink.MAV_CMD_OMNI_HIL, 0) == ACCEPTED
+    robot.run(2_000)
+    assert 0 <= station.signing_status().time - before < 30e6
+    assert Station(robot, key=KEY, time=START + MINUTE + 1000).command(ARM, 0) == ACCEPTED
+
+
 def test_a_clock_in_a_station_ahead_pulls_the_robots_along(robot: MemoryRobot) -> None:
     assert Station(robot, key=KEY, time=START + 100 * MINUTE, link_id=1).command(ARM, 0) == ACCEPTED
     assert usb(robot).signing_status().time >= (START + 100 * MINUTE) * 10
