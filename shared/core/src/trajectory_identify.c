@@ -38,15 +38,15 @@ static omni_jet_t rising(omni_real_t full_per_s, omni_ns_t ns, omni_ns_t ramp_ns
 
 /* Laps done ns after the segment began: from rest to rest, in between a constant rate. */
 static laps_t laps_at(omni_real_t count, omni_ns_t ns, omni_ns_t segment_ns) {
+    laps_t laps = {0, {{0.0f}}};
+    if (segment_ns < 2u) {
+        return laps; /* so small a share of a lap that there is no time to drive it, and a lap's time may not fit */
+    }
     const omni_real_t period_ns = (omni_real_t)segment_ns / count;
     const omni_ns_t quarter_ns = (omni_ns_t)(0.25f * period_ns) + 1;
     const omni_ns_t ramp_ns = omni_select(quarter_ns < segment_ns / 2u, quarter_ns, segment_ns / 2u);
     const omni_ns_t lap_ns = (omni_ns_t)((omni_real_t)(segment_ns - ramp_ns) / count) + 1;
     const omni_real_t full_per_s = 1e9f / (omni_real_t)lap_ns;
-    laps_t laps = {0, {{0.0f}}};
-    if (ramp_ns == 0) {
-        return laps;
-    }
     if (ns < ramp_ns) {
         laps.rest = rising(full_per_s, ns, ramp_ns);
     } else if (ns <= segment_ns - ramp_ns) {

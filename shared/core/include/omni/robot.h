@@ -212,7 +212,8 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config);
 /** Hand over another configuration between two ticks; controller and filter states go on without a bump. */
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config);
 
-/** One tick. Never fails: whatever comes in, `outputs` is finite, |duty| <= 1, and 0 unless armed and healthy. */
+/** One tick. Never fails: whatever comes in, duties and voltages are finite, |duty| <= 1, and 0 unless armed and healthy. Other
+ * outputs are finite for poses within LIM_POS; a pose of 3e38 m, say, gives a reference that is none. */
 /*@ ensures duty_in_range: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==>
         \is_finite(outputs->duty[i]) && -1.0 <= outputs->duty[i] <= 1.0;
     ensures voltage_finite: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> \is_finite(outputs->voltage_V[i]);
