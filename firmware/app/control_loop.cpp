@@ -8,7 +8,7 @@
 namespace omni {
 namespace {
 
-/// A megavolt: no supply that is measured, but one that a host may tell.
+/// A megavolt for a tick: no supply that is measured has it, but a host may tell one. It is not counted.
 constexpr float most_volt_us = 1e9f;
 
 } // namespace
@@ -279,7 +279,9 @@ void ControlLoop::measure(uint64_t duration_ns) {
 void ControlLoop::integrate_voltage() {
     for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
         const float volt_us = outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US);
-        volt_us_[i] += static_cast<uint32_t>(std::lround(omni_clampf(volt_us, -most_volt_us, most_volt_us)));
+        if (std::abs(volt_us) <= most_volt_us) {
+            volt_us_[i] += static_cast<uint32_t>(std::lround(volt_us));
+        }
     }
 }
 
