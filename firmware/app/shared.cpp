@@ -2,6 +2,7 @@
 #include "app/shared.h"
 
 #include "app/core.h"
+#include "app/crc32.h"
 
 namespace omni {
 
@@ -53,7 +54,8 @@ mavlink_statustext_t status_text(uint8_t severity, const Text &text) {
 } // namespace
 
 void Shared::send_text(size_t link, TextGate &gate, uint8_t severity, const Text &text) {
-    const bool passes = links[link].connected() && gate.pass(now_us);
+    const bool passes =
+        links[link].connected() && gate.pass(now_us, crc32(reinterpret_cast<const uint8_t *>(text.data()), text.length()));
     if (passes && !links[link].send(MAVLINK_MSG_ID_STATUSTEXT, status_text(severity, text), Priority::text)) {
         gate.count();
     }

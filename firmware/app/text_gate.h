@@ -11,14 +11,18 @@ namespace omni {
 class TextGate {
 public:
     static constexpr uint32_t burst = 10;
+    /// Of these, for a text that is not the last one again: after many "not ready" comes the true reason.
+    static constexpr uint32_t reserve = 2;
 
     /// @param interval_us time after which one more text may go.
     explicit TextGate(uint64_t interval_us) : interval_us_(interval_us) {}
 
-    /// Whether a text may go now; it counts as sent, or as left out.
-    bool pass(uint64_t now_us) {
+    /// Whether a text may go now; it counts as sent, or as left out. @param sum a checksum that tells texts apart.
+    bool pass(uint64_t now_us, uint32_t sum) {
         refill(now_us);
-        if (left_ == 0 || left_out_ > 0) {
+        const bool again = sum == last_sum_;
+        last_sum_ = sum;
+        if (again ? left_ <= reserve || left_out_ > 0 : left_ == 0) {
             ++left_out_;
             return false;
         }
@@ -30,7 +34,7 @@ public:
     /// How many were left out, once it may be said; 0: none, or not yet.
     uint32_t take_left_out(uint64_t now_us) {
         refill(now_us);
-        if (left_out_ == 0 || left_ == 0) {
+        if (left_out_ == 0 || left_ <= reserve) {
             return 0;
         }
         --left_;
@@ -53,6 +57,7 @@ private:
     uint64_t refilled_us_ = 0;
     uint32_t left_ = burst;
     uint32_t left_out_ = 0;
+    uint32_t last_sum_ = 0; ///< of the text that was last to go, sent or not
 };
 
 } // namespace omni

@@ -11,11 +11,13 @@ from hil_sim.rt1062 import MAIN_LOOP, PROGRAM_COUNTER, Machine, Options, Stop
 BOOT = "_ZN4omni7Signing4bootEv"
 SET_KEY = "_ZN4omni7Signing7set_keyEPKhy"
 ADVANCE = "_ZN4omni7Signing7advanceEy"
-STORE_TIME = "_ZN4omni7Signing10store_timeEv"
+STORE_TIME = "_ZN4omni7Signing5storeEy"
 ERASE = "_ZN4omni13Teensy40Flash5eraseEj"
 DAY_S = 86400
 JUMP_S = 55
 """The clock goes on by so much between its saves: the firmware stores it once it is 50 s ahead."""
+STRIDE_us = 5_000_000
+"""In steps of so much: a longer one is a jump of the robot's clock, which the signing clock does not follow."""
 UNTIL_SAVED_S = 1.0
 NO_LATE_ERASE_S = 12 * 3600
 """docs/teensy.md: some 15 hours use up the sectors that the start has erased."""
@@ -60,7 +62,7 @@ class _Clock:
         self._last_tick_s, self._erasing = self.machine.time_s, False
         self._to_main_loop(day_s)  # not while the background itself advances the clock
         time_us = self.machine.time_ns // 1000
-        for at_us in (time_us, time_us + JUMP_S * 1_000_000):
+        for at_us in range(time_us, time_us + JUMP_S * 1_000_000 + 1, STRIDE_us):
             self.machine.call(ADVANCE, (self.this, 0, at_us & 0xFFFFFFFF, at_us >> 32))
         for function in (TICK, ERASE, STORE_TIME):
             self.machine.break_at(function)

@@ -85,21 +85,21 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
         "firmware/app/control_loop.cpp",
         "if (robot_.state == OMNI_STATE_ESTOP && !released) {",
         "if (robot_.state == OMNI_STATE_ESTOP && released) {",
-        "emergency stop",
+        "who was stopped does not say",
     ),
     "an emergency stop that a restart forgets": (
         "sequence",
         "firmware/app/app.cpp",
         "if (stop_latch_.boot() != StopLatch::AtBoot::released) {",
         "if (stop_latch_.boot() == StopLatch::AtBoot::unknown) {",
-        "emergency stop",
+        "who was stopped does not say",
     ),
     "a stop without an answer": (
         "sequence",
         "firmware/app/commands.cpp",
-        "    shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);",
-        "    if (command.id != cmd_terminate) {\n"
-        "        shared_.reply(command.sender, MAVLINK_MSG_ID_COMMAND_ACK, ack);\n    }",
+        "    shared_.links[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
+        "    if (command.id != cmd_terminate)\n"
+        "        shared_.links[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
         "every stop is acknowledged",
     ),
     "a stop that is said to be refused": (
@@ -128,7 +128,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
         "firmware/app/codec.cpp",
         "    begin_ += 1;\n}",
         "    begin_ += std::min<size_t>(4, end_ - begin_);\n}",
-        "no whole valid frame is lost",
+        "a stop comes with its last byte",
     ),
     "a loop without end": (
         "parser",
@@ -179,7 +179,9 @@ def test_a_planted_bug_is_found(tmp_path: Path, bug: str) -> None:
     target, source, old, new, sign = PLANTED[bug]
     program = plant(tmp_path, target, source, old, new)
     last = tmp_path / "last"
-    found = run([str(program), "7", "20000000"], FUZZ_LAST=str(last), FUZZ_HANG_S="3")
+    # With seed 7 the program without a planted bug has a finding, too (docs/fuzzing.md).
+    seed = "2" if target == "sequence" else "7"
+    found = run([str(program), seed, "20000000"], FUZZ_LAST=str(last), FUZZ_HANG_S="3")
     assert found.returncode != 0
     if isinstance(sign, str):
         assert sign in found.stdout + found.stderr
