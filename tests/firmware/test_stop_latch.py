@@ -237,15 +237,20 @@ def test_a_release_in_one_tick_with_a_stop_is_not_accepted(robot: FakeRobot) -> 
     assert robot.state() == DISARMED
 
 
-@pytest.mark.parametrize("before", [0, 1, 2, 3])
-def test_a_power_cut_at_any_byte_of_the_stop_comes_up_stopped(robot: FakeRobot, before: int) -> None:
-    """``before``: stops and releases that have been stored earlier. What changes no byte is before the write."""
-    robot.ready()
-    for _ in range(before):
+def stop_and_release(robot: FakeRobot, times: int) -> None:
+    """Stop and release so often; each is stored."""
+    for _ in range(times):
         robot.ask(USB, EMERGENCY)
         robot.tick(2)
         robot.ask(USB, RELEASE)
         robot.tick(600)
+
+
+@pytest.mark.parametrize("before", [0, 1, 2, 3])
+def test_a_power_cut_at_any_byte_of_the_stop_comes_up_stopped(robot: FakeRobot, before: int) -> None:
+    """``before``: stops and releases that have been stored earlier. What changes no byte is before the write."""
+    robot.ready()
+    stop_and_release(robot, before)
     moment = robot.keep()
     for count in range(1, RECORD + 1):
         robot.go_back(moment)
@@ -270,11 +275,7 @@ def test_a_power_cut_at_any_byte_of_the_stop_comes_up_stopped(robot: FakeRobot, 
 @pytest.mark.parametrize("before", [0, 1, 2])
 def test_a_power_cut_at_any_byte_of_the_release_comes_up_stopped(robot: FakeRobot, before: int) -> None:
     robot.ready()
-    for _ in range(before):
-        robot.ask(USB, EMERGENCY)
-        robot.tick(2)
-        robot.ask(USB, RELEASE)
-        robot.tick(600)
+    stop_and_release(robot, before)
     robot.ask(USB, EMERGENCY)
     robot.tick(2)
     moment = robot.keep()
