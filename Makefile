@@ -29,12 +29,12 @@ help:
 	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
 	@echo 'make tick-cycles  the same inside the image of make firmware, with cycles by LLVM'\''s Cortex-M7 model'
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
-	@echo 'make prove        the core has no run-time errors, for any input (docs/proof.md)'
+	@echo 'make prove        the core has no run-time errors, for any input (docs/checks/proof.md)'
 	@echo 'make mutants      does a test notice small changes of the core and the firmware (ARGS="--count 1100")?'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
 	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
 	@echo 'make firmware-check        the image on an emulated Teensy: boots, drives, stops, survives power cuts'
-	@echo 'make firmware-memory       what the image takes, beside docs/teensy.md (ARGS=--write puts it there)'
+	@echo 'make firmware-memory       what the image takes, beside docs/guides/teensy.md (ARGS=--write puts it there)'
 	@echo 'make flash        the same, and upload it'
 	@echo 'make release      dist: .hex, .elf and report for each robot, the wheel, SHA256SUMS'
 	@echo 'make nightly      what takes hours; interrupted, it goes on where it was'
@@ -155,7 +155,7 @@ fuzz: setup
 	$(BIN)/python -m tests.fuzz.fuzz $(if $(BYTES),--bytes $(BYTES)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 	$(if $(BYTES)$(SECONDS)$(ARGS),,$(BIN)/python -m tests.fuzz.corpus)
 
-# Small changes of the core and of firmware/app, and whether a test notices them (docs/testing.md).
+# Small changes of the core and of firmware/app, and whether a test notices them (docs/checks/testing.md).
 mutants: setup
 	$(BIN)/python -m tests.mutation $(ARGS)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``make bench``: runs the benchmarks, prints their tables, and with ``--write`` puts them into docs/performance.md."""
+"""``make bench``: runs the benchmarks, prints their tables; ``--write`` puts them into docs/checks/performance.md."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from omniwheel import files
 from omniwheel.errors import OmniError
 from tests.native import ROOT
 
-PAGE = ROOT / "docs" / "performance.md"
+PAGE = ROOT / "docs" / "checks" / "performance.md"
 RESULT = OUT / "result.json"
 BENCHMARKS: dict[str, Callable[[Options], list[Table]]] = {
     "simulation": simulation.measure,
@@ -38,7 +38,7 @@ def parse(words: Sequence[str] | None = None) -> argparse.Namespace:
     """Return the options of the command line."""
     parser = argparse.ArgumentParser(prog="make bench ARGS=...", description="ours and its peers, measured in turn")
     parser.add_argument("--quick", action="store_true", help="short runs: to see that all works, not for the page")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/performance.md")
     parser.add_argument("--only", nargs="+", choices=list(BENCHMARKS), default=list(BENCHMARKS), help="these only")
     parser.add_argument("--seed", type=int, default=1, help="of simulations and noise")
     parser.add_argument("--json", type=Path, default=RESULT, metavar="FILE", help=f"figures as measured ({RESULT})")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tables of figures: on the terminal, as JSON, and in docs/performance.md between markers."""
+"""Tables of figures: on the terminal, as JSON, and in docs/checks/performance.md between markers."""
 
 from __future__ import annotations
 

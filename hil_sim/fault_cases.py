@@ -148,4 +148,4 @@ CASES: tuple[FaultCase, ...] = (
     FaultCase("clock_stuck", "clock stands still", (Kind("clock_stuck"),), "time", "0.001"),
     FaultCase("ticks_late", "ticks 2 ms apart", (Kind("tick_late", value=0.002),), "overrun", "0.022"),
 )
-"""Every case, in the order of the table in docs/safety.md."""
+"""Every case, in the order of the table in docs/reference/safety.md."""

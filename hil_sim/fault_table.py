@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writes the generated parts of docs/safety.md: ``python -m hil_sim.fault_table [--write]``.
+"""Writes the generated parts of docs/reference/safety.md: ``python -m hil_sim.fault_table [--write]``.
 
 They are the diagram of the safety states, from the robot's own table, and the table of faults, from a run of every
 case.
@@ -17,6 +17,7 @@ from hil_sim.fault_cases import CASES, FaultCase
 from hil_sim.state_diagram import diagram
 from omniwheel import files
 
+PAGE = Path("docs/reference/safety.md")
 STATES = ("<!-- states: python -m hil_sim.fault_table --write -->", "<!-- end of states -->")
 FAULTS = ("<!-- faults: python -m hil_sim.fault_table --write -->", "<!-- end of faults -->")
 HEAD = (
@@ -73,10 +74,10 @@ def with_part(document: str, marks: tuple[str, str], text: str) -> str:
 
 
 def main() -> None:
-    """Print diagram and table, or put them into docs/safety.md."""
+    """Print diagram and table, or put them into docs/reference/safety.md."""
     parser = argparse.ArgumentParser(prog="python -m hil_sim.fault_table", description=__doc__)
     parser.add_argument("--write", action="store_true", help="put them into --file instead of printing them")
-    parser.add_argument("--file", type=Path, default=Path("docs/safety.md"), help="document with the parts' marks")
+    parser.add_argument("--file", type=Path, default=PAGE, help="document with the parts' marks")
     arguments = parser.parse_args()
     parts = {STATES: diagram(), FAULTS: table(run_case(case) for case in CASES)}
     if not arguments.write:

@@ -12,9 +12,9 @@ from omni_schema.errors import did_you_mean
 from omniwheel.errors import OmniError
 
 DIAGRAMS = {
-    "fig1": "block diagram of the four-wheel robot: docs/legacy.md",
+    "fig1": "block diagram of the four-wheel robot: docs/report/legacy.md",
     "fig2": "photograph of the four-wheel robot",
-    "fig3": "frames of the slip-space model: docs/derivations/slip_space.md",
+    "fig3": "frames of the slip-space model: docs/concepts/derivations/slip_space.md",
     "fig4": "angles of a Swedish wheel: kinematics.h",
 }
 """Figures of the report that show no data, and where this project has the same thing."""

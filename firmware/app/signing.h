@@ -4,7 +4,7 @@
 /// With a key set, a frame from a radio counts only if its signature is right and its time stamp is newer than the last one of
 /// its stream (system, component, link id), or, for a new stream, no older than a minute before our clock. A frame of any stream that is
 /// more than half a year ahead of our clock does not count either, so that one wrong calendar cannot shut out the right ones.
-/// See docs/protocol.md for the table, and https://mavlink.io/en/guide/message_signing.html for the format.
+/// See docs/reference/protocol.md for the table, and https://mavlink.io/en/guide/message_signing.html for the format.
 ///
 /// **Where the clock comes from.** A key that is set over a cable brings the time, exactly: it may go back. After that it counts on, and
 /// follows every frame that was taken. The memory holds the time while disarmed; from arming on it holds a time far ahead instead, so

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file status_light.h  What the lamp says: a pattern of on and off per state, the same on every board (docs/safety.md).
+/// @file status_light.h  What the lamp says: a pattern per state, the same on every board (docs/reference/safety.md).
 #pragma once
 
 #include <cstdint>

@@ -27,7 +27,7 @@ SAID_S = 0.02
 INTERRUPT_LIMIT_S = 0.006
 """Three ticks in a row with lost edges; the first may have begun before the noise, and all has to be written."""
 EDGES_HZ = 40_000
-"""25 rad/s at 10000 counts per revolution: the most that docs/performance.md reckons with."""
+"""25 rad/s at 10000 counts per revolution: the most that docs/checks/performance.md reckons with."""
 FAST_S = 0.5
 SAMPLES = 50
 INTERRUPT = "_ZN4omni12_GLOBAL__N_115on_pins_changedEv"

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The named faults of docs/safety.md at this board's pins: how soon the bridges are off, what it says, the way back."""
+"""The named faults of docs/reference/safety.md at this board's pins: how soon the bridges are off, what it says.
+
+Also the way back.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writes what docs/image.md says of the checks, and of what the model leaves out.
+"""Writes what docs/checks/image.md says of the checks, and of what the model leaves out.
 
 usage: python -m hil_sim.image_check.page [--write]
 
@@ -15,7 +15,7 @@ from hil_sim.image_check.run import all_checks
 from hil_sim.rt1062 import not_modelled
 from omniwheel import files
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "image.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "checks" / "image.md"
 _WRITTEN_BY = ": python -m hil_sim.image_check.page --write"
 
 

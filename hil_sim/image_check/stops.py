@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What stops an armed robot stops this image, from every link, as soon as docs/safety.md promises."""
+"""What stops an armed robot stops this image, from every link, as soon as docs/reference/safety.md promises."""
 
 from __future__ import annotations
 

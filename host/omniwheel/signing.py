@@ -2,7 +2,7 @@
 """Message signing: keys in files, and what a connection signs with and accepts.
 
 A key is 32 random bytes, kept as one line of hexadecimal digits in a file that only its owner can read. Who has it can
-command the robot by radio; see docs/protocol.md.
+command the robot by radio; see docs/reference/protocol.md.
 """
 
 from __future__ import annotations

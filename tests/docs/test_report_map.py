@@ -9,7 +9,7 @@ import pytest
 from omniwheel._core import lib
 
 ROOT = Path(__file__).resolve().parents[2]
-TEXT = (ROOT / "docs" / "report-map.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "report" / "report-map.md").read_text(encoding="utf-8")
 LAST_EQUATION = 88
 
 
@@ -34,7 +34,7 @@ def test_every_file_is_there(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(set(re.findall(r"\]\(([^)#]+)\)", TEXT))))
 def test_every_page_is_there(name: str) -> None:
-    assert (ROOT / "docs" / name).is_file()
+    assert (ROOT / "docs" / "report" / name).is_file()
 
 
 @pytest.mark.parametrize("name", sorted(set(re.findall(r"`((?:omni|hil)_[a-z0-9_]+)`", TEXT))))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Each statement of docs/security.md names a test that exists."""
+"""Each statement of docs/reference/security.md names a test that exists."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAMED = re.compile(r"`(tests/[\w/]+\.py)?(?:::(\w+))?`")
 def named_tests() -> list[tuple[Path, str | None]]:
     """Files and tests in the order of the page; `::name` alone belongs to the file before."""
     found: list[tuple[Path, str | None]] = []
-    for match in NAMED.finditer((ROOT / "docs" / "security.md").read_text(encoding="utf-8")):
+    for match in NAMED.finditer((ROOT / "docs" / "reference" / "security.md").read_text(encoding="utf-8")):
         if match[1] or match[2]:
             found.append((ROOT / match[1] if match[1] else found[-1][0], match[2]))
     return found

@@ -2,7 +2,7 @@
 """Every named fault against the PC firmware and the emulated Cortex-M7.
 
 What counts is the voltage on the simulated motors: when it goes, that it stays away, what the robot says, and the way
-back. The same runs fill the table in docs/safety.md.
+back. The same runs fill the table in docs/reference/safety.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.arm import need_emulator
 
 FIRMWARES: dict[str, Firmware] = {"pc": FirmwareProcess, "cortex-m7": partial(EmulatedFirmware, links=[DIRECT])}
 DRIVING = 0.05
-DOCUMENT = Path(__file__).parents[2] / "docs" / "safety.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "safety.md"
 
 
 @cache

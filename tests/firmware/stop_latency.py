@@ -36,7 +36,7 @@ from tests.firmware.fake_robot import (
 )
 from tests.native import ROOT
 
-PAGE = ROOT / "docs/safety.md"
+PAGE = ROOT / "docs/reference/safety.md"
 BEGIN = "<!-- stop latency: python -m tests.firmware.stop_latency --write -->"
 END = "<!-- end of stop latency -->"
 LIMIT_TICKS = 2

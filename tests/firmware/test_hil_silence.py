@@ -29,7 +29,7 @@ from tests.firmware.fake_robot import (
 
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
 SILENCE_S = 10.0
-"""Of docs/protocol.md."""
+"""Of docs/reference/protocol.md."""
 LEFT = "host-in-the-loop left: its host is silent"
 STOPS = {"disarm": (DISARM, DISARMED), "estop": (EMERGENCY, ESTOP), "terminate": (TERMINATE, ESTOP)}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A stop acts within two ticks in every case that can be listed, and docs/safety.md says how many were tried."""
+"""A stop acts within two ticks in every case that can be listed; docs/reference/safety.md says how many."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ usage: python -m tests.fuzz.long_run [--jobs N] [--write] [TARGET=INPUTS...]
 
 Most lots run without sanitizers, because that is eight times faster; one in twenty of the app's runs with them. What
 has been done stands in build/nightly/fuzz, one file per program: programs that were built from other sources begin
-anew. --write puts the figures into docs/fuzzing.md. Exit code 1 if something was found.
+anew. --write puts the figures into docs/checks/fuzzing.md. Exit code 1 if something was found.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Any
 from tests.fuzz import fuzz
 
 STATE = fuzz.ROOT / "build" / "nightly" / "fuzz"
-PAGE = fuzz.ROOT / "docs" / "fuzzing.md"
+PAGE = fuzz.ROOT / "docs" / "checks" / "fuzzing.md"
 BEGIN, END = "<!-- long runs: python -m tests.fuzz.long_run --write -->", "<!-- end of long runs -->"
 
 
@@ -204,7 +204,7 @@ def main() -> int:
     parser.add_argument("targets", nargs="*", type=wanted, metavar="TARGET=INPUTS", help="all by default")
     parser.add_argument("--seed", type=int, default=1, help="[%(default)s]")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes [%(default)s]")
-    parser.add_argument("--write", action="store_true", help="put what has been done so far into docs/fuzzing.md")
+    parser.add_argument("--write", action="store_true", help="put what is done so far into docs/checks/fuzzing.md")
     options = parser.parse_args()
     if options.write:
         write_page(latest())

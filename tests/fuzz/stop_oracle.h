@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file stop_oracle.h  What must hold about stops, whatever else is said on whichever link: docs/safety.md as a model of four
-/// numbers. It knows only what reached the robot, never what the robot thinks of it.
+/// @file stop_oracle.h  What must hold about stops, whatever else is said on whichever link: docs/reference/safety.md
+/// as a model of four numbers. It knows only what reached the robot, never what the robot thinks of it.
 ///
 /// - Within two ticks of a complete stop (disarm or emergency stop) no motor gets volts, and none does until somebody arms.
 /// - A robot that nobody armed since its last start moves nothing.

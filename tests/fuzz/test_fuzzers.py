@@ -179,7 +179,7 @@ def test_a_planted_bug_is_found(tmp_path: Path, bug: str) -> None:
     target, source, old, new, sign = PLANTED[bug]
     program = plant(tmp_path, target, source, old, new)
     last = tmp_path / "last"
-    # With seed 7 the program without a planted bug has a finding, too (docs/fuzzing.md).
+    # With seed 7 the program without a planted bug has a finding, too (docs/checks/fuzzing.md).
     seed = "2" if target == "sequence" else "7"
     found = run([str(program), seed, "20000000"], FUZZ_LAST=str(last), FUZZ_HANG_S="3")
     assert found.returncode != 0

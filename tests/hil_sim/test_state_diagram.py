@@ -9,7 +9,7 @@ from hil_sim.fault_table import STATES, part_of
 from hil_sim.state_diagram import EVENTS, diagram
 from omniwheel._core import lib
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "safety.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "safety.md"
 
 
 def test_the_documentation_shows_the_table_that_the_robot_uses() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The programs of docs/python-api.md, run as they stand against the PC firmware."""
+"""The programs of docs/guides/python-api.md, run as they stand against the PC firmware."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from omniwheel import connect
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "python-api.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "guides" / "python-api.md"
 DOCUMENTED_URL = "tcp:127.0.0.1:5760"
 BLOCKS = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
 

@@ -2,7 +2,7 @@
 """Instructions and cycles of the control tick and of an encoder's interrupt, in the image that is flashed.
 
 Instructions are counted on Unicorn and held against tests/parity/budgets.toml. Cycles are estimates by LLVM's
-scheduling model of the Cortex-M7; docs/performance.md says what the bounds mean.
+scheduling model of the Cortex-M7; docs/checks/performance.md says what the bounds mean.
 
 usage: python tests/image/tick_cycles.py [--write]
 """
@@ -94,7 +94,7 @@ def edge_rows(edges: Sequence[EdgeFigures]) -> list[str]:
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="count and estimate the control tick inside the flashed image")
-    parser.add_argument("--write", action="store_true", help="put the figures into docs/performance.md")
+    parser.add_argument("--write", action="store_true", help="put the figures into docs/checks/performance.md")
     options = parser.parse_args()
     console = Console(soft_wrap=True, highlight=False)
     image = flashed.image_path()

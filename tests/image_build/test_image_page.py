@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""docs/image.md names every check there is, and all that the model of the chip leaves out."""
+"""docs/checks/image.md names every check there is, and all that the model of the chip leaves out."""
 
 from __future__ import annotations
 

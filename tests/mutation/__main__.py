@@ -35,7 +35,7 @@ from tests.mutation.records import GOLDEN, KILLED, REFUSED, SAME, SURVIVED, Resu
 from tests.native import ROOT
 
 RESULTS = OUT / "results.jsonl"
-PAGE = ROOT / "docs" / "testing.md"
+PAGE = ROOT / "docs" / "checks" / "testing.md"
 AREAS = ("core", "app")
 SILENT_S = 150.0
 """A test that says nothing for so long hangs. Only for what waits: what computes is stopped by its processor time."""
@@ -261,7 +261,7 @@ def _options() -> Any:
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time [%(default)s]")
     parser.add_argument("--floor", type=float, default=0.0, help="percent that must be killed [%(default)s]")
     parser.add_argument("--quick", action="store_true", help="only with the tests of the area's own folder")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/testing.md")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/testing.md")
     parser.add_argument("--list", action="store_true", help="only say which mutants are in the sample")
     parser.add_argument("--verbose", action="store_true", help="say what became of each")
     return parser.parse_args()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Puts the budgets' figures into docs/performance.md, between its markers."""
+"""Puts the budgets' figures into docs/checks/performance.md, between its markers."""
 
 from __future__ import annotations
 

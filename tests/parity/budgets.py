@@ -26,7 +26,7 @@ else:
     import tomli as tomllib
 
 RECORDED = Path(__file__).with_name("budgets.toml")
-PAGE = ROOT / "docs" / "performance.md"
+PAGE = ROOT / "docs" / "checks" / "performance.md"
 SLACK = 1.10
 LIMITS = {"every_filter.tick_mean": 6000}
 """What may not be exceeded whatever was recorded."""
@@ -62,7 +62,7 @@ def write_recorded(figures: Mapping[str, int]) -> None:
     """Replace the recorded figures."""
     lines = [
         "# SPDX-License-Identifier: MIT",
-        "# Written by: make budgets ARGS=--write; see docs/performance.md.",
+        "# Written by: make budgets ARGS=--write; see docs/checks/performance.md.",
     ]
     section = ""
     for name, value in figures.items():

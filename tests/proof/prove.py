@@ -3,7 +3,7 @@
 
 usage: python -m tests.proof.prove [--write] [--nightly] [PROOF ...]
 
-Exit code 1: something is not proved that docs/proof.md does not list, or the page says something else. Without
+Exit code 1: something is not proved that docs/checks/proof.md does not list, or the page says something else. Without
 Frama-C nothing is proved, and it says so; with CI=true that is an error.
 """
 
@@ -38,7 +38,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-PAGE = ROOT / "docs" / "proof.md"
+PAGE = ROOT / "docs" / "checks" / "proof.md"
 COMMAND = "make prove ARGS=--write"
 
 
@@ -96,7 +96,7 @@ def _functions() -> set[str]:
 def page_blocks(
     proofs: Sequence[Proof], places: Mapping[Place, str], functions: Mapping[str, str]
 ) -> dict[str, list[str]]:
-    """Return the tables of docs/proof.md. They need no run: that they are true is what a run shows."""
+    """Return the tables of docs/checks/proof.md. They need no run: that they are true is what a run shows."""
     proved = ["| Proof | What holds | Given | When |", "|---|---|---|---|"]
     proved += [
         f"| `{proof.name}` | {proof.shows} | {proof.given} | {'nightly' if proof.nightly else 'every run'} |"
@@ -130,7 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("proofs", nargs="*", metavar="PROOF", help="run these only")
     parser.add_argument("--nightly", action="store_true", help="the long ones, too")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/proof.md")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/proof.md")
     options = parser.parse_args(arguments)
     everything = read_proofs()
     unknown = set(options.proofs) - {proof.name for proof in everything}

@@ -6,7 +6,8 @@ usage: python -m tests.soak.soak [--hours N] [--days N] [--write]
 Simulated hours with everything on (signed radio, telemetry, pose fixes, saves, emergency stops, a reboot at the end of
 each), then a drive across every wrap of the robot's clocks in so many days. Each hour that is done stands in
 build/nightly/soak; an interrupted run goes on behind it. A program built from other sources begins anew. --write puts
-the figures into docs/fuzzing.md. Exit code 1 if the robot did what it must not, or if memory or drift were not flat.
+the figures into docs/checks/fuzzing.md. Exit code 1 if the robot did what it must not, or if memory or drift were not
+flat.
 """
 
 from __future__ import annotations
@@ -167,7 +168,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Simulated days of the firmware, resumable by the hour.")
     parser.add_argument("--hours", type=int, default=24, help="[%(default)s]")
     parser.add_argument("--days", type=int, default=60, help="by jumping the clocks [%(default)s]")
-    parser.add_argument("--write", action="store_true", help="put what has been done so far into docs/fuzzing.md")
+    parser.add_argument("--write", action="store_true", help="put what is done so far into docs/checks/fuzzing.md")
     options = parser.parse_args()
     if options.write:  # the latest run that did hours, whatever it was built from: the table names the commit
         runs = sorted(STATE.glob("*/hours.jsonl"), key=lambda path: path.stat().st_mtime)

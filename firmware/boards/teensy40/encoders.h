@@ -2,7 +2,7 @@
 /// @file encoders.h  Wheel encoders on a Teensy 4.0: hardware decoders where the pins reach one, pin-change interrupts elsewhere.
 ///
 /// Load of the interrupts: 25 rad/s at 10000 counts per revolution are 40 k edges per second and wheel. One interrupt is about
-/// 60 instructions with one such wheel and 90 with four; docs/performance.md estimates the cycles (make tick-cycles).
+/// 60 instructions with one such wheel and 90 with four; make tick-cycles estimates the cycles (docs/checks/performance.md).
 ///
 /// Noise on a pin (a loose wire beside a motor's) may bring millions of edges per second, and they come before everything else. So an
 /// encoder gets no more than `edge_limit` interrupts per tick: beyond, its pins stay silent until the next read(), which calls its

@@ -13,7 +13,8 @@
  *   m v' = sum (F_i t_i - roller drag across t_i);   I wz' = sum d_i F_i
  *   V_supply = V_battery - R_battery sum (drive_i i_i)
  * That is the plant `full`. The report's models are plants too (hil_plant_kind_t): they leave out what the report leaves out, and
- * everything else of the world (sensors, faults, bridges) stays the same. docs/derivations/slip_space.md derives them.
+ * everything else of the world (sensors, faults, bridges) stays the same.
+ * docs/concepts/derivations/slip_space.md derives them.
  */
 #ifndef HIL_SIM_WORLD_H
 #define HIL_SIM_WORLD_H

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From bare boards to a driving robot: one check per step, each says pass or what to do (docs/bring-up.md).
+"""From bare boards to a driving robot: one check per step, each says pass or what to do (docs/guides/bring-up.md).
 
 Every check is a function of a connected robot, and of a person where eyes and hands are needed, and returns a
 :class:`Result`. None leaves the robot armed, whatever happens.

@@ -33,7 +33,7 @@ NOT_WIRED = (
 )
 _PIN_ADVICE = (
     "is the wire from output_enable_pin to the PCA9685's OE there, and OE not tied to ground? Until then only the bus "
-    "can stop a motor (docs/robot-file.md, Output enable)"
+    "can stop a motor (docs/guides/robot-file.md, Output enable)"
 )
 _PULL_UP_ADVICE = (
     "OE falls when the processor lets go of it: put 1 kOhm from OE to 3.3 V, or take the board's own pull-down off. "

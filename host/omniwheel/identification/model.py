@@ -8,7 +8,7 @@ Motor (24)-(27) with the winding at rest, n wheels that roll without slip, and t
 
 q = (vx / r, vy / r, l wz / r) [rad/s] is the body's velocity in wheel units, c_i = (-sin alpha_i, cos alpha_i, 1) the
 wheel's row, g = (n/2, n/2, n). What (V, w) alone can show, and what it is made of (derivation:
-docs/derivations/identification.md)::
+docs/concepts/derivations/identification.md)::
 
     e       = K + R b / K                           speed gain         [V s/rad]
     u_c     = R T_c / K                             Coulomb voltage    [V]

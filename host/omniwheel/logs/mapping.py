@@ -24,6 +24,7 @@ from typing import Any
 from omni_schema.toml_file import read_toml
 from omniwheel.errors import LogError
 
+MAPPING_HINT = "docs/guides/logs.md shows a column mapping"
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0}
 LENGTH_UNITS = {"m": 1.0, "mm": 1e-3}
@@ -86,11 +87,11 @@ class _Section:
 
     def __init__(self, source: str, name: str, table: object) -> None:
         if not isinstance(table, dict):
-            raise LogError(f"{source}: [{name}] is missing", hint="docs/logs.md shows a column mapping")
+            raise LogError(f"{source}: [{name}] is missing", hint=MAPPING_HINT)
         self.source, self.name, self.left = source, name, dict(table)
 
     def error(self, key: str, problem: str) -> LogError:
-        return LogError(f"{self.source}: {self.name}.{key} {problem}", hint="docs/logs.md shows a column mapping")
+        return LogError(f"{self.source}: {self.name}.{key} {problem}", hint=MAPPING_HINT)
 
     def take(self, key: str, default: Any = None) -> Any:
         if key not in self.left and default is None:
@@ -150,7 +151,7 @@ class _Section:
 def read_mapping(path: Path) -> Mapping:
     """Read and check a column mapping. Raises LogError, or SchemaError where the file is no TOML."""
     if not path.is_file():
-        raise LogError(f"there is no column mapping {path}", hint="docs/logs.md shows one")
+        raise LogError(f"there is no column mapping {path}", hint="docs/guides/logs.md shows one")
     document = dict(read_toml(path))
     source = str(path)
     log = _Section(source, "log", document.pop("log", None))
@@ -186,7 +187,7 @@ def read_mapping(path: Path) -> Mapping:
     for section in (log, time, wheels):
         section.done()
     if document:
-        raise LogError(f"{source}: [{next(iter(document))}] is not known", hint="docs/logs.md shows a column mapping")
+        raise LogError(f"{source}: [{next(iter(document))}] is not known", hint=MAPPING_HINT)
     return mapping
 
 

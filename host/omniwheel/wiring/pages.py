@@ -46,9 +46,9 @@ def pages(docs: Path) -> dict[Path, str]:
     table = connections(plan_wiring(read_robot(ROBOT)))
     pins = tuple(row for row in table if "Teensy" in row.start + row.end)
     parts = {
-        docs / "bring-up.md": (WIRING, markdown(table)),
-        docs / "teensy.md": (WIRING, markdown(pins)),
-        docs / "robot-file.md": (OE, oe_table()),
+        docs / "guides" / "bring-up.md": (WIRING, markdown(table)),
+        docs / "guides" / "teensy.md": (WIRING, markdown(pins)),
+        docs / "guides" / "robot-file.md": (OE, oe_table()),
     }
     texts = {page: _with_part(page.read_text(encoding="utf-8"), *part) for page, part in parts.items()}
     drawings = {drawing_path(docs, name): draw_wiring(plan_wiring(read_robot(name))) for name in robot_names()}

@@ -381,7 +381,7 @@ def test_the_motor_driver_comes_back_after_a_stuck_bus(bus: Bus, line: int, from
 @pytest.mark.parametrize("line", [SDA, SCL])
 @pytest.mark.parametrize("from_event", [0, 1, 5, 33, 34])
 def test_a_stuck_bus_fails_an_update_in_every_tick(bus: Bus, line: int, from_event: int) -> None:
-    """docs/safety.md promises 12 ms until SAFE_I2C_N = 10 of them stop the robot, however long a batch takes."""
+    """docs/reference/safety.md promises 12 ms until SAFE_I2C_N = 10 of them stop it, however long a batch takes."""
     now = iter(range(0, 1_000_000_000, 1000))
     for _ in range(10):
         bus.drive(next(now), COUNTS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The programs in docs/legacy.md and docs/mocap.md: the Arduino sketch against our own parser, the bridge."""
+"""The programs in docs/report/legacy.md and docs/guides/mocap.md: the Arduino sketch and the bridge."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def sketch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if compiler is None:
         pytest.skip("no C++ compiler")
     folder = tmp_path_factory.mktemp("sketch")
-    code = re.search(r"```cpp\n(.*?)```", (DOCS / "legacy.md").read_text(encoding="utf-8"), re.DOTALL)
+    code = re.search(r"```cpp\n(.*?)```", (DOCS / "report" / "legacy.md").read_text(encoding="utf-8"), re.DOTALL)
     assert code is not None
     source = folder / "sketch.cpp"
     source.write_text(STUBS + code[1] + MAIN, encoding="utf-8")
@@ -91,7 +91,7 @@ def test_the_sketch_takes_the_lines_that_are_lines(sketch: Path, parts: list[tup
 
 
 def test_the_documented_bridge_works(url: str) -> None:
-    code = re.search(r"```python\n(.*?)```", (DOCS / "mocap.md").read_text(encoding="utf-8"), re.DOTALL)
+    code = re.search(r"```python\n(.*?)```", (DOCS / "guides" / "mocap.md").read_text(encoding="utf-8"), re.DOTALL)
     assert code is not None
     program = code[1].replace("tcp:127.0.0.1:5760", url)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)

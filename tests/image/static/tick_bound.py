@@ -3,7 +3,7 @@
 
 usage: python -m tests.image.static.tick_bound [--write]
 
-Exit code 1: more was measured than the bound allows, or docs/performance.md says something else.
+Exit code 1: more was measured than the bound allows, or docs/checks/performance.md says something else.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file direct_torque.h
- * Direct torque control of the pose (eq. 28-32, corrected; docs/derivations/direct_torque.md). e = xi_d - xi, heading wrapped.
+ * Direct torque control of the pose (eq. 28-32, corrected; docs/concepts/derivations/direct_torque.md).
+ * e = xi_d - xi, heading wrapped.
  *
  *   u   = K_d e' + K_p e                                                            (29)
  *   tau = r (B+)^T R [ M* (xi''_d + u) + N* xi' ]                                   (28), least norm for four wheels

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file kinematics.h
- * Wheel speeds <-> body motion for three or four omni wheels at any bearing (eq. 15-23, corrected: docs/report-map.md).
+ * Wheel speeds <-> body motion for three or four omni wheels at any bearing
+ * (eq. 15-23, corrected: docs/report/report-map.md).
  *
  *   r_i phi'_i - v_s,i = [ -sin a_i   cos a_i   l_i ] v_body          (body frame; eq. 19 with our sign)
  *   v_body = B+ (r phi' - v_s),   B+ = (B^T B)^-1 B^T                 (least squares; eq. 22)

@@ -11,8 +11,8 @@
  * A fix taken at t_f arrives at t. Between the two the error moved by Phi(t, t_f), which for planar odometry is known
  * in closed form (1, -dy; 1, dx; 1 and the accumulated slip sensitivity); process noise W gathered since t_f is in P(t) but not in the
  * fix. With H = Phi_pose^-1 [I, -Phi_ps] and M = P - W:  S = H M H^T + R,  K = M H^T S^-1,
- * P+ = (I - K H) M (I - K H)^T + K R K^T + W (docs/derivations/delayed_fix.md): exact for fixes that come in the order in
- * which they were taken. The cost is an ordinary update plus about 100 operations per history slot since t_f.
+ * P+ = (I - K H) M (I - K H)^T + K R K^T + W: exact for fixes that come in the order in which they were taken
+ * (docs/concepts/derivations/delayed_fix.md). The cost is an ordinary update plus about 100 operations per history slot since t_f.
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
