@@ -22,8 +22,8 @@ PEERS = ROOT / "bench" / "peers"
 FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 EIGEN = Path("/usr/include/eigen3")
 CORE_PARTS = (
-    *("kinematics", "math", "motor_kf", "original_law", "pose_ekf", "pose_ekf_correct", "pose_ekf_history"),
-    "saturation",
+    *("control/original_law", "control/saturation", "kinematics/kinematics", "math/math"),
+    *(f"estimation/{part}" for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_history")),
 )
 METER = ROOT / "tests" / "parity" / "budgets"
 TIMEOUT_S = 300

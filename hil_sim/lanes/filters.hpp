@@ -16,22 +16,22 @@
 namespace { // NOLINT(cert-dcl59-cpp): each file and CPU level has its own
 namespace core {
 
-#include "kinematics_inline.h"
-#include "math_inline.h"
-#include "pid_inline.h"
+#include "control/pid_inline.h"
+#include "kinematics/kinematics_inline.h"
+#include "math/math_inline.h"
 
 /* The sources ask for the callable forms of what is inline already. */
 #undef OMNI_INLINE
 #undef OMNI_KINEMATICS_INLINE
 #undef OMNI_PID_INLINE
 
-#include "ismc.c"
-#include "kinematics.c"
-#include "math.c"
-#include "motor_kf.c"
-#include "pose_ekf.c"
-#include "pose_ekf_correct.c"
-#include "pose_ekf_history.c"
+#include "control/ismc.c"
+#include "estimation/motor_kf.c"
+#include "estimation/pose_ekf.c"
+#include "estimation/pose_ekf_correct.c"
+#include "estimation/pose_ekf_history.c"
+#include "kinematics/kinematics.c"
+#include "math/math.c"
 
 } // namespace core
 } // namespace

@@ -18,10 +18,10 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 }
 
 #define OMNI_INLINE LANES_INLINE
-#include "math_inline.h"
+#include "math/math_inline.h"
 #undef OMNI_INLINE
 
-#include "bridge.c"
+#include "motor/bridge.c"
 
 #include "drv8871.c"
 #include "faults.c"

@@ -33,7 +33,7 @@ def library(trapping: bool = False) -> ctypes.CDLL:
     sources = [*sorted((ROOT / "firmware/app").glob("*.cpp")), Path(__file__).parent / "robot_shim.cpp"]
     sources += [ROOT / "tests/fuzz" / name for name in ("chip.cpp", "check.cpp", "frames.cpp")]
     if trapping:
-        sources += [*sorted(CORE.glob("*.c")), *(generated_dir() / "src").glob("*_gen.c")]
+        sources += [*sorted(CORE.rglob("*.c")), *(generated_dir() / "src").glob("*_gen.c")]
     built = build_library(
         Path(mkdtemp(prefix="omni-robot-")),
         "robot",

@@ -61,7 +61,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     ),
     "motors driven while disarmed": (
         "app",
-        "shared/core/src/robot.c",
+        "shared/core/src/robot/robot.c",
         "finite && robot->state == OMNI_STATE_ARMED;",
         "finite;",
         "no motor is driven",

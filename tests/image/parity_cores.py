@@ -17,7 +17,7 @@ FOLDER = OUT / "image"
 
 def core_sources() -> list[Path]:
     """Return the files of the control core, the generated tables included."""
-    return [*sorted((_CORE / "src").glob("*.c")), *sorted((OUT / "generated" / "src").glob("*.c"))]
+    return [*sorted((_CORE / "src").rglob("*.c")), *sorted((OUT / "generated" / "src").glob("*.c"))]
 
 
 def core_includes() -> list[Path]:

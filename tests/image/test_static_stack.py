@@ -31,7 +31,7 @@ def linked(folder: Path, *sources: Path, flags: str = "") -> Path:
     """Compile and link for the Cortex-M7; the compiler leaves its own stack figures (.su) in the folder."""
     flashed.need(flashed.missing_for_guests())
     core = flashed.ROOT / "shared/core"
-    folders = [f"-I{path}" for path in (core / "include", core / "src", folder / "generated" / "include")]
+    folders = [f"-I{path}" for path in (core / "include", folder / "generated" / "include")]
     words = [*FLAGS.split(), *flags.split(), "-g", "-fstack-usage", *folders]
     for source in sources:
         subprocess.run(["arm-none-eabi-gcc", *words, "-c", str(source)], check=True, cwd=folder)
@@ -58,7 +58,7 @@ def calls(image: Path) -> Calls:
 def test_frames_are_those_that_the_compiler_says(tmp_path: Path) -> None:
     script = flashed.ROOT / "shared" / "generate" / "generate.py"
     subprocess.run([sys.executable, script, "--out", tmp_path / "generated", "--part", "tables"], check=True)
-    sources = [*(flashed.ROOT / "shared/core/src").glob("*.c"), *(tmp_path / "generated").rglob("*_gen.c")]
+    sources = [*(flashed.ROOT / "shared/core/src").rglob("*.c"), *(tmp_path / "generated").rglob("*_gen.c")]
     program = Program(linked(tmp_path, *sources))
     said: dict[str, list[int]] = {}
     for file in tmp_path.glob("*.su"):

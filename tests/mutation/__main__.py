@@ -210,7 +210,7 @@ def main() -> int:
     pairs: list[tuple[Mutant, Result]] = []
     begin = time.monotonic()
     for name, area in everything.items():
-        part = [mutant for mutant in sample if ROOT / mutant.file in set(area.folder.iterdir())]
+        part = [mutant for mutant in sample if ROOT / mutant.file in set(area.folder.rglob("*"))]
         for mutant, result in try_all(area, mutants[name], part, results, options.jobs) if part else ():
             pairs.append((mutant, result))
             if options.verbose:

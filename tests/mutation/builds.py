@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import fcntl
 import json
+import os
 import shlex
 import shutil
 import subprocess
@@ -57,7 +58,7 @@ class Area:
 
     @property
     def sources(self) -> list[Path]:
-        return sorted(path for path in self.folder.iterdir() if path.suffix in (".c", ".cpp"))
+        return sorted(path for path in self.folder.rglob("*") if path.suffix in (".c", ".cpp"))
 
     def mutants(self) -> list[Mutant]:
         return find_mutants(ROOT, self.sources, self.folder, self.options)
@@ -99,13 +100,13 @@ class Builder:
         self._extra = list(extra)
         self._commands = _commands(self.build, area.folder)
         self._copy = self.folder / area.folder.name
-        self._texts = {path: path.read_bytes() for path in area.folder.iterdir() if path.is_file()}
+        self._texts = {path: path.read_bytes() for path in area.folder.rglob("*") if path.is_file()}
         shutil.copytree(area.folder, self._copy)
 
     def try_mutant(self, mutant: Mutant) -> Compiled:
         """Compile and, if that changes anything, link it. Raises BuildError if linking fails."""
         original = ROOT / mutant.file
-        changed = self._copy / original.name
+        changed = self._copy / original.relative_to(self.area.folder)
         changed.write_bytes(self._changed(mutant))
         try:
             objects: dict[Path, Path] = {}
@@ -182,7 +183,7 @@ class Builder:
             *options,
             *self._extra,
             "-c",
-            str(self._copy / source.name),
+            str(self._copy / source.relative_to(self.area.folder)),
             "-o",
             str(target),
         ]
@@ -201,7 +202,7 @@ class Builder:
         for source in self.area.sources:
             command = [*self._commands[source][0], "-MM", str(source)]
             done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=self.build)
-            if str(changed) in done.stdout.split():
+            if str(changed) in map(os.path.normpath, done.stdout.split()):
                 users.append(source)
         return users
 
@@ -229,7 +230,7 @@ def _commands(build: Path, folder: Path) -> dict[Path, tuple[list[str], Path]]:
     for entry in json.loads((build / "compile_commands.json").read_text(encoding="utf-8")):
         source = Path(entry["file"])
         words = shlex.split(entry["command"])
-        if source.parent != folder or "lanes" in entry["command"] or source in commands:
+        if folder not in source.parents or "lanes" in entry["command"] or source in commands:
             continue
         target = build / words[words.index("-o") + 1]
         kept = [word for word in words[: words.index("-o")] if not word.startswith("-W")]

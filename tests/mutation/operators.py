@@ -9,6 +9,7 @@ in C.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
 import subprocess
@@ -105,7 +106,7 @@ def find_mutants(root: Path, sources: Sequence[Path], folder: Path, options: Seq
 
     Raises ValueError if a source does not compile with ``options``.
     """
-    texts = {path: path.read_bytes() for path in sorted(folder.iterdir()) if path.suffix in (".c", ".cpp", ".h")}
+    texts = {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.suffix in (".c", ".cpp", ".h")}
     # A choice is read as `(condition, a, b)`: the same length, and the type of what it yields.
     readable = {path: _CHOICE.sub(lambda match: b" " * len(match[0]), text) for path, text in texts.items()}
     unsaved = [(str(path), text.decode()) for path, text in readable.items()]
@@ -159,7 +160,7 @@ class _Reader:
     def enter(self, cursor: Any) -> bool:
         """Go to the file of a declaration; False if it is none of ours or has been read."""
         location = cursor.extent.start.file
-        path = Path(location.name) if location is not None else Path()
+        path = Path(os.path.normpath(location.name)) if location is not None else Path()
         if path not in self.texts or path in self.done:
             return False
         self.seen.add(path)

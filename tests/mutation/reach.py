@@ -50,7 +50,7 @@ class Reach:
 
     def update(self) -> None:
         """Measure what has changed since the last time. Raises BuildError."""
-        sources = digest(sorted(self._area.folder.iterdir()))
+        sources = digest(sorted(path for path in self._area.folder.rglob("*") if path.is_file()))
         if self._map["sources"] != sources:
             self._map = {"sources": sources, "files": {}}
         files = {path.relative_to(ROOT).as_posix(): digest([path, *helpers(path)]) for path in self.test_files}

@@ -38,12 +38,13 @@ struct Counter {
 
 
 def mutants_of(folder: Path, name: str, text: str) -> list[Mutant]:
-    source = folder / name
+    source = folder / "src" / name
+    source.parent.mkdir(exist_ok=True)
     (folder / "include").mkdir(exist_ok=True)
     (folder / "include" / "types.h").write_text(CHOICE, encoding="utf-8")
     source.write_text(text, encoding="utf-8")
     standard = "-std=c99" if name.endswith(".c") else "-std=c++17"
-    return find_mutants(folder, [source], folder, [standard, f"-I{folder / 'include'}"])
+    return find_mutants(folder, [source], source.parent, [standard, f"-I{folder / 'include'}"])
 
 
 def changes(mutants: list[Mutant], text: str) -> set[tuple[str, str, str]]:

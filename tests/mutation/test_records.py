@@ -26,7 +26,7 @@ from tests.mutation.records import (
 
 
 def mutant(number: int) -> Mutant:
-    return Mutant("shared/core/src/pid.c", "f", "f", "sign", 0, 1, "-", "a = b;", "a = -(b);", number)
+    return Mutant("shared/core/src/control/pid.c", "f", "f", "sign", 0, 1, "-", "a = b;", "a = -(b);", number)
 
 
 def test_every_judged_survivor_is_a_mutant_of_the_tree() -> None:
@@ -63,7 +63,7 @@ def test_only_what_differs_counts_and_recorded_bits_do_not_kill() -> None:
     assert (figures.counted, figures.equivalent) == (6, 1)
     assert figures.killed_percent == pytest.approx(50.0)
     assert figures.killed_percent_of_different == pytest.approx(60.0)
-    assert "| `shared/core/src` | 8 | 1 | 1 | 6 | 3 | 1 | 2 | 1 | 50.0 % | 60.0 % |" in report(
+    assert "| `shared/core/src/control` | 8 | 1 | 1 | 6 | 3 | 1 | 2 | 1 | 50.0 % | 60.0 % |" in report(
         pairs, {last.key: judgement}
     )
 

@@ -107,9 +107,9 @@ def run(proof: Proof, core: Path = ROOT / "shared" / "core", out: Path = OUT) ->
 
 def _command(proof: Proof, core: Path, folder: Path) -> list[str]:
     generated = OUT / "generated"
-    includes = [core / "include", core / "src", generated / "include", FOLDER]
+    includes = [core / "include", generated / "include", FOLDER]
     preprocessor = f"-std=c99 -include {FOLDER / 'builtins.h'} " + " ".join(f"-I{path}" for path in includes)
-    sources = [*sorted((core / "src").glob("*.c")), *sorted((generated / "src").glob("*.c")), proof.driver]
+    sources = [*sorted((core / "src").rglob("*.c")), *sorted((generated / "src").glob("*.c")), proof.driver]
     return [
         *("frama-c", "-load-script", str(folder / "ieee.ml"), *MACHINE, f"-cpp-extra-args={preprocessor}"),
         *map(str, sources),

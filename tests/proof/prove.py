@@ -90,7 +90,7 @@ def unreached(results: Sequence[Result], listed: Mapping[str, str]) -> list[str]
 
 
 def _functions() -> set[str]:
-    return core_functions(sorted((ROOT / "shared" / "core" / "src").glob("*.[ch]")))
+    return core_functions(sorted((ROOT / "shared" / "core" / "src").rglob("*.[ch]")))
 
 
 def page_blocks(

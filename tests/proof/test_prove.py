@@ -28,33 +28,43 @@ PLACE = Place("omni_f", "float_to_int", "x < 256")
 PROOF = Proof("bridge", "it holds", "nothing")
 
 MUTANTS = {
-    "a duty that is not limited": ("bridge", "bridge.c", "omni_clampf(omni_absf(duty), 0.0f, 1.0f)", "omni_absf(duty)"),
+    "a duty that is not limited": (
+        "bridge",
+        "motor/bridge.c",
+        "omni_clampf(omni_absf(duty), 0.0f, 1.0f)",
+        "omni_absf(duty)",
+    ),
     "a stop that passes": (
         "safety",
-        "safety.c",
+        "safety/safety.c",
         "OMNI_STATE_ESTOP, OMNI_STATE_FAILSAFE},",
         "OMNI_STATE_FAILSAFE, OMNI_STATE_FAILSAFE},",
     ),
     "voltages that may be NaN": (
         "wheel_speed",
-        "saturation.c",
+        "control/saturation.c",
         "!(limit > 0.0f) || !omni_all_finite(values, count)",
         "!(limit > 0.0f)",
     ),
     "a duty beyond its limit": (
         "wheel_speed",
-        "wheel_speed.c",
+        "control/wheel_speed.c",
         "omni_clampf(voltage_V[i] / supply_V, -config->duty_limit, config->duty_limit)",
         "voltage_V[i] / supply_V",
     ),
     "duties of the tick that are not limited": (
         "tick_three",
-        "robot.c",
+        "robot/robot.c",
         "omni_clampf(out->duty[i], -1.0f, 1.0f)",
         "out->duty[i]",
     ),
-    "parameters that may be NaN": ("config", "params.c", "if (!omni_is_finite(value)) {", "if (false) {"),
-    "parameters beyond their range": ("config", "params.c", "value < info->minimum || value > info->maximum", "false"),
+    "parameters that may be NaN": ("config", "robot/params.c", "if (!omni_is_finite(value)) {", "if (false) {"),
+    "parameters beyond their range": (
+        "config",
+        "robot/params.c",
+        "value < info->minimum || value > info->maximum",
+        "false",
+    ),
 }
 
 
@@ -116,7 +126,7 @@ def test_a_new_alarm_and_a_row_that_is_not_needed_any_more_are_differences() -> 
 
 
 def test_a_function_that_no_proof_reaches_must_be_listed() -> None:
-    functions = core_functions(sorted((ROOT / "shared" / "core" / "src").glob("*.[ch]")))
+    functions = core_functions(sorted((ROOT / "shared" / "core" / "src").rglob("*.[ch]")))
     assert {"omni_robot_tick", "seal", "omni_clampf", "omni_pid_step", "add_motion", "get_none"} - functions == {
         "get_none"
     }

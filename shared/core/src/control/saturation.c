@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/saturation.h"
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 static omni_real_t refuse(omni_real_t *values, uint8_t count) {
     for (uint8_t i = 0; i < count; i++) {

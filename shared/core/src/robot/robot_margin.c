@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "kinematics_inline.h"
+#include "../kinematics/kinematics_inline.h"
 #include "robot_internal.h"
 
 /* How sure the bound on the slip error is, in standard deviations. */

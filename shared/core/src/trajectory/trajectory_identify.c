@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "trajectory_internal.h"
 
 enum { SEGMENTS = 4 }; /* circle and spin, both ways each */

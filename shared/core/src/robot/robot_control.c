@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "kinematics_inline.h"
+#include "../kinematics/kinematics_inline.h"
 #include "omni/saturation.h"
 
 /* Pose error to wanted body twist or, in direct torque control, to torques, by the controller in use. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/torque_curve.h"
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 enum { KNOTS = OMNI_CURVE_POINTS + 3 };
 

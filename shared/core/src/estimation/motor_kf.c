@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config) {
     memset(state, 0, sizeof *state);

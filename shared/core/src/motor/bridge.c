@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/bridge.h"
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 omni_bridge_counts_t omni_bridge_counts(omni_real_t duty, bool drive) {
     const uint16_t steps = OMNI_PWM_STEPS;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "omni/robot.h"
 
 static const omni_real_t DEG = OMNI_PI_F / 180.0f;

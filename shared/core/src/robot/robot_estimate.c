@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "kinematics_inline.h"
+#include "../kinematics/kinematics_inline.h"
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
 static omni_int_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {

@@ -7,7 +7,7 @@
 #ifndef OMNI_KINEMATICS_INLINE_H
 #define OMNI_KINEMATICS_INLINE_H
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "omni/kinematics.h"
 
 #ifndef OMNI_KINEMATICS_INLINE

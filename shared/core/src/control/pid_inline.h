@@ -3,7 +3,7 @@
 #ifndef OMNI_PID_INLINE_H
 #define OMNI_PID_INLINE_H
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "omni/pid.h"
 
 #ifndef OMNI_PID_INLINE

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "pose_ekf_internal.h"
 
 /* Slot motion with the slip ratios known now, and its sensitivity, turned into the world frame. */

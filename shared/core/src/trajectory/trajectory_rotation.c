@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "trajectory_internal.h"
 
 omni_real_t omni_whole_laps(omni_real_t turns, omni_ns_t laps) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "omni/saturation.h"
 
 /* How fast a governed reference closes in on its target, 1/s. */

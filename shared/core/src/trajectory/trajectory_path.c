@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "trajectory_internal.h"
 
 omni_jet_t omni_quintic(omni_real_t p) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/motor.h"
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 enum {
     TAYLOR_TERMS = 8, /* with a norm of at most 1/2 the next term is below half a unit in the last place */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "trajectory_internal.h"
 
 /* A 32-bit mixing function: every input bit reaches every output bit (the finaliser of MurmurHash3, public domain). */

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 int32_t omni_param_find(const char *name) {
     for (int32_t i = 0; i < OMNI_PARAM_COUNT; i++) {

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "robot_internal.h"
 
 void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "kinematics_inline.h"
+#include "../kinematics/kinematics_inline.h"
 #include "pose_ekf_internal.h"
 
 /* A ratio beyond this is no slip any more: the wheel spins or is blocked, and the model says nothing. */

@@ -3,7 +3,7 @@
 #ifndef OMNI_POSE_CONTROL_H
 #define OMNI_POSE_CONTROL_H
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 /** error = pose - reference, heading wrapped into [-pi, pi): m, m, rad. */
 static inline void omni_pose_error(const omni_pose_t *pose, const omni_pose_t *reference, omni_real_t error[OMNI_AXES]) {

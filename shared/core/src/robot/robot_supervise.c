@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
-#include "math_inline.h"
+#include "../math/math_inline.h"
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
  * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through; one that stands still

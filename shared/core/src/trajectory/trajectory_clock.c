@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "math_inline.h"
+#include "../math/math_inline.h"
 #include "trajectory_internal.h"
 
 /* The clock's rate 1/scale as a fraction of 2^24: exact in a float, and products with it are exact in integers. */
