@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 
 #include "app/crc32.h"
 #include "app/storage_layout.h"
@@ -11,13 +12,37 @@
 namespace omni {
 namespace {
 
-constexpr uint32_t magic = 0x32504D4F; // "OMP2"
+constexpr uint32_t magic = 0x33504D4F;          // "OMP3"
+constexpr uint32_t magic_by_index = 0x32504D4F; // "OMP2": entries hold an index instead of a storage key
 constexpr size_t at_schema = 4;
 constexpr size_t at_sequence = 8;
 constexpr size_t at_count = 12;
 constexpr size_t header_length = 16;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
+
+/// Tables of the firmwares that stored by index, and how many parameters each had. Their order is that of today's table.
+struct OldTable {
+    uint32_t schema;
+    int32_t count;
+};
+constexpr OldTable old_tables[] = {{0x51cf0baf, 135}, {0x6357fbe0, 135}, {0xa2825f89, 133}, {0xaaeabbe3, 133}};
+
+int32_t parameter_of_key(uint16_t key) {
+    for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
+        if (omni_param_table[i].storage_key == key) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+/// @return how many indices of the old table with this CRC are today's, 0 if it is not known.
+int32_t indices_of(uint32_t schema) {
+    const auto *found = std::find_if(std::begin(old_tables), std::end(old_tables),
+                                     [schema](const OldTable &table) { return table.schema == schema; });
+    return found == std::end(old_tables) ? 0 : found->count;
+}
 
 } // namespace
 
@@ -35,7 +60,8 @@ ParamStore::Slot ParamStore::inspect(size_t number) {
     }
     slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
     const size_t count = get_word(buffer_ + at_count);
-    if (get_word(buffer_) != magic || count > (size - header_length - crc_length) / entry_length) {
+    const uint32_t kind = get_word(buffer_);
+    if ((kind != magic && kind != magic_by_index) || count > (size - header_length - crc_length) / entry_length) {
         return slot;
     }
     const size_t length = header_length + count * entry_length;
@@ -61,19 +87,27 @@ bool ParamStore::damaged() {
 }
 
 StoreResult ParamStore::load(omni_real_t *values) {
+    misfits_ = {};
     const int slot = newest();
     if (slot < 0 || !inspect(static_cast<size_t>(slot)).valid) {
         return StoreResult::empty;
     }
-    if (get_word(buffer_ + at_schema) != omni_param_schema_crc) {
+    const bool by_index = get_word(buffer_) == magic_by_index;
+    const int32_t indices = by_index ? indices_of(get_word(buffer_ + at_schema)) : 0;
+    if (by_index && indices == 0) {
         return StoreResult::foreign;
     }
     const size_t count = get_word(buffer_ + at_count);
     for (size_t i = 0; i < count; ++i) {
         const uint8_t *entry = buffer_ + header_length + i * entry_length;
-        const size_t index = static_cast<size_t>(entry[0] | entry[1] << 8);
-        if (index < OMNI_PARAM_COUNT) {
-            std::memcpy(&values[index], entry + 2, sizeof values[index]);
+        const auto key = static_cast<uint16_t>(entry[0] | entry[1] << 8);
+        const int32_t index = by_index ? (key < indices ? key : -1) : parameter_of_key(key);
+        omni_real_t value = 0.0f;
+        std::memcpy(&value, entry + 2, sizeof value);
+        if (omni_param_check(index, value, false) == OMNI_OK) {
+            values[index] = value;
+        } else {
+            misfits_.add(index, value);
         }
     }
     return StoreResult::ok;
@@ -91,8 +125,9 @@ size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_v
         if (length + entry_length > room) {
             return 0;
         }
-        buffer_[length] = static_cast<uint8_t>(i);
-        buffer_[length + 1] = static_cast<uint8_t>(i >> 8);
+        const uint16_t key = omni_param_table[i].storage_key;
+        buffer_[length] = static_cast<uint8_t>(key);
+        buffer_[length + 1] = static_cast<uint8_t>(key >> 8);
         std::memcpy(buffer_ + length + 2, &values[i], sizeof values[i]);
         length += entry_length;
         ++count;

@@ -2,8 +2,12 @@
 /// @file param_store.h  Parameters in non-volatile memory: two slots, written in turn, so that a power cut at any byte leaves the
 /// old or the new set, never a mix.
 ///
-/// A slot holds what differs from the robot's own values (1080 bytes of EEPROM must do): header (magic, schema CRC, sequence,
-/// count), then index and value of each, then CRC-32 over all of it. The valid slot with the newer sequence counts.
+/// A slot holds what differs from the robot's own values: header (magic, schema CRC, sequence, count), then storage key and value
+/// of each, then CRC-32 over all of it. The valid slot with the newer sequence counts.
+///
+/// The storage key comes from the parameter's name. So a set outlives an update of the firmware: each value is found by its
+/// name and checked against this firmware's range. What has no place any more is left out and reported, the rest is used. A
+/// parameter that was never changed follows the new firmware's default.
 #pragma once
 
 #include <cstddef>
@@ -17,9 +21,31 @@ namespace omni {
 enum class StoreResult : uint8_t {
     ok,
     empty,   ///< nothing valid is stored
-    foreign, ///< stored by a firmware with another parameter table
+    foreign, ///< an old firmware's set, by index, of a table whose order is not known any more
     full,    ///< more parameters differ than a slot holds
     failed,  ///< the memory did not take it
+};
+
+/// What was left out of a stored set.
+struct Misfits {
+    static constexpr size_t kept = 6;
+    struct {
+        int32_t index;
+        omni_real_t value;
+    } first[kept];        ///< values that this firmware refuses, as many as fit here
+    uint32_t refused = 0; ///< how many there are
+    uint32_t unknown = 0; ///< values of parameters that this firmware does not have
+    /// @param index -1: unknown
+    void add(int32_t index, omni_real_t value) {
+        if (index < 0) {
+            ++unknown;
+            return;
+        }
+        if (refused < kept) {
+            first[refused] = {index, value};
+        }
+        ++refused;
+    }
 };
 
 class ParamStore {
@@ -29,8 +55,11 @@ public:
 
     explicit ParamStore(Storage &storage) : storage_(storage) {}
 
-    /// Put the stored values over `values`, which holds the robot's own on entry. Unchanged unless `ok`.
+    /// Put the stored values over `values`, which holds the robot's own on entry. Unchanged unless `ok`. Each value that is used is
+    /// within its range; whether they fit together is for the caller to find out.
     StoreResult load(omni_real_t *values);
+    /// What the last load left out.
+    const Misfits &misfits() const { return misfits_; }
     /// A slot holds something that is neither a set nor erased memory, as a power cut while storing leaves it.
     bool damaged();
     /// Store what differs between `values` and `robot_values`, and read it back.
@@ -48,6 +77,7 @@ private:
     size_t compose(const omni_real_t *values, const omni_real_t *robot_values, uint32_t sequence);
 
     Storage &storage_;
+    Misfits misfits_{};
     uint8_t buffer_[max_slot] = {};
 };
 

@@ -23,8 +23,8 @@ Text named(int32_t index) {
 }
 
 const char *problem_at_boot(StoreResult result) {
-    return result == StoreResult::foreign ? "stored parameters are another version's: not used"
-                                          : "stored parameters are not valid: not used";
+    return result == StoreResult::foreign ? "stored parameters are too old: not used"
+                                          : "stored parameters do not fit: not used";
 }
 
 /// Frame length of a PARAM_VALUE.
@@ -49,16 +49,59 @@ bool Parameters::adopt(const omni_real_t *values, int32_t *bad_index, omni_resul
     return true;
 }
 
-void Parameters::boot() {
+bool Parameters::fits(const omni_real_t *values, int32_t *bad_index) {
+    *bad_index = -1;
+    return omni_robot_config(&shared_.control.setups.scratch().config, values, bad_index) == OMNI_OK;
+}
+
+/// Values that are each in range need not fit together. Leave out those that are blamed; if the blame falls on the robot's own values
+/// or on none, add the stored ones one after another, as far as they fit.
+void Parameters::leave_out_what_clashes(omni_real_t *values) {
+    const omni_real_t *own = shared_.board.robot_values;
+    int32_t bad = -1;
+    bool whole = fits(values, &bad);
+    while (!whole && bad >= 0 && values[bad] != own[bad]) {
+        misfits_.add(bad, values[bad]);
+        values[bad] = own[bad];
+        whole = fits(values, &bad);
+    }
+    if (whole) {
+        return;
+    }
+    omni_real_t stored[OMNI_PARAM_COUNT];
+    std::memcpy(stored, values, sizeof stored);
+    std::memcpy(values, own, sizeof stored);
+    for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
+        values[i] = stored[i];
+        if (stored[i] != own[i] && !fits(values, &bad)) {
+            misfits_.add(i, stored[i]);
+            values[i] = own[i];
+        }
+    }
+}
+
+/// Work with what is stored.
+/// @return ok, or why nothing of it is used; `failed`: the robot's own values do not fit together.
+StoreResult Parameters::adopt_stored() {
     omni_real_t values[OMNI_PARAM_COUNT];
     std::memcpy(values, shared_.board.robot_values, sizeof values);
+    const StoreResult result = store_.load(values);
+    misfits_ = store_.misfits();
+    if (result != StoreResult::ok) {
+        return result;
+    }
+    leave_out_what_clashes(values);
+    int32_t bad = -1;
+    omni_result_t why = OMNI_OK;
+    return adopt(values, &bad, &why) ? StoreResult::ok : StoreResult::failed;
+}
+
+void Parameters::boot() {
+    omni_real_t values[OMNI_PARAM_COUNT];
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     boot_damaged_ = store_.damaged();
-    boot_result_ = store_.load(values);
-    if (boot_result_ == StoreResult::ok && !adopt(values, &bad, &why)) {
-        boot_result_ = StoreResult::failed;
-    }
+    boot_result_ = adopt_stored();
     if (boot_result_ != StoreResult::ok && !adopt(shared_.board.robot_values, &bad, &why)) {
         // A board hands over checked values; the table's defaults are the way out if it did not.
         omni_params_defaults(values);
@@ -164,18 +207,33 @@ bool Parameters::adopt_or_say(const omni_real_t *values) {
     return false;
 }
 
+void Parameters::say_misfits() {
+    const uint32_t kept = Misfits::kept;
+    for (uint32_t i = 0; i < misfits_.refused && i < kept; ++i) {
+        const auto &misfit = misfits_.first[i];
+        shared_.say(MAV_SEVERITY_WARNING,
+                    Text().add("stored ").add(omni_param_table[misfit.index].name).add(" ").add(misfit.value).add(" left out"));
+    }
+    if (misfits_.refused > kept) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.refused - kept).add(" more stored values left out"));
+    }
+    if (misfits_.unknown > 0) {
+        shared_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.unknown).add(" stored values left out: unknown here"));
+    }
+}
+
 uint8_t Parameters::load() {
-    omni_real_t values[OMNI_PARAM_COUNT];
-    std::memcpy(values, shared_.board.robot_values, sizeof values);
-    const StoreResult result = store_.load(values);
-    if (result == StoreResult::foreign) {
-        shared_.refuse(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
-        return MAV_RESULT_FAILED;
+    const StoreResult result = adopt_stored();
+    if (result == StoreResult::ok) {
+        say_misfits();
+        return MAV_RESULT_ACCEPTED;
     }
     if (result == StoreResult::empty) {
         shared_.refuse(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
+        return adopt_or_say(shared_.board.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
     }
-    return adopt_or_say(values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
+    shared_.refuse(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
+    return MAV_RESULT_FAILED;
 }
 
 uint8_t Parameters::save() {
@@ -212,6 +270,8 @@ uint8_t Parameters::storage_command(float action) {
 void Parameters::say_boot_problems() {
     if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
         shared_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
+    } else {
+        say_misfits();
     }
     if (boot_damaged_) {
         shared_.say(MAV_SEVERITY_ERROR,

@@ -23,7 +23,8 @@ public:
     Parameters(Shared &shared, ParameterListener &listener)
         : shared_(shared), listener_(listener), store_(*shared.board.storage) {}
 
-    /// Robot's own values, then what is stored. What cannot be used is said once a link is there, and not used.
+    /// Robot's own values, then what is stored. A stored value that does not fit is left out: the robot's own is used, and that is
+    /// said once a link is there.
     void boot();
 
     void on_request_list(const Sender &sender);
@@ -45,6 +46,10 @@ private:
     void say_boot_problems();
     bool adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why);
     bool adopt_or_say(const omni_real_t *values);
+    bool fits(const omni_real_t *values, int32_t *bad_index);
+    void leave_out_what_clashes(omni_real_t *values);
+    StoreResult adopt_stored();
+    void say_misfits();
     uint8_t load();
     uint8_t save();
     void refuse(int32_t index, float value, omni_result_t why, int32_t blamed);
@@ -58,6 +63,7 @@ private:
     omni_robot_config_t config_{};
     uint16_t sequence_ = 0;
     int32_t list_next_[Board::max_ports] = {OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT};
+    Misfits misfits_{}; ///< what was left out of the stored set that was loaded last
     StoreResult boot_result_ = StoreResult::empty;
     bool boot_damaged_ = false; ///< a stored set cannot be read
     bool boot_said_ = false;

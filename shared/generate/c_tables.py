@@ -43,7 +43,7 @@ def params_header(table: ParameterTable) -> str:
         f"  OMNI_PARAM_COUNT = {len(table)}",
         "} omni_param_id_t;",
         "",
-        "/** Version of the table's layout; raised by hand when stored parameters can no longer be read. */",
+        "/** Version of what params.toml can say. Stored values do not depend on it: they are kept by name. */",
         f"enum {{ OMNI_PARAM_SCHEMA_VERSION = {table.schema_version} }};",
         "",
         "/** CRC-32 over names, order, kinds, units, ranges, defaults and enum values of the table. */",
@@ -74,6 +74,7 @@ def params_source(table: ParameterTable) -> str:
         f"        .initial = {float_literal(p.default)},\n"
         f"        .kind = {_KIND[p.kind]},\n"
         f"        .locked_while_armed = {int(p.disarmed_only)},\n"
+        f"        .storage_key = {p.storage_key:#06x},\n"
         "    },"
         for p in table.parameters
     ]

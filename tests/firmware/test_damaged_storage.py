@@ -40,7 +40,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 def slots(memory: bytes) -> list[range]:
     """Return where the two sets lie: from their first byte to the last one that is not erased."""
-    first, second = (i for i in range(len(memory)) if memory.startswith(b"OMP2", i))
+    first, second = (i for i in range(len(memory)) if memory.startswith(b"OMP3", i))
     return [range(at, at + len(memory[at : at + 40].rstrip(b"\xff"))) for at in (first, second)]
 
 

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omni_schema import SchemaError, load_parameters, parse_parameters
+from omni_schema.parameters import storage_key
 
 ROOT = Path(__file__).resolve().parents[2]
 PARAMS = ROOT / "shared" / "params.toml"
@@ -137,3 +138,25 @@ def test_enums_take_names_and_suggest_close_ones() -> None:
     assert parameter.parse("f", "k", 1) == 1.0
     with pytest.raises(SchemaError, match="did you mean angle"):
         parameter.parse("f", "k", "angel")
+
+
+def test_a_name_with_the_storage_key_of_another_is_refused() -> None:
+    """P0 and so on: the first two that share 16 bits, found by trying."""
+    seen: dict[int, str] = {}
+    names = (f"P{number}" for number in range(70_000))
+    first, second = next((seen[storage_key(n)], n) for n in names if seen.setdefault(storage_key(n), n) != n)
+    with pytest.raises(SchemaError, match=f"{second}.*has the storage key of {first}"):
+        parse_parameters({"schema_version": 1, first: entry(), second: entry()}, "p.toml")
+    with pytest.raises(SchemaError, match=f"{second}.*has the storage key of {first}"):
+        parse_parameters({"schema_version": 1, "retired": [first], second: entry()}, "p.toml")
+
+
+def test_a_retired_name_does_not_come_back() -> None:
+    with pytest.raises(SchemaError, match="OLD_GAIN: is listed under retired"):
+        parse_parameters({"schema_version": 1, "retired": ["OLD_GAIN"], "OLD_GAIN": entry()}, "p.toml")
+
+
+@pytest.mark.parametrize("retired", ["OLD_GAIN", 3, ["old gain"], [1]])
+def test_retired_names_are_a_list_of_names(retired: object) -> None:
+    with pytest.raises(SchemaError, match=r"retired: is .*; a list of parameter names is needed"):
+        parse_parameters({"schema_version": 1, "retired": retired, "LENGTH": entry()}, "p.toml")

@@ -36,6 +36,7 @@ def test_the_compiled_table_is_the_file() -> None:
         assert (text(row.name), text(row.unit)) == (parameter.name, parameter.unit)
         assert (row.minimum, row.maximum, row.initial) == (parameter.minimum, parameter.maximum, parameter.default)
         assert bool(row.locked_while_armed) == parameter.disarmed_only
+        assert row.storage_key == parameter.storage_key
         assert (row.kind == C.OMNI_PARAM_REAL) == (parameter.kind == "real")
         for label, number in parameter.values.items():
             assert getattr(C, f"OMNI_{parameter.name}_{label.upper()}") == number

@@ -16,12 +16,15 @@ from typing import Any
 import pytest
 
 from tests.native import ROOT, build_library, core_archive
+from tests.parameter_sets import NOWHERE, TABLE, drawn_values
 
 OK, EMPTY, FOREIGN, FULL = 0, 1, 2, 3
 DAMAGED = 2
 TEENSY, PC = 1080, 2048
 TAIL = 192
 HEADER, ENTRY, CRC = 16, 6, 4
+BY_INDEX = b"OMP2"
+"""The kind of set that earlier firmwares stored."""
 ALL_BITS = 0xFFFFFFFF
 KEY_AT, KEY_CONTENT = 0, 36
 TIME_AT, TIME_CONTENT = 96, 8
@@ -49,10 +52,11 @@ class ParameterMemory:
 
     def __init__(self, size: int) -> None:
         self.bytes = bytearray(b"\xff" * size)
-        self.own = [0.5] * library().param_count()
+        self.own = [NOWHERE] * len(TABLE)
 
-    def values(self, gain: float, differing: int) -> list[float]:
-        return [gain + i if i < differing else own for i, own in enumerate(self.own)]
+    def values(self, seed: float, differing: int) -> list[float]:
+        """Return a set whose first ``differing`` parameters have values within their ranges, another for each seed."""
+        return drawn_values(seed)[:differing] + self.own[differing:]
 
     def save(self, values: list[float], cut: int | None = None, word: int = 1, torn: int = 0) -> int:
         image = (ctypes.c_uint8 * len(self.bytes)).from_buffer(self.bytes)
@@ -128,9 +132,18 @@ def test_a_set_that_needs_a_byte_more_than_a_slot_is_refused_and_the_old_one_sta
     assert store.load() == (OK, store.values(1.0, room))
 
 
-def reseal(store: ParameterMemory, slot: int, *, sequence: int | None = None, schema: int | None = None) -> None:
+def reseal(
+    store: ParameterMemory,
+    slot: int,
+    *,
+    magic: bytes | None = None,
+    sequence: int | None = None,
+    schema: int | None = None,
+) -> None:
     """Change header fields of a slot and its CRC with them."""
     at = slot * slot_size(len(store.bytes))
+    if magic is not None:
+        store.bytes[at : at + 4] = magic
     if schema is not None:
         struct.pack_into("<I", store.bytes, at + 4, schema)
     if sequence is not None:
@@ -160,7 +173,7 @@ def test_the_sequence_number_wraps_without_losing_a_save(sequence: int) -> None:
 def test_a_foreign_set_is_named_and_replaced_by_a_save_cut_or_not() -> None:
     store = ParameterMemory(TEENSY)
     assert store.save(store.values(1.0, 9)) == OK
-    reseal(store, 0, schema=0x12345678)
+    reseal(store, 0, magic=BY_INDEX, schema=0x12345678)
     assert store.load() == (FOREIGN, store.own)
     before = bytes(store.bytes)
     new = store.values(2.0, 9)

@@ -123,7 +123,7 @@ def test_a_stored_set_that_holds_such_a_number_comes_up_reachable_and_is_said(va
     with MemoryRobot(bytes(image)) as robot:
         robot.run(50)
         texts = [m.text for m in usb(robot).run(1) if m.get_type() == "STATUSTEXT"]
-        assert "stored parameters are not valid: not used" in texts
+        assert f"stored SYS_ID {value:.0f} left out" in texts
         check_reachable(robot, 1, USB)
 
 

@@ -7,7 +7,7 @@ import math
 import re
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,9 +31,17 @@ KINDS = ("real", "int", "bool", "enum")
 
 _NAME = re.compile(r"[A-Z][A-Z0-9_]*")
 _VALUE_NAME = re.compile(r"[a-z][a-z0-9_]*")
+RETIRED = "retired"
+"""The key of ``params.toml`` that lists the names of parameters that are gone."""
+
 _REQUIRED_KEYS = ("kind", "unit", "min", "max", "default", "doc")
 _OPTIONAL_KEYS = ("values", "lock", "per_wheel", "robot_key")
 _EXACT_FLOAT32_INTEGER = 2**24
+
+
+def storage_key(name: str) -> int:
+    """Return the 16 bits that a stored value of this parameter carries: the low half of the CRC-32 of its name."""
+    return zlib.crc32(name.encode("ascii")) & 0xFFFF
 
 
 def as_float32(value: float) -> float:
@@ -62,6 +70,11 @@ class Parameter:
     disarmed_only: bool = False
     robot_key: str | None = None
     wheel: int | None = None
+
+    @property
+    def storage_key(self) -> int:
+        """What finds a stored value again, whatever the order of the table: see ``storage_key``."""
+        return storage_key(self.name)
 
     @property
     def allowed(self) -> str:
@@ -144,13 +157,17 @@ def load_parameters(path: Path | str) -> ParameterTable:
 
 
 def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable:
-    """Build the table from a parsed document; ``source`` names it in errors."""
+    """Build the table from a parsed document; ``source`` names it in errors.
+
+    Raises SchemaError, also where a new name has the storage key of another one or of a retired one: a stored value of
+    that one would be taken for a value of the new parameter.
+    """
     version = document.get("schema_version")
     if isinstance(version, bool) or not isinstance(version, int) or not 0 < version < 2**31:
         raise SchemaError(source, "schema_version", f"is {version!r}; a whole number above 0 is needed")
     parameters: list[Parameter] = []
     for name, value in document.items():
-        if name != "schema_version":
+        if name not in ("schema_version", RETIRED):
             entry = take_table(source, name, value)
             parameters += _expand(source, name, entry, len(parameters))
     by_name = {parameter.name: parameter for parameter in parameters}
@@ -158,7 +175,24 @@ def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable
         names = [parameter.name for parameter in parameters]
         twice = next(name for name in names if names.count(name) > 1)
         raise SchemaError(source, twice, "is defined twice once the per-wheel names are expanded")
+    _refuse_same_storage_keys(source, _retired(source, document.get(RETIRED, [])), by_name)
     return ParameterTable(source, version, tuple(parameters), _crc(version, parameters), by_name)
+
+
+def _retired(source: str, value: object) -> list[str]:
+    if not isinstance(value, list) or not all(isinstance(name, str) and _NAME.fullmatch(name) for name in value):
+        raise SchemaError(source, RETIRED, f"is {value!r}; a list of parameter names is needed")
+    return [str(name) for name in value]
+
+
+def _refuse_same_storage_keys(source: str, retired: Sequence[str], names: Iterable[str]) -> None:
+    taken = {storage_key(name): name for name in retired}
+    for name in names:
+        other = taken.setdefault(storage_key(name), name)
+        if other != name:
+            raise SchemaError(source, name, f"has the storage key of {other}; choose another name")
+        if name in retired:
+            raise SchemaError(source, name, f"is listed under {RETIRED}; choose another name")
 
 
 def _expand(source: str, name: str, entry: dict[str, Any], first_index: int) -> list[Parameter]:

@@ -11,6 +11,8 @@ from array import array
 
 import pytest
 
+from tests.parameter_sets import NOWHERE, drawn_values
+
 OK, EMPTY = 0, 1
 SECTORS, SECTOR_SIZE = 15, 4096
 WORDS_OF_IMAGE, WORDS_OF_HEADER = 1024, 8
@@ -22,16 +24,16 @@ class Store:
     def __init__(self, chip: ctypes.CDLL) -> None:
         self.chip = chip
         self.count = int(chip.param_count())
-        self.robot = self.values(0)
+        self.robot = array("f", [NOWHERE] * self.count)
 
     def values(self, seed: int) -> array[float]:
-        """A parameter set in which every value differs from the robot's (seed 0)."""
-        return array("f", [float(1000 * seed + index) for index in range(self.count)])
+        """A parameter set in which every value differs from the robot's."""
+        return array("f", drawn_values(seed))
 
     def few(self, seed: int) -> array[float]:
-        values = self.values(0)
+        values, drawn = array("f", self.robot), drawn_values(seed)
         for index in random.Random(seed).sample(range(self.count), 5):
-            values[index] = float(-seed - index)
+            values[index] = drawn[index]
         return values
 
     def boot(self, running: bool = False) -> None:
@@ -340,9 +342,9 @@ def test_a_power_cut_at_any_word_of_a_save_leaves_the_old_or_the_new_set(store: 
 
 
 def test_a_power_cut_at_any_word_of_a_save_of_everything(store: Store) -> None:
-    everything = array("f", store.robot)
+    everything, drawn = array("f", store.robot), drawn_values(1)
     for index in range(0, store.count, 2):
-        everything[index] = -1.0 - index
+        everything[index] = drawn[index]
     assert store.save(store.few(11)) == OK
     assert cut_everywhere(store, everything) > store.count
 

@@ -25,6 +25,7 @@ typedef struct omni_param_info_t {
     omni_real_t initial; /**< default */
     uint8_t kind;        /**< omni_param_kind_t */
     uint8_t locked_while_armed;
+    uint16_t storage_key; /**< of the name; no two parameters have the same: a stored value is found by it */
 } omni_param_info_t;
 
 /** A robot file compiled in. */
