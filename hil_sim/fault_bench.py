@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core
-from hil_sim.fault_cases import CIRCLE, FAULT_S, FaultCase, Kind
+from hil_sim.fault_cases import CIRCLE, EMERGENCY_STOP, FAULT_S, FaultCase, Kind
 from hil_sim.hil import HilLoop
 from hil_sim.metrics import STATE_ARMED
 from hil_sim.scenario import Event, Scenario, parse_scenario
@@ -132,6 +132,9 @@ def _way_back(case: FaultCase, loop: HilLoop, chunks: list[NDArray[Any]]) -> flo
     if case.stops is not None:
         command(loop, "disarm")
         chunks.append(loop.advance(150))
+        if case.stops == EMERGENCY_STOP:
+            loop.robot.estop_clear()
+            chunks.append(loop.advance(10))
         start_driving(loop, case.drive)
     back = loop.advance(round(BACK_S * 1e3))
     chunks.append(back)

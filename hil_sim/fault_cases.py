@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 FAULT_S = 0.7
 """When the fault comes [s]: the robot drives steadily by then."""
 
+EMERGENCY_STOP = "emergency stop"
+"""What stops the robot is no fault but an emergency stop: it needs a release."""
+
 TURN = "turn"
 CIRCLE = "circle"
 
@@ -30,10 +33,10 @@ class Kind:
 class FaultCase:
     """One fault and what is expected.
 
-    ``stops`` is the name of the stop fault (None: the robot drives on), ``warns`` a warning that must show, ``says`` a
-    part of a status text. ``bound`` is the longest time to zero volts: a number of seconds, or names of parameters in
-    seconds joined by " + ". ``coasts`` False: the motors keep their last voltage until the fault has gone. ``error_m``
-    is how far from its path the robot may get on a circle.
+    ``stops`` is the name of the stop fault, or EMERGENCY_STOP (None: the robot drives on), ``warns`` a warning that
+    must show, ``says`` a part of a status text. ``bound`` is the longest time to zero volts: a number of seconds, or
+    names of parameters in seconds joined by " + ". ``coasts`` False: the motors keep their last voltage until the fault
+    has gone. ``error_m`` is how far from its path the robot may get on a circle.
     """
 
     name: str
@@ -49,6 +52,11 @@ class FaultCase:
     error_m: float = 0.05
     parameters: Mapping[str, float] = field(default_factory=dict)
     world: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def failsafe(self) -> str | None:
+        """The stop fault that the robot names, if one stops it."""
+        return None if self.stops == EMERGENCY_STOP else self.stops
 
     def bound_s(self, values: Mapping[str, float]) -> float:
         """Return the bound [s] with a robot's parameters."""
@@ -74,6 +82,14 @@ CASES: tuple[FaultCase, ...] = (
         lasts_s=0.8,
         parameters={"SAFE_LINK_TO": 1.1},
         says="link 1 lost: it had the command",
+    ),
+    FaultCase(
+        "stop_button",
+        "stop button pressed, or its wire cut",
+        (Kind("stop_button"),),
+        EMERGENCY_STOP,
+        "0.001",
+        says="stop button open: pressed, or its wire is cut",
     ),
     FaultCase("encoder_dead", "encoder dead (reported)", (Kind("encoder_invalid", wheel=1),), "encoder", "0.003"),
     FaultCase(

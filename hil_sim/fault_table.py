@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from hil_sim.fault_bench import FaultResult, run_case
-from hil_sim.fault_cases import CASES, FaultCase
+from hil_sim.fault_cases import CASES, EMERGENCY_STOP, FaultCase
 from hil_sim.state_diagram import diagram
 from omniwheel import files
 
@@ -26,6 +26,7 @@ HEAD = (
 )
 _BY_ITSELF = "drives on"
 _AGAIN = "disarm, arm"
+_RELEASED = "release, arm"
 
 
 def bound_text(case: FaultCase) -> str:
@@ -48,11 +49,11 @@ def reaction(case: FaultCase) -> str:
 def row(result: FaultResult) -> str:
     """Return a case's row."""
     case = result.case
-    stops = [] if case.stops is None else [f"`failsafe: {case.stops}`"]
+    stops = [] if case.failsafe is None else [f"`failsafe: {case.failsafe}`"]
     warns = [] if case.warns is None else [f"warning `{case.warns}`"]
     said = ", ".join([*stops, *warns, *([] if case.says is None else [f"`{case.says}`"])])
     measured = "" if case.stops is None or result.latency_s is None else f"{result.latency_s * 1e3:.0f}"
-    back = _BY_ITSELF if case.stops is None else _AGAIN
+    back = {None: _BY_ITSELF, EMERGENCY_STOP: _RELEASED}.get(case.stops, _AGAIN)
     return f"| {case.what} | {reaction(case)} | {bound_text(case)} | {measured} | {said} | {back} |"
 
 

@@ -29,6 +29,7 @@ KINDS: dict[str, int] = {
     "clock_stuck": lib.HIL_FAULT_CLOCK_STUCK,
     "tick_late": lib.HIL_FAULT_TICK_LATE,
     "wheel_turned": lib.HIL_FAULT_WHEEL_TURNED,
+    "stop_button": lib.HIL_FAULT_STOP_BUTTON,
 }
 """Name of a fault to its number in ``hil_fault_kind_t``."""
 

@@ -23,7 +23,7 @@ BYTES_PER_TICK = 12
 """What 115200 baud carry in a millisecond."""
 
 _OUT = struct.Struct(f"<QBBB{BYTES_PER_TICK}s129s")
-_IN = struct.Struct(f"<4ifBB8sB{BYTES_PER_TICK + 1}s")
+_IN = struct.Struct(f"<4ifBB8sB{BYTES_PER_TICK}sB")
 
 
 class PinsLink:
@@ -91,7 +91,7 @@ class PinsLink:
         read = bytes(sensors.i2c_read)
         head = (*sensors.counts, sensors.battery_V, sensors.counts_valid, sensors.i2c_status, read)
         try:
-            self._pins.sendall(_IN.pack(*head, len(received), received))
+            self._pins.sendall(_IN.pack(*head, len(received), received, sensors.stop_button))
         except OSError as error:
             raise self._lost() from error
         if self._on_tick is not None:

@@ -94,6 +94,7 @@ class Wiring:
 
     encoder_pins: tuple[tuple[int, int], ...] = ()
     output_enable_pin: int | None = None
+    stop_button_pin: int | None = None
     battery_pin: int | None = None
     battery_divider: float = 1.0
 
@@ -114,7 +115,13 @@ class Options:
 def wiring_of(robot: Robot) -> Wiring:
     """Return the wires that a robot file asks for."""
     board = robot.board
-    return Wiring(board.encoder_pins, board.output_enable_pin, board.battery_pin, board.battery_divider)
+    return Wiring(
+        board.encoder_pins,
+        board.output_enable_pin,
+        board.stop_button_pin,
+        board.battery_pin,
+        board.battery_divider,
+    )
 
 
 def unicorn_library() -> Path:
@@ -431,6 +438,7 @@ def _config(wiring: Wiring, options: Options) -> Any:
     for wheel, pins in enumerate(config.encoder_pin):
         pins[0], pins[1] = wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (_NO_PIN, _NO_PIN)
     config.output_enable_pin = _NO_PIN if wiring.output_enable_pin is None else wiring.output_enable_pin
+    config.stop_button_pin = _NO_PIN if wiring.stop_button_pin is None else wiring.stop_button_pin
     config.battery_pin = _NO_PIN if wiring.battery_pin is None else wiring.battery_pin
     config.battery_divider = wiring.battery_divider
     return config

@@ -31,6 +31,7 @@ App::App(const Board &board, bool lockstep)
     if (stop_latch_.boot() != StopLatch::AtBoot::released) {
         shared_.control.stop(OMNI_EVENT_ESTOP);
     }
+    watch_button();
     restart_control(lockstep ? 0 : board_.clock->now_us());
 }
 
@@ -73,7 +74,14 @@ void App::watch_overrun(TickSensors *sensors) {
     sensors->faults = overruns_in_row_ >= overruns_tolerated ? static_cast<uint32_t>(OMNI_FAULT_OVERRUN) : 0u;
 }
 
+void App::watch_button() {
+    if (board_.stop_button != nullptr) {
+        shared_.watch_button(board_.stop_button->open());
+    }
+}
+
 void App::tick() {
+    watch_button(); // of the robot itself: host-in-the-loop, too
     const Owner owner = owner_.load(std::memory_order_acquire);
     if (owner == Owner::background) {
         board_.output_enable->set(false); // the host's world turns, not these wheels
@@ -107,6 +115,7 @@ void App::restart_control(uint64_t now_us) {
     shared_.arming = 0;
     shared_.stopping = 0;
     shared_.i2c_scanning = false;
+    shared_.hil_button_open = false;
     shared_.now_us = now_us;
     jitter_.restart();
     last_tick_us_ = 0;
@@ -233,6 +242,8 @@ void App::hil_tick(const Frame &frame, size_t link) {
     TickSensors sensors;
     hil_.take(frame, &sensors);
     watch_overrun(&sensors);
+    shared_.hil_button_open = hil_.button_open();
+    shared_.watch_button(shared_.hil_button_open);
     shared_.now_us = sensors.time_us;
     shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
     take_report();
@@ -369,6 +380,7 @@ void App::greet(size_t link) {
     telemetry_.restart(link);
     say_restart(link);
     say_latch(link);
+    status_texts_.greet(link);
 }
 
 void App::receive(size_t link) {

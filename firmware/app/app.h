@@ -45,6 +45,7 @@ private:
     uint8_t switch_hil(bool enable, size_t link) override;
     bool hil_silent() const override { return shared_.hil && !hil_.heard(); }
 
+    void watch_button();
     void watch_overrun(TickSensors *sensors);
     void update_owner();
     void restart_control(uint64_t now_us);

@@ -94,6 +94,17 @@ protected:
     ~OutputEnable() = default;
 };
 
+/// A stop button: a normally-closed contact from a pulled-up pin to ground, so that a cut wire reads as pressed.
+class StopButton {
+public:
+    /// The level at this moment, not debounced. Called from the tick, in every tick, and from the background.
+    /// @return true: pressed, or a wire is cut.
+    virtual bool open() = 0;
+
+protected:
+    ~StopButton() = default;
+};
+
 /// A byte stream to a ground station or host. Used from the background only; never waits.
 class SerialPort {
 public:
@@ -173,6 +184,7 @@ struct Board {
     Encoders *encoders = nullptr;
     I2cBus *i2c = nullptr;
     OutputEnable *output_enable = nullptr;
+    StopButton *stop_button = nullptr; ///< nullptr: none
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;

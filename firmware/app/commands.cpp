@@ -253,9 +253,14 @@ uint8_t Commands::clear_estop() {
         shared_.refuse(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
         return MAV_RESULT_DENIED;
     }
+    if (shared_.button_open()) {
+        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("not released: the stop button is still open"));
+        return MAV_RESULT_DENIED;
+    }
     if (shared_.control.stopping(OMNI_EVENT_ESTOP)) {
         return MAV_RESULT_TEMPORARILY_REJECTED; // in one tick with the stop it would lose
     }
+    shared_.button_pressed.store(false, std::memory_order_relaxed);
     return queued(shared_.control.request_event(OMNI_EVENT_ESTOP_CLEAR));
 }
 

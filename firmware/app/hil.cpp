@@ -63,12 +63,14 @@ void Hil::restart() {
     bus.restart();
     output_enable.set(false);
     heard_ = false;
+    button_open_ = false;
 }
 
 void Hil::take(const Frame &frame, TickSensors *sensors) {
     const auto message = frame.as<mavlink_omni_hil_sensors_t>();
     sequence_ = message.sequence;
     heard_ = true;
+    button_open_ = message.stop_button != 0;
     sensors->time_us = message.time_us;
     std::memcpy(sensors->counts, message.counts, sizeof sensors->counts);
     sensors->counts_valid = message.counts_valid;

@@ -60,9 +60,12 @@ public:
     void answer(Shared &shared, size_t link);
     /// Sensors have come since the restart.
     bool heard() const { return heard_; }
+    /// The simulated robot's stop button, of the latest sensors.
+    bool button_open() const { return button_open_; }
 
 private:
     bool heard_ = false;
+    bool button_open_ = false;
     uint32_t sequence_ = 0;
 };
 

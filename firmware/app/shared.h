@@ -2,6 +2,7 @@
 /// @file shared.h  What the background's modules have in common: links, the way to the tick, what the last tick said.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 
@@ -32,11 +33,13 @@ struct Shared {
     LegacyLine legacy_line; ///< on the radio
     Link links[Board::max_ports];
     ControlLoop control;
-    TickReport latest;         ///< of the last tick, refreshed once per background pass
-    uint64_t now_us = 0;       ///< robot clock of this pass: the board's, or the simulated one
-    bool hil = false;          ///< host-in-the-loop
-    bool reboot = false;       ///< asked for
-    bool i2c_scanning = false; ///< asked for, and its result not sent yet
+    TickReport latest;                       ///< of the last tick, refreshed once per background pass
+    uint64_t now_us = 0;                     ///< robot clock of this pass: the board's, or the simulated one
+    bool hil = false;                        ///< host-in-the-loop
+    bool reboot = false;                     ///< asked for
+    std::atomic<bool> button_pressed{false}; ///< the stop button was seen open since the last release
+    bool hil_button_open = false;            ///< the simulated robot's stop button
+    bool i2c_scanning = false;               ///< asked for, and its result not sent yet
     Stations stations;
     size_t asker = Board::max_ports; ///< link of the message that is being seen to; max_ports: none
     uint8_t stopping = 0;            ///< reports to wait for until one tells what became of a disarm or an emergency stop
@@ -49,6 +52,16 @@ struct Shared {
     }
     /// Whoever has the robot in hand can be told something: a link that is no radio is connected, or there is none.
     bool cable_connected() const;
+    /// The robot's stop button is open now, or the simulated one's.
+    bool button_open() const { return (hil && hil_button_open) || (board.stop_button != nullptr && board.stop_button->open()); }
+    /// From the tick: an emergency stop if the button is open, whatever else goes on. The first open sample stops
+    /// (docs/reference/safety.md says why).
+    void watch_button(bool open) {
+        if (open) {
+            button_pressed.store(true, std::memory_order_relaxed);
+            control.stop(OMNI_EVENT_ESTOP);
+        }
+    }
     /// A ground station gave a sign of life on this link.
     void heartbeat(size_t link);
     /// A set-point or motion command of this link was accepted: it has the command from now on if its ground station is alive.

@@ -40,8 +40,20 @@ void StatusTexts::say_links() {
     }
 }
 
+/// Once on each link, from the press to the release of the stop.
+void StatusTexts::say_button() {
+    const bool pressed = shared_.button_pressed.load(std::memory_order_relaxed);
+    for (size_t link = 0; link < shared_.board.port_count; ++link) {
+        if (pressed && !button_said_[link] && shared_.links[link].connected()) {
+            shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
+        }
+        button_said_[link] = pressed && shared_.links[link].connected();
+    }
+}
+
 void StatusTexts::serve() {
     say_links();
+    say_button();
     const omni_outputs_t &out = shared_.latest.outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {
         shared_.say(MAV_SEVERITY_CRITICAL, fault_text("failsafe: ", out.fault_history));

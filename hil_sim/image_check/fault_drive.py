@@ -28,7 +28,7 @@ FINE_S = 0.00025
 SHOWN_S = 0.001
 SETPOINT_S = 0.05
 TELEMETRY_HZ = 100.0
-_AT_ONCE = ("i2c_nack", "i2c_stuck", "chip_power", "link_silence")
+_AT_ONCE = ("i2c_nack", "i2c_stuck", "chip_power", "link_silence", "stop_button")
 
 
 def shown_s(kinds: Sequence[Kind]) -> float:

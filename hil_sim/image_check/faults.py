@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from hil_sim.fault_bench import BACK_S, CIRCLE_START
-from hil_sim.fault_cases import CASES, CIRCLE, FAULT_S, FaultCase, Kind
+from hil_sim.fault_cases import CASES, CIRCLE, EMERGENCY_STOP, FAULT_S, FaultCase, Kind
 from hil_sim.image_check.bench import Bench, CheckError, Context
 from hil_sim.image_check.check import Check
 from hil_sim.image_check.fault_drive import FINE_S, STEP_S, Drive, begin_fixes, install, shown_s
@@ -48,6 +48,8 @@ def faults_at_the_pins(context: Context) -> list[str]:
         reasons.update(dict.fromkeys(BATTERY, "this robot does not measure it"))
     if context.scenario.robot.wheels > THREE:
         reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: nothing stands still"
+    if context.scenario.robot.board.stop_button_pin is None:
+        reasons["stop_button"] = "this robot has none"
     values = context.scenario.parameter_values()
     figures = []
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:
@@ -174,8 +176,9 @@ def _drove_on(drive: Drive, case: FaultCase) -> str:
 
 def _said(drive: Drive, case: FaultCase) -> None:
     seen = drive.seen
-    if case.stops is not None and (f"failsafe: {case.stops}" not in seen.texts or case.stops not in seen.faults):
-        raise CheckError(f"{case.name}: {case.stops} is not said; texts {seen.texts}, faults {sorted(seen.faults)}")
+    fault = case.failsafe
+    if fault is not None and (f"failsafe: {fault}" not in seen.texts or fault not in seen.faults):
+        raise CheckError(f"{case.name}: {fault} is not said; texts {seen.texts}, faults {sorted(seen.faults)}")
     if case.warns is not None and case.warns not in seen.faults:
         raise CheckError(f"{case.name}: no warning {case.warns}; faults {sorted(seen.faults)}")
     if case.says is not None and not any(case.says in text for text in seen.texts):
@@ -187,6 +190,9 @@ def _way_back(drive: Drive, case: FaultCase) -> None:
     if case.stops is not None:
         drive.stop()
         drive.run(STOPPED_S)
+        if case.stops == EMERGENCY_STOP:
+            drive.robot.estop_clear()
+            drive.run(READY_S)
         drive.start()
     drive.run(BACK_S)
     if not drive.bench.powered or not any(abs(duty) > 0.05 for duty in drive.bench.duties):

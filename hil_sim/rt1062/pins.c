@@ -129,7 +129,17 @@ static bool refuses_faults(rt1062_t *m) {
     return false;
 }
 
+/* Normally closed to ground; open, the chip's own pull-up decides. */
+static void show_button(rt1062_t *m) {
+    const uint32_t pad = rt_pad_of_pin(m->config.stop_button_pin);
+    if (pad != RT_NO_PAD) {
+        const bool open = hil_world_fault_active(m->world, HIL_FAULT_STOP_BUTTON, HIL_MAX_WHEELS);
+        rt_pad_wire(m, pad, open ? RT_FLOATING : 0, 0);
+    }
+}
+
 static void show_faults(rt1062_t *m) {
+    show_button(m);
     const bool stuck = hil_world_fault_active(m->world, HIL_FAULT_I2C_STUCK, HIL_MAX_WHEELS);
     const bool scl = stuck && hil_world_fault_value(m->world, HIL_FAULT_I2C_STUCK) == HIL_STUCK_SCL;
     const rt_i2c_chip_t *chip = &m->s.i2c_chip;

@@ -16,6 +16,7 @@ static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors, ui
     const bool failed = sensors->i2c_status != 0;
     const uint16_t failures = inputs->driver_failures;
     inputs->driver_failures = failed ? (uint16_t)(failures + (failures < UINT16_MAX)) : 0;
+    inputs->events |= sensors->stop_button ? (uint32_t)OMNI_EVENT_ESTOP : 0u;
     inputs->has_fix = sensors->has_fix && !sensors->link_silent;
     if (inputs->has_fix) {
         inputs->fix = (omni_pose_fix_t){.time_us = sensors->fix.taken_us, .pose = to_pose(sensors->fix.pose)};

@@ -52,7 +52,8 @@ static uint32_t sensors_frame(hil_lockstep_t *link, mavlink_status_t *status, co
                                           .battery_voltage = (float)sensors->battery_V,
                                           .counts_valid = sensors->counts_valid,
                                           .i2c_status = sensors->i2c_status,
-                                          .i2c_read_length = sensors->i2c_read_length};
+                                          .i2c_read_length = sensors->i2c_read_length,
+                                          .stop_button = sensors->stop_button};
     memcpy(message.counts, sensors->counts, sizeof message.counts);
     memcpy(message.i2c_read, sensors->i2c_read, sizeof message.i2c_read);
     mavlink_message_t frame;

@@ -35,6 +35,7 @@ void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors) {
     sensors->i2c_status = world->i2c_status;
     sensors->i2c_read_length = world->i2c_read_length;
     memcpy(sensors->i2c_read, world->i2c_read, sizeof sensors->i2c_read);
+    sensors->stop_button = hil_fault_find(world, HIL_FAULT_STOP_BUTTON, HIL_MAX_WHEELS) != NULL;
     sensors->link_silent = hil_fault_find(world, HIL_FAULT_LINK_SILENCE, HIL_MAX_WHEELS) != NULL;
     take_due_fix(world, sensors);
 }

@@ -27,6 +27,7 @@ constexpr uint8_t encoder_pins[wheels][2] = {{{pins}}};
 enum class Decoder : uint8_t {{ automatic, hardware, interrupt }};
 constexpr Decoder encoder_decoder[wheels] = {{{decoders}}};
 constexpr int output_enable_pin = {output_enable}; ///< -1: not wired
+constexpr int stop_button_pin = {stop_button}; ///< -1: not wired
 constexpr int battery_pin = {battery}; ///< -1: not wired
 constexpr float battery_divider = {divider}; ///< V of the battery per V at battery_pin
 constexpr uint8_t light_pin = {light};
@@ -49,6 +50,7 @@ def wiring_header(robot: Robot) -> str:
         pins=_joined(f"{{{a}, {b}}}" for a, b in pins),
         decoders=_joined(f"Decoder::{_DECODER[name]}" for name in board.encoder_decoder),
         output_enable=_or_none(board.output_enable_pin),
+        stop_button=_or_none(board.stop_button_pin),
         battery=_or_none(board.battery_pin),
         divider=float_literal(as_float32(board.battery_divider)),
         light=board.light_pin,

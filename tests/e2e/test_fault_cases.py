@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from hil_sim.fault_bench import FaultResult, Firmware, run_case
-from hil_sim.fault_cases import CASES, CIRCLE, FAULT_S, FaultCase
+from hil_sim.fault_cases import CASES, CIRCLE, EMERGENCY_STOP, FAULT_S, FaultCase
 from hil_sim.fault_table import FAULTS, part_of, table
 from omniwheel import FirmwareProcess
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
@@ -22,6 +22,7 @@ from tests.arm import need_emulator
 
 FIRMWARES: dict[str, Firmware] = {"pc": FirmwareProcess, "cortex-m7": partial(EmulatedFirmware, links=[DIRECT])}
 DRIVING = 0.05
+ESTOP = 4
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "safety.md"
 
 
@@ -35,9 +36,13 @@ def result_of(name: str, firmware: str) -> FaultResult:
 def check_stop(result: FaultResult) -> None:
     """The motors lost their voltage in time and for good; the robot named the fault."""
     case = result.case
-    assert case.stops is not None
-    assert f"failsafe: {case.stops}" in result.texts
-    assert case.stops in result.faults
+    if case.stops == EMERGENCY_STOP:
+        during = result.record[result.record["time_s"] > FAULT_S + case.bound_s(result.values)]
+        assert during["state"][0] == ESTOP
+        assert result.faults == ()
+    else:
+        assert f"failsafe: {case.stops}" in result.texts
+        assert case.stops in result.faults
     if case.coasts:
         assert result.latency_s is not None, "a motor kept its voltage"
         assert result.latency_s <= case.bound_s(result.values) + 1e-9

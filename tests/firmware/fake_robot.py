@@ -177,6 +177,10 @@ class FakeRobot:
         """Let time pass without a tick."""
         self._c.robot_wait(self._robot, ctypes.c_uint64(round(seconds * 1e6)))
 
+    def press(self, pressed: bool = True, *, hil: bool = False) -> None:
+        """Press the stop button or let it go; the simulated robot's if ``hil``."""
+        self._c.robot_press(self._robot, pressed, hil)
+
     def driven(self, hil: bool = False) -> bool:
         """Return whether a motor gets voltage."""
         return bool(self._c.robot_driven(self._robot, hil))

@@ -61,6 +61,11 @@ struct TestPin final : omni::OutputEnable {
     void set(bool to) override { on = to; }
 };
 
+struct TestButton final : omni::StopButton {
+    bool pressed = false;
+    bool open() override { return pressed; }
+};
+
 struct TestPort final : omni::SerialPort {
     uint8_t in[16384] = {};
     size_t in_length = 0;
@@ -126,6 +131,7 @@ struct TestRobot {
     Wheels wheels;
     TestBus bus;
     TestPin pin;
+    TestButton button;
     TestPort ports[all_ports];
     TestStorage storage;
     TestWatchdog watchdog;
@@ -137,6 +143,7 @@ struct TestRobot {
     uint64_t hil_us = 0;
     uint32_t hil_sequence = 0;
     uint8_t hil_enabled = 0;
+    bool hil_button = false;
 
     void boot();
     bool driven(const fuzz::Chip &chip, bool enabled) const;
@@ -150,6 +157,7 @@ void TestRobot::boot() {
     board.encoders = &wheels;
     board.i2c = &bus;
     board.output_enable = &pin;
+    board.stop_button = &button;
     board.storage = &storage;
     board.watchdog = &watchdog;
     board.robot_values = omni_robot_presets[omni_robot_preset_find("three_wheel")].values;
@@ -283,6 +291,7 @@ void robot_hil_sensors(TestRobot *robot, size_t port) {
     message.counts_valid = 0x0F;
     message.battery_voltage = 12.0f;
     message.i2c_read_length = robot->hil_read_length;
+    message.stop_button = robot->hil_button ? 1 : 0;
     std::memcpy(message.i2c_read, robot->hil_read, sizeof robot->hil_read);
     uint8_t payload[256] = {};
     std::memcpy(payload, &message, sizeof message);
@@ -331,6 +340,11 @@ void robot_port(TestRobot *robot, size_t port, size_t piece, uint32_t connection
 
 void robot_bus_dead(TestRobot *robot, bool dead) {
     robot->bus.dead = dead;
+}
+
+/// Press the stop button, or cut its wire. @param hil the simulated robot's.
+void robot_press(TestRobot *robot, bool pressed, bool hil) {
+    (hil ? robot->hil_button : robot->button.pressed) = pressed;
 }
 
 uint8_t *robot_storage(TestRobot *robot) {

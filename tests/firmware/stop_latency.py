@@ -47,6 +47,8 @@ HOST = RADIO
 AFTER = 40
 """Ticks for which the motors must stay off."""
 PIN = "output enable"
+BUTTON = "stop button"
+"""It comes over no link: the frames before it do."""
 TEST_PIN = command(mav.MAV_CMD_OMNI_OE_TEST, 0.5, 0.0)
 STOPS = {"emergency stop": EMERGENCY, "termination": TERMINATE, "disarm": DISARM}
 
@@ -145,6 +147,8 @@ def stop_ticks(robot: FakeRobot, case: Case, request: bytes) -> int:
     """Return the ticks from the request's last byte to motors off for good, LIMIT_TICKS + 1 if it takes longer."""
     robot.send(case.link, b"".join(BEFORE[case.before](number) for number in range(case.fill)), request)
     robot.background()
+    if case.stop == BUTTON:
+        robot.press(hil=case.moment in MOMENTS_IN_LOOP)
     for tick in range(1, LIMIT_TICKS):
         _go_on(robot, case)
         if _is_off(robot, case):
@@ -172,7 +176,7 @@ def _stays_off(robot: FakeRobot, case: Case) -> bool:
 
 def cases(moment: str) -> Iterator[Case]:
     """Yield every case that begins in a moment."""
-    stops = [*STOPS, PIN] if moment == "duty" else list(STOPS)
+    stops = [*STOPS, BUTTON, *([PIN] if moment == "duty" else [])]
     for stop in stops:
         for link in range(PORTS):
             for before in BEFORE:
@@ -193,7 +197,7 @@ def check_it_would_go_on(robot: FakeRobot, moment: str) -> None:
 
 def measure(*, every: int = 1) -> tuple[dict[str, Counter[int]], list[Case]]:
     """Return the distribution of ticks per stop over every n-th case, and the cases beyond the limit."""
-    requests = {**STOPS, PIN: TEST_PIN}
+    requests = {**STOPS, PIN: TEST_PIN, BUTTON: b""}
     ticks: dict[str, Counter[int]] = {stop: Counter() for stop in requests}
     late = []
     robot = FakeRobot()

@@ -42,6 +42,7 @@ TABLES = (
 )
 KEYS = (
     "output_enable_pin",
+    "stop_button_pin",
     "battery_pin",
     "encoder_decoder",
     "light_pin",
@@ -86,7 +87,8 @@ def check_robot(robot: Robot, table: ParameterTable) -> None:
     assert values["WHEELS"] == robot.wheels
     board = robot.board
     assert len(board.encoder_pins) in (0, robot.wheels)
-    optional = [pin for pin in (board.output_enable_pin, board.battery_pin, board.light_pin) if pin is not None]
+    single = (board.output_enable_pin, board.stop_button_pin, board.battery_pin, board.light_pin)
+    optional = [pin for pin in single if pin is not None]
     pins = [pin for pair in board.encoder_pins for pin in pair] + optional
     assert all(type(pin) is int and 0 <= pin <= 39 for pin in pins)
     assert len(set(pins)) == len(pins), pins

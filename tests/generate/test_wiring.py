@@ -51,6 +51,14 @@ def constant(header: str, name: str) -> str:
         ({"encoder_decoder": ["auto", "auto", "fpga"]}, "encoder_decoder[2]", "auto, hardware, interrupt"),
         ({"output_enable_pin": 7}, "output_enable_pin", "pin 7 is used by the encoder of wheel 2; move one"),
         ({"output_enable_pin": -1}, "output_enable_pin", "from 0 to 39"),
+        ({"stop_button_pin": 9, "output_enable_pin": 9}, "stop_button_pin", "used by the motor driver's output enable"),
+        ({"stop_button_pin": 2}, "stop_button_pin", "pin 2 is used by the encoder of wheel 1; move one"),
+        ({"stop_button_pin": 1}, "stop_button_pin", "pin 1 is used by the radio"),
+        ({"stop_button_pin": 19}, "stop_button_pin", "I2C (SCL)"),
+        ({"stop_button_pin": 13}, "light_pin", "pin 13 is used by the stop button; move one"),
+        ({"stop_button_pin": 14, "battery_pin": 14, "battery_divider": 5.7}, "battery_pin", "the stop button"),
+        ({"stop_button_pin": 40}, "stop_button_pin", "from 0 to 39"),
+        ({"stop_button_pin": "none"}, "stop_button_pin", "from 0 to 39"),
         ({"battery_pin": 8, "battery_divider": 5.7}, "battery_pin", "14 to 27"),
         ({"battery_pin": 14}, "battery_divider", "is missing"),
         ({"battery_divider": 5.7}, "battery_divider", "add the pin"),
@@ -74,15 +82,17 @@ def test_a_wiring_loads_exactly_if_no_pin_has_two_uses(pins: list[int], battery:
         "encoder_pins": [pins[0:2], pins[2:4], pins[4:6]],
         "output_enable_pin": pins[6],
         "light_pin": pins[7],
+        "stop_button_pin": pins[8],
         "battery_pin": battery,
         "battery_divider": 5.7,
     }
-    used = [*pins[:8], battery, *RESERVED_PINS]
+    used = [*pins[:9], battery, *RESERVED_PINS]
     if len(set(used)) == len(used):
         header = wiring_header(robot_with(**wiring))
         assert [int(number) for number in re.findall(r"\d+", constant(header, "encoder_pins"))] == pins[:6]
         assert constant(header, "output_enable_pin") == str(pins[6])
         assert constant(header, "light_pin") == str(pins[7])
+        assert constant(header, "stop_button_pin") == str(pins[8])
         assert constant(header, "battery_pin") == str(battery)
         assert constant(header, "battery_divider") == "5.7f"
     else:
@@ -96,6 +106,7 @@ def test_what_is_not_wired_says_so_in_the_header() -> None:
     header = wiring_header(parse_robot(document, TABLE, "r.toml"))
     assert constant(header, "encoder_pins") == "{{255, 255}, {255, 255}, {255, 255}}"
     assert (constant(header, "output_enable_pin"), constant(header, "battery_pin")) == ("-1", "-1")
+    assert constant(header, "stop_button_pin") == "-1"
     assert (constant(header, "light_pin"), constant(header, "i2c_speed_Hz")) == ("13", "400000")
 
 

@@ -107,6 +107,13 @@ def test_link_silence(make_world: Any) -> None:
     assert not world.sense().link_silent
 
 
+def test_the_stop_button_is_open_while_it_is_pressed(make_world: Any) -> None:
+    world = spinning(make_world, Fault("stop_button", 0.1, 0.2))
+    assert world.sense().stop_button
+    world.step(100)
+    assert not world.sense().stop_button
+
+
 def fix_times(world: World, ticks: int) -> list[int]:
     found = []
     for _ in range(ticks):

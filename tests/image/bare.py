@@ -85,6 +85,7 @@ def running(
             wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (UNCONNECTED, UNCONNECTED)
         )
     config.output_enable_pin = UNCONNECTED if wiring.output_enable_pin is None else wiring.output_enable_pin
+    config.stop_button_pin = UNCONNECTED if wiring.stop_button_pin is None else wiring.stop_button_pin
     config.battery_pin = UNCONNECTED if wiring.battery_pin is None else wiring.battery_pin
     config.battery_divider = wiring.battery_divider
     why = ffi.new("char[]", lib.RT1062_TEXT)

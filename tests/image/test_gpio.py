@@ -8,8 +8,12 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from hil_sim.faults import Fault
+from hil_sim.rt1062 import Wiring
 from omniwheel._core import lib
-from tests.image.chip import Chip
+from tests.image.assembly import Program
+from tests.image.chip import Chip, parked
+from tests.image.conftest import WorldMaker
 
 GPIO1, GPIO2, GPIO6, GPIO7 = 0x401B8000, 0x401BC000, 0x42000000, 0x42004000
 DR, GDIR, PSR, ICR1, ICR2, IMR, ISR, EDGE_SEL, SET, CLEAR, TOGGLE = 0, 4, 8, 12, 16, 20, 24, 28, 0x84, 0x88, 0x8C
@@ -17,6 +21,7 @@ GPR26, GPR27 = 0x400AC068, 0x400AC06C
 MUX, PAD = 0x401F8014, 0x401F8204
 LAMP = 13
 LAMP_BIT, LAMP_PAD = 3, 74 + 3
+BUTTON, BUTTON_PAD = 10, 74
 GPIO_ALT, SION = 5, 0x10
 HYS, ODE, PKE, PUE = 1 << 16, 1 << 11, 1 << 12, 1 << 13
 DOWN_100K, UP_47K, UP_100K, UP_22K = (pus << 14 | PKE | PUE for pus in range(4))
@@ -146,6 +151,23 @@ def test_interrupt_lines(chip: Chip) -> None:
     chip.write(GPIO7 + IMR, bit)
     assert chip.pending(IRQ_FAST)
     assert not chip.pending(IRQ_GPIO2_LOW)
+
+
+@pytest.mark.parametrize(("control", "open_level"), [(UP_22K, 1), (0, -1), (PKE, 0)])
+def test_a_stop_button_grounds_its_pin_until_it_is_pressed(
+    program: Program, make_world: WorldMaker, control: int, open_level: int
+) -> None:
+    """Open, only the pad's pull-up tells: a keeper would hold what was there, and nothing would read nothing."""
+    world = make_world(faults=[Fault("stop_button", start_s=1e3)])
+    with parked(program, wiring=Wiring(stop_button_pin=BUTTON), world=world) as chip:
+        chip.write(PAD + 4 * BUTTON_PAD, control)
+        fault, now_s = world.c.config.fault[0], 1e-6 * world.c.time_us
+        fault.start_s, fault.stop_s = now_s + 0.005, now_s + 0.01
+        seen = []
+        for wait_ns in (3_000_000, 5_000_000, 5_000_000):
+            chip.wait(wait_ns)
+            seen.append(chip.pin(BUTTON))
+    assert seen == [0, open_level, 0]
 
 
 def test_a_gated_clock_is_found(chip: Chip) -> None:

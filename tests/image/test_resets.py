@@ -111,7 +111,7 @@ def refusal(flash: bytes) -> str:
     config.instruction_ns = 10
     for pins in config.encoder_pin:
         pins[0] = pins[1] = UNCONNECTED
-    config.output_enable_pin = config.battery_pin = UNCONNECTED
+    config.output_enable_pin = config.stop_button_pin = config.battery_pin = UNCONNECTED
     why = ffi.new("char[]", lib.RT1062_TEXT)
     machine = lib.rt1062_new(str(unicorn_library()).encode(), config, why, lib.RT1062_TEXT)
     try:

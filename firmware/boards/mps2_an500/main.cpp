@@ -113,10 +113,11 @@ bool Machine::open_pins() {
     board_.radios = static_cast<uint8_t>(board_.radios << 1);
     board_.encoders = &pins_;
     board_.output_enable = &pins_;
+    board_.stop_button = &pins_;
     board_.i2c = &pins_.bus;
     board_.battery_V = supply_V;
     pins_.start(clock_);
-    return pins_.open();
+    return pins_.connect();
 }
 
 void Machine::open_inject() {

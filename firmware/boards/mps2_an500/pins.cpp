@@ -28,7 +28,8 @@ struct In {
     uint8_t i2c_status;
     uint8_t i2c_read[8];
     uint8_t received_length;
-    uint8_t received[WirePort::bytes_per_tick + 1];
+    uint8_t received[WirePort::bytes_per_tick];
+    uint8_t stop_button;
 };
 static_assert(sizeof(In) == 44, "no padding");
 
@@ -66,7 +67,7 @@ void WirePort::put_received(const uint8_t *data, size_t length) {
     }
 }
 
-bool Pins::open() {
+bool Pins::connect() {
     in_ = an500::semihosting_open_console(true);
     out_ = an500::semihosting_open_console(false);
     return in_ >= 0 && out_ >= 0;
@@ -90,6 +91,7 @@ uint8_t Pins::read(int32_t *counts) {
     bus.answer(in.i2c_status, in.i2c_read);
     wire.put_received(in.received, std::min<size_t>(in.received_length, WirePort::bytes_per_tick));
     battery_V_ = in.battery_V;
+    button_open_ = in.stop_button != 0;
     std::memcpy(counts, in.counts, sizeof in.counts);
     return in.counts_valid;
 }

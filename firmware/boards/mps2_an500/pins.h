@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file pins.h  The world at the board's pins: encoders, I2C, supply and one serial line, simulated by the host.
+/// @file pins.h  The world at the board's pins: encoders, I2C, supply, stop button and one serial line, simulated by the host.
 ///
 /// At each tick what the pins did goes out and what they see comes in, while the emulated time stands still. So the firmware runs
 /// on the emulated processor's own timing, and the world in step with it.
@@ -35,19 +35,20 @@ private:
     Ring<8192> out_;
 };
 
-class Pins final : public Encoders, public OutputEnable {
+class Pins final : public Encoders, public OutputEnable, public StopButton {
 public:
     HilBus bus;
     WirePort wire;
 
     /// @return false if the emulator has no standard input and output.
-    bool open();
+    bool connect();
     /// Exchanges; called once per tick.
     uint8_t read(int32_t *counts) override;
     void errors(uint32_t *errors) override;
     bool wired() override { return true; }
     void set(bool on) override { enabled_ = on ? 1 : 0; }
     void release() override { enabled_ = 2; }
+    bool open() override { return button_open_; }
     float battery_V() const { return battery_V_; }
     void start(Clock &clock) { clock_ = &clock; }
 
@@ -57,6 +58,7 @@ private:
     int out_ = -1;
     uint8_t enabled_ = 0; ///< 2: nobody drives it
     float battery_V_ = 0.0f;
+    bool button_open_ = false; ///< as the world showed it in the latest tick
 };
 
 } // namespace omni

@@ -43,6 +43,7 @@ private:
 
     Teensy40Clock clock_;
     Teensy40OutputEnable output_enable_;
+    Teensy40StopButton stop_button_;
     Teensy40Light light_;
     Teensy40Watchdog watchdog_;
     Teensy40Flash flash_{watchdog_, &i2c_};
@@ -92,6 +93,7 @@ Board Teensy40::begin() {
     storage_.begin();
     radio_.begin(radio_baud);
     encoders_.begin();
+    stop_button_.begin();
     if (battery_wired) {
         battery_.begin();
     }
@@ -100,6 +102,7 @@ Board Teensy40::begin() {
     board.encoders = &encoders_;
     board.i2c = &i2c_;
     board.output_enable = &output_enable_;
+    board.stop_button = Teensy40StopButton::wired() ? &stop_button_ : nullptr;
     board.light = &light_;
     board.ports[0] = &usb_;
     board.ports[1] = &radio_;

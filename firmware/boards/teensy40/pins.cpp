@@ -11,6 +11,8 @@ namespace {
 
 constexpr bool oe_wired = wiring::output_enable_pin >= 0;
 constexpr uint8_t oe_pin = oe_wired ? static_cast<uint8_t>(wiring::output_enable_pin) : 0;
+constexpr bool button_wired = wiring::stop_button_pin >= 0;
+constexpr uint8_t button_pin = button_wired ? static_cast<uint8_t>(wiring::stop_button_pin) : 0;
 
 void drive_outputs_off() {
     *portSetRegister(oe_pin) = digitalPinToBitMask(oe_pin); // before the pin becomes an output
@@ -46,6 +48,20 @@ void Teensy40OutputEnable::release() {
         released_ = true;
         pinMode(oe_pin, INPUT);
     }
+}
+
+bool Teensy40StopButton::wired() {
+    return button_wired;
+}
+
+void Teensy40StopButton::begin() {
+    if (button_wired) {
+        pinMode(button_pin, INPUT_PULLUP);
+    }
+}
+
+bool Teensy40StopButton::open() {
+    return button_wired && digitalRead(button_pin) != LOW;
 }
 
 void Teensy40Light::begin() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file pins.h  The PWM chip's output-enable pin and the lamp.
+/// @file pins.h  The PWM chip's output-enable pin, the stop button and the lamp.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +19,15 @@ public:
 
 private:
     bool released_ = false;
+};
+
+/// Open reads high: by the pad's pull-up of 22 kOhm, with hysteresis (i.MX RT1060 reference manual, IOMUXC, SW_PAD_CTL_PAD).
+class Teensy40StopButton final : public StopButton {
+public:
+    static bool wired();
+    /// The pull-up then takes microseconds to charge a wire, with 10 nF at the pin 0.3 ms: the first tick comes later.
+    void begin();
+    bool open() override;
 };
 
 class Teensy40Light final : public StatusLight {

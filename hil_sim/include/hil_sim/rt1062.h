@@ -87,6 +87,7 @@ typedef struct rt1062_config_t {
     uint64_t seed; /**< of everything that is drawn at random: erase times, bits of a write cut off, RAM at power-on */
     uint8_t encoder_pin[HIL_MAX_WHEELS][2]; /**< Teensy pin numbers of A and B, RT1062_NO_PIN: none */
     uint8_t output_enable_pin;              /**< RT1062_NO_PIN: not wired */
+    uint8_t stop_button_pin;                /**< RT1062_NO_PIN: none */
     uint8_t battery_pin;                    /**< RT1062_NO_PIN: not measured */
     double battery_divider;                 /**< V of the battery per V at the pin */
 } rt1062_config_t;

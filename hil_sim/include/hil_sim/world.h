@@ -85,6 +85,7 @@ typedef enum hil_fault_kind_t {
     HIL_FAULT_CLOCK_STUCK,      /**< the robot's clock stands still */
     HIL_FAULT_TICK_LATE,        /**< ticks come `value` seconds apart */
     HIL_FAULT_WHEEL_TURNED,     /**< no fault: a hand turns `wheel` at `value` rad/s, whatever the motor does */
+    HIL_FAULT_STOP_BUTTON,      /**< no fault: somebody presses the stop button, or its wire is cut */
     HIL_FAULT_KIND_COUNT
 } hil_fault_kind_t;
 
@@ -164,6 +165,7 @@ typedef struct hil_sensors_t {
     uint8_t i2c_read[HIL_MAX_I2C_READ];
     bool has_fix; /**< a pose fix arrives with this tick */
     hil_fix_t fix;
+    bool stop_button; /**< its contact is open */
     bool link_silent; /**< the ground station's messages are lost now */
 } hil_sensors_t;
 

@@ -16,6 +16,7 @@ from omniwheel.bringup.output_enable import check_output_enable
 from omniwheel.bringup.person import Assumed, Person
 from omniwheel.bringup.radio import check_radio
 from omniwheel.bringup.result import Finding, Result
+from omniwheel.bringup.stop_button import check_stop_button
 from omniwheel.bringup.stops import check_stops
 
 __all__ = [
@@ -30,5 +31,6 @@ __all__ = [
     "check_motors",
     "check_output_enable",
     "check_radio",
+    "check_stop_button",
     "check_stops",
 ]

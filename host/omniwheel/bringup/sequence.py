@@ -15,6 +15,7 @@ from omniwheel.bringup.output_enable import check_output_enable
 from omniwheel.bringup.person import Person
 from omniwheel.bringup.radio import BAUD, check_radio
 from omniwheel.bringup.result import Result
+from omniwheel.bringup.stop_button import check_stop_button
 from omniwheel.bringup.stops import check_stops
 from omniwheel.robot import Robot
 
@@ -36,6 +37,7 @@ def bring_up(
         lambda: check_motors(robot, person),
         lambda: check_stops(robot, person),
         lambda: check_output_enable(robot, person, file=file),
+        *([] if not _has_button(file) else [lambda: check_stop_button(robot, person, file=file)]),
         lambda: check_drive(robot, person),
     ]
     if radio is not None:
@@ -45,3 +47,8 @@ def bring_up(
         yield result
         if not result.ok and not keep_going:
             return
+
+
+def _has_button(file: RobotFile | None) -> bool:
+    """Nothing but the robot file knows: without a button it is never pressed."""
+    return file is not None and file.board.stop_button_pin is not None

@@ -23,6 +23,7 @@ from omniwheel.bringup import (
     check_motors,
     check_output_enable,
     check_radio,
+    check_stop_button,
     check_stops,
 )
 from omniwheel.bringup import motors as motors_module
@@ -178,6 +179,18 @@ def output_enable(
         yes,
         lambda robot, person: check_output_enable(robot, person, duty=duty, file=file),
     )
+
+
+@app.command("button", epilog=examples("omni bringup button", "omni bringup button --robot mine.toml"))
+def stop_button(
+    robot_file: RobotFileOption = None,
+    link: LinkOption = None,
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    as_json: JsonOption = False,
+) -> None:
+    """On a stand, wheels turning: press the stop button when asked; it stops, holds, and needs a release."""
+    file = None if robot_file is None else read_robot(robot_file)
+    _checked(link, timeout, as_json, False, lambda robot, person: check_stop_button(robot, person, file=file))
 
 
 @app.command("drive", epilog=examples("omni bringup drive"))

@@ -52,6 +52,15 @@ def bridge_mind(plan: WiringPlan) -> str:
     )
 
 
+def button_mind() -> str:
+    """Return the advice on the stop button's contact and its current."""
+    weak, strong = 1e3 * electrics.button_A(), 1e3 * electrics.button_A(electrics.BUTTON_PULL_UP_OHM)
+    return (
+        f"normally closed, latching: a cut wire stops, too. {weak:.2f} mA flow; a contact that wants more, or a long "
+        f"wire: 1 kΩ from the pin to 3.3 V ({strong:.1f} mA), 10 nF from the pin to ground"
+    )
+
+
 def divider_mind(plan: WiringPlan) -> str:
     """Return the resistors of the battery's divider."""
     full = electrics.LOGIC_V * plan.battery_divider
@@ -102,6 +111,8 @@ def _extras(plan: WiringPlan) -> list[Connection]:
     found = []
     if plan.battery_pin is not None:
         found.append(Connection("VM through a divider", f"Teensy {plan.battery_pin}", divider_mind(plan)))
+    if plan.stop_button_pin is not None:
+        found.append(Connection("ground through the stop button", f"Teensy {plan.stop_button_pin}", button_mind()))
     if plan.external_light:
         found.append(Connection(f"Teensy {plan.light_pin}", "lamp: 470 Ω, LED, ground", ""))
     else:

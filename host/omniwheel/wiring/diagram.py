@@ -31,6 +31,7 @@ FIRST, SECOND = 54.0, 82.0
 """Where A and B, IN1 and IN2 are in a row."""
 RADIO_H = 132.0
 DIVIDER_H = 196.0
+BUTTON_H = 88.0
 SUPPLY_H = 190.0
 
 
@@ -40,7 +41,8 @@ def draw_wiring(plan: WiringPlan) -> str:
     sheet.text((LEFT, 44), f"Wiring of {plan.name}", size=24, bold=True)
     wheels_end = ROWS + ROW * len(plan.wheels)
     radio = wheels_end + 24
-    parts_end = radio + RADIO_H + (DIVIDER_H if plan.battery_pin is not None else 0)
+    divider_end = radio + RADIO_H + (DIVIDER_H if plan.battery_pin is not None else 0)
+    parts_end = divider_end + (BUTTON_H if plan.stop_button_pin is not None else 0)
     if plan.warnings:
         sheet.text((WIDTH - LEFT, 44), "Read the warning below", anchor="end", size=17, bold=True, kind="warning")
     _draw_shifter(sheet, plan, wheels_end)
@@ -53,6 +55,8 @@ def draw_wiring(plan: WiringPlan) -> str:
     _draw_radio(sheet, radio)
     if plan.battery_pin is not None:
         _draw_divider(sheet, plan, radio + RADIO_H)
+    if plan.stop_button_pin is not None:
+        _draw_button(sheet, plan, divider_end)
     _draw_light(sheet, plan, radio)
     draw_supply(sheet, plan, (LEFT, parts_end + 64))
     height = write_notes(sheet, plan, (LEFT, parts_end + 64 + SUPPLY_H), WIDTH - 2 * LEFT)
@@ -216,6 +220,23 @@ def _draw_divider(sheet: Sheet, plan: WiringPlan, y: float) -> None:
     sheet.text((x - 16, tap + 36), f"{electrics.DIVIDER_LOW_KOHM:g} kΩ", anchor="end")
     sheet.text((TEENSY_X + 10, tap + 5), f"{plan.battery_pin} battery", bold=True)
     sheet.marker((x + 40, tap - 20), Note.DIVIDER)
+
+
+def _draw_button(sheet: Sheet, plan: WiringPlan, y: float) -> None:
+    """Draw a normally-closed contact: the bar lies against it, the button pushes it off."""
+    start, end = SHIFTER_X + 20, SHIFTER_X + 80
+    line = y + 44
+    sheet.text((start - 36, line + 5), "stop button", anchor="end", bold=True)
+    sheet.line(SIGNAL, (start, line), (start - 20, line))
+    sheet.ground((start - 20, line))
+    sheet.circle((start, line), 4, kind="joint")
+    sheet.line(SIGNAL, (start, line - 5), (end, line - 5))
+    sheet.line(OUTLINE, ((start + end) / 2, line - 5), ((start + end) / 2, line - 22))
+    sheet.line(SUPPLY, ((start + end) / 2 - 14, line - 22), ((start + end) / 2 + 14, line - 22))
+    sheet.circle((end, line), 4, kind="joint")
+    sheet.line(SIGNAL, (end, line), (TEENSY_X, line))
+    sheet.text((TEENSY_X + 10, line + 5), f"{plan.stop_button_pin} stop button", bold=True)
+    sheet.marker((end + 40, line - 20), Note.STOP_BUTTON)
 
 
 def _draw_light(sheet: Sheet, plan: WiringPlan, radio: float) -> None:

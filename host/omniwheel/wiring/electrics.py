@@ -19,6 +19,10 @@ OE_PULL_UP_OHM = 1_000.0
 """What we recommend from OE to 3.3 V."""
 PIN_LIMIT_A = 4e-3
 """Recommended for a Teensy 4.0 pin."""
+PIN_PULL_UP_OHM = 22_000.0
+"""The pull-up inside the processor, as Teensyduino's INPUT_PULLUP sets it."""
+BUTTON_PULL_UP_OHM = 1_000.0
+"""What we recommend beside it for a contact that wants more current, or a long wire."""
 LOGIC_SUPPLY_A = 0.25
 """What the Teensy's 3.3 V pin may give to everything outside."""
 TEENSY_SUPPLY_V = (3.6, 5.5)
@@ -47,6 +51,12 @@ def largest_oe_pull_up_ohm(pull_down_ohm: float = BOARD_PULL_DOWN_OHM) -> float:
 def oe_sink_A(pull_up_ohm: float) -> float:
     """Return what the processor's pin takes while it holds OE low."""
     return LOGIC_V / pull_up_ohm
+
+
+def button_A(pull_up_ohm: float | None = None) -> float:
+    """Return the current through a closed stop button: by the processor's pull-up, with one outside beside it."""
+    inside_A = LOGIC_V / PIN_PULL_UP_OHM
+    return inside_A if pull_up_ohm is None else inside_A + LOGIC_V / pull_up_ohm
 
 
 def trip_current_A(limit_kohm: float = BRIDGE_LIMIT_KOHM) -> float:

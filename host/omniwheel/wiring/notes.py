@@ -6,7 +6,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from omniwheel.wiring import electrics
-from omniwheel.wiring.connections import bridge_mind, bus_mind, divider_mind, oe_mind
+from omniwheel.wiring.connections import bridge_mind, bus_mind, button_mind, divider_mind, oe_mind
 from omniwheel.wiring.plan import WiringPlan
 from omniwheel.wiring.sheet import LINE_HEIGHT, MOTOR, SIGNAL, SMALL, SUPPLY, Point, Sheet
 
@@ -26,6 +26,7 @@ class Note(IntEnum):
     RADIO = 8
     GROUND = 9
     DIVIDER = 10
+    STOP_BUTTON = 11
 
 
 def note_texts(plan: WiringPlan) -> dict[Note, str]:
@@ -50,6 +51,8 @@ def note_texts(plan: WiringPlan) -> dict[Note, str]:
         del texts[Note.ENCODERS]
     if plan.battery_pin is not None:
         texts[Note.DIVIDER] = f"Battery: {divider_mind(plan)}."
+    if plan.stop_button_pin is not None:
+        texts[Note.STOP_BUTTON] = f"Stop button: {button_mind()}."
     return texts
 
 

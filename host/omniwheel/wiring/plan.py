@@ -40,6 +40,7 @@ class WiringPlan:
     name: str
     wheels: tuple[WheelWiring, ...]
     output_enable_pin: int | None
+    stop_button_pin: int | None
     battery_pin: int | None
     battery_divider: float
     light_pin: int
@@ -76,6 +77,7 @@ def plan_wiring(robot: Robot) -> WiringPlan:
         name=robot.name,
         wheels=wheels,
         output_enable_pin=board.output_enable_pin,
+        stop_button_pin=board.stop_button_pin,
         battery_pin=board.battery_pin,
         battery_divider=board.battery_divider,
         light_pin=board.light_pin,

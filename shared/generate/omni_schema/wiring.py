@@ -15,6 +15,7 @@ BOARD_KEYS = (
     ENCODER_PINS_KEY,
     "wiring.encoder_decoder",
     "wiring.output_enable_pin",
+    "wiring.stop_button_pin",
     "wiring.battery_pin",
     "wiring.battery_divider",
     "wiring.light_pin",
@@ -41,6 +42,7 @@ class BoardWiring:
     encoder_pins: tuple[tuple[int, int], ...]
     encoder_decoder: tuple[str, ...]
     output_enable_pin: int | None
+    stop_button_pin: int | None
     battery_pin: int | None
     battery_divider: float
     light_pin: int
@@ -53,6 +55,7 @@ def parse_board_wiring(source: str, section: Mapping[str, Any], wheels: int) -> 
         encoder_pins=_encoder_pins(source, section, wheels),
         encoder_decoder=_encoder_decoder(source, section, wheels),
         output_enable_pin=_optional_pin(source, section, "output_enable_pin"),
+        stop_button_pin=_optional_pin(source, section, "stop_button_pin"),
         battery_pin=_battery_pin(source, section),
         battery_divider=_battery_divider(source, section),
         light_pin=_pin(source, "wiring.light_pin", section.get("light_pin", DEFAULT_LIGHT_PIN)),
@@ -139,6 +142,7 @@ def _refuse_shared_pins(source: str, wiring: BoardWiring) -> None:
     ]
     single = {
         "output_enable_pin": (wiring.output_enable_pin, "the motor driver's output enable"),
+        "stop_button_pin": (wiring.stop_button_pin, "the stop button"),
         "battery_pin": (wiring.battery_pin, "the battery voltage"),
         "light_pin": (wiring.light_pin, "the status light"),
     }

@@ -44,6 +44,7 @@ _BOOLEAN = (
     "storage_read",
     "board_storage_fill",
     "board_output_enable_wired",
+    "board_stop_button_open",
 )
 
 

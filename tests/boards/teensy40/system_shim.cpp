@@ -222,6 +222,9 @@ void board_output_enable_release() {
 bool board_output_enable_wired() {
     return app_board.output_enable->wired();
 }
+bool board_stop_button_open() {
+    return app_board.stop_button->open();
+}
 void board_light(bool on) {
     app_board.light->set(on);
 }

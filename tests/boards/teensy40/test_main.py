@@ -7,7 +7,7 @@ import ctypes
 
 import pytest
 
-OUTPUT_ENABLE, LIGHT = 9, 13
+OUTPUT_ENABLE, STOP_BUTTON, LIGHT = 9, 10, 13
 HIGH, LOW = 1, 0
 NOT_DRIVEN = -1
 PRIORITY_SYSTICK, PRIORITY_SERIAL1 = 32, 64
@@ -127,6 +127,15 @@ def test_the_application_gets_two_ports_a_battery_and_the_pins(chip: ctypes.CDLL
     assert chip.fake_pin(LIGHT) == LOW
     chip.board_light(True)
     assert chip.fake_pin(LIGHT) == HIGH
+
+
+def test_the_stop_button_is_open_unless_its_contact_closes_the_pin_to_ground(chip: ctypes.CDLL) -> None:
+    """By the pull-up inside the processor, so that a cut wire reads as pressed."""
+    chip.fake_ground_pin(STOP_BUTTON, True)
+    chip.main_setup()
+    assert not chip.board_stop_button_open()
+    chip.fake_ground_pin(STOP_BUTTON, False)
+    assert chip.board_stop_button_open()
 
 
 def test_a_reboot_waits_for_what_was_said_and_leaves_the_outputs_off(chip: ctypes.CDLL) -> None:

@@ -130,7 +130,8 @@ def test_a_robot_file_is_judged_as_the_compiler_judges_it(c: ctypes.CDLL, data: 
     wanted = data.draw(st.lists(st.sampled_from((AUTO, HARDWARE, INTERRUPT)), min_size=wheels, max_size=wheels))
     pairs = tuple((pins[i], pins[i + 1]) for i in range(0, 2 * wheels, 2))
     given_pins = data.draw(st.sampled_from((pairs, pairs, ())))
-    ours = plan_encoders(BoardWiring(given_pins, tuple(DECODERS[w] for w in wanted), None, None, 1.0, 13, 400_000))
+    decoders = tuple(DECODERS[w] for w in wanted)
+    ours = plan_encoders(BoardWiring(given_pins, decoders, None, None, None, 1.0, 13, 400_000))
     problem, units = plan(c, given_pins or ((NOT_GIVEN, NOT_GIVEN),) * wheels, wanted)
     words = {PINS_MISSING: NO_PINS, UNREACHABLE: NO_WAY_IN, INPUT_TWICE: SHARED_INPUT}
     assert [None if unit == BY_INTERRUPT else unit for unit in units] == list(ours.units)

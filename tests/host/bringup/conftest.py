@@ -101,12 +101,15 @@ class Bench:
         self.answers: dict[str, bool] = {}
         self.agrees = True
         self.hands = [2 * math.pi] * world.wheels
+        self.presses = False
         self._moved = np.zeros(world.wheels)
 
     def tell(self, text: str) -> None:
         self.told.append(text)
         if text.startswith("Turn wheel "):
             self._turn(int(text.split()[2]) - 1)
+        if self.presses and "the stop button" in text:
+            self._press("keep it pressed" in text)
 
     def confirm(self, question: str) -> bool:
         assert not self.armed
@@ -121,6 +124,17 @@ class Bench:
     @property
     def armed(self) -> bool:
         return any(bridge > 0.0 for bridge in [*self.world.c.in1, *self.world.c.in2])
+
+    def _press(self, pressed: bool) -> None:
+        """Press the stop button a little later, or let it go."""
+        config = self.world.c.config
+        at_s = self.link.clock_s() + 0.5
+        if pressed:
+            fault = config.fault[config.fault_count]
+            config.fault_count += 1
+            fault.kind, fault.start_s, fault.stop_s = Fault("stop_button", 0.0).kind, at_s, math.inf
+        else:
+            config.fault[config.fault_count - 1].stop_s = at_s
 
     def _turn(self, wheel: int) -> None:
         """Book a hand in the world, a little later."""

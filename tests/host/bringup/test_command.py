@@ -40,7 +40,9 @@ def stand(tmp_path: Path) -> Iterator[str]:
             process.wait(60.0)
 
 
-@pytest.mark.parametrize("name", ["link", "i2c", "encoders", "motors", "estop", "oe", "drive", "radio", "all"])
+@pytest.mark.parametrize(
+    "name", ["link", "i2c", "encoders", "motors", "estop", "oe", "button", "drive", "radio", "all"]
+)
 def test_every_command_has_help_with_examples(name: str) -> None:
     text = run(name, "--help").output
     assert "Examples" in text

@@ -41,19 +41,22 @@ def strange(seed: int) -> Robot:
     """Return a robot wired at random: any pins and channels, each option there or not."""
     draw = random.Random(seed)
     template, wheels = draw.choice([("three_wheel", 3), ("four_wheel", 4)])
-    pins = draw.sample([pin for pin in FREE_PINS if not 14 <= pin <= 27], 2 * wheels + 1)
+    pins = draw.sample([pin for pin in FREE_PINS if not 14 <= pin <= 27], 2 * wheels + 2)
     channels = draw.sample(range(16), 2 * wheels)
     wiring: dict[str, Any] = {
         "in1_channel": channels[:wheels],
         "in2_channel": channels[wheels:],
         "encoder_pins": [pins[2 * i : 2 * i + 2] for i in range(wheels)],
         "output_enable_pin": pins[-1],
+        "stop_button_pin": pins[-2],
         "i2c_speed_Hz": draw.choice([100_000, 400_000, 1_000_000]),
         "light_pin": draw.choice([20, 21]),
         "battery_pin": 14,
         "battery_divider": draw.choice([1.0, 2.5, 5.7, 99.9]),
     }
-    gone = [name for name in ("encoder_pins", "output_enable_pin", "light_pin") if draw.random() < 0.4]
+    gone = [
+        name for name in ("encoder_pins", "output_enable_pin", "light_pin", "stop_button_pin") if draw.random() < 0.4
+    ]
     gone += ["battery_pin", "battery_divider"] if draw.random() < 0.4 else []
     if "light_pin" in gone and 13 in pins:
         gone.remove("light_pin")
@@ -118,6 +121,8 @@ def test_every_pin_and_channel_is_at_the_end_of_its_wire(file: Robot) -> None:
         row = [text.what for text in drawing.texts if abs(text.bottom - enable) < 6]
         assert str(plan.output_enable_pin) in row
         assert "1 kΩ" in drawing.words
+    if plan.stop_button_pin is not None:
+        assert f"{plan.stop_button_pin} stop button" in drawing.words
 
 
 def test_the_same_file_gives_the_same_bytes_and_text_stays_text() -> None:
@@ -167,6 +172,24 @@ def test_a_supply_that_the_bridges_do_not_take_is_warned_of() -> None:
     found["motor"] = {**found["motor"], "supply_V": 48.0}
     (warning,) = plan_wiring(parse_robot(found, parameter_table(), "test.toml")).warnings
     assert "48 V is outside of what a DRV8871 takes: 6.5 to 45 V" in warning
+
+
+def test_a_stop_button_is_in_the_table_the_drawing_and_its_notes() -> None:
+    plan = plan_wiring(robot(stop_button_pin=10))
+    (row,) = [row for row in connections(plan) if "stop button" in row.start]
+    assert row.end == "Teensy 10"
+    assert "normally closed" in row.mind
+    words = " ".join(Drawing(draw_wiring(plan)).words)
+    assert "10 stop button" in words
+    assert "a cut wire stops, too" in words
+    without = plan_wiring(read_robot("three_wheel"))
+    assert not any("stop button" in row.start for row in connections(without))
+    assert "stop button" not in " ".join(Drawing(draw_wiring(without)).words)
+
+
+def test_the_stop_buttons_pull_ups_give_what_the_advice_says_within_what_a_pin_bears() -> None:
+    assert electrics.button_A() == pytest.approx(0.15e-3)
+    assert 3e-3 < electrics.button_A(electrics.BUTTON_PULL_UP_OHM) < electrics.PIN_LIMIT_A
 
 
 def test_the_recommended_pull_up_is_surely_off_and_within_what_the_pin_sinks() -> None:

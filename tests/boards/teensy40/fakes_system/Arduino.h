@@ -75,9 +75,10 @@ void analogReadResolution(unsigned bits);
 int analogRead(uint8_t pin);
 
 // Pins
-constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1, INPUT = 0;
+constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1, INPUT = 0, INPUT_PULLUP = 2;
 void pinMode(uint8_t pin, uint8_t mode);
 void digitalWrite(uint8_t pin, uint8_t level);
+uint8_t digitalRead(uint8_t pin);
 struct FakeSetRegister {
     uint8_t pin;
     void operator=(uint32_t mask) volatile;

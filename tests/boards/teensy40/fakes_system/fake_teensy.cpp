@@ -48,6 +48,7 @@ struct Model {
     bool lock_was_open;
     arm_fault_info_struct fault;
     uint8_t latch[40], direction[40]; ///< pins
+    bool grounded[40];                ///< from outside
     uint32_t glitches;                ///< an output that was switched on while its latch was low
     void (*timer)();
     uint8_t timer_priority;
@@ -259,6 +260,11 @@ void digitalWrite(uint8_t pin, uint8_t level) {
     }
 }
 
+/// A pin that nothing pulls up reads low at best by luck: here it always does.
+uint8_t digitalRead(uint8_t pin) {
+    return model.direction[pin] == INPUT_PULLUP && !model.grounded[pin] ? HIGH : LOW;
+}
+
 // ---- converters
 void analogReadResolution(unsigned) {}
 int analogRead(uint8_t) {
@@ -442,6 +448,9 @@ void fake_fault(const uint32_t *words) {
 }
 int fake_pin(uint8_t pin) {
     return model.direction[pin] == OUTPUT ? model.latch[pin] : -1;
+}
+void fake_ground_pin(uint8_t pin, bool grounded) {
+    model.grounded[pin] = grounded;
 }
 uint32_t fake_pin_glitches() {
     return model.glitches;

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: MIT
+"""The stop button, pressed by hand on a stand while the wheels turn: it stops them, holds them, and needs a release."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from omni_schema import Robot as RobotFile
+from omniwheel.bringup.bench import Layout, Samples, layout_of, rest_time_s, safety_of, spin
+from omniwheel.bringup.person import STAND, Person, require
+from omniwheel.bringup.result import Findings, Result
+from omniwheel.errors import CommandRefusedError, OmniError
+from omniwheel.robot import Robot
+
+DUTY = 0.15
+STOP_LIMIT_S = 0.5
+"""From the robot's word until the last count."""
+WAIT_S = 30.0
+"""Somebody presses, or lets go, within this time."""
+PRESS = "The wheels turn. Press the stop button and keep it pressed"
+LET_GO = "Let the stop button go"
+NO_PIN = "none: the robot file has no stop_button_pin"
+OPENED = "stop button open"
+STILL_OPEN = "stop button is still open"
+_STEP_S = 0.2
+_WATCH_S = 1.0
+_WIRE = (
+    "is the button normally closed, between stop_button_pin and ground, and was the firmware built from the file with "
+    "that pin? (docs/guides/robot-file.md, Stop button)"
+)
+
+
+def check_stop_button(
+    robot: Robot, person: Person, *, duty: float = DUTY, file: RobotFile | None = None, wait_s: float = WAIT_S
+) -> Result:
+    """Turn the wheels slowly until somebody presses the button. Needs a stand, and a person.
+
+    A robot whose ``file`` has no such pin passes, with a word. ``wait_s``: how long the person may take.
+    """
+    findings = Findings("button")
+    if file is not None and file.board.stop_button_pin is None:
+        findings.good("stop button", NO_PIN)
+        return findings.result()
+    require(person, STAND)
+    try:
+        if _closed(robot, findings) and _press(robot, person, findings, duty, wait_s) and _held(robot, findings):
+            _let_go(robot, person, findings, wait_s)
+    finally:
+        with suppress(OmniError):
+            robot.disarm()
+        with suppress(OmniError):
+            robot.estop_clear()
+    return findings.result()
+
+
+def _closed(robot: Robot, findings: Findings) -> bool:
+    """Release what may still be latched; return whether the contact is closed before anybody presses."""
+    robot.disarm()
+    try:
+        robot.estop_clear()
+    except CommandRefusedError as refusal:
+        findings.bad("at rest", f"open before anybody pressed it: {refusal}", _WIRE)
+        return False
+    robot.pump(_STEP_S)
+    return True
+
+
+def _until(robot: Robot, condition: Callable[[], bool], wait_s: float, act: Callable[[], None]) -> bool:
+    """Do something again and again until a condition holds; return whether it came to hold in time."""
+    end_s = robot.connection.clock() + wait_s
+    while not condition() and robot.connection.clock() < end_s:
+        act()
+    return condition()
+
+
+def _press(robot: Robot, person: Person, findings: Findings, duty: float, wait_s: float) -> bool:
+    layout = layout_of(robot)
+    with Samples(robot) as samples:
+        if not spin(robot, findings, samples, layout, duty, "press"):
+            return False
+        mark = robot.texts.mark()
+
+        def said() -> bool:
+            return any(OPENED in text.text for text in robot.texts.since(mark))
+
+        person.tell(PRESS)
+        pressed = _until(robot, said, wait_s, lambda: _turn(robot, layout, duty))
+        if not pressed:
+            findings.bad("press", f"nothing heard of it within {wait_s:g} s", _WIRE)
+            return False
+        since_s = samples.all[-1].time_s
+        robot.drive_duty([duty] * layout.wheels, _WATCH_S, stop=False)
+        time_s = rest_time_s(samples, layout, since_s)
+    findings.measured["rest_s"] = time_s
+    seen = "the wheels went on turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
+    advice = "do not drive: switch the motor supply off by hand and look for a bridge that is on by itself"
+    stopped = time_s is not None and time_s <= STOP_LIMIT_S and safety_of(robot).state == "estop"
+    return findings.judge("press", stopped, f"{seen} (limit {STOP_LIMIT_S:.2f} s)", advice)
+
+
+def _turn(robot: Robot, layout: Layout, duty: float) -> None:
+    robot.drive_duty([duty] * layout.wheels, _STEP_S, stop=False)
+
+
+def _held(robot: Robot, findings: Findings) -> bool:
+    try:
+        robot.estop_clear()
+    except CommandRefusedError as refusal:
+        return findings.judge(
+            "held", any(STILL_OPEN in reason for reason in refusal.reasons), "the release is refused", _WIRE
+        )
+    findings.bad("held", "released while the button was pressed", f"keep it pressed until told otherwise; else {_WIRE}")
+    return False
+
+
+def _let_go(robot: Robot, person: Person, findings: Findings, wait_s: float) -> None:
+    """Only a release leads out: until one is accepted the robot stays stopped."""
+    released = False
+    stayed = True
+
+    def try_release() -> None:
+        nonlocal released, stayed
+        robot.pump(_STEP_S)
+        stayed = stayed and safety_of(robot).state == "estop"
+        with suppress(CommandRefusedError):
+            robot.estop_clear()
+            released = True
+
+    person.tell(LET_GO)
+    _until(robot, lambda: released, wait_s, try_release)
+    robot.pump(_STEP_S)
+    state = safety_of(robot).state
+    findings.judge("latch", stayed, "stopped until the release", "do not drive: flash the firmware again")
+    findings.judge("release", released and state == "disarmed", f"state {state}", f"the contact stays open: {_WIRE}")
