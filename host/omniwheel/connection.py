@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from omniwheel.default_key import default_key
 from omniwheel.dialect import Message, mavlink
 from omniwheel.link import Link
-from omniwheel.signing import Signer, default_key
+from omniwheel.signing import Signer
 
 GROUND_STATION_ID = 255
 GROUND_COMPONENT_ID = 190

@@ -28,18 +28,6 @@ EPOCH_S = 1_420_070_400
 _SIGNED_FLAG = 1
 _FLAGS_AT = 2
 _RADIO_STATUS = 109
-_default_key: bytes | None = None
-
-
-def set_default_key(key: bytes | None) -> None:
-    """Sign with this key on every connection that is opened from now on without one of its own."""
-    global _default_key
-    _default_key = key
-
-
-def default_key() -> bytes | None:
-    """Return the key of :func:`set_default_key`."""
-    return _default_key
 
 
 def fingerprint(key: bytes) -> str:

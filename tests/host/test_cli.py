@@ -142,7 +142,7 @@ def test_a_link_that_is_none_is_bad_input(link: str) -> None:
 
 
 def test_without_a_link_the_user_is_told_how_to_give_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("omniwheel.cli.common.serial_ports", list)
+    monkeypatch.setattr("omniwheel.ports.serial_ports", list)
     monkeypatch.delenv("OMNI_LINK", raising=False)
     assert "--link" in run("monitor", code=2).stderr
 

@@ -31,6 +31,7 @@ from omniwheel.bringup import output_enable as output_enable_module
 from omniwheel.bringup.radio import BAUD, LOSS_LIMIT, ROUND_TRIP_LIMIT_S, RadioWindow, watch_radio
 from omniwheel.bringup.report import as_dict, write_report
 from omniwheel.bringup.sequence import bring_up
+from omniwheel.cli import completion
 from omniwheel.cli.bringup_person import TerminalPerson
 from omniwheel.cli.common import (
     JsonOption,
@@ -57,7 +58,14 @@ YesOption = Annotated[
 ]
 RobotFileOption = Annotated[
     str | None,
-    typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot file it should have.", show_default=False),
+    typer.Option(
+        "--robot",
+        "-r",
+        metavar="NAME|FILE",
+        help="The robot file it should have.",
+        show_default=False,
+        autocompletion=completion.robots,
+    ),
 ]
 RadioOption = Annotated[
     str | None,

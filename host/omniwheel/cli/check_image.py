@@ -15,6 +15,7 @@ from rich.markup import escape
 from hil_sim.image_check.check import CI, NIGHTLY, SHORT
 from hil_sim.image_check.run import Outcome, all_checks, report, run_checks
 from omniwheel import files
+from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.errors import OmniError
 
@@ -39,7 +40,14 @@ def check_image(
         Path | None, typer.Argument(metavar="FIRMWARE.ELF", help="What `make firmware` has linked.", show_default=False)
     ] = None,
     robot: Annotated[
-        str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot file that it was built for.")
+        str,
+        typer.Option(
+            "--robot",
+            "-r",
+            metavar="NAME|FILE",
+            help="The robot file that it was built for.",
+            autocompletion=completion.robots,
+        ),
     ] = "three_wheel",
     depth: Annotated[Depth, typer.Option("--depth", help="short: before an upload. nightly: all of it.")] = Depth.ci,
     only: Annotated[list[str] | None, typer.Option("--only", metavar="CHECK", help="These checks; see --list.")] = None,

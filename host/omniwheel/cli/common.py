@@ -1,99 +1,42 @@
 # SPDX-License-Identifier: MIT
-"""What the commands share: consoles, options, errors and exit codes, JSON output, connecting."""
+"""What the commands share: consoles, options, exit codes, JSON output, connecting.
+
+Importing this costs little, so that ``omni --help`` is quick: what connects is imported when it connects.
+"""
 
 from __future__ import annotations
 
-import errno
 import json
 import signal
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
-from typer.core import TyperGroup
 
-from omni_schema import SchemaError
-from omniwheel import signing
-from omniwheel.connection import Recorder
-from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
-from omniwheel.files import write_error
-from omniwheel.paths import MissingFileError
+from omniwheel.cli import completion
+from omniwheel.errors import CommandRefusedError, LinkUrlError, VersionMismatchError
 from omniwheel.plain import finite
-from omniwheel.ports import serial_ports
-from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot, connect
+
+if TYPE_CHECKING:
+    from omniwheel.connection import Recorder
+    from omniwheel.robot import Robot
 
 BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130
-_JSON_WANTED = "omniwheel.json"
-_SIGNING_KEY = "--signing-key"
+JSON_WANTED = "omniwheel.json"
 
 console = Console(highlight=False)
 error_console = Console(stderr=True, highlight=False)
 
 
-class OmniGroup(TyperGroup):
-    """Turns expected errors into one line and a hint on standard error, and into an exit code: no tracebacks."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run the command."""
-        try:
-            return super().invoke(ctx)
-        except OmniError as error:
-            raise _reported(ctx, error, error.hint, error.exit_code) from error
-        except SchemaError as error:
-            raise _reported(ctx, error, "correct the file and try again", BAD_INPUT) from error
-        except MissingFileError as error:
-            raise _reported(ctx, error, "", FAILED) from error
-        except OSError as error:  # a disk that fails where nobody expects it, also the one behind standard output
-            if error.errno == errno.EPIPE:  # whoever read it has seen enough
-                raise
-            raise _reported(ctx, _of_the_system(error), write_error("", error).hint, FAILED) from error
-        except KeyboardInterrupt:
-            error_console.print("interrupted", style="yellow")
-            raise typer.Exit(INTERRUPTED) from None
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
-        return super().parse_args(ctx, _signing_key_first(args))
-
-
-def _of_the_system(error: OSError) -> OmniError:
-    where = f"{error.filename}: " if error.filename else ""
-    return OmniError(f"{where}{error.strerror or error}")
-
-
-def _signing_key_first(args: list[str]) -> list[str]:
-    end = args.index("--") if "--" in args else len(args)
-    for at, word in enumerate(args[:end]):
-        if word == _SIGNING_KEY or word.startswith(f"{_SIGNING_KEY}="):
-            after = at + 1 if "=" in word else at + 2
-            return [*args[at:after], *args[:at], *args[after:]]
-    return args
-
-
-def use_signing_key(path: Path | None) -> None:
-    """Sign with the key in this file on every link from now on; None: don't."""
-    signing.set_default_key(signing.read_key_file(path) if path is not None else None)
-
-
-def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -> typer.Exit:
-    error_console.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
-    if hint:
-        error_console.print(f"[dim]hint:[/] {escape(hint)}", soft_wrap=True)
-    if ctx.meta.get(_JSON_WANTED):
-        with suppress(OSError):  # it may be standard output that fails
-            print_json({"error": {"type": type(error).__name__, "message": str(error), "hint": hint}})
-    return typer.Exit(exit_code)
-
-
 def _note_json(ctx: typer.Context, wanted: bool) -> bool:
-    ctx.meta[_JSON_WANTED] = wanted
+    ctx.meta[JSON_WANTED] = wanted
     return wanted
 
 
@@ -107,6 +50,7 @@ LinkOption = Annotated[
         help="Robot: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one Teensy. "
         "A radio with a key: --signing-key FILE.",
         show_default=False,
+        autocompletion=completion.ports,
     ),
 ]
 TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for answers.")]
@@ -138,6 +82,8 @@ def link_url(link: str | None) -> str:
     """Return the link to use; without one, the only port that looks like a Teensy."""
     if link:
         return link
+    from omniwheel.ports import serial_ports
+
     found = [port.device for port in serial_ports() if port.guess == "teensy"]
     if len(found) == 1:
         return found[0]
@@ -145,8 +91,11 @@ def link_url(link: str | None) -> str:
     raise LinkUrlError(f"which robot? {what}", hint="give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760")
 
 
-def open_robot(link: str | None, *, timeout_s: float = DEFAULT_TIMEOUT_S, recorder: Recorder | None = None) -> Robot:
+def open_robot(link: str | None, *, timeout_s: float | None = None, recorder: Recorder | None = None) -> Robot:
     """Connect to the robot that the options name; warn if its parameters are another version's."""
+    from omniwheel.robot import DEFAULT_TIMEOUT_S, connect
+
+    timeout_s = DEFAULT_TIMEOUT_S if timeout_s is None else timeout_s
     robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder)
     try:
         robot.require_same_parameters()

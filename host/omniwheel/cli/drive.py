@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from omniwheel.cli import legacy
+from omniwheel.cli import completion, legacy
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -24,6 +24,7 @@ from omniwheel.cli.common import (
     signals_interrupt,
 )
 from omniwheel.cli.keyboard import KEYS_HELP, KeyDriver, raw_keys
+from omniwheel.cli.negative_numbers import NumberCommand
 from omniwheel.errors import OmniError
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.setpoints import check_duty, finite
@@ -99,7 +100,11 @@ def _result(robot: Robot, as_json: bool, **more: Any) -> None:
         console.print(f"at x = {pose.x:.3f} m, y = {pose.y:.3f} m, theta = {pose.theta:.3f} rad ({degrees:.1f}°)")
 
 
-@app.command("velocity", epilog=examples("omni drive velocity 0.1 0 0 --for 2", "omni drive velocity -- 0 -0.1 0.5"))
+@app.command(
+    "velocity",
+    cls=NumberCommand,
+    epilog=examples("omni drive velocity 0.1 0 0 --for 2", "omni drive velocity 0 -0.1 0.5"),
+)
 def velocity(
     vx: Annotated[float, typer.Argument(help="Forward \\[m/s].")],
     vy: Annotated[float, typer.Argument(help="To the left \\[m/s].")],
@@ -112,7 +117,7 @@ def velocity(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Drive with a constant velocity for a while. Put -- before negative numbers."""
+    """Drive with a constant velocity for a while."""
     frame = "world" if world else "body"
     for name, value in (("vx", vx), ("vy", vy), ("wz", wz)):
         finite(name, value)
@@ -122,7 +127,9 @@ def velocity(
         _result(robot, as_json)
 
 
-@app.command("pose", epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose --for 10 -- -0.5 0 0"))
+@app.command(
+    "pose", cls=NumberCommand, epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose -0.5 0 0 --for 10")
+)
 def pose(
     x: Annotated[float, typer.Argument(help="World x \\[m].")],
     y: Annotated[float, typer.Argument(help="World y \\[m].")],
@@ -157,7 +164,12 @@ def _is_at(robot: Robot, x: float, y: float, theta: float) -> bool:
 
 @app.command("trajectory", epilog=examples("omni drive trajectory rose", "omni drive trajectory circle --laps 2"))
 def trajectory(
-    type_name: Annotated[str, typer.Argument(metavar="TYPE", help="hold, line, circle, rose, report, random, ...")],
+    type_name: Annotated[
+        str,
+        typer.Argument(
+            metavar="TYPE", help="hold, line, circle, rose, report, random, ...", autocompletion=completion.trajectories
+        ),
+    ],
     laps: Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")] = None,
     duration: Annotated[float, typer.Option("--for", min=0.0, metavar="S", help="Stop then at the latest.")] = math.inf,
     link: LinkOption = None,
@@ -178,7 +190,9 @@ def trajectory(
         _result(robot, as_json, phase=tracking.phase)
 
 
-@app.command("duty", epilog=examples("omni drive duty 0.2 0.2 0.2 --for 2", "omni drive duty -- 0.3 0 0"))
+@app.command(
+    "duty", cls=NumberCommand, epilog=examples("omni drive duty 0.2 0.2 0.2 --for 2", "omni drive duty -0.3 0 0")
+)
 def duty(
     duties: Annotated[list[float], typer.Argument(metavar="DUTY...", help="-1..1 per wheel, + counter-clockwise.")],
     duration: DurationOption = 1.0,

@@ -13,6 +13,7 @@ import typer
 from rich.markup import escape
 
 from hil_sim.image_check.check import SHORT
+from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.cli.image_check import check_image
 from omniwheel.errors import FlashError
@@ -57,7 +58,13 @@ def flash(
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", "-r", metavar="NAME|FILE", help="Whose wiring and values are built in. [three_wheel]"),
+        typer.Option(
+            "--robot",
+            "-r",
+            metavar="NAME|FILE",
+            help="Whose wiring and values are built in. [three_wheel]",
+            autocompletion=completion.robots,
+        ),
     ] = None,
     port: Annotated[
         str | None, typer.Option("--port", "-p", metavar="PORT", help="The board's port. Default: the one Teensy.")

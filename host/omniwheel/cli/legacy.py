@@ -19,6 +19,7 @@ from rich.table import Table
 
 from hil_sim.scenario import MAX_SEED
 from omni_schema import Robot
+from omniwheel.cli import completion
 from omniwheel.cli.common import (
     JsonOption,
     console,
@@ -29,6 +30,7 @@ from omniwheel.cli.common import (
     signals_interrupt,
     writable_path,
 )
+from omniwheel.cli.negative_numbers import NumberCommand
 from omniwheel.errors import LinkUrlError, MocapSourceError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettings, legacy_values
@@ -44,7 +46,10 @@ app = typer.Typer(
 )
 _SETTLED_FROM = 0.25
 
-RobotOption = Annotated[str, typer.Option("--robot", metavar="NAME|FILE", help="Geometry, motors and gains.")]
+RobotOption = Annotated[
+    str,
+    typer.Option("--robot", metavar="NAME|FILE", help="Geometry, motors and gains.", autocompletion=completion.robots),
+]
 SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and cameras are simulated; no hardware.")]
 PortOption = Annotated[
     str | None, typer.Option("--port", metavar="URL", help="The XBee: /dev/ttyUSB0, COM3 or tcp:HOST:PORT.")
@@ -92,6 +97,7 @@ class _Wanted:
 
 @app.command(
     "pose",
+    cls=NumberCommand,
     epilog=examples(
         "omni legacy pose 0 0 0 --simulate --start 1.2 -0.8 1",
         "omni legacy pose 0 0 0 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot --pwm-min 60",
@@ -169,7 +175,8 @@ def trajectory(
 
 @app.command(
     "motor",
-    epilog=examples("omni legacy motor 1 120 --port /dev/ttyUSB0", "omni legacy motor --port COM3 --for 2 -- 3 -80"),
+    cls=NumberCommand,
+    epilog=examples("omni legacy motor 1 120 --port /dev/ttyUSB0", "omni legacy motor 3 -80 --port COM3 --for 2"),
 )
 def motor(
     number: Annotated[int, typer.Argument(min=1, max=MOTORS, help="Which motor: its place in the line.")],

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from omni_schema import Parameter
 from omniwheel import parameter_file
+from omniwheel.cli import completion
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -126,7 +127,7 @@ def list_parameters(
 
 @app.command("get", epilog=examples("omni params get ISMC_LAM_XY", "omni params get WHEELS TRJ_TYPE --json"))
 def get(
-    names: Annotated[list[str], typer.Argument(help="Parameter names.")],
+    names: Annotated[list[str], typer.Argument(help="Parameter names.", autocompletion=completion.parameters)],
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
@@ -145,7 +146,10 @@ def get(
     "set", epilog=examples("omni params set ISMC_LAM_XY=15 ISMC_LAM_TH=15", "omni params set CTL_MODE=pid --store")
 )
 def set_parameters(
-    assignments: Annotated[list[str], typer.Argument(metavar="NAME=VALUE...", help="All are set, or none.")],
+    assignments: Annotated[
+        list[str],
+        typer.Argument(metavar="NAME=VALUE...", help="All are set, or none.", autocompletion=completion.assignments),
+    ],
     store: StoreOption = False,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
@@ -185,7 +189,12 @@ def save(
 @app.command("load", epilog=examples("omni params load mine.toml --store", "omni params load report_torque"))
 def load(
     file: Annotated[
-        str, typer.Argument(metavar="FILE|PRESET", help="TOML file with a table \\[parameters], or a preset's name.")
+        str,
+        typer.Argument(
+            metavar="FILE|PRESET",
+            help="TOML file with a table \\[parameters], or a preset's name.",
+            autocompletion=completion.presets,
+        ),
     ],
     store: StoreOption = False,
     link: LinkOption = None,

@@ -12,12 +12,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from omni_schema import Robot
+from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.parameter_file import format_value
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot, robot_names
 from omniwheel.wiring import WiringPlan, connections, plan_wiring, write_wiring
 
 app = typer.Typer(help="List, show, check and start robot files.", invoke_without_command=True)
+
+RobotArgument = Annotated[
+    str, typer.Argument(metavar="NAME|FILE", help="A robot's name, or a file.", autocompletion=completion.robots)
+]
 
 
 def _summary(robot: Robot) -> dict[str, Any]:
@@ -42,7 +47,7 @@ def list_robots(ctx: typer.Context, as_json: JsonOption = False) -> None:
 
 
 @app.command("show", epilog=examples("omni robots show three_wheel", "omni robots show mine.toml --json"))
-def show(name: Annotated[str, typer.Argument(help="A robot's name, or a file.")], as_json: JsonOption = False) -> None:
+def show(name: RobotArgument, as_json: JsonOption = False) -> None:
     """Show a robot file and what it sets."""
     robot = read_robot(name)
     if as_json:
@@ -58,25 +63,27 @@ def show(name: Annotated[str, typer.Argument(help="A robot's name, or a file.")]
     console.print(table)
 
 
-@app.command("check", epilog=examples("omni robots check mine.toml"))
-def check(file: Annotated[Path, typer.Argument(help="A robot file.")], as_json: JsonOption = False) -> None:
+@app.command("check", epilog=examples("omni robots check mine.toml", "omni robots check four_wheel"))
+def check(name: RobotArgument, as_json: JsonOption = False) -> None:
     """Check a robot file, and warn of wiring that is unwise or that the firmware for a Teensy cannot be built with.
 
     Exit code 2: something in it is wrong, and the message says what is allowed.
     """
-    robot = read_robot(file)
+    robot = read_robot(name)
     warnings = plan_wiring(robot).warnings
     if as_json:
         print_json({**_summary(robot), "ok": True, "warnings": warnings})
     else:
-        console.print(f"{file}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
+        console.print(f"{name}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
         _print_warnings(warnings)
 
 
 @app.command("new", epilog=examples("omni robots new mine --from three_wheel", "omni robots new mine --folder robots"))
 def new(
     name: Annotated[str, typer.Argument(help="Name of the new robot: a-z 0-9 _.")],
-    template: Annotated[str, typer.Option("--from", help="Robot to copy.")] = "three_wheel",
+    template: Annotated[
+        str, typer.Option("--from", help="Robot to copy.", autocompletion=completion.robots)
+    ] = "three_wheel",
     folder: Annotated[Path, typer.Option("--folder", help="Where to write NAME.toml.")] = Path(),
     as_json: JsonOption = False,
 ) -> None:
@@ -95,7 +102,7 @@ def new(
     epilog=examples("omni robots wiring three_wheel", "omni robots wiring mine.toml --out wiring.svg"),
 )
 def wiring(
-    name: Annotated[str, typer.Argument(metavar="NAME|FILE", help="A robot's name, or a file.")],
+    name: RobotArgument,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE.svg", dir_okay=False, help="Draw the wiring diagram there.")
     ] = None,

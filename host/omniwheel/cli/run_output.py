@@ -22,12 +22,19 @@ from hil_sim.scenario import MAX_SEED, Scenario, scenario_names
 from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
 from hil_sim.world import PLANTS
 from omni_schema.errors import did_you_mean
+from omniwheel.cli import completion
 from omniwheel.cli.common import console, error_console, print_json
 from omniwheel.errors import OmniError, OutputFileError
 from omniwheel.presets import read_preset
 
 ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A scenario of the package, or a .toml file.", show_default=True)
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A scenario of the package, or a .toml file.",
+        show_default=True,
+        autocompletion=completion.scenarios,
+    ),
 ]
 EmulatedOption = Annotated[
     bool, typer.Option("--emulated", help="Run the firmware on an emulated Cortex-M7 instead of as a process.")
@@ -66,6 +73,7 @@ PresetOption = Annotated[
         "--preset",
         metavar="NAME",
         help="Gains to use instead of the scenario's: a preset (omni params presets) or a parameter file.",
+        autocompletion=completion.presets,
     ),
 ]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the run's folder is made.")]

@@ -11,6 +11,7 @@ import typer
 
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import SimulatedRadio, start_sitl
+from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
 from omniwheel.cli.run_output import SeedOption
 from omniwheel.radio_model import RadioSettings
@@ -27,10 +28,21 @@ EXAMPLES = examples(
 _PROFILES = (9600, 57600, 115200)
 
 ScenarioNameArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="World, faults and parameters; its events are not played.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="World, faults and parameters; its events are not played.",
+        autocompletion=completion.scenarios,
+    ),
 ]
 RobotOption = Annotated[
-    str | None, typer.Option("--robot", metavar="NAME|FILE", help="The robot. \\[default: the scenario's]")
+    str | None,
+    typer.Option(
+        "--robot",
+        metavar="NAME|FILE",
+        help="The robot. \\[default: the scenario's]",
+        autocompletion=completion.robots,
+    ),
 ]
 WorldRobotOption = Annotated[
     str | None,
@@ -38,6 +50,7 @@ WorldRobotOption = Annotated[
         "--world-robot",
         metavar="NAME|FILE",
         help="The robot that is really there, if the firmware is to be wrong about it: to try `omni bringup`.",
+        autocompletion=completion.robots,
     ),
 ]
 PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")]

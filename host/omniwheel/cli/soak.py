@@ -9,6 +9,7 @@ import typer
 
 from hil_sim.scenario import load_scenario
 from hil_sim.soak import run_soak
+from omniwheel.cli import completion
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, print_json
 from omniwheel.cli.run_output import SeedOption, run_progress, scenario_help
 
@@ -17,7 +18,12 @@ EXAMPLES = examples("omni soak --minutes 1", "omni soak --minutes 60 --json", "o
 
 def soak(
     scenario_name: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="World, faults and trajectory; its events are not played.")
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="World, faults and trajectory; its events are not played.",
+            autocompletion=completion.scenarios,
+        ),
     ] = "demo",
     minutes: Annotated[float, typer.Option("--minutes", min=0.1, help="Simulated time.")] = 1.0,
     seed: SeedOption = None,

@@ -12,6 +12,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from omniwheel.cli import completion
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -54,7 +55,13 @@ class Axis(str, enum.Enum):
 def tune(
     link: LinkOption = None,
     assignments: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter to change; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="A parameter to change; repeatable.",
+            autocompletion=completion.assignments,
+        ),
     ] = None,
     experiment: Annotated[
         Kind, typer.Option("--experiment", "-e", help="What the robot does before and after.")

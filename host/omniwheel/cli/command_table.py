@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""The commands of ``omni`` by group, one line each. A command's module is imported when the command is used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import typer
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One command: its place in ``omni --help`` and its code.
+
+    ``module`` is one of ``omniwheel.cli``. ``function`` is the command in it; "" means that the module has an ``app``,
+    which is a group of commands.
+    """
+
+    name: str
+    group: str
+    summary: str
+    module: str
+    function: str = ""
+
+    def load(self) -> Any:
+        """Import the module and return the command."""
+        module = import_module(f"omniwheel.cli.{self.module}")
+        parent = typer.Typer(add_completion=False, rich_markup_mode="rich")
+        if self.function:
+            parent.command(self.name, epilog=module.EXAMPLES)(getattr(module, self.function))
+        else:
+            parent.add_typer(module.app, name=self.name)
+        parent.callback()(lambda: None)  # or a single command would take the group's place
+        return typer.main.get_group(parent).commands[self.name]
+
+
+DRIVE, TUNE, SIMULATE = "Drive a robot", "Tune a robot", "Simulate a robot"
+STUDY, BUILD, REPORT = "Study many runs", "Build and check a robot", "Record, replay and report"
+
+TABLE = (
+    Entry("drive", DRIVE, "Move the robot, by numbers or by keys", "drive"),
+    Entry("monitor", DRIVE, "Show state, pose, wheels and faults", "monitor", "monitor"),
+    Entry("mocap", DRIVE, "Send motion-capture poses to a robot, or record them", "mocap"),
+    Entry("radio", DRIVE, "The radio's signing key", "radio"),
+    Entry("legacy", DRIVE, "Drive the original four-wheel robot from this computer", "legacy"),
+    Entry("params", TUNE, "Read, set, save and compare parameters", "params"),
+    Entry("tune", TUNE, "Try other gains, compare, keep them or go back", "tune", "tune"),
+    Entry("identify", TUNE, "Find a robot's parameters from how it moves", "identify"),
+    Entry("demo", SIMULATE, "See a simulated robot drive with its real firmware", "demo", "demo"),
+    Entry("sitl", SIMULATE, "Run the firmware and a world here, in real time", "sitl", "sitl"),
+    Entry("emulate", SIMULATE, "The same on an emulated Cortex-M7 or Teensy", "emulate", "emulate"),
+    Entry("hil", SIMULATE, "Run a scenario around the real firmware, in lockstep", "hil", "hil"),
+    Entry("sim", SIMULATE, "Run a scenario in this process, fast", "sim", "sim"),
+    Entry("montecarlo", STUDY, "Run a scenario with very many seeds", "montecarlo", "montecarlo"),
+    Entry("sweep", STUDY, "Run a scenario at many settings", "sweep", "sweep"),
+    Entry("optimize", STUDY, "Search good parameters, check them on other seeds", "optimize", "optimize"),
+    Entry("soak", STUDY, "Drive for hours on an emulated Cortex-M7", "soak", "soak"),
+    Entry("bench", STUDY, "Measure how fast the simulations are here", "bench", "bench"),
+    Entry("robots", BUILD, "Start, check, show and wire robot files", "robots"),
+    Entry("flash", BUILD, "Build the firmware, check it and upload it", "flash", "flash"),
+    Entry("check-image", BUILD, "Run a firmware image on an emulated Teensy", "check_image", "check_image"),
+    Entry("bringup", BUILD, "Check a new robot step by step", "bringup"),
+    Entry("doctor", BUILD, "Check the installation and list serial ports", "doctor", "doctor"),
+    Entry("record", REPORT, "Record every message of a link", "record", "record"),
+    Entry("replay", REPORT, "Feed a log through the robot's own estimator", "replay", "replay_command"),
+    Entry("logs", REPORT, "Import, look at and align logs of any robot", "logs"),
+    Entry("plot", REPORT, "Draw the report of a finished run", "plot", "plot"),
+    Entry("reproduce", REPORT, "Repeat the research report's experiments", "reproduce", "reproduce"),
+)
+"""In the order of ``omni --help``."""

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: MIT
+"""``omni`` itself: its commands by group, imported when used, and what errors look like."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import typer
+from rich.markup import escape
+from typer.core import TyperCommand, TyperGroup
+
+from omni_schema import SchemaError
+from omniwheel.cli.command_table import TABLE, Entry
+from omniwheel.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, error_console, print_json
+from omniwheel.errors import OmniError
+from omniwheel.files import write_error
+from omniwheel.paths import MissingFileError
+
+_SIGNING_KEY = "--signing-key"
+_ENTRIES = {entry.name: entry for entry in TABLE}
+
+
+class OmniGroup(TyperGroup):
+    """Turns expected errors into one line and a hint on standard error, and into an exit code: no tracebacks.
+
+    Its commands are those of the table. Help and completion of ``omni`` itself show the table and import none of them.
+    """
+
+    _loaded: dict[str, Any] | None = None
+    _listing = False
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names in the order of the table."""
+        return list(_ENTRIES)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return the command, or what stands for it while the commands are listed."""
+        entry = _ENTRIES.get(cmd_name)
+        if entry is None:
+            return None
+        if self._listing:
+            return _line_of(entry)
+        loaded = self._loaded = self._loaded or {}
+        if cmd_name not in loaded:
+            loaded[cmd_name] = entry.load()
+        return loaded[cmd_name]
+
+    @contextmanager
+    def _lists(self) -> Iterator[None]:
+        self._listing = True
+        try:
+            yield
+        finally:
+            self._listing = False
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help page."""
+        with self._lists():
+            super().format_help(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return the commands and options that begin so."""
+        with self._lists():
+            return super().shell_complete(ctx, incomplete)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except OmniError as error:
+            raise _reported(ctx, error, error.hint, error.exit_code) from error
+        except SchemaError as error:
+            raise _reported(ctx, error, "correct the file and try again", BAD_INPUT) from error
+        except MissingFileError as error:
+            raise _reported(ctx, error, "", FAILED) from error
+        except OSError as error:  # a disk that fails where nobody expects it, also the one behind standard output
+            if error.errno == errno.EPIPE:  # whoever read it has seen enough
+                raise
+            raise _reported(ctx, _of_the_system(error), write_error("", error).hint, FAILED) from error
+        except KeyboardInterrupt:
+            error_console.print("interrupted", style="yellow")
+            raise typer.Exit(INTERRUPTED) from None
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
+        return super().parse_args(ctx, _signing_key_first(args))
+
+
+def _line_of(entry: Entry) -> TyperCommand:
+    return TyperCommand(entry.name, help=entry.summary, rich_help_panel=entry.group, callback=None)
+
+
+def _of_the_system(error: OSError) -> OmniError:
+    where = f"{error.filename}: " if error.filename else ""
+    return OmniError(f"{where}{error.strerror or error}")
+
+
+def _signing_key_first(args: list[str]) -> list[str]:
+    end = args.index("--") if "--" in args else len(args)
+    for at, word in enumerate(args[:end]):
+        if word == _SIGNING_KEY or word.startswith(f"{_SIGNING_KEY}="):
+            after = at + 1 if "=" in word else at + 2
+            return [*args[at:after], *args[:at], *args[after:]]
+    return args
+
+
+def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -> typer.Exit:
+    error_console.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
+    if hint:
+        error_console.print(f"[dim]hint:[/] {escape(hint)}", soft_wrap=True)
+    if ctx.meta.get(JSON_WANTED):
+        with suppress(OSError):  # it may be standard output that fails
+            print_json({"error": {"type": type(error).__name__, "message": str(error), "hint": hint}})
+    return typer.Exit(exit_code)
