@@ -118,14 +118,16 @@ release: setup wheel
 flash: setup
 	$(BIN)/omni flash --robot $(ROBOT) $(ARGS)
 
-$(VENV)/stamp-lint: $(VENV)/stamp-install
-	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' pytest hypothesis
+$(VENV)/stamp-lint: pyproject.toml $(VENV)/stamp-install
+	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' 'import-linter>=2.6' pytest hypothesis
 	@touch $@
 
 lint: $(VENV)/stamp-lint
 	$(BIN)/ruff check $(PYTHON_DIRS)
 	$(BIN)/ruff format --check $(PYTHON_DIRS)
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/python .ci/includes.py
 	.ci/lint-c $(VENV)
 
 format: $(VENV)/stamp-lint

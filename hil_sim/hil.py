@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 import omniwheel
 from hil_sim import core
+from hil_sim.image_firmware import ImageFirmware
 from hil_sim.lockstep import LockstepLink, Served
 from hil_sim.runs import Run, finish, new_world
 from hil_sim.scenario import Event, Scenario
@@ -34,7 +35,6 @@ from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.errors import CommandRefusedError, OmniError
 from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
-from omniwheel.image_firmware import ImageFirmware
 from omniwheel.link import FileLink, open_link
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Status, decode

@@ -16,32 +16,10 @@ from numpy.typing import NDArray
 
 from hil_sim.metrics import PHASE_PATH, on_path, pose_error
 from omniwheel.files import save_figure
+from omniwheel.moved import moved
+from omniwheel.plot_style import HEADING, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 
 WIDTH_PX, HEIGHT_PX, DPI = 1600, 1200, 120
-
-# Okabe and Ito's colours: told apart with every kind of colour vision.
-INK, GREY = "#222222", "#8a8a8a"
-WHEEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
-TRUTH, WANTED, HEADING, MARK = "#0072B2", "#E69F00", "#009E73", "#D55E00"
-
-STYLE: Any = {
-    "font.size": 10.0,
-    "axes.titlesize": 11.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.edgecolor": GREY,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.8,
-    "legend.frameon": False,
-    "legend.fontsize": 9.0,
-    "text.color": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-}
 
 
 def draw_report(summary: Mapping[str, Any], samples: NDArray[Any], path: Path) -> None:
@@ -232,3 +210,6 @@ def _mark_events(axes: Axes, summary: Mapping[str, Any], named: bool) -> None:
             change["what"] if named else "", (change["time_s"], 0.98), xycoords=("data", "axes fraction"),
             xytext=(4, 0), textcoords="offset points", fontsize=8.5, va="top",
         )  # fmt: skip
+
+
+__getattr__ = moved(__name__, {"GREY": "omniwheel.plot_style"})

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim import core, metrics
 from hil_sim.c_scenario import drawn_world
@@ -20,11 +18,10 @@ from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
 from omni_schema import ParameterTable
 from omniwheel import __version__, files
-from omniwheel.npz_file import read_npz
+from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
+from omniwheel.moved import moved
 from omniwheel.plain import finite
 
-SUMMARY_FILE = "summary.json"
-RECORD_FILE = "record.npz"
 REPORT_FILE = "report.png"
 TLOG_FILE = "telemetry.tlog"
 STORED_EVERY = 10
@@ -117,21 +114,6 @@ def save_run(run: Run, summary: Mapping[str, Any], folder: Path) -> None:
         np.savez_compressed(file, samples=run.record[::STORED_EVERY])
 
 
-def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:
-    """Return summary and stored samples of a run folder. Raises FileNotFoundError or ValueError that names the file."""
-    path = folder / SUMMARY_FILE
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is not JSON: {error}") from error
-    samples = read_npz(folder / RECORD_FILE).get("samples")
-    if not isinstance(summary, dict) or not isinstance(summary.get("parameters"), dict):
-        raise ValueError(f"{path} is no summary of a run: it has no parameters")  # noqa: TRY004
-    if samples is None or samples.dtype.names is None or samples.ndim != 1 or not len(samples):
-        raise ValueError(f"{folder / RECORD_FILE} is no record of a run")
-    return summary, samples
-
-
 def _plan(run: Run) -> dict[str, float | None] | None:
     if not any(entry.event.command == "trajectory_start" for entry in run.applied):
         return None
@@ -145,3 +127,6 @@ def _versions(table: ParameterTable) -> dict[str, Any]:
         "python": platform.python_version(),
         "numpy": np.__version__,
     }
+
+
+__getattr__ = moved(__name__, {"load_run": "omniwheel.logs.run_folder"})

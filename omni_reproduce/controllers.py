@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil_sim import metrics
-from hil_sim.report import STYLE
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omniwheel.files import save_figure
+from omniwheel.plot_style import STYLE
 from omniwheel.robots import read_robot
 
 FIGURE = "controllers.png"

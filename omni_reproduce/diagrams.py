@@ -13,9 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from hil_sim.report import INK, STYLE
 from omni_reproduce.experiment import Context, Result
 from omniwheel.files import save_figure
+from omniwheel.plot_style import INK, STYLE
 
 CONTROL, WORLD = "#dceaf5", "#fbe9c8"
 WIDTH, HEIGHT, GAP = 2.3, 1.1, 1.0

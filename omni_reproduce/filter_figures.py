@@ -14,9 +14,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hil_sim.report import GREY, INK, STYLE
 from omni_reproduce.filters import AXES, AXIS_UNITS, FILTER_TITLES, Array, Setting, Study
 from omniwheel.files import save_figure
+from omniwheel.plot_style import GREY, INK, STYLE
 
 _DPI = 120
 _RUN = "four-petal rose in 30 s, as the report's code had it"

@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.known_robot import SimulatedRobot
 from omni_reproduce.experiment import Context, Result, Row, read_spec
+from omni_reproduce.identification_answers import Experiment, Validation
 from omni_reproduce.identification_figure import draw
 from omni_reproduce.loops import spread
 from omniwheel.identification import excitation
@@ -29,7 +31,6 @@ from omniwheel.identification.regression import (
     wrapped_by_atan,
 )
 from omniwheel.identification.segments import measured_speed
-from omniwheel.identification.simulation import SimulatedRobot
 from omniwheel.robots import read_robot
 
 Array = NDArray[np.float64]
@@ -65,16 +66,6 @@ LADDER = (
     ),
     ("output error", "the identification that works"),
 )
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One simulated robot: estimates and truth by name, which intervals hold the truth, and half their width."""
-
-    found: dict[str, float]
-    truth: dict[str, float]
-    covered: dict[str, bool]
-    half_width: dict[str, float]
 
 
 def run(context: Context) -> Result:
@@ -222,16 +213,6 @@ def identify_seed(seed: int) -> Experiment:
             covered[name] = estimate.covers(name, truth[name])
             half_width[name] = estimate.half_width(name)
     return Experiment(found, {name: truth[name] for name in found}, covered, half_width)
-
-
-@dataclass(frozen=True)
-class Validation:
-    """A run that was not fitted: times (n,), speeds (n, wheels) [rad/s]; ``fit`` is the share explained."""
-
-    time_s: Array
-    measured_rad_s: Array
-    predicted_rad_s: Array
-    fit: float
 
 
 def validate(seed: int) -> Validation:

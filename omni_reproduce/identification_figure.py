@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -13,11 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hil_sim.report import GREY, INK, MARK, STYLE, WHEEL_COLOURS
+from omni_reproduce.identification_answers import Experiment, Validation
 from omniwheel.files import save_figure
-
-if TYPE_CHECKING:
-    from omni_reproduce.identification import Experiment, Validation
+from omniwheel.plot_style import GREY, INK, MARK, STYLE, WHEEL_COLOURS
 
 Ladder = tuple[Mapping[str, Mapping[str, float]], Mapping[str, float]]
 SHOWN_S = 10.0

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hil_sim.report import STYLE
-from omni_reproduce.models import LEDGER, Case, Run
+from omni_reproduce.plant_runs import LEDGER, Case, Run
 from omniwheel.files import save_figure
+from omniwheel.plot_style import STYLE
 
 _DPI = 120
 _LINES = {

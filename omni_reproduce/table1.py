@@ -13,12 +13,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hil_sim.report import GREY, INK, STYLE, WHEEL_COLOURS
 from hil_sim.world import PoseSensor, World
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.loops import Array, make_kinematics, make_world, share_row, spread
 from omniwheel._core import ffi, lib
 from omniwheel.files import save_figure
+from omniwheel.plot_style import GREY, INK, STYLE, WHEEL_COLOURS
 
 NAME = "table1"
 FIGURE = "table1.png"

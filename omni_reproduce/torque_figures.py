@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hil_sim.report import GREY, INK, STYLE
 from omni_reproduce.torque_loop import Array, Trace
 from omniwheel.files import save_figure
+from omniwheel.plot_style import GREY, INK, STYLE
 
 _DPI = 120
 _X, _Y, _THETA = "#0072B2", "#E69F00", "#009E73"

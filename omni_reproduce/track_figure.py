@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Rectangle
 
-from hil_sim.report import INK, STYLE, WANTED
 from omni_reproduce.loops import Track
 from omniwheel.files import save_figure
+from omniwheel.plot_style import INK, STYLE, WANTED
 
 COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#D55E00")
 _MM, _MRAD = 1e3, 1e3

@@ -15,8 +15,8 @@ from hil_sim.hil import AT_REST
 from hil_sim.image_check.bench import CheckError, Context
 from hil_sim.image_check.check import CI, NIGHTLY, Check
 from hil_sim.image_check.faults import NOT_AT_THE_PINS
+from hil_sim.image_firmware import ImageFirmware
 from omniwheel.firmware_process import FirmwareProcess
-from omniwheel.image_firmware import ImageFirmware
 from omniwheel.link import FileLink
 
 CASES_ROBOT = "three_wheel"

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hil_sim.report import MARK, TRUTH
 from hil_sim.studies.figures import FIGURES
 from hil_sim.studies.optimize import Outcome, Plan
 from hil_sim.studies.picture_parts import ratio_axis, sheet
+from omniwheel.plot_style import MARK, TRUTH
 
 HEIGHT_PX = 900
 _MAX_PANELS = 5

@@ -15,9 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from hil_sim.report import DPI, HEIGHT_PX, INK, MARK, STYLE, TRUTH, WIDTH_PX
+from hil_sim.report import DPI, HEIGHT_PX, WIDTH_PX
 from hil_sim.studies.figures import FIGURES
 from omniwheel.files import save_figure
+from omniwheel.plot_style import INK, MARK, STYLE, TRUTH
 
 QUANTILE_MARKS = ((0.5, "median", INK), (0.95, "95 %", "#E69F00"), (0.99, "99 %", MARK))
 _BINS = 60

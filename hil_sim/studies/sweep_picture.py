@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hil_sim.report import MARK, TRUTH
 from hil_sim.studies.figures import FIGURES
 from hil_sim.studies.figures import Figure as Shown
 from hil_sim.studies.picture_parts import ratio_axis, sheet
 from hil_sim.studies.space import Axis
 from hil_sim.studies.sweep import Plan, PointResult
+from omniwheel.plot_style import MARK, TRUTH
 
 HEIGHT_PX = 800
 _PLAIN = Shown("share of runs driven to the end", "%", 100.0, 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omniwheel import _core
+from omniwheel._core import __file__ as _extension
 
 _REINSTALL = "the installation is incomplete; install again with: pip install . (or make setup)"
 
@@ -22,10 +22,9 @@ def _existing(path: Path, what: str) -> Path:
 
 def data_dir() -> Path:
     """Return the folder that holds everything below."""
-    extension = _core.__file__
-    if extension is None:
+    if _extension is None:
         raise MissingFileError(f"omniwheel._core was not loaded from a file: {_REINSTALL}")
-    return Path(extension).resolve().parent
+    return Path(_extension).resolve().parent
 
 
 def firmware_path() -> Path:

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hil_sim.report import GREY, HEADING, INK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 from omniwheel.files import save_figure
 from omniwheel.logs.alignment import Alignment, truth_at
 from omniwheel.logs.log import Array, WheelLog
+from omniwheel.plot_style import GREY, HEADING, INK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 from omniwheel.replay import Replay
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, TypeVar
 
-from omniwheel import _core
+from omniwheel._core import ffi, lib
 from omniwheel.dialect import Message, enum_name, mavlink
 from omniwheel.frames import Pose, Twist, flip
 
@@ -206,12 +206,12 @@ TelemetryT = TypeVar("TelemetryT", bound=Telemetry)
 def fault_names(bits: int) -> tuple[str, ...]:
     """Return the names of the fault and warning bits set in ``bits``, lowest bit first."""
     present = (1 << shift for shift in range(_FAULT_BITS) if bits >> shift & 1)
-    return tuple(_core.ffi.string(_core.lib.omni_fault_name(bit)).decode() for bit in present)
+    return tuple(ffi.string(lib.omni_fault_name(bit)).decode() for bit in present)
 
 
 def state_name(state: int) -> str:
     """Return the name of a safety state: init, disarmed, armed, failsafe, estop."""
-    return str(_core.ffi.string(_core.lib.omni_safety_state_name(state)).decode())
+    return str(ffi.string(lib.omni_safety_state_name(state)).decode())
 
 
 def _wheels(values: list[float]) -> Wheels4:

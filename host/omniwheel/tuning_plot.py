@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hil_sim.report import INK, STYLE, TRUTH, WANTED
 from omniwheel.files import save_figure
+from omniwheel.plot_style import INK, STYLE, TRUTH, WANTED
 from omniwheel.tuning import AXES, UNITS, Trace
 
 _SIZE_IN, _DPI = (10.0, 7.5), 120

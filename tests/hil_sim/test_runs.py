@@ -17,12 +17,13 @@ from hil_sim.hil import EPOCH_US, run_hil
 from hil_sim.report import HEIGHT_PX, WIDTH_PX, draw_report
 from hil_sim.runs import Run, faults_seen, run_in_process, run_seeds
 from hil_sim.scenario import Event, Scenario, load_scenario
-from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, load_run, new_run_folder, save_run, summarize
+from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, new_run_folder, save_run, summarize
 from hil_sim.timeline import RunError
 from hil_sim.world import PLANTS
 from omniwheel import FirmwareProcess, connect
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ArmingRefusedError, LinkError, ParameterRefusedError
+from omniwheel.logs.run_folder import load_run
 
 SHORT_S = 6.0
 STOP_FAULTS = {

@@ -21,11 +21,11 @@ from omniwheel.cli import app
 from omniwheel.errors import LogError, OmniError
 from omniwheel.flashing.hex_file import read_hex
 from omniwheel.identification.sources import read_dataset
+from omniwheel.log_sources import read_run, read_tlog
 from omniwheel.logs.calibration import load_calibration
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import load_log, save_log
 from omniwheel.logs.mapping import read_mapping
-from omniwheel.logs.sources import read_run, read_tlog
 from omniwheel.mocap.recorded import COLUMNS, read_recording
 from omniwheel.robots import parameter_table, read_robot
 from tests.host.hex_files import hex_lines, teensy_program

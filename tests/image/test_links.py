@@ -19,8 +19,8 @@ pytest.importorskip("elftools")
 from pymavlink import mavutil
 
 import omniwheel
+from hil_sim.image_firmware import ImageFirmware
 from omniwheel.errors import FirmwareStartError, LinkError
-from omniwheel.image_firmware import ImageFirmware
 from omniwheel.robot import Robot
 from tests.host.test_mavproxy import (
     MavProxy,

@@ -10,6 +10,7 @@ import pytest
 
 from omni_reproduce import models
 from omni_reproduce.experiment import Context, read_spec
+from omni_reproduce.plant_runs import Case, simulate
 
 SPEC = read_spec("models")
 SPEC["drive"]["duration_s"] = 0.8
@@ -19,7 +20,7 @@ ROBOTS = SPEC["experiment"]["robots"]
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("plant", ["full", "slip", "linear"])
 def test_the_ledger_closes(robot: str, plant: str) -> None:
-    found = models.simulate(SPEC, models.Case(robot, plant, 1))
+    found = simulate(SPEC, Case(robot, plant, 1))
     assert found.taken_J > 1.0
     assert found.spent_J.sum() == pytest.approx(found.taken_J, rel=1e-3)
     assert (found.spent_J >= 0.0).all()
@@ -28,8 +29,8 @@ def test_the_ledger_closes(robot: str, plant: str) -> None:
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("plant", ["slip", "linear", "kinematic+motors", "kinematic"])
 def test_plants_agree_where_they_must_and_differ_where_they_leave_something_out(robot: str, plant: str) -> None:
-    full, light = (models.simulate(SPEC, models.Case(robot, "full", 2, limit)) for limit in (False, True))
-    other, other_light = (models.simulate(SPEC, models.Case(robot, plant, 2, limit)) for limit in (False, True))
+    full, light = (simulate(SPEC, Case(robot, "full", 2, limit)) for limit in (False, True))
+    other, other_light = (simulate(SPEC, Case(robot, plant, 2, limit)) for limit in (False, True))
     way = np.hypot(*np.diff(light.pose[:, :2], axis=0).T).sum()
     # Even a light body needs some microseconds where the kinematic plant needs none.
     assert np.hypot(*(other_light.pose - light.pose)[:, :2].T).max() < 3e-4 * way
@@ -37,7 +38,7 @@ def test_plants_agree_where_they_must_and_differ_where_they_leave_something_out(
 
 
 def test_every_hold_has_both_its_ends() -> None:
-    found = models.simulate(SPEC, models.Case("three_wheel", "full", 1))
+    found = simulate(SPEC, Case("three_wheel", "full", 1))
     repeated = np.flatnonzero(np.diff(found.time_s) == 0.0)
     assert len(repeated) == 1
     assert (found.pose[repeated] == found.pose[repeated + 1]).all()

@@ -10,6 +10,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from hil_sim.image_firmware import ImageFirmware
 from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from omniwheel.cli.common import JsonOption, examples, signals_interrupt
@@ -27,7 +28,6 @@ from omniwheel.cli.sitl import (
 from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.errors import FirmwareEndedError
 from omniwheel.firmware_child import FirmwareChild
-from omniwheel.image_firmware import ImageFirmware
 
 EXAMPLES = examples(
     "omni emulate                                # a robot in a simulated world, as omni sitl",

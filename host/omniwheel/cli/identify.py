@@ -11,6 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from hil_sim.known_robot import SimulatedRobot
 from omni_schema import Robot as RobotFile
 from omniwheel.cli import identify_logs
 from omniwheel.cli.common import (
@@ -33,7 +34,6 @@ from omniwheel.identification.motor_steps import MotorSteps, identify_motors
 from omniwheel.identification.physical import Known
 from omniwheel.identification.pipeline import Identification, identify_robot
 from omniwheel.identification.robot_file import write_robot_file
-from omniwheel.identification.simulation import SimulatedRobot
 from omniwheel.identification.sources import read_dataset
 from omniwheel.robot import DEFAULT_TIMEOUT_S
 from omniwheel.robots import free_robot_path, read_robot

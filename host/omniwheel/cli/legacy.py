@@ -37,7 +37,8 @@ from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettin
 from omniwheel.legacy.loop import SETTLE_S, Goal, LegacyLoop, LegacyRun
 from omniwheel.legacy.pwm_line import DEFAULT_BAUD, FULL_PWM, MOTORS, STOP_LINES, PwmRadio
 from omniwheel.link import Link, open_link, parse_url
-from omniwheel.mocap.source import MocapSource, open_source
+from omniwheel.mocap.source import MocapSource
+from omniwheel.mocap.streams import open_source
 from omniwheel.robots import read_robot
 
 app = typer.Typer(
@@ -263,7 +264,7 @@ def _radio_link(port: str, baud: int) -> Iterator[Link]:
 
 
 def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapSource, Link, Any]:
-    from omniwheel.legacy.simulated_robot import SimulatedLink, SimulatedRobot
+    from hil_sim.legacy_robot import SimulatedLink, SimulatedRobot
 
     simulated = SimulatedRobot(
         robot,

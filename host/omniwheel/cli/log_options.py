@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from omni_schema import Robot
+from omniwheel.log_sources import KINDS
 from omniwheel.logs.calibration import Calibration, calibration_path, load_calibration
-from omniwheel.logs.sources import KINDS
 from omniwheel.robots import find_robot_file, read_robot
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{KINDS}.")]

@@ -20,11 +20,11 @@ from omniwheel.cli.log_options import (
     TruthOption,
     robot_and_calibration,
 )
+from omniwheel.log_sources import open_log
 from omniwheel.logs.alignment import SEARCH_S, align
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import WheelLog, load_log, save_log
 from omniwheel.logs.mapping import read_mapping
-from omniwheel.logs.sources import open_log
 from omniwheel.replay import replay
 
 app = typer.Typer(help="Import, look at and align logs of any robot.", no_args_is_help=True)

@@ -22,7 +22,8 @@ from omniwheel.cli.common import (
 )
 from omniwheel.mocap.bridge import MESSAGES, Bridge, BridgeSettings, BridgeStatistics
 from omniwheel.mocap.recorded import RecordingWriter
-from omniwheel.mocap.source import MocapSource, open_source
+from omniwheel.mocap.source import MocapSource
+from omniwheel.mocap.streams import open_source
 from omniwheel.robot import DEFAULT_TIMEOUT_S
 
 app = typer.Typer(help="Send motion-capture poses to a robot, or record them.", no_args_is_help=True)

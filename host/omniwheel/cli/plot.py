@@ -8,10 +8,11 @@ from typing import Annotated
 
 import typer
 
-from hil_sim.summary import REPORT_FILE, load_run
+from hil_sim.summary import REPORT_FILE
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.run_output import RunFolderError
 from omniwheel.errors import OmniError
+from omniwheel.logs.run_folder import load_run
 
 EXAMPLES = examples("omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --out demo.png")
 

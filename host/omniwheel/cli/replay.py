@@ -20,9 +20,9 @@ from omniwheel.cli.log_options import (
     TruthOption,
     robot_and_calibration,
 )
+from omniwheel.log_sources import open_log
 from omniwheel.logs.alignment import Alignment, align, truth_at
 from omniwheel.logs.log import WheelLog
-from omniwheel.logs.sources import open_log
 from omniwheel.replay import Replay, fixes_from_truth, replay
 
 EXAMPLES = examples(

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hil_sim.report import GREY, INK, STYLE, WHEEL_COLOURS
 from omniwheel.files import save_figure
 from omniwheel.identification.log_study import LogStudy, Scored
 from omniwheel.logs.log import WheelLog
+from omniwheel.plot_style import GREY, INK, STYLE, WHEEL_COLOURS
 
 NOMINAL, HELD_OUT = WHEEL_COLOURS[1], WHEEL_COLOURS[0]
 COLUMNS = 3

@@ -13,9 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hil_sim.report import HEADING, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 from omniwheel.files import save_figure
 from omniwheel.legacy.pwm_line import FULL_PWM, MOTORS
+from omniwheel.plot_style import HEADING, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 
 _SIZE_IN, _DPI = (11.0, 6.6), 120
 

@@ -2,6 +2,7 @@
 """Poses from motion capture: Vicon, recorded and simulated streams, and the bridge that sends them to a robot."""
 
 from omniwheel.mocap.bridge import Bridge, BridgeSettings, BridgeStatistics
-from omniwheel.mocap.source import MocapPose, MocapSource, newest, open_source
+from omniwheel.mocap.source import MocapPose, MocapSource, newest
+from omniwheel.mocap.streams import open_source
 
 __all__ = ["Bridge", "BridgeSettings", "BridgeStatistics", "MocapPose", "MocapSource", "newest", "open_source"]

@@ -1,23 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""What every stream of motion-capture poses looks like, and how one is named.
-
-==========================  ==========================================================================
-``vicon:HOST/OBJECT``       Vicon DataStream server and the object's name in Tracker or Nexus
-``recorded:FILE``           a file of ``omni mocap record``, replayed with its own time stamps
-``simulated``               a robot that drives a circle, with noise, latency and drop-outs
-==========================  ==========================================================================
-"""
+"""What every stream of motion-capture poses looks like."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
-from omniwheel.errors import MocapSourceError
 from omniwheel.frames import Pose
+from omniwheel.moved import moved
 
-ALLOWED = "allowed are vicon:HOST/OBJECT, recorded:FILE, simulated"
 DEFAULT_TIMEOUT_S = 5.0
 
 
@@ -69,22 +60,4 @@ def newest(source: MocapSource, timeout_s: float) -> tuple[MocapPose | None, int
     return latest, max(0, overtaken)
 
 
-def open_source(name: str, *, seed: int = 1, timeout_s: float = DEFAULT_TIMEOUT_S) -> MocapSource:
-    """Open the stream that ``name`` means, in real time. ``seed`` is the simulated one's. Raises MocapError."""
-    kind, _, place = name.partition(":")
-    if kind == "vicon":
-        host, slash, subject = place.partition("/")
-        if not (host and slash and subject):
-            raise MocapSourceError(f"cannot understand {name!r}: a host and an object are needed", hint=ALLOWED)
-        from omniwheel.mocap.vicon import ViconSource
-
-        return ViconSource(host, subject, timeout_s=timeout_s)
-    if kind == "recorded" and place:
-        from omniwheel.mocap.recorded import RecordedSource
-
-        return RecordedSource(Path(place))
-    if name == "simulated":
-        from omniwheel.mocap.simulated import SimulatedSource
-
-        return SimulatedSource(seed=seed)
-    raise MocapSourceError(f"cannot understand the motion-capture stream {name!r}", hint=ALLOWED)
+__getattr__ = moved(__name__, dict.fromkeys(("ALLOWED", "open_source"), "omniwheel.mocap.streams"))

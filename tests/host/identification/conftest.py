@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hil_sim.known_robot import SimulatedRobot
 from omniwheel.identification import excitation
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.model import Layout, Model, layout_of
-from omniwheel.identification.simulation import SimulatedRobot
 from omniwheel.robots import read_robot
 
 Array = NDArray[np.float64]

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil_sim.known_robot import SimulatedRobot
 from omniwheel._core import ffi, lib
 from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.geometry import body_per_wheel, calibrate, odometry
 from omniwheel.identification.model import Layout
-from omniwheel.identification.simulation import SimulatedRobot
 
 
 def test_odometry_moves_as_the_cores_kinematics_say(layout: Layout) -> None:

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil_sim.known_robot import SimulatedRobot
 from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR, STAND, Layout
 from omniwheel.identification.motor_steps import dead_band, identify_motors
 from omniwheel.identification.physical import Known, physical
-from omniwheel.identification.simulation import SimulatedRobot
 
 
 def exact(names: tuple[str, ...], truth: dict[str, float]) -> Estimate:

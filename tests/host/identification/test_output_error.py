@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil_sim.known_robot import SimulatedRobot
 from omniwheel.errors import IdentificationError
 from omniwheel.identification import excitation, output_error
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.diagnostics import diagnose
 from omniwheel.identification.model import Layout, Model
 from omniwheel.identification.output_error import Fit, evaluate, identify
-from omniwheel.identification.simulation import SimulatedRobot
 from tests.host.identification.conftest import SHORT_S, TRUE, Array, model_run
 
 ENCODER_rad = 2.0 * np.pi / 10000.0

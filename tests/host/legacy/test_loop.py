@@ -13,13 +13,13 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.faults import Fault
+from hil_sim.legacy_robot import SimulatedArduino, SimulatedLink, SimulatedRobot
 from omniwheel.cli import app
 from omniwheel.errors import LegacyStopError, LinkLostError, MocapLostError
 from omniwheel.frames import Pose
 from omniwheel.legacy import Goal, LegacyController, LegacyLoop, LegacyRun, LegacySettings, PwmRadio
 from omniwheel.legacy.controller import legacy_values
 from omniwheel.legacy.pwm_line import STOP
-from omniwheel.legacy.simulated_robot import SimulatedArduino, SimulatedLink, SimulatedRobot
 from omniwheel.mocap.source import MocapPose
 from omniwheel.robots import read_robot
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
-from omniwheel.mocap.source import open_source
+from omniwheel.mocap.streams import open_source
 from omniwheel.mocap.vicon import LIBRARY, ViconSource, ViconStream, heading, load_library
 
 FAKE = Path(__file__).with_name("fake_vicon")

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: MIT
+"""The folder that a simulated run leaves: what the files in it are called, and how they are read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from omniwheel.npz_file import read_npz
+
+SUMMARY_FILE = "summary.json"
+RECORD_FILE = "record.npz"
+
+
+def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:
+    """Return summary and stored samples of a run folder. Raises FileNotFoundError or ValueError that names the file."""
+    path = folder / SUMMARY_FILE
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is not JSON: {error}") from error
+    samples = read_npz(folder / RECORD_FILE).get("samples")
+    if not isinstance(summary, dict) or not isinstance(summary.get("parameters"), dict):
+        raise ValueError(f"{path} is no summary of a run: it has no parameters")  # noqa: TRY004
+    if samples is None or samples.dtype.names is None or samples.ndim != 1 or not len(samples):
+        raise ValueError(f"{folder / RECORD_FILE} is no record of a run")
+    return summary, samples

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: MIT
+"""Streams of motion-capture poses by name.
+
+==========================  ==========================================================================
+``vicon:HOST/OBJECT``       Vicon DataStream server and the object's name in Tracker or Nexus
+``recorded:FILE``           a file of ``omni mocap record``, replayed with its own time stamps
+``simulated``               a robot that drives a circle, with noise, latency and drop-outs
+==========================  ==========================================================================
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omniwheel.errors import MocapSourceError
+from omniwheel.mocap.recorded import RecordedSource
+from omniwheel.mocap.simulated import SimulatedSource
+from omniwheel.mocap.source import DEFAULT_TIMEOUT_S, MocapSource
+from omniwheel.mocap.vicon import ViconSource
+
+ALLOWED = "allowed are vicon:HOST/OBJECT, recorded:FILE, simulated"
+
+
+def open_source(name: str, *, seed: int = 1, timeout_s: float = DEFAULT_TIMEOUT_S) -> MocapSource:
+    """Open the stream that ``name`` means, in real time. ``seed`` is the simulated one's. Raises MocapError."""
+    kind, _, place = name.partition(":")
+    if kind == "vicon":
+        host, slash, subject = place.partition("/")
+        if not (host and slash and subject):
+            raise MocapSourceError(f"cannot understand {name!r}: a host and an object are needed", hint=ALLOWED)
+        return ViconSource(host, subject, timeout_s=timeout_s)
+    if kind == "recorded" and place:
+        return RecordedSource(Path(place))
+    if name == "simulated":
+        return SimulatedSource(seed=seed)
+    raise MocapSourceError(f"cannot understand the motion-capture stream {name!r}", hint=ALLOWED)
