@@ -127,7 +127,7 @@ lint: $(VENV)/stamp-lint
 	$(BIN)/ruff format --check $(PYTHON_DIRS)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/python .ci/includes.py
+	$(BIN)/python -m tests.structure.includes
 	.ci/lint-c $(VENV)
 
 format: $(VENV)/stamp-lint

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: MIT
+"""C and C++ include in one direction only: `python -m tests.structure.includes` names what does not.
+
+The tables below are the rule. A folder may include what is in it, what its row lists, and headers of the system.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SUFFIXES = (".c", ".h", ".cpp", ".hpp", ".ino")
+CORE, CORE_API = "shared/core/src", "shared/core/include"
+
+ROOMS: Mapping[str, tuple[str, ...]] = {
+    "math": (),
+    "kinematics": ("math",),
+    "motor": ("math",),
+    "estimation": ("math", "kinematics", "motor"),
+    "trajectory": ("math", "kinematics", "motor"),
+    "safety": (),
+    "control": ("math", "kinematics", "motor", "trajectory"),
+    "robot": ("math", "kinematics", "motor", "estimation", "trajectory", "safety", "control"),
+}
+"""The core's rooms, and what each may use. A public header belongs to the room that has the source of its name."""
+
+BASE = ("types.h", "params_gen.h")
+"""Public headers of the core that every room may use."""
+ALL_OF_IT = "omni.h"
+"""The header that includes all public ones, for users of the core; no room of it needs that."""
+CORE_SYSTEM = ("stdbool.h", "stddef.h", "stdint.h", "string.h")
+"""All that the core takes from the compiler's library."""
+
+GENERATED = {
+    "omni/params_gen.h": "generated/tables",
+    "omni/wiring_gen.h": "generated/wiring",
+    "omni/version_gen.h": "generated/link",
+    "omni/mavlink.h": "generated/link",
+    "omni/familiar_messages.h": "generated/link",
+    "lanes_layout_gen.h": "generated/lanes",
+}
+"""Headers that the build writes, and what they are counted among."""
+
+_BOARD = ("firmware/app", "firmware/boards/common", CORE_API, "shared/link", "generated/link", "generated/wiring")
+AREAS: Mapping[str, tuple[str, ...]] = {
+    "shared/core": ("generated/tables",),
+    "shared/link": (),
+    "firmware/app": (CORE_API, "generated/link"),
+    "firmware/boards/common": ("firmware/app", CORE_API),
+    "firmware/boards/mps2_an500": _BOARD,
+    "firmware/boards/mps2_an500/base": (),  # the processor's own package: other programs of the tests stand on it, too
+    "firmware/boards/posix": _BOARD,
+    "firmware/boards/teensy40": _BOARD,
+    "hil_sim/include": (CORE_API, "shared/link"),
+    "hil_sim/src": ("hil_sim/include", CORE_API, "shared/link", "generated/link"),
+    "hil_sim/rt1062": ("hil_sim/include",),  # models of peripherals share nothing with the drivers that they test
+    "hil_sim/lanes": ("hil_sim/include", "hil_sim/src", CORE_API, CORE, "generated/lanes"),
+    "host/native": ("hil_sim/include", CORE_API),
+}
+"""What stands on what. The longest name that fits a file is its area."""
+
+SEARCHED = (
+    *(CORE_API, "shared/link/include", "hil_sim/include", "firmware", "firmware/boards/mps2_an500"),
+    *("hil_sim/src", "hil_sim/lanes", CORE),
+)
+"""Where a header is looked for after the including file's own folder."""
+
+WORLD = (
+    *("plant*.c", "world*.c", "motors.c", "sensors.c", "slip.c", "faults.c", "config.c", "dispersion.c", "drv8871.c"),
+    *("pca9685.c", "random.c"),
+)
+"""The simulated world in hil_sim/src. Of the core it knows the number types and not one law, through others neither."""
+WORLD_MAY = f"{CORE_API}/omni/types.h"
+
+_INCLUDE = re.compile(r'^\s*#\s*include\s+(["<])([^">]+)[">]', re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Include:
+    """One line: the file that it stands in, what it names, and the file or area that this is ("" for the system's)."""
+
+    file: str
+    line: int
+    name: str
+    target: str
+
+
+class IncludeError(Exception):
+    """A header in quotes that is nowhere."""
+
+
+def sources(root: Path) -> list[str]:
+    """Return the C and C++ files of all areas, in order."""
+    folders = [area for area in AREAS if not any(area.startswith(f"{other}/") for other in AREAS)]
+    paths = (path for folder in folders for path in (root / folder).rglob("*") if path.suffix in SUFFIXES)
+    return sorted(path.relative_to(root).as_posix() for path in paths)
+
+
+def includes(root: Path) -> Iterator[Include]:
+    """Yield all includes of all files. Raises IncludeError."""
+    files = sources(root)
+    known = set(files)
+    for file in files:
+        text = (root / file).read_text(encoding="utf-8")
+        for match in _INCLUDE.finditer(text):
+            yield Include(file, text.count("\n", 0, match.start(2)) + 1, match[2], _target(known, file, match))
+
+
+def _target(known: set[str], file: str, match: re.Match[str]) -> str:
+    name = match[2]
+    if name in GENERATED:
+        return GENERATED[name]
+    for folder in (posixpath.dirname(file), *SEARCHED):
+        found = posixpath.normpath(posixpath.join(folder, name))
+        if found in known:
+            return found
+    if match[1] == '"':
+        raise IncludeError(f"{file}: there is no {name}; if the build writes it, add it to GENERATED")
+    return ""
+
+
+def area_of(file: str) -> str:
+    """Return the area of a file, "" if it has none."""
+    fits = [area for area in AREAS if file.startswith(f"{area}/")]
+    return max(fits, key=len, default="")
+
+
+def room_of(root: Path, file: str) -> str:
+    """Return the room of one of the core's files; "" for the headers that belong to none."""
+    if file.startswith(f"{CORE}/"):
+        parts = file.removeprefix(f"{CORE}/").split("/")
+        return parts[0] if len(parts) > 1 else "?"
+    name = Path(file).name
+    if name in (*BASE, ALL_OF_IT):
+        return ""
+    rooms = [room for room in ROOMS if (root / CORE / room / name).with_suffix(".c").is_file()]
+    return rooms[0] if rooms else "?"
+
+
+def wrong(root: Path, include: Include) -> str:
+    """Return why an include must not be, or ""."""
+    own = area_of(include.file)
+    if not include.target:
+        known = own != "shared/core" or include.name in CORE_SYSTEM
+        return "" if known else f"the core takes nothing from the system but {', '.join(CORE_SYSTEM)}"
+    allowed = (own, *AREAS[own])
+    inside = area_of(include.target) == own or include.target.startswith(tuple(f"{place}/" for place in allowed))
+    if not inside and include.target not in allowed:
+        return f"{own} may include nothing but {', '.join(AREAS[own]) or 'its own'}"
+    return _wrong_room(root, include) if own == "shared/core" else ""
+
+
+def _wrong_room(root: Path, include: Include) -> str:
+    if Path(include.file).name == ALL_OF_IT or include.target.startswith("generated/"):
+        return ""
+    if Path(include.target).name == ALL_OF_IT:
+        return f"the core's own files include what they use, not {ALL_OF_IT}"
+    own, other = room_of(root, include.file), room_of(root, include.target)
+    for file, room in ((include.file, own), (include.target, other)):
+        if room and room not in ROOMS:
+            return f"{file} is in no room: add it to ROOMS or BASE"
+    if own and other in ("", own, *ROOMS[own]):
+        return ""
+    return f"{own or 'a header of all rooms'} may not use {other}" if other else ""
+
+
+def _reached(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
+    found: set[str] = set()
+    left = [start]
+    while left:
+        new = set(edges.get(left.pop(), ())) - found
+        found |= new
+        left += new
+    return found
+
+
+def check(root: Path = ROOT) -> list[str]:
+    """Return a sentence for every include in a wrong direction. Raises IncludeError."""
+    found = list(includes(root))
+    sentences = [f"{i.file}:{i.line}: includes {i.name}: {why}" for i in found if (why := wrong(root, i))]
+    edges: dict[str, set[str]] = {}
+    for include in found:
+        edges.setdefault(include.file, set()).add(include.target)
+    for path in (path for pattern in WORLD for path in sorted((root / "hil_sim/src").glob(pattern))):
+        file = path.relative_to(root).as_posix()
+        core = {name for name in _reached(file, edges) if name.startswith("shared/core/")} - {WORLD_MAY}
+        sentences += [f"{file}: the simulated world knows {name}, one of the controller's" for name in sorted(core)]
+    return sentences
+
+
+def main() -> int:
+    """Print what is wrong and return the exit code."""
+    try:
+        sentences = check()
+    except IncludeError as error:
+        sentences = [str(error)]
+    for sentence in sentences:
+        sys.stderr.write(f"{sentence}\n")
+    return 1 if sentences else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
