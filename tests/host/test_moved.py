@@ -18,6 +18,7 @@ MOVED = [
     ("omniwheel.logs.sources", "omniwheel.log_sources", "open_log"),
     ("omniwheel.logs.sources", "omniwheel.log_sources", "read_tlog"),
     ("omniwheel.mocap.source", "omniwheel.mocap.streams", "open_source"),
+    ("omniwheel.signing", "omniwheel.default_key", "set_default_key"),
     ("hil_sim.report", "omniwheel.plot_style", "GREY"),
     ("hil_sim.summary", "omniwheel.logs.run_folder", "load_run"),
 ]
