@@ -64,7 +64,7 @@ void ControlLoop::restart() {
         fixes_.drop();
     }
     flags_.fetch_and(OMNI_EVENT_ESTOP);
-    if (robot_.state == OMNI_STATE_ESTOP && !released) {
+    if (robot_.supervisor.state == OMNI_STATE_ESTOP && !released) {
         stop(OMNI_EVENT_ESTOP);
     }
     plans.withdraw();

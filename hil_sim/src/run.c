@@ -32,7 +32,7 @@ void hil_run_copy(hil_run_t *to, const hil_run_t *from) {
     *to = *from;
     to->record = NULL;
     to->robot.config = &to->config[from->robot.config - from->config];
-    to->robot.trajectory = same_plan(to, from, from->robot.trajectory);
+    to->robot.guide.trajectory = same_plan(to, from, from->robot.guide.trajectory);
     to->inputs.trajectory = same_plan(to, from, from->inputs.trajectory);
 }
 

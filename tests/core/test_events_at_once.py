@@ -41,7 +41,7 @@ def bench_in(state: str, fault: bool) -> Bench:
         bench.tick(lib.OMNI_EVENT_ARM)
         bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.0, 0.0, 0.3))
         bench.tick(count=100)
-    bench.robot.state = getattr(lib, f"OMNI_STATE_{state}")
+    bench.robot.supervisor.state = getattr(lib, f"OMNI_STATE_{state}")
     bench.inputs.faults = lib.OMNI_FAULT_OVERRUN if fault else 0
     bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.0, 0.0, 0.3))
     return bench

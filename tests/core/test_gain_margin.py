@@ -41,7 +41,7 @@ def sensitivity(bench: Bench, out: Any) -> Any:
 @pytest.mark.parametrize("mode", ["POSE", "SLIP"])
 def test_margin_is_k_less_three_sigma_of_the_slip_error(preset: str, mode: str) -> None:
     bench, out = driving(preset, EKF_MODE=float(getattr(lib, f"OMNI_EKF_MODE_{mode}")))
-    n, ekf = bench.wheels, bench.robot.pose_ekf
+    n, ekf = bench.wheels, bench.robot.estimator.pose_ekf
     rows = sensitivity(bench, out)
     cover, left = np.eye(n) * bench.values[lib.OMNI_PARAM_EKF_P_SLIP] ** 2, np.zeros(n)
     if mode == "SLIP":  # no fix has come, so nothing is fed forward

@@ -28,7 +28,7 @@ def test_wheel_loops_start_afresh_after_something_else_drove_the_wheels(between:
     for _ in range(100):
         bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.0, 0.0, 0.4))
         bench.tick(count=10)
-    assert max(abs(bench.robot.wheel_speed.pid[i].integral) for i in range(3)) > 2.0
+    assert max(abs(bench.robot.control.wheel_speed.pid[i].integral) for i in range(3)) > 2.0
     if between != "duty":
         controlled(bench, between)
     for _ in range(100):
@@ -109,7 +109,7 @@ def test_a_position_integral_does_not_wait_for_the_next_pose(mode: str, kind: st
     for _ in range(20):
         bench.command(lib.OMNI_SETPOINT_POSE, pose=(STOOD_m, 0.0, 0.0))
         bench.tick(count=10)
-    state = bench.robot.fl if mode == "PID" else bench.robot.ismc
+    state = bench.robot.control.fl if mode == "PID" else bench.robot.control.ismc
     assert abs(state.integral[0]) > 1e-5
     bench.command(getattr(lib, f"OMNI_SETPOINT_{kind}"))
     bench.tick(count=5)

@@ -20,7 +20,7 @@ def test_an_estimate_that_is_no_number_stops_the_motors(member: str, bad: float)
     bench.arm()
     bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.1, 0.0, 0.0))
     assert not silent(bench.tick(count=20))
-    setattr(bench.robot.pose_ekf.pose, member, bad)
+    setattr(bench.robot.estimator.pose_ekf.pose, member, bad)
     out = bench.tick()
     assert out.faults & lib.OMNI_FAULT_NOT_FINITE
     assert silent(out)

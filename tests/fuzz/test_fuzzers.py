@@ -62,7 +62,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "motors driven while disarmed": (
         "app",
         "shared/core/src/robot/robot.c",
-        "finite && robot->state == OMNI_STATE_ARMED;",
+        "finite && supervisor->state == OMNI_STATE_ARMED;",
         "finite;",
         "no motor is driven",
     ),
@@ -83,8 +83,8 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "an emergency stop that another host in the loop forgets": (
         "sequence",
         "firmware/app/control_loop.cpp",
-        "if (robot_.state == OMNI_STATE_ESTOP && !released) {",
-        "if (robot_.state == OMNI_STATE_ESTOP && released) {",
+        "if (robot_.supervisor.state == OMNI_STATE_ESTOP && !released) {",
+        "if (robot_.supervisor.state == OMNI_STATE_ESTOP && released) {",
         "who was stopped does not say",
     ),
     "an emergency stop that a restart forgets": (

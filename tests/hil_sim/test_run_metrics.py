@@ -110,7 +110,7 @@ def test_a_copy_goes_on_like_the_original() -> None:
         lib.hil_run_advance(run.c, 800)
     assert state(one) == state(other)
     assert other.c.robot.config == ffi.addressof(other.c.config[1])
-    assert other.c.robot.trajectory == ffi.addressof(other.c.plan[other.c.plan_used])
+    assert other.c.robot.guide.trajectory == ffi.addressof(other.c.plan[other.c.plan_used])
 
 
 def test_measuring_changes_nothing() -> None:

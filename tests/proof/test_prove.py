@@ -55,8 +55,8 @@ MUTANTS = {
     "duties of the tick that are not limited": (
         "tick_three",
         "robot/robot.c",
-        "omni_clampf(out->duty[i], -1.0f, 1.0f)",
-        "out->duty[i]",
+        "omni_clampf(actuation->duty[i], -1.0f, 1.0f)",
+        "actuation->duty[i]",
     ),
     "parameters that may be NaN": ("config", "robot/params.c", "if (!omni_is_finite(value)) {", "if (false) {"),
     "parameters beyond their range": (

@@ -65,9 +65,10 @@ class Eight:
         if member == "ticks":
             return bytes(ffi.buffer(ffi.addressof(run, "ticks")))
         copy = ffi.new(ffi.typeof(getattr(run, member)).cname + " *", getattr(run, member))
-        if member in ("robot", "inputs"):
+        if member == "inputs":
             copy.trajectory = ffi.NULL
         if member == "robot":
+            copy.guide.trajectory = ffi.NULL
             copy.config = ffi.NULL
         return bytes(ffi.buffer(copy))
 

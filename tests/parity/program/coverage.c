@@ -31,10 +31,10 @@ static void note_armed(coverage_t *coverage, const scene_t *scene) {
     ++coverage->driven[out->setpoint_kind][out->controller];
     ++coverage->wheels[c->kinematics.wheels];
     ++coverage->phase[out->reference.phase];
-    coverage->held += scene->robot.control_ticks > 1 ? 1u : 0u;
+    coverage->held += scene->robot.control.ticks > 1 ? 1u : 0u;
     coverage->cut += out->wheel_scale < 1.0f || out->duty_scale < 1.0f ? 1u : 0u;
     if (out->setpoint_kind == OMNI_SETPOINT_TRAJECTORY && out->reference.phase == OMNI_PHASE_PATH) {
-        const omni_trajectory_config_t *path = &scene->robot.trajectory->config;
+        const omni_trajectory_config_t *path = &scene->robot.guide.trajectory->config;
         ++coverage->path[path->type][path->rotation];
     }
     if (out->controller == OMNI_CTL_MODE_ISMC) {
@@ -45,7 +45,7 @@ static void note_armed(coverage_t *coverage, const scene_t *scene) {
 void coverage_note(coverage_t *coverage, const scene_t *scene) {
     const omni_outputs_t *out = &scene->outputs;
     const omni_robot_config_t *c = scene->robot.config;
-    const uint32_t used = scene->robot.pose_ekf.accepted;
+    const uint32_t used = scene->robot.estimator.pose_ekf.accepted;
     ++coverage->state[out->state];
     ++coverage->wheel_filter[c->motor_kf.mode];
     ++coverage->pose_filter[c->pose_ekf.mode];
@@ -53,9 +53,11 @@ void coverage_note(coverage_t *coverage, const scene_t *scene) {
     if (out->state == OMNI_STATE_FAILSAFE) {
         note_bits(coverage->history, out->fault_history);
     }
-    coverage->fixes_used += scene->inputs.has_fix && scene->robot.pose_ekf.last_fix_us == scene->now_us && used > 0 ? 1u : 0u;
-    coverage->fixes_refused += scene->inputs.has_fix && scene->robot.pose_ekf.last_fix_us != scene->now_us ? 1u : 0u;
-    coverage->restarts += scene->robot.pose_ekf.restarts > 0 && scene->robot.pose_ekf.last_fix_us == scene->now_us ? 1u : 0u;
+    coverage->fixes_used +=
+        scene->inputs.has_fix && scene->robot.estimator.pose_ekf.last_fix_us == scene->now_us && used > 0 ? 1u : 0u;
+    coverage->fixes_refused += scene->inputs.has_fix && scene->robot.estimator.pose_ekf.last_fix_us != scene->now_us ? 1u : 0u;
+    coverage->restarts +=
+        scene->robot.estimator.pose_ekf.restarts > 0 && scene->robot.estimator.pose_ekf.last_fix_us == scene->now_us ? 1u : 0u;
     if (out->state == OMNI_STATE_ARMED) {
         note_armed(coverage, scene);
     }

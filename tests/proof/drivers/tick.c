@@ -28,33 +28,33 @@ static bool make_config(int wheels, omni_real_t ekf_mode) {
 static void make_state(void) {
     ANYTHING(robot);
     robot.config = &config;
-    robot.trajectory = NULL;
-    robot.pose_ekf.newest = (uint16_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
-    robot.pose_ekf.filled = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
-    robot.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
-    robot.state = (omni_safety_state_t)Frama_C_interval(0, OMNI_STATE_COUNT - 1);
-    robot.original.tick = (uint16_t)Frama_C_interval(0, config.original.period_ticks - 1);
+    robot.guide.trajectory = NULL;
+    robot.estimator.pose_ekf.newest = (uint16_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
+    robot.estimator.pose_ekf.filled = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
+    robot.estimator.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
+    robot.supervisor.state = (omni_safety_state_t)Frama_C_interval(0, OMNI_STATE_COUNT - 1);
+    robot.control.original.tick = (uint16_t)Frama_C_interval(0, config.original.period_ticks - 1);
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        robot.original.moved_counts[i] = Frama_C_interval(-19 * LARGEST_DELTA, 19 * LARGEST_DELTA); /* proof original */
+        robot.control.original.moved_counts[i] = Frama_C_interval(-19 * LARGEST_DELTA, 19 * LARGEST_DELTA); /* proof original */
     }
-    robot.original.next = (uint8_t)Frama_C_interval(0, OMNI_ORIGINAL_WINDOW - 1);
+    robot.control.original.next = (uint8_t)Frama_C_interval(0, OMNI_ORIGINAL_WINDOW - 1);
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        robot.wheel_speed.pid[i].primed = any_bool();
+        robot.control.wheel_speed.pid[i].primed = any_bool();
     }
-    robot.primed = any_bool();
-    robot.saturated = any_bool();
-    robot.uncovered = any_bool();
-    robot.off_track = any_bool();
+    robot.estimator.primed = any_bool();
+    robot.applied.saturated = any_bool();
+    robot.margin.uncovered = any_bool();
+    robot.applied.off_track = any_bool();
 }
 
 /* What make_state takes for granted holds again. */
 static void check_state(void) {
-    /*@ check newest: robot.pose_ekf.newest < OMNI_EKF_HISTORY; */
-    /*@ check filled: robot.pose_ekf.filled < OMNI_EKF_HISTORY; */
-    /*@ check slot_tick: robot.pose_ekf.slot_tick < OMNI_EKF_SLOT_TICKS; */
-    /*@ check window: robot.original.next < OMNI_ORIGINAL_WINDOW; */
-    /*@ check original_tick: robot.original.tick < config.original.period_ticks; */
-    /*@ check robot_state: robot.state < OMNI_STATE_COUNT; */
+    /*@ check newest: robot.estimator.pose_ekf.newest < OMNI_EKF_HISTORY; */
+    /*@ check filled: robot.estimator.pose_ekf.filled < OMNI_EKF_HISTORY; */
+    /*@ check slot_tick: robot.estimator.pose_ekf.slot_tick < OMNI_EKF_SLOT_TICKS; */
+    /*@ check window: robot.control.original.next < OMNI_ORIGINAL_WINDOW; */
+    /*@ check original_tick: robot.control.original.tick < config.original.period_ticks; */
+    /*@ check robot_state: robot.supervisor.state < OMNI_STATE_COUNT; */
 }
 
 static void make_inputs(void) {

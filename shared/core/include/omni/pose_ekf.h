@@ -87,6 +87,10 @@ typedef struct omni_pose_ekf_state_t {
 void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,
                          omni_real_t sd_xy, omni_real_t sd_theta);
 
+/** Start at `pose`, known as well as a pose fix is by default. @param time_us robot clock; 0: no tick yet. */
+void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,
+                            uint64_t time_us);
+
 /**
  * One tick of motion. @param wheel_delta_rad angle each wheel turned since the last tick, OMNI_MAX_WHEELS entries; a tick with
  * a value that isn't finite counts as no motion. @param time_us robot clock; a longer step brings proportionally more noise.

@@ -168,42 +168,72 @@ typedef enum omni_driver_t {
     OMNI_DRIVER_TORQUE
 } omni_driver_t;
 
-/** State of the whole core. Opaque by convention: use the functions. */
-typedef struct omni_robot_t {
-    const omni_robot_config_t *config;
+/** What the estimating stage keeps from tick to tick. */
+typedef struct omni_estimator_t {
+    uint64_t last_time_us;
     omni_motor_kf_state_t motor_kf[OMNI_MAX_WHEELS];
+    omni_int_t last_counts[OMNI_MAX_WHEELS];
+    omni_real_t guessed_rad[OMNI_MAX_WHEELS]; /**< turned since the last valid count, as far as the pose has been told */
+    uint32_t encoder_ticks[OMNI_MAX_WHEELS];  /**< ticks in a row without a valid count */
+    bool primed;                              /**< last_* hold a first sample */
     omni_pose_ekf_state_t pose_ekf;
+} omni_estimator_t;
+
+/** What the supervising stage keeps: the safety state, and for how long things have looked wrong. */
+typedef struct omni_supervisor_t {
+    uint64_t armed_since_us;
+    omni_safety_state_t state;
+    uint32_t fault_history;                 /**< stop faults since arming */
+    omni_real_t stalled_s[OMNI_MAX_WHEELS]; /**< how long each wheel has looked stalled or reversed */
+    uint32_t battery_ticks;                 /**< ticks in a row with too little voltage */
+} omni_supervisor_t;
+
+/** What the referencing stage keeps. */
+typedef struct omni_guide_t {
+    uint64_t trajectory_start_us;
+    const omni_trajectory_t *trajectory; /**< being followed, or NULL */
+    omni_pose_t governed;                /**< reference on its way to a pose set-point; the pose held otherwise */
+    omni_twist_t ramped;                 /**< its rate (world), or the ramped velocity demand (body) */
+    uint8_t last_kind;                   /**< set-point kind of the last tick */
+} omni_guide_t;
+
+/** What the controlling stage keeps. */
+typedef struct omni_control_state_t {
     omni_ismc_state_t ismc;
     omni_fl_state_t fl;
-    omni_original_state_t original;
     omni_wheel_speed_state_t wheel_speed;
-    uint8_t control_ticks;                        /**< ticks since the position controller's last step began its period */
-    omni_control_terms_t held_terms;              /**< of that step, in force until the next */
+    uint8_t last_controller;                      /**< enum omni_ctl_mode of the last tick */
+    uint8_t last_driver;                          /**< omni_driver_t that last had the wheels */
+    uint8_t ticks;                                /**< since the position controller's last step began its period */
+    omni_control_terms_t terms;                   /**< of that step, in force until the next */
     omni_twist_t held_twist;                      /**< its wanted body twist */
     omni_real_t held_torque_N_m[OMNI_MAX_WHEELS]; /**< or its torques */
     omni_real_t held_scale;                       /**< what eq. 30 left of them */
-    omni_safety_state_t state;
-    uint64_t last_time_us;
-    uint64_t trajectory_start_us;
-    const omni_trajectory_t *trajectory;
-    omni_pose_t governed; /**< reference on its way to a pose set-point; the pose held otherwise */
-    omni_twist_t ramped;  /**< its rate (world), or the ramped velocity demand (body) */
-    omni_real_t last_voltage_V[OMNI_MAX_WHEELS];
-    omni_int_t last_counts[OMNI_MAX_WHEELS];
-    omni_real_t guessed_rad[OMNI_MAX_WHEELS]; /**< turned since the last valid count, as far as the pose has been told */
-    omni_real_t stalled_s[OMNI_MAX_WHEELS];   /**< how long each wheel has looked stalled or reversed */
-    uint32_t encoder_ticks[OMNI_MAX_WHEELS];  /**< ticks in a row without a valid count */
-    uint32_t battery_ticks;                   /**< ticks in a row with too little voltage */
-    omni_real_t uncovered_s;                  /**< how long condition 44 has been violated */
-    uint64_t armed_since_us;
-    uint32_t fault_history;
-    uint8_t last_controller;
-    uint8_t last_driver;   /**< omni_driver_t that last had the wheels */
-    uint8_t last_kind;     /**< set-point kind of the last tick */
-    bool primed;           /**< last_* hold a first sample */
-    omni_flag_t saturated; /**< the last tick cut wheel speeds or duties */
-    omni_flag_t uncovered; /**< condition 44 counts as violated */
-    bool off_track;        /**< the last tick's pose error was beyond the limit */
+    omni_original_state_t original;
+} omni_control_state_t;
+
+/** What the judgement of condition 44 keeps. */
+typedef struct omni_gain_margin_t {
+    omni_real_t uncovered_s; /**< how long the condition has been violated */
+    omni_flag_t uncovered;   /**< it counts as violated */
+} omni_gain_margin_t;
+
+/** What the last tick did: the filters predict with it, and the supervision judges it. */
+typedef struct omni_applied_t {
+    omni_real_t voltage_V[OMNI_MAX_WHEELS]; /**< in the wheel's direction */
+    omni_flag_t saturated;                  /**< wheel speeds or duties were cut */
+    bool off_track;                         /**< the pose error was beyond the limit */
+} omni_applied_t;
+
+/** State of the whole core, by stage of the tick. Opaque by convention: use the functions. */
+typedef struct omni_robot_t {
+    const omni_robot_config_t *config;
+    omni_applied_t applied;
+    omni_supervisor_t supervisor;
+    omni_guide_t guide;
+    omni_gain_margin_t margin;
+    omni_control_state_t control;
+    omni_estimator_t estimator;
 } omni_robot_t;
 
 /** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */

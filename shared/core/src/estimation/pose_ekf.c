@@ -43,6 +43,12 @@ void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
     omni_sincosf(state->pose.theta, &state->slot_sine, &state->slot_cosine);
 }
 
+void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,
+                            uint64_t time_us) {
+    omni_pose_ekf_reset(state, config, pose, omni_sqrtf(config->r_xy), omni_sqrtf(config->r_theta));
+    state->time_us = time_us;
+}
+
 /* sum + carry += increment, with the part that rounding drops kept in carry. */
 static void accumulate(omni_real_t *sum, omni_real_t *carry, omni_real_t increment) {
     const omni_real_t whole = increment + *carry;

@@ -4,93 +4,132 @@
 #include <string.h>
 
 #include "../math/math_inline.h"
+#include "omni/kinematics.h"
 #include "robot_internal.h"
 
 void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
     const omni_pose_t origin = {0.0f, 0.0f, 0.0f};
     memset(robot, 0, sizeof *robot);
     robot->config = config;
-    robot->state = OMNI_STATE_INIT;
+    robot->supervisor.state = OMNI_STATE_INIT;
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        omni_motor_kf_reset(&robot->motor_kf[i], &config->motor_kf);
+        omni_motor_kf_reset(&robot->estimator.motor_kf[i], &config->motor_kf);
     }
-    omni_pose_ekf_reset(&robot->pose_ekf, &config->pose_ekf, &origin, omni_sqrtf(config->pose_ekf.r_xy),
-                        omni_sqrtf(config->pose_ekf.r_theta));
-    omni_ismc_reset(&robot->ismc);
-    omni_fl_reset(&robot->fl);
-    omni_original_reset(&robot->original);
-    omni_wheel_speed_reset(&robot->wheel_speed);
-    robot->last_controller = config->controller;
+    omni_pose_ekf_set_pose(&robot->estimator.pose_ekf, &config->pose_ekf, &origin, 0);
+    omni_robot_control_reset(&robot->control);
+    robot->control.last_controller = config->controller;
 }
 
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config) {
     robot->config = config;
 }
 
-/* Last line of defence: what is not finite or not wanted never leaves the tick. */
-static void seal(omni_robot_t *robot, omni_tick_t *tick) {
-    omni_outputs_t *out = tick->out;
-    const bool finite = omni_all_finite(out->duty, OMNI_MAX_WHEELS);
-    if (!finite) {
-        tick->faults |= OMNI_FAULT_NOT_FINITE;
-        robot->fault_history |= OMNI_FAULT_NOT_FINITE;
-        robot->state = omni_safety_next(robot->state, OMNI_SAFETY_FAULT);
+/* Events that move the estimate or the trajectory, and those that the safety table knows. */
+static void apply_events(omni_robot_t *robot, const omni_inputs_t *inputs, omni_uint_t faults, omni_estimate_t *estimate) {
+    if ((inputs->events & OMNI_EVENT_SET_POSE) != 0 && robot->supervisor.state != OMNI_STATE_ARMED &&
+        omni_pose_is_finite(&inputs->pose)) {
+        omni_robot_set_pose(&robot->estimator, robot->config, inputs, estimate);
     }
-    out->drive = finite && robot->state == OMNI_STATE_ARMED;
-    /*@ split out->drive; */
-    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        const omni_real_t duty = out->drive ? omni_clampf(out->duty[i], -1.0f, 1.0f) : 0.0f;
-        out->voltage_V[i] = duty * out->supply_V;
-        robot->last_voltage_V[i] = out->voltage_V[i];
-        /* from the wheel's direction to the motor's */
-        out->duty[i] = robot->config->motor_direction[i] < 0 ? -duty : duty;
+    omni_robot_guide_events(&robot->guide, inputs, estimate);
+    if (omni_robot_transition(&robot->supervisor, inputs, faults)) {
+        omni_robot_guide_arm(&robot->guide, inputs, estimate);
+        omni_robot_control_reset(&robot->control);
     }
 }
 
-/* A filter that has met a number it cannot digest starts over instead of staying lost. */
-static void heal(omni_robot_t *robot, const omni_tick_t *tick) {
-    const omni_robot_config_t *c = robot->config;
-    const bool finite = omni_all_finite(tick->out->wheel_rad_s, c->kinematics.wheels);
-    for (uint8_t i = 0; !finite && i < c->kinematics.wheels; ++i) {
-        if (!omni_is_finite(tick->out->wheel_rad_s[i])) {
-            omni_motor_kf_reset(&robot->motor_kf[i], &c->motor_kf);
-        }
+/* Last line of defence: what is not finite or not wanted never leaves the tick. @return what that says of the robot. */
+static omni_uint_t seal(omni_supervisor_t *supervisor, omni_real_t supply_V, omni_applied_t *applied,
+                        omni_actuation_t *actuation) {
+    const bool finite = omni_all_finite(actuation->duty, OMNI_MAX_WHEELS);
+    if (!finite) {
+        omni_robot_stop(supervisor, OMNI_FAULT_NOT_FINITE);
     }
-    if (!omni_pose_is_finite(&tick->out->pose)) {
-        const omni_pose_t origin = {0.0f, 0.0f, 0.0f};
-        omni_pose_ekf_reset(&robot->pose_ekf, &c->pose_ekf, &origin, c->limits.position_m, OMNI_PI_F);
+    actuation->drive = finite && supervisor->state == OMNI_STATE_ARMED;
+    /*@ split actuation->drive; */
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        actuation->duty[i] = actuation->drive ? omni_clampf(actuation->duty[i], -1.0f, 1.0f) : 0.0f;
+        applied->voltage_V[i] = actuation->duty[i] * supply_V;
     }
+    return finite ? (omni_uint_t)0u : (omni_uint_t)OMNI_FAULT_NOT_FINITE;
+}
+
+static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
+                            const omni_estimate_t *estimate, omni_outputs_t *outputs) {
+    const bool filtered = config->motor_kf.mode != OMNI_KF_MODE_OFF;
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        outputs->current_A[i] = filtered && i < config->kinematics.wheels ? estimator->motor_kf[i].x[2] : 0.0f;
+    }
+    memcpy(outputs->wheel_rad_s, estimate->wheel_rad_s, sizeof outputs->wheel_rad_s);
+    memcpy(outputs->slip_m_s, estimate->slip_m_s, sizeof outputs->slip_m_s);
+    outputs->slip_residual_m_s = omni_kinematics_slip_residual(&config->kinematics, estimate->wheel_rad_s);
+    outputs->supply_V = estimate->supply_V;
+    outputs->pose = estimate->pose;
+    outputs->rate = estimate->rate;
+    memcpy(outputs->pose_sd, estimate->pose_sd, sizeof outputs->pose_sd);
+    outputs->nis = estimate->nis;
+    outputs->fixes_accepted = estimate->fixes_accepted;
+    outputs->fixes_refused = estimate->fixes_refused;
+}
+
+static void report_control(const omni_robot_t *robot, const omni_target_t *target, const omni_actuation_t *actuation,
+                           omni_outputs_t *outputs) {
+    outputs->drive = actuation->drive;
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        const omni_real_t duty = actuation->duty[i];
+        outputs->duty[i] = robot->config->motor_direction[i] < 0 ? -duty : duty;
+    }
+    memcpy(outputs->voltage_V, robot->applied.voltage_V, sizeof outputs->voltage_V);
+    memcpy(outputs->wheel_reference, actuation->wheel_reference, sizeof outputs->wheel_reference);
+    outputs->wheel_scale = actuation->wheel_scale;
+    outputs->duty_scale = actuation->duty_scale;
+    outputs->reference = target->reference;
+    outputs->setpoint_kind = target->kind;
+    if (target->position_loop) {
+        outputs->terms = robot->control.terms;
+    } else {
+        memset(&outputs->terms, 0, sizeof outputs->terms);
+    }
+}
+
+/* From the safety state on: what is wanted, what the wheels are given, and what is told of it. */
+static void act(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t kind,
+                omni_uint_t faults, omni_outputs_t *outputs)
+    /* Its frame is not to be on the stack while the pose filter has the deepest of the tick. */
+    __attribute__((noinline));
+
+static void act(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t kind,
+                omni_uint_t faults, omni_outputs_t *outputs) {
+    const omni_robot_config_t *config = robot->config;
+    omni_target_t target;
+    omni_actuation_t actuation;
+    omni_real_t margin[OMNI_AXES];
+    target.armed = robot->supervisor.state == OMNI_STATE_ARMED;
+    omni_robot_reference(&robot->guide, config, inputs, estimate, kind, &target);
+    omni_robot_control(&robot->control, config, inputs, estimate, &target, &robot->applied, &actuation);
+    faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target, margin);
+    faults |= seal(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
+    report_estimate(&robot->estimator, config, estimate, outputs);
+    report_control(robot, &target, &actuation, outputs);
+    memcpy(outputs->ismc_margin, margin, sizeof outputs->ismc_margin);
+    outputs->time_us = inputs->time_us;
+    outputs->state = (uint8_t)robot->supervisor.state;
+    outputs->controller = config->controller;
+    outputs->faults = faults;
+    outputs->fault_history = robot->supervisor.fault_history;
+    outputs->config_sequence = config->sequence;
 }
 
 void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs) {
-    omni_tick_t tick; /* per wheel: as many entries as there are wheels */
-    memset(outputs, 0, sizeof *outputs);
-    tick.in = inputs;
-    tick.out = outputs;
-    tick.faults = 0;
-    tick.kind = OMNI_SETPOINT_NONE;
-    tick.position_loop = false;
-    tick.body_rate = (omni_twist_t){0.0f, 0.0f, 0.0f};
-    omni_robot_estimate(robot, &tick);
-    omni_robot_supervise(robot, &tick);
-    omni_robot_transition(robot, &tick);
-    omni_robot_reference(robot, &tick);
-    omni_robot_control(robot, &tick);
-    omni_robot_gain_margin(robot, &tick);
-    seal(robot, &tick);
-    heal(robot, &tick);
-    robot->last_controller = robot->config->controller;
-    robot->last_kind = tick.kind;
-    outputs->time_us = inputs->time_us;
-    outputs->state = (uint8_t)robot->state;
-    outputs->controller = robot->config->controller;
-    outputs->setpoint_kind = tick.kind;
-    outputs->faults = tick.faults;
-    outputs->fault_history = robot->fault_history;
-    outputs->config_sequence = robot->config->sequence;
+    omni_estimate_t estimate;
+    uint8_t kind;
+    omni_uint_t faults = omni_robot_estimate(&robot->estimator, robot->config, inputs, &robot->applied, &estimate);
+    faults |= omni_robot_supervise(&robot->supervisor, robot->config, inputs, &estimate, &robot->applied, &kind);
+    apply_events(robot, inputs, faults, &estimate);
+    act(robot, inputs, &estimate, kind, faults, outputs);
+    omni_robot_restart_filters(&robot->estimator, robot->config, &estimate);
 }
 
 uint32_t omni_robot_arming_faults(const omni_robot_t *robot, const omni_outputs_t *last) {
     const uint32_t faults = (uint32_t)(last->faults & (uint32_t)OMNI_FAULT_STOP_MASK);
-    return robot->state == OMNI_STATE_DISARMED ? faults : faults | (uint32_t)OMNI_FAULT_CONFIG;
+    return robot->supervisor.state == OMNI_STATE_DISARMED ? faults : faults | (uint32_t)OMNI_FAULT_CONFIG;
 }

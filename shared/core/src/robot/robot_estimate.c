@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "../estimation/pose_ekf_inline.h"
 #include "../kinematics/kinematics_inline.h"
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
@@ -12,20 +13,22 @@ static omni_int_t largest_step(const omni_robot_config_t *c, omni_real_t supply_
     return omni_select(counts < 1e6f, (omni_int_t)counts + 4, 1000000);
 }
 
-static void elapse(omni_robot_t *robot, omni_tick_t *tick) {
-    const uint64_t now = tick->in->time_us;
-    tick->steps = 0;
-    if (robot->primed) {
-        const uint64_t elapsed = now - robot->last_time_us;
-        if (now <= robot->last_time_us || elapsed > (uint64_t)OMNI_TICK_JUMP_US) {
-            tick->faults |= OMNI_FAULT_TIME;
-            tick->steps = 1;
+/* Tick periods since the last tick, 0 on the first, 1 if nobody can tell. */
+static omni_uint_t count_steps(omni_estimator_t *estimator, uint64_t now, uint32_t *steps) {
+    omni_uint_t faults = 0;
+    *steps = 0;
+    if (estimator->primed) {
+        const uint64_t elapsed = now - estimator->last_time_us;
+        *steps = 1;
+        if (now <= estimator->last_time_us || elapsed > (uint64_t)OMNI_TICK_JUMP_US) {
+            faults = OMNI_FAULT_TIME;
         } else {
             const uint32_t rounded = ((uint32_t)elapsed + OMNI_TICK_US / 2) / OMNI_TICK_US;
-            tick->steps = rounded > 0 ? rounded : 1;
+            *steps = rounded > 0 ? rounded : 1;
         }
     }
-    robot->last_time_us = now;
+    estimator->last_time_us = now;
+    return faults;
 }
 
 /* Bits per wheel. */
@@ -35,67 +38,67 @@ typedef struct counted_t {
 } counted_t;
 
 /* Differences of the counters. */
-static counted_t read_counts(omni_robot_t *robot, omni_tick_t *tick) {
-    const omni_robot_config_t *c = robot->config;
-    const omni_int_t largest = largest_step(c, tick->out->supply_V, tick->steps);
-    counted_t counted = {0, 0};
+static omni_uint_t read_counts(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                               omni_estimate_t *estimate, counted_t *counted) {
+    const omni_int_t largest = largest_step(c, estimate->supply_V, estimate->steps);
+    omni_uint_t faults = 0;
+    counted->trusted = 0;
+    counted->jumped = 0;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        const omni_uint_t moved = (omni_uint_t)tick->in->counts[i] - (omni_uint_t)robot->last_counts[i];
+        const omni_uint_t moved = (omni_uint_t)inputs->counts[i] - (omni_uint_t)estimator->last_counts[i];
         omni_int_t delta;
         memcpy(&delta, &moved, sizeof delta);
-        const bool reported = (tick->in->counts_valid >> i & 1) != 0;
-        const bool possible = robot->primed && delta <= largest && delta >= -largest;
-        tick->delta_counts[i] = 0;
+        const bool reported = (inputs->counts_valid >> i & 1) != 0;
+        const bool possible = estimator->primed && delta <= largest && delta >= -largest;
+        estimate->delta_counts[i] = 0;
         if (reported && possible) {
-            tick->delta_counts[i] = c->encoder_direction[i] < 0 ? -delta : delta;
-            robot->encoder_ticks[i] = 0;
-            counted.trusted |= (uint8_t)(1u << i);
-        } else if (robot->primed) {
-            counted.jumped |= (uint8_t)((reported ? 1u : 0u) << i);
-            tick->faults |= OMNI_WARN_ENCODER;
-            ++robot->encoder_ticks[i];
-            if (robot->encoder_ticks[i] >= OMNI_ENCODER_TICKS) {
-                tick->faults |= OMNI_FAULT_ENCODER;
+            estimate->delta_counts[i] = c->encoder_direction[i] < 0 ? -delta : delta;
+            estimator->encoder_ticks[i] = 0;
+            counted->trusted |= (uint8_t)(1u << i);
+        } else if (estimator->primed) {
+            counted->jumped |= (uint8_t)((reported ? 1u : 0u) << i);
+            faults |= OMNI_WARN_ENCODER;
+            ++estimator->encoder_ticks[i];
+            if (estimator->encoder_ticks[i] >= OMNI_ENCODER_TICKS) {
+                faults |= OMNI_FAULT_ENCODER;
             }
         }
-        if (reported || !robot->primed) {
-            robot->last_counts[i] = tick->in->counts[i];
+        if (reported || !estimator->primed) {
+            estimator->last_counts[i] = inputs->counts[i];
         }
     }
-    return counted;
+    return faults;
 }
 
 /* The angle a wheel turned: counted where the count can be trusted, else guessed from the filter's speed. Counts that stayed away for a
  * while come with all they moved since; the guesses for that while are taken back. */
-static omni_real_t turned(omni_robot_t *robot, const omni_tick_t *tick, uint8_t wheel, const counted_t *counted) {
-    const omni_robot_config_t *c = robot->config;
-    omni_real_t *guessed = &robot->guessed_rad[wheel];
+static omni_real_t turned(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_estimate_t *estimate,
+                          uint8_t wheel, const counted_t *counted) {
+    omni_real_t *guessed = &estimator->guessed_rad[wheel];
     if ((counted->trusted >> wheel & 1) != 0) {
-        const omni_real_t counted_rad = (omni_real_t)tick->delta_counts[wheel] * c->rad_per_count - *guessed;
+        const omni_real_t counted_rad = (omni_real_t)estimate->delta_counts[wheel] * c->rad_per_count - *guessed;
         *guessed = 0.0f;
         return counted_rad;
     }
-    const omni_real_t guess = tick->out->wheel_rad_s[wheel] * c->step_s * (omni_real_t)tick->steps;
+    const omni_real_t guess = estimate->wheel_rad_s[wheel] * c->step_s * (omni_real_t)estimate->steps;
     *guessed = (counted->jumped >> wheel & 1) != 0 ? 0.0f : *guessed + guess;
     return guess;
 }
 
 /* Wheel filters, then the angles. */
-static void estimate_wheels(omni_robot_t *robot, omni_tick_t *tick, const counted_t *counted, omni_real_t *turned_rad) {
-    const omni_robot_config_t *c = robot->config;
+static void estimate_wheels(omni_estimator_t *estimator, const omni_robot_config_t *c, const counted_t *counted,
+                            const omni_real_t *applied_V, omni_estimate_t *estimate, omni_real_t *turned_rad) {
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        omni_motor_kf_state_t *kf = &robot->motor_kf[i];
-        for (uint32_t missed = 1; missed < tick->steps; ++missed) {
-            (void)omni_motor_kf_step(kf, &c->motor_kf, robot->last_voltage_V[i], 0, false);
+        omni_motor_kf_state_t *kf = &estimator->motor_kf[i];
+        for (uint32_t missed = 1; missed < estimate->steps; ++missed) {
+            (void)omni_motor_kf_step(kf, &c->motor_kf, applied_V[i], 0, false);
         }
         const bool trusted = (counted->trusted >> i & 1) != 0;
-        tick->out->wheel_rad_s[i] =
-            omni_motor_kf_step(kf, &c->motor_kf, robot->last_voltage_V[i], tick->delta_counts[i], trusted);
+        estimate->wheel_rad_s[i] = omni_motor_kf_step(kf, &c->motor_kf, applied_V[i], estimate->delta_counts[i], trusted);
         if ((counted->jumped >> i & 1) != 0) {
             omni_motor_kf_rebase(kf);
         }
-        tick->out->current_A[i] = c->motor_kf.mode == OMNI_KF_MODE_OFF ? 0.0f : kf->x[2];
-        turned_rad[i] = turned(robot, tick, i, counted);
+        turned_rad[i] = turned(estimator, c, estimate, i, counted);
     }
 }
 
@@ -104,64 +107,95 @@ omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us) {
     return (omni_real_t)(uint32_t)(age_us < UINT32_MAX ? age_us : UINT32_MAX) * 1e-6f;
 }
 
-static bool fix_is_fresh(const omni_robot_t *robot, uint64_t now_us) {
-    const uint64_t last_us = robot->pose_ekf.last_fix_us;
-    return last_us != 0 && omni_robot_age_s(now_us, last_us) <= robot->config->limits.fix_timeout_s;
+static bool fix_is_fresh(const omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, uint64_t now_us) {
+    return ekf->last_fix_us != 0 && omni_robot_age_s(now_us, ekf->last_fix_us) <= c->limits.fix_timeout_s;
 }
 
-static void use_fix(omni_robot_t *robot, omni_tick_t *tick) {
-    const omni_robot_config_t *c = robot->config;
-    omni_pose_ekf_state_t *ekf = &robot->pose_ekf;
-    if (tick->in->has_fix && c->pose_ekf.mode != OMNI_EKF_MODE_ODOMETRY) {
-        (void)omni_pose_ekf_correct(ekf, &c->pose_ekf, &c->kinematics, &tick->in->fix);
+static omni_uint_t use_fix(omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                           bool *is_fresh) {
+    omni_uint_t faults = 0;
+    if (inputs->has_fix && c->pose_ekf.mode != OMNI_EKF_MODE_ODOMETRY) {
+        (void)omni_pose_ekf_correct(ekf, &c->pose_ekf, &c->kinematics, &inputs->fix);
     }
     if (ekf->refused_in_row > 0) {
-        tick->faults |= OMNI_WARN_FIX_REFUSED;
+        faults |= OMNI_WARN_FIX_REFUSED;
     }
-    tick->fix_is_fresh = fix_is_fresh(robot, tick->in->time_us);
-    if (ekf->last_fix_us != 0 && !tick->fix_is_fresh) {
-        tick->faults |= OMNI_WARN_POSE_STALE;
+    *is_fresh = fix_is_fresh(ekf, c, inputs->time_us);
+    if (ekf->last_fix_us != 0 && !*is_fresh) {
+        faults |= OMNI_WARN_POSE_STALE;
     }
+    return faults;
 }
 
-static void report_estimate(const omni_robot_t *robot, omni_tick_t *tick) {
-    const omni_robot_config_t *c = robot->config;
-    const omni_pose_ekf_state_t *ekf = &robot->pose_ekf;
-    omni_outputs_t *out = tick->out;
+static void read_pose(const omni_pose_ekf_state_t *ekf, omni_estimate_t *estimate) {
+    estimate->pose = ekf->pose;
+    estimate->heading = omni_rotation(ekf->pose.theta);
+}
+
+static omni_real_t slip_ratio(const omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, uint8_t wheel) {
+    return c->pose_ekf.mode == OMNI_EKF_MODE_SLIP ? ekf->slip[wheel] : 0.0f;
+}
+
+/* Slip, twist, and how sure the filter is. */
+static void derive_motion(const omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, omni_estimate_t *estimate) {
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        const omni_real_t ratio = c->pose_ekf.mode == OMNI_EKF_MODE_SLIP ? ekf->slip[i] : 0.0f;
-        out->slip_m_s[i] = ratio * c->kinematics.radius_m[i] * out->wheel_rad_s[i]; /* v_s = s r phi' (eq. 18) */
+        const omni_real_t ratio = slip_ratio(ekf, c, i);
+        estimate->slip_ratio[i] = ratio;
+        estimate->slip_m_s[i] = ratio * c->kinematics.radius_m[i] * estimate->wheel_rad_s[i]; /* v_s = s r phi' (eq. 18) */
     }
     omni_twist_t body;
-    omni_kinematics_forward(&c->kinematics, out->wheel_rad_s, out->slip_m_s, &body);
-    out->pose = ekf->pose;
-    tick->heading = omni_rotation(ekf->pose.theta);
-    out->rate = omni_rotate_to_world(&body, &tick->heading);
-    out->slip_residual_m_s = omni_kinematics_slip_residual(&c->kinematics, out->wheel_rad_s);
+    omni_kinematics_forward(&c->kinematics, estimate->wheel_rad_s, estimate->slip_m_s, &body);
+    estimate->rate = omni_rotate_to_world(&body, &estimate->heading);
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
-        out->pose_sd[axis] = omni_sqrtf(ekf->p[axis][axis]);
+        estimate->pose_sd[axis] = omni_sqrtf(omni_pose_ekf_variance(ekf, axis));
     }
-    out->nis = ekf->nis;
-    out->fixes_accepted = ekf->accepted;
-    out->fixes_refused = ekf->refused;
+    estimate->nis = ekf->nis;
+    estimate->fixes_accepted = ekf->accepted;
+    estimate->fixes_refused = ekf->refused;
 }
 
-void omni_robot_estimate(omni_robot_t *robot, omni_tick_t *tick) {
-    const omni_robot_config_t *c = robot->config;
-    const omni_real_t battery = tick->in->battery_V;
-    tick->out->supply_V = omni_is_finite(battery) && battery > 0.0f ? battery : c->limits.supply_nominal_V;
-    if (!omni_is_finite(battery)) {
-        tick->faults |= OMNI_FAULT_NOT_FINITE;
-    }
-    elapse(robot, tick);
-    const counted_t counted = read_counts(robot, tick);
-    tick->fix_is_fresh = false;
-    if (robot->primed) {
+omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                                const omni_applied_t *last, omni_estimate_t *estimate) {
+    const bool measured = omni_is_finite(inputs->battery_V);
+    counted_t counted;
+    memset(estimate->wheel_rad_s, 0, sizeof estimate->wheel_rad_s);
+    memset(estimate->slip_m_s, 0, sizeof estimate->slip_m_s);
+    estimate->supply_V = measured && inputs->battery_V > 0.0f ? inputs->battery_V : config->limits.supply_nominal_V;
+    omni_uint_t faults = measured ? (omni_uint_t)0u : (omni_uint_t)OMNI_FAULT_NOT_FINITE;
+    faults |= count_steps(estimator, inputs->time_us, &estimate->steps);
+    faults |= read_counts(estimator, config, inputs, estimate, &counted);
+    estimate->fix_is_fresh = false;
+    if (estimator->primed) {
         omni_real_t turned_rad[OMNI_MAX_WHEELS] = {0};
-        estimate_wheels(robot, tick, &counted, turned_rad);
-        omni_pose_ekf_predict(&robot->pose_ekf, &c->pose_ekf, &c->kinematics, turned_rad, tick->in->time_us);
-        use_fix(robot, tick);
+        estimate_wheels(estimator, config, &counted, last->voltage_V, estimate, turned_rad);
+        omni_pose_ekf_predict(&estimator->pose_ekf, &config->pose_ekf, &config->kinematics, turned_rad, inputs->time_us);
+        faults |= use_fix(&estimator->pose_ekf, config, inputs, &estimate->fix_is_fresh);
     }
-    robot->primed = true;
-    report_estimate(robot, tick);
+    estimator->primed = true;
+    read_pose(&estimator->pose_ekf, estimate);
+    derive_motion(&estimator->pose_ekf, config, estimate);
+    return faults;
+}
+
+void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                         omni_estimate_t *estimate) {
+    omni_pose_ekf_set_pose(&estimator->pose_ekf, &config->pose_ekf, &inputs->pose, inputs->time_us);
+    read_pose(&estimator->pose_ekf, estimate);
+    for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
+        estimate->slip_ratio[i] = slip_ratio(&estimator->pose_ekf, config, i);
+    }
+}
+
+void omni_robot_restart_filters(omni_estimator_t *estimator, const omni_robot_config_t *config,
+                                const omni_estimate_t *estimate) {
+    const bool finite = omni_all_finite(estimate->wheel_rad_s, config->kinematics.wheels);
+    for (uint8_t i = 0; !finite && i < config->kinematics.wheels; ++i) {
+        if (!omni_is_finite(estimate->wheel_rad_s[i])) {
+            omni_motor_kf_reset(&estimator->motor_kf[i], &config->motor_kf);
+        }
+    }
+    if (!omni_pose_is_finite(&estimate->pose)) {
+        const omni_pose_t origin = {0.0f, 0.0f, 0.0f};
+        omni_pose_ekf_reset(&estimator->pose_ekf, &config->pose_ekf, &origin, config->limits.position_m, OMNI_PI_F);
+    }
 }

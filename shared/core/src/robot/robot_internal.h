@@ -1,45 +1,116 @@
 /* SPDX-License-Identifier: MIT */
-/** @file robot_internal.h  The stages of omni_robot_tick, one file each. */
+/**
+ * @file robot_internal.h
+ * The stages of omni_robot_tick, and what they hand on. A stage reads what it is given as const, writes its own result and keeps its
+ * own state. Per wheel: as many entries count as there are wheels; the others are zero in what is reported.
+ *
+ *   stage        reads                                        writes
+ *   estimate     inputs, what the last tick did               omni_estimate_t, faults
+ *   supervise    inputs, estimate, what the last tick did     faults, the kind of set-point that may be followed
+ *   transition   inputs, faults                               the safety state
+ *   reference    inputs, estimate, safety state               omni_target_t
+ *   control      inputs, estimate, target                     omni_actuation_t
+ *   gain margin  estimate, target                             margins, a warning
+ *   report       all of these                                 omni_outputs_t
+ */
 #ifndef OMNI_ROBOT_INTERNAL_H
 #define OMNI_ROBOT_INTERNAL_H
 
 #include "omni/robot.h"
 
-/** What the stages of one tick hand to each other. */
-typedef struct omni_tick_t {
-    const omni_inputs_t *in;
-    omni_outputs_t *out;
-    omni_uint_t faults;                       /**< omni_fault_t bits found so far */
-    uint32_t steps;                           /**< tick periods since the last tick, 0 on the first */
+/** What the robot knows of itself in this tick. */
+typedef struct omni_estimate_t {
+    omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];
+    omni_real_t slip_m_s[OMNI_MAX_WHEELS];   /**< v_s */
+    omni_real_t slip_ratio[OMNI_MAX_WHEELS]; /**< s; 0 unless the filter estimates it */
+    omni_real_t supply_V;                    /**< > 0 */
+    omni_pose_t pose;
+    omni_twist_t rate; /**< world twist from the wheels */
+    omni_real_t pose_sd[OMNI_AXES];
+    omni_real_t nis;
+    omni_uint_t fixes_accepted;
+    omni_uint_t fixes_refused;
+    omni_rotation_t heading;                  /**< of `pose` */
     omni_int_t delta_counts[OMNI_MAX_WHEELS]; /**< in the wheel's direction */
-    omni_real_t body_wheel[OMNI_MAX_WHEELS];  /**< wanted wheel speed, rad/s */
-    omni_real_t acceleration[OMNI_MAX_WHEELS];
-    omni_rotation_t heading; /**< of the estimated pose */
-    uint8_t kind;            /**< omni_setpoint_kind_t in force */
-    bool fix_is_fresh;       /**< a pose fix has been accepted within FIX_TIMEOUT */
-    bool position_loop;      /**< a pose reference is being tracked */
-    omni_twist_t body_rate;  /**< velocity demand, body frame (velocity set-points) */
-} omni_tick_t;
+    uint32_t steps;                           /**< tick periods since the last tick, 0 on the first */
+    bool fix_is_fresh;                        /**< a pose fix has been accepted within FIX_TIMEOUT */
+} omni_estimate_t;
 
-/** Time, counts, filters, pose: fills the estimates of `out`. */
-void omni_robot_estimate(omni_robot_t *robot, omni_tick_t *tick);
+/** What is wanted of the robot in this tick. */
+typedef struct omni_target_t {
+    omni_reference_t reference;
+    omni_twist_t body_rate; /**< velocity demand, body frame; used unless `position_loop` */
+    uint8_t kind;           /**< omni_setpoint_kind_t in force */
+    bool armed;             /**< false: nothing is wanted of the wheels */
+    bool position_loop;     /**< the reference's pose is to be tracked; false unless armed */
+} omni_target_t;
+
+/** What the wheels are to be given. Everything is in the wheels' directions. */
+typedef struct omni_actuation_t {
+    omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1 once it is sealed */
+    omni_real_t wheel_reference[OMNI_MAX_WHEELS]; /**< rad/s */
+    omni_real_t wheel_scale;                      /**< factor the wheel speeds were cut by, 1: none */
+    omni_real_t duty_scale;                       /**< factor the voltages were cut by, 1: none */
+    bool drive;                                   /**< motors may be powered */
+} omni_actuation_t;
+
+/** Time, counts, filters, pose. @return faults found on the way. */
+omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                                const omni_applied_t *last, omni_estimate_t *estimate);
+
+/** Restart the pose estimate at inputs->pose, which must be finite. Slip and its speeds stay as they were estimated in this tick. */
+void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                         omni_estimate_t *estimate);
+
+/** A filter that has met a number it cannot digest starts over instead of staying lost. */
+void omni_robot_restart_filters(omni_estimator_t *estimator, const omni_robot_config_t *config,
+                                const omni_estimate_t *estimate);
 
 /** Seconds from `since_us` to `now_us`; 0 for a stamp from the future, at most 4295 s. */
 omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us);
 
-/** Stop faults and warnings from inputs and estimates. */
-void omni_robot_supervise(omni_robot_t *robot, omni_tick_t *tick);
+/**
+ * Is anything wrong?
+ * @param kind out: omni_setpoint_kind_t of the set-point if it may be followed, else OMNI_SETPOINT_NONE.
+ * @return stop faults and warnings.
+ */
+omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                                 const omni_estimate_t *estimate, const omni_applied_t *last, uint8_t *kind);
 
-/** Events and faults through the safety table. */
-void omni_robot_transition(omni_robot_t *robot, omni_tick_t *tick);
+/** Events and faults through the safety table. @return true if the robot has just been armed, whatever came after that. */
+bool omni_robot_transition(omni_supervisor_t *supervisor, const omni_inputs_t *inputs, omni_uint_t faults);
 
-/** The set-point in force and its reference for this tick. */
-void omni_robot_reference(omni_robot_t *robot, omni_tick_t *tick);
+/** A stop fault of the tick's last stages: into the history and through the safety table. */
+void omni_robot_stop(omni_supervisor_t *supervisor, uint32_t fault);
 
-/** Reference to duties. */
-void omni_robot_control(omni_robot_t *robot, omni_tick_t *tick);
+/** Events that start or stop the trajectory. */
+void omni_robot_guide_events(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate);
 
-/** Does the ISMC's k cover the slip error that may be there (condition 44)? */
-void omni_robot_gain_margin(omni_robot_t *robot, omni_tick_t *tick);
+/** On arming: hold the pose, at rest; a trajectory starts now. */
+void omni_robot_guide_arm(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate);
+
+/** The set-point in force and its reference. @param kind as omni_robot_supervise gave it. @param target in: `armed`; out: all else. */
+void omni_robot_reference(omni_guide_t *guide, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                          const omni_estimate_t *estimate, uint8_t kind, omni_target_t *target);
+
+/** All controllers as after switching on. */
+void omni_robot_control_reset(omni_control_state_t *control);
+
+/**
+ * Reference to duties.
+ * @param applied in: was the last tick saturated? out: is this one, and is the robot off its track?
+ */
+void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                        const omni_estimate_t *estimate, const omni_target_t *target, omni_applied_t *applied,
+                        omni_actuation_t *actuation);
+
+/**
+ * Does the ISMC's k cover the slip error that may be there (condition 44)?
+ * @param margin out, per axis; 0 unless the ISMC is tracking.
+ * @return OMNI_WARN_ISMC_GAIN, or 0.
+ */
+omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
+                                   const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
+                                   const omni_target_t *target, omni_real_t *margin);
 
 #endif

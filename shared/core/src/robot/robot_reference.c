@@ -30,24 +30,33 @@ static omni_twist_t approach(omni_twist_t from, omni_twist_t to, omni_real_t ste
     return from;
 }
 
-static omni_twist_t ramp(omni_robot_t *robot, omni_twist_t demand) {
-    const omni_robot_config_t *c = robot->config;
+/* Ramp towards the demand. @return the acceleration that takes. */
+static omni_twist_t ramp(omni_guide_t *guide, const omni_robot_config_t *c, omni_twist_t demand) {
     const omni_real_t step = c->limits.acceleration_m_s2 * c->step_s;
     /* The rim accelerates like the centre: wz' = a / l. */
     const omni_real_t turn_step = step / (c->kinematics.b[0][2] > 0.0f ? c->kinematics.b[0][2] : 1.0f);
-    const omni_twist_t before = robot->ramped;
-    robot->ramped = approach(before, demand, step, turn_step);
+    const omni_twist_t before = guide->ramped;
+    guide->ramped = approach(before, demand, step, turn_step);
     const omni_real_t rate = 1.0f / c->step_s;
-    return (omni_twist_t){(robot->ramped.vx - before.vx) * rate, (robot->ramped.vy - before.vy) * rate,
-                          (robot->ramped.wz - before.wz) * rate};
+    return (omni_twist_t){(guide->ramped.vx - before.vx) * rate, (guide->ramped.vy - before.vy) * rate,
+                          (guide->ramped.wz - before.wz) * rate};
+}
+
+/* A reference that stands at a pose. */
+static void stand(omni_target_t *target, const omni_pose_t *pose) {
+    const omni_twist_t rest = {0.0f, 0.0f, 0.0f};
+    target->reference.pose = *pose;
+    target->reference.rate = rest;
+    target->reference.acceleration = rest;
+    target->reference.path_time_s = 0.0f;
+    target->reference.phase = OMNI_PHASE_NONE;
 }
 
 /* A pose set-point may be anywhere: the reference drives there itself, within the limits, and follows the set-point's rate. */
-static void govern_pose(omni_robot_t *robot, omni_tick_t *tick) {
-    const omni_robot_config_t *c = robot->config;
-    const omni_setpoint_t *setpoint = &tick->in->setpoint;
-    omni_pose_t *pose = &robot->governed;
-    const omni_real_t age = omni_robot_age_s(tick->in->time_us, setpoint->time_us);
+static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs, omni_target_t *target) {
+    const omni_setpoint_t *setpoint = &inputs->setpoint;
+    omni_pose_t *pose = &guide->governed;
+    const omni_real_t age = omni_robot_age_s(inputs->time_us, setpoint->time_us);
     const omni_real_t dx = setpoint->pose.x + setpoint->twist.vx * age - pose->x;
     const omni_real_t dy = setpoint->pose.y + setpoint->twist.vy * age - pose->y;
     const omni_real_t dtheta = omni_wrap_pi(setpoint->pose.theta + setpoint->twist.wz * age - pose->theta);
@@ -56,41 +65,45 @@ static void govern_pose(omni_robot_t *robot, omni_tick_t *tick) {
     const omni_rotation_t heading = omni_rotation(pose->theta);
     const omni_twist_t body = omni_rotate_to_body(&wanted, &heading);
     const omni_twist_t limited = limit_twist(c, body, c->limits.reference_share);
-    omni_reference_t *reference = &tick->out->reference;
-    reference->acceleration = ramp(robot, omni_rotate_to_world(&limited, &heading));
-    pose->x += robot->ramped.vx * c->step_s;
-    pose->y += robot->ramped.vy * c->step_s;
-    pose->theta += robot->ramped.wz * c->step_s;
+    omni_reference_t *reference = &target->reference;
+    reference->acceleration = ramp(guide, c, omni_rotate_to_world(&limited, &heading));
+    pose->x += guide->ramped.vx * c->step_s;
+    pose->y += guide->ramped.vy * c->step_s;
+    pose->theta += guide->ramped.wz * c->step_s;
     reference->pose = *pose;
-    reference->rate = robot->ramped;
-    tick->position_loop = true;
+    reference->rate = guide->ramped;
+    reference->path_time_s = 0.0f;
+    reference->phase = OMNI_PHASE_NONE;
+    target->position_loop = true;
 }
 
-static void hold(omni_robot_t *robot, omni_tick_t *tick) {
-    robot->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
-    tick->out->reference.pose = robot->governed;
-    tick->position_loop = true;
+static void hold(omni_guide_t *guide, omni_target_t *target) {
+    guide->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
+    stand(target, &guide->governed);
+    target->position_loop = true;
 }
 
 /* A velocity demand has no pose reference: what is held afterwards is wherever the robot is. */
-static void follow_velocity(omni_robot_t *robot, omni_tick_t *tick) {
-    const omni_robot_config_t *c = robot->config;
-    const omni_twist_t *twist = &tick->in->setpoint.twist;
-    const omni_twist_t body = tick->kind == OMNI_SETPOINT_VELOCITY_WORLD ? omni_rotate_to_body(twist, &tick->heading) : *twist;
-    const omni_twist_t body_acceleration = ramp(robot, limit_twist(c, body, 1.0f));
-    tick->body_rate = robot->ramped;
-    robot->governed = tick->out->pose;
-    tick->out->reference.pose = tick->out->pose;
-    tick->out->reference.rate = omni_rotate_to_world(&robot->ramped, &tick->heading);
-    tick->out->reference.acceleration = omni_rotate_to_world(&body_acceleration, &tick->heading);
+static void follow_velocity(omni_guide_t *guide, const omni_robot_config_t *c, const omni_twist_t *twist,
+                            const omni_estimate_t *estimate, omni_target_t *target) {
+    const bool world = target->kind == OMNI_SETPOINT_VELOCITY_WORLD;
+    const omni_twist_t body = world ? omni_rotate_to_body(twist, &estimate->heading) : *twist;
+    const omni_twist_t body_acceleration = ramp(guide, c, limit_twist(c, body, 1.0f));
+    target->body_rate = guide->ramped;
+    guide->governed = estimate->pose;
+    target->reference.pose = estimate->pose;
+    target->reference.path_time_s = 0.0f;
+    target->reference.phase = OMNI_PHASE_NONE;
+    target->reference.rate = omni_rotate_to_world(&guide->ramped, &estimate->heading);
+    target->reference.acceleration = omni_rotate_to_world(&body_acceleration, &estimate->heading);
 }
 
-static void follow_trajectory(omni_robot_t *robot, omni_tick_t *tick) {
-    omni_reference_t *reference = &tick->out->reference;
-    omni_trajectory_evaluate(robot->trajectory, tick->in->time_us - robot->trajectory_start_us, reference);
-    robot->governed = reference->pose;
-    robot->ramped = reference->rate;
-    tick->position_loop = true;
+static void follow_trajectory(omni_guide_t *guide, const omni_inputs_t *inputs, omni_target_t *target) {
+    omni_reference_t *reference = &target->reference;
+    omni_trajectory_evaluate(guide->trajectory, inputs->time_us - guide->trajectory_start_us, reference);
+    guide->governed = reference->pose;
+    guide->ramped = reference->rate;
+    target->position_loop = true;
 }
 
 static bool is_velocity(uint8_t kind) {
@@ -102,53 +115,82 @@ static bool has_rate(uint8_t kind) {
 }
 
 /* Another kind of set-point takes over from the speed that the last one had asked for; after open-loop duties from the measured one. */
-static void continue_from(omni_robot_t *robot, const omni_tick_t *tick) {
-    const omni_real_t theta = tick->out->pose.theta;
-    const bool body = is_velocity(tick->kind);
-    if (robot->last_kind == OMNI_SETPOINT_DUTY) {
-        robot->ramped = body ? omni_twist_to_body(&tick->out->rate, theta) : tick->out->rate;
-    } else if (is_velocity(robot->last_kind) && !body) {
-        robot->ramped = omni_twist_to_world(&robot->ramped, theta);
-    } else if (has_rate(robot->last_kind) && body) {
-        robot->ramped = omni_twist_to_body(&robot->ramped, theta);
+static void continue_from(omni_guide_t *guide, const omni_estimate_t *estimate, uint8_t kind) {
+    const omni_real_t theta = estimate->pose.theta;
+    const bool body = is_velocity(kind);
+    if (guide->last_kind == OMNI_SETPOINT_DUTY) {
+        guide->ramped = body ? omni_twist_to_body(&estimate->rate, theta) : estimate->rate;
+    } else if (is_velocity(guide->last_kind) && !body) {
+        guide->ramped = omni_twist_to_world(&guide->ramped, theta);
+    } else if (has_rate(guide->last_kind) && body) {
+        guide->ramped = omni_twist_to_body(&guide->ramped, theta);
     }
 }
 
-void omni_robot_reference(omni_robot_t *robot, omni_tick_t *tick) {
-    if (robot->state != OMNI_STATE_ARMED) {
-        tick->out->reference.pose = tick->out->pose;
-        robot->governed = tick->out->pose;
-        robot->off_track = false;
-        tick->kind = OMNI_SETPOINT_NONE;
-        return;
+/* The robot stays where it is; what is held afterwards, too. */
+static void stay(omni_guide_t *guide, const omni_estimate_t *estimate, omni_target_t *target) {
+    guide->governed = estimate->pose;
+    stand(target, &estimate->pose);
+}
+
+void omni_robot_guide_events(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate) {
+    if ((inputs->events & OMNI_EVENT_TRAJECTORY_START) != 0 && inputs->trajectory != NULL) {
+        guide->trajectory = inputs->trajectory;
+        guide->trajectory_start_us = inputs->time_us;
     }
-    if (tick->kind == OMNI_SETPOINT_TRAJECTORY && robot->trajectory == NULL) {
-        tick->kind = OMNI_SETPOINT_NONE; /* none was started, or this tick's events stopped it */
+    if ((inputs->events & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
+        guide->trajectory = NULL;
+        guide->governed = estimate->pose;
     }
-    if (tick->kind != robot->last_kind) {
-        continue_from(robot, tick);
-    }
-    switch (tick->kind) {
+}
+
+void omni_robot_guide_arm(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate) {
+    guide->governed = estimate->pose;
+    guide->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
+    guide->trajectory_start_us = inputs->time_us;
+}
+
+static void follow(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                   const omni_estimate_t *estimate, omni_target_t *target) {
+    switch (target->kind) {
     case OMNI_SETPOINT_POSE:
-        govern_pose(robot, tick);
+        govern_pose(guide, c, inputs, target);
         break;
     case OMNI_SETPOINT_VELOCITY_BODY:
     case OMNI_SETPOINT_VELOCITY_WORLD:
-        follow_velocity(robot, tick);
+        follow_velocity(guide, c, &inputs->setpoint.twist, estimate, target);
         break;
     case OMNI_SETPOINT_TRAJECTORY:
-        follow_trajectory(robot, tick);
+        follow_trajectory(guide, inputs, target);
         break;
     case OMNI_SETPOINT_DUTY:
-        robot->governed = tick->out->pose;
-        tick->out->reference.pose = tick->out->pose;
+        stay(guide, estimate, target);
         break;
     default:
-        hold(robot, tick);
+        hold(guide, target);
         break;
     }
-    if (robot->config->controller == OMNI_CTL_MODE_NONE) {
-        tick->position_loop = false;
-        tick->body_rate = omni_twist_to_body(&tick->out->reference.rate, tick->out->reference.pose.theta);
+}
+
+void omni_robot_reference(omni_guide_t *guide, const omni_robot_config_t *config, const omni_inputs_t *inputs,
+                          const omni_estimate_t *estimate, uint8_t kind, omni_target_t *target) {
+    target->body_rate = (omni_twist_t){0.0f, 0.0f, 0.0f};
+    target->position_loop = false;
+    target->kind = kind;
+    if (!target->armed || (kind == OMNI_SETPOINT_TRAJECTORY && guide->trajectory == NULL)) {
+        target->kind = OMNI_SETPOINT_NONE; /* not armed; no trajectory was started, or this tick's events stopped it */
     }
+    if (!target->armed) {
+        stay(guide, estimate, target);
+    } else {
+        if (target->kind != guide->last_kind) {
+            continue_from(guide, estimate, target->kind);
+        }
+        follow(guide, config, inputs, estimate, target);
+        if (config->controller == OMNI_CTL_MODE_NONE) {
+            target->position_loop = false;
+            target->body_rate = omni_twist_to_body(&target->reference.rate, target->reference.pose.theta);
+        }
+    }
+    guide->last_kind = target->kind;
 }
