@@ -168,6 +168,7 @@ def try_all(
             yield mutant, known
     if not todo:
         return
+    todo.sort(key=lambda mutant: mutant.file.endswith(".h"))  # headers are compiled many times: those last
     functions: dict[str, frozenset[str]] = defaultdict(frozenset)
     for mutant in everything:
         functions[mutant.file] |= {mutant.symbol} - {""}
@@ -237,7 +238,8 @@ def _tell(pairs: Sequence[tuple[Mutant, Result]], judged: dict[str, Any], option
     tables = records.report(pairs, judged)
     sys.stdout.write(f"\n{tables}\n\n{len(open_survivors)} survivors are not judged yet; {seconds:.0f} s\n")
     if options.write:
-        _write(f"`python -m tests.mutation --count {len(pairs)} --seed {options.seed}`:\n\n{tables}")
+        words = " ".join(word for word in sys.argv[1:] if word not in ("--write", "--verbose"))
+        _write(f"`python -m tests.mutation {words}`, {len(pairs)} mutants:\n\n{tables}")
     percent = records.score(pairs, judged).killed_percent_of_different
     if percent < options.floor:
         sys.stderr.write(f"{percent:.1f} % of the mutants are killed, {options.floor:g} % must be\n")

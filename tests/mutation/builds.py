@@ -106,7 +106,7 @@ class Builder:
     def try_mutant(self, mutant: Mutant) -> Compiled:
         """Compile and, if that changes anything, link it. Raises BuildError if linking fails."""
         original = ROOT / mutant.file
-        changed = self._copy / original.relative_to(self.area.folder)
+        changed = self._copy_of(original)
         changed.write_bytes(self._changed(mutant))
         try:
             objects: dict[Path, Path] = {}
@@ -134,17 +134,18 @@ class Builder:
         """Return what a test needs to reach the mutant."""
         if self.area.name == "core":
             return {"OMNI_FIRMWARE": str(OUT / "no-firmware")}
-        changed = {"OMNI_FIRMWARE": str(product), "CXX": str(COMPILER)}
+        cache = shutil.which("ccache") or ""
+        changed = {"OMNI_FIRMWARE": str(product), "CXX": str(COMPILER), "CC": f"{cache} cc".strip()}
         if mutant is not None:
-            place = self.folder / "changed" / "app" / Path(mutant.file).name
-            place.parent.mkdir(parents=True, exist_ok=True)
-            for old in place.parent.iterdir():
-                old.unlink()
+            app = self.folder / "changed" / "app"
+            shutil.rmtree(app, ignore_errors=True)
+            place = app / (ROOT / mutant.file).relative_to(self.area.folder)
+            place.parent.mkdir(parents=True)
             place.write_bytes(self._changed(mutant))
             changed["OMNI_ORIGINAL"] = str(ROOT / mutant.file)
             changed["OMNI_CHANGED"] = str(place)
             if place.suffix == ".h":
-                changed["OMNI_OPTIONS"] = f"-I{place.parent.parent}"
+                changed["OMNI_OPTIONS"] = f"-I{app.parent}"
         return changed
 
     def compile_all(self) -> dict[Path, Path]:
@@ -180,10 +181,10 @@ class Builder:
         command = [
             compiler,
             f"-I{self.folder}",
-            *options,
+            *(word.replace(f"-I{self.area.folder}", f"-I{self._copy}") for word in options),
             *self._extra,
             "-c",
-            str(self._copy / source.relative_to(self.area.folder)),
+            str(self._copy_of(source)),
             "-o",
             str(target),
         ]
@@ -193,6 +194,9 @@ class Builder:
         if done.returncode == 0:
             return ""
         return next((line for line in done.stderr.splitlines() if "error" in line), done.stderr)[-300:] or "no words"
+
+    def _copy_of(self, path: Path) -> Path:
+        return self._copy / path.relative_to(self.area.folder)
 
     def _users(self, changed: Path) -> list[Path]:
         """Return the sources whose objects a change of this file can change."""

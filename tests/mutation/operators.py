@@ -81,8 +81,8 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Identity that does not depend on where the lines are."""
-        words = (self.file, self.function, self.operator, self.was, self.becomes, str(self.number))
+        """Identity that does not depend on where the lines are, nor on the folder of the file."""
+        words = (Path(self.file).name, self.function, self.operator, self.was, self.becomes, str(self.number))
         return hashlib.sha256("\0".join(words).encode()).hexdigest()[:16]
 
     def apply(self, source: bytes) -> bytes:
