@@ -16,6 +16,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import hypothesis
@@ -23,6 +24,10 @@ import pytest
 
 GRACE_S = 3.0
 FACTOR = 6.0
+WAITING_S = 1.0
+"""Processor time of a silence in which a test waits for what does not come, and does not compute."""
+PATIENCE = 6
+"""Silences in which a test computes, until it hangs after all."""
 OPTIONS = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "--tb=no", "--assert=plain")
 OURS = ("omniwheel", "hil_sim", "omni_reproduce", "omni_schema", "tests")
 
@@ -112,7 +117,7 @@ def verdict(job: dict[str, Any]) -> dict[str, str]:
         os.close(reader)
         _run_tests(job, writer)
     os.close(writer)
-    said, silent = _listen(reader, job["silent_s"])
+    said, silent = _listen(reader, job["silent_s"], child)
     os.close(reader)
     with suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)
@@ -133,16 +138,35 @@ def verdict(job: dict[str, Any]) -> dict[str, str]:
     return {"test": last[1], "how": how}
 
 
-def _listen(reader: int, silent_s: float) -> tuple[list[str], bool]:
-    """Return what the child said until it ended, and whether it was silent for too long."""
+def _listen(reader: int, silent_s: float, child: int) -> tuple[list[str], bool]:
+    """Return what the child said until it ended, and whether it was silent for too long.
+
+    Who is silent and computes is only slow, as on a busy machine: that ends after PATIENCE times as long.
+    """
     data = b""
+    silences, used_s = 0, 0.0
     while True:
         if not select.select([reader], [], [], silent_s)[0]:
-            return data.decode().splitlines(), True
+            silences, before_s, used_s = silences + 1, used_s, processor_s(child)
+            if silences >= PATIENCE or used_s - before_s < WAITING_S:
+                return data.decode().splitlines(), True
+            continue
+        silences = 0
         part = os.read(reader, 65536)
         data += part
         if not part or data.endswith(b"done \n"):
             return data.decode().splitlines(), False
+
+
+def processor_s(session: int) -> float:
+    """Return the processor time of all processes of a session, and of those that they have waited for."""
+    ticks = 0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = path.read_text(encoding="utf-8").rpartition(")")[2].split()
+            if int(fields[3]) == session:
+                ticks += sum(map(int, fields[11:15]))
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def _run_tests(job: dict[str, Any], pipe: int) -> None:
