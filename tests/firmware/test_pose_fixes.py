@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: MIT
+"""Pose fixes of every kind mean the same pose, at the time they say and as exact as they say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.firmware.client import mav
+from tests.firmware.fake_robot import HEARTBEAT, USB, FakeRobot, command, frame, velocity
+
+NONE = [math.nan] * 21
+"""A covariance that the sender does not know."""
+Place = tuple[float, float, float]
+"""North, east, yaw (clockwise)."""
+
+
+def covariance(x: float, y: float, yaw: float) -> list[float]:
+    """Row-major upper triangle of 6 x 6 with these standard deviations: places counted by going through the rows."""
+    matrix = np.diag([x**2, y**2, 9.0, 9.0, 9.0, yaw**2])
+    return [float(matrix[row, column]) for row in range(6) for column in range(row, 6)]
+
+
+def vicon(place: Place, time_us: int = 0, spread: list[float] = NONE) -> bytes:
+    return frame("vicon_position_estimate", time_us, place[0], place[1], 0.0, 0.3, -0.2, place[2], spread)
+
+
+def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
+    """Turn about z, then about the new y, then about the new x, as w, x, y, z."""
+    parts = ((yaw, (0, 0, 1)), (pitch, (0, 1, 0)), (roll, (1, 0, 0)))
+    w, v = 1.0, np.zeros(3)
+    for angle, axis in parts:
+        w2, v2 = math.cos(angle / 2), math.sin(angle / 2) * np.array(axis, dtype=float)
+        w, v = w * w2 - v @ v2, w * v2 + w2 * v + np.cross(v, v2)
+    return [float(w), *map(float, v)]
+
+
+def mocap(place: Place, time_us: int = 0, spread: list[float] = NONE) -> bytes:
+    """Of a robot that is a little tilted."""
+    tilted = quaternion(0.1, -0.2, place[2])
+    return frame("att_pos_mocap", time_us, tilted, place[0], place[1], 0.0, spread)
+
+
+def compact(place: Place, time_us: int = 0, spread: list[float] = NONE) -> bytes:
+    assert spread is NONE
+    x_mm, y_mm = round(place[0] * 1000), round(-place[1] * 1000)
+    return frame("omni_pose_fix", time_us // 1000, x_mm, y_mm, round(-place[2] * 10_000))
+
+
+KINDS: dict[str, Callable[..., bytes]] = {"vicon": vicon, "mocap": mocap, "compact": compact}
+
+
+@pytest.fixture
+def robot() -> Iterator[FakeRobot]:
+    one = FakeRobot().ready()
+    yield one
+    one.close()
+
+
+def asked(robot: FakeRobot, name: str) -> Any:
+    robot.look()
+    robot.said[USB].clear()
+    robot.send(USB, command(mav.MAV_CMD_REQUEST_MESSAGE, getattr(mav, f"MAVLINK_MSG_ID_{name}")))
+    robot.background()
+    robot.look()
+    return [message for message in robot.said[USB] if message.get_type() == name][-1]
+
+
+def now_us(robot: FakeRobot) -> int:
+    return int(asked(robot, "ODOMETRY").time_usec)
+
+
+def estimate(robot: FakeRobot) -> Place:
+    local, attitude = asked(robot, "LOCAL_POSITION_NED"), asked(robot, "ATTITUDE")
+    return local.x, local.y, attitude.yaw
+
+
+def put(robot: FakeRobot, place: Place) -> None:
+    """Begin the estimate there."""
+    robot.send(USB, command(mav.MAV_CMD_OMNI_SET_POSE, place[0], -place[1], -place[2]))
+    robot.tick(3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("place", [(1.2, -0.7, 0.6), (-2.0, 3.0, -2.5), (0.4, 0.9, 3.1)])
+def test_every_kind_of_fix_brings_the_estimate_to_its_place(robot: FakeRobot, kind: str, place: Place) -> None:
+    put(robot, (place[0] + 0.02, place[1] - 0.02, place[2] - 0.03))
+    for number in range(200):
+        near = (place[0] + 0.001 * (number % 2), *place[1:])
+        robot.send(USB, KINDS[kind](near, now_us(robot)))
+        robot.tick(10)
+    assert asked(robot, "OMNI_CONTROL").fixes_accepted > 150
+    at = estimate(robot)
+    assert at[:2] == pytest.approx(place[:2], abs=4e-3)
+    assert math.remainder(at[2] - place[2], math.tau) == pytest.approx(0.0, abs=4e-3)
+
+
+def spread_after(robot: FakeRobot, x: float, y: float, yaw: float) -> tuple[float, float]:
+    start = robot.keep()
+    for _ in range(20):
+        robot.send(USB, vicon((0.0, 0.0, 0.0), now_us(robot), covariance(x, y, yaw)))
+        robot.tick(5)
+    sd = asked(robot, "OMNI_TRACKING").pose_sd
+    robot.go_back(start)
+    return math.hypot(sd[0], sd[1]), sd[2]
+
+
+def test_what_a_fix_says_of_its_spread_counts_and_of_a_plane_the_worse_axis(robot: FakeRobot) -> None:
+    put(robot, (0.0, 0.0, 0.0))
+    exact = spread_after(robot, 0.001, 0.001, 0.001)
+    for worse in (spread_after(robot, 0.02, 0.001, 0.001), spread_after(robot, 0.001, 0.02, 0.001)):
+        assert worse[0] > 1.5 * exact[0]
+        assert worse == pytest.approx(spread_after(robot, 0.02, 0.02, 0.001))
+    unsure = spread_after(robot, 0.001, 0.001, 0.02)
+    assert unsure[1] > 1.5 * exact[1]
+    unknown = spread_after(robot, math.nan, math.nan, math.nan)
+    assert unknown == pytest.approx(spread_after(robot, 0.0, 0.0, 0.0))
+
+
+def turning(robot: FakeRobot, seconds: float) -> list[Place]:
+    """Turn on the spot and return where the robot was in each tick."""
+    places = []
+    for _ in range(round(seconds * 1000)):
+        robot.send(USB, HEARTBEAT, velocity(0.0, 0.0, 0.5))
+        robot.tick()
+        places.append(estimate(robot))
+    return places
+
+
+@pytest.mark.parametrize(
+    ("age_us", "used"),
+    [(0, True), (100_000, True), (249_000, True), (250_000, True), (250_001, False), (-5_000, True), (-5_001, False)],
+)
+def test_a_stamp_counts_if_it_is_at_most_a_quarter_second_old(robot: FakeRobot, age_us: int, used: bool) -> None:
+    """The fix is true at the time it says; where it was taken for another time it disagrees with the estimate."""
+    robot.armed()
+    places = turning(robot, 1.0)
+    stamp = now_us(robot) - age_us
+    place = places[-1 - max(age_us, 0) // 1000] if used else places[-1]
+    if not used and age_us > 0:
+        place = places[-251]
+    exact = covariance(0.002, 0.002, 0.002)
+    robot.send(USB, vicon(place, stamp, exact))
+    robot.background()
+    robot.tick(2)
+    nis = asked(robot, "OMNI_CONTROL").nis
+    agrees = nis < 1.0
+    assert agrees == (used or age_us < 0)
+
+
+def test_a_sensor_that_says_one_pose_while_the_robot_drives_is_not_believed(robot: FakeRobot) -> None:
+    robot.armed()
+    frozen = (0.0, 0.0, 0.0)
+    refused = "pose fix refused: it repeats itself"
+    for _ in range(30):
+        robot.send(USB, HEARTBEAT, velocity(0.0), vicon(frozen))
+        robot.tick(10)
+    assert refused not in robot.texts()
+    for _ in range(100):
+        robot.send(USB, HEARTBEAT, velocity(0.0, 0.0, 0.5), vicon(frozen))
+        robot.tick(10)
+    assert refused in robot.texts()
+    before = asked(robot, "OMNI_CONTROL")
+    robot.send(USB, HEARTBEAT, vicon(frozen))
+    robot.tick(2)
+    after = asked(robot, "OMNI_CONTROL")
+    assert after.fixes_accepted + after.fixes_refused == before.fixes_accepted + before.fixes_refused
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_pose_that_changes_in_one_number_does_not_repeat_itself(robot: FakeRobot, axis: int) -> None:
+    robot.armed()
+    for number in range(150):
+        place = [0.0, 0.0, 0.0]
+        place[axis] = 1e-4 * (number % 2)
+        robot.send(USB, HEARTBEAT, velocity(0.0, 0.0, 0.5), vicon((place[0], place[1], place[2]), now_us(robot)))
+        robot.tick(10)
+    assert "pose fix refused: it repeats itself" not in robot.texts()
+
+
+def test_a_repeated_pose_is_refused_after_five_millimetres_of_way(robot: FakeRobot) -> None:
+    robot.armed()
+    for _ in range(100):
+        robot.send(USB, HEARTBEAT, velocity(0.05))
+        robot.tick(10)
+    rate = asked(robot, "OMNI_TRACKING").reference_rate
+    assert math.hypot(rate[0], rate[1]) == pytest.approx(0.05, abs=1e-3)
+    robot.look()
+    robot.said[USB].clear()
+    told_ms = None
+    for elapsed_ms in range(0, 300, 2):
+        robot.send(USB, HEARTBEAT, velocity(0.05), vicon((0.3, 0.3, 0.3), 0))
+        robot.tick(2)
+        if any("it repeats itself" in text for text in robot.texts()):
+            told_ms = elapsed_ms
+            break
+    assert told_ms == pytest.approx(100, abs=30)
