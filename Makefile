@@ -14,10 +14,10 @@ BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt p
 C_FILES = $(shell find shared/core firmware hil_sim host/native tests bench -name '*.[ch]' -o -name '*.[ch]pp')
 # Processes that run the tests; 0: in make's own terminal, one test after another.
 WORKERS ?= auto
-PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench
+PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
 .PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        mutants mutants-sample firmware-check firmware-memory firmware-build-check prove flash release nightly clean
+        mutants mutants-sample docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
 	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
@@ -30,6 +30,7 @@ help:
 	@echo 'make tick-cycles  the same inside the image of make firmware, with cycles by LLVM'\''s Cortex-M7 model'
 	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo 'make prove        the core has no run-time errors, for any input (docs/checks/proof.md)'
+	@echo 'make docs         the documentation as pages: build/docs/html/index.html'
 	@echo 'make mutants      does a test notice small changes of the core and the firmware (ARGS="--count 1100")?'
 	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
 	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
@@ -119,7 +120,7 @@ flash: setup
 	$(BIN)/omni flash --robot $(ROBOT) $(ARGS)
 
 $(VENV)/stamp-lint: pyproject.toml $(VENV)/stamp-install
-	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' 'import-linter>=2.6' pytest hypothesis
+	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' 'import-linter>=2.6' 'sphinx>=7.2' pytest hypothesis
 	@touch $@
 
 lint: $(VENV)/stamp-lint
@@ -129,6 +130,15 @@ lint: $(VENV)/stamp-lint
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m tests.structure.includes
 	.ci/lint-c $(VENV)
+
+$(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install
+	$(PIP) install --no-build-isolation -e '.[docs]'
+	@touch $@
+
+# Warnings are errors, and so is a link that leads nowhere.
+docs: $(VENV)/stamp-install $(VENV)/stamp-docs
+	$(BIN)/python -m sphinx -b html -n -W --keep-going -q docs build/docs/html $(ARGS)
+	$(BIN)/python docs/_ext/check_pages.py build/docs/html
 
 format: $(VENV)/stamp-lint
 	$(BIN)/ruff check --fix $(PYTHON_DIRS)

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: MIT
+"""Pages that Sphinx does not build still lead somewhere, and every fault has its entry under its symptom."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from omniwheel._core import ffi, lib
+
+ROOT = Path(__file__).resolve().parents[2]
+TROUBLES = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+
+
+def fault_names() -> list[str]:
+    names = [ffi.string(lib.omni_fault_name(1 << bit)).decode() for bit in range(32)]
+    return [name for name in names if name != "?"]
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])
+def test_every_link_of_the_page_leads_to_a_file(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    targets = [target for target in LINK.findall(text) if "://" not in target]
+    assert targets
+    assert [target for target in targets if not (ROOT / target).is_file()] == []
+
+
+def test_the_core_has_faults_and_warnings() -> None:
+    assert {"stall", "link loss", "pose stale"} <= set(fault_names())
+
+
+@pytest.mark.parametrize("name", fault_names())
+def test_every_fault_has_its_entry(name: str) -> None:
+    rows = [line.split(" | ") for line in TROUBLES.splitlines() if line.startswith(f"| `{name}` |")]
+    assert len(rows) == 1, f"docs/troubleshooting.md: one row that begins with | `{name}` |"
+    assert all(len(cell.strip(" |")) > 10 for cell in rows[0][1:]), "a cause, and what to do"
