@@ -137,7 +137,7 @@ $(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install
 
 # Warnings are errors, and so is a link that leads nowhere.
 docs: $(VENV)/stamp-install $(VENV)/stamp-docs
-	$(BIN)/python -m sphinx -b html -n -W --keep-going -q docs build/docs/html $(ARGS)
+	$(BIN)/python -m sphinx -b html -E -n -W --keep-going -q docs build/docs/html $(ARGS)
 	$(BIN)/python docs/_ext/check_pages.py build/docs/html
 
 format: $(VENV)/stamp-lint

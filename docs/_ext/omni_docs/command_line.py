@@ -81,7 +81,7 @@ def pages() -> dict[str, str]:
     rows = []
     for name, child in _children(root, context):
         made[f"cli/{name}.md"] = page(*_parts(child, _context(child, name, context), ("omni", name)))
-        rows.append([f"[`omni {name}`]({name}.md)", _prose(re.split(r"[.\n]", child.help or "")[0])])
+        rows.append([f"[`omni {name}`]({name}.md)", _prose(re.split(r"[.](?:\s|$)|\n\n", child.help or "")[0])])
     names = "\n".join(["```{toctree}", ":hidden:", *[name.partition("/")[2][:-3] for name in made], "```"])
     first = [
         "# The command line",
