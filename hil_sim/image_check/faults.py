@@ -38,6 +38,7 @@ NOT_AT_THE_PINS = {
 }
 """Cases that no wire can show, and why; host-in-the-loop they can be shown."""
 BATTERY = ("battery_low", "battery_dip")
+BUTTON = "stop_button"
 THREE = 3
 
 
@@ -49,7 +50,7 @@ def faults_at_the_pins(context: Context) -> list[str]:
     if context.scenario.robot.wheels > THREE:
         reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: nothing stands still"
     if context.scenario.robot.board.stop_button_pin is None:
-        reasons["stop_button"] = "this robot has none"
+        reasons[BUTTON] = "this robot has none"
     values = context.scenario.parameter_values()
     figures = []
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:

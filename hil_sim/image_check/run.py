@@ -33,6 +33,7 @@ MODULES = (
     "drive",
     "latch",
     "stops",
+    "kept",
     "faults",
     "unplug",
     "edges",

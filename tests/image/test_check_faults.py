@@ -20,6 +20,7 @@ from hil_sim.image_check.bench import Bench, CheckError, Context
 from hil_sim.image_check.check import Check
 from hil_sim.image_check.faults import (
     BATTERY,
+    BUTTON,
     EXTRA,
     NOT_AT_THE_PINS,
     SHORT,
@@ -34,7 +35,7 @@ from hil_sim.rt1062 import Channel
 from hil_sim.scenario import load_scenario
 
 KNOWN = {case.name: case for case in (*CASES, *EXTRA)}
-AT_THE_PINS = [name for name in KNOWN if name not in NOT_AT_THE_PINS and name not in BATTERY]
+AT_THE_PINS = [name for name in KNOWN if name not in (*NOT_AT_THE_PINS, *BATTERY, BUTTON)]
 ROBOT = "three_wheel"
 
 
@@ -56,7 +57,7 @@ def run(starts: tuple[Bench, Starts], case: FaultCase) -> str:
 
 
 def test_the_names_are_those_of_cases() -> None:
-    assert set(NOT_AT_THE_PINS) | set(BATTERY) | set(SHORT) <= set(KNOWN)
+    assert set(NOT_AT_THE_PINS) | {BUTTON, *BATTERY, *SHORT} <= set(KNOWN)
 
 
 def test_the_short_check_says_what_it_leaves_out(image: Path) -> None:
