@@ -81,8 +81,10 @@ void App::watch_button() {
 }
 
 void App::tick() {
-    watch_button(); // of the robot itself: host-in-the-loop, too
     const Owner owner = owner_.load(std::memory_order_acquire);
+    if (owner != Owner::timer) {
+        watch_button(); // of the robot itself: host-in-the-loop, too
+    }
     if (owner == Owner::background) {
         board_.output_enable->set(false); // the host's world turns, not these wheels
         return;
@@ -101,6 +103,7 @@ void App::tick() {
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
     board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);
+    watch_button(); // last of the sensors: the tick's own first look is at the flag that this sets
     shared_.control.tick(sensors, *board_.i2c, *board_.output_enable, *board_.clock);
 }
 

@@ -52,6 +52,8 @@ RESTARTS: dict[str, Callable[[Bench], None]] = {
     "over-temperature": _reset(0x100),
 }
 """Bits of SRC_SRSR (i.MX RT1060 reference manual, chapter SRC). A supply too low for the chip is a power-on."""
+FLICKERS_S = (0.02, 0.07, 0.2, 0.4)
+DIP_S = 0.1
 GONE_S = 0.05
 """After a reset: the USB port is gone by then, and not there again yet."""
 
@@ -65,15 +67,15 @@ def _press(bench: Bench, pressed: bool = True) -> None:
     install(bench, kinds, float(bench.world.c.time_us) * 1e-6, FOREVER_S)
 
 
-def _restart(bench: Bench, name: str) -> Robot:
+def _restart(bench: Bench, name: str, way: Callable[[Bench], None]) -> Robot:
     """Restart and connect; no bridge gets anything, whatever comes over the link. Raises CheckError."""
 
     def stays_off() -> None:
         if bench.powered:
             raise CheckError(f"a bridge has power after a restart ({name})")
 
-    RESTARTS[name](bench)
     with bench.watched(stays_off):
+        way(bench)
         bench.advance(GONE_S)
         bench.until(lambda: bench.machine.usb_ready, BOOT_LIMIT_S, f"USB serial port after a restart ({name})")
         bench.drain()
@@ -113,12 +115,12 @@ def stop_button(context: Context) -> list[str]:
         robot.pump(STORED_S)
         _must_say(robot, OPENED, "pressed,")
         _must_refuse_release(robot)
-        robot = _restart(bench, "power")
+        robot = _restart(bench, "power", _power)
         _must_be(robot, "estop", "after a power cut with the button open")
         _must_say(robot, OPENED, "started with the button open,")
         _press(bench, False)
         bench.advance(SHOWN_S)
-        robot = _restart(bench, "watchdog")
+        robot = _restart(bench, "watchdog", RESTARTS["watchdog"])
         _must_be(robot, "estop", "after a reset with the button closed again")
         _must_not_arm(robot, "after a reset with the button closed again")
         robot.estop_clear()
@@ -186,31 +188,58 @@ def stop_outlives(context: Context) -> list[str]:
         robot = driving(bench)
         first_s = _stored_s(bench, robot, FIRST_LIMIT_S, "the first stop of an empty memory")
         for name in names:
-            robot = _restart(bench, name)
+            robot = _restart(bench, name, RESTARTS[name])
             _must_be(robot, "estop", f"after an emergency stop and a restart ({name})")
             _must_say(robot, SINCE_BEFORE, f"after a restart ({name})")
             _must_not_arm(robot, f"after a restart ({name})")
         robot.estop_clear()
         robot.pump(RELEASE_STORED_S)
-        robot = _restart(bench, "power")
+        robot = _restart(bench, "power", _power)
         _must_be(robot, "disarmed", "after a release and a restart")
         later_s = _stored_s(bench, driving(bench), LIMIT_S, "a later stop")
     stored = f"kept after {1e3 * first_s:.0f} ms where a sector is begun, {1e3 * later_s:.0f} ms otherwise"
     return [stored, f"an emergency stop outlives: {', '.join(names)}; its release a power cut"]
 
 
+def _flicker(bench: Bench) -> None:
+    """A supply that comes and goes: each time the program gets a little further."""
+    for on_s in FLICKERS_S:
+        bench.machine.power_on()
+        bench.advance(on_s)
+    _power(bench)
+
+
+def _dip(bench: Bench) -> str:
+    """The supply falls, but not too low for the processor; the PWM chip forgets everything. Raises CheckError."""
+    robot = driving(bench)
+    kinds = [Kind("battery_sag", value=5.0), Kind("chip_power")]
+    install(bench, kinds, float(bench.world.c.time_us) * 1e-6, DIP_S)
+    robot.drive_velocity(0.0, 0.0, TURN_RAD_S, DIP_S + SHOWN_S, stop=False)
+
+    def stays_off() -> None:
+        if bench.powered:
+            raise CheckError("a bridge has power again after the supply was low")
+
+    with bench.watched(stays_off):
+        robot.drive_velocity(0.0, 0.0, TURN_RAD_S, STAYS_S, stop=False)
+    _must_be(robot, "failsafe", "after the supply was low")
+    return f"5 V for {1e3 * DIP_S:g} ms: stays off until disarmed"
+
+
 def never_arms(context: Context) -> list[str]:
     """Restart a driving robot in each way, its set-points and heartbeats going on: it comes up disarmed."""
+    ways = {**RESTARTS, "a supply that flickers": _flicker}
     with context.bench(options=_options(context)) as bench:
         boot(bench)
         driving(bench)
         moving = bench.machine.snapshot()
-        for name in RESTARTS:
+        for name, way in ways.items():
             bench.machine.restore(moving)
             bench.drain()
-            robot = _restart(bench, name)
+            robot = _restart(bench, name, way)
             _must_be(robot, "disarmed", f"after a restart while it drove ({name})")
-    return [f"{', '.join(RESTARTS)} while it drives: disarmed, no bridge has power"]
+        figure = _dip(bench)
+    return [f"{', '.join(ways)} while it drives: disarmed, no bridge has power", figure]
 
 
 CHECKS = (

@@ -9,11 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil_sim.faults import KINDS
 from hil_sim.hil import run_hil
+from hil_sim.pins import PinsLink
+from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import start_sitl
-from hil_sim.soak import run_soak
-from omniwheel import connect
+from hil_sim.soak import ICOUNT_SHIFT, run_soak
+from omniwheel import Robot, connect
+from omniwheel.bringup.bench import safety_of
+from omniwheel.connection import Connection
+from omniwheel.emulated_firmware import EmulatedFirmware
+from omniwheel.errors import CommandRefusedError
 from omniwheel.telemetry import LocalPosition
 from tests.arm import need_emulated_firmware
 from tests.firmware.client import connect as connect_client
@@ -85,3 +92,37 @@ def test_a_soak_on_its_own_timing_misses_no_tick_and_keeps_the_time() -> None:
     assert result.overruns == 0
     assert abs(result.drift_us) <= 100.0
     assert result.distance_m > 1.0
+
+
+def test_the_stop_button_at_the_boards_pin_stops_within_two_ticks() -> None:
+    """By the board's own interrupt, with the world at its pins; the motors' power is what the world gets of it."""
+    scenario = load_scenario("stand")
+    world = new_world(scenario)
+    enabled: list[tuple[int, bool]] = []
+
+    def on_tick(_: int) -> None:
+        enabled.append((int(world.c.time_us), not world.c.chip.output_enable_high))
+
+    values = scenario.parameter_values()
+    with EmulatedFirmware(parameters=values, pins=True, icount_shift=ICOUNT_SHIFT) as running:
+        link = PinsLink(running.open_pins(), world, on_tick)
+        connection = Connection(link, clock=link.clock_s)
+        connection.target_system, connection.target_component = int(values["SYS_ID"]), 1
+        robot = Robot(connection, table=scenario.robot.table)
+        robot.pump(2.0)
+        robot.arm()
+        robot.drive_velocity(0.0, 0.0, 0.5, 0.3, stop=False)
+        assert enabled[-1][1]
+        fault, world.c.config.fault_count = world.c.config.fault[0], 1
+        fault.kind, fault.start_s, fault.stop_s = KINDS["stop_button"], world.c.time_us * 1e-6 + 0.05, 1e6
+        robot.drive_velocity(0.0, 0.0, 0.5, 0.3, stop=False)
+        on = [time_us for time_us, is_on in enabled if is_on]
+        assert on[-1] - fault.start_s * 1e6 <= 2000, "the world hears of a tick in the next one"
+        with pytest.raises(CommandRefusedError, match="stop button is still open"):
+            robot.estop_clear()
+        world.c.config.fault_count = 0
+        robot.pump(0.1)
+        assert safety_of(robot).state == "estop"
+        robot.estop_clear()
+        robot.pump(0.1)
+        assert safety_of(robot).state == "disarmed"
