@@ -13,6 +13,7 @@ import pytest
 
 from hil_sim import metrics
 from hil_sim.core import CoreError, path_ticks, robot_config
+from hil_sim.faults import Fault
 from hil_sim.hil import EPOCH_US, run_hil
 from hil_sim.report import HEIGHT_PX, WIDTH_PX, draw_report
 from hil_sim.runs import Run, faults_seen, run_in_process, run_seeds
@@ -26,6 +27,7 @@ from omniwheel.errors import ArmingRefusedError, LinkError, ParameterRefusedErro
 from omniwheel.logs.run_folder import load_run
 
 SHORT_S = 6.0
+ARMED, ESTOP = 2, 4
 STOP_FAULTS = {
     "fault_encoder_stuck": "stall",
     "fault_encoder_reversed": "stall",
@@ -137,6 +139,15 @@ def test_a_summary_says_everything_that_is_promised() -> None:
     assert summary["tick_us"]["max"] >= summary["tick_us"]["mean"] > 0.0
     assert summary["parameters"] == pytest.approx(done.scenario.parameter_values())
     json.dumps(summary, allow_nan=False)
+
+
+@pytest.mark.parametrize("way", ["in-process", "hil"])
+def test_the_stop_button_is_an_emergency_stop_that_stays(way: str) -> None:
+    scenario = replace(short("no_slip", 3.0), faults=(Fault("stop_button", 2.0, 2.1),))
+    record = run(way, scenario).record
+    state = {round(1e3 * time_s): int(state) for time_s, state in zip(record["time_s"], record["state"], strict=True)}
+    assert state[1999] == ARMED
+    assert {state[tick] for tick in range(2000, 2999)} == {ESTOP}
 
 
 @pytest.mark.parametrize("way", ["in-process", "hil"])
