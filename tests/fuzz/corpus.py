@@ -61,6 +61,7 @@ def places_of(program: Path, edges: Path) -> dict[tuple[str, str], bool]:
     places: dict[tuple[str, str], bool] = {}
     for (_, taken), place in zip(lines, found, strict=True):
         source, _, line = place.partition(" ")[0].rpartition(":")
+        source = os.path.normpath(source)  # a header of another room is named through it
         if source.startswith(str(fuzz.ROOT)):
             key = (str(Path(source).relative_to(fuzz.ROOT)), line)
             places[key] = places.get(key, False) or taken == "1"
