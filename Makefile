@@ -129,6 +129,7 @@ lint: $(VENV)/stamp-lint
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m tests.structure.includes
+	$(BIN)/python -m tests.docs.prose
 	.ci/lint-c $(VENV)
 
 $(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install

@@ -37,3 +37,22 @@ def test_every_fault_has_its_entry(name: str) -> None:
     rows = [line.split(" | ") for line in TROUBLES.splitlines() if line.startswith(f"| `{name}` |")]
     assert len(rows) == 1, f"docs/troubleshooting.md: one row that begins with | `{name}` |"
     assert all(len(cell.strip(" |")) > 10 for cell in rows[0][1:]), "a cause, and what to do"
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "how-to-add").glob("*.md")), ids=lambda page: page.stem)
+def test_every_file_that_a_recipe_names_is_there(page: Path) -> None:
+    named = re.findall(
+        r"`((?:shared|firmware|hil_sim|host|tests|omni_reproduce)/[^`\s]+)`", page.read_text(encoding="utf-8")
+    )
+    assert [name for name in named if "NAME" not in name and not (ROOT / name).exists()] == []
+
+
+def test_every_word_of_the_glossary_is_used_elsewhere() -> None:
+    glossary = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    words = re.findall(r"^([a-zA-Z][^\n|]*)\n  \S", glossary, re.MULTILINE)
+    others = [
+        page for page in (ROOT / "docs").rglob("*.md") if page.name != "glossary.md" and "generated" not in page.parts
+    ]
+    text = " ".join(" ".join(page.read_text(encoding="utf-8").lower().split()) for page in others)
+    assert len(words) > 50
+    assert [word for word in words if word.lower() not in text] == []
