@@ -53,8 +53,7 @@ def params_header(table: ParameterTable) -> str:
         if p.values:
             lines += ["", f"/** {p.doc}. */", f"enum omni_{p.name.lower()} {{"]
             lines += [f"  OMNI_{p.name}_{k.upper()} = {v}," for k, v in p.values.items()]
-            lines[-1] = lines[-1].rstrip(",")
-            lines.append("};")
+            lines += [f"  OMNI_{p.name}_COUNT = {max(p.values.values()) + 1} /**< one more than the largest */", "};"]
     return "\n".join([*lines, "", "#endif", ""])
 
 

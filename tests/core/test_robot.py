@@ -394,7 +394,7 @@ def test_losing_the_track_stops_the_motors() -> None:
     assert out.fault_history & lib.OMNI_FAULT_TRACKING
 
 
-@pytest.mark.parametrize("controller", range(6))
+@pytest.mark.parametrize("controller", range(lib.OMNI_CTL_MODE_COUNT))
 @pytest.mark.parametrize("preset", ["three_wheel", "four_wheel"])
 def test_every_controller_follows_a_circle(controller: int, preset: str) -> None:
     bench = Bench(preset, CTL_MODE=controller)
@@ -421,7 +421,7 @@ COUNT = st.one_of(st.integers(-(2**31), 2**31 - 1), st.integers(-20, 20))
 @settings(suppress_health_check=[HealthCheck.data_too_large, HealthCheck.too_slow])
 @given(data=st.data())
 def test_nothing_that_comes_in_breaks_the_promise_of_what_goes_out(data: st.DataObject) -> None:
-    bench = Bench(CTL_MODE=data.draw(st.integers(0, 5)))
+    bench = Bench(CTL_MODE=data.draw(st.integers(0, lib.OMNI_CTL_MODE_COUNT - 1)))
     bench.arm()
     for _ in range(8):
         inputs = bench.inputs

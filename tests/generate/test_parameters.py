@@ -132,6 +132,12 @@ def test_values_are_rounded_to_what_the_robot_stores() -> None:
     assert parse(default=0.1)["LENGTH"].default == struct.unpack("<f", struct.pack("<f", 0.1))[0]
 
 
+def test_an_enums_values_are_its_range() -> None:
+    mode = {"kind": "enum", "unit": "", "default": 1, "values": {"a": 1, "b": 3}, "doc": "A mode"}
+    parameter = parse_parameters({"schema_version": 1, "MODE": mode}, "p.toml")["MODE"]
+    assert (parameter.minimum, parameter.maximum) == (1.0, 3.0)
+
+
 def test_enums_take_names_and_suggest_close_ones() -> None:
     parameter = parse("MODE", kind="enum", min=0, max=1, default=0, values={"off": 0, "angle": 1})["MODE"]
     assert parameter.parse("f", "k", "angle") == 1.0

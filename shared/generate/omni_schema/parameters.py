@@ -35,6 +35,9 @@ RETIRED = "retired"
 """The key of ``params.toml`` that lists the names of parameters that are gone."""
 
 _REQUIRED_KEYS = ("kind", "unit", "min", "max", "default", "doc")
+_RANGE_KEYS = ("min", "max")
+"""Not needed where ``values`` are given: these are the range then."""
+
 _OPTIONAL_KEYS = ("values", "lock", "per_wheel", "robot_key")
 _EXACT_FLOAT32_INTEGER = 2**24
 
@@ -198,7 +201,7 @@ def _refuse_same_storage_keys(source: str, retired: Sequence[str], names: Iterab
 def _expand(source: str, name: str, entry: dict[str, Any], first_index: int) -> list[Parameter]:
     refuse_unknown_keys(source, f"{name}.", entry, (*_REQUIRED_KEYS, *_OPTIONAL_KEYS))
     for key in _REQUIRED_KEYS:
-        if key not in entry:
+        if key not in entry and not (key in _RANGE_KEYS and "values" in entry):
             raise SchemaError(source, f"{name}.{key}", "is missing")
     per_wheel = entry.get("per_wheel", False)
     if not isinstance(per_wheel, bool) or per_wheel != ("{n}" in name):
@@ -220,16 +223,17 @@ def _parameter(source: str, template: str, entry: dict[str, Any], index: int, wh
     if lock not in (None, "disarmed"):
         raise SchemaError(source, f"{template}.lock", f'is {lock!r}; only "disarmed" is allowed')
     robot_key = entry.get("robot_key")
+    values = _enum_values(source, template, kind, entry.get("values"))
     parameter = Parameter(
         index=index,
         name=name,
         kind=kind,
         unit=take_text(source, f"{template}.unit", entry["unit"]),
-        minimum=_stored(source, f"{template}.min", entry["min"]),
-        maximum=_stored(source, f"{template}.max", entry["max"]),
+        minimum=_stored(source, f"{template}.min", entry["min"] if "min" in entry else min(values.values())),
+        maximum=_stored(source, f"{template}.max", entry["max"] if "max" in entry else max(values.values())),
         default=_stored(source, f"{template}.default", entry["default"]),
         doc=_one_line(source, f"{template}.doc", entry["doc"]),
-        values=_enum_values(source, template, kind, entry.get("values")),
+        values=values,
         disarmed_only=lock is not None,
         robot_key=None if robot_key is None else _robot_key(source, template, robot_key),
         wheel=wheel,
@@ -272,6 +276,8 @@ def _enum_values(source: str, name: str, kind: str, values: object) -> dict[str,
             raise SchemaError(source, f"{key}.{label}", "names are lower case: a-z 0-9 _")
         if isinstance(number, bool) or not isinstance(number, int):
             raise SchemaError(source, f"{key}.{label}", f"is {number!r}; a whole number is needed")
+    if not table:
+        raise SchemaError(source, key, "is empty")
     if len(set(table.values())) != len(table):
         raise SchemaError(source, key, "has the same number twice")
     return dict(table)

@@ -61,7 +61,7 @@ void draw_parameters(random_t *random, uint32_t number, draw_style_t style, omni
     for (uint32_t i = 0; i < changes; ++i) {
         draw_value(random, style, random_below(random, OMNI_PARAM_COUNT), values);
     }
-    values[OMNI_PARAM_CTL_MODE] = (omni_real_t)(number % (OMNI_CTL_MODE_TORQUE + 1));
+    values[OMNI_PARAM_CTL_MODE] = (omni_real_t)(number % OMNI_CTL_MODE_COUNT);
     values[OMNI_PARAM_CTL_PERIOD] = random_chance(random, 700000) ? 1.0f : whole_between(random, 2.0f, 100.0f);
     values[OMNI_PARAM_KF_MODE] = whole_between(random, OMNI_KF_MODE_OFF, OMNI_KF_MODE_ANGLE);
     values[OMNI_PARAM_EKF_MODE] = whole_between(random, OMNI_EKF_MODE_ODOMETRY, OMNI_EKF_MODE_SLIP);
@@ -92,7 +92,7 @@ void draw_change(random_t *random, omni_real_t *values) {
         }
     }
     if (random_chance(random, 300000)) {
-        values[OMNI_PARAM_CTL_MODE] = whole_between(random, OMNI_CTL_MODE_NONE, OMNI_CTL_MODE_TORQUE);
+        values[OMNI_PARAM_CTL_MODE] = whole_between(random, 0, OMNI_CTL_MODE_COUNT - 1);
     }
 }
 

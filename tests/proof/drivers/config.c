@@ -15,7 +15,7 @@ void proof_config(void) {
     /*@ check wheels: 3 <= config.kinematics.wheels <= OMNI_MAX_WHEELS; */
     /*@ check same_wheels: 3 <= config.wheel_speed.wheels <= OMNI_MAX_WHEELS; */
     /*@ check period: 1 <= config.control_period <= 100; */
-    /*@ check modes: config.controller <= OMNI_CTL_MODE_TORQUE && config.pose_ekf.mode <= OMNI_EKF_MODE_SLIP; */
+    /*@ check modes: config.controller < OMNI_CTL_MODE_COUNT && config.pose_ekf.mode <= OMNI_EKF_MODE_SLIP; */
     /*@ check duty_limit: 0.0 <= config.wheel_speed.duty_limit <= 1.0; */
     /*@ check supply: 3.0 <= config.limits.supply_nominal_V <= 60.0; */
     /*@ check resolution: 0.0 < config.rad_per_count <= 1.6; */
