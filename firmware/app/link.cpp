@@ -13,8 +13,6 @@ constexpr float burst_s = 0.1f;
 constexpr float least_burst = 400.0f;
 /// Telemetry waits while this much is buffered: what waits is old by the time it arrives.
 constexpr size_t telemetry_backlog = 2048;
-/// Room for the answers to stops.
-constexpr size_t stop_reserve = 512;
 /// In the signature of an answer to a stop: it overtakes what was signed before, which would be too old behind it in one stream.
 constexpr unsigned stop_stream = 0x80;
 
@@ -88,9 +86,8 @@ bool Link::admits(Priority priority, size_t length) const {
     const auto bytes = static_cast<float>(length);
     switch (priority) {
     case Priority::stop:
-        return pending_ + length <= buffer_size;
     case Priority::reply:
-        return pending_ + length <= buffer_size - stop_reserve;
+        return pending_ + length <= buffer_size;
     case Priority::text:
         return pending_ + length <= buffer_size / 2;
     case Priority::telemetry:
@@ -99,6 +96,18 @@ bool Link::admits(Priority priority, size_t length) const {
         return pending_ + length <= bulk_backlog && (unlimited_ || bulk_tokens_ >= bytes);
     }
     return false;
+}
+
+/// The answer to a stop takes the place of what would go out last, as long as that is no answer to a stop.
+void Link::make_room(size_t length) {
+    while (pending_ + length > buffer_size && pending_ > begun_ + urgent_) {
+        size_t last = begun_ + urgent_;
+        for (size_t end = last; end < pending_; end += frame_length(out_ + end)) {
+            last = end;
+        }
+        pending_ = last;
+        ++tx_dropped_;
+    }
 }
 
 void Link::put(const uint8_t *frame, size_t length, Priority priority) {
@@ -132,6 +141,9 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
     if (is_signed && length != 0) {
         const unsigned stream = number_ | (priority == Priority::stop ? stop_stream : 0u);
         length = signing_->sign(frame, length, static_cast<uint8_t>(stream));
+    }
+    if (priority == Priority::stop) {
+        make_room(length);
     }
     if (length == 0 || !admits(priority, length)) {
         tx_dropped_ += priority == Priority::bulk ? 0 : 1;

@@ -36,6 +36,28 @@ def test_a_new_connection_does_not_get_the_rest_of_the_old_ones_frame(link: ctyp
     assert link.link_flush(1000) > 8
 
 
+def test_a_link_that_takes_nothing_keeps_the_answers_to_stops_and_gives_up_the_newest_of_the_rest(
+    link: ctypes.CDLL,
+) -> None:
+    """A modem out of reach, or a program that does not read: everything waits, and each stop is answered all the same."""
+    link.link_bytes.restype = ctypes.c_void_p
+    link.link_connect(0)
+    link.link_receive()
+    link.link_connect(1)
+    link.link_receive()
+    beats = 0
+    while link.link_send():
+        beats += 1
+    stops = 100
+    assert all(link.link_answer(number) for number in range(stops))
+    assert not link.link_send(), "who stops does not make room for others"
+    heard = mav.MAVLink(None).parse_buffer(bytearray(ctypes.string_at(link.link_bytes(), link.link_flush(8192))))
+    kinds = [m.get_type() for m in heard or []]
+    assert [m.command for m in (heard or [])[:stops]] == list(range(stops))
+    assert set(kinds[stops:]) == {"HEARTBEAT"}
+    assert 0 < len(kinds[stops:]) < beats
+
+
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(actions=ACTIONS)
 def test_answers_to_stops_go_before_all_that_has_not_begun_and_cut_no_frame(
