@@ -39,7 +39,7 @@ def test_a_new_connection_does_not_get_the_rest_of_the_old_ones_frame(link: ctyp
 def test_a_link_that_takes_nothing_keeps_the_answers_to_stops_and_gives_up_the_newest_of_the_rest(
     link: ctypes.CDLL,
 ) -> None:
-    """A modem out of reach, or a program that does not read: everything waits, and each stop is answered all the same."""
+    """A modem out of reach, or a program that does not read: all waits, but each stop is answered."""
     link.link_bytes.restype = ctypes.c_void_p
     link.link_connect(0)
     link.link_receive()

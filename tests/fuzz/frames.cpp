@@ -19,6 +19,7 @@ constexpr Standard standard[] = OMNI_FAMILIAR_MESSAGES;
 constexpr uint8_t magic_v1 = 0xFE;
 constexpr uint8_t magic_v2 = 0xFD;
 constexpr uint8_t flag_signed = 1;
+constexpr size_t header_v2 = 10;
 constexpr size_t signature_length = 13;
 
 /// CRC-16/MCRF4XX (reflected 0x1021, initial value 0xFFFF) of every byte: bit by bit it was a quarter of a run's time.
@@ -95,15 +96,30 @@ void append_frame(Bytes *out, const mavlink_msg_entry_t &entry, const uint8_t *p
     }
 }
 
-void sign(Bytes *frame, const uint8_t *key, uint64_t time) {
+void sign(Bytes *frame, const uint8_t *key, uint64_t time, uint8_t link_id) {
     uint8_t *at = frame->data() + frame->size() - signature_length;
-    at[0] = 1;
+    at[0] = link_id;
     std::memcpy(at + 1, &time, 6);
     mavlink_sha256_ctx context;
     mavlink_sha256_init(&context);
     mavlink_sha256_update(&context, key, 32);
     mavlink_sha256_update(&context, frame->data(), static_cast<uint32_t>(frame->size() - 6));
     mavlink_sha256_final_48(&context, at + 7);
+}
+
+bool is_signed(const Found &frame) {
+    return frame.length == header_v2 + frame.payload_length + 2 + signature_length;
+}
+
+uint64_t signing_time(const Found &frame, const uint8_t *key) {
+    const uint8_t *begin = frame.payload - header_v2;
+    const Bytes sent(begin, begin + frame.length);
+    const uint8_t *signature = sent.data() + sent.size() - signature_length;
+    uint64_t time = 0;
+    std::memcpy(&time, signature + 1, 6);
+    Bytes right = sent;
+    sign(&right, key, time, signature[0]);
+    return right == sent ? time : 0;
 }
 
 Found frame_at(const uint8_t *stream, size_t size, size_t begin) {
@@ -115,7 +131,7 @@ Found frame_at(const uint8_t *stream, size_t size, size_t begin) {
         return found;
     }
     const bool v1 = bytes[0] == magic_v1;
-    const size_t header = v1 ? 6 : 10;
+    const size_t header = v1 ? 6 : header_v2;
     if (left < header) {
         found.kind = Found::Kind::incomplete;
         found.length = left + 1;

@@ -47,7 +47,7 @@ Bytes frame_of(uint32_t id, const Message &message, const Form &form = {}) {
 
 /// Put a right signature into the place that `is_signed` left, as https://mavlink.io/en/guide/message_signing.html has it, with
 /// MAVLink's own SHA-256. @param key 32 bytes. @param time [10 us since 2015], above that of the frame before.
-void sign(Bytes *frame, const uint8_t *key, uint64_t time);
+void sign(Bytes *frame, const uint8_t *key, uint64_t time, uint8_t link_id = 1);
 
 /// A frame that stands somewhere in a stream.
 struct Found {
@@ -60,6 +60,11 @@ struct Found {
     size_t payload_length = 0;
     enum class Kind { none, incomplete, foreign, damaged, valid } kind = Kind::none;
 };
+
+/// Whether a valid frame carries a signature.
+bool is_signed(const Found &frame);
+/// Time stamp of a signed frame [10 us since 2015], 0 if its signature is not of this key.
+uint64_t signing_time(const Found &frame, const uint8_t *key);
 
 /// The payload of a valid frame as mavgen's struct.
 template <class Message>

@@ -242,7 +242,7 @@ void Robot::turn_wheels(int counts) {
     }
 }
 
-Bytes Robot::hil_sensors() {
+Bytes Robot::hil_sensors(const Form &form) {
     mavlink_omni_hil_sensors_t message{};
     message.time_us = hil_us;
     message.sequence = ++hil_sequence_;
@@ -252,7 +252,7 @@ Bytes Robot::hil_sensors() {
     message.i2c_status = bus.fate == omni::I2cStatus::done ? 0 : 1;
     std::memcpy(message.i2c_read, hil_read_, sizeof hil_read_);
     hil_us += OMNI_TICK_US;
-    return frame_of(MAVLINK_MSG_ID_OMNI_HIL_SENSORS, message);
+    return frame_of(MAVLINK_MSG_ID_OMNI_HIL_SENSORS, message, form);
 }
 
 /// Everything a port has sent must be whole, valid frames one after another; the last may still be on its way.

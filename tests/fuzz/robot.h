@@ -126,7 +126,7 @@ public:
     /// Turn every wheel on by as many counts in the direction it is driven: a plant of the simplest kind.
     void turn_wheels(int counts);
     /// A correct OMNI_HIL_SENSORS for the next tick of the host's clock.
-    Bytes hil_sensors();
+    Bytes hil_sensors(const Form &form = {});
 
     /// Some bridge of the bench is switched on: the chip says so, and the output-enable pin (where it is wired) lets it.
     bool bench_moves() const;

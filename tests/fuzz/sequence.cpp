@@ -15,6 +15,8 @@ namespace {
 /// A bus that works again after a fault needs so many ticks until the chip has surely been told.
 constexpr unsigned bus_recovery_ticks = 50;
 
+constexpr uint8_t signing_key[32] = {0x4B, 0x45, 0x59};
+
 } // namespace
 
 Setup Sequence::setup_of(const Action &setup) {
@@ -35,6 +37,9 @@ Sequence::Sequence(const Action &setup) : nothing_(nullptr, 0), robot_(setup_of(
 void Sequence::run(const Actions &actions) {
     for (size_t i = 1; i < actions.size(); ++i) {
         act(actions[i]);
+    }
+    for (size_t link = 0; link < robot_.setup.ports; ++link) {
+        clog(link, false);
     }
     // Whatever was stopped stays so while nobody says anything.
     for (int tick = 0; tick < 8; ++tick) {
@@ -62,6 +67,7 @@ void Sequence::tick_once(int turning) {
     signing_time_ += OMNI_TICK_US / 10;
     allow_what_waits();
     if (robot_.setup.lockstep) {
+        clog(0, false);
         put(0, robot_.hil_sensors());
     } else {
         robot_.tick();
@@ -71,7 +77,7 @@ void Sequence::tick_once(int turning) {
     }
     background();
     if (good_bus_ticks_ > bus_recovery_ticks || robot_.setup.lockstep) {
-        oracle_.pass(); // a bus that hangs delays entering host-in-the-loop, and with it whatever comes after
+        oracle_.pass(clogged_); // a bus that hangs delays entering host-in-the-loop, and with it whatever comes after
     }
 }
 
@@ -86,7 +92,11 @@ void Sequence::host_ticks(const Action &action) {
     robot_.hosted = true;
     for (int i = 0; i <= action.n % 64; ++i) {
         if (!robot_.setup.lockstep) {
-            put(link_of(action), robot_.hil_sensors());
+            const size_t link = link_of(action);
+            clog(link, false);
+            Bytes sensors = robot_.hil_sensors(form_on(link));
+            sign_on(link, &sensors);
+            put(link, sensors);
         }
         tick_once(action.b % 8);
     }
@@ -97,8 +107,33 @@ void Sequence::background() {
     robot_.background();
     deliver();
     if (robot_.boots != boots_) {
-        boots_ = robot_.boots;
+        started_anew();
         oracle_.rebooted(storage_works_);
+    }
+}
+
+/// A robot that was armed takes up half a day ahead of its clock, so that it takes no recording of that drive. Until its next
+/// frame over the radio a station cannot know that, and what it has signed before is as good as a recording.
+void Sequence::started_anew() {
+    boots_ = robot_.boots;
+    knows_the_time_ = false;
+    if (signs_) {
+        joined_[radio].clear();
+        joined_events_[radio].clear();
+        robot_.ports[radio].in.clear();
+        events_[radio].clear();
+    }
+}
+
+/// A station's clock follows the robot's, as that of every MAVLink signer does.
+void Sequence::heard(size_t port, const Found &frame) {
+    if (port == radio) {
+        const uint64_t time = is_signed(frame) ? signing_time(frame, signing_key) : 0;
+        signing_time_ = std::max(signing_time_, time);
+        knows_the_time_ = !is_signed(frame) || time != 0; // a robot that cannot read its key hears nobody, nor can it be heard
+    }
+    if (!is_clogged(port) || frame.id != MAVLINK_MSG_ID_HEARTBEAT) {
+        oracle_.heard(port, frame);
     }
 }
 
@@ -155,15 +190,18 @@ void Sequence::put(size_t link, Bytes bytes) {
     joined_events_[link].clear();
 }
 
+void Sequence::sign_on(size_t link, Bytes *frame) {
+    if (signs_ && link == radio) {
+        sign(frame, signing_key, ++signing_time_);
+    }
+}
+
 void Sequence::send(const Action &action, Bytes frame, Event event) {
     const size_t link = link_of(action);
     if (robot_.ports[link].connection == 0) {
         return;
     }
-    if (signs_ && link == radio) {
-        static constexpr uint8_t key[32] = {0x4B, 0x45, 0x59};
-        sign(&frame, key, ++signing_time_);
-    }
+    sign_on(link, &frame);
     joined_events_[link].push_back(event);
     if ((action.link & 0x80) != 0) {
         joined_[link].insert(joined_[link].end(), frame.begin(), frame.end());
@@ -200,6 +238,10 @@ void Sequence::command(const Action &action, uint16_t number, float first, float
     const Bytes frame = as_int ? frame_of(MAVLINK_MSG_ID_COMMAND_INT, whole, form_on(link))
                                : frame_of(MAVLINK_MSG_ID_COMMAND_LONG, message, form_on(link));
     const bool stops = event == Event::disarm || event == Event::estop;
+    if (stops && may_be_a_recording(link)) {
+        send(action, frame);
+        return;
+    }
     if (stops && robot_.ports[link].connection != 0 && (action.link & 0x80) == 0) {
         uint8_t bytes[28];
         std::memcpy(bytes, as_int ? static_cast<const void *>(&whole) : &message, sizeof bytes);
@@ -225,23 +267,16 @@ void Sequence::estop(const Action &action) {
     }
 }
 
-bool Sequence::may_be_hosted() {
-    hosted_ = hosted_ || !signs_;
-    return !signs_;
-}
-
-void Sequence::enter_hil(const Action &action) {
-    if (may_be_hosted()) {
-        command(action, MAV_CMD_OMNI_HIL, 1.0f, 0.0f);
-    }
-}
-
 void Sequence::release(const Action &action) {
     command(action, MAV_CMD_OMNI_ESTOP, 0.0f, 0.0f);
 }
 
 void Sequence::connect(const Action &action) {
     const size_t link = link_of(action);
+    if (action.a % 8 == 5) {
+        clog(link, !is_clogged(link));
+        return;
+    }
     robot_.connect_anew(link, action.a % 4 == 3);
     joined_[link].clear();
     joined_events_[link].clear();
@@ -251,11 +286,23 @@ void Sequence::connect(const Action &action) {
     background();
 }
 
+void Sequence::clog(size_t link, bool clogged) {
+    static constexpr size_t plenty = 1 << 16;
+    if (clogged == is_clogged(link)) {
+        return;
+    }
+    robot_.ports[link].space = clogged ? 0 : plenty;
+    if (!clogged) {
+        background(); // what waited comes now
+    }
+    clogged_ ^= 1u << link;
+}
+
 void Sequence::power_cut(const Action &) {
     robot_.bus.chip.power_up();
     robot_.watchdog.cause = omni::ResetCause::power_on;
     robot_.boot();
-    boots_ = robot_.boots;
+    started_anew();
     for (auto &events : events_) {
         events.clear();
     }

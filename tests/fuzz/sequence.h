@@ -24,7 +24,7 @@ private:
     static constexpr size_t max_ports = omni::Board::max_ports;
     static Setup setup_of(const Action &setup);
 
-    void heard(size_t port, const Found &frame) override { oracle_.heard(port, frame); }
+    void heard(size_t port, const Found &frame) override;
     void host_ticked() override { oracle_.host_ticked(robot_.world_moves()); }
 
     void act(const Action &action);
@@ -37,7 +37,7 @@ private:
     void drive(const Action &action);
     void fixes(const Action &action);
     void heartbeat(const Action &action);
-    void enter_hil(const Action &action);
+    void enter_hil(const Action &action) { command(action, MAV_CMD_OMNI_HIL, 1.0f, 0.0f); }
     void leave_hil(const Action &action) { command(action, MAV_CMD_OMNI_HIL, 0.0f, 0.0f); }
     void reboot(const Action &action) { command(action, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0f, 0.0f); }
     void power_cut(const Action &action);
@@ -47,6 +47,9 @@ private:
     void noise(const Action &action);
     void half(const Action &action);
     void connect(const Action &action);
+    /// A link that takes nothing, until it does again: what waited on it comes late and says nothing of now.
+    void clog(size_t link, bool clogged);
+    bool is_clogged(size_t link) const { return (clogged_ >> link & 1) != 0; }
     void bus(const Action &action);
     void clock_jump(const Action &action);
     void silence(const Action &action);
@@ -55,13 +58,15 @@ private:
     void scan(const Action &action);
     void list(const Action &action);
 
-    /// Without a key host-in-the-loop may be entered, and is from now on taken to have been.
-    bool may_be_hosted();
     size_t link_of(const Action &action) const { return (action.link & 0x7F) % robot_.setup.ports; }
     /// How frames look on this link at the moment.
     Form form_on(size_t link) const;
     /// A command with a receipt of its own; what it means is worked out from it. A stop among them is promised its effect.
     void command(const Action &action, uint16_t number, float first, float second);
+    /// A stop that the robot may take for a recording: it has started anew, and the station has not heard it say its time since.
+    bool may_be_a_recording(size_t link) const { return signs_ && link == radio && !knows_the_time_; }
+    void sign_on(size_t link, Bytes *frame);
+    void started_anew();
     void send(const Action &action, Bytes frame, Event event = Event::nothing);
     void put(size_t link, Bytes bytes);
     void tick_once(int turning);
@@ -77,8 +82,9 @@ private:
     std::vector<Event> events_[max_ports];        ///< of frames that the robot has not read to the end
     bool dirty_[max_ports] = {};                  ///< an unfinished frame came before: all but stops may be found later
     bool signs_ = false;
-    bool hosted_ = false; ///< host-in-the-loop may have been entered
+    bool knows_the_time_ = true; ///< the station on the radio, of the robot's signing clock
     bool storage_works_ = true;
+    unsigned clogged_ = 0; ///< a bit per link
     unsigned good_bus_ticks_ = 0;
     uint64_t boots_ = 0;
     uint64_t signing_time_ = 0;

@@ -113,9 +113,6 @@ void Sequence::message(const Action &action) {
     const bool is_command = entry.msgid == MAVLINK_MSG_ID_COMMAND_LONG || entry.msgid == MAVLINK_MSG_ID_COMMAND_INT;
     mavlink_command_long_t said{};
     std::memcpy(&said, payload, sizeof said);
-    if (is_command && said.command == MAV_CMD_OMNI_HIL && !may_be_hosted()) {
-        return;
-    }
     const bool releases = is_command && said.command == MAV_CMD_OMNI_ESTOP && said.param1 == 0.0f;
     if (releases && dirty_[link]) {
         return;
@@ -175,8 +172,7 @@ void Sequence::storage(const Action &action) {
     command(action, MAV_CMD_PREFLIGHT_STORAGE, static_cast<float>(action.a % 3), 0.0f);
 }
 
-/// From now on everything said over the radio is signed, whether the robot took the key or not. Never together with
-/// host-in-the-loop: the signing clock follows the simulated one, and then takes the time of both.
+/// From now on everything said over the radio is signed, whether the robot took the key or not.
 void Sequence::key(const Action &action) {
     mavlink_setup_signing_t message{};
     message.target_system = 1;
@@ -186,7 +182,7 @@ void Sequence::key(const Action &action) {
     message.initial_timestamp = signing_time_;
     Action over_usb = action;
     over_usb.link = 0;
-    if (robot_.setup.lockstep || hosted_ || robot_.ports[0].connection == 0 || dirty_[0] || !joined_[radio].empty() ||
+    if (robot_.ports[0].connection == 0 || dirty_[0] || !joined_[radio].empty() ||
         !robot_.ports[radio].in.empty()) {
         return;
     }

@@ -67,9 +67,10 @@ void StopOracle::heard(size_t link, const Found &frame) {
     }
 }
 
-void StopOracle::pass() {
+void StopOracle::pass(unsigned deaf) {
     for (Ack &ack : acks_) {
-        check(--ack.passes >= 0, "every stop is acknowledged (link)", static_cast<long>(ack.link));
+        ack.passes -= (deaf >> ack.link & 1) != 0 ? 0 : 1;
+        check(ack.passes >= 0, "every stop is acknowledged (link)", static_cast<long>(ack.link));
     }
 }
 

@@ -41,8 +41,8 @@ public:
     void host_ticked(bool moves);
     /// A frame that the robot sent.
     void heard(size_t link, const Found &frame);
-    /// A pass of the background in which the robot read all that waited.
-    void pass();
+    /// A pass of the background in which the robot read all that waited. @param deaf a bit per link that takes nothing from it.
+    void pass(unsigned deaf);
 
     bool stopped() const { return !may_move_; }
 
