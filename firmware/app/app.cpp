@@ -117,7 +117,6 @@ void App::restart_control(uint64_t now_us) {
     }
     shared_.arming = 0;
     shared_.stopping = 0;
-    shared_.i2c_scanning = false;
     shared_.hil_button_open = false;
     shared_.now_us = now_us;
     jitter_.restart();
@@ -131,6 +130,7 @@ void App::restart_control(uint64_t now_us) {
     setpoints_.restart();
     pose_fixes_.restart();
     status_texts_.restart();
+    commands_.restart();
 }
 
 void App::update_owner() {
@@ -160,9 +160,6 @@ uint8_t App::switch_hil(bool enable, size_t link) {
 
 /// From a stopped robot only a release leads on, not a simulation of one.
 const char *App::hil_obstacle(size_t link) const {
-    if (shared_.armed()) {
-        return "disarm first";
-    }
     if (hil_link_ != no_link && hil_link_ != link) {
         return "in use on another link";
     }
@@ -171,6 +168,9 @@ const char *App::hil_obstacle(size_t link) const {
 }
 
 uint8_t App::enter_hil(size_t link) {
+    if (shared_.armed()) {
+        return shared_.refuse_armed("host-in-the-loop");
+    }
     if (const char *why = hil_obstacle(link)) {
         shared_.refuse(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
         return MAV_RESULT_DENIED;

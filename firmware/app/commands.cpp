@@ -249,6 +249,9 @@ uint8_t Commands::hil_command(float enable, size_t link) {
 }
 
 uint8_t Commands::clear_estop() {
+    if (shared_.disarming()) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // in one tick with the stop it would lose
+    }
     if (shared_.armed()) {
         shared_.refuse(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
         return MAV_RESULT_DENIED;
@@ -278,8 +281,7 @@ uint8_t Commands::set_mode(float mode) {
 uint8_t Commands::set_pose(const omni_pose_t &pose) {
     const float limit = parameters_.config().limits.position_m;
     if (shared_.armed()) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("pose not set: disarm first"));
-        return MAV_RESULT_DENIED;
+        return shared_.refuse_armed("pose not set");
     }
     if (!omni_pose_is_finite(&pose) || omni_absf(pose.x) > limit || omni_absf(pose.y) > limit) {
         shared_.refuse(MAV_SEVERITY_WARNING, Text().add("pose not set: not finite or beyond LIM_POS"));
@@ -296,8 +298,7 @@ uint8_t Commands::reboot(float what) {
         return MAV_RESULT_UNSUPPORTED;
     }
     if (shared_.armed()) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("reboot refused: disarm first"));
-        return MAV_RESULT_DENIED;
+        return shared_.refuse_armed("reboot refused");
     }
     shared_.reboot = true;
     return MAV_RESULT_ACCEPTED;
@@ -305,8 +306,7 @@ uint8_t Commands::reboot(float what) {
 
 uint8_t Commands::scan_i2c(const Sender &sender) {
     if (shared_.armed()) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: disarm first"));
-        return MAV_RESULT_DENIED;
+        return shared_.refuse_armed("I2C scan refused");
     }
     if (hil_.hil_silent()) {
         shared_.refuse(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: no OMNI_HIL_SENSORS yet"));
@@ -346,6 +346,13 @@ uint8_t Commands::test_pin(float duration_s, float release) {
     test.release = release == 1.0f;
     shared_.control.test_pin(test);
     return MAV_RESULT_ACCEPTED;
+}
+
+void Commands::restart() {
+    if (shared_.i2c_scanning) {
+        shared_.i2c_scanning = false;
+        shared_.say_on(scan_sender_.link, MAV_SEVERITY_WARNING, Text().add("I2C scan cancelled: host-in-the-loop switched"));
+    }
 }
 
 void Commands::serve() {

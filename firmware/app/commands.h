@@ -33,6 +33,8 @@ public:
     void on_command_long(const Frame &frame, const Sender &sender);
     void on_command_int(const Frame &frame, const Sender &sender);
     void on_set_mode(const Frame &frame, const Sender &sender);
+    /// The control loop begins anew, on another bus: whoever waits for a scan is told that no result comes.
+    void restart();
     /// Send the result of an I2C scan that has come to its end.
     void serve();
 

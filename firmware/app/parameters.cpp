@@ -152,7 +152,7 @@ void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t b
     const omni_param_info_t &info = omni_param_table[index];
     text.add(" ").add(value).add(" refused: ");
     if (why == OMNI_ERR_LOCKED) {
-        text.add("disarm first");
+        text.add(shared_.way_out_of_armed());
     } else if (why == OMNI_ERR_NOT_FINITE) {
         text.add("not a number");
     } else if (blamed == index && (value < info.minimum || value > info.maximum)) {
@@ -248,12 +248,8 @@ uint8_t Parameters::save() {
 }
 
 uint8_t Parameters::storage_command(float action) {
-    if (shared_.armed() && shared_.stopping > 0) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // the answer to a stop comes before the tick's report of it
-    }
     if (shared_.armed()) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter storage refused: disarm first"));
-        return MAV_RESULT_DENIED;
+        return shared_.refuse_armed("parameter storage refused");
     }
     if (action == 0.0f) {
         return load();

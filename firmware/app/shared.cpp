@@ -79,6 +79,14 @@ void Shared::refuse(uint8_t severity, const Text &text) {
     }
 }
 
+uint8_t Shared::refuse_armed(const char *what) {
+    if (disarming()) {
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    refuse(MAV_SEVERITY_WARNING, Text().add(what).add(": disarm first"));
+    return MAV_RESULT_DENIED;
+}
+
 void Shared::refuse_streamed(uint64_t (&said_us)[Board::max_ports], const Text &text) {
     const size_t link = asker < board.port_count ? asker : 0;
     if (said_us[link] != 0 && now_us >= said_us[link] && now_us - said_us[link] < streamed_interval_us) {

@@ -50,6 +50,13 @@ struct Shared {
     bool armed() const {
         return arming > 0 || latest.outputs.state == OMNI_STATE_ARMED || latest.outputs.state == OMNI_STATE_FAILSAFE;
     }
+    /// A stop is on its way, and the tick's report of it has not come yet: what is locked while armed is free in a moment.
+    bool disarming() const { return armed() && stopping > 0; }
+    /// Why not, of a command that is locked while armed. Its text goes to whoever asked. @param what is not done.
+    /// @return MAV_RESULT: behind a stop it is to be tried again, since the answer to a stop comes before its report.
+    uint8_t refuse_armed(const char *what);
+    /// The same where there is no result to give: what helps.
+    const char *way_out_of_armed() const { return disarming() ? "still stopping, try again" : "disarm first"; }
     /// Whoever has the robot in hand can be told something: a link that is no radio is connected, or there is none.
     bool cable_connected() const;
     /// The robot's stop button is open now, or the simulated one's.

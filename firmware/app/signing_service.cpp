@@ -32,7 +32,7 @@ const char *SigningService::obstacle(const Sender &sender, uint64_t time) {
         return "set it over USB or a cable";
     }
     if (shared_.armed()) {
-        return "disarm first";
+        return shared_.way_out_of_armed();
     }
     return time > Signing::latest_time ? "its time is beyond 2103" : nullptr;
 }

@@ -11,6 +11,7 @@ from hil_sim.faults import Fault
 from hil_sim.world import World, world_config
 from omniwheel.robots import read_robot
 from tests.firmware.client import PCA9685, Client, connect, firmware, mav
+from tests.firmware.fake_robot import HIL_OFF, HIL_ON, RADIO, USB, FakeRobot, command
 from tests.firmware.test_commands import ARM, ARMED, DISARMED
 
 SCAN = mav.MAV_CMD_OMNI_I2C_SCAN
@@ -120,6 +121,34 @@ def test_leaving_no_scan_behind_when_host_in_the_loop_begins_anew(robot: Client)
     robot.time_us = 0
     robot.registers = bytearray(256)
     assert robot.armed().tick().actuators.state == ARMED
+
+
+CANCELLED = "I2C scan cancelled: host-in-the-loop switched"
+
+
+def test_whoever_waits_for_a_scan_is_told_that_entering_host_in_the_loop_cancels_it() -> None:
+    robot = FakeRobot().ready()
+    assert robot.ask(USB, command(SCAN)) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(10)
+    assert robot.ask(RADIO, HIL_ON) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(3)
+    assert CANCELLED in robot.texts(USB)
+    robot.close()
+
+
+def test_whoever_waits_for_a_scan_is_told_that_leaving_host_in_the_loop_cancels_it() -> None:
+    robot = FakeRobot().in_loop(RADIO, drive=False)
+    assert robot.ask(USB, command(SCAN)) == mav.MAV_RESULT_ACCEPTED
+    robot.hil_tick(RADIO, 10)
+    assert robot.ask(RADIO, HIL_OFF) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(3)
+    assert CANCELLED in robot.texts(USB)
+    robot.tick(30)
+    assert robot.ask(USB, command(SCAN)) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(PLENTY)
+    robot.look()
+    assert [m.get_type() for m in robot.said[USB]].count("OMNI_I2C_SCAN") == 1
+    robot.close()
 
 
 def test_without_hardware_the_pc_finds_its_stand_in() -> None:

@@ -116,14 +116,51 @@ def test_news_goes_to_everybody_a_few_at_a_time_and_what_is_left_out_is_counted(
         assert told == others > 2 * len(texts)
 
 
-def test_a_command_right_behind_a_disarm_is_to_be_tried_again_not_denied() -> None:
+LOCKED_WHILE_ARMED = {
+    "save": mavlink.MAV_CMD_PREFLIGHT_STORAGE,
+    "set the pose": mavlink.MAV_CMD_OMNI_SET_POSE,
+    "scan the bus": mavlink.MAV_CMD_OMNI_I2C_SCAN,
+    "host-in-the-loop": mavlink.MAV_CMD_OMNI_HIL,
+    "reboot": mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+}
+
+
+@pytest.mark.parametrize("command", LOCKED_WHILE_ARMED.values(), ids=LOCKED_WHILE_ARMED.keys())
+def test_a_command_right_behind_a_disarm_is_to_be_tried_again_not_denied(command: int) -> None:
     """The answer to a stop comes before the report that it is done."""
     with MemoryRobot() as robot:
         robot.run(100)
         station = usb(robot)
         assert station.command(ARM, 1) == mavlink.MAV_RESULT_ACCEPTED
+        assert station.command(command, 1) == mavlink.MAV_RESULT_DENIED
+        station.run(20)
         station.mav.command_long_send(1, 1, ARM, 0, 0, 0, 0, 0, 0, 0, 0)
-        station.mav.command_long_send(1, 1, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 0, 1, 0, 0, 0, 0, 0, 0)
-        results = [m.result for m in station.run(20) if m.get_type() == "COMMAND_ACK"]
+        station.mav.command_long_send(1, 1, command, 0, 1, 0, 0, 0, 0, 0, 0)
+        heard = station.run(20)
+        results = [m.result for m in heard if m.get_type() == "COMMAND_ACK"]
         assert results == [mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED]
-        assert station.command(mavlink.MAV_CMD_PREFLIGHT_STORAGE, 1) == mavlink.MAV_RESULT_ACCEPTED
+        assert "disarm first" not in " ".join(texts_of(heard))
+        assert station.command(command, 1) == mavlink.MAV_RESULT_ACCEPTED
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [lambda m: m.setup_signing_send(1, 1, list(KEY), 0), lambda m: m.param_set_send(1, 1, b"WHEELS", 3.0, 9)],
+    ids=["a key", "a locked parameter"],
+)
+def test_what_has_no_result_says_right_behind_a_disarm_that_it_is_to_be_tried_again(
+    ask: Callable[[mavlink.MAVLink], None],
+) -> None:
+    with MemoryRobot() as robot:
+        robot.run(100)
+        station = usb(robot)
+        assert station.command(ARM, 1) == mavlink.MAV_RESULT_ACCEPTED
+        ask(station.mav)
+        assert any("disarm first" in text for text in texts_of(station.run(20)))
+        station.mav.command_long_send(1, 1, ARM, 0, 0, 0, 0, 0, 0, 0, 0)
+        ask(station.mav)
+        refusals = [text for text in texts_of(station.run(20)) if "refused" in text]
+        assert len(refusals) == 1
+        assert "still stopping, try again" in refusals[0]
+        ask(station.mav)
+        assert [text for text in texts_of(station.run(20)) if "refused" in text] == []
