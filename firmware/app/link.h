@@ -13,7 +13,7 @@ namespace omni {
 
 /// Who may still send when room or budget gets short, most important first.
 enum class Priority : uint8_t {
-    stop,      ///< answers to stops: in front of everything that waits, and at once; when the buffer is full, in the place of others
+    stop,      ///< answers to stops: in front of everything that waits; in a full buffer, in the place of others
     reply,     ///< answers and heartbeats: dropped only when the buffer is full
     text,      ///< STATUSTEXT: as long as half of the buffer is free
     telemetry, ///< within the budget

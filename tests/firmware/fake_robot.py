@@ -155,6 +155,10 @@ class FakeRobot:
             self._c.robot_tick(self._robot)
             self.background()
 
+    def pass_once(self) -> None:
+        """Let the background run once, whatever is left to be read."""
+        self._c.robot_pass(self._robot)
+
     def bare_tick(self) -> None:
         """Let the timer tick while the background is busy with something else."""
         self._c.robot_tick(self._robot)

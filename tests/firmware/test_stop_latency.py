@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from tests.firmware import stop_latency
+from tests.firmware import stop_latency, stop_loads
 
 
 def test_every_stop_acts_within_two_ticks_and_the_page_has_the_distribution() -> None:
-    ticks, late = stop_latency.measure()
-    assert not late, [str(case) for case in late[:10]]
+    content, late = stop_latency.page_content()
+    assert not late, late[:10]
     page = stop_latency.PAGE.read_text(encoding="utf-8")
-    assert stop_latency.in_page(page, stop_latency.table(ticks)) == page, (
-        "run python -m tests.firmware.stop_latency --write"
-    )
+    assert stop_latency.in_page(page, content) == page, "run python -m tests.firmware.stop_latency --write"
+
+
+def test_without_a_stop_the_arm_commands_before_it_arm() -> None:
+    assert stop_loads.arms_if_nobody_stops()

@@ -182,8 +182,7 @@ void Sequence::key(const Action &action) {
     message.initial_timestamp = signing_time_;
     Action over_usb = action;
     over_usb.link = 0;
-    if (robot_.ports[0].connection == 0 || dirty_[0] || !joined_[radio].empty() ||
-        !robot_.ports[radio].in.empty()) {
+    if (robot_.ports[0].connection == 0 || dirty_[0] || !joined_[radio].empty() || !robot_.ports[radio].in.empty()) {
         return;
     }
     tick_once(0); // a robot sees its clock a thousand times a second: no jump falls together with a new key
