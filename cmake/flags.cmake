@@ -10,6 +10,11 @@ if(OMNI_WERROR)
   target_compile_options(omni_warnings INTERFACE -Werror)
 endif()
 
+option(OMNI_ASSERTS "Check the core's invariants while it runs (shared/core/src/math/invariant.h)" OFF)
+if(OMNI_ASSERTS OR OMNI_SANITIZE OR OMNI_FUZZ)
+  target_compile_definitions(omni_flags INTERFACE OMNI_ASSERTS)
+endif()
+
 if(OMNI_FUZZ AND OMNI_FUZZ_WITH STREQUAL "sanitizers")
   set(fuzz_sanitizers -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all)
   target_compile_options(omni_flags INTERFACE ${fuzz_sanitizers} -fsanitize=fuzzer-no-link -fno-omit-frame-pointer -g)

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "../math/invariant.h"
 #include "omni/saturation.h"
 #include "pose_control.h"
 
@@ -62,6 +63,7 @@ static void motor_law(omni_original_state_t *state, const omni_original_config_t
 void omni_original_step(omni_original_state_t *state, const omni_original_config_t *config, const omni_kinematics_t *k,
                         const omni_int_t *delta_counts, const omni_pose_t *pose, const omni_pose_t *reference,
                         const omni_twist_t *reference_rate, omni_real_t supply_V) {
+    OMNI_INVARIANT(state->next < OMNI_ORIGINAL_WINDOW && state->tick < config->period_ticks);
     for (uint8_t i = 0; i < k->wheels; i++) {
         state->moved_counts[i] += delta_counts[i];
     }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
+#include "../math/invariant.h"
 #include "../math/math_inline.h"
 #include "pose_ekf_internal.h"
 
@@ -40,6 +41,7 @@ static inline void add_motion(omni_ekf_slot_t *slot, const omni_pose_ekf_state_t
 }
 
 bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, uint8_t slips) {
+    OMNI_INVARIANT(state->newest < OMNI_EKF_HISTORY && state->slot_tick < OMNI_EKF_SLOT_TICKS);
     omni_ekf_slot_t *slot = &state->history[state->newest];
     if (slips == 3) {
         add_motion(slot, state, motion, 3);

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "../math/invariant.h"
 #include "../math/math_inline.h"
 #include "omni/kinematics.h"
 #include "robot_internal.h"
@@ -49,7 +50,9 @@ static omni_uint_t seal(omni_supervisor_t *supervisor, omni_real_t supply_V, omn
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         actuation->duty[i] = actuation->drive ? omni_clampf(actuation->duty[i], -1.0f, 1.0f) : 0.0f;
         applied->voltage_V[i] = actuation->duty[i] * supply_V;
+        OMNI_INVARIANT(omni_all(omni_absf(actuation->duty[i]) <= 1.0f));
     }
+    OMNI_INVARIANT(!actuation->drive || supervisor->state == OMNI_STATE_ARMED);
     return finite ? (omni_uint_t)0u : (omni_uint_t)OMNI_FAULT_NOT_FINITE;
 }
 
@@ -105,6 +108,7 @@ static void act(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_est
     omni_real_t margin[OMNI_AXES];
     target.armed = robot->supervisor.state == OMNI_STATE_ARMED;
     omni_robot_reference(&robot->guide, config, inputs, estimate, kind, &target);
+    OMNI_INVARIANT(target.armed || (!target.position_loop && target.kind == OMNI_SETPOINT_NONE));
     omni_robot_control(&robot->control, config, inputs, estimate, &target, &robot->applied, &actuation);
     faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target, margin);
     faults |= seal(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);

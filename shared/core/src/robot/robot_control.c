@@ -5,6 +5,7 @@
 
 #include "../control/pose_control.h"
 #include "../kinematics/kinematics_inline.h"
+#include "../math/invariant.h"
 #include "omni/saturation.h"
 
 /* Pose error to wanted body twist or, in direct torque control, to torques, by the controller in use. */
@@ -204,6 +205,7 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
     memset(actuation->wheel_reference, 0, sizeof actuation->wheel_reference);
     actuation->wheel_scale = 1.0f;
     actuation->duty_scale = 1.0f;
+    OMNI_INVARIANT(config->controller < OMNI_CTL_MODE_COUNT && config->control_period > 0);
     if (target->armed) {
         hand_over(control, config, target, driver_of(config, target), applied);
         drive(control, config, inputs, estimate, target, applied->saturated, actuation);

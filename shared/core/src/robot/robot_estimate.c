@@ -5,6 +5,7 @@
 
 #include "../estimation/pose_ekf_inline.h"
 #include "../kinematics/kinematics_inline.h"
+#include "../math/invariant.h"
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
 static omni_int_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {
@@ -163,6 +164,7 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
     estimate->supply_V = measured && inputs->battery_V > 0.0f ? inputs->battery_V : config->limits.supply_nominal_V;
     omni_uint_t faults = measured ? (omni_uint_t)0u : (omni_uint_t)OMNI_FAULT_NOT_FINITE;
     faults |= count_steps(estimator, inputs->time_us, &estimate->steps);
+    OMNI_INVARIANT(omni_all(estimate->supply_V > 0.0f) && estimate->steps <= OMNI_TICK_JUMP_US / OMNI_TICK_US);
     faults |= read_counts(estimator, config, inputs, estimate, &counted);
     estimate->fix_is_fresh = false;
     if (estimator->primed) {

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
+#include "../math/invariant.h"
 #include "../math/math_inline.h"
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
@@ -97,6 +98,7 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
 }
 
 static void apply(omni_supervisor_t *supervisor, omni_safety_event_t event) {
+    OMNI_INVARIANT(supervisor->state < OMNI_STATE_COUNT);
     supervisor->state = omni_safety_next(supervisor->state, event);
 }
 

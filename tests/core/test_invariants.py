@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+"""Invariants of the core: checked where OMNI_ASSERTS is defined, and nothing at all elsewhere."""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.native import ROOT, WARNINGS, _compiler, generated_dir
+
+# A safety state that there is none of: no input can bring it about.
+PROGRAM = """
+#include "omni/omni.h"
+static omni_robot_t robot;
+static omni_robot_config_t config;
+int main(void) {
+    omni_inputs_t inputs = {0};
+    omni_outputs_t outputs;
+    int32_t bad;
+    if (omni_robot_config(&config, omni_robot_presets[0].values, &bad) != OMNI_OK) {
+        return 2;
+    }
+    omni_robot_init(&robot, &config);
+    robot.supervisor.state = (omni_safety_state_t)STATE;
+    inputs.time_us = 1000;
+    inputs.events = OMNI_EVENT_DISARM;
+    omni_robot_tick(&robot, &inputs, &outputs);
+    return outputs.drive ? 3 : 0;
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("flags", "state", "trapped"), [(("-DOMNI_ASSERTS",), 77, True), (("-DOMNI_ASSERTS",), 1, False), ((), 77, False)]
+)
+def test_what_no_input_can_bring_about_ends_the_program_if_it_is_asked_to(
+    flags: tuple[str, ...], state: int, trapped: bool, tmp_path: Path
+) -> None:
+    source = tmp_path / "program.c"
+    source.write_text(PROGRAM)
+    core = ROOT / "shared" / "core"
+    sources = [*sorted((core / "src").glob("*/*.c")), *(generated_dir() / "src").glob("*.c"), source]
+    folders = [f"-I{core / 'include'}", f"-I{generated_dir() / 'include'}"]
+    program = tmp_path / "program"
+    compiler = [*_compiler("CC", "cc"), "-std=c99", "-O1", "-ffp-contract=off", "-fno-math-errno", *WARNINGS]
+    words = [*compiler, *flags, f"-DSTATE={state}", *folders, *map(str, sources), "-o", str(program)]
+    built = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, f"{shlex.join(built.args)}\n{built.stderr}"
+    code = subprocess.run([str(program)], check=False).returncode
+    assert code == 0 if not trapped else code in (-signal.SIGILL, -signal.SIGTRAP, -signal.SIGABRT)
