@@ -2,7 +2,7 @@
 """Changes the core and the firmware in one small way after another and asks whether a test notices.
 
 usage: python -m tests.mutation [--count N] [--seed N] [--area core|app] [--file NAME] [--function NAME] [--jobs N]
-                                [--quick] [--floor PERCENT] [--write] [--list] [--verbose]
+                                [--quick] [--floor PERCENT] [--so-far] [--write] [--list] [--verbose]
 
 The sample is the same for the same seed; what has been found is kept in build/mutation/results.jsonl, so that an
 interrupted run goes on. Survivors are printed as entries for tests/mutation/survivors.toml, where each is judged.
@@ -206,8 +206,11 @@ def main() -> int:
         for mutant in sample:
             sys.stdout.write(f"{_words(mutant)}\n")
         return 0
-    prepare_site()
     results, judged = Results(RESULTS), records.read_judgements()
+    if options.so_far:
+        found = ((m, results.found(m.key, digest([ROOT / m.file]))) for m in sample)
+        return _tell([(mutant, result) for mutant, result in found if result is not None], judged, options, 0.0)
+    prepare_site()
     pairs: list[tuple[Mutant, Result]] = []
     begin = time.monotonic()
     for name, area in everything.items():
@@ -239,7 +242,8 @@ def _tell(pairs: Sequence[tuple[Mutant, Result]], judged: dict[str, Any], option
     sys.stdout.write(f"\n{tables}\n\n{len(open_survivors)} survivors are not judged yet; {seconds:.0f} s\n")
     if options.write:
         words = " ".join(word for word in sys.argv[1:] if word not in ("--write", "--verbose"))
-        _write(f"`python -m tests.mutation {words}`, {len(pairs)} mutants:\n\n{tables}")
+        how_far = f"the first {len(pairs)} of that sample that were run" if options.so_far else f"{len(pairs)} mutants"
+        _write(f"`python -m tests.mutation {words}`, {how_far}:\n\n{tables}")
     percent = records.score(pairs, judged).killed_percent_of_different
     if percent < options.floor:
         sys.stderr.write(f"{percent:.1f} % of the mutants are killed, {options.floor:g} % must be\n")
@@ -263,6 +267,7 @@ def _options() -> Any:
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time [%(default)s]")
     parser.add_argument("--floor", type=float, default=0.0, help="percent that must be killed [%(default)s]")
     parser.add_argument("--quick", action="store_true", help="only with the tests of the area's own folder")
+    parser.add_argument("--so-far", action="store_true", help="run nothing, tell of those that have been run")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/testing.md")
     parser.add_argument("--list", action="store_true", help="only say which mutants are in the sample")
     parser.add_argument("--verbose", action="store_true", help="say what became of each")

@@ -66,6 +66,11 @@ class Results:
             return result if result.tests == test_file else None
         return result
 
+    def found(self, key: str, source: str) -> Result | None:
+        """Return a mutant's last result, whatever tests there are now: a survivor is one until it is tried again."""
+        result = self._known.get(key)
+        return result if result is not None and result.source == source else None
+
     def killer(self, key: str) -> str:
         """Return the file of tests that killed a mutant the last time, or nothing."""
         result = self._known.get(key)

@@ -50,6 +50,9 @@ def test_results_hold_until_what_they_depend_on_changes(tmp_path: Path) -> None:
     assert again.get("s", "source", "other tests") is None
     assert again.get("n", "source", "other tests") is not None
     assert again.get("n", "other source", "tests") is None
+    assert again.found("s", "source") is not None
+    assert again.found("s", "other source") is None
+    assert again.found("nobody", "source") is None
 
 
 def test_only_what_differs_counts_and_recorded_bits_do_not_kill() -> None:
