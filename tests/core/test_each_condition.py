@@ -93,3 +93,10 @@ def test_after_a_counter_that_is_somewhere_else_the_next_count_is_of_one_tick(mo
     if mode == OFF:
         assert got == pytest.approx(counts * RAD_PER_COUNT / STEP_S)
     assert math.isfinite(got)
+
+
+@pytest.mark.parametrize(("step_s", "ticks"), [(0.001, 20), (0.01, 2), (0.05, 1), (1.0, 1)])
+def test_the_original_law_steps_every_twenty_milliseconds_or_every_tick(step_s: float, ticks: int) -> None:
+    config = lib.omni_original_defaults(step_s, 1e-3)
+    assert config.period_ticks == ticks
+    assert config.period_s == pytest.approx(ticks * step_s)
