@@ -209,7 +209,8 @@ def main() -> int:
     results, judged = Results(RESULTS), records.read_judgements()
     if options.so_far:
         found = ((m, results.found(m.key, digest([ROOT / m.file]))) for m in sample)
-        return _tell([(mutant, result) for mutant, result in found if result is not None], judged, options, 0.0)
+        known = [(mutant, result) for mutant, result in found if result is not None]
+        return _tell(known, len(sample), judged, options, 0.0)
     prepare_site()
     pairs: list[tuple[Mutant, Result]] = []
     begin = time.monotonic()
@@ -220,7 +221,7 @@ def main() -> int:
             if options.verbose:
                 sys.stdout.write(f"{result.outcome}: {_words(mutant)} {result.by} {result.how}\n")
                 sys.stdout.flush()
-    return _tell(pairs, judged, options, time.monotonic() - begin)
+    return _tell(pairs, len(sample), judged, options, time.monotonic() - begin)
 
 
 def _asked_for(mutant: Mutant, options: Any) -> bool:
@@ -234,7 +235,9 @@ def _words(mutant: Mutant) -> str:
     return f"{place} {mutant.function}, {mutant.operator}: {mutant.was} => {mutant.becomes}"
 
 
-def _tell(pairs: Sequence[tuple[Mutant, Result]], judged: dict[str, Any], options: Any, seconds: float) -> int:
+def _tell(
+    pairs: Sequence[tuple[Mutant, Result]], wanted: int, judged: dict[str, Any], options: Any, seconds: float
+) -> int:
     open_survivors = [m for m, r in pairs if r.outcome in (SURVIVED, GOLDEN) and m.key not in judged]
     for mutant in open_survivors:
         sys.stdout.write(f"\n# {_words(mutant)}\n{records.survivor_text(mutant)}\n")
@@ -242,8 +245,7 @@ def _tell(pairs: Sequence[tuple[Mutant, Result]], judged: dict[str, Any], option
     sys.stdout.write(f"\n{tables}\n\n{len(open_survivors)} survivors are not judged yet; {seconds:.0f} s\n")
     if options.write:
         words = " ".join(word for word in sys.argv[1:] if word not in ("--write", "--verbose"))
-        how_far = f"the first {len(pairs)} of that sample that were run" if options.so_far else f"{len(pairs)} mutants"
-        _write(f"`python -m tests.mutation {words}`, {how_far}:\n\n{tables}")
+        _write(f"`python -m tests.mutation {words}`: {len(pairs)} of {wanted} mutants have been run.\n\n{tables}")
     percent = records.score(pairs, judged).killed_percent_of_different
     if percent < options.floor:
         sys.stderr.write(f"{percent:.1f} % of the mutants are killed, {options.floor:g} % must be\n")
