@@ -35,7 +35,7 @@ def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     w, v = 1.0, np.zeros(3)
     for angle, axis in parts:
         w2, v2 = math.cos(angle / 2), math.sin(angle / 2) * np.array(axis, dtype=float)
-        w, v = w * w2 - v @ v2, w * v2 + w2 * v + np.cross(v, v2)
+        w, v = w * w2 - float(v @ v2), w * v2 + w2 * v + np.cross(v, v2)
     return [float(w), *map(float, v)]
 
 
