@@ -325,3 +325,16 @@ def test_reproduce_says_what_an_experiment_found(tmp_path: Path, monkeypatch: py
     shown = run("reproduce", "controllers", "--out", str(tmp_path)).stdout
     assert all(text in shown for text in ("x RMSE [m]", "0.00200", "0.00100 ± 0.00001", "0.50", "[1] Because."))
     assert "Because." in (tmp_path / "reproduce-2" / "report.html").read_text(encoding="utf-8")
+
+
+def test_stop_is_latched_until_it_is_released(url: str) -> None:
+    assert run_json("stop", "--link", url) == {"state": "stopped"}
+    assert run_json("monitor", "--link", url)["state"] == "estop"
+    refused = run("drive", "velocity", "0.1", "0", "0", "--link", url, code=1)
+    assert "estop" in refused.stderr
+    assert "released" in run("stop", "--release", "--link", url).stdout
+    assert run_json("monitor", "--link", url)["state"] == "disarmed"
+
+
+def test_a_stop_that_nobody_hears_is_an_error() -> None:
+    assert "tcp:127.0.0.1:1" in run("stop", "--link", "tcp:127.0.0.1:1", code=1).stderr

@@ -41,6 +41,7 @@ STUDY, BUILD, REPORT = "Study many runs", "Build and check a robot", "Record, re
 
 TABLE = (
     Entry("drive", DRIVE, "Move the robot, by numbers or by keys", "drive"),
+    Entry("stop", DRIVE, "Emergency stop, and its release", "stop", "stop"),
     Entry("monitor", DRIVE, "Show state, pose, wheels and faults", "monitor", "monitor"),
     Entry("mocap", DRIVE, "Send motion-capture poses to a robot, or record them", "mocap"),
     Entry("radio", DRIVE, "The radio's signing key", "radio"),
