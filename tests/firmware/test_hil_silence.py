@@ -28,6 +28,7 @@ from tests.firmware.fake_robot import (
 )
 
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
+TRY_AGAIN = mav.MAV_RESULT_TEMPORARILY_REJECTED
 SILENCE_S = 10.0
 """Of docs/reference/protocol.md."""
 LEFT = "host-in-the-loop left: its host is silent"
@@ -166,7 +167,7 @@ def test_the_loop_is_not_entered_while_the_motors_may_move_or_are_stopped_for_go
     assert robot.state() == FAILSAFE, "the set-points have stopped"
     assert robot.ask(link, HIL_ON) == DENIED
     assert robot.ask(link, EMERGENCY) == ACCEPTED
-    assert robot.ask(link, HIL_ON) == DENIED, "the stop is on its way"
+    assert robot.ask(link, HIL_ON) == TRY_AGAIN, "the stop is on its way"
     robot.tick(3)
     assert robot.ask(link, HIL_ON) == DENIED
     assert "host-in-the-loop: release the emergency stop first" in robot.texts(link)
