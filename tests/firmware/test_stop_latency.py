@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.firmware import stop_latency, stop_loads
 
 
+@pytest.mark.slow
 def test_every_stop_acts_within_two_ticks_and_the_page_has_the_distribution() -> None:
     content, late = stop_latency.page_content()
     assert not late, late[:10]
