@@ -202,7 +202,7 @@ WRITE_NOTHING = (
     "params presets", "params diff", "params reset", "drive velocity", "drive pose", "drive trajectory", "drive duty",
     "drive keys", "legacy motor", "mocap bridge", "radio key set", "radio key remove", "radio key show", "logs show",
     "logs align", "robots show", "robots check", "bringup link", "bringup i2c", "bringup encoders", "bringup motors",
-    "bringup estop", "bringup oe", "bringup drive", "bringup radio",
+    "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
 

@@ -24,11 +24,12 @@ TIMEOUT_S = 1200
 
 def commands(command: Any, name: str = "") -> Iterator[str]:
     """Yield the name of every command of the program."""
-    if not hasattr(command, "commands"):
+    if not hasattr(command, "list_commands"):
         yield name
         return
-    for word, inner in command.commands.items():
-        yield from commands(inner, f"{name} {word}".strip())
+    context = command.make_context("omni", [], resilient_parsing=True)
+    for word in command.list_commands(context):
+        yield from commands(command.get_command(context, word), f"{name} {word}".strip())
 
 
 def test_every_command_of_the_program_is_known_here() -> None:

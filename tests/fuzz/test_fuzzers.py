@@ -98,7 +98,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
         "shared/core/src/robot/robot.c",
         "finite && supervisor->state == OMNI_STATE_ARMED;",
         "finite;",
-        "no motor is driven",
+        signal.SIGILL,  # an invariant of the core
     ),
     "a command that arms although another was meant": (
         "app",
