@@ -59,6 +59,7 @@ void on_signal(int number) {
 
 void keep_what_ends_us(unsigned hang_s) {
     std::signal(SIGABRT, on_signal);
+    std::signal(SIGILL, on_signal); // an invariant of the core
     std::signal(SIGALRM, on_signal);
     if (__sanitizer_set_death_callback != nullptr) {
         __sanitizer_set_death_callback(keep_last);
