@@ -166,3 +166,23 @@ def test_an_unknown_option_is_still_an_error() -> None:
     result = CliRunner().invoke(app, ["drive", "velocity", "0", "0", "-0.1", "--fro", "2"])
     assert result.exit_code == 2
     assert "--fro" in result.stderr
+
+
+SEVERAL_MEANINGS = {"--link", "--port", "--param", "--set"}
+"""The robot's link or ports to offer; a serial or a TCP port; a range to search; omni legacy has -p for --set."""
+
+
+def test_an_option_has_the_same_short_form_in_every_command() -> None:
+    forms: dict[str, set[tuple[str, ...]]] = {}
+    for _, command in ALL:
+        for option in (p for p in command.params if p.param_type_name == "option"):
+            short = tuple(name for name in option.opts if not name.startswith("--"))
+            forms.setdefault(option.opts[0], set()).add(short)
+    assert {name for name, shorts in forms.items() if len(shorts) > 1} <= SEVERAL_MEANINGS
+
+
+def test_a_time_is_always_called_duration() -> None:
+    for words, command in ALL:
+        for option in command.params:
+            if {"--for", "--seconds"} & set(option.opts):
+                assert option.opts[0] == "--duration", words

@@ -17,7 +17,9 @@ TICK_S = 1e-3
 
 
 def bench(
-    seconds: Annotated[float, typer.Option("--seconds", min=1.0, max=600.0, help="Simulated time of each run.")] = 20.0,
+    seconds: Annotated[
+        float, typer.Option("--duration", "-d", "--seconds", min=1.0, max=600.0, help="Simulated time of each run.")
+    ] = 20.0,
     repeat: Annotated[int, typer.Option("--repeat", min=1, max=20, help="Runs of each kind; the fastest counts.")] = 3,
     json_wanted: JsonOption = False,
 ) -> None:

@@ -216,7 +216,9 @@ def drive(
     "radio", epilog=examples("omni bringup radio --link /dev/ttyUSB0,9600", "omni bringup radio --watch -l COM7,9600")
 )
 def radio_command(
-    duration: Annotated[float, typer.Option("--for", min=1.0, metavar="S", help="How long to measure.")] = 10.0,
+    duration: Annotated[
+        float, typer.Option("--duration", "-d", "--for", min=1.0, metavar="S", help="How long to measure.")
+    ] = 10.0,
     baud: BaudOption = BAUD,
     loss: Annotated[float, typer.Option("--loss", min=0.0, max=1.0, help="Share that may get lost.")] = LOSS_LIMIT,
     round_trip: Annotated[

@@ -53,7 +53,9 @@ _SLICE_S = 0.25
 _SETTLED_M = 0.005
 _SETTLED_RAD = 0.02
 
-DurationOption = Annotated[float, typer.Option("--for", min=0.0, metavar="S", help="How long to drive.")]
+DurationOption = Annotated[
+    float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="How long to drive.")
+]
 SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="Speed of the arrow keys \\[m/s].")]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
@@ -103,7 +105,7 @@ def _result(robot: Robot, as_json: bool, **more: Any) -> None:
 @app.command(
     "velocity",
     cls=NumberCommand,
-    epilog=examples("omni drive velocity 0.1 0 0 --for 2", "omni drive velocity 0 -0.1 0.5"),
+    epilog=examples("omni drive velocity 0.1 0 0 --duration 2", "omni drive velocity 0 -0.1 0.5"),
 )
 def velocity(
     vx: Annotated[float, typer.Argument(help="Forward \\[m/s].")],
@@ -128,7 +130,7 @@ def velocity(
 
 
 @app.command(
-    "pose", cls=NumberCommand, epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose -0.5 0 0 --for 10")
+    "pose", cls=NumberCommand, epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose -0.5 0 0 --duration 10")
 )
 def pose(
     x: Annotated[float, typer.Argument(help="World x \\[m].")],
@@ -171,7 +173,9 @@ def trajectory(
         ),
     ],
     laps: Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")] = None,
-    duration: Annotated[float, typer.Option("--for", min=0.0, metavar="S", help="Stop then at the latest.")] = math.inf,
+    duration: Annotated[
+        float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="Stop then at the latest.")
+    ] = math.inf,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
@@ -191,7 +195,7 @@ def trajectory(
 
 
 @app.command(
-    "duty", cls=NumberCommand, epilog=examples("omni drive duty 0.2 0.2 0.2 --for 2", "omni drive duty -0.3 0 0")
+    "duty", cls=NumberCommand, epilog=examples("omni drive duty 0.2 0.2 0.2 --duration 2", "omni drive duty -0.3 0 0")
 )
 def duty(
     duties: Annotated[list[float], typer.Argument(metavar="DUTY...", help="-1..1 per wheel, + counter-clockwise.")],

@@ -47,7 +47,9 @@ app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 
 RobotOption = Annotated[
     str,
-    typer.Option("--robot", "-r", metavar="ROBOT", help="Robot or file whose layout it has; the new file is its copy."),
+    typer.Option(
+        "--robot", "-r", metavar="NAME|FILE", help="Robot or file whose layout it has; the new file is its copy."
+    ),
 ]
 MassOption = Annotated[
     float | None,

@@ -49,7 +49,9 @@ _SETTLED_FROM = 0.25
 
 RobotOption = Annotated[
     str,
-    typer.Option("--robot", metavar="NAME|FILE", help="Geometry, motors and gains.", autocompletion=completion.robots),
+    typer.Option(
+        "--robot", "-r", metavar="NAME|FILE", help="Geometry, motors and gains.", autocompletion=completion.robots
+    ),
 ]
 SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and cameras are simulated; no hardware.")]
 PortOption = Annotated[
@@ -58,14 +60,17 @@ PortOption = Annotated[
 BaudOption = Annotated[int, typer.Option("--baud", min=1200, help="Baud rate of the XBee.")]
 SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="Poses: vicon:HOST/OBJECT.")]
 ParamOption = Annotated[
-    list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Change a parameter; repeatable.")
+    list[str] | None,
+    typer.Option("--set", "--param", "-p", metavar="NAME=VALUE", help="Change a parameter; repeatable."),
 ]
 PwmMinOption = Annotated[int, typer.Option("--pwm-min", help="PWM below which the wheels stand; compensated.")]
 FullSpeedOption = Annotated[
     float | None, typer.Option("--full-speed", help="Wheel speed at PWM 255 \\[rad/s]. \\[default: the robot file's]")
 ]
 DelayOption = Annotated[float, typer.Option("--delay", help="From sending PWM until the wheels follow \\[s].")]
-DurationOption = Annotated[float, typer.Option("--for", min=0.1, metavar="S", help="Stop then at the latest.")]
+DurationOption = Annotated[
+    float, typer.Option("--duration", "-d", "--for", min=0.1, metavar="S", help="Stop then at the latest.")
+]
 PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw path, errors and PWM.")]
 StartOption = Annotated[
     tuple[float, float, float],
@@ -177,14 +182,16 @@ def trajectory(
 @app.command(
     "motor",
     cls=NumberCommand,
-    epilog=examples("omni legacy motor 1 120 --port /dev/ttyUSB0", "omni legacy motor 3 -80 --port COM3 --for 2"),
+    epilog=examples("omni legacy motor 1 120 --port /dev/ttyUSB0", "omni legacy motor 3 -80 --port COM3 --duration 2"),
 )
 def motor(
     number: Annotated[int, typer.Argument(min=1, max=MOTORS, help="Which motor: its place in the line.")],
     pwm: Annotated[int, typer.Argument(min=-FULL_PWM, max=FULL_PWM, help="PWM.")],
     port: Annotated[str, typer.Option("--port", metavar="URL", help="The XBee: /dev/ttyUSB0, COM3, tcp:HOST:PORT.")],
     baud: BaudOption = DEFAULT_BAUD,
-    duration: Annotated[float, typer.Option("--for", min=0.1, max=60.0, metavar="S", help="How long.")] = 1.0,
+    duration: Annotated[
+        float, typer.Option("--duration", "-d", "--for", min=0.1, max=60.0, metavar="S", help="How long.")
+    ] = 1.0,
 ) -> None:
     """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
     line = tuple(pwm if place == number else 0 for place in range(1, MOTORS + 1))

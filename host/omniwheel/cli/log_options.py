@@ -14,7 +14,7 @@ from omniwheel.logs.calibration import Calibration, calibration_path, load_calib
 from omniwheel.robots import find_robot_file, read_robot
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{KINDS}.")]
-RobotOption = Annotated[str, typer.Option("--robot", metavar="ROBOT", help="The robot's name or file.")]
+RobotOption = Annotated[str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot's name or file.")]
 MappingOption = Annotated[
     Path | None,
     typer.Option("--mapping", metavar="FILE", help="Which column of a CSV file is what.", show_default=False),

@@ -33,7 +33,10 @@ SourceOption = Annotated[
     str, typer.Option("--source", metavar="STREAM", help="vicon:HOST/OBJECT, recorded:FILE or simulated.")
 ]
 DurationOption = Annotated[
-    float, typer.Option("--for", min=0.0, metavar="S", help="Default: until Ctrl-C or the end.", show_default=False)
+    float,
+    typer.Option(
+        "--duration", "-d", "--for", min=0.0, metavar="S", help="Default: until Ctrl-C or the end.", show_default=False
+    ),
 ]
 
 
@@ -42,7 +45,7 @@ DurationOption = Annotated[
     epilog=examples(
         "omni mocap bridge --source vicon:192.168.1.10/robot --link /dev/ttyUSB0,9600",
         "omni mocap bridge --source recorded:lap.csv --as vicon --rate 50 --budget 100000 --link /dev/ttyACM0",
-        "omni mocap bridge --source simulated --link tcp:127.0.0.1:5760 --for 10",
+        "omni mocap bridge --source simulated --link tcp:127.0.0.1:5760 --duration 10",
     ),
 )
 def bridge(
@@ -105,7 +108,7 @@ def _line(s: BridgeStatistics) -> str:
     "record",
     epilog=examples(
         "omni mocap record lap.csv --source vicon:192.168.1.10/robot",
-        "omni mocap record test.csv --source simulated --for 10",
+        "omni mocap record test.csv --source simulated --duration 10",
     ),
 )
 def record(

@@ -39,6 +39,7 @@ RobotOption = Annotated[
     str | None,
     typer.Option(
         "--robot",
+        "-r",
         metavar="NAME|FILE",
         help="The robot. \\[default: the scenario's]",
         autocompletion=completion.robots,

@@ -51,7 +51,13 @@ SetOption = Annotated[
 DurationOption = Annotated[
     float | None,
     typer.Option(
-        "--duration", min=0.1, max=MAX_DURATION_S, metavar="S", help="End every run at this time.", show_default=False
+        "--duration",
+        "-d",
+        min=0.1,
+        max=MAX_DURATION_S,
+        metavar="S",
+        help="End every run at this time.",
+        show_default=False,
     ),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Forget the runs that the folder holds and start over.")]

@@ -71,7 +71,11 @@ def tune(
     duration_s: Annotated[
         float | None,
         typer.Option(
-            "--duration", min=0.2, metavar="S", help="Time to watch a step [3], or allowed for a trajectory [600]."
+            "--duration",
+            "-d",
+            min=0.2,
+            metavar="S",
+            help="Time to watch a step [3], or allowed for a trajectory [600].",
         ),
     ] = None,
     keep: Annotated[
