@@ -12,7 +12,8 @@ BOOT = "_ZN4omni7Signing4bootEv"
 SET_KEY = "_ZN4omni7Signing7set_keyEPKhy"
 ADVANCE = "_ZN4omni7Signing7advanceEy"
 STORE_TIME = "_ZN4omni7Signing5storeEy"
-ERASE = "_ZN4omni13Teensy40Flash5eraseEj"
+ERASE = "eepromemu_flash_erase_sector"
+"""Where the erase itself begins: before it the firmware waits for the bus, and a tick may come meanwhile."""
 DAY_S = 86400
 JUMP_S = 55
 """The clock goes on by so much between its saves: the firmware stores it once it is 50 s ahead."""
