@@ -234,13 +234,21 @@ class FakeRobot:
 
     def ask(self, port: int, request: bytes) -> int | None:
         """Send a command and return the result of its acknowledgement, without a tick."""
+        acks = [m.result for m in self._answers(port, request) if m.get_type() == "COMMAND_ACK"]
+        return acks[-1] if acks else None
+
+    def asked(self, name: str, port: int = USB) -> Any:
+        """Return a message that is asked for by its name, without a tick."""
+        request = command(mav.MAV_CMD_REQUEST_MESSAGE, getattr(mav, f"MAVLINK_MSG_ID_{name}"))
+        return [m for m in self._answers(port, request) if m.get_type() == name][-1]
+
+    def _answers(self, port: int, request: bytes) -> list[Any]:
         self.look()
         self.said[port].clear()
         self.send(port, request)
         self.background()
         self.look()
-        acks = [m.result for m in self.said[port] if m.get_type() == "COMMAND_ACK"]
-        return acks[-1] if acks else None
+        return self.said[port]
 
     def state(self, port: int = USB) -> int:
         """Return the safety state that the robot tells on this link."""

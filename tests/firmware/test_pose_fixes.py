@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -61,21 +60,12 @@ def robot() -> Iterator[FakeRobot]:
     one.close()
 
 
-def asked(robot: FakeRobot, name: str) -> Any:
-    robot.look()
-    robot.said[USB].clear()
-    robot.send(USB, command(mav.MAV_CMD_REQUEST_MESSAGE, getattr(mav, f"MAVLINK_MSG_ID_{name}")))
-    robot.background()
-    robot.look()
-    return [message for message in robot.said[USB] if message.get_type() == name][-1]
-
-
 def now_us(robot: FakeRobot) -> int:
-    return int(asked(robot, "ODOMETRY").time_usec)
+    return int(robot.asked("ODOMETRY").time_usec)
 
 
 def estimate(robot: FakeRobot) -> Place:
-    local, attitude = asked(robot, "LOCAL_POSITION_NED"), asked(robot, "ATTITUDE")
+    local, attitude = robot.asked("LOCAL_POSITION_NED"), robot.asked("ATTITUDE")
     return local.x, local.y, attitude.yaw
 
 
@@ -93,7 +83,7 @@ def test_every_kind_of_fix_brings_the_estimate_to_its_place(robot: FakeRobot, ki
         near = (place[0] + 0.001 * (number % 2), *place[1:])
         robot.send(USB, KINDS[kind](near, now_us(robot)))
         robot.tick(10)
-    assert asked(robot, "OMNI_CONTROL").fixes_accepted > 150
+    assert robot.asked("OMNI_CONTROL").fixes_accepted > 150
     at = estimate(robot)
     assert at[:2] == pytest.approx(place[:2], abs=4e-3)
     assert math.remainder(at[2] - place[2], math.tau) == pytest.approx(0.0, abs=4e-3)
@@ -104,7 +94,7 @@ def spread_after(robot: FakeRobot, x: float, y: float, yaw: float) -> tuple[floa
     for _ in range(20):
         robot.send(USB, vicon((0.0, 0.0, 0.0), now_us(robot), covariance(x, y, yaw)))
         robot.tick(5)
-    sd = asked(robot, "OMNI_TRACKING").pose_sd
+    sd = robot.asked("OMNI_TRACKING").pose_sd
     robot.go_back(start)
     return math.hypot(sd[0], sd[1]), sd[2]
 
@@ -147,7 +137,7 @@ def test_a_stamp_counts_if_it_is_at_most_a_quarter_second_old(robot: FakeRobot, 
     robot.send(USB, vicon(place, stamp, exact))
     robot.background()
     robot.tick(2)
-    nis = asked(robot, "OMNI_CONTROL").nis
+    nis = robot.asked("OMNI_CONTROL").nis
     agrees = nis < 1.0
     assert agrees == (used or age_us < 0)
 
@@ -164,10 +154,10 @@ def test_a_sensor_that_says_one_pose_while_the_robot_drives_is_not_believed(robo
         robot.send(USB, HEARTBEAT, velocity(0.0, 0.0, 0.5), vicon(frozen))
         robot.tick(10)
     assert refused in robot.texts()
-    before = asked(robot, "OMNI_CONTROL")
+    before = robot.asked("OMNI_CONTROL")
     robot.send(USB, HEARTBEAT, vicon(frozen))
     robot.tick(2)
-    after = asked(robot, "OMNI_CONTROL")
+    after = robot.asked("OMNI_CONTROL")
     assert after.fixes_accepted + after.fixes_refused == before.fixes_accepted + before.fixes_refused
 
 
@@ -187,7 +177,7 @@ def test_a_repeated_pose_is_refused_after_five_millimetres_of_way(robot: FakeRob
     for _ in range(100):
         robot.send(USB, HEARTBEAT, velocity(0.05))
         robot.tick(10)
-    rate = asked(robot, "OMNI_TRACKING").reference_rate
+    rate = robot.asked("OMNI_TRACKING").reference_rate
     assert math.hypot(rate[0], rate[1]) == pytest.approx(0.05, abs=1e-3)
     robot.look()
     robot.said[USB].clear()

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
@@ -37,15 +36,6 @@ def robot() -> Iterator[FakeRobot]:
     one.close()
 
 
-def asked(robot: FakeRobot, name: str, port: int = USB) -> Any:
-    robot.look()
-    robot.said[port].clear()
-    robot.send(port, command(mav.MAV_CMD_REQUEST_MESSAGE, getattr(mav, f"MAVLINK_MSG_ID_{name}")))
-    robot.background()
-    robot.look()
-    return [message for message in robot.said[port] if message.get_type() == name][-1]
-
-
 def driven(robot: FakeRobot, request: bytes, times: int = 60) -> None:
     for _ in range(times):
         robot.send(USB, HEARTBEAT, request)
@@ -62,7 +52,7 @@ def test_one_moment_in_all_frames(robot: FakeRobot, request_: bytes) -> None:
     robot.armed()
     driven(robot, request_)
     names = ("OMNI_TRACKING", "POSITION_TARGET_LOCAL_NED", "LOCAL_POSITION_NED", "ATTITUDE", "ODOMETRY", "OMNI_SAMPLE")
-    ours, target, local, attitude, odometry, sample = (asked(robot, name) for name in names)
+    ours, target, local, attitude, odometry, sample = (robot.asked(name) for name in names)
     x, y, theta = ours.reference
     assert (target.x, target.y, target.yaw) == pytest.approx((x, -y, -theta))
     vx, vy, wz = ours.reference_rate
@@ -98,11 +88,11 @@ def test_a_trajectory_accelerates_as_its_speed_changes(robot: FakeRobot) -> None
     for _ in range(20):
         robot.send(USB, HEARTBEAT)
         robot.tick(100)
-        before = asked(robot, "POSITION_TARGET_LOCAL_NED")
-        tracking = asked(robot, "OMNI_TRACKING")
+        before = robot.asked("POSITION_TARGET_LOCAL_NED")
+        tracking = robot.asked("OMNI_TRACKING")
         robot.tick(1)
-        now = asked(robot, "POSITION_TARGET_LOCAL_NED")
-        later = asked(robot, "OMNI_TRACKING")
+        now = robot.asked("POSITION_TARGET_LOCAL_NED")
+        later = robot.asked("OMNI_TRACKING")
         between = (before.afx + now.afx) / 2, (before.afy + now.afy) / 2
         change = (now.vx - before.vx) / step_s, (now.vy - before.vy) / step_s
         assert between == pytest.approx(change, abs=2e-3)
@@ -116,7 +106,7 @@ def test_the_heartbeat_tells_what_moves_the_robot(robot: FakeRobot) -> None:
     guided, auto = mav.MAV_MODE_FLAG_GUIDED_ENABLED, mav.MAV_MODE_FLAG_AUTO_ENABLED
 
     def told() -> tuple[int, int, int]:
-        beat = asked(robot, "HEARTBEAT")
+        beat = robot.asked("HEARTBEAT")
         assert (beat.type, beat.autopilot) == (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_GENERIC)
         assert beat.mavlink_version == 3
         return beat.base_mode, beat.custom_mode, beat.system_status
@@ -150,17 +140,17 @@ def test_in_the_loop_the_heartbeat_and_the_answers_say_so(robot: FakeRobot) -> N
     for _ in range(20):
         robot.send(USB, HEARTBEAT, driven_loop)
         robot.hil_tick(USB, 20)
-    assert asked(robot, "HEARTBEAT").base_mode & mav.MAV_MODE_FLAG_HIL_ENABLED
+    assert robot.asked("HEARTBEAT").base_mode & mav.MAV_MODE_FLAG_HIL_ENABLED
     robot.said[USB].clear()
     robot.hil_tick(USB)
     actuators = [m for m in robot.said[USB] if m.get_type() == "OMNI_HIL_ACTUATORS"][-1]
-    tracking, wheels = asked(robot, "OMNI_TRACKING"), asked(robot, "OMNI_WHEELS")
+    tracking, wheels = robot.asked("OMNI_TRACKING"), robot.asked("OMNI_WHEELS")
     assert list(actuators.reference) == list(tracking.reference)
     assert list(actuators.pose) == list(tracking.pose)
     assert all(abs(number) > 1e-4 for number in [*actuators.reference, *actuators.pose])
     assert (actuators.wheel_scale, actuators.duty_scale) == (wheels.wheel_scale, wheels.duty_scale)
     assert list(actuators.wheel_reference) == list(wheels.reference)
-    assert (actuators.state, actuators.faults) == (2, asked(robot, "OMNI_STATUS").faults)
+    assert (actuators.state, actuators.faults) == (2, robot.asked("OMNI_STATUS").faults)
     assert 0.0 < actuators.duty_scale <= 1.0
 
 
@@ -168,7 +158,7 @@ def test_the_health_of_the_parts(robot: FakeRobot) -> None:
     encoders, motors = mav.MAV_SYS_STATUS_SENSOR_ANGULAR_RATE_CONTROL, mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     battery, pose = mav.MAV_SYS_STATUS_SENSOR_BATTERY, mav.MAV_SYS_STATUS_SENSOR_VISION_POSITION
     robot.armed()
-    status = asked(robot, "SYS_STATUS")
+    status = robot.asked("SYS_STATUS")
     assert status.onboard_control_sensors_present == encoders | motors | battery | pose
     assert status.onboard_control_sensors_enabled == encoders | motors | battery
     health = mav.MAV_SYS_STATUS_GEOFENCE | encoders | motors | battery
@@ -178,7 +168,7 @@ def test_the_health_of_the_parts(robot: FakeRobot) -> None:
     seen = set()
     for _ in range(30):
         robot.tick()
-        seen.add(asked(robot, "SYS_STATUS").onboard_control_sensors_health & ~pose)
+        seen.add(robot.asked("SYS_STATUS").onboard_control_sensors_health & ~pose)
     assert seen == {health, health & ~encoders}
 
 
@@ -186,16 +176,16 @@ def test_noise_on_a_link_is_counted_on_that_link(robot: FakeRobot) -> None:
     robot.ready()
     robot.send(RADIO, b"\xfd" + bytes(range(1, 60)) * 3, HEARTBEAT)
     robot.tick(400)
-    errors = asked(robot, "SYS_STATUS", RADIO).errors_comm
+    errors = robot.asked("SYS_STATUS", RADIO).errors_comm
     assert errors > 0
-    assert errors == asked(robot, "OMNI_STATUS", RADIO).rx_errors
-    assert asked(robot, "SYS_STATUS").errors_comm == 0
-    assert list(asked(robot, "OMNI_HEALTH").link_rx_errors) == [0, errors, 0, 0]
+    assert errors == robot.asked("OMNI_STATUS", RADIO).rx_errors
+    assert robot.asked("SYS_STATUS").errors_comm == 0
+    assert list(robot.asked("OMNI_HEALTH").link_rx_errors) == [0, errors, 0, 0]
 
 
 def test_the_battery_has_one_voltage_and_says_what_nobody_measures(robot: FakeRobot) -> None:
     robot.ready()
-    battery = asked(robot, "BATTERY_STATUS")
+    battery = robot.asked("BATTERY_STATUS")
     assert list(battery.voltages) == [12_000] + [UINT16_MAX] * 9
     assert (battery.temperature, battery.battery_remaining) == (INT16_MAX, -1)
     assert (battery.current_battery, battery.current_consumed, battery.energy_consumed) == (-1, -1, -1)
@@ -208,7 +198,7 @@ def test_the_version_is_that_of_the_build(robot: FakeRobot) -> None:
     )
     dirty = re.findall(r"OMNI_GIT_DIRTY (\d)", text)[0] != "0"
     robot.ready()
-    version = asked(robot, "AUTOPILOT_VERSION")
+    version = robot.asked("AUTOPILOT_VERSION")
     assert version.flight_sw_version.to_bytes(4, "big") == bytes([major, minor, patch, 0 if dirty else 255])
     assert bytes(version.flight_custom_version).hex() == re.findall(r'GIT_HASH_STRING "(\w*)"', text)[0].ljust(16, "0")
     assert version.capabilities == (

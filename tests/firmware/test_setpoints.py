@@ -32,17 +32,8 @@ def target(
     return frame("set_position_target_local_ned", 0, 1, 1, axes, mask | ALWAYS, *numbers)
 
 
-def asked(robot: FakeRobot, name: str) -> Any:
-    robot.look()
-    robot.said[USB].clear()
-    robot.send(USB, command(mav.MAV_CMD_REQUEST_MESSAGE, getattr(mav, f"MAVLINK_MSG_ID_{name}")))
-    robot.background()
-    robot.look()
-    return [message for message in robot.said[USB] if message.get_type() == name][-1]
-
-
 def reference(robot: FakeRobot) -> Any:
-    return asked(robot, "POSITION_TARGET_LOCAL_NED")
+    return robot.asked("POSITION_TARGET_LOCAL_NED")
 
 
 def follow(robot: FakeRobot, request: bytes, seconds: float) -> Any:
@@ -223,7 +214,7 @@ def test_waypoints_are_passed_in_their_order_with_their_headings(robot: FakeRobo
     for step in range(1500):
         robot.send(USB, HEARTBEAT)
         robot.tick(20)
-        tracking = asked(robot, "OMNI_TRACKING")
+        tracking = robot.asked("OMNI_TRACKING")
         for number, point in enumerate(points):
             distance = math.dist(tracking.reference, point)
             if distance < nearest[number] - 1e-4:
@@ -257,5 +248,5 @@ def test_who_says_where_to_go_has_the_command_if_it_was_accepted(
     for _ in range(200):
         robot.send(RADIO, HEARTBEAT)
         robot.tick(50)
-    goes_on = asked(robot, "OMNI_STATUS").state == 2
+    goes_on = robot.asked("OMNI_STATUS").state == 2
     assert goes_on == (result == mav.MAV_RESULT_ACCEPTED)

@@ -12,7 +12,6 @@ from tests.firmware.fake_robot import (
     ARM,
     ARMED,
     CRASH,
-    DISARM,
     DISARMED,
     EMERGENCY,
     ESTOP,
@@ -25,9 +24,9 @@ from tests.firmware.fake_robot import (
     USB,
     WATCHDOG,
     FakeRobot,
-    duty,
     velocity,
 )
+from tests.firmware.latched import check_only_a_release_leads_out
 from tests.firmware.stop_latency import MOMENTS, MOMENTS_IN_LOOP
 
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
@@ -40,21 +39,6 @@ def robot() -> Iterator[FakeRobot]:
     one = FakeRobot()
     yield one
     one.close()
-
-
-def check_only_a_release_leads_out(robot: FakeRobot) -> None:
-    """The button is closed again, and that alone changes nothing."""
-    assert robot.state() == ESTOP
-    assert robot.ask(USB, ARM) == DENIED
-    assert robot.ask(USB, DISARM) == ACCEPTED
-    robot.send(USB, velocity(0.1), duty(0.2))
-    robot.tick(5)
-    assert robot.state() == ESTOP
-    assert not robot.driven()
-    assert robot.ask(USB, RELEASE) == ACCEPTED
-    robot.tick(5)
-    assert robot.state() == DISARMED
-    robot.driving()
 
 
 @pytest.mark.parametrize("moment", MOMENTS)

@@ -33,6 +33,7 @@ from tests.firmware.fake_robot import (
     duty,
     velocity,
 )
+from tests.firmware.latched import check_only_a_release_leads_out
 
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
 CAUSES = {
@@ -66,17 +67,7 @@ def stopped(robot: FakeRobot, request: bytes = EMERGENCY) -> FakeRobot:
 def check_still_stopped(robot: FakeRobot, other: int = RADIO) -> None:
     """Nothing but a release leads out, and that does."""
     robot.ready()
-    assert robot.state() == ESTOP
-    assert robot.ask(other, ARM) == DENIED
-    assert robot.ask(other, DISARM) == ACCEPTED
-    robot.send(USB, velocity(0.1), duty(0.2))
-    robot.tick(5)
-    assert robot.state() == ESTOP
-    assert not robot.driven()
-    assert robot.ask(USB, RELEASE) == ACCEPTED
-    robot.tick(5)
-    assert robot.state() == DISARMED
-    robot.driving(other)
+    check_only_a_release_leads_out(robot, other)
 
 
 @pytest.mark.parametrize("power", [True, False])
