@@ -153,6 +153,18 @@ def armed(robot: Robot) -> Iterator[None]:
         robot.disarm()
 
 
+@contextmanager
+def left_released(robot: Robot) -> Iterator[None]:
+    """Disarm and release the emergency stop at the end, however it comes; what the robot refuses then is left."""
+    try:
+        yield
+    finally:
+        with suppress(OmniError):
+            robot.disarm()
+        with suppress(OmniError):
+            robot.estop_clear()
+
+
 def spin(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str) -> bool:
     """Arm and turn all wheels; note if they do not turn."""
     robot.arm()

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from omni_schema import Robot as RobotFile
-from omniwheel.bringup.bench import Layout, Samples, layout_of, rest_time_s, safety_of, spin
+from omniwheel.bringup.bench import Layout, Samples, layout_of, left_released, rest_time_s, safety_of, spin
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
-from omniwheel.errors import CommandRefusedError, OmniError
+from omniwheel.errors import CommandRefusedError
 from omniwheel.robot import Robot
 
 DUTY = 0.15
@@ -43,14 +43,9 @@ def check_stop_button(
         findings.good("stop button", NO_PIN)
         return findings.result()
     require(person, STAND)
-    try:
+    with left_released(robot):
         if _closed(robot, findings) and _press(robot, person, findings, duty, wait_s) and _held(robot, findings):
             _let_go(robot, person, findings, wait_s)
-    finally:
-        with suppress(OmniError):
-            robot.disarm()
-        with suppress(OmniError):
-            robot.estop_clear()
     return findings.result()
 
 

@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 
-from omniwheel.bringup.bench import Layout, Samples, layout_of, rest_time_s, safety_of, spin
+from omniwheel.bringup.bench import Layout, Samples, layout_of, left_released, rest_time_s, safety_of, spin
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
-from omniwheel.errors import ArmingRefusedError, OmniError
+from omniwheel.errors import ArmingRefusedError
 from omniwheel.robot import Robot
 
 DUTY = 0.15
@@ -25,15 +24,9 @@ def check_stops(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
     require(person, STAND)
     layout = layout_of(robot)
     findings = Findings("estop")
-    try:
-        with Samples(robot) as samples:
-            for trial in (_emergency_stop, _command_loss, _link_loss):
-                trial(robot, findings, samples, layout, duty)
-    finally:
-        with suppress(OmniError):
-            robot.disarm()
-        with suppress(OmniError):
-            robot.estop_clear()
+    with left_released(robot), Samples(robot) as samples:
+        for trial in (_emergency_stop, _command_loss, _link_loss):
+            trial(robot, findings, samples, layout, duty)
     return findings.result()
 
 
