@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -24,16 +25,18 @@ class Entry:
     module: str
     function: str = ""
 
-    def load(self) -> Any:
-        """Import the module and return the command."""
-        module = import_module(f"omniwheel.cli.{self.module}")
-        parent = typer.Typer(add_completion=False, rich_markup_mode="rich")
-        if self.function:
-            parent.command(self.name, epilog=module.EXAMPLES)(getattr(module, self.function))
-        else:
-            parent.add_typer(module.app, name=self.name)
-        parent.callback()(lambda: None)  # or a single command would take the group's place
-        return typer.main.get_group(parent).commands[self.name]
+
+@cache
+def load(entry: Entry) -> Any:
+    """Import the command's module and return the command."""
+    module = import_module(f"omniwheel.cli.{entry.module}")
+    parent = typer.Typer(add_completion=False, rich_markup_mode="rich")
+    if entry.function:
+        parent.command(entry.name, epilog=module.EXAMPLES)(getattr(module, entry.function))
+    else:
+        parent.add_typer(module.app, name=entry.name)
+    parent.callback()(lambda: None)  # or a single command would take the group's place
+    return typer.main.get_group(parent).commands[entry.name]
 
 
 DRIVE, TUNE, SIMULATE = "Drive a robot", "Tune a robot", "Simulate a robot"

@@ -51,8 +51,12 @@ def assignments(incomplete: str) -> list[str]:
     name, equals, value = incomplete.partition("=")
     if not equals:
         return [f"{found}=" for found in parameters(name.upper())]
-    info = _table().get(name.upper())
-    return [f"{name}={word}" for word in (info.values if info is not None else ()) if word.startswith(value)]
+    return [f"{name}={word}" for word in _offered(lambda: _values(name.upper()))(value)]
+
+
+def _values(parameter: str) -> Iterable[str]:
+    info = _table().get(parameter)
+    return info.values if info is not None else ()
 
 
 parameters = _offered(_table)

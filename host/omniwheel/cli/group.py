@@ -13,7 +13,7 @@ from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
 from omni_schema import SchemaError
-from omniwheel.cli.command_table import TABLE, Entry
+from omniwheel.cli.command_table import TABLE, Entry, load
 from omniwheel.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, error_console, print_json
 from omniwheel.errors import OmniError
 from omniwheel.files import write_error
@@ -29,7 +29,6 @@ class OmniGroup(TyperGroup):
     Its commands are those of the table. Help and completion of ``omni`` itself show the table and import none of them.
     """
 
-    _loaded: dict[str, Any] | None = None
     _listing = False
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -41,12 +40,7 @@ class OmniGroup(TyperGroup):
         entry = _ENTRIES.get(cmd_name)
         if entry is None:
             return None
-        if self._listing:
-            return _line_of(entry)
-        loaded = self._loaded = self._loaded or {}
-        if cmd_name not in loaded:
-            loaded[cmd_name] = entry.load()
-        return loaded[cmd_name]
+        return _line_of(entry) if self._listing else load(entry)
 
     @contextmanager
     def _lists(self) -> Iterator[None]:
