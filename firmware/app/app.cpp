@@ -20,10 +20,11 @@ constexpr uint32_t release_limit = 50;
 } // namespace
 
 App::App(const Board &board, bool lockstep)
-    : board_(board), shared_(board_), lockstep_(lockstep), signing_service_(shared_), stop_latch_(*board.storage),
-      parameters_(shared_, *this), telemetry_(shared_), trajectories_(shared_, parameters_), setpoints_(shared_, parameters_),
-      pose_fixes_(shared_, parameters_), status_texts_(shared_),
-      commands_(shared_, parameters_, telemetry_, trajectories_, *this), owner_(lockstep ? Owner::background : Owner::timer) {
+    : board_(board), wires_{*board_.i2c, *board_.output_enable}, shared_(board_), lockstep_(lockstep),
+      signing_service_(shared_), stop_latch_(*board.storage), parameters_(shared_, *this), telemetry_(shared_),
+      trajectories_(shared_, parameters_), setpoints_(shared_, parameters_), pose_fixes_(shared_, parameters_),
+      status_texts_(shared_), commands_(shared_, parameters_, telemetry_, trajectories_, *this),
+      owner_(lockstep ? Owner::background : Owner::timer) {
     attach_links();
     shared_.hil = lockstep;
     signing_service_.boot();
@@ -90,7 +91,7 @@ void App::tick() {
         return;
     }
     if (owner == Owner::handing_over) {
-        if (shared_.control.release(*board_.i2c, *board_.output_enable) || ++release_attempts_ >= release_limit) {
+        if (shared_.control.release(wires_) || ++release_attempts_ >= release_limit) {
             owner_.store(Owner::background, std::memory_order_release);
         }
         return;
@@ -104,7 +105,7 @@ void App::tick() {
     board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);
     watch_button(); // last of the sensors: the tick's own first look is at the flag that this sets
-    shared_.control.tick(sensors, *board_.i2c, *board_.output_enable, *board_.clock);
+    shared_.control.tick(sensors, wires_, *board_.clock);
 }
 
 /// Start over with another clock. Only while no tick runs.
@@ -248,7 +249,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     shared_.hil_button_open = hil_.button_open();
     shared_.watch_button(shared_.hil_button_open);
     shared_.now_us = sensors.time_us;
-    shared_.control.tick(sensors, hil_.bus, hil_.output_enable, *board_.clock);
+    shared_.control.tick(sensors, hil_.wires, *board_.clock);
     take_report();
     pose_fixes_.serve();
     serve();

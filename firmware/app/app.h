@@ -73,6 +73,7 @@ private:
     void show_state();
 
     Board board_;
+    MotorWires wires_; ///< the board's
     Shared shared_;
     const bool lockstep_;
     Hil hil_;

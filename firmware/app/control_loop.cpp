@@ -230,37 +230,33 @@ bool ControlLoop::test_pin(OutputEnable &pin) {
     return true;
 }
 
-void ControlLoop::scan(I2cBus &bus, OutputEnable &pin) {
+void ControlLoop::scan(MotorWires &wires) {
     powered_ = false;
-    pin.set(false);
+    wires.enable.set(false);
     if (silencing_ > 0) {
         // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the bus.
-        silencing_ = driver_.all_off(bus) ? 0 : static_cast<uint8_t>(silencing_ - 1);
+        silencing_ = driver_.all_off(wires) ? 0 : static_cast<uint8_t>(silencing_ - 1);
         return;
     }
-    scan_.step(bus);
+    scan_.step(wires.bus);
     if (!scan_.running()) {
         driver_.restart();
     }
 }
 
-bool ControlLoop::release(I2cBus &bus, OutputEnable &pin) {
+bool ControlLoop::release(MotorWires &wires) {
     powered_ = false;
-    pin.set(false);
-    return driver_.all_off(bus);
+    wires.enable.set(false);
+    return driver_.all_off(wires);
 }
 
 /// Bridges by the bus and, independent of it, by the pin. A chip that does not answer now may still hold what it was told before
 /// the last stop: the pin is not switched on over it.
-void ControlLoop::drive(I2cBus &bus, OutputEnable &pin, uint64_t now_us) {
-    omni_bridge_counts_t bridge[OMNI_MAX_WHEELS];
-    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
-        bridge[i] = omni_bridge_counts(outputs_->duty[i], outputs_->drive);
-    }
-    driver_.drive(bus, now_us, bridge);
+void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
+    driver_.drive(wires, now_us, outputs_->duty, outputs_->drive);
     driver_was_ready_ = driver_was_ready_ || driver_.ready();
     powered_ = outputs_->drive && driver_.ready() && (powered_ || driver_.failures() == 0);
-    pin.set(powered_);
+    wires.enable.set(powered_);
 }
 
 void ControlLoop::measure(uint64_t duration_ns) {
@@ -303,7 +299,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     report.publish();
 }
 
-void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pin, Clock &stopwatch) {
+void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &stopwatch) {
     const uint64_t begin_ns = stopwatch.stopwatch_ns();
     inputs_.time_us = sensors.time_us;
     if (const RobotSetup *latest = setups.take()) {
@@ -318,7 +314,7 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pi
     inputs_.counts_valid = sensors.counts_valid;
     inputs_.battery_V = sensors.battery_V;
     if (!scan_.running()) {
-        driver_.poll(bus);
+        driver_.poll(wires);
     }
     inputs_.driver_failures = driver_.failures();
     // Until the chip has been set up for the first time nothing could stop a motor: no arming.
@@ -326,12 +322,12 @@ void ControlLoop::tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pi
     outputs_ = &report.writing().outputs;
     omni_robot_tick(&robot_, &inputs_, outputs_);
     if (scan_.running()) {
-        scan(bus, pin);
-    } else if (!test_pin(pin)) {
-        drive(bus, pin, sensors.time_us);
+        scan(wires);
+    } else if (!test_pin(wires.enable)) {
+        drive(wires, sensors.time_us);
     }
     ++ticks_;
-    publish(sensors, bus);
+    publish(sensors, wires.bus);
     integrate_voltage();
     measure(stopwatch.stopwatch_ns() - begin_ns);
 }

@@ -101,10 +101,10 @@ public:
     bool request(Request request);
     bool request_event(uint32_t events);
 
-    /// @param pin the driver's output enable, set in every tick. @param stopwatch for measuring how long the tick takes.
-    void tick(const TickSensors &sensors, I2cBus &bus, OutputEnable &pin, Clock &stopwatch);
-    /// Leave the outputs of this bus off. @return false if the bus is busy.
-    bool release(I2cBus &bus, OutputEnable &pin);
+    /// @param wires to the motors; the output enable is set in every tick. @param stopwatch for measuring how long the tick takes.
+    void tick(const TickSensors &sensors, MotorWires &wires, Clock &stopwatch);
+    /// Leave these motors off. @return false if that could not be sent now.
+    bool release(MotorWires &wires);
 
     Handover<RobotSetup> setups;
     Handover<omni_trajectory_t> plans;
@@ -129,8 +129,8 @@ private:
     void begin_pin_test(uint32_t wanted);
     void prepare_pin_test();
     bool test_pin(OutputEnable &pin);
-    void scan(I2cBus &bus, OutputEnable &pin);
-    void drive(I2cBus &bus, OutputEnable &pin, uint64_t now_us);
+    void scan(MotorWires &wires);
+    void drive(MotorWires &wires, uint64_t now_us);
     void measure(uint64_t duration_ns);
     void integrate_voltage();
     void publish(const TickSensors &sensors, I2cBus &bus);

@@ -52,6 +52,7 @@ class Hil {
 public:
     HilBus bus;
     HilOutputEnable output_enable;
+    MotorWires wires{bus, output_enable};
 
     void restart();
     /// Take the sensors of one tick. A time that does not advance is the control core's to judge.

@@ -106,7 +106,8 @@ void Pca9685::failed(I2cBus &bus, bool stuck, uint32_t updates) {
     }
 }
 
-void Pca9685::poll(I2cBus &bus) {
+void Pca9685::poll(MotorWires &wires) {
+    I2cBus &bus = wires.bus;
     uint8_t read[I2cTransaction::max_read] = {};
     const I2cStatus status = bus.poll(read);
     if (!in_flight_) {
@@ -162,10 +163,11 @@ uint8_t *Pca9685::place_of(uint8_t channel) {
     return burst->write + 1 + (wanted - burst->write[0]);
 }
 
-size_t Pca9685::fill_update(const omni_bridge_counts_t *bridge) {
+size_t Pca9685::fill_update(const omni_real_t *duty, bool on) {
     for (size_t i = 0; i < wiring_.wheels; ++i) {
-        encode_channel(in1_[i], bridge[i].in1);
-        encode_channel(in2_[i], bridge[i].in2);
+        const omni_bridge_counts_t bridge = omni_bridge_counts(duty[i], on);
+        encode_channel(in1_[i], bridge.in1);
+        encode_channel(in2_[i], bridge.in2);
     }
     health_asked_ = suspicious_ || ++since_health_ >= health_interval;
     return health_asked_ ? bursts_ + 1 : bursts_;
@@ -195,7 +197,7 @@ void Pca9685::send_setup(I2cBus &bus, uint64_t now_us) {
     }
 }
 
-void Pca9685::drive(I2cBus &bus, uint64_t now_us, const omni_bridge_counts_t *bridge) {
+void Pca9685::drive(MotorWires &wires, uint64_t now_us, const omni_real_t *duty, bool on) {
     if (in_flight_) {
         return; // the last update is still on the wire; this one's successor replaces it
     }
@@ -203,17 +205,21 @@ void Pca9685::drive(I2cBus &bus, uint64_t now_us, const omni_bridge_counts_t *br
         phase_ = Phase::ready;
     }
     if (phase_ == Phase::ready) {
-        const size_t count = fill_update(bridge);
-        send(bus, update_, count);
+        const size_t count = fill_update(duty, on);
+        send(wires.bus, update_, count);
     } else {
-        send_setup(bus, now_us);
+        send_setup(wires.bus, now_us);
     }
 }
 
-bool Pca9685::all_off(I2cBus &bus) {
-    restart();
+bool Pca9685::submit_all_off(I2cBus &bus) {
     const I2cTransaction off = write_of({reg_all_led_off_high, full});
     return bus.submit(&off, 1);
+}
+
+bool Pca9685::all_off(MotorWires &wires) {
+    restart();
+    return submit_all_off(wires.bus);
 }
 
 } // namespace omni

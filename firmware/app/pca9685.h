@@ -11,20 +11,12 @@
 
 #include "app/board.h"
 #include "app/core.h"
+#include "app/motor_driver.h"
 #include "omni/types.h"
 
 namespace omni {
 
-/// PWM channels of each wheel's bridge inputs.
-struct Wiring {
-    uint8_t wheels = 0; ///< 3 or 4
-    uint8_t in1[OMNI_MAX_WHEELS] = {};
-    uint8_t in2[OMNI_MAX_WHEELS] = {};
-};
-
-bool operator==(const Wiring &a, const Wiring &b);
-
-class Pca9685 {
+class Pca9685 final : public MotorDriver {
 public:
     static constexpr uint8_t address = 0x40;
     static constexpr uint8_t channels = 16;
@@ -34,21 +26,17 @@ public:
     Pca9685 &operator=(const Pca9685 &) = delete;
 
     /// Begin again with the power-up sequence.
-    void restart();
-    void set_wiring(const Wiring &wiring);
-    /// Once per tick, before the control step: see how the last batch went.
-    void poll(I2cBus &bus);
-    /// Once per tick, after the control step: send the next batch. @param bridge one entry per wheel.
-    void drive(I2cBus &bus, uint64_t now_us, const omni_bridge_counts_t *bridge);
-    /// Switch all outputs off. @return false if the bus is busy: call again.
-    bool all_off(I2cBus &bus);
-
+    void restart() override;
+    void set_wiring(const Wiring &wiring) override;
+    void poll(MotorWires &wires) override;
+    void drive(MotorWires &wires, uint64_t now_us, const omni_real_t *duty, bool on) override;
+    bool all_off(MotorWires &wires) override;
+    /// The same for a bus on which no driver works: ALL_LED_OFF. @return false if the bus is busy.
+    static bool submit_all_off(I2cBus &bus);
     /// The power-up sequence is complete.
-    bool ready() const { return phase_ == Phase::ready; }
-    /// Updates in a row that did not reach the chip. One is due in each tick: a batch that turns out stuck after three was three.
-    uint16_t failures() const { return failures_; }
-    /// Failed batches since boot.
-    uint32_t errors() const { return errors_; }
+    bool ready() const override { return phase_ == Phase::ready; }
+    uint16_t failures() const override { return failures_; }
+    uint32_t errors() const override { return errors_; }
 
 private:
     enum class Phase : uint8_t { off, configure, wake, settle, ready };
@@ -57,7 +45,7 @@ private:
     uint8_t *place_of(uint8_t channel);
     void send(I2cBus &bus, const I2cTransaction *batch, size_t count);
     void send_setup(I2cBus &bus, uint64_t now_us);
-    size_t fill_update(const omni_bridge_counts_t *bridge);
+    size_t fill_update(const omni_real_t *duty, bool on);
     void succeeded(const uint8_t *read);
     void failed(I2cBus &bus, bool stuck, uint32_t updates);
 

@@ -15,7 +15,7 @@ bool MotorStop::step(I2cBus &bus) {
         bus.recover();
     }
     const bool acknowledged = sent_ && status == I2cStatus::done;
-    sent_ = !acknowledged && Pca9685().all_off(bus);
+    sent_ = !acknowledged && Pca9685::submit_all_off(bus);
     return acknowledged;
 }
 

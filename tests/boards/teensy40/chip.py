@@ -40,6 +40,7 @@ def build(out: Path) -> ctypes.CDLL:
         *sorted(BOARD.glob("i2c*.cpp")),
         BOARD / "motor_stop.cpp",
         ROOT / "firmware" / "app" / "pca9685.cpp",
+        *(ROOT / "shared" / "core" / "src" / name for name in ("motor/bridge.c", "math/math.c")),
         ROOT / "hil_sim" / "src" / "pca9685.c",
         *sorted((HERE / "fakes_io").glob("*.cpp")),
         HERE / "io_shim.cpp",
@@ -109,5 +110,7 @@ class Bus:
         self.c.i2c_counters(out)
         return int(out[COUNTERS.index(name)])
 
-    def drive(self, now_us: int, counts: Sequence[int]) -> bool:
-        return bool(self.c.driver_tick(ctypes.c_uint64(now_us), (ctypes.c_uint16 * 6)(*counts)))
+    def drive(self, now_us: int, duty: Sequence[float] | None) -> bool:
+        """A tick of the motor driver with a duty per wheel; None: off. Return whether it is ready."""
+        duties = None if duty is None else (ctypes.c_float * 3)(*duty)
+        return bool(self.c.driver_tick(ctypes.c_uint64(now_us), duties))

@@ -53,6 +53,22 @@ size_t unpack(const uint8_t *packed, size_t count, I2cTransaction *batch) {
     return count;
 }
 
+class NoPin final : public OutputEnable {
+public:
+    bool wired() override { return false; }
+    void set(bool) override {}
+};
+
+bool tick_driver(const Wiring &wiring, uint64_t now_us, const float *duty, bool on) {
+    NoPin pin;
+    MotorWires wires{*i2c, pin};
+    driver->set_wiring(wiring);
+    driver->poll(wires);
+    driver->drive(wires, now_us, duty, on);
+    fake::advance_us(1000);
+    return driver->ready();
+}
+
 } // namespace
 
 extern "C" {
@@ -198,33 +214,18 @@ uint32_t bus_mistakes() {
     return fake::mistakes();
 }
 
-/// One tick of the motor driver, then a millisecond. @param counts in1, in2 of each of three wheels. @return ready
-bool driver_tick(uint64_t now_us, const uint16_t *counts) {
+/// One tick of the motor driver, then a millisecond. @param duty of each of three wheels; nullptr: off. @return ready
+bool driver_tick(uint64_t now_us, const float *duty) {
     static const Wiring wiring{3, {9, 13, 3}, {8, 14, 2}};
-    omni_bridge_counts_t bridge[OMNI_MAX_WHEELS] = {};
-    for (size_t i = 0; i < 3; ++i) {
-        bridge[i].in1 = counts[2 * i];
-        bridge[i].in2 = counts[2 * i + 1];
-    }
-    driver->set_wiring(wiring);
-    driver->poll(*i2c);
-    driver->drive(*i2c, now_us, bridge);
-    fake::advance_us(1000);
-    return driver->ready();
+    static const float still[OMNI_MAX_WHEELS] = {};
+    return tick_driver(wiring, now_us, duty != nullptr ? duty : still, duty != nullptr);
 }
 
 /// The same for four wheels on channels of which no two are neighbours: the longest batch that there is. A quarter voltage.
 bool driver_tick_scattered(uint64_t now_us) {
     static const Wiring wiring{4, {0, 4, 8, 12}, {2, 6, 10, 14}};
-    omni_bridge_counts_t bridge[OMNI_MAX_WHEELS] = {};
-    for (omni_bridge_counts_t &counts : bridge) {
-        counts.in1 = 1024;
-    }
-    driver->set_wiring(wiring);
-    driver->poll(*i2c);
-    driver->drive(*i2c, now_us, bridge);
-    fake::advance_us(1000);
-    return driver->ready();
+    static const float duty[OMNI_MAX_WHEELS] = {0.25f, 0.25f, 0.25f, 0.25f};
+    return tick_driver(wiring, now_us, duty, true);
 }
 
 /// A step without the driver, then 50 us.

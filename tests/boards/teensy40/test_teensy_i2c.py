@@ -333,7 +333,9 @@ def test_what_went_wrong_is_told(bus: Bus) -> None:
 
 # ---------------------------------------------------------------- the motor driver on this bus
 
-COUNTS = (100, 0, 4096, 2048, 0, 4096)
+DUTIES = (0.5, -3996 / 4096, 1.0)
+COUNTS = (4096, 2048, 100, 4096, 4096, 0)
+"""Of IN1 and IN2 of each wheel."""
 CHANNELS = (9, 8, 13, 14, 3, 2)
 
 
@@ -350,7 +352,7 @@ def expected_duties() -> list[float]:
 def test_the_motor_driver_sets_up_the_chip_and_its_channels(library: ctypes.CDLL, speed_hz: int) -> None:
     bus = Bus(library, speed_hz)
     for tick in range(30):
-        bus.drive(1000 * tick, COUNTS)
+        bus.drive(1000 * tick, DUTIES)
     assert duties(bus) == expected_duties()
     assert bus.c.driver_failures() == 0
     updates = [b for a, b in pairwise([STOP, *bus.events()]) if a == STOP]
@@ -363,16 +365,16 @@ def test_the_motor_driver_sets_up_the_chip_and_its_channels(library: ctypes.CDLL
 def test_the_motor_driver_comes_back_after_a_stuck_bus(bus: Bus, line: int, from_event: int) -> None:
     now = iter(range(0, 1_000_000_000, 1000))
     for _ in range(10):
-        bus.drive(next(now), COUNTS)
+        bus.drive(next(now), DUTIES)
     bus.events()
     bus.c.bus_hold(line, from_event, 5)
     for _ in range(20):
-        bus.drive(next(now), [0] * 6)
+        bus.drive(next(now), None)
     if line == SCL:
         assert bus.c.driver_failures() >= 5
         bus.c.bus_let_go()
     for _ in range(20):
-        bus.drive(next(now), COUNTS)
+        bus.drive(next(now), DUTIES)
     assert bus.c.driver_failures() == 0
     assert duties(bus) == expected_duties()
     assert no_mistakes(bus)
@@ -384,12 +386,12 @@ def test_a_stuck_bus_fails_an_update_in_every_tick(bus: Bus, line: int, from_eve
     """docs/reference/safety.md promises 12 ms until SAFE_I2C_N = 10 of them stop it, however long a batch takes."""
     now = iter(range(0, 1_000_000_000, 1000))
     for _ in range(10):
-        bus.drive(next(now), COUNTS)
+        bus.drive(next(now), DUTIES)
     bus.events()
     bus.c.bus_hold(line, from_event, 1000 if line == SDA else 0)
     ticks = 0
     while bus.c.driver_failures() < 10:
-        bus.drive(next(now), COUNTS)
+        bus.drive(next(now), DUTIES)
         ticks += 1
     begun = 2 if from_event >= 33 else 1  # ticks until the batch that meets the low line has begun
     assert ticks <= 12 + begun
@@ -397,7 +399,7 @@ def test_a_stuck_bus_fails_an_update_in_every_tick(bus: Bus, line: int, from_eve
 
 def test_a_chip_that_lost_its_power_is_set_up_again(bus: Bus) -> None:
     for tick in range(100):
-        bus.drive(1000 * tick, COUNTS)
+        bus.drive(1000 * tick, DUTIES)
         if tick == 20:
             bus.c.chip_power_cycle()
             assert duties(bus) == [0.0] * 16
@@ -412,7 +414,7 @@ def test_the_longest_update_is_not_taken_for_a_stuck_bus(library: ctypes.CDLL, s
     for tick in range(1000):
         bus.c.driver_tick_scattered(ctypes.c_uint64(1000 * tick))
     assert bus.c.driver_errors() == 0
-    assert [duty for duty in duties(bus) if duty > 0.0] == [0.25] * 4
+    assert [duty for duty in duties(bus) if duty > 0.0] == [1.0, 0.75] * 4
     assert no_mistakes(bus)
 
 
@@ -440,12 +442,12 @@ def test_motors_are_stopped_after_a_reset_in_the_middle_of_an_update(
     bus: Bus, line: int | None, from_event: int
 ) -> None:
     for tick in range(20):
-        bus.drive(1000 * tick, COUNTS)
+        bus.drive(1000 * tick, DUTIES)
     assert any(duties(bus))
     bus.events()
     if line is not None:
         bus.c.bus_hold(line, from_event, 5)  # a chip that waits for the clocks of a cut transfer
-        bus.drive(20_000, COUNTS)
+        bus.drive(20_000, DUTIES)
     steps = next((n for n in range(200) if bus.c.motor_stop_step()), None)
     assert steps is not None, "within 10 ms"
     assert not any(duties(bus))

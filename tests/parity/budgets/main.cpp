@@ -88,6 +88,7 @@ private:
     uint32_t tick_ = 0;
     Bus bus_;
     Pin pin_;
+    omni::MotorWires wires_{bus_, pin_};
     Stopwatch stopwatch_;
     Figure figure_;           ///< of the core if it is watched, else of the whole tick
     size_t depth_before_ = 0; ///< of the stack when ControlLoop::tick is called
@@ -166,7 +167,7 @@ void Bench::tick(uint64_t now_us, bool counted) {
     sensors.battery_V = 12.0f;
     depth_before_ = an500::stack_depth();
     const uint32_t begin = meter::timer();
-    loop_.tick(sensors, bus_, pin_, stopwatch_);
+    loop_.tick(sensors, wires_, stopwatch_);
     const uint32_t end = meter::timer();
     if (counted) {
         figure_.add(core_watched ? core_instructions : meter::between(begin, end));
