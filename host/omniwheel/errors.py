@@ -225,6 +225,10 @@ class RobotFileError(OmniError, ValueError):
     exit_code = 2
 
 
+class DataSheetError(RobotFileError):
+    """A motor's data-sheet numbers are missing, unreadable, or contradict each other."""
+
+
 class LogError(OmniError, ValueError):
     """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
 

@@ -172,7 +172,10 @@ CASES = {
     "mocap record": Case("mocap record {disk}/m.csv --source simulated --for 0.3"),
     "radio key new": Case("radio key new {disk}/robot.key"),
     "logs import": Case("logs import {inputs}/run1.csv --mapping {inputs}/mapping.toml --out {disk}/l.npz"),
-    "robots new": Case("robots new mine --from three_wheel --folder {disk}"),
+    "robots new": Case(
+        "robots new mine --motor pololu_37d_30 --wheel-diameter 96mm --wheel-distance 160mm --mass 4 --folder {disk}"
+    ),
+    "robots check": Case("robots check three_wheel --plot {disk}/s.png"),
     "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
     "bringup all": Case("bringup all --yes --folder {disk} --link {link}", links=True, during=_no_bring_up),
     "identify logs": Case(
@@ -201,7 +204,7 @@ WRITE_NOTHING = (
     "soak", "bench", "monitor", "flash", "doctor", "params list", "params get", "params set", "params load",
     "params presets", "params diff", "params reset", "drive velocity", "drive pose", "drive trajectory", "drive duty",
     "drive keys", "legacy motor", "mocap bridge", "radio key set", "radio key remove", "radio key show", "logs show",
-    "logs align", "robots show", "robots check", "bringup link", "bringup i2c", "bringup encoders", "bringup motors",
+    "logs align", "robots show",  "robots motors", "bringup link", "bringup i2c", "bringup encoders", "bringup motors",
     "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""

@@ -12,13 +12,20 @@ from rich.markup import escape
 from rich.table import Table
 
 from omni_schema import Robot
-from omniwheel.cli import completion
-from omniwheel.cli.common import JsonOption, console, examples, note, print_json
+from omniwheel.capability import Card, card, drive_model, problems
+from omniwheel.capability import warnings as doubts
+from omniwheel.capability.picture import draw_speeds
+from omniwheel.cli import completion, robots_new
+from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
+from omniwheel.errors import RobotFileError
 from omniwheel.parameter_file import format_value
-from omniwheel.robots import find_robot_file, new_robot_file, read_robot, robot_names
+from omniwheel.robots import read_robot, robot_names
 from omniwheel.wiring import WiringPlan, connections, plan_wiring, write_wiring
 
 app = typer.Typer(help="List, show, check and start robot files.", invoke_without_command=True)
+
+app.command("new", epilog=robots_new.EXAMPLES)(robots_new.new)
+app.command("motors", epilog=examples("omni robots motors", "omni robots motors --json"))(robots_new.motors)
 
 RobotArgument = Annotated[
     str, typer.Argument(metavar="NAME|FILE", help="A robot's name, or a file.", autocompletion=completion.robots)
@@ -63,38 +70,65 @@ def show(name: RobotArgument, as_json: JsonOption = False) -> None:
     console.print(table)
 
 
-@app.command("check", epilog=examples("omni robots check mine.toml", "omni robots check four_wheel"))
-def check(name: RobotArgument, as_json: JsonOption = False) -> None:
-    """Check a robot file, and warn of wiring that is unwise or that the firmware for a Teensy cannot be built with.
-
-    Exit code 2: something in it is wrong, and the message says what is allowed.
-    """
-    robot = read_robot(name)
-    warnings = plan_wiring(robot).warnings
-    if as_json:
-        print_json({**_summary(robot), "ok": True, "warnings": warnings})
-    else:
-        console.print(f"{name}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
-        _print_warnings(warnings)
-
-
-@app.command("new", epilog=examples("omni robots new mine --from three_wheel", "omni robots new mine --folder robots"))
-def new(
-    name: Annotated[str, typer.Argument(help="Name of the new robot: a-z 0-9 _.")],
-    template: Annotated[
-        str, typer.Option("--from", help="Robot to copy.", autocompletion=completion.robots)
-    ] = "three_wheel",
-    folder: Annotated[Path, typer.Option("--folder", help="Where to write NAME.toml.")] = Path(),
+@app.command("check", epilog=examples("omni robots check mine.toml", "omni robots check four_wheel --plot speeds.png"))
+def check(
+    name: RobotArgument,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE.png", dir_okay=False, help="Draw the top speed by direction there."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Start a robot file of your own as a copy of another."""
-    target = new_robot_file(name, template, folder)
-    warnings = plan_wiring(read_robot(target)).warnings
+    """Check a robot file and show what the robot can do: speeds, accelerations, currents, and what limits each.
+
+    Warns of what is possible but unwise. Exit code 2: something in it is wrong, and the message says what is allowed.
+    """
+    robot = read_robot(name)
+    model = drive_model(robot)
+    _refuse(robot, problems(model))
+    shown = card(model)
+    warnings = [*plan_wiring(robot).warnings, *doubts(model)]
+    if plot is not None:
+        draw_speeds(model, robot.name, _png(plot))
     if as_json:
-        print_json({"file": str(target), "from": str(find_robot_file(template)), "warnings": warnings})
-    else:
-        console.print(f"{target} written; change its numbers, then: omni robots check {target}")
-        _print_warnings(warnings)
+        print_json({**_summary(robot), "ok": True, "warnings": warnings, **_card_json(shown)})
+        return
+    console.print(f"{name}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
+    _print_card(shown)
+    _print_warnings(warnings)
+    if plot is not None:
+        note(f"{plot} written")
+
+
+def _refuse(robot: Robot, found: list[str]) -> None:
+    if found:
+        raise RobotFileError(f"{robot.source}: " + "; ".join(found), hint="correct the file, then check it again")
+
+
+def _png(path: Path) -> Path:
+    if path.suffix.lower() != ".png":
+        raise typer.BadParameter(f"--plot {path}: the picture is a PNG file; give a name that ends in .png")
+    return writable_path(path, "--plot")
+
+
+def _card_json(shown: Card) -> dict[str, Any]:
+    rows = {row.key: {"value": row.value, "unit": row.unit, "limited_by": row.limited_by} for row in shown.rows}
+    speeds = [
+        {"angle_deg": 360.0 * k / len(shown.speeds), "m_s": b.value, "limited_by": b.cause}
+        for k, b in enumerate(shown.speeds)
+    ]
+    return {"card": rows, "speed_by_direction": speeds, "sensors": list(shown.sensors)}
+
+
+def _print_card(shown: Card) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("what it can do", "", "", "limited by"):
+        table.add_column(title, justify="right" if title == "" else "left")
+    for row in shown.rows:
+        table.add_row(row.label, f"{row.value:.3g}", escape(row.unit), row.limited_by)
+    console.print(table)
+    for line in shown.sensors:
+        console.print(f"[dim]{escape(line)}[/]")
 
 
 @app.command(

@@ -9,8 +9,8 @@ from omni_schema.toml_file import read_toml
 from omniwheel import files
 from omniwheel.errors import LogError, OmniError
 from omniwheel.identification.odometry_calibration import Odometry
-from omniwheel.identification.robot_file import Changes, edited
 from omniwheel.logs.calibration import calibration_path, save_calibration
+from omniwheel.robot_text import Changes, edited
 from omniwheel.robots import find_robot_file, read_robot
 
 _FILTER = ("KF_MODE", "KF_Q_W", "KF_Q_I", "KF_R_W")

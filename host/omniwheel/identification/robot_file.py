@@ -3,21 +3,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from pathlib import Path
 
 from omniwheel import files
-from omniwheel.errors import OmniError, RobotFileError
+from omniwheel.errors import OmniError
 from omniwheel.identification.pipeline import Identification
+from omniwheel.robot_text import Changes, edited
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot
-
-Changes = Mapping[str, tuple[float | list[float], str]]
-"""section.key: the new value and what is said of it in a comment."""
-
-DIGITS = 6
-_HEADING = re.compile(r"^\s*\[([a-z_]+)\]")
-_ENTRY = re.compile(r"^\s*([a-zA-Z_0-9]+)\s*=")
 
 
 def write_robot_file(found: Identification, name: str, template: str, folder: Path) -> Path:
@@ -63,38 +55,3 @@ def changes(found: Identification) -> Changes:
         values["geometry.wheel_radius_scale"] = ([float(r / radii.mean()) for r in radii], "identified")
         values["geometry.wheel_distance_m"] = (found.layout.distance_m, f"identified, ± {distance_width:.2g}")
     return values
-
-
-def edited(text: str, replaced: Changes) -> str:
-    """Return a robot file's text with these keys replaced in place, or added at the end of their section."""
-    lines: list[str] = []
-    left = dict(replaced)
-    section = ""
-    for line in text.splitlines():
-        heading, entry = _HEADING.match(line), _ENTRY.match(line)
-        if heading:
-            _add_missing(lines, section, left)
-            section = heading.group(1)
-        key = f"{section}.{entry.group(1)}" if entry else ""
-        lines.append(_line(key, *left.pop(key)) if key in left else line)
-    _add_missing(lines, section, left)
-    for key in left:
-        raise RobotFileError(f"the template has no section [{key.partition('.')[0]}] for {key}")
-    return "\n".join(lines) + "\n"
-
-
-def _line(key: str, value: float | list[float], comment: str) -> str:
-    numbers = value if isinstance(value, list) else [value]
-    texts = [f"{number:.{DIGITS}g}" for number in numbers]
-    texts = [text if "." in text or "e" in text else f"{text}.0" for text in texts]
-    shown = f"[{', '.join(texts)}]" if isinstance(value, list) else texts[0]
-    return f"{key.partition('.')[2]} = {shown}  # {comment}"
-
-
-def _add_missing(lines: list[str], section: str, left: dict[str, tuple[float | list[float], str]]) -> None:
-    """Add the section's keys that were not in it, before the empty lines at its end."""
-    keys = [key for key in left if key.partition(".")[0] == section]
-    at = len(lines)
-    while at > 0 and not lines[at - 1].strip():
-        at -= 1
-    lines[at:at] = [_line(key, *left.pop(key)) for key in keys]

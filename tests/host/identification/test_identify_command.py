@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from omniwheel.cli import app
 from omniwheel.errors import RobotFileError
-from omniwheel.identification.robot_file import edited
+from omniwheel.robot_text import edited
 from omniwheel.robots import read_robot
 
 TEMPLATE = """[robot]

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: MIT
+"""The capability card: what a robot can do, what limits it there, and what in its file cannot be right."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniwheel.capability.drive_model import DriveModel
+from omniwheel.capability.speeds import (
+    TURNING,
+    Bound,
+    acceleration_bounds,
+    direction,
+    limit_speed,
+    motor_speed,
+    top_speed,
+    top_turn_rate,
+)
+
+DIRECTIONS = 72
+"""Directions of the speed polygon, 5 degrees apart."""
+WORST_CONDITION = 50.0
+"""Beyond this a small error of one wheel's speed is a large one of the body's: the file is refused."""
+UNWISE_CONDITION = 5.0
+SLOWEST_M_S = 0.02
+FASTEST_M_S = 20.0
+"""No-load rim speeds between which a robot with omni wheels is believable."""
+MOST_CURRENT_A = 200.0
+HELD_BACK = 0.6
+"""A limit below this share of what the motors could is worth a warning."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the card; ``limited_by`` is empty where nothing limits."""
+
+    key: str
+    label: str
+    value: float
+    unit: str
+    limited_by: str = ""
+
+
+@dataclass(frozen=True)
+class Card:
+    """The lines, and the top speed [m/s] in DIRECTIONS directions, counter-clockwise from forward."""
+
+    rows: tuple[Row, ...]
+    speeds: tuple[Bound, ...]
+    sensors: tuple[str, ...]
+
+    def value(self, key: str) -> float:
+        """Return a line's value by its key."""
+        return next(row.value for row in self.rows if row.key == key)
+
+
+def card(model: DriveModel) -> Card:
+    """Return the card of a robot."""
+    speeds = tuple(top_speed(model, 2.0 * math.pi * k / DIRECTIONS) for k in range(DIRECTIONS))
+    return Card(
+        rows=(*_speed_rows(model, speeds), *_force_rows(model), *_motor_rows(model)),
+        speeds=speeds,
+        sensors=_sensors(model),
+    )
+
+
+def _speed_rows(model: DriveModel, speeds: tuple[Bound, ...]) -> list[Row]:
+    forward, sideways = top_speed(model, 0.0), top_speed(model, math.pi / 2.0)
+    slowest = min(speeds, key=lambda bound: bound.value)
+    turn = top_turn_rate(model)
+    could = min(motor_speed(model, direction(2.0 * math.pi * k / DIRECTIONS)) for k in range(DIRECTIONS))
+    return [
+        Row("speed_forward", "top speed forward", forward.value, "m/s", forward.cause),
+        Row("speed_sideways", "top speed sideways", sideways.value, "m/s", sideways.cause),
+        Row("speed_any", "top speed in every direction", slowest.value, "m/s", slowest.cause),
+        Row("speed_motors", "the motors alone, in every direction", could, "m/s"),
+        Row("turn_rate", "turn rate on the spot", turn.value, "rad/s", turn.cause),
+    ]
+
+
+def _force_rows(model: DriveModel) -> list[Row]:
+    rows = []
+    for key, label, along, unit in (
+        ("acceleration", "acceleration forward from rest", direction(0.0), "m/s^2"),
+        ("turn_acceleration", "turning from rest", TURNING, "rad/s^2"),
+    ):
+        for bound in acceleration_bounds(model, along):
+            rows.append(Row(f"{key}_{bound.cause}", f"{label}, by {bound.cause}", bound.value, unit))
+    return rows
+
+
+def _motor_rows(model: DriveModel) -> list[Row]:
+    per_mm = model.counts_per_revolution / (2.0 * math.pi * float(np.mean(model.radius_m)) * 1e3)
+    return [
+        Row(
+            "rim_speed",
+            "a lifted wheel's rim at full duty",
+            model.no_load_rad_s * float(np.mean(model.radius_m)),
+            "m/s",
+        ),
+        Row("stall_torque", "torque of a wheel, standing still", model.stall_torque_N_m, "N m"),
+        Row("stall_current", "current of a motor, standing still", model.stall_current_A, "A"),
+        Row("supply_current", "current of all motors, standing still", model.wheels * model.stall_current_A, "A"),
+        Row("counts_per_mm", "encoder counts per millimetre", per_mm, "1/mm"),
+        Row("condition", "condition of the kinematics", model.condition, ""),
+    ]
+
+
+def _sensors(model: DriveModel) -> tuple[str, ...]:
+    slip = "one combination of the wheels' slip" if model.wheels > 3 else "no slip"
+    return (
+        f"encoders: motion since the start, and {slip}; the pose drifts without fixes",
+        "pose fixes (Vicon, or any program that sends them): the pose; with encoders, each wheel's slip over time",
+    )
+
+
+def problems(model: DriveModel) -> list[str]:
+    """Return what makes this file unusable, each with what to correct; empty if nothing does."""
+    found = []
+    if not model.condition < WORST_CONDITION:
+        found.append(
+            f"geometry.wheel_angle_deg: these wheels cannot produce every motion (condition {model.condition:.3g}, "
+            f"{WORST_CONDITION:g} at most); spread their bearings around the robot"
+        )
+    rim = model.no_load_rad_s * float(np.mean(model.radius_m))
+    if not SLOWEST_M_S <= rim <= FASTEST_M_S:
+        rpm, constant = model.no_load_rad_s * 30.0 / math.pi, model.constant_N_m_A
+        found.append(
+            f"motor: a lifted wheel would turn at {rpm:.3g} rpm, its rim at {rim:.3g} m/s; believable is "
+            f"{SLOWEST_M_S:g} to {FASTEST_M_S:g} m/s. Check constant_N_m_A ({constant:g}, seen at the wheel: "
+            "about supply_V divided by the no-load speed in rad/s), viscous_friction_N_m_s and supply_V"
+        )
+    if model.stall_current_A > MOST_CURRENT_A:
+        found.append(
+            f"motor.resistance_ohm: {model.resistance_ohm:g} ohm would let {model.stall_current_A:.0f} A flow in a "
+            f"stalled motor; believable is up to {MOST_CURRENT_A:g} A. It is supply_V divided by the stall current"
+        )
+    return found
+
+
+def warnings(model: DriveModel) -> list[str]:
+    """Return what is possible but probably not meant, each with its remedy."""
+    found = []
+    if UNWISE_CONDITION < model.condition < WORST_CONDITION:
+        found.append(
+            f"The wheels' bearings make a poor base: condition {model.condition:.3g}, where 1.5 is usual. One wheel's "
+            "error moves the whole robot."
+        )
+    could = motor_speed(model, direction(0.0))
+    for name, limit, value in (
+        ("LIM_WHEEL", limit_speed(model, direction(0.0)), model.wheel_limit_rad_s),
+        ("LIM_V", model.speed_limit_m_s, model.speed_limit_m_s),
+    ):
+        if limit < HELD_BACK * could:
+            found.append(
+                f"{name} = {value:g} holds the robot at {limit:.3g} m/s forward, its motors could {could:.3g} m/s. "
+                f"If that is not meant, set {name} in [parameters]."
+            )
+    if limit_speed(model, direction(0.0)) > 1.05 * could and model.speed_limit_m_s > 1.05 * could:
+        found.append(
+            f"LIM_WHEEL = {model.wheel_limit_rad_s:g} rad/s is more than the motors can ({could:.3g} m/s forward): "
+            "a path planned for it cannot be followed."
+        )
+    grip, motors = (bound.value for bound in reversed(acceleration_bounds(model, direction(0.0))))
+    possible = min(grip, motors)
+    if model.acceleration_limit_m_s2 > possible:
+        cause = "the floor holds" if grip < motors else "the motors push"
+        found.append(
+            f"LIM_A = {model.acceleration_limit_m_s2:g} m/s^2 is more than {cause} forward ({possible:.3g} m/s^2)."
+        )
+    return found

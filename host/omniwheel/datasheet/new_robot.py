@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: MIT
+"""A robot file from a person's answers: motor, wheels, mass. Each number says where it came from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from omniwheel import files
+from omniwheel.capability import DriveModel, drive_model
+from omniwheel.capability.speeds import TURNING, direction, limit_speed, motor_speed, top_acceleration
+from omniwheel.datasheet.motor import (
+    DRY_SHARE,
+    ELECTRICAL_S,
+    MECHANICAL_S,
+    NO_LOAD_SHARE,
+    GearMotor,
+    MotorModel,
+    motor_model,
+)
+from omniwheel.errors import DataSheetError, OmniError, RobotFileError
+from omniwheel.robot_text import Changes, edited, section_text, written
+from omniwheel.robots import find_robot_file, free_robot_path, read_robot
+
+WHEEL_SHARE = 0.85
+"""LIM_WHEEL by what a loaded wheel reaches: the rest is for the control and for an emptier battery."""
+ACCELERATION_SHARE = 0.5
+"""LIM_A by what motors and floor allow at half the speed."""
+DIRECTIONS = 36
+DEFAULT_LINES = 2500.0
+TEMPLATES = {3: "three_wheel", 4: "four_wheel"}
+ANGLES_DEG = {3: (0.0, 120.0, 240.0), 4: (45.0, 135.0, 225.0, 315.0)}
+
+
+@dataclass(frozen=True)
+class RobotAnswers:
+    """What a person knows of a robot. ``supply_V``: the battery, None for the motor's rated voltage."""
+
+    wheels: int
+    wheel_diameter_m: float
+    wheel_distance_m: float
+    mass_kg: float
+    motor: GearMotor
+    supply_V: float | None = None
+
+
+def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path:
+    """Write NAME.toml and return its path; never overwrites.
+
+    Raises DataSheetError for numbers that contradict, RobotFileError for those that no robot file takes; there is no
+    file then.
+    """
+    path = free_robot_path(name, folder)
+    text = robot_file_text(name, answers)
+    try:
+        files.create(path, text.encode("utf-8"))
+        limits = derived_limits(drive_model(read_robot(path)))
+        files.write_text(path, edited(text, limits))
+        read_robot(path)
+    except FileExistsError:
+        raise RobotFileError(f"{path} exists already", hint="choose another name") from None
+    except OmniError:
+        path.unlink(missing_ok=True)
+        raise
+    return path
+
+
+def robot_file_text(name: str, answers: RobotAnswers) -> str:
+    """Return the file without its derived limits."""
+    if answers.wheels not in TEMPLATES:
+        raise DataSheetError(f"{answers.wheels} wheels: 3 or 4 are needed")
+    model = motor_model(answers.motor)
+    template = find_robot_file(TEMPLATES[answers.wheels])
+    wiring = section_text(template.read_text(encoding="utf-8"), "wiring")
+    head = (
+        f"# SPDX-License-Identifier: MIT\n# {name}: written by `omni robots new` from data-sheet numbers.\n"
+        "# Each line says where its number came from.\n# What is assumed is worth measuring: omni identify.\n"
+    )
+    return "".join(
+        (
+            head,
+            written(_body(name, answers, model)),
+            f"\n[wiring]  # as {template.stem} is wired: change it to your wires\n{wiring}",
+            "\n[parameters]\n",
+            written(_world(answers, model)),
+        )
+    )
+
+
+def _body(name: str, answers: RobotAnswers, model: MotorModel) -> Changes:
+    motor, wheels = answers.motor, answers.wheels
+    sheet = motor.source or "the data sheet"
+    torque = f"{motor.stall_torque_N_m:.3g} N m at stall, {motor.no_load_rad_s * 30.0 / math.pi:.4g} rpm without load"
+    counts = motor.counts_per_revolution
+    encoder = f"4 x {motor.encoder_lines or DEFAULT_LINES:g} lines x gear {motor.gear:g}"
+    idle = f"whose current is assumed: {NO_LOAD_SHARE:.0%} of stall" if model.idle_assumed else "from its current"
+    supply_V = motor.voltage_V if answers.supply_V is None else answers.supply_V
+    return {
+        "robot.name": (name, ""),
+        "robot.description": (f"{wheels} omni wheels, {motor.name or 'gear motors'}", ""),
+        "geometry.wheels": (wheels, "given"),
+        "geometry.wheel_radius_m": (0.5 * answers.wheel_diameter_m, "half the given diameter"),
+        "geometry.wheel_distance_m": (answers.wheel_distance_m, "given: centre to wheel's contact point"),
+        "geometry.wheel_angle_deg": (ANGLES_DEG[wheels], "assumed: evenly spread"),
+        "encoder.counts_per_revolution": (
+            round(4.0 * DEFAULT_LINES) if counts is None else counts,
+            f"assumed: {encoder}" if counts is None else encoder,
+        ),
+        "encoder.direction": ([1] * wheels, "bring-up finds the signs"),
+        "motor.inertia_kg_m2": (
+            model.inertia_kg_m2,
+            f"assumed: rotor and gear alone run up in {MECHANICAL_S * 1e3:g} ms",
+        ),
+        "motor.viscous_friction_N_m_s": (
+            model.viscous_N_m_s,
+            f"assumed: {1.0 - DRY_SHARE:.0%} of the friction without load, {idle}",
+        ),
+        "motor.constant_N_m_A": (model.constant_N_m_A, f"{sheet}: {torque}"),
+        "motor.resistance_ohm": (
+            model.resistance_ohm,
+            "so that torque at stall is the data sheet's: winding and gear losses",
+        ),
+        "motor.inductance_H": (model.inductance_H, f"assumed: {ELECTRICAL_S * 1e3:g} ms times the resistance"),
+        "motor.supply_V": (supply_V, "the motor's rated voltage" if answers.supply_V is None else "given"),
+        "motor.direction": ([1] * wheels, "bring-up finds the signs"),
+    }
+
+
+def _world(answers: RobotAnswers, model: MotorModel) -> Changes:
+    inertia = 0.5 * answers.mass_kg * answers.wheel_distance_m**2
+    return {
+        "simulation.mass_kg": (answers.mass_kg, "given"),
+        "simulation.inertia_kg_m2": (inertia, "assumed: a disc of that mass as wide as the wheels"),
+        "simulation.coulomb_friction_N_m": (
+            model.coulomb_N_m,
+            f"assumed: {DRY_SHARE:.0%} of the friction without load",
+        ),
+        "simulation.friction_coefficient": (0.6, "assumed: rubber rollers on a smooth floor"),
+        "simulation.slip_stiffness_N_s_m": (2000.0, "assumed"),
+        "simulation.roller_friction_N_s_m": (0.3, "assumed"),
+        "simulation.battery_resistance_ohm": (0.05, "assumed"),
+    }
+
+
+def derived_limits(model: DriveModel) -> Changes:
+    """Return the limits that follow from motors and floor; see WHEEL_SHARE and ACCELERATION_SHARE."""
+    angles = [2.0 * math.pi * k / DIRECTIONS for k in range(DIRECTIONS)]
+    loaded = min(motor_speed(model, direction(a)) / limit_speed(model, direction(a)) for a in angles)
+    wheel = WHEEL_SHARE * loaded * model.wheel_limit_rad_s
+    share = wheel / model.wheel_limit_rad_s
+    speed = min(limit_speed(model, direction(a)) for a in angles) * share
+    turn = limit_speed(model, TURNING) * share
+    acceleration = min(top_acceleration(model, direction(a), 0.5 * speed).value for a in angles)
+    return {
+        "parameters.LIM_WHEEL": (wheel, f"rad/s: {WHEEL_SHARE:.0%} of what a loaded wheel reaches"),
+        "parameters.LIM_V": (speed, "m/s: that wheel speed, in the slowest direction"),
+        "parameters.LIM_W": (turn, "rad/s: that wheel speed, turning on the spot"),
+        "parameters.LIM_A": (
+            ACCELERATION_SHARE * acceleration,
+            f"m/s^2: {ACCELERATION_SHARE:.0%} of what motors and floor allow at half that speed",
+        ),
+    }

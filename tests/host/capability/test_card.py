@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""The capability card against the simulated world, which is written from contact forces and knows no card."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from omniwheel.capability import card, drive_model, problems, warnings
+from omniwheel.capability.drive_model import Array
+from omniwheel.capability.speeds import TURNING, acceleration_bounds, direction, motor_speed, top_speed
+from omniwheel.cli import app
+from omniwheel.errors import RobotFileError
+from omniwheel.robots import read_robot
+
+ROBOTS = ("three_wheel", "four_wheel")
+SETTLED_TICKS = 3000
+runner = CliRunner()
+
+
+def world_of(name: str, **overrides: Any) -> World:
+    return World(world_config(read_robot(name), pose_sensor=NO_POSE_SENSOR, battery_resistance_ohm=0.0, **overrides))
+
+
+def signs(name: str, along: Array) -> Array:
+    found: Array = np.sign(np.round(drive_model(read_robot(name)).rows @ along, 9))
+    return found
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("motion", ["forward", "turning"])
+def test_top_speed_by_the_motors_is_the_worlds_at_full_voltage(name: str, motion: str) -> None:
+    along = direction(0.0) if motion == "forward" else TURNING
+    model, world = drive_model(read_robot(name)), world_of(name)
+    world.drive_voltage(model.supply_V * signs(name, along))
+    world.step(SETTLED_TICKS)
+    speed = math.hypot(*world.twist[:2]) if motion == "forward" else world.twist[2]
+    assert speed == pytest.approx(motor_speed(model, along), rel=0.01)
+
+
+def gained(name: str, torque_N_m: float, **overrides: float) -> float:
+    """Return the world's forward acceleration [m/s^2] with these torques, from 20 to 40 ms after rest."""
+    world = world_of(name, roller_friction_N_s_m=0.0, motor_coulomb_N_m=0.0, motor_viscous_N_m_s=0.0, **overrides)
+    world.drive_torque(torque_N_m * signs(name, direction(0.0)))
+    world.step(20)
+    before = world.twist[0]
+    world.step(20)
+    return float(world.twist[0] - before) / 0.02
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_acceleration_by_grip_is_what_the_floor_holds(name: str) -> None:
+    grip = {bound.cause: bound.value for bound in acceleration_bounds(drive_model(read_robot(name)), direction(0.0))}
+    assert gained(name, 20.0) == pytest.approx(grip["grip"], rel=0.01)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_acceleration_by_the_motors_moves_mass_and_wheels(name: str) -> None:
+    free = dataclasses.replace(drive_model(read_robot(name)), coulomb_N_m=0.0)
+    motors = {bound.cause: bound.value for bound in acceleration_bounds(free, direction(0.0))}["motors"]
+    reached = gained(name, free.stall_torque_N_m, friction_coefficient=1e3, slip_stiffness_N_s_m=1e6)
+    assert reached == pytest.approx(motors, rel=0.02)
+
+
+def test_three_wheels_are_fastest_forward_and_slowest_sideways() -> None:
+    model = drive_model(read_robot("three_wheel"))
+    forward, sideways = top_speed(model, 0.0).value, top_speed(model, math.pi / 2).value
+    assert sideways == pytest.approx(3.0 * 0.0508)  # LIM_WHEEL times the radius: one wheel points that way
+    assert forward == pytest.approx(sideways / math.cos(math.pi / 6))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_shipped_robot_has_no_problem_and_its_kinematics_are_even(name: str) -> None:
+    model = drive_model(read_robot(name))
+    assert problems(model) == []
+    assert card(model).value("condition") == pytest.approx(math.sqrt(2.0))
+
+
+def edited_robot(tmp_path: Path, old: str, new: str) -> str:
+    text = Path(read_robot("three_wheel").source).read_text()
+    assert text.count(old) == 1
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(old, new))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("[0.0, 120.0, 240.0]", "[90.0, 90.0, 90.0]", "wheel_angle_deg"),
+        ("[0.0, 120.0, 240.0]", "[0.0, 1.0, 2.0]", "wheel_angle_deg"),
+        ("constant_N_m_A = 1.05", "constant_N_m_A = 33.0", "constant_N_m_A"),
+        ("resistance_ohm = 2.7", "resistance_ohm = 0.027", "resistance_ohm"),
+    ],
+)
+def test_check_fails_an_absurd_robot_and_names_the_key(tmp_path: Path, old: str, new: str, named: str) -> None:
+    result = runner.invoke(app, ["robots", "check", edited_robot(tmp_path, old, new)], env={"COLUMNS": "400"})
+    assert isinstance(result.exception, RobotFileError) or result.exit_code == 2
+    assert named in (str(result.exception) + result.output)
+
+
+def test_an_inherited_limit_is_said(tmp_path: Path) -> None:
+    fast = edited_robot(tmp_path, "viscous_friction_N_m_s = 1.0", "viscous_friction_N_m_s = 0.001")
+    said = " ".join(warnings(drive_model(read_robot(fast))))
+    assert "LIM_WHEEL = 3 holds the robot at 0.176 m/s forward" in said
+    assert "could 0.6" in said
+
+
+def test_check_shows_the_card_and_draws_it(tmp_path: Path) -> None:
+    picture = tmp_path / "speeds.png"
+    result = runner.invoke(app, ["robots", "check", "three_wheel", "--plot", str(picture), "--json"])
+    assert result.exit_code == 0, result.output
+    shown = json.loads(result.stdout)
+    assert shown["card"]["speed_any"]["limited_by"] == "LIM_WHEEL"
+    assert len(shown["speed_by_direction"]) == 72
+    assert picture.read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: MIT
+"""Robot files from data-sheet numbers: the model gives the sheet's numbers back, by formula and in the world."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from omniwheel.capability import card, drive_model, problems, warnings
+from omniwheel.cli import app
+from omniwheel.datasheet import GearMotor, RobotAnswers, catalogue, find_motor, motor_model, write_designed_robot
+from omniwheel.datasheet.units import length_m, torque_N_m
+from omniwheel.errors import DataSheetError, RobotFileError
+from omniwheel.robots import read_robot
+
+runner = CliRunner()
+BODY = ["--wheel-diameter", "96mm", "--wheel-distance", "160mm", "--mass", "4"]
+
+
+@given(
+    voltage=st.floats(3.0, 48.0),
+    speed=st.floats(1.0, 300.0),
+    torque=st.floats(0.05, 20.0),
+    idle_share=st.floats(0.005, 0.2),
+    efficiency=st.floats(0.3, 1.0),
+)
+def test_the_model_meets_both_ends_of_the_torque_speed_line(
+    voltage: float, speed: float, torque: float, idle_share: float, efficiency: float
+) -> None:
+    constant = voltage * (1.0 - idle_share) / speed
+    stall_A = torque / (constant * efficiency)
+    sheet = GearMotor(voltage, speed, torque, stall_A, idle_share * stall_A)
+    m = motor_model(sheet)
+    friction = m.viscous_N_m_s * speed + m.coulomb_N_m
+    assert m.constant_N_m_A * (voltage - m.constant_N_m_A * speed) / m.resistance_ohm == pytest.approx(friction)
+    assert m.constant_N_m_A * voltage / m.resistance_ohm - m.coulomb_N_m == pytest.approx(torque)
+
+
+def test_without_currents_the_no_load_current_is_assumed() -> None:
+    model = motor_model(GearMotor(12.0, 34.56, 1.373))
+    assert model.idle_assumed
+    assert model.constant_N_m_A == pytest.approx(12.0 * 0.96 / 34.56)
+
+
+@pytest.mark.parametrize(
+    ("sheet", "said"),
+    [
+        (GearMotor(12.0, 34.6, 14.0, 5.5, 0.2), "14 N m at stall cannot be"),
+        (GearMotor(12.0, -1.0, 1.4), "no-load speed is -1"),
+        (GearMotor(12.0, 34.6, 1.4, 5.5, 3.0), "below half of it"),
+        (GearMotor(math.nan, 34.6, 1.4), "voltage is nan"),
+    ],
+)
+def test_numbers_that_contradict_are_refused(sheet: GearMotor, said: str) -> None:
+    with pytest.raises(DataSheetError, match=said):
+        motor_model(sheet)
+
+
+@pytest.mark.parametrize("name", list(catalogue()))
+def test_a_motor_of_the_catalogue_turns_in_the_world_as_its_sheet_says(name: str, tmp_path: Path) -> None:
+    motor = find_motor(name)
+    path = write_designed_robot("mine", RobotAnswers(3, 0.096, 0.16, 4.0, motor), tmp_path)
+    robot = read_robot(path)
+    # Lifted: no weight on the wheels, so that only the motor's own friction holds them.
+    world = World(
+        world_config(robot, pose_sensor=NO_POSE_SENSOR, friction_coefficient=1e-9, battery_resistance_ohm=0.0)
+    )
+    world.drive_voltage([motor.voltage_V] * 3)
+    world.step(2000)
+    assert world.wheel_rad_s == pytest.approx([motor.no_load_rad_s] * 3, rel=0.01)
+
+
+@pytest.mark.parametrize("wheels", [3, 4])
+def test_a_designed_robot_passes_its_check_and_its_limits_can_be_reached(wheels: int, tmp_path: Path) -> None:
+    answers = RobotAnswers(wheels, 0.096, 0.16, 4.0, find_motor("pololu_37d_30"), supply_V=11.1)
+    model = drive_model(read_robot(write_designed_robot("mine", answers, tmp_path)))
+    assert problems(model) == []
+    assert warnings(model) == []
+    shown = card(model)
+    assert shown.value("speed_any") < shown.value("speed_motors")
+    assert shown.value("speed_any") > 0.8 * shown.value("speed_motors")
+
+
+def test_the_file_says_where_each_number_came_from(tmp_path: Path) -> None:
+    path = write_designed_robot("mine", RobotAnswers(3, 0.096, 0.16, 4.0, find_motor("pololu_37d_30")), tmp_path)
+    sections = path.read_text().split("\n\n")
+    numbers = [line for part in sections for line in part.splitlines() if "=" in line and not line.startswith("#")]
+    bare = [line for line in numbers if "#" not in line and "wiring" not in line]
+    assert {line.split(" =")[0] for line in bare} <= {
+        "name", "description", "in2_channel", "output_enable_pin", "i2c_speed_Hz",
+    }  # fmt: skip
+    assert "data sheet rev. 1.2" in path.read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("14kg.cm", 1.372931), ("14 kgf·cm", 1.372931), ("1.4", 1.4), ("190 oz-in", 1.341695), ("140 kg*mm", 1.372931)],
+)
+def test_torques_are_read_with_their_units(text: str, value: float) -> None:
+    assert torque_N_m(text) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["", "fourteen", "14 stone", "1e", "1 2", "--", "mm"])
+def test_what_is_no_quantity_is_refused(text: str) -> None:
+    with pytest.raises(DataSheetError, match="is not"):
+        torque_N_m(text)
+    with pytest.raises(DataSheetError, match="is not"):
+        length_m(text)
+
+
+def run(tmp_path: Path, *words: str, answers: str = "") -> tuple[int, str]:
+    result = runner.invoke(app, ["robots", "new", "mine", "--folder", str(tmp_path), *words], input=answers)
+    return (2 if isinstance(result.exception, RobotFileError) else result.exit_code), result.output + str(
+        result.exception
+    )
+
+
+def test_new_takes_data_sheet_numbers(tmp_path: Path) -> None:
+    numbers = "--no-load-rpm 330 --stall-torque 14kg.cm --stall-current 5.5 --voltage 12 --gear 30 --encoder-lines 16"
+    code, output = run(tmp_path, *numbers.split(), *BODY, "--json")
+    assert code == 0, output
+    assert json.loads(output[: output.rindex("}") + 1])["warnings"] == []
+    assert read_robot(tmp_path / "mine.toml").encoder["counts_per_revolution"] == 1920
+
+
+def test_new_asks_for_what_is_missing(tmp_path: Path) -> None:
+    answers = "12\n330\n14kg.cm\n5.5\n\n30\n16\n96mm\n160mm\n4\n"
+    code, output = run(tmp_path, "--ask", answers=answers)
+    assert code == 0, output
+    assert read_robot(tmp_path / "mine.toml").wheels == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--motor", "pololu_37d_3"], "pololu_37d_30"),
+        (["--motor", "pololu_37d_30"], "--wheel-diameter is missing"),
+        (["--no-load-rpm", "330", *BODY], "--voltage is missing"),
+        (["--motor", "pololu_37d_30", *BODY[:-1], "-4"], "mass"),
+        (["--motor", "pololu_37d_30", "--from", "three_wheel"], "--from"),
+    ],
+)
+def test_new_refuses_and_leaves_no_file(tmp_path: Path, words: list[str], said: str) -> None:
+    code, output = run(tmp_path, *words)
+    assert code == 2, output
+    assert said in output
+    assert list(tmp_path.iterdir()) == []
