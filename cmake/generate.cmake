@@ -24,11 +24,12 @@ add_custom_command(
 
 set(OMNI_MAVLINK_HEADER "${OMNI_GENERATED}/mavlink/omni/mavlink.h")
 set(OMNI_PYTHON_DIALECT "${OMNI_GENERATED}/dialects/omni.py")
+set(OMNI_PYTHON_TELEMETRY "${OMNI_GENERATED}/python/telemetry_gen.py")
 add_custom_command(
-  OUTPUT "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}"
+  OUTPUT "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}" "${OMNI_PYTHON_TELEMETRY}"
   COMMAND ${generator} --part mavlink-c --part mavlink-python
   DEPENDS ${generator_sources} "${PROJECT_SOURCE_DIR}/shared/link/omni.xml"
-          "${PROJECT_SOURCE_DIR}/shared/link/standard.toml"
+          "${PROJECT_SOURCE_DIR}/shared/link/standard.toml" "${PROJECT_SOURCE_DIR}/shared/link/telemetry.toml"
   COMMENT "Generating MAVLink dialect"
   VERBATIM)
 
@@ -40,7 +41,8 @@ add_custom_target(
   COMMENT "Checking version header"
   VERBATIM)
 add_custom_target(omni_tables DEPENDS ${OMNI_GENERATED_SOURCES} "${OMNI_PARAMS_HEADER}")
-add_custom_target(omni_mavlink ALL DEPENDS "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}")
+add_custom_target(omni_mavlink ALL DEPENDS "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}"
+                                      "${OMNI_PYTHON_TELEMETRY}")
 
 # MAVLink's generated headers, as system headers because they do not compile without warnings.
 add_library(omni_mavlink_headers INTERFACE)
@@ -48,6 +50,8 @@ target_include_directories(omni_mavlink_headers SYSTEM INTERFACE "${OMNI_GENERAT
 add_dependencies(omni_mavlink_headers omni_mavlink)
 
 install(FILES "${OMNI_PYTHON_DIALECT}" DESTINATION omniwheel/dialects)
+# The mark lets mypy look for types beside the generated module, too.
+install(FILES "${OMNI_PYTHON_TELEMETRY}" "${PROJECT_SOURCE_DIR}/host/omniwheel/py.typed" DESTINATION omniwheel)
 install(FILES "${PROJECT_SOURCE_DIR}/shared/params.toml" DESTINATION omniwheel)
 install(FILES ${OMNI_ROBOT_FILES} DESTINATION omniwheel/robots)
 file(GLOB preset_files CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/presets/*.toml")

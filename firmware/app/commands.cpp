@@ -374,7 +374,7 @@ uint8_t Commands::request_message(size_t link, float id) {
     }
     const auto wanted = static_cast<uint32_t>(id);
     if (wanted == MAVLINK_MSG_ID_AUTOPILOT_VERSION) {
-        return queued(report_version(shared_, shared_.links[link], Priority::reply, true));
+        return queued(report_version(shared_.links[link]));
     }
     return telemetry_.send_once(link, wanted) ? MAV_RESULT_ACCEPTED : MAV_RESULT_UNSUPPORTED;
 }

@@ -1,28 +1,38 @@
 // SPDX-License-Identifier: MIT
 /// @file reports.h  Fills the messages about the robot from the latest tick. Standard messages in NED/FRD (frames.h).
+///
+/// Which messages there are, and what each field holds, stands in shared/link/telemetry.toml. The build writes the functions
+/// from it; what they call beyond the members of `Shared` stands in reports.cpp.
 #pragma once
 
 #include "app/shared.h"
+#include "omni/telemetry_gen.h"
 
 namespace omni {
 
 /// Fills a message and sends it. @return false if it was dropped. @param asked true: REQUEST_MESSAGE, false: streamed.
 using ReportFunction = bool (*)(const Shared &shared, Link &link, Priority priority, bool asked);
 
-bool report_heartbeat(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_sys_status(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_omni_status(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_health(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_local_position(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_tracking(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_attitude(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_wheels(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_control(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_sample(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_battery(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_position_target(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_odometry(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_signing(const Shared &shared, Link &link, Priority priority, bool asked);
-bool report_version(const Shared &shared, Link &link, Priority priority, bool asked);
+/// What decides how often a message comes by itself.
+enum class Group : uint8_t {
+    always, ///< once a second
+    state,  ///< SRn_STATE
+    wheels, ///< SRn_WHEELS
+    status, ///< SRn_STATUS
+    asked,  ///< only if asked for by name
+};
+constexpr Group groups[] = {Group::always, Group::state, Group::wheels, Group::status, Group::asked};
+
+struct Stream {
+    uint32_t id;
+    Group group;
+    ReportFunction report;
+};
+
+/// In order of importance: under a tight budget the first ones get it.
+extern const Stream streams[telemetry_stream_count];
+
+/// AUTOPILOT_VERSION, on request only.
+bool report_version(Link &link);
 
 } // namespace omni

@@ -4,36 +4,8 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "app/reports.h"
-
 namespace omni {
 namespace {
-
-enum Group : uint8_t { group_always, group_state, group_wheels, group_status, group_asked };
-
-struct Stream {
-    uint32_t id;
-    Group group;
-    ReportFunction report;
-};
-
-/// In order of importance: under a tight budget the first ones get it.
-constexpr Stream streams[Telemetry::stream_count] = {
-    {MAVLINK_MSG_ID_HEARTBEAT, group_always, report_heartbeat},
-    {MAVLINK_MSG_ID_SYS_STATUS, group_status, report_sys_status},
-    {MAVLINK_MSG_ID_OMNI_STATUS, group_status, report_omni_status},
-    {MAVLINK_MSG_ID_OMNI_HEALTH, group_status, report_health},
-    {MAVLINK_MSG_ID_OMNI_SAMPLE, group_asked, report_sample},
-    {MAVLINK_MSG_ID_LOCAL_POSITION_NED, group_state, report_local_position},
-    {MAVLINK_MSG_ID_ATTITUDE, group_state, report_attitude},
-    {MAVLINK_MSG_ID_OMNI_TRACKING, group_state, report_tracking},
-    {MAVLINK_MSG_ID_OMNI_WHEELS, group_wheels, report_wheels},
-    {MAVLINK_MSG_ID_OMNI_CONTROL, group_wheels, report_control},
-    {MAVLINK_MSG_ID_BATTERY_STATUS, group_status, report_battery},
-    {MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, group_state, report_position_target},
-    {MAVLINK_MSG_ID_ODOMETRY, group_state, report_odometry},
-    {MAVLINK_MSG_ID_OMNI_SIGNING, group_asked, report_signing},
-};
 
 constexpr uint64_t radio_spread_us = 70'000;
 constexpr float min_interval_us = 1000.0f;
@@ -52,16 +24,16 @@ uint32_t interval_of(float rate_Hz) {
     return rate_Hz > 0.0f ? static_cast<uint32_t>(std::lround(1.0e6f / rate_Hz)) : 0;
 }
 
-/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second, group_asked not at all.
-float boot_rate(size_t link, uint8_t group, const omni_real_t *values) {
+/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second, what is to be asked for not at all.
+float boot_rate(size_t link, Group group, const omni_real_t *values) {
     switch (group) {
-    case group_state:
+    case Group::state:
         return values[OMNI_PARAM_SR1_STATE + link];
-    case group_wheels:
+    case Group::wheels:
         return values[OMNI_PARAM_SR1_WHEELS + link];
-    case group_status:
+    case Group::status:
         return values[OMNI_PARAM_SR1_STATUS + link];
-    case group_asked:
+    case Group::asked:
         return 0.0f;
     default:
         return 1.0f;
@@ -74,7 +46,7 @@ bool is_valid_id(float id) {
 
 } // namespace
 
-void Telemetry::set_group(size_t link, uint8_t group, float rate_Hz) {
+void Telemetry::set_group(size_t link, Group group, float rate_Hz) {
     for (size_t i = 0; i < stream_count; ++i) {
         // A frame that a radio would cut in two is sent there only if it was asked for by name.
         const bool too_long = shared_.links[link].is_radio() && longest_frame(streams[i].id) > Link::radio_frame;
@@ -85,7 +57,7 @@ void Telemetry::set_group(size_t link, uint8_t group, float rate_Hz) {
 }
 
 void Telemetry::set_rates(size_t link, const omni_real_t *values) {
-    for (const uint8_t group : {group_always, group_state, group_wheels, group_status, group_asked}) {
+    for (const Group group : groups) {
         set_group(link, group, boot_rate(link, group, values));
     }
 }
@@ -130,13 +102,13 @@ void Telemetry::on_request_data_stream(const Frame &frame, const Sender &sender)
         return;
     }
     if (wanted == all || wanted == position) {
-        set_group(sender.link, group_state, rate);
+        set_group(sender.link, Group::state, rate);
     }
     if (wanted == all || wanted == extra1) {
-        set_group(sender.link, group_wheels, rate);
+        set_group(sender.link, Group::wheels, rate);
     }
     if (wanted == all || wanted == extended_status) {
-        set_group(sender.link, group_status, rate);
+        set_group(sender.link, Group::status, rate);
     }
 }
 

@@ -5,13 +5,13 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/shared.h"
+#include "app/reports.h"
 
 namespace omni {
 
 class Telemetry {
 public:
-    static constexpr size_t stream_count = 14;
+    static constexpr size_t stream_count = telemetry_stream_count;
 
     explicit Telemetry(Shared &shared) : shared_(shared) {}
 
@@ -34,7 +34,7 @@ private:
         uint32_t interval_us = 0; ///< 0: off
         uint64_t next_us = 0;
     };
-    void set_group(size_t link, uint8_t group, float rate_Hz);
+    void set_group(size_t link, Group group, float rate_Hz);
     void watch_state();
 
     Shared &shared_;

@@ -24,6 +24,8 @@ from pymavlink.generator import mavgen, mavparse
 
 from omni_schema.errors import SchemaError, did_you_mean
 from omni_schema.toml_file import read_toml, refuse_unknown_keys
+from telemetry_source import cpp_header, cpp_reports, python_module
+from telemetry_table import TelemetryTable, load_telemetry
 
 DIALECT = "omni"
 BASE_FILES = ("minimal.xml", "standard.xml", "common.xml")
@@ -159,20 +161,34 @@ def _write_familiar(out: Path) -> None:
     )
 
 
+def telemetry_table(link_dir: Path) -> TelemetryTable:
+    """Return ``telemetry.toml``, checked against the definitions of the messages."""
+    messages = {message.attrib["name"]: message for message in trimmed_dialect(link_dir).iter("message")}
+    return load_telemetry(link_dir / "telemetry.toml", messages)
+
+
 def generate_c(link_dir: Path, out: Path) -> None:
     """Write the trimmed dialect's C headers to ``out/mavlink``; include ``omni/mavlink.h`` from there.
 
-    ``omni/familiar_messages.h`` is what it takes to tell a frame of any other standard message from noise.
+    ``omni/familiar_messages.h`` is what it takes to tell a frame of any other standard message from noise;
+    ``omni/telemetry_gen.h`` and ``omni/reports_gen.h`` are what the robot reports by itself.
     """
+    telemetry = telemetry_table(link_dir)
     xml = out / "mavlink_xml" / "c" / f"{DIALECT}.xml"
     xml.parent.mkdir(parents=True, exist_ok=True)
     trimmed_dialect(link_dir).write(xml, encoding="utf-8", xml_declaration=True)
     _run_mavgen(xml, out / "mavlink", "C")
     _write_familiar(out)
+    folder = out / "mavlink" / "omni"
+    (folder / "telemetry_gen.h").write_text(cpp_header(telemetry), encoding="utf-8")
+    (folder / "reports_gen.h").write_text(cpp_reports(telemetry), encoding="utf-8")
 
 
 def generate_python(link_dir: Path, out: Path) -> None:
-    """Write the Python dialect ``out/dialects/omni.py``: all of common, which mavutil needs, and our messages."""
+    """Write the Python dialect ``out/dialects/omni.py``: all of common, which mavutil needs, and our messages.
+
+    ``out/python/telemetry_gen.py`` are the host's classes for them.
+    """
     folder = out / "mavlink_xml" / "python"
     folder.mkdir(parents=True, exist_ok=True)
     for name in BASE_FILES:
@@ -188,3 +204,6 @@ def generate_python(link_dir: Path, out: Path) -> None:
     module = out / "dialects" / f"{DIALECT}.py"
     module.parent.mkdir(parents=True, exist_ok=True)
     _run_mavgen(xml, module, "Python3")
+    classes = out / "python" / "telemetry_gen.py"
+    classes.parent.mkdir(parents=True, exist_ok=True)
+    classes.write_text(python_module(telemetry_table(link_dir)), encoding="utf-8")

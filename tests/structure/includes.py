@@ -42,6 +42,8 @@ GENERATED = {
     "omni/version_gen.h": "generated/link",
     "omni/mavlink.h": "generated/link",
     "omni/familiar_messages.h": "generated/link",
+    "omni/telemetry_gen.h": "generated/link",
+    "omni/reports_gen.h": "generated/link",
     "lanes_layout_gen.h": "generated/lanes",
 }
 """Headers that the build writes, and what they are counted among."""

@@ -14,6 +14,7 @@ import grimp
 import networkx as nx
 import pytest
 
+from omniwheel import telemetry_gen
 from tests.native import ROOT
 
 PACKAGES = ("omni_schema", "omniwheel", "hil_sim", "omni_reproduce", "bench")
@@ -85,6 +86,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
             target = folder / source.relative_to(ROOT)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(source, target)
+    shutil.copy(telemetry_gen.__file__, folder / "host" / "omniwheel")  # the build's, beside the installed extension
     shutil.copy(ROOT / "pyproject.toml", folder)
     done = checked(folder)
     assert done.returncode == 0, done.stdout + done.stderr

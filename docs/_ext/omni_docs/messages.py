@@ -6,9 +6,18 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from omni_docs.markdown import code, escaped, page, table
 from omni_schema.toml_file import read_toml
+
+_RATES = {
+    "always": "once a second",
+    "state": "at the rate `SRn_STATE`",
+    "wheels": "at the rate `SRn_WHEELS`",
+    "status": "at the rate `SRn_STATUS`",
+    "asked": "only if it is asked for by name",
+}
 
 
 def _text(element: ET.Element, tag: str = "description") -> str:
@@ -25,6 +34,17 @@ def _fields(message: ET.Element) -> str:
             [code(field.get("name", "")), code(field.get("type", "")), code(field.get("units", "")), code(shown), note]
         )
     return table(["Field", "Type", "Unit", "Enum", "Meaning"], rows)
+
+
+def _sent(message: ET.Element, telemetry: dict[str, Any]) -> str:
+    """Say when the robot sends it by itself, and which class the host has for it."""
+    report = telemetry.get(message.get("name", ""))
+    if report is None:
+        return ""
+    said = [f"The robot sends it {_RATES[report['group']]}."]
+    if "class" in report:
+        said.append(f"In Python: {code('omniwheel.telemetry.' + report['class'])}.")
+    return " ".join(said)
 
 
 def _entry_parts(entry: ET.Element) -> Iterator[str]:
@@ -51,6 +71,7 @@ def pages(root: Path) -> dict[str, str]:
     link = root / "shared" / "link"
     document = ET.parse(link / "omni.xml").getroot()
     enums = list(document.iter("enum"))
+    telemetry = read_toml(link / "telemetry.toml")["messages"]
     parts = [
         "# Messages and commands",
         "What this project adds to MAVLink. [The link protocol](../protocol.md) says how they are used.",
@@ -58,7 +79,8 @@ def pages(root: Path) -> dict[str, str]:
         "## Messages",
     ]
     for message in document.iter("message"):
-        parts += [f"### {code(message.get('name', ''))} ({message.get('id')})", _text(message), _fields(message)]
+        head = f"### {code(message.get('name', ''))} ({message.get('id')})"
+        parts += [head, _text(message), _sent(message, telemetry), _fields(message)]
     parts.append("## Commands")
     for enum in enums:
         if enum.get("name") == "MAV_CMD":
@@ -71,4 +93,7 @@ def pages(root: Path) -> dict[str, str]:
     standard = read_toml(link / "standard.toml")
     names = ", ".join(code(str(name)) for name in standard["messages"])
     parts += ["## Standard messages", "Defined by MAVLink's common dialect; the robot speaks or answers these.", names]
+    rows = [[code(name), _RATES[report["group"]]] for name, report in telemetry.items()]
+    order = "The most important first: when a link's bytes are scarce, the first ones get them."
+    parts += ["## What the robot sends by itself", order, table(["Message", "When"], rows)]
     return {"messages.md": page(*parts)}
