@@ -12,7 +12,7 @@ from omni_schema.errors import did_you_mean
 from omniwheel.errors import OmniError
 
 DIAGRAMS = {
-    "fig1": "block diagram of the four-wheel robot: docs/report/legacy.md",
+    "fig1": "block diagram of the four-wheel robot: docs/report/host-control.md",
     "fig2": "photograph of the four-wheel robot",
     "fig3": "frames of the slip-space model: docs/concepts/derivations/slip_space.md",
     "fig4": "angles of a Swedish wheel: kinematics.h",

@@ -29,7 +29,7 @@
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
     │   ├── MocapLibraryError         the library that reads it is not installed
     │   └── MocapLostError            it cannot be reached, or went away
-    ├── LegacyStopError               the host's control loop stopped the robot by itself
+    ├── HostControlStopError          the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
     ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
@@ -48,6 +48,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import ClassVar
+
+from omniwheel.moved import moved
 
 
 class OmniError(Exception):
@@ -209,7 +211,7 @@ class MocapLostError(MocapError):
     """The stream cannot be reached, or went away."""
 
 
-class LegacyStopError(OmniError):
+class HostControlStopError(OmniError):
     """The control loop on the host stopped the robot by itself; says why."""
 
 
@@ -261,3 +263,6 @@ class MissingPackageError(OmniError):
 
 class VersionMismatchError(OmniError):
     """The robot's firmware and this package do not fit together."""
+
+
+__getattr__ = moved(__name__, {"LegacyStopError": "omniwheel.errors:HostControlStopError"})

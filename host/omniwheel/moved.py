@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Old places of names that live elsewhere now: they work for one more release and warn.
+"""Old places and old names of what lives elsewhere now: they work for one more release and warn.
 
 A module that gave names away ends with ``__getattr__ = moved(__name__, {"name": "new.module"})``. The new module is
-imported by its name when somebody asks, so the old place depends on nothing and may stand below the new one.
+imported by its name when somebody asks, so the old place depends on nothing and may stand below the new one. If the
+name has changed, too, the table says ``{"name": "new.module:new_name"}``.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ def moved(module: str, places: Mapping[str, str]) -> Callable[[str], Any]:
     def get(name: str) -> Any:
         if name not in places:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        place = places[name]
-        text = f"{module}.{name} is now {place}.{name}; the old name goes away with the next release"
+        place, _, new = places[name].partition(":")
+        new = new or name
+        text = f"{module}.{name} is now {place}.{new}; the old name goes away with the next release"
         warnings.warn(text, DeprecationWarning, stacklevel=2)
-        return getattr(import_module(place), name)
+        return getattr(import_module(place), new)
 
     return get

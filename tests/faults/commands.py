@@ -166,8 +166,8 @@ CASES = {
     "replay": Case("replay {inputs}/run1.npz --robot {inputs}/robot.toml --csv {disk}/r.csv --plot {disk}/r.png"),
     "check-image": Case("check-image {inputs}/none.elf --report {disk}/report.md", during=_no_checks),
     "params save": Case("params save {disk}/p.toml --link {link}", links=True),
-    "legacy pose": Case(
-        "legacy pose 0.1 0 0 --simulate --for 0.5 --tolerance 0 --plot {disk}/l.png",
+    "host-control pose": Case(
+        "host-control pose 0.1 0 0 --simulate --for 0.5 --tolerance 0 --plot {disk}/l.png",
     ),
     "mocap record": Case("mocap record {disk}/m.csv --source simulated --for 0.3"),
     "radio key new": Case("radio key new {disk}/robot.key"),
@@ -203,15 +203,15 @@ STORED_BY_FIRMWARE = ("sitl", "emulate")
 WRITE_NOTHING = (
     "soak", "bench", "monitor", "flash", "doctor", "params list", "params get", "params set", "params load",
     "params presets", "params diff", "params reset", "drive velocity", "drive pose", "drive trajectory", "drive duty",
-    "drive keys", "legacy motor", "mocap bridge", "radio key set", "radio key remove", "radio key show", "logs show",
-    "logs align", "robots show",  "robots motors", "bringup link", "bringup i2c", "bringup encoders", "bringup motors",
-    "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
+    "drive keys", "host-control motor", "mocap bridge", "radio key set", "radio key remove", "radio key show",
+    "logs show", "logs align", "robots show", "robots motors", "bringup link", "bringup i2c", "bringup encoders",
+    "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
 
 SAME_AS = {
-    "legacy trajectory": "legacy pose",
-    **{f"drive {name}": name for name in ("legacy pose", "legacy trajectory", "legacy motor")},
+    "host-control trajectory": "host-control pose",
+    **{f"drive {name}": name for name in ("host-control pose", "host-control trajectory", "host-control motor")},
 }
 """Commands that write by the very code of another one."""
 

@@ -10,10 +10,14 @@ from importlib import import_module
 import pytest
 
 MOVED = [
+    ("omniwheel.legacy", "omniwheel.host_control", "PwmRadio"),
+    ("omniwheel.legacy.controller", "omniwheel.host_control.controller", "pwm_of"),
+    ("omniwheel.legacy.loop", "omniwheel.host_control.loop", "Goal"),
+    ("omniwheel.legacy.pwm_line", "omniwheel.host_control.pwm_line", "parse_line"),
     ("omniwheel.identification.simulation", "hil_sim.known_robot", "SimulatedRobot"),
     ("omniwheel.identification.simulation", "hil_sim.known_robot", "MOTION_CAPTURE"),
-    ("omniwheel.legacy.simulated_robot", "hil_sim.legacy_robot", "SimulatedRobot"),
-    ("omniwheel.legacy.simulated_robot", "hil_sim.legacy_robot", "SimulatedLink"),
+    ("omniwheel.legacy.simulated_robot", "hil_sim.pwm_robot", "SimulatedRobot"),
+    ("omniwheel.legacy.simulated_robot", "hil_sim.pwm_robot", "SimulatedLink"),
     ("omniwheel.image_firmware", "hil_sim.image_firmware", "ImageFirmware"),
     ("omniwheel.logs.sources", "omniwheel.log_sources", "open_log"),
     ("omniwheel.logs.sources", "omniwheel.log_sources", "read_tlog"),
@@ -32,7 +36,23 @@ def test_an_old_name_gives_the_new_one_and_a_warning(old: str, new: str, name: s
     assert warned[0].filename == __file__
 
 
-@pytest.mark.parametrize("old", sorted({old for old, _, _ in MOVED}))
+RENAMED = [
+    ("omniwheel.errors", "LegacyStopError", "omniwheel.errors", "HostControlStopError"),
+    ("omniwheel.legacy", "LegacyRun", "omniwheel.host_control", "HostControlRun"),
+    ("omniwheel.legacy.controller", "LegacyController", "omniwheel.host_control.controller", "HostController"),
+    ("omniwheel.legacy.loop", "LegacyLoop", "omniwheel.host_control.loop", "HostControlLoop"),
+    ("omniwheel.legacy.picture", "draw_legacy_run", "omniwheel.host_control.picture", "draw_host_control_run"),
+]
+
+
+@pytest.mark.parametrize(("old", "name", "new", "new_name"), RENAMED)
+def test_an_old_name_gives_what_has_another_name_now(old: str, name: str, new: str, new_name: str) -> None:
+    with pytest.warns(DeprecationWarning, match=rf"^{old}.{name} is now {new}.{new_name};"):
+        found = getattr(import_module(old), name)
+    assert found is getattr(import_module(new), new_name)
+
+
+@pytest.mark.parametrize("old", sorted({old for old, *_ in (*MOVED, *RENAMED)}))
 def test_a_name_that_never_was_is_an_ordinary_error(old: str) -> None:
     with pytest.raises(AttributeError, match=f"module '{old}' has no attribute 'nothing'"):
         _ = import_module(old).nothing

@@ -48,7 +48,7 @@ TABLE = (
     Entry("monitor", DRIVE, "Show state, pose, wheels and faults", "monitor", "monitor"),
     Entry("mocap", DRIVE, "Send motion-capture poses to a robot, or record them", "mocap"),
     Entry("radio", DRIVE, "The radio's signing key", "radio"),
-    Entry("legacy", DRIVE, "Drive the original four-wheel robot from this computer", "legacy"),
+    Entry("host-control", DRIVE, "Drive the original four-wheel robot from this computer", "host_control"),
     Entry("params", TUNE, "Read, set, save and compare parameters", "params"),
     Entry("tune", TUNE, "Try other gains, compare, keep them or go back", "tune", "tune"),
     Entry("identify", TUNE, "Find a robot's parameters from how it moves", "identify"),
@@ -74,3 +74,6 @@ TABLE = (
     Entry("reproduce", REPORT, "Repeat the research report's experiments", "reproduce", "reproduce"),
 )
 """In the order of ``omni --help``."""
+
+OLD_NAMES = {"legacy": "host-control"}
+"""Names that commands had until the latest release: they still work, and say what to type instead."""

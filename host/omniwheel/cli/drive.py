@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from omniwheel.cli import completion, legacy
+from omniwheel.cli import completion, host_control
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -30,24 +30,25 @@ from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.setpoints import check_duty, finite
 from omniwheel.telemetry import Tracking
 
-LEGACY = "--legacy"
+HOST_CONTROL = ("--host-control", "--legacy")
+"""The option, and its old name for one more release."""
 
 
 class DriveGroup(TyperGroup):
-    """``omni drive --legacy ...`` is ``omni legacy ...``."""
+    """``omni drive --host-control ...`` is ``omni host-control ...``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the group's words."""
-        return super().parse_args(ctx, ["legacy", *args[1:]] if args[:1] == [LEGACY] else args)
+        return super().parse_args(ctx, ["host-control", *args[1:]] if args and args[0] in HOST_CONTROL else args)
 
 
 app = typer.Typer(
     cls=DriveGroup,
-    help="Move the robot; it is disarmed at the end and on Ctrl-C. With --legacy first: the original four-wheel robot, "
-    "with the controller on this computer (see omni legacy).",
+    help="Move the robot; it is disarmed at the end and on Ctrl-C. With --host-control first: the original four-wheel robot, "
+    "with the controller on this computer (see omni host-control).",
     no_args_is_help=True,
 )
-app.add_typer(legacy.app, name="legacy", hidden=True)
+app.add_typer(host_control.app, name="host-control", hidden=True)
 
 _SLICE_S = 0.25
 _SETTLED_M = 0.005

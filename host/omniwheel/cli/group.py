@@ -13,7 +13,7 @@ from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
 from omni_schema import SchemaError
-from omniwheel.cli.command_table import TABLE, Entry, load
+from omniwheel.cli.command_table import OLD_NAMES, TABLE, Entry, load
 from omniwheel.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, error_console, print_json
 from omniwheel.errors import OmniError
 from omniwheel.files import write_error
@@ -81,6 +81,13 @@ class OmniGroup(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
         return super().parse_args(ctx, _signing_key_first(args))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command, by its old name, too."""
+        new = OLD_NAMES.get(args[0])
+        if new is not None:
+            error_console.print(f"omni {args[0]} is now omni {new}; the old name goes away with the next release")
+        return super().resolve_command(ctx, [new or args[0], *args[1:]])
 
 
 def _line_of(entry: Entry) -> TyperCommand:

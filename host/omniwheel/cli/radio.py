@@ -87,5 +87,5 @@ def _print(robot: Robot, as_json: bool) -> None:
     console.print(_STATES[status.state].format(status.fingerprint))
     console.print(
         f"refused since boot: {status.refused_unsigned} unsigned, {status.refused_wrong} wrongly signed, "
-        f"{status.refused_replayed} old, {status.refused_keys} keys, {status.refused_lines} legacy lines"
+        f"{status.refused_replayed} old, {status.refused_keys} keys, {status.refused_lines} set-point lines"
     )

@@ -1,21 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The report's first architecture: the controller on the host at 50 Hz, poses from motion capture, PWM over the radio.
+"""Old place of ``omniwheel.host_control``, for one more release."""
 
-The controllers, filter, kinematics and trajectories are the control core's own (``omniwheel._core``), run here instead
-of on the robot.
-"""
+from omniwheel.moved import moved
 
-from omniwheel.legacy.controller import LegacyController, LegacySettings
-from omniwheel.legacy.loop import Goal, LegacyLoop, LegacyRun
-from omniwheel.legacy.pwm_line import PwmRadio, format_line, parse_line
+_HERE = "omniwheel.host_control"
 
-__all__ = [
-    "Goal",
-    "LegacyController",
-    "LegacyLoop",
-    "LegacyRun",
-    "LegacySettings",
-    "PwmRadio",
-    "format_line",
-    "parse_line",
-]
+__getattr__ = moved(
+    __name__,
+    {
+        **dict.fromkeys(("Goal", "PwmRadio", "format_line", "parse_line"), _HERE),
+        "LegacyController": f"{_HERE}:HostController",
+        "LegacyLoop": f"{_HERE}:HostControlLoop",
+        "LegacyRun": f"{_HERE}:HostControlRun",
+        "LegacySettings": f"{_HERE}:HostControlSettings",
+    },
+)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The programs in docs/report/legacy.md and docs/guides/mocap.md: the Arduino sketch and the bridge."""
+"""The programs in docs/report/host-control.md and docs/guides/mocap.md: the Arduino sketch and the bridge."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from omniwheel.legacy.pwm_line import parse_line
+from omniwheel.host_control.pwm_line import parse_line
 
 DOCS = Path(__file__).parents[3] / "docs"
 STUBS = """
@@ -62,7 +62,7 @@ def sketch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if compiler is None:
         pytest.skip("no C++ compiler")
     folder = tmp_path_factory.mktemp("sketch")
-    code = re.search(r"```cpp\n(.*?)```", (DOCS / "report" / "legacy.md").read_text(encoding="utf-8"), re.DOTALL)
+    code = re.search(r"```cpp\n(.*?)```", (DOCS / "report" / "host-control.md").read_text(encoding="utf-8"), re.DOTALL)
     assert code is not None
     source = folder / "sketch.cpp"
     source.write_text(STUBS + code[1] + MAIN, encoding="utf-8")

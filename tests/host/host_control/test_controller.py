@@ -15,19 +15,19 @@ from hypothesis import strategies as st
 
 from omniwheel.errors import CoreError, ParameterRangeError
 from omniwheel.frames import Pose, Twist
-from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettings, legacy_values, pwm_of, share_of
+from omniwheel.host_control.controller import PERIOD_S, HostController, HostControlSettings, host_control_values, pwm_of, share_of
 from omniwheel.mocap.source import MocapPose
 from omniwheel.robots import read_robot
 
 STILL = Twist(0.0, 0.0, 0.0)
-DEFAULTS = LegacySettings()
+DEFAULTS = HostControlSettings()
 ROBOT = read_robot("four_wheel")
 ANGLES = np.radians([45.0, 135.0, 225.0, 315.0])
 RADIUS_M, DISTANCE_M = 0.03175, 0.195
 
 
-def controller(settings: LegacySettings = DEFAULTS, **changes: Any) -> LegacyController:
-    return LegacyController(ROBOT, legacy_values(ROBOT, changes), settings)
+def controller(settings: HostControlSettings = DEFAULTS, **changes: Any) -> HostController:
+    return HostController(ROBOT, host_control_values(ROBOT, changes), settings)
 
 
 def seen(pose: Pose, time_s: float, latency_s: float = 0.0, frame: int = 1) -> MocapPose:
@@ -90,7 +90,7 @@ def test_pwm_is_linear_beyond_the_dead_band_and_reads_back(pwm_min: int, share: 
 
 
 def test_the_filter_predicts_with_what_the_robot_was_told_after_the_delay() -> None:
-    host = controller(LegacySettings(delay_s=0.04))
+    host = controller(HostControlSettings(delay_s=0.04))
     host.fix(seen(Pose(0.0, 0.0, 0.0), 1.0))
     host.sent((100, 100, 100, 100), 1.0)  # all wheels forward: a turn
     host.step(1.04, Pose(0.0, 0.0, 0.0), STILL)
@@ -136,7 +136,7 @@ def test_a_jump_is_refused_at_first() -> None:
 def test_what_cannot_be_run_on_the_host_is_refused() -> None:
     three = read_robot("three_wheel")
     with pytest.raises(CoreError, match="3 wheels"):
-        LegacyController(three, legacy_values(three))
+        HostController(three, host_control_values(three))
     for mode in ("none", "original"):
         with pytest.raises(ParameterRangeError, match=f"CTL_MODE = {mode}"):
             controller(CTL_MODE=mode)
@@ -152,7 +152,7 @@ def test_what_cannot_be_run_on_the_host_is_refused() -> None:
 )
 def test_settings_out_of_range_are_refused(bad: dict[str, Any]) -> None:
     with pytest.raises(ParameterRangeError):
-        replace(LegacySettings(), **bad)
+        replace(HostControlSettings(), **bad)
 
 
 def test_noise_densities_keep_their_meaning_at_the_longer_step() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omniwheel.legacy.pwm_line import (
+from omniwheel.host_control.pwm_line import (
     BACKLOG_BYTES,
     KEEPALIVE_S,
     MAX_LINE_BYTES,

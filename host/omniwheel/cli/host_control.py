@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni legacy`` (and ``omni drive --legacy``): the controller on the host, PWM lines to the robot."""
+"""``omni host-control`` (and ``omni drive --host-control``): the controller on the host, PWM lines to the robot."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from omniwheel.cli.common import (
 from omniwheel.cli.negative_numbers import NumberCommand
 from omniwheel.errors import LinkUrlError, MocapSourceError, SetpointError
 from omniwheel.frames import Pose
-from omniwheel.legacy.controller import PERIOD_S, LegacyController, LegacySettings, legacy_values
-from omniwheel.legacy.loop import SETTLE_S, Goal, LegacyLoop, LegacyRun
-from omniwheel.legacy.pwm_line import DEFAULT_BAUD, FULL_PWM, MOTORS, STOP_LINES, PwmRadio
+from omniwheel.host_control.controller import PERIOD_S, HostController, HostControlSettings, host_control_values
+from omniwheel.host_control.loop import SETTLE_S, Goal, HostControlLoop, HostControlRun
+from omniwheel.host_control.pwm_line import DEFAULT_BAUD, FULL_PWM, MOTORS, STOP_LINES, PwmRadio
 from omniwheel.link import Link, open_link, parse_url
 from omniwheel.mocap.source import MocapSource
 from omniwheel.mocap.streams import open_source
@@ -92,7 +92,7 @@ class _Wanted:
     baud: int
     source: str | None
     param: list[str] | None
-    settings: LegacySettings
+    settings: HostControlSettings
     plot: Path | None
     start: tuple[float, float, float]
     dead_band: float
@@ -105,8 +105,8 @@ class _Wanted:
     "pose",
     cls=NumberCommand,
     epilog=examples(
-        "omni legacy pose 0 0 0 --simulate --start 1.2 -0.8 1",
-        "omni legacy pose 0 0 0 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot --pwm-min 60",
+        "omni host-control pose 0 0 0 --simulate --start 1.2 -0.8 1",
+        "omni host-control pose 0 0 0 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot --pwm-min 60",
     ),
 )
 def pose(
@@ -124,7 +124,7 @@ def pose(
     param: ParamOption = None,
     pwm_min: PwmMinOption = 0,
     full_speed: FullSpeedOption = None,
-    delay: DelayOption = LegacySettings.delay_s,
+    delay: DelayOption = HostControlSettings.delay_s,
     duration: DurationOption = 60.0,
     plot: PlotOption = None,
     start: StartOption = (1.2, -0.8, 1.0),
@@ -133,7 +133,7 @@ def pose(
     as_json: JsonOption = False,
 ) -> None:
     """Go to a world pose and stay there. Exit code 1: not there in time."""
-    settings = LegacySettings(full_speed, pwm_min, delay)
+    settings = HostControlSettings(full_speed, pwm_min, delay)
     wanted = _Wanted(
         robot, simulate, port, baud, source, param, settings, plot, start, dead_band, seed, duration, as_json
     )
@@ -146,8 +146,8 @@ def pose(
 @app.command(
     "trajectory",
     epilog=examples(
-        "omni legacy trajectory rose --simulate",
-        "omni legacy trajectory circle -p TRJ_SIZE=0.3 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot",
+        "omni host-control trajectory rose --simulate",
+        "omni host-control trajectory circle -p TRJ_SIZE=0.3 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot",
     ),
 )
 def trajectory(
@@ -160,7 +160,7 @@ def trajectory(
     param: ParamOption = None,
     pwm_min: PwmMinOption = 0,
     full_speed: FullSpeedOption = None,
-    delay: DelayOption = LegacySettings.delay_s,
+    delay: DelayOption = HostControlSettings.delay_s,
     duration: DurationOption = 600.0,
     plot: PlotOption = None,
     start: StartOption = (0.5, 0.0, 0.0),
@@ -169,7 +169,7 @@ def trajectory(
     as_json: JsonOption = False,
 ) -> None:
     """Follow the path that the TRJ_* parameters describe. Exit code 1: not driven to its end."""
-    settings = LegacySettings(full_speed, pwm_min, delay)
+    settings = HostControlSettings(full_speed, pwm_min, delay)
     wanted = _Wanted(
         robot, simulate, port, baud, source, param, settings, plot, start, dead_band, seed, duration, as_json
     )
@@ -182,7 +182,7 @@ def trajectory(
 @app.command(
     "motor",
     cls=NumberCommand,
-    epilog=examples("omni legacy motor 1 120 --port /dev/ttyUSB0", "omni legacy motor 3 -80 --port COM3 --duration 2"),
+    epilog=examples("omni host-control motor 1 120 --port /dev/ttyUSB0", "omni host-control motor 3 -80 --port COM3 --duration 2"),
 )
 def motor(
     number: Annotated[int, typer.Argument(min=1, max=MOTORS, help="Which motor: its place in the line.")],
@@ -211,28 +211,28 @@ def motor(
     )
 
 
-def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> LegacyRun:
+def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> HostControlRun:
     if wanted.plot is not None:
         writable_path(wanted.plot, "--plot")
     for name, place in (("--start", wanted.start), ("the pose", goal.pose or ())):
         if not all(map(math.isfinite, place)):
             raise SetpointError(f"{name} is {', '.join(map(str, place))}; finite numbers are needed")
     robot = read_robot(wanted.robot)
-    values = legacy_values(robot, {**changes, **parse_assignments(wanted.param or [])})
-    controller = LegacyController(robot, values, wanted.settings)
+    values = host_control_values(robot, {**changes, **parse_assignments(wanted.param or [])})
+    controller = HostController(robot, values, wanted.settings)
     truth: list[NDArray[np.float64]] = []
     with _hardware(wanted, robot, truth) as (source, link, watch):
         radio = PwmRadio(link, source.clock, baud=wanted.baud)
-        loop = LegacyLoop(controller, source, radio, goal)
+        loop = HostControlLoop(controller, source, radio, goal)
         note("driving; Ctrl-C stops the robot", quiet=wanted.as_json)
         run = loop.run(wanted.duration_s, watch)
         seconds = source.clock() - run.started_s
     record, true_poses = run.record(), np.array(truth) if truth else None
     _show(run, radio, seconds, record, true_poses, wanted, goal.pose is None)
     if wanted.plot is not None and len(record):
-        from omniwheel.legacy.picture import draw_legacy_run
+        from omniwheel.host_control.picture import draw_host_control_run
 
-        draw_legacy_run(record, true_poses, f"{robot.name}, controller on the host at 50 Hz", wanted.plot)
+        draw_host_control_run(record, true_poses, f"{robot.name}, controller on the host at 50 Hz", wanted.plot)
         note(f"{wanted.plot}", quiet=wanted.as_json)
     return run
 
@@ -271,7 +271,7 @@ def _radio_link(port: str, baud: int) -> Iterator[Link]:
 
 
 def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapSource, Link, Any]:
-    from hil_sim.legacy_robot import SimulatedLink, SimulatedRobot
+    from hil_sim.pwm_robot import SimulatedLink, SimulatedRobot
 
     simulated = SimulatedRobot(
         robot,
@@ -281,7 +281,7 @@ def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapS
         dead_band_pwm=wanted.dead_band,
     )
 
-    def watch(_time_s: float, run: LegacyRun) -> None:
+    def watch(_time_s: float, run: HostControlRun) -> None:
         if len(run.samples) > len(truth):
             truth.append(simulated.world.truth)
 
@@ -297,7 +297,7 @@ def _rms(error: NDArray[np.float64], moving: bool) -> dict[str, float]:
 
 
 def _show(
-    run: LegacyRun,
+    run: HostControlRun,
     radio: PwmRadio,
     seconds: float,
     record: NDArray[np.float64],

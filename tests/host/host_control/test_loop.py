@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The whole legacy architecture around the simulated robot, in simulated time, and every way it stops."""
+"""The whole control from the host around the simulated robot, in simulated time, and every way it stops."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.faults import Fault
-from hil_sim.legacy_robot import SimulatedArduino, SimulatedLink, SimulatedRobot
+from hil_sim.pwm_robot import SimulatedArduino, SimulatedLink, SimulatedRobot
 from omniwheel.cli import app
-from omniwheel.errors import LegacyStopError, LinkLostError, MocapLostError
+from omniwheel.errors import HostControlStopError, LinkLostError, MocapLostError
 from omniwheel.frames import Pose
-from omniwheel.legacy import Goal, LegacyController, LegacyLoop, LegacyRun, LegacySettings, PwmRadio
-from omniwheel.legacy.controller import legacy_values
-from omniwheel.legacy.pwm_line import STOP
+from omniwheel.host_control import Goal, HostController, HostControlLoop, HostControlRun, HostControlSettings, PwmRadio
+from omniwheel.host_control.controller import host_control_values
+from omniwheel.host_control.pwm_line import STOP
 from omniwheel.mocap.source import MocapPose
 from omniwheel.robots import read_robot
 
 ROBOT = read_robot("four_wheel")
-DEFAULTS = LegacySettings()
+DEFAULTS = HostControlSettings()
 ORIGIN = Pose(0.0, 0.0, 0.0)
 CIRCLE = {"TRJ_TYPE": "circle", "TRJ_SIZE": 0.3, "TRJ_PERIOD": 25.0}
 CIRCLE_START = Pose(0.3, 0.0, 0.0)
@@ -37,17 +37,17 @@ class Setup:
         self,
         goal: Goal,
         start: Pose,
-        settings: LegacySettings = DEFAULTS,
+        settings: HostControlSettings = DEFAULTS,
         changes: dict[str, Any] | None = None,
         **world: Any,
     ) -> None:
         self.robot = SimulatedRobot(ROBOT, start_pose=start, **world)
-        self.controller = LegacyController(ROBOT, legacy_values(ROBOT, changes), settings)
+        self.controller = HostController(ROBOT, host_control_values(ROBOT, changes), settings)
         self.radio = PwmRadio(SimulatedLink(self.robot), self.robot.clock)
-        self.loop = LegacyLoop(self.controller, self.robot, self.radio, goal, lost_after_s=2.0)
+        self.loop = HostControlLoop(self.controller, self.robot, self.radio, goal, lost_after_s=2.0)
         self.truth: list[Any] = []
 
-    def run(self, seconds: float) -> LegacyRun:
+    def run(self, seconds: float) -> HostControlRun:
         return self.loop.run(seconds, lambda time_s, run: self.truth.append((time_s, *self.robot.world.truth)))
 
     def stopped(self) -> bool:
@@ -92,7 +92,7 @@ def test_it_follows_a_path_within_millimetres_over_9600_baud(mode: str) -> None:
 def test_dead_band_compensation_removes_what_a_weak_p_controller_leaves() -> None:
     weak = {"CTL_MODE": "p", "FL_KP_XY": 0.5, "FL_KP_TH": 0.5}
     ends = []
-    for settings in (LegacySettings(), LegacySettings(full_speed_rad_s=2.53, pwm_min=60)):
+    for settings in (HostControlSettings(), HostControlSettings(full_speed_rad_s=2.53, pwm_min=60)):
         setup = Setup(Goal(ORIGIN, 0.0), Pose(0.5, 0.3, 0.5), settings, weak, dead_band_pwm=60.0)
         setup.run(40.0)
         ends.append(math.hypot(*setup.robot.world.truth[:2]))
@@ -124,14 +124,14 @@ def test_it_pauses_while_the_cameras_see_nothing_and_goes_on() -> None:
 
 def test_cameras_that_never_see_the_robot_end_the_run_without_a_move() -> None:
     setup = Setup(Goal(ORIGIN), Pose(1.0, 0.0, 0.0), faults=[Fault("pose_loss", 0.0)])
-    with pytest.raises(LegacyStopError, match="no pose has come"):
+    with pytest.raises(HostControlStopError, match="no pose has come"):
         setup.run(10.0)
     assert np.allclose(setup.robot.world.truth, [1.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_cameras_that_stay_blind_end_the_run() -> None:
     setup = Setup(Goal(ORIGIN), Pose(1.0, 0.0, 0.0), faults=[Fault("pose_loss", 3.0)])
-    with pytest.raises(LegacyStopError, match="stopped coming"):
+    with pytest.raises(HostControlStopError, match="stopped coming"):
         setup.run(30.0)
     assert setup.robot.clock() == pytest.approx(5.1, abs=0.2)
     assert setup.stopped()
@@ -168,14 +168,14 @@ def test_a_pose_that_is_no_number_stops_the_robot_like_none() -> None:
         return MocapPose(Pose(math.nan, 0.0, 0.0), measured.taken_s, measured.arrived_s, measured.frame)
 
     setup.robot.read = broken  # type: ignore[method-assign]
-    with pytest.raises(LegacyStopError, match="stopped coming"):
+    with pytest.raises(HostControlStopError, match="stopped coming"):
         setup.run(10.0)
     assert setup.stopped()
 
 
 def test_a_robot_out_of_range_is_stopped() -> None:
     setup = Setup(Goal(ORIGIN), Pose(2.0, 0.0, 0.0), changes={"LIM_POS": 1.5})
-    with pytest.raises(LegacyStopError, match="out of range"):
+    with pytest.raises(HostControlStopError, match="out of range"):
         setup.run(10.0)
     assert setup.stopped()
 
@@ -190,7 +190,7 @@ def test_motors_wired_in_the_wrong_order_are_noticed_by_the_path_error() -> None
         write(b",".join([words[1], words[2], words[3], words[0]]) + b"*")
 
     setup.robot.write = swapped  # type: ignore[method-assign]
-    with pytest.raises(LegacyStopError, match="off its path"):
+    with pytest.raises(HostControlStopError, match="off its path"):
         setup.run(60.0)
     assert setup.stopped()
 
@@ -240,7 +240,7 @@ def run_cli(*words: str, code: int = 0) -> Any:
     return result
 
 
-@pytest.mark.parametrize("start", [["legacy"], ["drive", "--legacy"]])
+@pytest.mark.parametrize("start", [["host-control"], ["drive", "--host-control"]])
 def test_the_command_simulates_and_draws(start: list[str], tmp_path: Path) -> None:
     picture = tmp_path / "run.png"
     words = [
@@ -265,8 +265,15 @@ def test_the_command_simulates_and_draws(start: list[str], tmp_path: Path) -> No
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize("start", [["legacy"], ["drive", "--legacy"]])
+def test_the_old_name_of_the_command_still_works(start: list[str]) -> None:
+    result = run_cli(*start, "trajectory", "circle", "--simulate", "-p", "TRJ_SIZE=0.05", "--for", "1", "--json", code=1)
+    assert not json.loads(result.stdout)["done"]
+    assert ("omni legacy is now omni host-control" in result.stderr) == (start == ["legacy"])
+
+
 def test_the_command_follows_a_path_and_says_when_it_did_not_finish() -> None:
-    words = ["legacy", "trajectory", "circle", "--simulate", "-p", "TRJ_SIZE=0.05", "--for", "3"]
+    words = ["host-control", "trajectory", "circle", "--simulate", "-p", "TRJ_SIZE=0.05", "--for", "3"]
     result = run_cli(*words, code=1)
     assert "not finished" in result.stderr
     assert "RMS error" in result.stdout
@@ -284,10 +291,10 @@ def test_the_command_follows_a_path_and_says_when_it_did_not_finish() -> None:
     ],
 )
 def test_the_command_says_what_is_missing(words: list[str], said: str) -> None:
-    assert said in " ".join(run_cli("legacy", "pose", "0", "0", "0", *words, code=2).stderr.split())
+    assert said in " ".join(run_cli("host-control", "pose", "0", "0", "0", *words, code=2).stderr.split())
 
 
-COMMANDS = (["legacy", "motor"], ["legacy", "pose"], ["legacy", "trajectory"], ["mocap", "bridge"], ["mocap", "record"])
+COMMANDS = (["host-control", "motor"], ["host-control", "pose"], ["host-control", "trajectory"], ["mocap", "bridge"], ["mocap", "record"])
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
@@ -299,7 +306,7 @@ def test_the_commands_have_help_with_examples(command: list[str]) -> None:
 
 @pytest.mark.parametrize("words", [["nan", "0", "0"], ["0", "inf", "0"], ["0", "0", "0", "--start", "nan", "0", "0"]])
 def test_a_goal_that_is_no_number_is_refused(words: list[str]) -> None:
-    result = CliRunner().invoke(app, ["legacy", "pose", "--simulate", *words])
+    result = CliRunner().invoke(app, ["host-control", "pose", "--simulate", *words])
     assert result.exit_code == 2
     assert "finite numbers are needed" in result.output
     assert "driving" not in result.output

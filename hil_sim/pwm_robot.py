@@ -15,7 +15,7 @@ from hil_sim.world import PoseSensor, World, world_config
 from omni_schema import Robot
 from omniwheel.byte_budget import BITS_PER_BYTE
 from omniwheel.frames import Pose
-from omniwheel.legacy.pwm_line import DEFAULT_BAUD, END, FULL_PWM, MAX_LINE_BYTES, STOP, PwmLine, parse_line
+from omniwheel.host_control.pwm_line import DEFAULT_BAUD, END, FULL_PWM, MAX_LINE_BYTES, STOP, PwmLine, parse_line
 from omniwheel.mocap.simulated import Cameras
 from omniwheel.mocap.source import MocapPose
 
