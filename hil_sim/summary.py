@@ -108,7 +108,7 @@ def new_run_folder(root: Path, scenario: Scenario) -> Path:
 
 
 def save_run(run: Run, summary: Mapping[str, Any], folder: Path) -> None:
-    """Write summary.json and the record; report.png is report.draw_report's. Raises OutputFileError."""
+    """Write summary.json and the record; report.png is run_picture.draw_run's. Raises OutputFileError."""
     files.write_json(folder / SUMMARY_FILE, summary)
     with files.replaced(folder / RECORD_FILE) as file:
         np.savez_compressed(file, samples=run.record[::STORED_EVERY])

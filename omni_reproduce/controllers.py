@@ -21,7 +21,7 @@ from hil_sim import metrics
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from omni_reproduce.experiment import Context, Result, Row, read_spec
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import STYLE
 from omniwheel.robots import read_robot
 
@@ -182,4 +182,4 @@ def draw(names: Names, position_m: NDArray[np.float64], path: Path) -> None:
         ticks = [tick for tick in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if low <= tick <= high]
         colours = figure.colorbar(image, cax=bar, ticks=ticks, format="%g", label="position RMSE [mm]")
         colours.minorticks_off()
-        save_figure(figure, path)
+        save_picture(figure, path)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from omni_reproduce.experiment import Context, Result
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import INK, STYLE
 
 CONTROL, WORLD = "#dceaf5", "#fbe9c8"
@@ -96,7 +96,7 @@ def draw(title: str, blocks: Sequence[Block], inner: tuple[int, int, str] | None
             _feed_back(
                 axes, _left(source) + 0.3 * WIDTH, _left(target) + 0.5 * WIDTH, -1.4, HEIGHT / 2, text, -HEIGHT / 2
             )
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def _left(number: int) -> float:

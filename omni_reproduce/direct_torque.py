@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
-from omni_reproduce.torque_figures import draw_points, draw_rose, draw_slippery
 from omni_reproduce.torque_loop import TICK_S, Array, Case, Law, Trace, goals_of, law_of, simulate
+from omni_reproduce.torque_pictures import draw_points, draw_rose, draw_slippery
 
 NAME = "direct_torque"
 MM, MRAD = 1e3, 1e3

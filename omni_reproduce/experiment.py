@@ -52,7 +52,7 @@ class Result:
     """What an experiment leaves: rows, pictures below the context's folder, and paragraphs of Markdown."""
 
     rows: tuple[Row, ...]
-    figures: tuple[Path, ...] = ()
+    pictures: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hil_sim.known_robot import SimulatedRobot
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.identification_answers import Experiment, Validation
-from omni_reproduce.identification_figure import draw
+from omni_reproduce.identification_picture import draw
 from omni_reproduce.loops import spread
 from omniwheel.identification import excitation
 from omniwheel.identification.dataset import Dataset

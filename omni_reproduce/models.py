@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
-from omni_reproduce.models_figure import draw
+from omni_reproduce.models_picture import draw
 from omni_reproduce.plant_runs import LEDGER, Case, Run, simulate
 
 NAME = "models"

@@ -79,7 +79,7 @@ def _section(outcome: Outcome) -> list[str]:
         lines.append("")
         lines += [f"{i}. {text}" for i, text in enumerate(texts, start=1)]
         lines.append("")
-    for figure in outcome.result.figures:
+    for figure in outcome.result.pictures:
         lines += [f"![{figure.stem}]({figure.name})", ""]
     return lines
 
@@ -106,7 +106,7 @@ def data(outcomes: Sequence[Outcome], about: dict[str, Any]) -> dict[str, Any]:
             "title": outcome.experiment.title,
             "seconds": outcome.seconds,
             "error": outcome.error or None,
-            "figures": [figure.name for figure in outcome.result.figures],
+            "figures": [figure.name for figure in outcome.result.pictures],
         }
         for outcome in outcomes
     ]

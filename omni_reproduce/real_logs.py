@@ -12,8 +12,8 @@ from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_schema import Robot
 from omniwheel import files
 from omniwheel.errors import LogError
+from omniwheel.identification.log_page import interval, study_page
 from omniwheel.identification.log_plot import draw_study
-from omniwheel.identification.log_report import interval, study_report
 from omniwheel.identification.log_study import LogStudy, Scored, identify_from_logs
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import WheelLog
@@ -65,7 +65,7 @@ def run(context: Context) -> Result:
     turns, lifted = (read_logs(sorted(folder.glob(settings[key]))) for key in ("turns", "lifted"))
     study = identify_from_logs(runs, robot, turns, lifted, _mapper(context))
     draw_study(study, runs, context.folder / PICTURE)
-    files.write_text(context.folder / REPORT, study_report(study, robot, runs, PICTURE))
+    files.write_text(context.folder / REPORT, study_page(study, robot, runs, PICTURE))
     left_out = [path.name for path in found if path not in paths]
     notes = _notes(study, robot) + ([f"Left out, without truth: {', '.join(left_out)}."] if left_out else [])
     return Result(tuple(_rows(study, robot)), (context.folder / PICTURE,), tuple(notes))

@@ -17,7 +17,7 @@ from hil_sim.world import PoseSensor, World
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.loops import Array, make_kinematics, make_world, share_row, spread
 from omniwheel._core import ffi, lib
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import GREY, INK, STYLE, WHEEL_COLOURS
 
 NAME = "table1"
@@ -289,4 +289,4 @@ def draw(spec: Mapping[str, Any], final_cm: Mapping[tuple[str, float], Array], p
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, borderaxespad=0.2, columnspacing=1.0)
         axes.grid(axis="x", visible=False)
         figure.tight_layout()
-        save_figure(figure, path)
+        save_picture(figure, path)

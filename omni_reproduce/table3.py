@@ -25,7 +25,7 @@ from omni_reproduce.loops import (
     share_row,
     track,
 )
-from omni_reproduce.track_figure import View, draw_tracks
+from omni_reproduce.track_picture import View, draw_tracks
 from omniwheel._core import ffi, lib
 
 NAME = "table3"

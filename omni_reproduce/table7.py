@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_reproduce.experiment import Context, Result, Row, read_spec
-from omni_reproduce.filter_figures import draw_run, draw_table
 from omni_reproduce.filter_limits import Limits
+from omni_reproduce.filter_pictures import draw_run, draw_table
 from omni_reproduce.filters import (
     AXES,
     AXIS_UNITS,

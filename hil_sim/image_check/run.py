@@ -145,7 +145,7 @@ def _chosen(depth: str, only: Sequence[str]) -> list[Check]:
     return [check for name, check in known.items() if (name in only if only else depth in check.depths)]
 
 
-def report(image: Path, robot: str, depth: str, seed: int, outcomes: Iterable[Outcome]) -> str:
+def outcome_page(image: Path, robot: str, depth: str, seed: int, outcomes: Iterable[Outcome]) -> str:
     """Return a page of what was checked, what it showed, and what no model of a chip can show."""
     outcomes = list(outcomes)
     failed = sum(not outcome.passed for outcome in outcomes)

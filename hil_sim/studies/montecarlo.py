@@ -19,8 +19,8 @@ from hil_sim.studies.figures import FIGURES
 from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.plan import Point, check_plan
 from hil_sim.studies.pools import Pool
-from hil_sim.studies.statistics import ranking, summarise
 from hil_sim.studies.study import Progress, Runner, base_definition, no_progress
+from hil_sim.studies.study_summary import ranking, summarise
 from omniwheel import files
 from omniwheel.plain import finite
 

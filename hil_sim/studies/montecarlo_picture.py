@@ -15,7 +15,7 @@ from hil_sim.runs import run_in_process
 from hil_sim.studies.figures import FIGURES
 from hil_sim.studies.montecarlo import Outcome, Plan, typical_runs
 from hil_sim.studies.picture_parts import draw_facts, draw_spread, sheet
-from hil_sim.studies.statistics import counted
+from hil_sim.studies.study_summary import counted
 from omniwheel.plot_style import INK, MARK, TRUTH, WANTED
 
 SHOWN = ("position_m", "theta_rad", "estimate_position_m", "peak_wheel_rad_s")

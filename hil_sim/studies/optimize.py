@@ -30,8 +30,8 @@ from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.plan import Point, check_plan
 from hil_sim.studies.pools import Pool
 from hil_sim.studies.space import Axis
-from hil_sim.studies.statistics import summarise
 from hil_sim.studies.study import Progress, Runner, base_definition, no_progress
+from hil_sim.studies.study_summary import summarise
 from omni_schema import SchemaError
 from omniwheel import files, parameter_file
 from omniwheel.errors import MissingPackageError, OmniError

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from hil_sim.report import DPI, HEIGHT_PX, WIDTH_PX
+from hil_sim.run_picture import DPI, HEIGHT_PX, WIDTH_PX
 from hil_sim.studies.figures import FIGURES
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import INK, MARK, STYLE, TRUTH
 
 QUANTILE_MARKS = ((0.5, "median", INK), (0.95, "95 %", "#E69F00"), (0.99, "99 %", MARK))
@@ -42,7 +42,7 @@ def sheet(path: Path, title: str, line: str, height_px: int = HEIGHT_PX) -> Iter
         figure.text(0.055, 1.0 - 0.45 * inch, title.replace("_", " "), fontsize=17, fontweight="bold", va="center")
         figure.text(0.055, 1.0 - 0.80 * inch, line, fontsize=11, color="#444444", va="center")
         yield figure
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def draw_spread(axes: Axes, values: NDArray[np.float64], name: str) -> None:

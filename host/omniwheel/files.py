@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from omniwheel.errors import OutputFileError, OutputPathError
+from omniwheel.moved import moved
 
 _ALL = 0o666
 _HINTS = {
@@ -73,7 +74,7 @@ def create(path: Path | str, content: bytes, mode: int = _ALL) -> None:
         _sync_folder(target.parent)
 
 
-def save_figure(figure: Any, path: Path | str) -> None:
+def save_picture(figure: Any, path: Path | str) -> None:
     """Write a matplotlib figure in the format that the name's ending says, PNG if it has none.
 
     Raises OutputFileError; OutputPathError for an ending that is no picture's.
@@ -176,3 +177,6 @@ def _sync_folder(folder: Path) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+__getattr__ = moved(__name__, {"save_figure": "omniwheel.files:save_picture"})

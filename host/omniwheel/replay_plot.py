@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.logs.alignment import Alignment, truth_at
 from omniwheel.logs.log import Array, WheelLog
 from omniwheel.plot_style import GREY, HEADING, INK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
@@ -35,7 +35,7 @@ def draw_replay(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Align
         for axes in right[1:]:
             axes.sharex(right[0])
         right[-1].set_xlabel("time [s]")
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def _legend(axes: Axes) -> None:

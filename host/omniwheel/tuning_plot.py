@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import INK, STYLE, TRUTH, WANTED
 from omniwheel.tuning import AXES, UNITS, Trace
 
@@ -33,7 +33,7 @@ def draw_tuning(before: Trace, after: Trace, what: str, path: Path) -> None:
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="upper right", bbox_to_anchor=(0.98, 0.935), ncols=3)
         figure.align_ylabels()
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def _draw_answer(axes: Axes, before: Trace, after: Trace, column: int, axis: str) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writes the parameter table and the robot presets as C99 source."""
+"""Writes the parameter table and the built-in robots as C99 source."""
 
 from __future__ import annotations
 
@@ -93,14 +93,14 @@ def params_source(table: ParameterTable) -> str:
 
 
 def robots_source(robots: Sequence[Robot]) -> str:
-    """Return ``robots_gen.c``: omni_robot_presets, one full parameter set per robot file."""
+    """Return ``robots_gen.c``: omni_builtin_robots, one full parameter set per robot file."""
     lines = [
         NOTICE,
         '#include "omni/params.h"',
         "",
-        f"const int32_t omni_robot_preset_count = {len(robots)};",
+        f"const int32_t omni_builtin_robot_count = {len(robots)};",
         "",
-        "const omni_robot_preset_t omni_robot_presets[] = {",
+        "const omni_builtin_robot_t omni_builtin_robots[] = {",
     ]
     for robot in robots:
         lines += ["    {", f"        .name = {c_string(robot.name)},", "        .values = {"]

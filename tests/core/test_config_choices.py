@@ -21,9 +21,9 @@ def test_a_controller_has_the_gains_that_its_name_says(mode: str, kd: bool, ki: 
     assert list(fl.ki) == ([0.75, 0.75, 1.25] if ki else [0.0] * 3)
 
 
-@pytest.mark.parametrize("preset", ["three_wheel", "four_wheel"])
-def test_two_bridge_inputs_on_one_channel_are_refused_and_named(preset: str) -> None:
-    bench = Bench(preset)
+@pytest.mark.parametrize("robot_name", ["three_wheel", "four_wheel"])
+def test_two_bridge_inputs_on_one_channel_are_refused_and_named(robot_name: str) -> None:
+    bench = Bench(robot_name)
     firsts = [lib.OMNI_PARAM_W1_IN1_CH + i for i in range(bench.wheels)]
     inputs = firsts + [lib.OMNI_PARAM_W1_IN2_CH + i for i in range(bench.wheels)]
     config, bad = ffi.new("omni_robot_config_t *"), ffi.new("int32_t *")

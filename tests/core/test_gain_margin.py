@@ -15,8 +15,8 @@ from tests.core.test_robot import Bench
 CIRCLE = {"TRJ_TYPE": 3.0, "TRJ_PERIOD": 30.0, "TRJ_ROT": 0.0, "CTL_MODE": float(lib.OMNI_CTL_MODE_ISMC)}
 
 
-def driving(preset: str = "three_wheel", ticks: int = 3000, **parameters: float) -> tuple[Bench, Any]:
-    bench = Bench(preset)
+def driving(robot_name: str = "three_wheel", ticks: int = 3000, **parameters: float) -> tuple[Bench, Any]:
+    bench = Bench(robot_name)
     bench.arm()
     bench.follow(**CIRCLE, **parameters)
     return bench, bench.tick(count=ticks)
@@ -37,10 +37,10 @@ def sensitivity(bench: Bench, out: Any) -> Any:
     return to_world @ np.linalg.pinv(b) @ np.diag([radius * out.wheel_rad_s[i] for i in range(n)])
 
 
-@pytest.mark.parametrize("preset", ["three_wheel", "four_wheel"])
+@pytest.mark.parametrize("robot_name", ["three_wheel", "four_wheel"])
 @pytest.mark.parametrize("mode", ["POSE", "SLIP"])
-def test_margin_is_k_less_three_sigma_of_the_slip_error(preset: str, mode: str) -> None:
-    bench, out = driving(preset, EKF_MODE=float(getattr(lib, f"OMNI_EKF_MODE_{mode}")))
+def test_margin_is_k_less_three_sigma_of_the_slip_error(robot_name: str, mode: str) -> None:
+    bench, out = driving(robot_name, EKF_MODE=float(getattr(lib, f"OMNI_EKF_MODE_{mode}")))
     n, ekf = bench.wheels, bench.robot.estimator.pose_ekf
     rows = sensitivity(bench, out)
     cover, left = np.eye(n) * bench.values[lib.OMNI_PARAM_EKF_P_SLIP] ** 2, np.zeros(n)

@@ -21,7 +21,7 @@ int main(void) {
     omni_inputs_t inputs = {0};
     omni_outputs_t outputs;
     int32_t bad;
-    if (omni_robot_config(&config, omni_robot_presets[0].values, &bad) != OMNI_OK) {
+    if (omni_robot_config(&config, omni_builtin_robots[0].values, &bad) != OMNI_OK) {
         return 2;
     }
     omni_robot_init(&robot, &config);

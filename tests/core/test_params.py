@@ -48,11 +48,11 @@ def test_part_of_a_name_is_not_the_name(name: bytes) -> None:
 
 
 def test_presets_are_found_by_name() -> None:
-    for i in range(lib.omni_robot_preset_count):
-        assert lib.omni_robot_preset_find(lib.omni_robot_presets[i].name) == i
-    assert lib.omni_robot_preset_find(b"three_wheel") >= 0
-    assert lib.omni_robot_preset_find(b"three") == -1
-    assert lib.omni_robot_preset_find(b"") == -1
+    for i in range(lib.omni_builtin_robot_count):
+        assert lib.omni_builtin_robot_find(lib.omni_builtin_robots[i].name) == i
+    assert lib.omni_builtin_robot_find(b"three_wheel") >= 0
+    assert lib.omni_builtin_robot_find(b"three") == -1
+    assert lib.omni_builtin_robot_find(b"") == -1
 
 
 def test_defaults_are_the_tables() -> None:
@@ -64,8 +64,8 @@ def test_defaults_are_the_tables() -> None:
 def test_defaults_and_presets_pass_the_check() -> None:
     for index in range(COUNT):
         assert check(index, TABLE[index].initial) == lib.OMNI_OK
-        for preset in range(lib.omni_robot_preset_count):
-            assert check(index, lib.omni_robot_presets[preset].values[index]) == lib.OMNI_OK
+        for robot in range(lib.omni_builtin_robot_count):
+            assert check(index, lib.omni_builtin_robots[robot].values[index]) == lib.OMNI_OK
 
 
 @given(indices)

@@ -18,12 +18,12 @@ TICK_US = 1000
 class Bench:
     """One robot on a test bench: wheels that follow the voltage with the motor's mechanical lag."""
 
-    def __init__(self, preset: str = "three_wheel", **parameters: float) -> None:
+    def __init__(self, robot_name: str = "three_wheel", **parameters: float) -> None:
         self.values = ffi.new("float[]", lib.OMNI_PARAM_COUNT)
-        index = lib.omni_robot_preset_find(preset.encode())
+        index = lib.omni_builtin_robot_find(robot_name.encode())
         assert index >= 0
         for i in range(lib.OMNI_PARAM_COUNT):
-            self.values[i] = lib.omni_robot_presets[index].values[i]
+            self.values[i] = lib.omni_builtin_robots[index].values[i]
         self.config = self.configure(**parameters)
         self.robot = ffi.new("omni_robot_t *")
         lib.omni_robot_init(self.robot, self.config)
@@ -123,11 +123,11 @@ def test_motors_rest_until_armed() -> None:
     assert any(abs(out.duty[i]) > 0.05 for i in range(3))
 
 
-@pytest.mark.parametrize("preset", ["three_wheel", "four_wheel"])
+@pytest.mark.parametrize("robot_name", ["three_wheel", "four_wheel"])
 @pytest.mark.parametrize("twist", [(0.05, 0, 0), (0, 0.05, 0), (0, 0, 0.3), (0.03, -0.04, 0.2)])
-def test_velocity_command_moves_the_body_as_asked(preset: str, twist: tuple[float, float, float]) -> None:
+def test_velocity_command_moves_the_body_as_asked(robot_name: str, twist: tuple[float, float, float]) -> None:
     # The bench's wheels are independent: what they show in the null direction is not slip, so none is estimated.
-    bench = Bench(preset, LIM_A=100.0, EKF_MODE=lib.OMNI_EKF_MODE_POSE)
+    bench = Bench(robot_name, LIM_A=100.0, EKF_MODE=lib.OMNI_EKF_MODE_POSE)
     bench.arm()
     for _ in range(1000):
         bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=twist)
@@ -395,9 +395,9 @@ def test_losing_the_track_stops_the_motors() -> None:
 
 
 @pytest.mark.parametrize("controller", range(lib.OMNI_CTL_MODE_COUNT))
-@pytest.mark.parametrize("preset", ["three_wheel", "four_wheel"])
-def test_every_controller_follows_a_circle(controller: int, preset: str) -> None:
-    bench = Bench(preset, CTL_MODE=controller)
+@pytest.mark.parametrize("robot_name", ["three_wheel", "four_wheel"])
+def test_every_controller_follows_a_circle(controller: int, robot_name: str) -> None:
+    bench = Bench(robot_name, CTL_MODE=controller)
     bench.arm()
     bench.follow(TRJ_TYPE=3, TRJ_SIZE=0.2, TRJ_PERIOD=20, TRJ_LAPS=1, TRJ_RAMP=1.0, TRJ_ROT_AMP=0.3)
     bench.inputs.setpoint.kind = lib.OMNI_SETPOINT_TRAJECTORY

@@ -160,7 +160,7 @@ void TestRobot::boot() {
     board.stop_button = &button;
     board.storage = &storage;
     board.watchdog = &watchdog;
-    board.robot_values = omni_robot_presets[omni_robot_preset_find("three_wheel")].values;
+    board.robot_values = omni_builtin_robots[omni_builtin_robot_find("three_wheel")].values;
     board.battery_V = full_battery;
     for (size_t i = 0; i < all_ports; ++i) {
         board.ports[i] = &ports[i];

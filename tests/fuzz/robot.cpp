@@ -134,7 +134,7 @@ void Robot::boot() {
     board_.output_enable = &pin;
     board_.storage = &storage;
     board_.watchdog = &watchdog;
-    board_.robot_values = omni_robot_presets[setup.robot % omni_robot_preset_count].values;
+    board_.robot_values = omni_builtin_robots[setup.robot % omni_builtin_robot_count].values;
     board_.battery_V = battery_V;
     for (size_t i = 0; i < setup.ports; ++i) {
         ports[i].out.clear(); // a reboot may cut a frame

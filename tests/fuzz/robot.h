@@ -95,7 +95,7 @@ struct Setup {
     bool lockstep = false;
     bool may_arm = false;       ///< the script may send valid arm commands
     bool only_nonsense = false; ///< every floating-point field is NaN or infinite, wheels stand still: nothing may be driven
-    uint8_t robot = 0;          ///< number of the robot preset
+    uint8_t robot = 0;          ///< number of the built-in robot
     uint8_t ports = 1;
 };
 

@@ -44,10 +44,12 @@ def test_the_compiled_table_is_the_file() -> None:
 
 def test_the_compiled_presets_are_the_robot_files() -> None:
     robots = [load_robot(path, TABLE) for path in sorted((SHARED / "robots").glob("*.toml"))]
-    presets = {text(C.omni_robot_presets[i].name): C.omni_robot_presets[i] for i in range(C.omni_robot_preset_count)}
-    assert set(presets) == {robot.name for robot in robots}
+    robots_in_c = {
+        text(C.omni_builtin_robots[i].name): C.omni_builtin_robots[i] for i in range(C.omni_builtin_robot_count)
+    }
+    assert set(robots_in_c) == {robot.name for robot in robots}
     for robot in robots:
-        assert list(presets[robot.name].values) == list(robot.parameter_values().values())
+        assert list(robots_in_c[robot.name].values) == list(robot.parameter_values().values())
 
 
 @given(st.floats(-(2.0**120), 2.0**120, width=32))  # the schema reader refuses what a float cannot hold

@@ -15,7 +15,7 @@ from hil_sim import metrics
 from hil_sim.core import CoreError, path_ticks, robot_config
 from hil_sim.faults import Fault
 from hil_sim.hil import EPOCH_US, run_hil
-from hil_sim.report import HEIGHT_PX, WIDTH_PX, draw_report
+from hil_sim.run_picture import HEIGHT_PX, WIDTH_PX, draw_run
 from hil_sim.runs import Run, faults_seen, run_in_process, run_seeds
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, new_run_folder, save_run, summarize
@@ -274,7 +274,7 @@ def test_a_stored_run_can_be_drawn_again(name: str, tmp_path: Path) -> None:
     stored, samples = load_run(tmp_path)
     assert stored == json.loads(json.dumps(summary))
     np.testing.assert_array_equal(samples, done.record[::10])
-    draw_report(stored, samples, tmp_path / "report.png")
+    draw_run(stored, samples, tmp_path / "report.png")
     header = (tmp_path / "report.png").read_bytes()[:24]
     assert header[:8] == b"\x89PNG\r\n\x1a\n"
     assert (int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")) == (WIDTH_PX, HEIGHT_PX)

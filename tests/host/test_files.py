@@ -87,8 +87,8 @@ def test_a_bad_place_is_bad_input(tmp_path: Path, place: str) -> None:
 
 def test_a_picture_of_no_known_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputPathError, match="docx"):
-        files.save_figure(Figure(), tmp_path / "picture.docx")
-    files.save_figure(Figure(), tmp_path / "picture.svg")
+        files.save_picture(Figure(), tmp_path / "picture.docx")
+    files.save_picture(Figure(), tmp_path / "picture.svg")
     assert (tmp_path / "picture.svg").read_text().rstrip().endswith("</svg>")
 
 

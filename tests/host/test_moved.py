@@ -24,6 +24,7 @@ MOVED = [
     ("omniwheel.mocap.source", "omniwheel.mocap.streams", "open_source"),
     ("omniwheel.signing", "omniwheel.default_key", "set_default_key"),
     ("hil_sim.report", "omniwheel.plot_style", "GREY"),
+    ("hil_sim.studies.statistics", "hil_sim.studies.study_summary", "wilson"),
     ("hil_sim.summary", "omniwheel.logs.run_folder", "load_run"),
 ]
 
@@ -41,6 +42,13 @@ RENAMED = [
     ("omniwheel.legacy", "LegacyRun", "omniwheel.host_control", "HostControlRun"),
     ("omniwheel.legacy.controller", "LegacyController", "omniwheel.host_control.controller", "HostController"),
     ("omniwheel.legacy.loop", "LegacyLoop", "omniwheel.host_control.loop", "HostControlLoop"),
+    ("hil_sim.report", "draw_report", "hil_sim.run_picture", "draw_run"),
+    ("hil_sim.studies.report", "write_montecarlo_report", "hil_sim.studies.tables", "write_montecarlo_page"),
+    ("omniwheel.bringup.report", "write_report", "omniwheel.bringup.results_page", "write_results"),
+    ("omniwheel.files", "save_figure", "omniwheel.files", "save_picture"),
+    ("omniwheel.identification.log_report", "study_report", "omniwheel.identification.log_page", "study_page"),
+    ("omniwheel.logs.importer", "ImportReport", "omniwheel.logs.importer", "ImportSummary"),
+    ("omniwheel.mocap", "BridgeStatistics", "omniwheel.mocap.bridge", "BridgeCounts"),
     ("omniwheel.legacy.picture", "draw_legacy_run", "omniwheel.host_control.picture", "draw_host_control_run"),
 ]
 

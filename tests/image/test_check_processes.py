@@ -14,7 +14,7 @@ from hil_sim.image_check import run
 from hil_sim.image_check.apart import Died, call_apart
 from hil_sim.image_check.bench import Context
 from hil_sim.image_check.check import Check
-from hil_sim.image_check.run import report, run_checks
+from hil_sim.image_check.run import outcome_page, run_checks
 from omniwheel.errors import FirmwareStartError
 from tests.image.flashed import image_path, missing_image, need
 
@@ -60,7 +60,7 @@ def test_a_check_whose_process_dies_is_reported_as_failed_beside_the_others(monk
     assert [outcome.passed for outcome in outcomes] == [True, False, True]
     assert told == ["first", "second", "third"]
     assert "exit code 9" in outcomes[1].failure
-    assert "exit code 9" in report(Path("x.elf"), "three_wheel", "ci", 1, outcomes)
+    assert "exit code 9" in outcome_page(Path("x.elf"), "three_wheel", "ci", 1, outcomes)
 
 
 def test_a_check_without_the_pcs_firmware_says_that_it_could_not_run(monkeypatch: pytest.MonkeyPatch) -> None:

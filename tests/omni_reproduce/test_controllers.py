@@ -45,4 +45,4 @@ def test_rows_are_means_over_paths_and_the_picture_is_written(tmp_path: Path, mo
     assert row.sd == pytest.approx(0.1 / 2**0.5)
     assert row.seeds == 2
     assert all(row.limit is None for row in result.rows)
-    assert all(figure.is_file() for figure in result.figures)
+    assert all(figure.is_file() for figure in result.pictures)

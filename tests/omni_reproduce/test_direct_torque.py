@@ -122,8 +122,8 @@ def test_rows_and_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(experiment, "read_spec", lambda name: short)
     result = experiment.run(Context(tmp_path, quick=True, seeds=1))
     names = ["fig5.png", "fig6.png", "fig7.png", "fig8.png", "direct_torque_low_friction.png"]
-    assert [figure.name for figure in result.figures] == names
-    assert all(figure.stat().st_size > 10_000 for figure in result.figures)
+    assert [figure.name for figure in result.pictures] == names
+    assert all(figure.stat().st_size > 10_000 for figure in result.pictures)
     assert not any("{" in note for note in result.notes)
 
     def row(setting: str, quantity: str) -> Row:

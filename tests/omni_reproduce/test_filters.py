@@ -231,9 +231,9 @@ def test_literal_noise_gives_what_it_must() -> None:
 def test_table7_quickly(tmp_path: Path) -> None:
     shares: list[float] = []
     result = table7.run(Context(tmp_path, quick=True, seeds=2, workers=2, progress=shares.append))
-    names = {path.name for path in result.figures}
+    names = {path.name for path in result.pictures}
     assert names == {"fig13.png", "fig14.png", "fig15.png", "fig16.png", "table7.png"}
-    assert all(path.stat().st_size > 10_000 for path in result.figures)
+    assert all(path.stat().st_size > 10_000 for path in result.pictures)
     titles = {SPEC["setting"][name]["title"] for name in ("published", "honest_a", "honest_b", "literal", "own")}
     assert titles <= {row.setting for row in result.rows}
     assert all(row.ours is not None and np.isfinite(row.ours) and row.explanation for row in result.rows)

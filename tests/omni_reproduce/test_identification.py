@@ -30,5 +30,5 @@ def test_table_9_says_what_reproduces_and_what_works(tmp_path: Path) -> None:
     shares = [row.ours for row in result.rows if "inside" in row.quantity]
     assert len(shares) == 14
     assert sum(share or 0.0 for share in shares) >= 85.0 * len(shares)
-    assert all(figure.read_bytes().startswith(b"\x89PNG") for figure in result.figures)
+    assert all(figure.read_bytes().startswith(b"\x89PNG") for figure in result.pictures)
     assert len(result.notes) == 3

@@ -48,7 +48,7 @@ def test_every_hold_has_both_its_ends() -> None:
 def test_rows_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(models, "read_spec", lambda name: SPEC)
     result = models.run(Context(tmp_path, seeds=2))
-    (picture,) = result.figures
+    (picture,) = result.pictures
     assert picture.stat().st_size > 20_000
     for robot in ROBOTS:
         missing = [row for row in result.rows if row.quantity == "energy: not accounted for" and robot in row.setting]

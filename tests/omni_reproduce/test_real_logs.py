@@ -45,7 +45,7 @@ def test_a_folder_of_other_runs_is_taken_as_it_is(tmp_path: Path, monkeypatch: p
     assert found < 0.015 < nominal
     assert figures["identified on all runs", "effective wheel distance"] == pytest.approx(0.12, rel=0.05)
     assert done[-1] == 1.0
-    assert [path.name for path in result.figures] == ["real_logs.png"]
+    assert [path.name for path in result.pictures] == ["real_logs.png"]
     assert (out / "real_logs.png").read_bytes().startswith(b"\x89PNG")
     assert "## What can be trusted" in (out / "real_logs.md").read_text(encoding="utf-8")
     # A run without truth cannot be scored; the others can.

@@ -29,5 +29,5 @@ def test_every_figure_and_table_of_the_report_has_an_answer() -> None:
 
 def test_the_block_diagrams_are_drawn(tmp_path: Path) -> None:
     result = diagrams.run(Context(tmp_path))
-    assert [figure.name for figure in result.figures] == ["fig9.png", "fig12.png"]
-    assert all(figure.stat().st_size > 10_000 for figure in result.figures)
+    assert [figure.name for figure in result.pictures] == ["fig9.png", "fig12.png"]
+    assert all(figure.stat().st_size > 10_000 for figure in result.pictures)

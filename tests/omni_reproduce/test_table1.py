@@ -86,6 +86,6 @@ def test_the_experiment_gives_rows_groups_and_picture(tmp_path: Path, monkeypatc
     assert [row.published for row in published] == [10.0, 4.0, 3.0]
     shares = [row for row in result.rows if row.quantity.startswith("means of 5")]
     assert [row.seeds for row in shares] == [1, 1, 1]
-    assert result.figures[0].is_file()
+    assert result.pictures[0].is_file()
     few = table1.run(Context(tmp_path, seeds=2))
     assert not [row for row in few.rows if row.quantity.startswith("means of 5")]

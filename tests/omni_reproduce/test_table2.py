@@ -57,8 +57,8 @@ def test_the_experiment_gives_rows_and_figure_10(tmp_path: Path) -> None:
     published = [row for row in result.rows if row.published is not None and "as published" in row.setting]
     assert [row.published for row in published] == list(PUBLISHED)
     assert all(row.seeds == 2 and row.sd is not None for row in published)
-    assert [figure.name for figure in result.figures] == ["fig10.png"]
-    assert result.figures[0].stat().st_size > 50_000
+    assert [figure.name for figure in result.pictures] == ["fig10.png"]
+    assert result.pictures[0].stat().st_size > 50_000
     with worker_pool(2) as pool:
         again = table2.run(Context(tmp_path, seeds=2, pool=pool))
     assert again.rows == result.rows

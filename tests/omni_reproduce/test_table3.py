@@ -83,5 +83,5 @@ def test_the_experiment_gives_rows_and_figure_11(tmp_path: Path, monkeypatch: py
     first = [row for row in result.rows if row.published is not None][:3]
     assert [row.published for row in first] == list(PUBLISHED)
     assert all(row.ours is not None and np.isfinite(row.ours) for row in result.rows)
-    assert result.figures[0].name == "fig11.png"
-    assert result.figures[0].is_file()
+    assert result.pictures[0].name == "fig11.png"
+    assert result.pictures[0].is_file()

@@ -168,7 +168,7 @@ Robot *robot_new(const uint8_t *image, int lockstep, uint32_t radio) {
     }
     board.radios = static_cast<uint8_t>(1u << radio);
     robot->radio = radio;
-    board.robot_values = omni_robot_presets[omni_robot_preset_find("three_wheel")].values;
+    board.robot_values = omni_builtin_robots[omni_builtin_robot_find("three_wheel")].values;
     robot->ports[radio].paced = true;
     std::memcpy(robot->storage.bytes, image, storage_size);
     robot->lockstep = lockstep != 0;

@@ -3,7 +3,7 @@
 ///
 /// `hours` does the next simulated hour: it goes on from STATE (a file; begun anew if it is not there), prints one line of JSON and
 /// writes STATE back. `jumps` lets the robot's clock cross every wrap of 32 bits in so many days, and drives across each of them.
-/// WORLD holds a hil_world_config_t, PARAMETERS lines of NAME VALUE, ROBOT is a preset's name: tests/soak/soak.py writes them.
+/// WORLD holds a hil_world_config_t, PARAMETERS lines of NAME VALUE, ROBOT is a built-in robot's name: tests/soak/soak.py writes them.
 #include <malloc.h>
 
 #include <algorithm>
@@ -59,9 +59,9 @@ Values read_values(const char *path) {
     return values;
 }
 
-uint8_t preset(const char *name) {
-    for (int32_t i = 0; i < omni_robot_preset_count; ++i) {
-        if (std::strcmp(omni_robot_presets[i].name, name) == 0) {
+uint8_t robot_number(const char *name) {
+    for (int32_t i = 0; i < omni_builtin_robot_count; ++i) {
+        if (std::strcmp(omni_builtin_robots[i].name, name) == 0) {
             return static_cast<uint8_t>(i);
         }
     }
@@ -251,11 +251,11 @@ void jumps(const char *world, const Values &values, uint64_t days, uint8_t robot
 int main(int argc, char **argv) {
     const std::string mode = argc == 6 ? argv[1] : "";
     if (mode == "hours") {
-        soak::hour(argv[2], soak::read_values(argv[3]), argv[4], soak::preset(argv[5]));
+        soak::hour(argv[2], soak::read_values(argv[3]), argv[4], soak::robot_number(argv[5]));
         return 0;
     }
     if (mode == "jumps") {
-        soak::jumps(argv[2], soak::read_values(argv[3]), std::strtoull(argv[4], nullptr, 10), soak::preset(argv[5]));
+        soak::jumps(argv[2], soak::read_values(argv[3]), std::strtoull(argv[4], nullptr, 10), soak::robot_number(argv[5]));
         return 0;
     }
     std::fprintf(stderr, "usage: %s hours WORLD PARAMETERS STATE ROBOT | jumps WORLD PARAMETERS DAYS ROBOT\n", argv[0]);

@@ -11,8 +11,8 @@ namespace {
 
 void complain_about_robot(const char *name) {
     std::fprintf(stderr, "omni-firmware: --robot '%s': no such robot; there are:", name);
-    for (int32_t i = 0; i < omni_robot_preset_count; ++i) {
-        std::fprintf(stderr, " %s", omni_robot_presets[i].name);
+    for (int32_t i = 0; i < omni_builtin_robot_count; ++i) {
+        std::fprintf(stderr, " %s", omni_builtin_robots[i].name);
     }
     std::fputc('\n', stderr);
 }
@@ -85,12 +85,12 @@ const char *read_line(std::FILE *file, char *line, size_t size) {
 } // namespace
 
 bool use_robot(const char *name, omni_real_t *values) {
-    const int32_t index = omni_robot_preset_find(name);
+    const int32_t index = omni_builtin_robot_find(name);
     if (index < 0) {
         complain_about_robot(name);
         return false;
     }
-    std::memcpy(values, omni_robot_presets[index].values, OMNI_PARAM_COUNT * sizeof *values);
+    std::memcpy(values, omni_builtin_robots[index].values, OMNI_PARAM_COUNT * sizeof *values);
     return true;
 }
 

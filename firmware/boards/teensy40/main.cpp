@@ -109,7 +109,7 @@ Board Teensy40::begin() {
     board.port_count = 2;
     board.storage = &storage_;
     board.watchdog = &watchdog_;
-    board.robot_values = omni_robot_presets[0].values;
+    board.robot_values = omni_builtin_robots[0].values;
     board.battery_V = battery_wired ? omni::battery_V : nullptr;
     board.memory_free = memory_free;
     return board;

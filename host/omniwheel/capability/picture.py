@@ -43,4 +43,4 @@ def draw_speeds(model: DriveModel, title: str, path: Path) -> None:
         axes.set_rlabel_position(360.0 / DIRECTIONS)
         axes.set_title(f"{title}: top speed by direction [m/s], forward is up", loc="center", pad=18)
         figure.legend(loc="outside lower center", ncols=4)
-        files.save_figure(figure, path)
+        files.save_picture(figure, path)

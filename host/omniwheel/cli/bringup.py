@@ -29,7 +29,7 @@ from omniwheel.bringup import (
 from omniwheel.bringup import motors as motors_module
 from omniwheel.bringup import output_enable as output_enable_module
 from omniwheel.bringup.radio import BAUD, LOSS_LIMIT, ROUND_TRIP_LIMIT_S, RadioWindow, watch_radio
-from omniwheel.bringup.report import as_dict, write_report
+from omniwheel.bringup.results_page import as_dict, write_results
 from omniwheel.bringup.sequence import bring_up
 from omniwheel.cli import completion
 from omniwheel.cli.bringup_person import TerminalPerson
@@ -292,9 +292,9 @@ def all_command(
                     _print(result)
         except BaseException:
             with suppress(OutputFileError):  # what went wrong with the robot is to be heard
-                write_report(results, folder, title)
+                write_results(results, folder, title)
             raise
-    paths = write_report(results, folder, title)
+    paths = write_results(results, folder, title)
     note(f"report: {paths[0]}, {paths[1]}", quiet=as_json)
     if as_json:
         print_json(as_dict(results))

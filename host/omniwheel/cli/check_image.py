@@ -13,7 +13,7 @@ import typer
 from rich.markup import escape
 
 from hil_sim.image_check.check import CI, NIGHTLY, SHORT
-from hil_sim.image_check.run import Outcome, all_checks, report, run_checks
+from hil_sim.image_check.run import Outcome, all_checks, outcome_page, run_checks
 from omniwheel import files
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
@@ -80,7 +80,7 @@ def check_image(
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     failed = [outcome for outcome in outcomes if not outcome.passed]
-    page = partial(report, image, robot, depth.value, seed, outcomes)
+    page = partial(outcome_page, image, robot, depth.value, seed, outcomes)
     if json_wanted:
         _write(report_file, page)
         print_json({"image": str(image), "robot": robot, "seed": seed, "checks": [o.as_dict() for o in outcomes]})

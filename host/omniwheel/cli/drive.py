@@ -44,8 +44,8 @@ class DriveGroup(TyperGroup):
 
 app = typer.Typer(
     cls=DriveGroup,
-    help="Move the robot; it is disarmed at the end and on Ctrl-C. With --host-control first: the original four-wheel robot, "
-    "with the controller on this computer (see omni host-control).",
+    help="Move the robot. It is disarmed at the end and on Ctrl-C. With --host-control first, this is "
+    "omni host-control: the original four-wheel robot, with the controller on this computer.",
     no_args_is_help=True,
 )
 app.add_typer(host_control.app, name="host-control", hidden=True)

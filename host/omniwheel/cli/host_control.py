@@ -182,7 +182,9 @@ def trajectory(
 @app.command(
     "motor",
     cls=NumberCommand,
-    epilog=examples("omni host-control motor 1 120 --port /dev/ttyUSB0", "omni host-control motor 3 -80 --port COM3 --duration 2"),
+    epilog=examples(
+        "omni host-control motor 1 120 --port /dev/ttyUSB0", "omni host-control motor 3 -80 --port COM3 --duration 2"
+    ),
 )
 def motor(
     number: Annotated[int, typer.Argument(min=1, max=MOTORS, help="Which motor: its place in the line.")],

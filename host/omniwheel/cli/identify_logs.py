@@ -42,8 +42,8 @@ def identify_logs(
     Every run is also dead-reckoned with what the other runs say: that is the figure to trust. Writes the robot file,
     its calibration beside it, and a report that says what can be trusted.
     """
+    from omniwheel.identification.log_page import KINDS, study_data, study_page
     from omniwheel.identification.log_plot import draw_study
-    from omniwheel.identification.log_report import KINDS, study_data, study_report
     from omniwheel.identification.log_robot_file import write_robot_file
     from omniwheel.identification.log_study import identify_from_logs
 
@@ -59,7 +59,7 @@ def identify_logs(
     )
     robot_file, calibration = write_robot_file(study.whole, robot, out)
     draw_study(study, runs, folder / PICTURE_FILE)
-    write_text(folder / REPORT_FILE, study_report(study, nominal, runs, PICTURE_FILE))
+    write_text(folder / REPORT_FILE, study_page(study, nominal, runs, PICTURE_FILE))
     files = {
         "robot": str(robot_file),
         "calibration": str(calibration),

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil_sim.image_check.run import report, run_checks
+from hil_sim.image_check.run import outcome_page, run_checks
 from omniwheel.cli.check_image import say_outcome
 from omniwheel.errors import FlashError, MissingPackageError
 
@@ -24,4 +24,4 @@ def check_image(image: Path, robot: str, *, depth: str, without: str = "") -> st
     if failed:
         hint = "what they say is above" + (f"; {without}, which is for people who know why" if without else "")
         raise FlashError(f"the image fails {len(failed)} of its checks: {', '.join(failed)}", hint=hint)
-    return report(image, robot, depth, 1, outcomes)
+    return outcome_page(image, robot, depth, 1, outcomes)

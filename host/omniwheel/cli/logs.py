@@ -44,16 +44,16 @@ def import_command(
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
     writable_path(out, "the imported log")
-    imported, report = import_log(log, read_mapping(mapping), truth)
+    imported, summary = import_log(log, read_mapping(mapping), truth)
     save_log(imported, out)
     if as_json:
-        print_json({"file": str(out), **asdict(report), **_facts(imported)})
+        print_json({"file": str(out), **asdict(summary), **_facts(imported)})
         return
-    shares = ", ".join(f"{100.0 * share:.1f} %" for share in report.rejected_share)
-    noise = ", ".join(f"{value:.1f}" for value in report.noise_counts)
-    console.print(f"{out}: {report.rows} rows; {report.dropped_rows} dropped, {report.missing_rows} missing")
+    shares = ", ".join(f"{100.0 * share:.1f} %" for share in summary.rejected_share)
+    noise = ", ".join(f"{value:.1f}" for value in summary.noise_counts)
+    console.print(f"{out}: {summary.rows} rows; {summary.dropped_rows} dropped, {summary.missing_rows} missing")
     console.print(f"spikes rejected per wheel: {shares}; noise left: {noise} counts per period")
-    for time in report.heading_restarts_s:
+    for time in summary.heading_restarts_s:
         console.print(f"[yellow]the heading sensor restarted at {time:.2f} s:[/] what it turned until then is lost")
 
 

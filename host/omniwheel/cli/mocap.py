@@ -20,7 +20,7 @@ from omniwheel.cli.common import (
     print_json,
     writable_path,
 )
-from omniwheel.mocap.bridge import MESSAGES, Bridge, BridgeSettings, BridgeStatistics
+from omniwheel.mocap.bridge import MESSAGES, Bridge, BridgeCounts, BridgeSettings
 from omniwheel.mocap.recorded import RecordingWriter
 from omniwheel.mocap.source import MocapSource
 from omniwheel.mocap.streams import open_source
@@ -88,11 +88,11 @@ def bridge(
         console.print(_line(statistics))
 
 
-def _progress(statistics: BridgeStatistics) -> None:
+def _progress(statistics: BridgeCounts) -> None:
     note(_line(statistics))
 
 
-def _line(s: BridgeStatistics) -> str:
+def _line(s: BridgeCounts) -> str:
     """The statistics in one line."""
     rate = s.sent / s.duration_s if s.duration_s > 0.0 else 0.0
     load = s.bytes_sent / s.duration_s if s.duration_s > 0.0 else 0.0

@@ -87,14 +87,14 @@ montecarlo.__doc__ = f"{montecarlo.__doc__}\n\n    {scenario_help()}\n    "
 
 def _draw(plan: study.Plan, outcome: study.Outcome, path: Path) -> None:
     from hil_sim.studies.montecarlo_picture import draw_montecarlo  # here, not above: matplotlib takes a second
-    from hil_sim.studies.report import REPORT_FILE, write_montecarlo_report
+    from hil_sim.studies.tables import REPORT_FILE, write_montecarlo_page
 
     draw_montecarlo(plan, outcome, path / study.PICTURE_FILE)
-    write_montecarlo_report(outcome.summary, study.PICTURE_FILE, path / REPORT_FILE)
+    write_montecarlo_page(outcome.summary, study.PICTURE_FILE, path / REPORT_FILE)
 
 
 def _print(outcome: study.Outcome, progress: StudyProgress, folder: str) -> None:
-    from hil_sim.studies.report import NO_FIGURES, SPREAD_HEADINGS, completion_line, fault_lines, spread_rows
+    from hil_sim.studies.tables import NO_FIGURES, SPREAD_HEADINGS, completion_line, fault_lines, spread_rows
 
     summary = outcome.summary
     if rows := spread_rows(summary):

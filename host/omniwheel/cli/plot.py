@@ -31,10 +31,10 @@ def plot(
         hint = "give the folder of a run, as printed by omni demo, hil and sim"
         raise RunFolderError(f"{run} is not a run: {error}", hint=hint) from error
     target = writable_path(out, "the picture") if out is not None else run / REPORT_FILE
-    from hil_sim.report import draw_report  # here, not above: matplotlib takes a second to import
+    from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import
 
     try:
-        draw_report(summary, samples, target)
+        draw_run(summary, samples, target)
     except OmniError:
         raise
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:

@@ -159,9 +159,9 @@ def store(
     """
     try:
         save_run(run, summary, folder)
-        from hil_sim.report import draw_report  # here, not above: matplotlib takes a second to import
+        from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import
 
-        draw_report(summary, run.record, folder / REPORT_FILE)
+        draw_run(summary, run.record, folder / REPORT_FILE)
     except OutputFileError:
         if not as_json:
             show()

@@ -11,10 +11,10 @@ from omniwheel.host_control.pwm_line import PwmRadio, format_line, parse_line
 
 __all__ = [
     "Goal",
-    "HostController",
     "HostControlLoop",
     "HostControlRun",
     "HostControlSettings",
+    "HostController",
     "PwmRadio",
     "format_line",
     "parse_line",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The controller of the original four-wheel robot: the core's modules, stepped on the host at 50 Hz, pose in and PWM out.
+"""The original four-wheel robot's controller: the core's modules, stepped on the host at 50 Hz, pose in and PWM out.
 
 The robot has no encoders, so the pose EKF predicts with the wheel speeds that were commanded, on the report's
 assumption (section 3.2) that PWM is wheel speed, in proportion and at once; what that gets wrong the fixes correct.
@@ -115,9 +115,13 @@ class HostController:
     Raises CoreError if the robot does not have four wheels or the parameters cannot be used.
     """
 
-    def __init__(self, robot: Robot, values: Mapping[str, float], settings: HostControlSettings = HostControlSettings()) -> None:
+    def __init__(
+        self, robot: Robot, values: Mapping[str, float], settings: HostControlSettings = HostControlSettings()
+    ) -> None:
         if robot.wheels != MOTORS:
-            raise CoreError(f"{robot.name} has {robot.wheels} wheels; the original four-wheel robot takes PWM for {MOTORS}")
+            raise CoreError(
+                f"{robot.name} has {robot.wheels} wheels; the original four-wheel robot takes PWM for {MOTORS}"
+            )
         table = parameter_table()
         self.values = dict(values)
         self.settings = settings

@@ -65,7 +65,10 @@ class HostControlRun:
 
 
 class HostControlLoop:
-    """One run of the original four-wheel robot. ``lost_after_s`` without fixes end it. All time is the source's clock."""
+    """One run of the original four-wheel robot. All time is the source's clock.
+
+    ``lost_after_s`` without fixes end it.
+    """
 
     def __init__(
         self,
@@ -89,7 +92,10 @@ class HostControlLoop:
         self._driving = False
 
     def run(self, duration_s: float, progress: Callable[[float, HostControlRun], None] | None = None) -> HostControlRun:
-        """Drive for ``duration_s`` at most. Raises HostControlStopError, MocapError, LinkError, the robot being stopped."""
+        """Drive for ``duration_s`` at most.
+
+        Raises HostControlStopError, MocapError or LinkError, and the robot is stopped then.
+        """
         clock = self._source.clock
         self._controller.last_fix_s = self.run_data.started_s = start_s = clock()
         next_s = start_s
@@ -170,7 +176,9 @@ class HostControlLoop:
         values, here = self._controller.values, command.estimate
         if not all(math.isfinite(value) for value in here) or math.hypot(here.x, here.y) > values["LIM_POS"]:
             hint = "LIM_POS is the limit; is the origin of the cameras where you think it is?"
-            raise HostControlStopError(f"the robot is at x = {here.x:.2f} m, y = {here.y:.2f} m: out of range", hint=hint)
+            raise HostControlStopError(
+                f"the robot is at x = {here.x:.2f} m, y = {here.y:.2f} m: out of range", hint=hint
+            )
         away_m = math.hypot(command.error[0], command.error[1])
         if self._goal.pose is None and (
             away_m > values["SAFE_ERR_XY"] or abs(command.error[2]) > values["SAFE_ERR_TH"]

@@ -13,14 +13,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.host_control.pwm_line import FULL_PWM, MOTORS
 from omniwheel.plot_style import HEADING, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 
 _SIZE_IN, _DPI = (11.0, 6.6), 120
 
 
-def draw_host_control_run(record: NDArray[np.float64], truth: NDArray[np.float64] | None, title: str, path: Path) -> None:
+def draw_host_control_run(
+    record: NDArray[np.float64], truth: NDArray[np.float64] | None, title: str, path: Path
+) -> None:
     """Draw a run (:meth:`~omniwheel.host_control.loop.HostControlRun.record`) into a PNG file.
 
     ``truth`` are the true poses at the same times, known in simulation only.
@@ -37,7 +39,7 @@ def draw_host_control_run(record: NDArray[np.float64], truth: NDArray[np.float64
         _draw_pwm(right[2], record)
         right[2].set_xlabel("time [s]")
         figure.align_ylabels(right)
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def _draw_path(axes: Axes, record: NDArray[np.float64], truth: NDArray[np.float64] | None) -> None:

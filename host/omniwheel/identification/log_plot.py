@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.identification.log_study import LogStudy, Scored
 from omniwheel.logs.log import WheelLog
 from omniwheel.plot_style import GREY, INK, STYLE, WHEEL_COLOURS
@@ -33,7 +33,7 @@ def draw_study(study: LogStudy, runs: Sequence[WheelLog], path: Path) -> None:
         _draw_bars(grid[-1], study)
         handles, names = grid[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", ncols=len(names))
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def _draw_run(axes: Axes, log: WheelLog, run: Scored) -> None:

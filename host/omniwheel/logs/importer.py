@@ -14,6 +14,7 @@ from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, Truth, WheelLog
 from omniwheel.logs.mapping import Mapping
 from omniwheel.logs.spikes import reject_spikes
+from omniwheel.moved import moved
 
 INTEGER_TOLERANCE = 0.05
 """How far a recovered count may be from a whole number, in the median."""
@@ -22,7 +23,7 @@ MAX_TURN_RAD_S = 20.0
 
 
 @dataclass(frozen=True)
-class ImportReport:
+class ImportSummary:
     """What the import did to the rows: shares are of the rows that are left, per wheel."""
 
     rows: int
@@ -82,7 +83,7 @@ def read_truth(path: Path, mapping: Mapping) -> Truth:
     return Truth(time[rises], xy[rises], theta[rises])
 
 
-def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple[WheelLog, ImportReport]:
+def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple[WheelLog, ImportSummary]:
     """Read a CSV log (and its truth) and reject its spikes. Raises LogError that names file, row and column."""
     columns = read_columns(path, mapping.delimiter)
     time = _column(path, columns, mapping.time, mapping) * mapping.time_unit
@@ -115,7 +116,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         truth=None if truth is None else read_truth(truth, mapping),
     )
     good, noise = reject_spikes(log, mapping.spikes)
-    report = ImportReport(
+    summary = ImportSummary(
         rows=len(log.time_s),
         dropped_rows=int(np.sum(~keep)),
         missing_rows=int(np.sum(np.maximum(np.round(step / mapping.period_s) - 1.0, 0.0))),
@@ -123,7 +124,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         heading_restarts_s=tuple(float(log.time_s[row]) for row in restarts),
         noise_counts=noise,
     )
-    return replace(log, good=good), report
+    return replace(log, good=good), summary
 
 
 def _rising(time: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -161,3 +162,6 @@ def unwrap_heading(heading: Array, step_s: Array) -> tuple[Array, list[int]]:
     restarted = np.abs(turn) > MAX_TURN_RAD_S * step_s[1:]
     turn[restarted] = 0.0
     return np.concatenate(([0.0], np.cumsum(turn))), [int(row) + 1 for row in np.flatnonzero(restarted)]
+
+
+__getattr__ = moved(__name__, {"ImportReport": "omniwheel.logs.importer:ImportSummary"})

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Poses from motion capture: Vicon, recorded and simulated streams, and the bridge that sends them to a robot."""
 
-from omniwheel.mocap.bridge import Bridge, BridgeSettings, BridgeStatistics
+from omniwheel.mocap.bridge import Bridge, BridgeCounts, BridgeSettings
 from omniwheel.mocap.source import MocapPose, MocapSource, newest
 from omniwheel.mocap.streams import open_source
+from omniwheel.moved import moved
 
-__all__ = ["Bridge", "BridgeSettings", "BridgeStatistics", "MocapPose", "MocapSource", "newest", "open_source"]
+__all__ = ["Bridge", "BridgeCounts", "BridgeSettings", "MocapPose", "MocapSource", "newest", "open_source"]
+
+__getattr__ = moved(__name__, {"BridgeStatistics": "omniwheel.mocap.bridge:BridgeCounts"})

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
@@ -19,6 +20,7 @@ from omniwheel.errors import LinkTimeoutError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.link import Link, open_link
 from omniwheel.mocap.source import MocapPose, MocapSource, newest
+from omniwheel.moved import moved
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot, connect
 from omniwheel.setpoints import compact_fix_message, pose_fix_message
 from omniwheel.timesync import TimeSync
@@ -62,7 +64,7 @@ class BridgeSettings:
 
 
 @dataclass
-class BridgeStatistics:
+class BridgeCounts:
     """What became of the poses that came.
 
     ``sent``; ``overtaken`` by newer ones while rate or budget made them wait; ``stale`` when their turn came;
@@ -105,7 +107,7 @@ class Bridge:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.settings = settings
-        self.statistics = BridgeStatistics()
+        self.counts = BridgeCounts()
         self._source = source
         self._clock = clock
         self._frame_bytes = FRAME_BYTES[settings.message]
@@ -141,7 +143,7 @@ class Bridge:
                     hint="does the radio carry both directions, and is nothing else using all of it?",
                 )
 
-    def run(self, duration_s: float, progress: Callable[[BridgeStatistics], None] | None = None) -> BridgeStatistics:
+    def run(self, duration_s: float, progress: Callable[[BridgeCounts], None] | None = None) -> BridgeCounts:
         """Serve for ``duration_s`` or until the source ends; ``progress`` is called about once per second."""
         end_s = self._clock() + duration_s
         report_s = self._clock() + 1.0
@@ -158,8 +160,8 @@ class Bridge:
         self.robot.connection.poll(0.0)
         self._sync.serve()
         if pose is not None:
-            self.statistics.received += 1 + overtaken
-            self.statistics.overtaken += overtaken + (self._waiting is not None)
+            self.counts.received += 1 + overtaken
+            self.counts.overtaken += overtaken + (self._waiting is not None)
             self._waiting = pose
         if self._waiting is not None:
             self._send_if_possible(self._waiting)
@@ -167,7 +169,7 @@ class Bridge:
     def _send_if_possible(self, measured: MocapPose) -> None:
         now_s = self._clock()
         if now_s - measured.taken_s > self.settings.max_age_s:
-            self.statistics.stale += 1
+            self.counts.stale += 1
             self._waiting = None
         elif now_s >= self._next_s and self._budget.admits(self._frame_bytes):
             self._waiting = None
@@ -179,17 +181,24 @@ class Bridge:
         try:
             message = MESSAGES[self.settings.message](measured.pose, time_us)
         except SetpointError:
-            self.statistics.refused += 1
+            self.counts.refused += 1
             return
         self.robot.send(message)
         latency_s = now_s - measured.taken_s
-        self.statistics.sent += 1
+        self.counts.sent += 1
         self._latency_sum_s += latency_s
-        self.statistics.latency_max_s = max(self.statistics.latency_max_s, latency_s)
+        self.counts.latency_max_s = max(self.counts.latency_max_s, latency_s)
 
-    def report(self) -> BridgeStatistics:
+    @property
+    def statistics(self) -> BridgeCounts:
+        """Old name of ``counts``, for one more release."""
+        text = "Bridge.statistics is now Bridge.counts; the old name goes away with the next release"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return self.counts
+
+    def report(self) -> BridgeCounts:
         """Return the statistics, brought up to date."""
-        s, best = self.statistics, self._sync.best
+        s, best = self.counts, self._sync.best
         s.bytes_sent = self._link.bytes_written
         s.duration_s = self._clock() - self._start_s
         s.latency_mean_s = self._latency_sum_s / s.sent if s.sent else math.nan
@@ -197,3 +206,6 @@ class Bridge:
         if best is not None:
             s.offset_s, s.round_trip_s, s.offset_error_s = best.offset_s, best.round_trip_s, best.error_s(self._clock())
         return s
+
+
+__getattr__ = moved(__name__, {"BridgeStatistics": "omniwheel.mocap.bridge:BridgeCounts"})

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from omniwheel import connect
 from omniwheel.bringup import Finding, Result
-from omniwheel.bringup.report import write_report
+from omniwheel.bringup.results_page import write_results
 from omniwheel.cli import app
 
 runner = CliRunner()
@@ -78,7 +78,7 @@ def test_all_ends_at_the_first_failure_and_leaves_a_report(stand: str, tmp_path:
 
 def test_a_report_holds_every_finding_and_all_advice(tmp_path: Path) -> None:
     found = (Finding("bus", True, "free"), Finding("PCA9685", False, "nothing answers", "check the wires"))
-    json_path, text_path = write_report([Result("i2c", found, {"loss": float("nan")})], tmp_path, "Bring-up")
+    json_path, text_path = write_results([Result("i2c", found, {"loss": float("nan")})], tmp_path, "Bring-up")
     text = text_path.read_text(encoding="utf-8")
     assert "i2c: FAIL" in text
     assert "- check the wires" in text

@@ -15,7 +15,14 @@ from hypothesis import strategies as st
 
 from omniwheel.errors import CoreError, ParameterRangeError
 from omniwheel.frames import Pose, Twist
-from omniwheel.host_control.controller import PERIOD_S, HostController, HostControlSettings, host_control_values, pwm_of, share_of
+from omniwheel.host_control.controller import (
+    PERIOD_S,
+    HostController,
+    HostControlSettings,
+    host_control_values,
+    pwm_of,
+    share_of,
+)
 from omniwheel.mocap.source import MocapPose
 from omniwheel.robots import read_robot
 

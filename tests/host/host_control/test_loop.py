@@ -267,7 +267,9 @@ def test_the_command_simulates_and_draws(start: list[str], tmp_path: Path) -> No
 
 @pytest.mark.parametrize("start", [["legacy"], ["drive", "--legacy"]])
 def test_the_old_name_of_the_command_still_works(start: list[str]) -> None:
-    result = run_cli(*start, "trajectory", "circle", "--simulate", "-p", "TRJ_SIZE=0.05", "--for", "1", "--json", code=1)
+    result = run_cli(
+        *start, "trajectory", "circle", "--simulate", "-p", "TRJ_SIZE=0.05", "--for", "1", "--json", code=1
+    )
     assert not json.loads(result.stdout)["done"]
     assert ("omni legacy is now omni host-control" in result.stderr) == (start == ["legacy"])
 
@@ -294,7 +296,13 @@ def test_the_command_says_what_is_missing(words: list[str], said: str) -> None:
     assert said in " ".join(run_cli("host-control", "pose", "0", "0", "0", *words, code=2).stderr.split())
 
 
-COMMANDS = (["host-control", "motor"], ["host-control", "pose"], ["host-control", "trajectory"], ["mocap", "bridge"], ["mocap", "record"])
+COMMANDS = (
+    ["host-control", "motor"],
+    ["host-control", "pose"],
+    ["host-control", "trajectory"],
+    ["mocap", "bridge"],
+    ["mocap", "record"],
+)
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)

@@ -95,9 +95,9 @@ private:
 };
 
 bool Bench::prepare() {
-    const int32_t preset = omni_robot_preset_find(case_.robot);
+    const int32_t robot = omni_builtin_robot_find(case_.robot);
     omni_real_t values[OMNI_PARAM_COUNT];
-    std::memcpy(values, omni_robot_presets[preset].values, sizeof values);
+    std::memcpy(values, omni_builtin_robots[robot].values, sizeof values);
     for (size_t i = 0; i < case_.settings_used; ++i) {
         values[case_.settings[i].parameter] = case_.settings[i].value;
     }

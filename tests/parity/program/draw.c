@@ -55,8 +55,8 @@ static void draw_path(random_t *random, uint32_t number, omni_real_t *values) {
 }
 
 void draw_parameters(random_t *random, uint32_t number, draw_style_t style, omni_real_t *values) {
-    const omni_robot_preset_t *preset = &omni_robot_presets[random_below(random, (uint32_t)omni_robot_preset_count)];
-    memcpy(values, preset->values, sizeof preset->values);
+    const omni_builtin_robot_t *robot = &omni_builtin_robots[random_below(random, (uint32_t)omni_builtin_robot_count)];
+    memcpy(values, robot->values, sizeof robot->values);
     const uint32_t changes = style == DRAW_OWN ? 0 : random_below(random, style == DRAW_NEAR ? 30 : 6);
     for (uint32_t i = 0; i < changes; ++i) {
         draw_value(random, style, random_below(random, OMNI_PARAM_COUNT), values);

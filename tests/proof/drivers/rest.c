@@ -13,8 +13,8 @@ static void parameters(void) {
     ANYTHING(index);
     const int32_t found = omni_param_find(name);
     /*@ check a_parameter: -1 <= found < OMNI_PARAM_COUNT; */
-    const int32_t preset = omni_robot_preset_find(name);
-    /*@ check a_preset: -1 <= preset < omni_robot_preset_count; */
+    const int32_t robot = omni_builtin_robot_find(name);
+    /*@ check a_robot: -1 <= robot < omni_builtin_robot_count; */
     (void)omni_param_check(index, any_real(), any_bool());
     omni_params_defaults(values);
 }

@@ -29,20 +29,26 @@ typedef struct omni_param_info_t {
 } omni_param_info_t;
 
 /** A robot file compiled in. */
-typedef struct omni_robot_preset_t {
+typedef struct omni_builtin_robot_t {
     const char *name;
     omni_real_t values[OMNI_PARAM_COUNT];
-} omni_robot_preset_t;
+} omni_builtin_robot_t;
 
 extern const omni_param_info_t omni_param_table[OMNI_PARAM_COUNT];
-extern const omni_robot_preset_t omni_robot_presets[];
-extern const int32_t omni_robot_preset_count;
+extern const omni_builtin_robot_t omni_builtin_robots[];
+extern const int32_t omni_builtin_robot_count;
 
 /** Index of a name of at most 16 characters (need not be terminated at 16), or -1. */
 int32_t omni_param_find(const char *name);
 
-/** Index of a robot preset by name, or -1. */
-int32_t omni_robot_preset_find(const char *name);
+/** Index of a built-in robot by name, or -1. */
+int32_t omni_builtin_robot_find(const char *name);
+
+/* Old names, for one more release: a preset is a set of gains. */
+#define omni_robot_preset_t omni_builtin_robot_t
+#define omni_robot_presets omni_builtin_robots
+#define omni_robot_preset_count omni_builtin_robot_count
+#define omni_robot_preset_find omni_builtin_robot_find
 
 /** Fill all values with the defaults of params.toml. */
 void omni_params_defaults(omni_real_t *values);

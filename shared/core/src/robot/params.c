@@ -14,9 +14,9 @@ int32_t omni_param_find(const char *name) {
     return -1;
 }
 
-int32_t omni_robot_preset_find(const char *name) {
-    for (int32_t i = 0; i < omni_robot_preset_count; i++) {
-        if (strcmp(omni_robot_presets[i].name, name) == 0) {
+int32_t omni_builtin_robot_find(const char *name) {
+    for (int32_t i = 0; i < omni_builtin_robot_count; i++) {
+        if (strcmp(omni_builtin_robots[i].name, name) == 0) {
             return i;
         }
     }

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from omni_reproduce.plant_runs import LEDGER, Case, Run
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import STYLE
 
 _DPI = 120
@@ -44,7 +44,7 @@ def draw(robots: Sequence[str], runs: Mapping[Case, Run], folder: Path) -> Path:
         bars = panels[0][2].get_legend_handles_labels()
         figure.legend(*bars, loc="outside lower right", ncols=len(LEDGER), title="energy")
         path = folder / "models.png"
-        save_figure(figure, path)
+        save_picture(figure, path)
         return path
 
 

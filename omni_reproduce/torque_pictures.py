@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from omni_reproduce.torque_loop import Array, Trace
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import GREY, INK, STYLE
 
 _DPI = 120
@@ -30,7 +30,7 @@ def _figure(width: float, height: float) -> Figure:
 
 
 def _save(figure: Figure, path: Path) -> Path:
-    save_figure(figure, path)
+    save_picture(figure, path)
     return path
 
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omni_reproduce.filters import AXES, AXIS_UNITS, FILTER_TITLES, Array, Setting, Study
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import GREY, INK, STYLE
 
 _DPI = 120
@@ -46,7 +46,7 @@ def _figure(width: float, height: float) -> Figure:
 
 
 def _save(figure: Figure, path: Path) -> Path:
-    save_figure(figure, path)
+    save_picture(figure, path)
     return path
 
 

@@ -16,7 +16,7 @@ from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Rectangle
 
 from omni_reproduce.loops import Track
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import INK, STYLE, WANTED
 
 COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#D55E00")
@@ -53,7 +53,7 @@ def draw_tracks(tracks: Mapping[str, Track], view: View, path: Path) -> None:
         right = halves[1].subgridspec(len(tracks), 1, hspace=0.33)
         for number, (name, run) in enumerate(tracks.items()):
             _draw_errors(figure, right[number], run, view, name, number)
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def _draw_paths(axes: Axes, tracks: Mapping[str, Track], scale: float = 1.0) -> None:

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "hil_sim/statistics.h"
+#include "hil_sim/spread.h"
 
 #include <math.h>
 #include <string.h>

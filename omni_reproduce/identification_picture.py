@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from omni_reproduce.identification_answers import Experiment, Validation
-from omniwheel.files import save_figure
+from omniwheel.files import save_picture
 from omniwheel.plot_style import GREY, INK, MARK, STYLE, WHEEL_COLOURS
 
 Ladder = tuple[Mapping[str, Mapping[str, float]], Mapping[str, float]]
@@ -48,7 +48,7 @@ def draw(
         _draw_residual(axes[1, 0], validation)
         _draw_ladder(axes[0, 1], ladders)
         _draw_intervals(axes[1, 1], experiments)
-        save_figure(figure, path)
+        save_picture(figure, path)
 
 
 def _draw_validation(axes: Axes, validation: Validation) -> None:

@@ -11,7 +11,7 @@ from scipy import stats
 
 from hil_sim import core
 from hil_sim.studies import engine
-from hil_sim.studies.statistics import fault_counts, ranking, spread, student_quantile, summarise, wilson
+from hil_sim.studies.study_summary import fault_counts, ranking, spread, student_quantile, summarise, wilson
 
 
 def test_students_quantile_is_scipys() -> None:
