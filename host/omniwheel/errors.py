@@ -16,6 +16,7 @@
     │   ├── ParameterFileError        a parameter file cannot be read              (bad input)
     │   └── ParameterRefusedError     the robot kept its old value; says why
     ├── SetpointError                 a set-point or argument that is no number    (bad input, a ValueError)
+    │   └── LimitError                one that this robot cannot follow; names the limit
     ├── CommandRefusedError           the robot answered a command with a refusal; says why
     │   └── ArmingRefusedError
     ├── FirmwareError                 the firmware as a program of this computer, its own or an emulated one
@@ -32,6 +33,7 @@
     ├── HostControlStopError          the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
+    │   └── DataSheetError            a data sheet whose numbers are missing or contradict
     ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
@@ -132,6 +134,10 @@ class SetpointError(OmniError, ValueError):
     """A set-point or argument that is not a finite number; nothing was sent."""
 
     exit_code = 2
+
+
+class LimitError(SetpointError):
+    """A set-point that this robot cannot follow, with the limit's name and value; nothing was sent."""
 
 
 class CommandRefusedError(OmniError):

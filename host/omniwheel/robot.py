@@ -10,6 +10,8 @@ from contextlib import suppress
 from types import TracebackType
 
 from omni_schema import ParameterTable, load_parameters
+from omniwheel.capability.drive_model import DriveModel, model_from_parameters
+from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count, parameter_names
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
@@ -196,6 +198,33 @@ class Robot:
         """Release the emergency stop; the robot is then disarmed."""
         self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 0.0, what="to release the emergency stop")
 
+    # ---- what it can follow
+
+    def drive_model(self) -> DriveModel:
+        """Return what decides how fast this robot can go, from its parameters; they are read once."""
+        wheels = int(self.parameters["WHEELS"])
+        return model_from_parameters({name: self.parameters[name] for name in parameter_names(wheels)}, {})
+
+    def require_velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
+        """Raise LimitError if the robot cannot follow this velocity; it names the limit and what to do.
+
+        In the world's frame the robot's present heading counts; as long as none has come, any heading will do.
+        """
+        velocity_target(self.connection, Twist(vx, vy, wz), frame)
+        if vx == vy == wz == 0.0:
+            return  # always possible, and nothing to ask the robot for
+        tracking = self.status.tracking
+        world_heading = None if tracking is None else tracking.pose.theta
+        check_velocity(self.drive_model(), Twist(vx, vy, wz), 0.0 if frame == "body" else world_heading)
+
+    def require_pose(self, x: float, y: float, theta: float) -> None:
+        """Raise LimitError for a pose beyond LIM_POS, or a heading that looks like degrees."""
+        check_pose(Pose(x, y, theta), self.parameters["LIM_POS"])
+
+    def require_duty(self, duty: Sequence[float]) -> None:
+        """Raise LimitError unless there is one duty for each of the robot's wheels."""
+        check_wheel_count(duty, int(self.parameters["WHEELS"]))
+
     # ---- set-points
 
     def set_velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
@@ -217,7 +246,11 @@ class Robot:
         self.send(duty_target(self.connection, duty))
 
     def drive_duty(self, duty: Sequence[float], duration_s: float, *, stop: bool = True) -> None:
-        """Keep open-loop duties for ``duration_s``, then ask for zero duty unless ``stop`` is False."""
+        """Keep open-loop duties for ``duration_s``, then ask for zero duty unless ``stop`` is False.
+
+        Raises LimitError unless there is one duty per wheel; nothing was sent then.
+        """
+        self.require_duty(duty)
         self._repeat(lambda: self.set_duty(duty), duration_s)
         if stop:
             self.set_duty([0.0] * len(duty))
@@ -225,13 +258,18 @@ class Robot:
     def drive_velocity(
         self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body", stop: bool = True
     ) -> None:
-        """Keep a velocity for ``duration_s``, then ask for zero unless ``stop`` is False."""
+        """Keep a velocity for ``duration_s``, then ask for zero unless ``stop`` is False.
+
+        Raises LimitError if the robot cannot follow it (:meth:`require_velocity`); nothing was sent then.
+        """
+        self.require_velocity(vx, vy, wz, frame=frame)
         self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
         if stop:
             self.set_velocity(0.0, 0.0, 0.0, frame=frame)
 
     def drive_pose(self, x: float, y: float, theta: float, duration_s: float) -> None:
-        """Keep asking for one world pose for ``duration_s``."""
+        """Keep asking for one world pose for ``duration_s``. Raises LimitError for one that the robot would refuse."""
+        self.require_pose(x, y, theta)
         self._repeat(lambda: self.set_pose(x, y, theta), duration_s)
 
     def _repeat(self, action: Callable[[], None], duration_s: float) -> None:

@@ -219,7 +219,7 @@ def test_duties_are_sent_to_this_robot_one_per_wheel(fake: Any, robot: Robot) ->
     message = sent()[-1]
     assert list(message.duty) == pytest.approx([0.5, -0.25, 0.1, 0.0])
     assert message.target_system == robot.connection.target_system
-    robot.drive_duty([0.2] * 4, 0.3)
+    robot.drive_duty([0.2] * 3, 0.3)
     assert len(sent()) >= 6
     assert list(sent()[-1].duty) == [0.0] * 4
     for wrong in ([], [0.0] * 5, [1.1], [math.nan]):

@@ -24,12 +24,15 @@ from omniwheel.plain import finite
 
 if TYPE_CHECKING:
     from omniwheel.connection import Recorder
+    from omniwheel.dialect import Message
     from omniwheel.robot import Robot
 
 BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130
 JSON_WANTED = "omniwheel.json"
+WARNING_SEVERITY = 4
+"""MAVLink's severities: this one and lower numbers want somebody's attention."""
 
 console = Console(highlight=False)
 error_console = Console(stderr=True, highlight=False)
@@ -91,12 +94,19 @@ def link_url(link: str | None) -> str:
     raise LinkUrlError(f"which robot? {what}", hint="give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760")
 
 
-def open_robot(link: str | None, *, timeout_s: float | None = None, recorder: Recorder | None = None) -> Robot:
-    """Connect to the robot that the options name; warn if its parameters are another version's."""
+def open_robot(
+    link: str | None, *, timeout_s: float | None = None, recorder: Recorder | None = None, texts: bool = True
+) -> Robot:
+    """Connect to the robot that the options name; warn if its parameters are another version's.
+
+    With ``texts``, every status text of the robot appears on standard error as it comes.
+    """
     from omniwheel.robot import DEFAULT_TIMEOUT_S, connect
 
     timeout_s = DEFAULT_TIMEOUT_S if timeout_s is None else timeout_s
     robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder)
+    if texts:
+        robot.connection.add_listener(_show_text)
     try:
         robot.require_same_parameters()
     except (VersionMismatchError, CommandRefusedError) as error:
@@ -105,6 +115,15 @@ def open_robot(link: str | None, *, timeout_s: float | None = None, recorder: Re
         robot.close()
         raise
     return robot
+
+
+def _show_text(message: Message) -> None:
+    from omniwheel.telemetry import StatusText, decode
+
+    text = decode(StatusText, message)
+    if text is not None:
+        style = "yellow" if text.severity <= WARNING_SEVERITY else "dim"
+        note(f"[{style}]robot: {escape(text.text)}[/]")
 
 
 @contextmanager

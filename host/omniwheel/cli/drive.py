@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
+from omniwheel.capability.reach import SETTLING_S, travel_time_s
 from omniwheel.cli import completion, host_control
 from omniwheel.cli.common import (
     JsonOption,
@@ -25,8 +28,12 @@ from omniwheel.cli.common import (
 )
 from omniwheel.cli.keyboard import KEYS_HELP, KeyDriver, raw_keys
 from omniwheel.cli.negative_numbers import NumberCommand
-from omniwheel.errors import OmniError
+from omniwheel.cli.progress import Waiting
+from omniwheel.errors import LimitError, OmniError, SetpointError
+from omniwheel.frames import Pose
+from omniwheel.parameters import checked_value
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
+from omniwheel.robots import parameter_table
 from omniwheel.setpoints import check_duty, finite
 from omniwheel.telemetry import Tracking
 
@@ -65,9 +72,18 @@ class StoppedError(OmniError):
     """The robot stopped by itself while it was to drive."""
 
 
+_PATIENCE = 1.5
+"""Time for a pose by the time that it should take, where no --duration is given."""
+_ANGLE = re.compile(r"([-+0-9.eE]+|[-+]?inf|nan)\s*(deg|°|rad|)")
+
+
 @contextmanager
-def _armed(link: str | None, timeout_s: float, quiet: bool) -> Iterator[Robot]:
+def _armed(
+    link: str | None, timeout_s: float, quiet: bool, check: Callable[[Robot], object] = lambda _: None
+) -> Iterator[Robot]:
+    """Connect, let ``check`` refuse what the robot cannot follow, then arm; disarm whatever happens."""
     with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
+        check(robot)
         try:
             robot.arm()
             note("armed; Ctrl-C stops and disarms", quiet=quiet)
@@ -86,12 +102,14 @@ def _check_still_armed(robot: Robot) -> None:
         raise StoppedError(f"the robot stopped itself ({robot.status.state}): {faults or 'no fault named'}", hint=hint)
 
 
-def _drive_in_slices(robot: Robot, duration_s: float, step: Any) -> None:
+def _drive_in_slices(robot: Robot, duration_s: float, step: Any, quiet: bool) -> None:
     """Call ``step(seconds)`` until ``duration_s`` has passed, checking in between that the robot still drives."""
-    end = robot.connection.clock() + duration_s
-    while (left := end - robot.connection.clock()) > 0.0:
-        step(min(_SLICE_S, left))
-        _check_still_armed(robot)
+    start = robot.connection.clock()
+    with Waiting("driving", duration_s, quiet=quiet) as waiting:
+        while (left := start + duration_s - robot.connection.clock()) > 0.0:
+            step(min(_SLICE_S, left))
+            _check_still_armed(robot)
+            waiting.at(robot.connection.clock() - start)
 
 
 def _result(robot: Robot, as_json: bool, **more: Any) -> None:
@@ -120,49 +138,114 @@ def velocity(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Drive with a constant velocity for a while."""
+    """Drive with a constant velocity for a while.
+
+    A velocity that the robot cannot follow is refused before it arms; exit code 2.
+    """
     frame = "world" if world else "body"
     for name, value in (("vx", vx), ("vy", vy), ("wz", wz)):
         finite(name, value)
-    with _armed(link, timeout, as_json) as robot:
-        _drive_in_slices(robot, duration, lambda s: robot.drive_velocity(vx, vy, wz, s, frame=frame, stop=False))
+    with _armed(link, timeout, as_json, lambda r: _require_velocity(r, vx, vy, wz, frame)) as robot:
+        action = partial(robot.drive_velocity, vx, vy, wz, frame=frame, stop=False)
+        _drive_in_slices(robot, duration, action, as_json)
         robot.drive_velocity(0.0, 0.0, 0.0, _SLICE_S)
         _result(robot, as_json)
 
 
-@app.command(
-    "pose", cls=NumberCommand, epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose -0.5 0 0 --duration 10")
-)
+def _require_velocity(robot: Robot, vx: float, vy: float, wz: float, frame: str) -> None:
+    if frame == "world":
+        robot.wait_for(Tracking)  # the heading decides which wheels have to be fast
+    robot.require_velocity(vx, vy, wz, frame=frame)
+
+
+def _angle(text: str) -> float:
+    """Read an angle: radians, or degrees with their unit."""
+    match = _ANGLE.fullmatch(text.strip())
+    try:
+        value = finite("theta", float(match.group(1))) if match else None
+    except ValueError:
+        value = None
+    if match is None or value is None:
+        raise SetpointError(f"theta is {text!r}; an angle is needed", hint="radians, or degrees like 90deg")
+    return math.radians(value) if match.group(2) in ("deg", "°") else value
+
+
+@app.command("pose", cls=NumberCommand, epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose -0.5 0 -90deg"))
 def pose(
     x: Annotated[float, typer.Argument(help="World x \\[m].")],
     y: Annotated[float, typer.Argument(help="World y \\[m].")],
-    theta: Annotated[float, typer.Argument(help="World theta \\[rad], counter-clockwise.")],
-    duration: DurationOption = 5.0,
+    theta: Annotated[str, typer.Argument(help="World theta, counter-clockwise \\[rad]; degrees as 90deg.")],
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            "--duration",
+            "-d",
+            "--for",
+            min=0.0,
+            metavar="S",
+            show_default=False,
+            help="Give up after this time. Default: half as long again as the way should take.",
+        ),
+    ] = None,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Drive to a world pose; ends early once the robot is there. Exit code 1: not there in time."""
-    for name, value in (("x", x), ("y", y), ("theta", theta)):
-        finite(name, value)
-    with _armed(link, timeout, as_json) as robot:
-        end = robot.connection.clock() + duration
-        while (arrived := _is_at(robot, x, y, theta)) is False and robot.connection.clock() < end:
-            robot.drive_pose(x, y, theta, _SLICE_S)
-            _check_still_armed(robot)
+    """Drive to a world pose; ends early once the robot is there.
+
+    Exit code 1: not there in time. Exit code 2: a pose that the robot cannot reach, or not in this time.
+    """
+    goal = Pose(finite("x", x), finite("y", y), _angle(theta))
+    allowed_s = duration
+
+    def plan(robot: Robot) -> None:
+        nonlocal allowed_s
+        allowed_s = _allowed_time(robot, goal, duration, as_json)
+
+    with _armed(link, timeout, as_json, plan) as robot:
+        start = robot.connection.clock()
+        with Waiting("driving", allowed_s or 0.0, quiet=as_json) as waiting:
+            while (passed := robot.connection.clock() - start) < (allowed_s or 0.0) and not _is_at(robot, goal):
+                robot.drive_pose(*goal, _SLICE_S)
+                _check_still_armed(robot)
+                waiting.at(passed)
+        arrived = _is_at(robot, goal)
         _result(robot, as_json, arrived=arrived)
+        way, turn = _distance(robot, goal)
     if not arrived:
-        note(f"not within {_SETTLED_M * 1e3:.0f} mm and {_SETTLED_RAD} rad after {duration:g} s")
+        note(f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {allowed_s:.3g} s; a longer --duration may help")
         raise typer.Exit(1)
 
 
-def _is_at(robot: Robot, x: float, y: float, theta: float) -> bool:
+def _allowed_time(robot: Robot, goal: Pose, duration_s: float | None, quiet: bool) -> float:
+    """Return how long the robot may take; refuse a pose out of reach, or a time in which no way leads there."""
+    robot.require_pose(*goal)
+    here = robot.wait_for(Tracking).pose
+    needed_s = travel_time_s(robot.drive_model(), here, goal, robot.parameters["TRJ_MARGIN"])
+    if duration_s is None:
+        note(f"about {needed_s:.0f} s away", quiet=quiet)
+        return _PATIENCE * needed_s
+    if duration_s < needed_s - SETTLING_S:
+        way = math.hypot(here.x - goal.x, here.y - goal.y)
+        raise LimitError(
+            f"{way:.2f} m take this robot about {needed_s:.0f} s, --duration is {duration_s:g} s",
+            hint="leave --duration out, or see what limits the robot: omni robots check",
+        )
+    return duration_s
+
+
+def _distance(robot: Robot, goal: Pose) -> tuple[float, float]:
+    """Return metres and radians from the robot's estimated pose to ``goal``, infinite before the first estimate."""
     tracking = robot.status.tracking
     if tracking is None:
-        return False
+        return math.inf, math.inf
     here = tracking.pose
-    turn = math.remainder(here.theta - theta, math.tau)
-    return math.hypot(here.x - x, here.y - y) < _SETTLED_M and abs(turn) < _SETTLED_RAD
+    return math.hypot(here.x - goal.x, here.y - goal.y), abs(math.remainder(here.theta - goal.theta, math.tau))
+
+
+def _is_at(robot: Robot, goal: Pose) -> bool:
+    way, turn = _distance(robot, goal)
+    return way < _SETTLED_M and turn < _SETTLED_RAD
 
 
 @app.command("trajectory", epilog=examples("omni drive trajectory rose", "omni drive trajectory circle --laps 2"))
@@ -182,17 +265,27 @@ def trajectory(
     as_json: JsonOption = False,
 ) -> None:
     """Follow the on-board trajectory that the TRJ_* parameters describe, until it is done."""
+    checked_value(parameter_table(), "TRJ_TYPE", type_name)
     with _armed(link, timeout, as_json) as robot:
         robot.start_trajectory(type_name, laps)
-        end = robot.connection.clock() + duration
-        started = False
-        for tracking in robot.telemetry(Tracking):
-            _check_still_armed(robot)
-            started = started or tracking.phase in ("lead-in", "path")
-            if (started and tracking.phase == "done") or robot.connection.clock() > end:
-                break
+        tracking = _until_done(robot, duration, as_json)
         robot.stop_trajectory()
         _result(robot, as_json, phase=tracking.phase)
+
+
+def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
+    """Return the robot's last words of a path: it is done, or its time is over."""
+    start = robot.connection.clock()
+    started = False
+    with Waiting("on the path", math.inf, quiet=quiet) as waiting:
+        for tracking in robot.telemetry(Tracking):
+            _check_still_armed(robot)
+            passed = robot.connection.clock() - start
+            waiting.at(passed)
+            started = started or tracking.phase in ("lead-in", "path")
+            if (started and tracking.phase == "done") or passed > duration_s:
+                return tracking
+    raise AssertionError("telemetry() ends only by an exception")
 
 
 @app.command(
@@ -207,8 +300,8 @@ def duty(
 ) -> None:
     """Put constant duties on the motors, open loop, for a while: bring-up and identification. Lift the wheels first."""
     check_duty(duties)
-    with _armed(link, timeout, as_json) as robot:
-        _drive_in_slices(robot, duration, lambda s: robot.drive_duty(duties, s, stop=False))
+    with _armed(link, timeout, as_json, lambda r: r.require_duty(duties)) as robot:
+        _drive_in_slices(robot, duration, partial(robot.drive_duty, duties, stop=False), as_json)
         robot.drive_duty([0.0] * len(duties), _SLICE_S)
         _result(robot, as_json)
 
@@ -221,10 +314,15 @@ def keys(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
 ) -> None:
     """Drive with the keyboard."""
-    with raw_keys() as read_key, _armed(link, timeout, False) as robot:
+    with raw_keys() as read_key, _armed(link, timeout, False, lambda r: _require_keys(r, speed, turn)) as robot:
         note(KEYS_HELP)
         driver = KeyDriver(speed, turn)
         while driver.take(read_key(), robot.connection.clock()):
             twist = driver.twist(robot.connection.clock())
             robot.drive_velocity(*twist, duration_s=0.05, stop=False)
             _check_still_armed(robot)
+
+
+def _require_keys(robot: Robot, speed: float, turn: float) -> None:
+    for twist in ((speed, 0.0, 0.0), (0.0, speed, 0.0), (0.0, 0.0, turn)):
+        robot.require_velocity(*twist)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +15,7 @@ from omniwheel.frames import Twist
 HOLD_S = 0.6
 """A key counts as held for this long, because terminals report presses and repeats but no releases."""
 
-KEYS_HELP = "w/s forward, back   a/d left, right   q/e turn   space stop   x end"
+KEYS_HELP = "w/s or up/down forward, back   a/d or left/right sideways   q/e turn   space stop   x or Esc end"
 
 _DIRECTIONS = {
     "w": (1, 0, 0),
@@ -24,7 +26,13 @@ _DIRECTIONS = {
     "e": (0, 0, -1),
     " ": (0, 0, 0),
 }
+_ARROWS = {"A": "w", "B": "s", "D": "a", "C": "d"}
+"""Last letter of an arrow key's escape sequence (ESC [ A or ESC O A): the key of the same direction."""
+_ESCAPE = "\x1b"
+_SEQUENCE_S = 0.05
+"""A terminal sends the rest of an arrow key at once; ESC alone is the key Esc."""
 _END_KEYS = ("x", "\x1b", "\x03", "\x04")
+_KEY = re.compile(r"\x1b[\[O][0-9;]*[A-Za-z~]|.", re.DOTALL)
 
 
 class NoTerminalError(OmniError):
@@ -47,7 +55,7 @@ class KeyDriver:
         if key in _END_KEYS and key:
             return False
         if key:
-            self._direction = _DIRECTIONS.get(key.lower(), (0, 0, 0))
+            self._direction = _DIRECTIONS.get(letter_of(key), (0, 0, 0))
             self._pressed_s = now_s
         return True
 
@@ -57,6 +65,16 @@ class KeyDriver:
             return Twist(0.0, 0.0, 0.0)
         x, y, turn = self._direction
         return Twist(x * self._speed, y * self._speed, turn * self._turn)
+
+
+def letter_of(key: str) -> str:
+    """Return the letter that a key stands for: an arrow's is the one of the same direction."""
+    return _ARROWS.get(key[-1], "") if key.startswith(_ESCAPE) and len(key) > 1 else key.lower()
+
+
+def split_keys(typed: str) -> list[str]:
+    """Split what a terminal sent into keys: an escape sequence is one key, everything else a key per character."""
+    return _KEY.findall(typed)
 
 
 @contextmanager
@@ -69,13 +87,37 @@ def raw_keys() -> Iterator[Callable[[], str]]:
 
         yield lambda: msvcrt.getwch() if msvcrt.kbhit() else ""
         return
-    import select
     import termios
     import tty
 
     before = termios.tcgetattr(sys.stdin)
     tty.setcbreak(sys.stdin)
     try:
-        yield lambda: sys.stdin.read(1) if select.select([sys.stdin], [], [], 0)[0] else ""
+        yield _Keys(sys.stdin.fileno()).next
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+class _Keys:
+    """Reads keys from a terminal without Python's buffer, which would keep the rest of an arrow key for itself."""
+
+    def __init__(self, file: int) -> None:
+        self._file = file
+        self._typed: list[str] = []
+
+    def next(self) -> str:
+        """Return the next key typed, "" if none."""
+        if not self._typed and self._waits(0.0):
+            text = self._read()
+            if text == _ESCAPE and self._waits(_SEQUENCE_S):
+                text += self._read()
+            self._typed = split_keys(text)
+        return self._typed.pop(0) if self._typed else ""
+
+    def _waits(self, timeout_s: float) -> bool:
+        import select
+
+        return bool(select.select([self._file], [], [], timeout_s)[0])
+
+    def _read(self) -> str:
+        return os.read(self._file, 64).decode("utf-8", errors="replace") or "\x04"

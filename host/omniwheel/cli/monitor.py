@@ -33,7 +33,7 @@ def monitor(
     as_json: JsonOption = False,
 ) -> None:
     """Show state, pose, wheels and faults of a robot until Ctrl-C. --json implies --once."""
-    with open_robot(link, timeout_s=timeout) as robot:
+    with open_robot(link, timeout_s=timeout, texts=False) as robot:
         if once or as_json:
             status = robot.wait_until(_is_filled, timeout, "heard completely (heartbeat, pose, wheels, status)")
             if as_json:

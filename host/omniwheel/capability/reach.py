@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""Whether a robot can follow a set-point: asked before it arms, so that nothing is shortened in silence.
+
+The robot scales a velocity that its wheels cannot follow, and refuses one beyond LIM_V or LIM_W. These functions say so
+beforehand, with the limit's name, its value and what to do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from omniwheel.capability.drive_model import Array, DriveModel
+from omniwheel.capability.speeds import MOTORS, Bound, direction, limit_speed, motor_speed, speed_bounds
+from omniwheel.errors import LimitError
+from omniwheel.frames import Pose, Twist
+
+PARAMETERS = (
+    "WHEELS", "WHEEL_RADIUS", "WHEEL_DIST", "ENC_CPR", "MOT_J", "MOT_B", "MOT_K", "MOT_R", "BAT_V_NOM", "MASS",
+    "INERTIA", "LIM_WHEEL", "LIM_DUTY", "LIM_V", "LIM_W", "LIM_A", "LIM_POS", "TRJ_MARGIN",
+)  # fmt: skip
+"""What a robot must tell for these checks; for each wheel WHEEL_PARAMETERS besides."""
+WHEEL_PARAMETERS = ("W{n}_ANGLE", "W{n}_RSCALE")
+
+_ROUNDING = 1.0 + 1e-4
+_DIRECTIONS = 36
+SETTLING_S = 3.0
+"""The reference closes in on a pose at 3 per second: so long from 1 m to a tenth of a millimetre."""
+
+
+def check_velocity(model: DriveModel, twist: Twist, heading_rad: float | None = 0.0) -> None:
+    """Raise LimitError if the robot cannot follow a velocity.
+
+    ``heading_rad``: the robot's heading in the frame of the twist; 0 for the body's frame, None if it is not known. A
+    velocity is then refused only if no heading could follow it.
+    """
+    heading = _best_heading(model, twist) if heading_rad is None else heading_rad
+    body = _turned(twist, -heading)
+    bound = _least(model, body)
+    if bound.value * _ROUNDING < 1.0:
+        raise _refusal(model, twist, bound, body)
+
+
+def _best_heading(model: DriveModel, twist: Twist) -> float:
+    """Return the heading in which the robot can follow most of a world twist: coarsely all around, then finely."""
+    best, width = 0.0, 2.0 * math.pi
+    while width > 1e-4:
+        tried = [best + width * (k / _DIRECTIONS - 0.5) for k in range(_DIRECTIONS + 1)]
+        best = max(tried, key=lambda heading: _least(model, _turned(twist, -heading)).value)
+        width *= 3.0 / _DIRECTIONS
+    return best
+
+
+def _turned(twist: Twist, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([c * twist.vx - s * twist.vy, s * twist.vx + c * twist.vy, twist.wz])
+
+
+def _least(model: DriveModel, body: Array) -> Bound:
+    """Return what share of a body twist the robot can follow, and what limits it."""
+    bounds = [Bound(motor_speed(model, body), MOTORS), Bound(limit_speed(model, body), "LIM_WHEEL")]
+    speed, turn = math.hypot(body[0], body[1]), abs(float(body[2]))
+    if speed > 0.0:
+        bounds.append(Bound(model.speed_limit_m_s / speed, "LIM_V"))
+    if turn > 0.0:
+        bounds.append(Bound(model.turn_limit_rad_s / turn, "LIM_W"))
+    return min(bounds, key=lambda bound: bound.value)
+
+
+def _refusal(model: DriveModel, twist: Twist, bound: Bound, body: Array) -> LimitError:
+    speed = math.hypot(twist.vx, twist.vy)
+    unit = ("m/s", speed) if speed > 0.0 else ("rad/s", abs(twist.wz))
+    motors = motor_speed(model, body) * unit[1]
+    also = f" with {twist.wz:g} rad/s" if speed > 0.0 and twist.wz else ""
+    limit, reached = _limit_text(model, bound.cause), bound.value * unit[1]
+    message = f"asked {unit[1]:.3g} {unit[0]}{also}; this robot reaches {reached:.3g} {unit[0]} of that: {limit}"
+    if bound.cause == MOTORS:
+        return LimitError(message, hint="ask for less; `omni robots check` shows what the robot can do")
+    needed = _needed(model, bound.cause, twist, body)
+    if motors * _ROUNDING < unit[1]:
+        return LimitError(f"{message}; its motors could {motors:.3g}", hint="ask for less: no limit helps here")
+    hint = f"ask for less, or on a robot that may go so fast: omni params set {bound.cause}={needed:.3g}"
+    return LimitError(f"{message}; its motors could {motors:.3g}", hint=hint)
+
+
+def _limit_text(model: DriveModel, cause: str) -> str:
+    return {
+        "LIM_WHEEL": f"LIM_WHEEL is {model.wheel_limit_rad_s:g} rad/s",
+        "LIM_V": f"LIM_V is {model.speed_limit_m_s:g} m/s",
+        "LIM_W": f"LIM_W is {model.turn_limit_rad_s:g} rad/s",
+        MOTORS: f"its motors cannot do more at {model.supply_V:g} V",
+    }[cause]
+
+
+def _needed(model: DriveModel, cause: str, twist: Twist, body: Array) -> float:
+    """Return the value that the limit would need for this twist, a little more than just enough."""
+    wheel = float(np.max(np.abs(model.rows @ body / model.radius_m)))
+    return {"LIM_WHEEL": wheel, "LIM_V": math.hypot(twist.vx, twist.vy), "LIM_W": abs(twist.wz)}[cause] * 1.01
+
+
+def check_pose(pose: Pose, position_limit_m: float) -> None:
+    """Raise LimitError for a pose that the robot would refuse, or a heading that looks like degrees."""
+    for axis, value in (("x", pose.x), ("y", pose.y)):
+        if abs(value) > position_limit_m:
+            raise LimitError(
+                f"{axis} = {value:g} m is beyond LIM_POS, {position_limit_m:g} m",
+                hint="poses are in the world's frame, in metres; a larger room: omni params set LIM_POS=...",
+            )
+    if abs(pose.theta) > 2.0 * math.pi:
+        raise LimitError(
+            f"theta = {pose.theta:g} rad is more than a turn",
+            hint=f"radians are meant; for degrees write {pose.theta:g}deg",
+        )
+
+
+def travel_time_s(model: DriveModel, here: Pose, there: Pose, share: float) -> float:
+    """Return about how long the robot takes to a pose: it drives at ``share`` of LIM_WHEEL (TRJ_MARGIN) at most."""
+    way = math.hypot(there.x - here.x, there.y - here.y)
+    turn = abs(math.remainder(there.theta - here.theta, math.tau))
+    speeds = [
+        _slowest(speed_bounds(model, direction(2.0 * math.pi * k / _DIRECTIONS)), share) for k in range(_DIRECTIONS)
+    ]
+    turning = _slowest(speed_bounds(model, np.array([0.0, 0.0, 1.0])), share)
+    return way / min(speeds) + turn / turning + SETTLING_S
+
+
+def _slowest(bounds: Sequence[Bound], share: float) -> float:
+    return min(bound.value * (share if bound.cause == "LIM_WHEEL" else 1.0) for bound in bounds)
+
+
+def parameter_names(wheels: int) -> list[str]:
+    """Return the names of all parameters that these checks read, for a robot of so many wheels."""
+    return [*PARAMETERS, *(name.format(n=n) for n in range(1, wheels + 1) for name in WHEEL_PARAMETERS)]
+
+
+def check_wheel_count(duty: Sequence[float], wheels: int) -> None:
+    """Raise LimitError unless there is one duty for each wheel."""
+    if len(duty) != wheels:
+        raise LimitError(
+            f"{len(duty)} duties for {wheels} wheels", hint="give one number per wheel; 0 leaves a wheel alone"
+        )
