@@ -1,19 +1,23 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file direct_torque.h
- * Direct torque control of the pose (eq. 28-32, corrected; docs/concepts/derivations/direct_torque.md).
- * e = xi_d - xi, heading wrapped.
+ * Direct torque control of the pose: from the wanted acceleration to a torque per wheel, without wheel-speed loops.
+ * Derived in docs/concepts/derivations/direct_torque.md.
  *
- *   u   = K_d e' + K_p e                                                            (29)
- *   tau = r (B+)^T R [ M* (xi''_d + u) + N* xi' ]                                   (28), least norm for four wheels
- *   M*  = M + R^T B^T D B R,  N* = R^T B^T D B R',  M = diag(m, m, I),  D = diag(I_w / r_i^2)
+ * With e = xi_d - xi (heading wrapped):
  *
- * The report prints tau = M* (q''_d - u) with u = -K_d e' - K_p e and negative gains: that is kp = -5, kd = -4.1 here, and has
- * a root at +5.08 1/s. Gains of either sign are accepted.
+ *   u   = K_d e' + K_p e                                    [report eq. 29, with other signs]
+ *   tau = r (B+)^T R [ M* (xi''_d + u) + N* xi' ]           [report eq. 28, corrected]; least norm for four wheels
+ *   M*  = M + R^T B^T D B R,   N* = R^T B^T D B R'
+ *   M   = diag(m, m, I),       D = diag(I_w / r_i^2)
  *
- * A torque is no speed: where a wheel loses the floor nothing but its own inertia stops it. Two bounds guard against that.
- * The grip limits what is asked of the floor, if it is known; omni_direct_torque_protect fades out the torque that drives a
- * wheel away from the speed of the floor below it.
+ * If a torque exceeds tau_max, all are scaled by one factor, so that their direction stays [report eq. 30]. The report
+ * prints tau = M* (q''_d - u) with u = -K_d e' - K_p e and negative gains [report eq. 28-32]. In the signs used here
+ * these are kp = -5 and kd = -4.1, which has a root at +5.08 1/s. Gains of either sign are accepted.
+ *
+ * A torque is no speed: where a wheel loses the floor nothing but its own inertia stops it. Two bounds guard against
+ * that. The grip limits what is asked of the floor, if it is known. omni_direct_torque_protect fades out the torque
+ * that drives a wheel away from the speed of the floor below it.
  */
 #ifndef OMNI_DIRECT_TORQUE_H
 #define OMNI_DIRECT_TORQUE_H
@@ -29,7 +33,7 @@ typedef struct omni_direct_torque_config_t {
     omni_real_t wheel_inertia_kg_m2; /**< I_w >= 0, of one wheel with gear and motor, seen at the wheel */
     omni_real_t kp[OMNI_AXES];       /**< 1/s^2 */
     omni_real_t kd[OMNI_AXES];       /**< 1/s */
-    omni_real_t torque_limit_N_m;    /**< tau_max of eq. 30, per wheel; 0: none */
+    omni_real_t torque_limit_N_m;    /**< tau_max per wheel [report eq. 30]; 0: none */
     omni_real_t grip;                /**< friction coefficient that may be used, all wheels equally loaded; 0: no bound */
     omni_real_t slip_limit_m_s;      /**< slip speed at which outward torque is gone, see protect; 0: not watched */
     omni_real_t wheel_limit_rad_s;   /**< wheel speed at which outward torque is gone; 0: not watched */
@@ -38,7 +42,7 @@ typedef struct omni_direct_torque_config_t {
 
 /**
  * Torques for the wanted motion. Acceleration is cut, direction kept, to what the floor takes (grip); torques likewise
- * to torque_limit (eq. 30).
+ * to torque_limit [report eq. 30].
  * @param rate measured world twist. @param torque_N_m out, per wheel, at the wheel, beyond the motor's own friction.
  * @param terms out: `error` is xi - xi_d as everywhere, `equivalent` xi''_d + K_p e and `switching` K_d e', in m/s^2 and rad/s^2.
  * @return share of the wanted torque that the limits left, 0..1; 0 with all torques 0 if an input isn't finite.

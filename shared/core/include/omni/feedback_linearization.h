@@ -1,8 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file feedback_linearization.h
- * Feedback-linearised P, PD, PID on the pose (eq. 33-38), gains as rates: K_p here = K_p(report) / T.
- *   u = xi'_d - K_p e - K_d e' - K_i integral(e),   e = xi - xi_d       wanted world twist
+ * P, PD and PID control of the pose after feedback linearisation. They take the wheels to roll without slip.
+ *
+ * With e = xi - xi_d (heading error wrapped), per axis of the world frame:
+ *
+ *   u = xi'_d - K_p e - K_d e' - K_i integral(e)            wanted world twist [report eq. 33-38]
+ *
+ * K_d = 0 and K_i = 0 make it P, K_i = 0 makes it PD. The integral is limited; the report's eq. 38 has no limit. Gains
+ * are rates: K_p here is the report's K_p divided by its time step T.
  */
 #ifndef OMNI_FEEDBACK_LINEARIZATION_H
 #define OMNI_FEEDBACK_LINEARIZATION_H

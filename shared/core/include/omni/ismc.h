@@ -1,14 +1,23 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file ismc.h
- * Integral sliding mode controller of the pose (eq. 39-44, corrected). e = xi - xi_d, heading error wrapped.
+ * Integral sliding mode controller of the pose. Use it where wheels slip: it holds the robot on its path as long as
+ * its switching gain k covers what the slip estimate misses.
  *
- *   s   = e + lambda * integral(e)                                          (39)
- *   u   = xi'_d - lambda e - k sw(s / phi)      wanted world twist            (41-43, before B / r)
- *   sw  = sign(s) | clamp(s / phi, -1, 1) | super-twisting: sqrt|s/phi| sign(s) + w, w' = k / phi * sign(s) / 2
+ * With e = xi - xi_d (heading error wrapped), per axis of the world frame:
  *
- * The slip v_s of eq. 41 enters where the twist becomes wheel speeds (omni_kinematics_inverse). Condition (44), elementwise:
- * k >= eta + |B+ (v_s - v_s_hat)|.
+ *   s   = e + lambda * integral(e)                          [report eq. 39]
+ *   u   = xi'_d - lambda e - k sw(s)                        wanted world twist [report eq. 41-43, before B / r]
+ *
+ * and sw is one of
+ *
+ *   sign            sw = sign(s)
+ *   boundary layer  sw = clamp(s / phi, -1, 1)
+ *   super-twisting  sw = sqrt|s / phi| sign(s) + w,   w' = k / (2 phi) sign(s),   |w| <= 1
+ *
+ * The slip v_s enters later, where the twist becomes wheel speeds: phi' = (B u + v_s) / r, omni_kinematics_inverse.
+ * The error reaches zero if k >= eta + |B+ (v_s - v_s_hat)| per axis, with some eta > 0 [report eq. 44, corrected].
+ * In print [report eq. 40] lacks the dot of xi'_d, and [report eq. 42] the factor 1 / r.
  */
 #ifndef OMNI_ISMC_H
 #define OMNI_ISMC_H
@@ -50,7 +59,7 @@ omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *
                             omni_control_terms_t *terms);
 
 /**
- * Margin of condition (44) per axis: k - |B+ (v_s - v_s_hat)|; positive means the switching gain covers the slip error.
+ * Margin of the gain condition [report eq. 44] per axis: k - |B+ (v_s - v_s_hat)|; positive means the switching gain covers the slip error.
  * @param b_pinv_slip_error world twist B+ (v_s - v_s_hat).
  */
 void omni_ismc_gain_margin(const omni_ismc_config_t *config, const omni_twist_t *b_pinv_slip_error, omni_real_t *margin);

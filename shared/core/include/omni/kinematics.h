@@ -1,13 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file kinematics.h
- * Wheel speeds <-> body motion for three or four omni wheels at any bearing
- * (eq. 15-23, corrected: docs/report/report-map.md).
+ * Wheel speeds <-> body motion for three or four omni wheels at any bearing.
  *
- *   r_i phi'_i - v_s,i = [ -sin a_i   cos a_i   l_i ] v_body          (body frame; eq. 19 with our sign)
- *   v_body = B+ (r phi' - v_s),   B+ = (B^T B)^-1 B^T                 (least squares; eq. 22)
+ * For wheel i with radius r_i, distance l_i from the centre and bearing a_i, in the body frame:
+ *
+ *   r_i phi'_i - v_s,i = [ -sin a_i   cos a_i   l_i ] v_body       [report eq. 19, with our sign of phi']
+ *   phi'   = (B v_body + v_s) / r,   row i of B as above           [report eq. 20, corrected]
+ *   v_body = B+ (r phi' - v_s),      B+ = (B^T B)^-1 B^T           least squares [report eq. 22, corrected]
+ *   v_body = R(theta) v_world,       R = [ cos sin 0; -sin cos 0; 0 0 1 ]          [report eq. 16]
  *
  * Four wheels leave one null direction n (n^T B = 0, |n| = 1): n^T r phi' = n^T v_s measures slip. Three leave none.
+ * What differs from the report's eq. 15-23 is listed in docs/report/report-map.md.
  */
 #ifndef OMNI_KINEMATICS_H
 #define OMNI_KINEMATICS_H
@@ -38,12 +42,12 @@ typedef struct omni_kinematics_t {
  */
 omni_result_t omni_kinematics_init(omni_kinematics_t *k, const omni_kinematics_config_t *config);
 
-/** Wheel speeds [rad/s] for a body twist; `slip_m_s` is the slip v_s per wheel to compensate, or NULL (eq. 20).
+/** Wheel speeds [rad/s] for a body twist; `slip_m_s` is the slip v_s per wheel to compensate, or NULL [report eq. 20].
  *  As many entries as there are wheels are read and written, here and below. */
 void omni_kinematics_inverse(const omni_kinematics_t *k, const omni_twist_t *body, const omni_real_t *slip_m_s,
                              omni_real_t *wheel_rad_s);
 
-/** Body twist from wheel speeds [rad/s], least squares; `slip_m_s` per wheel or NULL (eq. 22). Also maps
+/** Body twist from wheel speeds [rad/s], least squares; `slip_m_s` per wheel or NULL [report eq. 22]. Also maps
  *  wheel angle increments [rad] to body displacement. */
 void omni_kinematics_forward(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s, const omni_real_t *slip_m_s,
                              omni_twist_t *body);
@@ -59,13 +63,13 @@ typedef struct omni_rotation_t {
 
 omni_rotation_t omni_rotation(omni_real_t theta);
 
-/** World twist -> body twist by R(theta) of eq. 16. */
+/** World twist -> body twist by R(theta) [report eq. 16]. */
 omni_twist_t omni_rotate_to_body(const omni_twist_t *world, const omni_rotation_t *r);
 
 /** Body twist -> world twist by R(theta)^T. */
 omni_twist_t omni_rotate_to_world(const omni_twist_t *body, const omni_rotation_t *r);
 
-/** World twist -> body twist for heading theta, R(theta) of eq. 16. */
+/** World twist -> body twist for heading theta [report eq. 16]. */
 omni_twist_t omni_twist_to_body(const omni_twist_t *world, omni_real_t theta);
 
 /** Body twist -> world twist for heading theta. */

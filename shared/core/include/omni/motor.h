@@ -1,7 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file motor.h
- * Brushed DC motor seen at the wheel (eq. 24-27):  J w' + b w = K i,   L i' + R i = V - K w.
+ * Brushed DC motor with its gear, all quantities as seen at the wheel:
+ *
+ *   J w' + b w = K i                                        torque balance [report eq. 24]
+ *   L i' + R i = V - K w                                    winding [report eq. 25]
+ *
+ * As a state equation, with the angle as a third state [report eq. 26, 27, which leave it out]:
+ *
+ *   (angle, w, i)' = M (angle, w, i) + (0, 0, 1 / L) V,     M = [ 0  1  0;  0  -b/J  K/J;  0  -K/L  -R/L ]
+ *
+ * At rest V = (K + R b / K) w. Without the inductance an acceleration takes R J / K volts more per rad/s^2.
  */
 #ifndef OMNI_MOTOR_H
 #define OMNI_MOTOR_H

@@ -1,13 +1,21 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file motor_kf.h
- * Kalman filter of one wheel's motor (eq. 45-56, corrected). Wheels are independent, so the report's joint 8-state filter is
- * its block form: one filter per wheel.
+ * Kalman filter of one wheel's motor: wheel speed and current from encoder counts and the voltage that was applied.
  *
- * OMNI_KF_MODE_SPEED (the report's): state (w, i), measures the speed from differenced counts.
- * OMNI_KF_MODE_ANGLE: state (angle, w, i), measures the encoder angle in counts. At 1 kHz one count per tick is 0.6 rad/s,
- * so differencing drowns the speed in quantisation; measuring the angle does not. The angle is kept relative to the
- * latest count, so that hours of turning cost no precision.
+ * With the motor of motor.h, discretised exactly (the report's eq. 45 takes A T + I):
+ *
+ *   x = A x + B V,   P = A P A^T + Q                        prediction [report eq. 52, 53]
+ *   K = P C^T (C P C^T + R)^-1                              gain [report eq. 55, with the inverse it lacks]
+ *   x = x + K (z - C x)                                     correction [report eq. 54]
+ *   P = (I - K C) P (I - K C)^T + K R K^T                   Joseph form [in place of report eq. 56]
+ *
+ * Wheels are independent, so four such filters are the report's joint filter of eight states [report eq. 45-51].
+ *
+ * OMNI_KF_MODE_SPEED (the report's): state (w, i), measures the speed from differenced counts, C = [1 0].
+ * OMNI_KF_MODE_ANGLE: state (angle, w, i), measures the encoder angle in counts, C = [1 0 0]. At 1 kHz one count per
+ * tick is 0.6 rad/s, so differencing drowns the speed in quantisation; measuring the angle does not. The angle is kept
+ * relative to the latest count, so that hours of turning cost no precision.
  * OMNI_KF_MODE_OFF: differenced counts, no filter.
  */
 #ifndef OMNI_MOTOR_KF_H

@@ -1,18 +1,29 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pose_ekf.h
- * Pose from wheel motion and pose fixes (eq. 57-69, corrected), with late and irregular fixes, innovation gating, and
- * optionally each wheel's slip ratio as a state.
+ * Extended Kalman filter of the pose, from wheel motion and pose fixes. Fixes may be late and irregular, those that do
+ * not fit are refused, and each wheel's slip ratio may be a state.
  *
  * State (x, y, theta [, s_1..s_n]): wheel i moves the contact point r phi'_i (1 - s_i), so v_s,i = s_i r phi'_i.
- * Prediction integrates counts with the heading of mid-step. The pose is accumulated with compensation: hours of driving
- * lose no precision.
  *
- * A fix taken at t_f arrives at t. Between the two the error moved by Phi(t, t_f), which for planar odometry is known
- * in closed form (1, -dy; 1, dx; 1 and the accumulated slip sensitivity); process noise W gathered since t_f is in P(t) but not in the
- * fix. With H = Phi_pose^-1 [I, -Phi_ps] and M = P - W:  S = H M H^T + R,  K = M H^T S^-1,
- * P+ = (I - K H) M (I - K H)^T + K R K^T + W: exact for fixes that come in the order in which they were taken
- * (docs/concepts/derivations/delayed_fix.md). The cost is an ordinary update plus about 100 operations per history slot since t_f.
+ *   d     = B+ (r dphi - v_s T)                             body motion over a tick, dphi from counts [report eq. 59]
+ *   xi    = xi + R(theta + d_theta / 2)^T d                 prediction, heading of mid-step [report eq. 61]
+ *   P     = F P F^T + Q,   F = [ 1 0 -dy;  0 1 dx;  0 0 1 ] (dx, dy) is d in the world frame [report eq. 62, 68]
+ *   y     = z - H x,   S = H P H^T + R                      innovation, heading wrapped [report eq. 63, 64]
+ *   K     = P H^T S^-1,   x = x + K y                       correction [report eq. 65, 66]
+ *   P     = (I - K H) P (I - K H)^T + K R K^T               Joseph form [in place of report eq. 67]
+ *
+ * H picks the pose out of the state [report eq. 69]. The pose is accumulated with compensation: hours of driving lose
+ * no precision.
+ *
+ * A fix taken at t_f arrives at t. Between the two the error moved by Phi(t, t_f). For planar odometry that is known
+ * in closed form: (1, -dy; 1, dx; 1) and the accumulated slip sensitivity. The process noise W gathered since t_f is
+ * in P(t) but not in the fix. With H = Phi_pose^-1 [I, -Phi_ps] and M = P - W the correction above becomes
+ *
+ *   S = H M H^T + R,   K = M H^T S^-1,   P = (I - K H) M (I - K H)^T + K R K^T + W
+ *
+ * which is exact for fixes that come in the order in which they were taken (docs/concepts/derivations/delayed_fix.md).
+ * The cost is an ordinary update plus about 100 operations per history slot since t_f.
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H

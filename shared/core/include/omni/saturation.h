@@ -1,5 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/** @file saturation.h  Limits that keep the direction of a wheel vector (eq. 30). */
+/**
+ * @file saturation.h
+ * A limit that keeps the direction of a wheel vector v: v * min(1, limit / max_i |v_i|) [report eq. 30]. Cutting each
+ * wheel by itself would turn the robot away from where it was told to go.
+ */
 #ifndef OMNI_SATURATION_H
 #define OMNI_SATURATION_H
 

@@ -5,14 +5,19 @@
  * down to what the wheels can do, and comes to rest.
  *
  * The path p(u) is a function of path time u in [0, duration]; the rate u'(t) of the clock rises with a quintic over
- * ramp_s, stays at 1/scale and falls likewise. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the robot isn't at the path's start, a
- * quintic lead-in brings it there first.
+ * ramp_s, stays at 1/scale and falls likewise. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the
+ * robot isn't at the path's start, a quintic lead-in brings it there first.
  *
- * Type identify is the excitation of the report's Appendix D: `laps` circles counter-clockwise with fixed heading, as many clockwise, then
- * spins on the spot by rotation_amplitude_rad per lap, both ways; each of the four from rest to rest in laps * period_s, its rate rising and
- * falling with a quintic over a quarter of a period. laps = 0: one lap each way, again and again.
+ * Type report: x = a [sin(2 pi u/12) + cos(2 pi u/14)], y = a [sin(2 pi u/5) + cos(2 pi u/4)] with a = size_m, and
+ * theta = 0.5 [sin(2 pi u/16) + cos(2 pi u/8)], u in seconds [report eq. 81].
  *
- * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the tick.
+ * Type identify is the excitation of [report Appendix D]: `laps` circles counter-clockwise with fixed heading, as many
+ * clockwise, then spins on the spot by rotation_amplitude_rad per lap, both ways; each of the four from rest to rest
+ * in laps * period_s, its rate rising and falling with a quintic over a quarter of a period. laps = 0: one lap each
+ * way, again and again.
+ *
+ * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the
+ * tick.
  */
 #ifndef OMNI_TRAJECTORY_H
 #define OMNI_TRAJECTORY_H
@@ -30,7 +35,7 @@ typedef struct omni_trajectory_config_t {
     uint16_t petals;      /**< rose: 1..32. Odd n: r = cos(n f), f in [0, pi]; n = 4m: cos(n/2 f), [0, 2 pi];
                                        else cos(n/4 f), [0, 4 pi] */
     omni_real_t size_m;   /**< radius (rose, circle), length (line, from the origin along x), half width of the random
-                                       points' square, amplitude of x and y in eq. 81 (whose heading stays as printed) */
+                                       points' square, amplitude of x and y of type report (its heading has 0.5 rad always) */
     omni_real_t period_s; /**< path time of a lap; line, waypoints and random points: of a leg */
     omni_real_t laps;     /**< 0: without end. Line: legs, there and back. Waypoints and random points: rounds; the
                                        last round ends at the last point, an earlier one goes on to the first */

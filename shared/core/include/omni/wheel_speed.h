@@ -1,7 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file wheel_speed.h
- * Wheel speed loops of all wheels: feed-forward from the motor model + PID, then voltages to duty with the direction kept.
+ * Wheel speed loops of all wheels: feed-forward from the motor model and PID, then voltages to duty with the direction
+ * kept.
+ *
+ *   V    = (K + R b / K) w_d + (R J / K) w_d' + V_c clamp(w_d / 0.05, -1, 1) + PID(w_d, w)
+ *   duty = V / supply, all wheels scaled by one factor to the limit                [report eq. 30]
+ *
+ * The first two terms are the motor's equations solved for the voltage [report eq. 24, 25, without L]. V_c makes up
+ * for Coulomb friction.
  */
 #ifndef OMNI_WHEEL_SPEED_H
 #define OMNI_WHEEL_SPEED_H

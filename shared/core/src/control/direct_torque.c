@@ -20,7 +20,7 @@ static bool inputs_are_finite(const omni_pose_t *pose, const omni_twist_t *rate,
            omni_twist_is_finite(&reference->rate) && omni_twist_is_finite(&reference->acceleration);
 }
 
-/* eq. 29, with the signs that make e'' = -K_d e' - K_p e. */
+/* [report eq. 29], with the signs that make e'' = -K_d e' - K_p e. */
 static omni_real_t wanted_acceleration(const omni_direct_torque_config_t *config, int axis, omni_real_t acceleration,
                                        omni_real_t rate_error, omni_control_terms_t *terms) {
     terms->equivalent[axis] = acceleration - config->kp[axis] * terms->error[axis];
@@ -97,14 +97,14 @@ omni_real_t omni_direct_torque_step(const omni_direct_torque_config_t *config, c
     omni_real_t spin_N[OMNI_MAX_WHEELS] = {0};
     const omni_real_t gripped = body_forces(config, k, &body, force_N);
     wheel_forces(config, k, &body, &body_rate, spin_N);
-    /* eq. 28 */
+    /* [report eq. 28] */
     for (uint8_t i = 0; i < k->wheels; ++i) {
         torque_N_m[i] = k->radius_m[i] * (force_N[i] + spin_N[i]);
     }
     if (!(config->torque_limit_N_m > 0.0f)) {
         return gripped;
     }
-    /* eq. 30 */
+    /* [report eq. 30] */
     return gripped * omni_saturate_direction(torque_N_m, k->wheels, config->torque_limit_N_m);
 }
 

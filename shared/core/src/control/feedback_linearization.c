@@ -13,9 +13,9 @@ static omni_real_t step_axis(omni_fl_state_t *state, const omni_fl_config_t *con
                              omni_real_t reference_rate, omni_flag_t hold, omni_control_terms_t *terms) {
     const omni_real_t error = terms->error[axis];
     terms->integral[axis] = state->integral[axis];
-    /* eq. 34 */
+    /* [report eq. 34] */
     terms->equivalent[axis] = reference_rate - config->kp[axis] * error;
-    /* eq. 36, 38: with a limited integral */
+    /* [report eq. 36, 38]: with a limited integral */
     terms->switching[axis] = -config->kd[axis] * (rate - reference_rate) - config->ki[axis] * state->integral[axis];
     state->integral[axis] = omni_integrate(state->integral[axis], error * config->step_s, config->integral_limit[axis], hold);
     return terms->equivalent[axis] + terms->switching[axis];

@@ -31,14 +31,14 @@ static omni_real_t step_axis(omni_ismc_state_t *state, const omni_ismc_config_t 
                              omni_flag_t hold, omni_control_terms_t *terms) {
     const omni_real_t error = terms->error[axis];
     terms->integral[axis] = state->integral[axis];
-    /* eq. 39 */
+    /* [report eq. 39] */
     terms->surface[axis] = error + config->lambda[axis] * state->integral[axis];
-    /* eq. 41, with the derivative that eq. 40 misses */
+    /* [report eq. 41], with the derivative that [report eq. 40] misses */
     terms->equivalent[axis] = rate - config->lambda[axis] * error;
-    /* eq. 42 */
+    /* [report eq. 42] */
     terms->switching[axis] = -config->k[axis] * switching(config, axis, terms->surface[axis], &state->twisting[axis], hold);
     state->integral[axis] = omni_integrate(state->integral[axis], error * config->step_s, config->integral_limit[axis], hold);
-    /* eq. 43 */
+    /* [report eq. 43] */
     return terms->equivalent[axis] + terms->switching[axis];
 }
 
@@ -58,7 +58,7 @@ omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *
 }
 
 void omni_ismc_gain_margin(const omni_ismc_config_t *config, const omni_twist_t *b_pinv_slip_error, omni_real_t *margin) {
-    /* eq. 44, corrected: k >= eta + |B+ (v_s - v_s_hat)| */
+    /* [report eq. 44], corrected: k >= eta + |B+ (v_s - v_s_hat)| */
     margin[0] = config->k[0] - omni_absf(b_pinv_slip_error->vx);
     margin[1] = config->k[1] - omni_absf(b_pinv_slip_error->vy);
     margin[2] = config->k[2] - omni_absf(b_pinv_slip_error->wz);

@@ -19,7 +19,7 @@ OMNI_PID_INLINE omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pi
     const omni_real_t moved = state->primed ? measurement - state->last_measurement : 0.0f;
     const omni_real_t derivative =
         state->derivative + (moved - config->step_s * state->derivative) / (config->derivative_time_s + config->step_s);
-    /* eq. 38 as an output: P and I on the error, D on the measurement so that a step of the reference gives no spike */
+    /* [report eq. 38] as an output: P and I on the error, D on the measurement so that a step of the reference gives no spike */
     const omni_real_t output = config->kp * error + integral - config->kd * derivative + feed_forward;
     /* Times any gain, 0 too, what is not finite makes the output so. */
     if (!omni_is_finite(output)) {

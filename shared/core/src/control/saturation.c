@@ -22,7 +22,7 @@ omni_real_t omni_saturate_direction(omni_real_t *values, uint8_t count, omni_rea
     if (omni_all(peak <= limit)) {
         return 1.0f;
     }
-    /* eq. 30: all are scaled by limit / absmax */
+    /* [report eq. 30]: all are scaled by limit / absmax */
     const omni_real_t factor = omni_select(peak <= limit, 1.0f, limit / peak);
     for (uint8_t i = 0; i < count; i++) {
         /* rounding may have put the largest a bit beyond the limit */

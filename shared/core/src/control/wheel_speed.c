@@ -18,7 +18,7 @@ static bool inputs_are_finite(uint8_t wheels, const omni_real_t *reference, cons
     return omni_all_finite(reference, wheels) && omni_all_finite(acceleration, wheels) && omni_all_finite(measured, wheels);
 }
 
-/* eq. 24 and 25 solved for the voltage of the wanted motion, plus Coulomb friction. */
+/* [report eq. 24 and 25] solved for the voltage of the wanted motion, plus Coulomb friction. */
 static omni_real_t feed_forward(const omni_wheel_speed_config_t *config, omni_real_t reference, omni_real_t acceleration) {
     const omni_real_t direction = omni_clampf(reference * fade_per_rad_s, -1.0f, 1.0f);
     return config->ff_speed_V_s * reference + config->ff_acceleration_V_s2 * acceleration + config->ff_static_V * direction;
@@ -42,7 +42,7 @@ omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wh
         wanted[i] = omni_pid_step(&state->pid[i], &config->pid, reference[i], measured[i], forward);
         voltage_V[i] = wanted[i];
     }
-    /* eq. 30 */
+    /* [report eq. 30] */
     const omni_real_t factor = omni_saturate_direction(voltage_V, config->wheels, limit_V);
     for (int i = 0; i < config->wheels; i++) {
         duty[i] = omni_clampf(voltage_V[i] / supply_V, -config->duty_limit, config->duty_limit);

@@ -57,7 +57,7 @@ static omni_real_t fill_rows(omni_kinematics_t *k, const omni_kinematics_config_
         omni_real_t cosine;
         omni_sincosf(config->angle_rad[i], &sine, &cosine);
         k->radius_m[i] = config->radius_m[i];
-        /* eq. 19 with our sign: row i = [-sin a_i, cos a_i, l_i] */
+        /* [report eq. 19] with our sign: row i = [-sin a_i, cos a_i, l_i] */
         k->b[i][0] = -sine;
         k->b[i][1] = cosine;
         k->b[i][2] = config->distance_m[i];
@@ -93,7 +93,7 @@ static bool orthogonalise(column_t q[OMNI_AXES], omni_real_t r[OMNI_AXES][OMNI_A
     return true;
 }
 
-/* eq. 22: B+ = (B^T B)^-1 B^T = R^-1 Q^T, by back substitution, column by column. */
+/* [report eq. 22]: B+ = (B^T B)^-1 B^T = R^-1 Q^T, by back substitution, column by column. */
 static void pseudo_inverse(omni_kinematics_t *k, const column_t q[OMNI_AXES], const omni_real_t r[OMNI_AXES][OMNI_AXES],
                            omni_real_t mean_distance) {
     for (int i = 0; i < k->wheels; i++) {
@@ -149,7 +149,7 @@ omni_result_t omni_kinematics_init(omni_kinematics_t *k, const omni_kinematics_c
 
 omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s) {
     omni_real_t residual = 0.0f;
-    /* n^T B = 0 in eq. 20 leaves n^T r phi' = n^T v_s */
+    /* n^T B = 0 in [report eq. 20] leaves n^T r phi' = n^T v_s */
     for (int i = 0; i < k->wheels; i++) {
         residual += k->null[i] * k->radius_m[i] * wheel_rad_s[i];
     }

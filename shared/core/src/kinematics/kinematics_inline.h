@@ -17,7 +17,7 @@
 OMNI_KINEMATICS_INLINE void omni_kinematics_inverse(const omni_kinematics_t *k, const omni_twist_t *body,
                                                     const omni_real_t *slip_m_s, omni_real_t *wheel_rad_s) {
     for (int i = 0; i < k->wheels; i++) {
-        /* eq. 20, corrected: phi' = (B v + v_s) / r */
+        /* [report eq. 20], corrected: phi' = (B v + v_s) / r */
         const omni_real_t rolling = k->b[i][0] * body->vx + k->b[i][1] * body->vy + k->b[i][2] * body->wz;
         const omni_real_t slip = slip_m_s != NULL ? slip_m_s[i] : 0.0f;
         wheel_rad_s[i] = (rolling + slip) / k->radius_m[i];
@@ -28,7 +28,7 @@ OMNI_KINEMATICS_INLINE void omni_kinematics_forward(const omni_kinematics_t *k, 
                                                     const omni_real_t *slip_m_s, omni_twist_t *body) {
     omni_twist_t sum = {0.0f, 0.0f, 0.0f};
     for (int i = 0; i < k->wheels; i++) {
-        /* eq. 22, corrected: v = B+ (r phi' - v_s) */
+        /* [report eq. 22], corrected: v = B+ (r phi' - v_s) */
         const omni_real_t slip = slip_m_s != NULL ? slip_m_s[i] : 0.0f;
         const omni_real_t rolled = k->radius_m[i] * wheel_rad_s[i] - slip;
         sum.vx += k->b_pinv[0][i] * rolled;
@@ -45,14 +45,14 @@ OMNI_KINEMATICS_INLINE omni_rotation_t omni_rotation(omni_real_t theta) {
 }
 
 OMNI_KINEMATICS_INLINE omni_twist_t omni_rotate_to_body(const omni_twist_t *world, const omni_rotation_t *r) {
-    /* eq. 16: R(theta) */
+    /* [report eq. 16]: R(theta) */
     const omni_twist_t body = {r->cosine * world->vx + r->sine * world->vy, -r->sine * world->vx + r->cosine * world->vy,
                                world->wz};
     return body;
 }
 
 OMNI_KINEMATICS_INLINE omni_twist_t omni_rotate_to_world(const omni_twist_t *body, const omni_rotation_t *r) {
-    /* eq. 16: R(theta)^T */
+    /* [report eq. 16]: R(theta)^T */
     const omni_twist_t world = {r->cosine * body->vx - r->sine * body->vy, r->sine * body->vx + r->cosine * body->vy, body->wz};
     return world;
 }

@@ -46,7 +46,7 @@ static omni_result_t check(const omni_motor_config_t *motor, omni_real_t step_s)
     return in_range ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
-/* eq. 26, corrected by an angle row, times the step: M T. @return its largest row sum over w and i. */
+/* [report eq. 26], corrected by an angle row, times the step: M T. @return its largest row sum over w and i. */
 static omni_real_t continuous(const omni_motor_config_t *motor, omni_real_t step_s, model_t m) {
     m[0][0] = step_s;
     m[1][0] = -motor->viscous_N_m_s / motor->inertia_kg_m2 * step_s;
@@ -102,7 +102,7 @@ omni_result_t omni_motor_discretise(const omni_motor_config_t *motor, omni_real_
         return OMNI_ERR_RANGE;
     }
     exponential_minus_one(d, norm);
-    /* eq. 45, corrected: exp([A B; 0 0] T) = [A_d B_d; 0 I] in place of A T + I */
+    /* [report eq. 45], corrected: exp([A B; 0 0] T) = [A_d B_d; 0 I] in place of A T + I */
     for (int row = 0; row < ROWS; row++) {
         out->a[row][0] = row == 0 ? 1.0f : 0.0f;
         out->a[row][1] = d[row][0] + (row == 1 ? 1.0f : 0.0f);
@@ -113,11 +113,11 @@ omni_result_t omni_motor_discretise(const omni_motor_config_t *motor, omni_real_
 }
 
 omni_real_t omni_motor_speed_gain(const omni_motor_config_t *motor) {
-    /* eq. 24 and 25 at rest: V = (K + R b / K) w */
+    /* [report eq. 24 and 25] at rest: V = (K + R b / K) w */
     return motor->constant_N_m_A + motor->resistance_ohm * motor->viscous_N_m_s / motor->constant_N_m_A;
 }
 
 omni_real_t omni_motor_acceleration_gain(const omni_motor_config_t *motor) {
-    /* eq. 24 and 25 without L: i = J w' / K, V = R i */
+    /* [report eq. 24 and 25] without L: i = J w' / K, V = R i */
     return motor->resistance_ohm * motor->inertia_kg_m2 / motor->constant_N_m_A;
 }

@@ -108,7 +108,7 @@ static void add_pair(omni_jet_t *jet, omni_real_t amplitude, omni_ns_t ns, uint3
     add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f, omni_two_pi / (omni_real_t)cosine_s);
 }
 
-/* eq. 81 */
+/* [report eq. 81] */
 static void report(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
     add_pair(x, plan->config.size_m, ns, 12, 14);
     add_pair(y, plan->config.size_m, ns, 5, 4);

@@ -13,7 +13,7 @@ enum {
     RAMP_ROUNDS = 60
 };
 
-/* eq. 81 repeats after the least common multiple of its six periods. */
+/* [report eq. 81] repeats after the least common multiple of its six periods. */
 static const omni_real_t report_repeats_s = 1680.0f;
 static const omni_real_t near_m = 1e-3f;
 static const omni_real_t near_rad = 1e-3f;
