@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# The generation step: parameter and robot tables, MAVLink dialect, version header.
+# The generation step: parameter, robot and world tables, MAVLink dialect, version header.
 set(OMNI_GENERATED "${CMAKE_BINARY_DIR}/generated")
 set(generator_dir "${PROJECT_SOURCE_DIR}/shared/generate")
 set(generator "${Python_EXECUTABLE}" "${generator_dir}/generate.py" --out "${OMNI_GENERATED}")
@@ -22,6 +22,15 @@ add_custom_command(
   COMMENT "Generating parameter and robot tables"
   VERBATIM)
 
+set(OMNI_WORLD_HEADERS "${OMNI_GENERATED}/include/hil_sim/world_gen.h" "${OMNI_GENERATED}/include/hil_sim/world_members_gen.h")
+set(OMNI_WORLD_SOURCE "${OMNI_GENERATED}/world/world_gen.c")
+add_custom_command(
+  OUTPUT ${OMNI_WORLD_HEADERS} "${OMNI_WORLD_SOURCE}"
+  COMMAND ${generator} --part world
+  DEPENDS ${generator_sources} "${PROJECT_SOURCE_DIR}/shared/world.toml"
+  COMMENT "Generating the simulated world's tables"
+  VERBATIM)
+
 set(OMNI_MAVLINK_HEADER "${OMNI_GENERATED}/mavlink/omni/mavlink.h")
 set(OMNI_PYTHON_DIALECT "${OMNI_GENERATED}/dialects/omni.py")
 set(OMNI_PYTHON_TELEMETRY "${OMNI_GENERATED}/python/telemetry_gen.py")
@@ -41,6 +50,7 @@ add_custom_target(
   COMMENT "Checking version header"
   VERBATIM)
 add_custom_target(omni_tables DEPENDS ${OMNI_GENERATED_SOURCES} "${OMNI_PARAMS_HEADER}")
+add_custom_target(omni_world DEPENDS ${OMNI_WORLD_HEADERS} "${OMNI_WORLD_SOURCE}")
 add_custom_target(omni_mavlink ALL DEPENDS "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}"
                                       "${OMNI_PYTHON_TELEMETRY}")
 
@@ -52,7 +62,7 @@ add_dependencies(omni_mavlink_headers omni_mavlink)
 install(FILES "${OMNI_PYTHON_DIALECT}" DESTINATION omniwheel/dialects)
 # The mark lets mypy look for types beside the generated module, too.
 install(FILES "${OMNI_PYTHON_TELEMETRY}" "${PROJECT_SOURCE_DIR}/host/omniwheel/py.typed" DESTINATION omniwheel)
-install(FILES "${PROJECT_SOURCE_DIR}/shared/params.toml" DESTINATION omniwheel)
+install(FILES "${PROJECT_SOURCE_DIR}/shared/params.toml" "${PROJECT_SOURCE_DIR}/shared/world.toml" DESTINATION omniwheel)
 install(FILES ${OMNI_ROBOT_FILES} DESTINATION omniwheel/robots)
 file(GLOB preset_files CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/presets/*.toml")
 install(FILES ${preset_files} DESTINATION omniwheel/presets)

@@ -20,8 +20,6 @@ _ACTIONS = {
     "trajectory_start": lib.HIL_ACTION_TRAJECTORY_START,
     "trajectory_stop": lib.HIL_ACTION_TRAJECTORY_STOP,
 }
-_WORLD_FIELDS = {"coulomb_friction_N_m": "motor_coulomb_N_m"}
-"""Keys of a scenario's [world] that ``hil_world_config_t`` names differently."""
 
 
 def scenario_world(scenario: Scenario) -> Any:
@@ -38,7 +36,6 @@ def drawn_world(scenario: Scenario) -> dict[str, float | list[float]]:
 
 
 def _middle_world(scenario: Scenario) -> Any:
-    numbers = {_WORLD_FIELDS.get(name, name): value for name, value in scenario.world.items()}
     config = world_config(
         scenario.world_robot or scenario.robot,
         plant=scenario.plant,
@@ -46,7 +43,7 @@ def _middle_world(scenario: Scenario) -> Any:
         pose_sensor=NO_POSE_SENSOR,
         start_pose=scenario.start_pose,
         faults=scenario.faults,
-        **numbers,
+        **scenario.world,
     )
     check_extremes(scenario.source, scenario.dispersion, config)
     return config

@@ -22,6 +22,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from hil_sim.schema import WORLD
 from omni_schema import SchemaError
 from omni_schema.errors import did_you_mean
 from omni_schema.toml_file import refuse_unknown_keys, take_number, take_table
@@ -31,37 +32,14 @@ WIDEST = 3.0
 """Normal deviations end after so many standard deviations."""
 
 _CONFIG = "hil_world_config_t"
-_SAME_NAME = (
-    "slip_max",
-    "slip_speed_max_m_s",
-    "slip_time_s",
-    "fix_rate_Hz",
-    "fix_sd_xy_m",
-    "fix_sd_theta_rad",
-    "fix_delay_s",
-    "fix_drop_probability",
-    "battery_V",
-    "battery_resistance_ohm",
-    "mass_kg",
-    "inertia_kg_m2",
-    "friction_coefficient",
-    "slip_stiffness_N_s_m",
-    "roller_friction_N_s_m",
-    "motor_inertia_kg_m2",
-    "motor_viscous_N_m_s",
-    "motor_constant_N_m_A",
-    "motor_resistance_ohm",
-    "motor_inductance_H",
-)
-PER_WHEEL = ("wheel_radius_m", "wheel_distance_m", "wheel_angle_rad")
+_VARYING = tuple(quantity for quantity in WORLD.numbers.values() if quantity.varies)
+PER_WHEEL = tuple(quantity.name for quantity in _VARYING if quantity.per_wheel)
 """Quantities of which each wheel has its own; each is drawn by itself."""
 
 _PLACES: dict[str, tuple[str, int]] = {
-    **{name: (name, 0) for name in (*_SAME_NAME, *PER_WHEEL)},
-    "coulomb_friction_N_m": ("motor_coulomb_N_m", 0),
-    "start_x_m": ("start_pose", 0),
-    "start_y_m": ("start_pose", 1),
-    "start_theta_rad": ("start_pose", 2),
+    name: (quantity.field, number)
+    for quantity in _VARYING
+    for number, name in enumerate(quantity.elements or (quantity.name,))
 }
 QUANTITIES: tuple[str, ...] = tuple(sorted(_PLACES))
 """What can differ: numbers of ``[world]``, the wheels' geometry, and where the robot really stands at the start."""
@@ -170,7 +148,7 @@ def drawn_values(entries: tuple[Dispersion, ...], config: Any) -> dict[str, floa
         if entry.quantity in PER_WHEEL:
             values[entry.quantity] = list(value)[: config.wheels]
         else:
-            values[entry.quantity] = value[element] if field == "start_pose" else value
+            values[entry.quantity] = value[element] if isinstance(value, ffi.CData) else value
     return values
 
 

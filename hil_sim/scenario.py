@@ -12,7 +12,7 @@ A scenario is a TOML file::
     duration_s = "until_done"     # seconds, or until the trajectory is done
 
     [parameters]                  # set before arming, over the robot file
-    [world]                       # see WORLD_NUMBERS; numbers of the robot file's [simulation] may be replaced here
+    [world]                       # numbers of world.toml, over those of the robot file
     plant = "full"                # what stands in for the robot: one of PLANTS
     [dispersion]                  # what differs from run to run: see dispersion.py
     [[event]]                     # at_s, or at_progress (share of the path); and one of set, command, velocity, duty
@@ -32,61 +32,21 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hil_sim.dispersion import Dispersion, parse_dispersion
-from hil_sim.faults import KINDS, Fault
+from hil_sim.faults import Fault
+from hil_sim.schema import WORLD, WORLD_NUMBERS
 from hil_sim.world import DEFAULT_PLANT, PLANTS
 from omni_schema import ParameterTable, Robot, SchemaError
 from omni_schema.errors import did_you_mean
 from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
+from omni_schema.world import FaultKind
 from omniwheel.robots import read_robot
 
 UNTIL_DONE: Literal["until_done"] = "until_done"
 MAX_DURATION_S = 3600.0
 MAX_SEED = 2**63 - 1
 COMMANDS = ("arm", "disarm", "estop", "trajectory_start", "trajectory_stop")
-WHEEL_FAULTS = frozenset(name for name in KINDS if name.startswith(("encoder_", "motor_", "wheel_")))
-VALUE_FAULTS = frozenset(
-    {
-        "pose_jump",
-        "battery_sag",
-        "encoder_noisy",
-        "encoder_bit",
-        "pose_delay",
-        "clock_jump",
-        "tick_late",
-        "wheel_turned",
-    }
-)
 
-_BIG = 1e6
-WORLD_NUMBERS: Mapping[str, tuple[float, float]] = {
-    "output_enable_wired": (0.0, 1.0),
-    "output_enable_rest_V": (0.0, 5.5),
-    "slip_max": (0.0, 0.9),
-    "slip_speed_max_m_s": (0.0, 10.0),
-    "slip_time_s": (1e-3, _BIG),
-    "fix_rate_Hz": (0.0, 1000.0),
-    "fix_sd_xy_m": (0.0, 10.0),
-    "fix_sd_theta_rad": (0.0, 3.0),
-    "fix_delay_s": (0.0, 1.0),
-    "fix_drop_probability": (0.0, 1.0),
-    "battery_V": (0.0, 60.0),
-    "battery_resistance_ohm": (0.0, _BIG),
-    "mass_kg": (1e-3, _BIG),
-    "inertia_kg_m2": (1e-6, _BIG),
-    "coulomb_friction_N_m": (0.0, _BIG),
-    "friction_coefficient": (1e-3, 100.0),
-    "slip_stiffness_N_s_m": (1.0, _BIG),
-    "roller_friction_N_s_m": (0.0, _BIG),
-    "motor_inertia_kg_m2": (1e-7, 10.0),
-    "motor_viscous_N_m_s": (0.0, 100.0),
-    "motor_constant_N_m_A": (1e-4, 100.0),
-    "motor_resistance_ohm": (1e-3, 1000.0),
-    "motor_inductance_H": (1e-6, 1.0),
-    "pca9685_address": (1.0, 127.0),
-    "i2c_stranger": (0.0, 127.0),
-}
-"""Numbers allowed in ``[world]`` and their ranges; units are in the names."""
-
+START_POSE = WORLD.numbers["start_pose"]
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _SECTIONS = ("scenario", "parameters", "world", "dispersion", "event", "fault")
 _MERGED = ("scenario", "parameters", "world", "dispersion")
@@ -229,7 +189,7 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
     table = robot.table
     world = dict(take_table(source, "world", document.get("world", {})))
     plant = _plant(source, world.pop("plant", DEFAULT_PLANT))
-    start_pose = _vector(source, "world.start_pose", world.pop("start_pose", [0.0, 0.0, 0.0]))
+    start_pose = _start_pose(source, world.pop("start_pose", START_POSE.default))
     return Scenario(
         source=source,
         name=_name(source, head),
@@ -330,6 +290,13 @@ def _vector(source: str, key: str, value: object) -> tuple[float, float, float]:
     return x, y, theta
 
 
+def _start_pose(source: str, value: object) -> tuple[float, float, float]:
+    x, y, theta = _vector(source, "world.start_pose", value)
+    for number, item in enumerate((x, y, theta)):
+        START_POSE.parse(source, f"world.start_pose[{number + 1}]", item)
+    return x, y, theta
+
+
 def _parameters(source: str, key: str, value: object, table: ParameterTable) -> dict[str, float]:
     values = {}
     for name, given in take_table(source, key, value).items():
@@ -347,7 +314,7 @@ def _plant(source: str, value: object) -> str:
 
 def _world(source: str, world: Mapping[str, Any]) -> dict[str, float]:
     refuse_unknown_keys(source, "world.", world, (*WORLD_NUMBERS, "plant", "start_pose"))
-    return {name: _in_range(source, f"world.{name}", value, *WORLD_NUMBERS[name]) for name, value in world.items()}
+    return {name: WORLD_NUMBERS[name].parse(source, f"world.{name}", value) for name, value in world.items()}
 
 
 def _entries(source: str, key: str, value: object) -> list[dict[str, Any]]:
@@ -391,20 +358,29 @@ def _duty(source: str, key: str, value: object, wheels: int) -> tuple[float, ...
 
 def _fault(source: str, key: str, entry: dict[str, Any], wheels: int) -> Fault:
     refuse_unknown_keys(source, f"{key}.", entry, ("kind", "wheel", "start_s", "stop_s", "value"))
-    kind = take_text(source, f"{key}.kind", entry.get("kind"))
-    if kind not in KINDS:
-        hint = did_you_mean(kind, KINDS)
-        raise SchemaError(source, f"{key}.kind", f"is {kind!r}{hint}; allowed are {', '.join(KINDS)}")
-    for name, kinds in (("wheel", WHEEL_FAULTS), ("value", VALUE_FAULTS)):
-        if (name in entry) != (kind in kinds):
-            word = "is needed" if kind in kinds else "does not apply"
-            raise SchemaError(source, f"{key}.{name}", f"{word} for {kind}")
+    name = take_text(source, f"{key}.kind", entry.get("kind"))
+    if name not in WORLD.faults:
+        hint = did_you_mean(name, WORLD.faults)
+        raise SchemaError(source, f"{key}.kind", f"is {name!r}{hint}; allowed are {', '.join(WORLD.faults)}")
+    kind = WORLD.faults[name]
+    if ("wheel" in entry) != kind.wheel:
+        raise SchemaError(source, f"{key}.wheel", f"{'is needed' if kind.wheel else 'does not apply'} for {name}")
     start_s = _in_range(source, f"{key}.start_s", entry.get("start_s"), 0.0, MAX_DURATION_S)
     stop_s = entry.get("stop_s")
     return Fault(
-        name=kind,
+        name=name,
         start_s=start_s,
         stop_s=math.inf if stop_s is None else _in_range(source, f"{key}.stop_s", stop_s, start_s, MAX_DURATION_S),
         wheel=int(_in_range(source, f"{key}.wheel", entry.get("wheel", 1), 1, wheels)) - 1,
-        value=_in_range(source, f"{key}.value", entry.get("value", 0.0), -_BIG, _BIG),
+        value=_fault_value(source, f"{key}.value", entry.get("value"), kind),
     )
+
+
+def _fault_value(source: str, key: str, value: object, kind: FaultKind) -> float:
+    if value is None:
+        if kind.default is None:
+            raise SchemaError(source, key, f"is needed for {kind.name}")
+        return kind.default
+    if kind.value is None:
+        raise SchemaError(source, key, f"does not apply for {kind.name}")
+    return kind.value.parse(source, key, value)

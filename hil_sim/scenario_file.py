@@ -11,7 +11,8 @@ from typing import Any
 import tomli_w
 
 from hil_sim.faults import Fault
-from hil_sim.scenario import UNTIL_DONE, VALUE_FAULTS, WHEEL_FAULTS, Event, Scenario
+from hil_sim.scenario import UNTIL_DONE, Event, Scenario
+from hil_sim.schema import WORLD
 from omni_schema import Parameter, ParameterTable, Robot
 from omniwheel import files
 from omniwheel.paths import robots_dir
@@ -81,11 +82,12 @@ def _event(event: Event, table: ParameterTable) -> dict[str, Any]:
 
 
 def _fault(fault: Fault) -> dict[str, Any]:
+    kind = WORLD.faults[fault.name]
     entry: dict[str, Any] = {"kind": fault.name, "start_s": fault.start_s}
     if math.isfinite(fault.stop_s):
         entry["stop_s"] = fault.stop_s
-    if fault.name in WHEEL_FAULTS:
+    if kind.wheel:
         entry["wheel"] = fault.wheel + 1
-    if fault.name in VALUE_FAULTS:
+    if kind.value is not None and fault.value != kind.default:
         entry["value"] = fault.value
     return entry

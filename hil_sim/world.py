@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,49 +12,27 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_sim.faults import MAX_FAULTS, Fault
+from hil_sim.schema import WORLD
 from omni_schema import Robot
 from omni_schema.errors import did_you_mean
+from omni_schema.world import Quantity
 from omniwheel._core import ffi, lib
 
-PCA9685_ADDRESS = 0x40
-OUTPUT_ENABLE_REST_V = 3.0
-"""OE as advised: 1 kOhm to 3.3 V against the 10 kOhm to ground that many boards have."""
 TICK_US: int = lib.OMNI_TICK_US
 
 DEFAULT_PLANT = "full"
-PLANTS = {
-    DEFAULT_PLANT: lib.HIL_PLANT_FULL,
-    "kinematic": lib.HIL_PLANT_KINEMATIC,
-    "kinematic+motors": lib.HIL_PLANT_KINEMATIC_MOTORS,
-    "slip": lib.HIL_PLANT_SLIP,
-    "linear": lib.HIL_PLANT_LINEAR,
-}
-"""What can stand in for the robot; ``hil_plant_kind_t`` in world.h says what each is."""
-
-_MOTOR_FIELDS = {
-    "motor_inertia_kg_m2": "inertia_kg_m2",
-    "motor_viscous_N_m_s": "viscous_friction_N_m_s",
-    "motor_constant_N_m_A": "constant_N_m_A",
-    "motor_resistance_ohm": "resistance_ohm",
-    "motor_inductance_H": "inductance_H",
-    "battery_V": "supply_V",
-}
-_SIMULATION_FIELDS = {
-    "mass_kg": "mass_kg",
-    "inertia_kg_m2": "inertia_kg_m2",
-    "motor_coulomb_N_m": "coulomb_friction_N_m",
-    "friction_coefficient": "friction_coefficient",
-    "slip_stiffness_N_s_m": "slip_stiffness_N_s_m",
-    "roller_friction_N_s_m": "roller_friction_N_s_m",
-    "battery_resistance_ohm": "battery_resistance_ohm",
-}
-_LINEAR_FIELDS = ("linear_viscous", "linear_coulomb")
-"""Optional in [simulation]: three numbers each, along body x, y, about z; without them, from the motors' friction."""
-_FROM_THE_MOTORS = (-1.0, -1.0, -1.0)
+PLANTS: dict[str, int] = {name: plant.number for name, plant in WORLD.plants.items()}
+"""What can stand in for the robot, by its number in ``hil_plant_kind_t``; ``world.toml`` says what each is."""
 
 
 class WorldError(ValueError):
     """The world cannot be built; the message names the field, its value and what is allowed."""
+
+
+def _default(name: str) -> float:
+    default = WORLD.numbers[name].default
+    assert isinstance(default, float)
+    return default
 
 
 @dataclass(frozen=True)
@@ -62,20 +40,35 @@ class PoseSensor:
     """A motion-capture system: rate [Hz] (0: none), noise [m, rad], delay [s] and share of fixes that get lost."""
 
     rate_Hz: float = 50.0
-    sd_xy_m: float = 0.005
-    sd_theta_rad: float = 0.005
-    delay_s: float = 0.02
-    drop_probability: float = 0.0
+    sd_xy_m: float = _default("fix_sd_xy_m")
+    sd_theta_rad: float = _default("fix_sd_theta_rad")
+    delay_s: float = _default("fix_delay_s")
+    drop_probability: float = _default("fix_drop_probability")
 
 
 NO_POSE_SENSOR = PoseSensor(rate_Hz=0.0)
 
 
-def _section_number(robot: Robot, section: str, values: Any, key: str) -> float:
-    value = values.get(key)
+def _robot_number(robot: Robot, quantity: Quantity, value: Any) -> float:
     if not isinstance(value, (int, float)):
-        raise WorldError(f"{robot.source}: {section}.{key} is {value!r}; the simulated world needs a number there")
-    return float(value)
+        raise WorldError(f"{robot.source}: {quantity.robot_key} is {value!r}; the simulated world needs a number there")
+    if not quantity.holds(value):
+        raise WorldError(f"{robot.source}: {quantity.robot_key} is {value:g}; allowed is {quantity.allowed}")
+    return int(value) if quantity.kind == "int" else float(value)
+
+
+def _robot_value(robot: Robot, quantity: Quantity) -> Any:
+    """Return what the robot file says, its number or list, else the default."""
+    section, _, leaf = str(quantity.robot_key).partition(".")
+    value = getattr(robot, section).get(leaf, quantity.default)
+    if quantity.elements:
+        if isinstance(value, float) or len(value) != len(quantity.elements):
+            needed = ", ".join(quantity.elements)
+            raise WorldError(f"{robot.source}: {quantity.robot_key} is {value!r}; three numbers are needed: {needed}")
+        return [_robot_number(robot, quantity, item) for item in value]
+    if quantity.per_wheel:
+        return [_robot_number(robot, quantity, item) for item in _per_wheel(value, robot.wheels)]
+    return _robot_number(robot, quantity, value)
 
 
 def _per_wheel(values: Any, wheels: int) -> list[Any]:
@@ -83,32 +76,41 @@ def _per_wheel(values: Any, wheels: int) -> list[Any]:
     return list(values) if isinstance(values, (list, tuple)) else [values] * wheels
 
 
-def _fill_wheels(config: Any, robot: Robot) -> None:
-    angles = [math.radians(angle) for angle in robot.geometry["wheel_angle_deg"]]
+def _radii(robot: Robot) -> list[float]:
     scales = _per_wheel(robot.geometry.get("wheel_radius_scale", 1.0), robot.wheels)
-    columns = {
-        "wheel_radius_m": [robot.geometry["wheel_radius_m"] * scale for scale in scales],
-        "wheel_distance_m": robot.geometry["wheel_distance_m"],
-        "wheel_angle_rad": angles,
-        "encoder_direction": robot.encoder["direction"],
-        "motor_direction": robot.motor["direction"],
-        "in1_channel": robot.wiring["in1_channel"],
-        "in2_channel": robot.wiring["in2_channel"],
-    }
-    for name, values in columns.items():
-        field = getattr(config, name)
-        for wheel, value in enumerate(_per_wheel(values, robot.wheels)):
-            field[wheel] = value
+    return [robot.geometry["wheel_radius_m"] * scale for scale in scales]
 
 
-def _fill_linear(config: Any, robot: Robot) -> None:
-    for name in _LINEAR_FIELDS:
-        values = robot.simulation.get(name, _FROM_THE_MOTORS)
-        if isinstance(values, float) or len(values) != 3:
-            raise WorldError(
-                f"{robot.source}: simulation.{name} is {values!r}; three numbers are needed: along x, y, about z"
-            )
-        setattr(config, name, values)
+def _angles(robot: Robot) -> list[float]:
+    return [math.radians(angle) for angle in robot.geometry["wheel_angle_deg"]]
+
+
+_TURNED: dict[str, Callable[[Robot], Any]] = {
+    "wheel_radius_m": _radii,
+    "wheel_angle_rad": _angles,
+    "output_enable_wired": lambda robot: "output_enable_pin" in robot.wiring,
+}
+"""Numbers that the robot file says in another way."""
+
+
+def _fill_numbers(config: Any, robot: Robot) -> None:
+    for quantity in WORLD.numbers.values():
+        if quantity.robot_key is None:
+            value: Any = quantity.default
+        elif quantity.name in _TURNED:
+            value = _TURNED[quantity.name](robot)
+        else:
+            value = _robot_value(robot, quantity)
+        _set(config, quantity.field, value)
+
+
+def _set(config: Any, field: str, value: Any) -> None:
+    place = getattr(config, field)
+    if isinstance(value, Sequence):
+        for number, item in enumerate(value):
+            place[number] = item
+    else:
+        setattr(config, field, int(value) if isinstance(place, int) else value)
 
 
 def plant_number(name: str) -> int:
@@ -143,44 +145,28 @@ def world_config(
     *,
     plant: str = DEFAULT_PLANT,
     seed: int = 1,
-    slip_max: float = 0.0,
-    slip_speed_max_m_s: float = 0.0,
-    slip_time_s: float = 0.5,
     pose_sensor: PoseSensor = PoseSensor(),
-    start_pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
     faults: Sequence[Fault] = (),
-    **overrides: float,
+    **numbers: float | Sequence[float],
 ) -> Any:
     """Return a new ``hil_world_config_t *`` for this robot; change its fields freely, :class:`World` checks them.
 
-    ``plant`` is one of :data:`PLANTS`. ``slip_max`` is the largest imposed slip ratio, ``slip_speed_max_m_s`` the
-    largest imposed slip speed of a wheel in either direction, both drawn anew every ``slip_time_s``; ``start_pose`` is
-    x [m], y [m], theta [rad]; ``overrides`` are number fields of ``hil_world_config_t`` by name. Raises WorldError.
+    ``plant`` is one of :data:`PLANTS`. ``numbers`` are those of ``world.toml`` by name, or other number fields of
+    ``hil_world_config_t``: ``slip_max=0.1``, ``start_pose=(0.5, 0.0, 0.0)``. They replace the robot file's and the
+    defaults. Raises WorldError.
     """
     config = ffi.new("hil_world_config_t *")
     config.wheels = robot.wheels
-    config.counts_per_revolution = int(robot.encoder["counts_per_revolution"])
-    config.pca9685_address = PCA9685_ADDRESS
-    config.output_enable_wired = "output_enable_pin" in robot.wiring
-    config.output_enable_rest_V = OUTPUT_ENABLE_REST_V
-    _fill_wheels(config, robot)
-    for field, key in _MOTOR_FIELDS.items():
-        setattr(config, field, _section_number(robot, "motor", robot.motor, key))
-    for field, key in _SIMULATION_FIELDS.items():
-        setattr(config, field, _section_number(robot, "simulation", robot.simulation, key))
-    _fill_linear(config, robot)
+    _fill_numbers(config, robot)
     config.plant = plant_number(plant)
     config.seed = seed
-    config.slip_max = slip_max
-    config.slip_speed_max_m_s = slip_speed_max_m_s
-    config.slip_time_s = slip_time_s
-    config.start_pose = start_pose
     _fill_pose_sensor(config, pose_sensor)
     _fill_faults(config, faults)
-    for field, value in overrides.items():
+    for name, value in numbers.items():
+        field = WORLD.numbers[name].field if name in WORLD.numbers else name
         if field not in dir(config):
-            raise WorldError(f"{field} is no field of the world; see hil_world_config_t in world.h")
-        setattr(config, field, int(value) if isinstance(getattr(config, field), int) else value)
+            raise WorldError(f"{name} is no field of the world; see world.toml and hil_world_config_t in world.h")
+        _set(config, field, value)
     return config
 
 

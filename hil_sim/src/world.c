@@ -18,7 +18,7 @@ hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config
     world->config = *config;
     memcpy(world->pose, config->start_pose, sizeof world->pose);
     hil_plant_init(&world->plant, config);
-    hil_pca9685_reset(&world->chip, config->pca9685_address);
+    hil_pca9685_reset(&world->chip, (uint8_t)config->pca9685_address);
     world->chip.output_enable_high = hil_output_enable_high(config, HIL_OE_RELEASED);
     hil_bridges_init(world);
     hil_faults_update(world);

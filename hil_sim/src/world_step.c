@@ -57,8 +57,8 @@ static void direct_to_bridges(hil_world_t *world) {
 static void chip_to_bridges(hil_world_t *world) {
     const double period_s = 1.0 / hil_pca9685_frequency_Hz(&world->chip);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        const uint32_t channel1 = world->config.in1_channel[i];
-        const uint32_t channel2 = world->config.in2_channel[i];
+        const uint32_t channel1 = (uint32_t)world->config.in1_channel[i];
+        const uint32_t channel2 = (uint32_t)world->config.in2_channel[i];
         world->in1[i] = hil_pca9685_duty(&world->chip, channel1);
         world->in2[i] = hil_pca9685_duty(&world->chip, channel2);
         hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1), hil_pca9685_phase(&world->chip, channel2),
@@ -113,7 +113,7 @@ static void starve_chip(hil_world_t *world) {
     if (hil_fault_find(world, HIL_FAULT_CHIP_POWER, HIL_MAX_WHEELS) == NULL) {
         return;
     }
-    hil_pca9685_reset(&world->chip, world->config.pca9685_address);
+    hil_pca9685_reset(&world->chip, (uint8_t)world->config.pca9685_address);
     memset(world->direct_in1, 0, sizeof world->direct_in1);
     memset(world->direct_in2, 0, sizeof world->direct_in2);
     hil_bridges_follow(world, world->direct);

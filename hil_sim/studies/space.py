@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from hil_sim.scenario import WORLD_NUMBERS, Scenario
+from hil_sim.scenario import Scenario
+from hil_sim.schema import WORLD_NUMBERS
 from hil_sim.studies.errors import StudyInputError
 from hil_sim.studies.plan import WORLD_PREFIX, Point
 from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
@@ -104,9 +105,9 @@ class _Quantity:
             given = text.lower()
         if self.parameter is not None:
             return self.parameter.parse(_SOURCE, self.name, given)
-        low, high = WORLD_NUMBERS[self.name[len(WORLD_PREFIX) :]]
-        if isinstance(given, str) or not low <= given <= high:
-            raise SchemaError(_SOURCE, self.name, f"is {text}; allowed is a number from {low:g} to {high:g}")
+        number = WORLD_NUMBERS[self.name[len(WORLD_PREFIX) :]]
+        if isinstance(given, str) or not number.holds(given):
+            raise SchemaError(_SOURCE, self.name, f"is {text}; allowed is {number.allowed}")
         return given
 
     def axis(self, low: float, high: float, values: tuple[float, ...], **more: bool) -> Axis:

@@ -52,6 +52,11 @@ def params_path() -> Path:
     return _existing(data_dir() / "params.toml", "the parameter description")
 
 
+def world_path() -> Path:
+    """Return world.toml, the description of the simulated world."""
+    return _existing(data_dir() / "world.toml", "the description of the simulated world")
+
+
 def dialect_dir() -> Path:
     """Return the folder that holds the generated MAVLink dialect, module ``omni``."""
     return _existing(data_dir() / "dialects", "the MAVLink dialect")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Turns shared/params.toml, shared/robots/ and shared/link/ into C and Python source at build time.
+"""Turns shared/params.toml, shared/world.toml, shared/robots/ and shared/link/ into C and Python source at build time.
 
     python shared/generate/generate.py --out build/generated [--robot my_robot.toml]... [--part tables]...
 
@@ -17,14 +17,16 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
 from c_tables import write_c_tables  # noqa: E402
+from c_world import write_c_world  # noqa: E402
 from git_version import write_version_header  # noqa: E402
 from omni_schema import Robot, SchemaError, load_parameters, load_robot  # noqa: E402
 from omni_schema.errors import did_you_mean  # noqa: E402
+from omni_schema.world import load_world  # noqa: E402
 from wiring_header import write_wiring_header  # noqa: E402
 
 SHARED = HERE.parent
 ROOT = SHARED.parent
-USUAL_PARTS = ("tables", "mavlink-c", "mavlink-python", "version")
+USUAL_PARTS = ("tables", "world", "mavlink-c", "mavlink-python", "version")
 PARTS = (*USUAL_PARTS, "wiring")  # one robot's pins: only for that robot's own board
 
 
@@ -57,6 +59,8 @@ def generate(out: Path, parts: list[str], robot_files: list[Path], params_path: 
     if "tables" in parts:
         table = load_parameters(params_path)
         write_c_tables(table, load_robots(params_path, robot_files), out)
+    if "world" in parts:
+        write_c_world(load_world(SHARED / "world.toml"), out)
     if "wiring" in parts:
         write_wiring_header(load_robots(params_path, robot_files), out)
     if "mavlink-c" in parts or "mavlink-python" in parts:

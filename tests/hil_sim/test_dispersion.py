@@ -15,7 +15,8 @@ from hil_sim.batch import run_batch
 from hil_sim.c_scenario import drawn_world, scenario_world
 from hil_sim.dispersion import QUANTITIES, Dispersion, dispersion_document, parse_dispersion
 from hil_sim.runs import run_in_process
-from hil_sim.scenario import WORLD_NUMBERS, Scenario, load_scenario
+from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.schema import WORLD_NUMBERS
 from hil_sim.summary import summarize
 from omni_schema import SchemaError
 

@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from pathlib import Path
 
-from hil_sim import dispersion, faults, scenario
-from hil_sim.world import PLANTS
+from hil_sim import dispersion, scenario
+from hil_sim.schema import WORLD
 from omni_docs.markdown import code, escaped, page, table
 from omni_schema import load_parameters
 from omni_schema.robots import KEYED_SECTIONS, SECTIONS
 from omni_schema.wiring import BOARD_KEYS
+from omni_schema.world import FaultKind, Quantity
+
+_HEAD = ["Key", "Allowed", "From", "Meaning"]
 
 
 def _robot_page(root: Path) -> str:
@@ -41,13 +45,28 @@ def _robot_page(root: Path) -> str:
     )
 
 
-def _needs(fault: str) -> str:
-    needs = [("wheel", scenario.WHEEL_FAULTS), ("value", scenario.VALUE_FAULTS)]
-    return ", ".join(code(key) for key, kinds in needs if fault in kinds)
+def _needs(fault: FaultKind) -> str:
+    value = "" if fault.value is None else f"{code('value')}: {escaped(fault.value.allowed)}"
+    optional = "" if fault.value is None or fault.default is None else f"; {fault.default:g} if left out"
+    return ", ".join(part for part in (code("wheel") if fault.wheel else "", value + optional) if part)
+
+
+def _comes_from(quantity: Quantity) -> str:
+    if quantity.robot_key is not None:
+        return code(quantity.robot_key)
+    numbers = quantity.default if isinstance(quantity.default, tuple) else (quantity.default or 0.0,)
+    return ", ".join(f"{number:g}" for number in numbers)
+
+
+def _number_rows(only: Callable[[Quantity], bool]) -> list[list[str]]:
+    return [
+        [code(quantity.name), escaped(quantity.allowed), _comes_from(quantity), escaped(quantity.doc)]
+        for quantity in WORLD.numbers.values()
+        if only(quantity)
+    ]
 
 
 def _scenario_page() -> str:
-    ranges = [[code(name), f"{low:g}", f"{high:g}"] for name, (low, high) in scenario.WORLD_NUMBERS.items()]
     about = inspect.getdoc(scenario) or ""
     spread = inspect.getdoc(dispersion) or ""
     return page(
@@ -56,14 +75,19 @@ def _scenario_page() -> str:
         f"These come with the package: {', '.join(code(name) for name in scenario.scenario_names())}.",
         f"```text\n{about}\n```",
         "## World",
-        "Numbers of `[world]`; the unit is the end of the name. "
-        "What is left out comes from the robot file's `[simulation]`.",
-        table(["Key", "Smallest", "Largest"], ranges),
-        f"`plant` is one of {', '.join(code(name) for name in PLANTS)}. `start_pose` is a list: x, y, theta.",
+        "Numbers of `[world]`. What is left out comes from the robot file's key, else it has the number given here.",
+        table(_HEAD, _number_rows(lambda quantity: not quantity.robot_only)),
+        "These stand in the robot file only; `[dispersion]` makes the first three differ from run to run.",
+        table(_HEAD, _number_rows(lambda quantity: quantity.robot_only)),
+        "## Plants",
+        "`plant` of `[world]` is one of these. Equation numbers are the report's.",
+        table(["Plant", "Meaning"], [[code(plant.name), escaped(plant.doc)] for plant in WORLD.plants.values()]),
         "## Faults",
-        "`kind` of a `[[fault]]` is one of these. "
-        "Those of encoders, motors and wheels need `wheel`; some need `value`.",
-        table(["Kind", "Needs"], [[code(name), _needs(name)] for name in faults.KINDS]),
+        "`kind` of a `[[fault]]` is one of these.",
+        table(
+            ["Kind", "Needs", "Meaning"],
+            [[code(fault.name), _needs(fault), escaped(fault.doc)] for fault in WORLD.faults.values()],
+        ),
         "## Events",
         f"`command` is one of {', '.join(code(name) for name in scenario.COMMANDS)}.",
         "## Dispersion",

@@ -14,6 +14,7 @@
 #include "hil_sim/random.h"
 #include "hil_sim/run.h"
 #include "hil_sim/runner.h"
+#include "hil_sim/schema.h"
 #include "hil_sim/spread.h"
 #include "hil_sim/timeline.h"
 #include "hil_sim/world.h"

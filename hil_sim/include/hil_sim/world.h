@@ -12,7 +12,7 @@
  *   L i_i' = V_i - R i_i - K w_i                             the bridge decides V_i or open circuit
  *   m v' = sum (F_i t_i - roller drag across t_i);   I wz' = sum d_i F_i
  *   V_supply = V_battery - R_battery sum (drive_i i_i)
- * That is the plant `full`. The report's models are plants too (hil_plant_kind_t): they leave out what the report leaves out, and
+ * That is the plant `full`. The report's models are plants too (shared/world.toml): they leave out what the report leaves out, and
  * everything else of the world (sensors, faults, bridges) stays the same.
  * docs/concepts/derivations/slip_space.md derives them.
  */
@@ -25,6 +25,7 @@
 #include "hil_sim/drv8871.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/real.h"
+#include "hil_sim/world_gen.h"
 
 enum {
     HIL_MAX_WHEELS = 4,
@@ -43,18 +44,6 @@ typedef enum hil_result_t {
     HIL_ERR_PROTOCOL /**< the robot answered something else than asked */
 } hil_result_t;
 
-/** What moves when the motors are driven. Equation numbers are the report's. */
-typedef enum hil_plant_kind_t {
-    HIL_PLANT_FULL = 0, /**< everything above */
-    HIL_PLANT_KINEMATIC, /**< (15)-(23): wheels have the motor's steady speed V / (K + R b / K) at once; rolling in least squares */
-    HIL_PLANT_KINEMATIC_MOTORS, /**< (24)-(27) with Coulomb friction, no load from the floor; then (15)-(23) */
-    HIL_PLANT_SLIP,   /**< (6), (7): `full` without roller drag, Coulomb friction, battery resistance; driven torques act on a
-                                     wheel without bearing friction */
-    HIL_PLANT_LINEAR, /**< (14), body frame: rolling wheels, linear_viscous, linear_coulomb, no inductance, no Coriolis terms. The
-                                     wheels' inertia, which (14) leaves out, adds to the mass */
-    HIL_PLANT_KIND_COUNT
-} hil_plant_kind_t;
-
 /** What drives the wheels. */
 typedef enum hil_source_t {
     HIL_SOURCE_BRIDGES = 0, /**< battery, bridges, motors */
@@ -62,32 +51,6 @@ typedef enum hil_source_t {
     HIL_SOURCE_VOLTAGE,     /**< ideal voltage sources at the windings */
     HIL_SOURCE_TORQUE       /**< torques at the wheels in place of the motors' K i */
 } hil_source_t;
-
-typedef enum hil_fault_kind_t {
-    HIL_FAULT_NONE = 0,
-    HIL_FAULT_ENCODER_STUCK,    /**< counter of `wheel` stands still */
-    HIL_FAULT_ENCODER_REVERSED, /**< counter of `wheel` counts backwards */
-    HIL_FAULT_ENCODER_INVALID,  /**< counter of `wheel` is reported as not valid */
-    HIL_FAULT_I2C_NACK,         /**< the chip acknowledges nothing */
-    HIL_FAULT_I2C_STUCK,        /**< the bus is held low. At wires, `value` 0: SDA, HIL_STUCK_SCL: SCL */
-    HIL_FAULT_LINK_SILENCE,     /**< the ground station's messages do not arrive (host-in-the-loop sensors still do) */
-    HIL_FAULT_POSE_LOSS,        /**< no pose fixes */
-    HIL_FAULT_POSE_JUMP,        /**< pose fixes are off by `value` metres in x */
-    HIL_FAULT_BATTERY_SAG,      /**< open-circuit voltage becomes `value` volts */
-    HIL_FAULT_MOTOR_DEAD,       /**< motor of `wheel` is disconnected */
-    HIL_FAULT_MOTOR_STALLED,    /**< `wheel` is blocked */
-    HIL_FAULT_ENCODER_NOISY,    /**< counter of `wheel` reads up to `value` counts too much or too little, at random */
-    HIL_FAULT_ENCODER_BIT,      /**< bit number `value` of the counter of `wheel` always reads 1 */
-    HIL_FAULT_CHIP_POWER,       /**< the PWM chip has no power: it acknowledges nothing and forgets everything */
-    HIL_FAULT_POSE_FREEZE,      /**< pose fixes repeat the one before the fault */
-    HIL_FAULT_POSE_DELAY,       /**< pose fixes come `value` seconds later than usual, with their own time of arrival on them */
-    HIL_FAULT_CLOCK_JUMP,       /**< the robot's clock is ahead by `value` seconds */
-    HIL_FAULT_CLOCK_STUCK,      /**< the robot's clock stands still */
-    HIL_FAULT_TICK_LATE,        /**< ticks come `value` seconds apart */
-    HIL_FAULT_WHEEL_TURNED,     /**< no fault: a hand turns `wheel` at `value` rad/s, whatever the motor does */
-    HIL_FAULT_STOP_BUTTON,      /**< no fault: somebody presses the stop button, or its wire is cut */
-    HIL_FAULT_KIND_COUNT
-} hil_fault_kind_t;
 
 /** Value of HIL_FAULT_I2C_STUCK that holds SCL. */
 enum { HIL_STUCK_SCL = 1 };
@@ -100,48 +63,11 @@ typedef struct hil_fault_t {
     double value;
 } hil_fault_t;
 
+/** A world. Its numbers come from shared/world.toml, where each has its unit, range and meaning. */
 typedef struct hil_world_config_t {
     uint32_t wheels; /**< 3 or 4 */
-    hil_real_t wheel_radius_m[HIL_MAX_WHEELS];
-    hil_real_t wheel_distance_m[HIL_MAX_WHEELS];
-    hil_real_t wheel_angle_rad[HIL_MAX_WHEELS];
-    hil_real_t motor_inertia_kg_m2;
-    hil_real_t motor_viscous_N_m_s;
-    hil_real_t motor_coulomb_N_m;
-    hil_real_t motor_constant_N_m_A;
-    hil_real_t motor_resistance_ohm;
-    hil_real_t motor_inductance_H;
-    hil_real_t battery_V; /**< open circuit */
-    hil_real_t battery_resistance_ohm;
-    hil_real_t mass_kg;
-    hil_real_t inertia_kg_m2;
-    hil_real_t friction_coefficient;
-    hil_real_t slip_stiffness_N_s_m;
-    hil_real_t roller_friction_N_s_m;
-    hil_real_t slip_max;           /**< imposed slip ratio is drawn from [0, slip_max] */
-    double slip_time_s;            /**< and changes linearly between draws this far apart */
-    hil_real_t slip_speed_max_m_s; /**< imposed slip speed is drawn from [-max, max] every slip_time_s and held */
-    uint32_t plant;                /**< hil_plant_kind_t */
-    hil_real_t linear_viscous
-        [3]; /**< plant `linear`: B_v, B_vn [N s/m], B_w [N m s]; -1: from the motors' friction and the roller drag */
-    hil_real_t linear_coulomb[3]; /**< plant `linear`: C_v, C_vn [N], C_w [N m]; -1: from the motors' Coulomb friction */
-    int32_t counts_per_revolution;
-    int32_t encoder_direction[HIL_MAX_WHEELS];
-    int32_t motor_direction[HIL_MAX_WHEELS];
-    uint32_t in1_channel[HIL_MAX_WHEELS];
-    uint32_t in2_channel[HIL_MAX_WHEELS];
-    uint8_t pca9685_address;
-    uint8_t i2c_stranger;     /**< address of something else on the bus that acknowledges everything; 0: nothing */
-    bool output_enable_wired; /**< the chip's OE pin hangs on the processor; false: tied to ground */
-    /** Level of OE while the processor does not drive it: 3.0 V is 1 kOhm to 3.3 V against a board's 10 kOhm to ground. Below
-     *  HIL_OE_HIGH_V nothing is promised; this world then takes the worse: the outputs stay on. */
-    double output_enable_rest_V;
-    double fix_rate_Hz; /**< 0: no pose sensor */
-    hil_real_t fix_sd_xy_m;
-    hil_real_t fix_sd_theta_rad;
-    double fix_delay_s;
-    hil_real_t fix_drop_probability;
-    hil_real_t start_pose[3]; /**< x [m], y [m], theta [rad] */
+    uint32_t plant;  /**< hil_plant_kind_t */
+#include "hil_sim/world_members_gen.h"
     hil_seed_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: MIT
+"""Writes the simulated world's schema as C: names of plants and faults, members of the configuration, ranges."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from c_tables import c_string
+from omni_schema.world import FaultKind, Quantity, Range, WorldSchema
+
+NOTICE = """\
+/* SPDX-License-Identifier: MIT
+ * Written by shared/generate; edit shared/world.toml instead. */
+"""
+
+_MEMBER = {"int": "int32_t", "bool": "bool"}
+_ANY = Range("real", "", -1e6, 1e6)
+"""What the number of a fault that needs none may be."""
+
+
+def _enumeration(prefix: str, rows: list[tuple[str, int, str]]) -> list[str]:
+    return [f"    {prefix}_{name.upper()} = {number}, /**< {doc} */" for name, number, doc in rows]
+
+
+def names_header(world: WorldSchema) -> str:
+    """Return ``hil_sim/world_gen.h``: the plants' and the faults' numbers."""
+    plants = [(plant.symbol, plant.number, plant.doc) for plant in world.plants.values()]
+    faults = [(fault.name, fault.number, _fault_doc(fault)) for fault in world.faults.values()]
+    return "\n".join(
+        [
+            NOTICE,
+            "#ifndef HIL_SIM_WORLD_GEN_H",
+            "#define HIL_SIM_WORLD_GEN_H",
+            "",
+            "/** What moves when the motors are driven. Equation numbers are the report's. */",
+            "typedef enum hil_plant_kind_t {",
+            *_enumeration("HIL_PLANT", plants),
+            f"    HIL_PLANT_KIND_COUNT = {len(plants)}",
+            "} hil_plant_kind_t;",
+            "",
+            "/** What breaks. */",
+            "typedef enum hil_fault_kind_t {",
+            "    HIL_FAULT_NONE = 0,",
+            *_enumeration("HIL_FAULT", faults),
+            f"    HIL_FAULT_KIND_COUNT = {len(faults) + 1}",
+            "} hil_fault_kind_t;",
+            "",
+            "#endif",
+            "",
+        ]
+    )
+
+
+def _fault_doc(fault: FaultKind) -> str:
+    return f"{fault.doc}; value: {fault.value.allowed}" if fault.value else fault.doc
+
+
+def members(world: WorldSchema) -> str:
+    """Return ``hil_sim/world_members_gen.h``: the numbers as members of ``hil_world_config_t``."""
+    return "\n".join([NOTICE, *(_member(quantity) for quantity in world.numbers.values()), ""])
+
+
+def _member(quantity: Quantity) -> str:
+    kind = _MEMBER.get(quantity.kind, "double" if quantity.deciding else "hil_real_t")
+    count = "[HIL_MAX_WHEELS]" if quantity.per_wheel else f"[{len(quantity.elements)}]" if quantity.elements else ""
+    unit = f" [{quantity.unit}]" if quantity.unit else ""
+    return f"{kind} {quantity.field}{count}; /**< {quantity.doc}{unit} */"
+
+
+def ranges_source(world: WorldSchema) -> str:
+    """Return ``world_gen.c``: the tables of schema.h."""
+    numbers = [quantity for quantity in world.numbers.values() if quantity.kind != "bool"]
+    return "\n".join(
+        [
+            NOTICE,
+            '#include "hil_sim/schema.h"',
+            "",
+            "#include <stddef.h>",
+            "",
+            "const hil_number_t hil_numbers[] = {",
+            *(_number_row(quantity) for quantity in numbers),
+            "};",
+            f"const uint32_t hil_number_count = {len(numbers)};",
+            "",
+            "const hil_fault_rule_t hil_fault_rules[HIL_FAULT_KIND_COUNT] = {",
+            "    [HIL_FAULT_NONE] = " + _rule("none", False, _ANY),
+            *(
+                f"    [HIL_FAULT_{fault.name.upper()}] = " + _rule(fault.name, fault.wheel, fault.value or _ANY)
+                for fault in world.faults.values()
+            ),
+            "};",
+            "",
+        ]
+    )
+
+
+def _number_row(quantity: Quantity) -> str:
+    count = 0 if quantity.per_wheel else max(len(quantity.elements), 1)
+    place = f"offsetof(hil_world_config_t, {quantity.field})"
+    whole = str(quantity.kind == "int").lower()
+    ends = f"{quantity.minimum!r}, {quantity.maximum!r}"
+    return f"    {{{c_string(quantity.field)}, {place}, {count}, {whole}, {ends}, {c_string(quantity.allowed)}}},"
+
+
+def _rule(name: str, wheel: bool, value: Range) -> str:
+    ends = f"{value.minimum!r}, {value.maximum!r}"
+    return f"{{{c_string(name)}, {str(wheel).lower()}, {ends}, {c_string(value.allowed)}}},"
+
+
+def write_c_world(world: WorldSchema, out: Path) -> None:
+    """Write the files below ``out``."""
+    files = {
+        out / "include" / "hil_sim" / "world_gen.h": names_header(world),
+        out / "include" / "hil_sim" / "world_members_gen.h": members(world),
+        out / "world" / "world_gen.c": ranges_source(world),
+    }
+    for path, text in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
