@@ -77,8 +77,8 @@ def test_a_start_out_of_range_is_named_by_its_element() -> None:
 
 def test_a_robot_file_out_of_range_is_named_with_file_and_key(robots: dict[str, Robot]) -> None:
     robot = robots["three_wheel"]
-    heavy = Robot(**{**vars(robot), "simulation": {**robot.simulation, "friction_coefficient": 1e4}})
-    with pytest.raises(WorldError, match=r"three_wheel\.toml: simulation\.friction_coefficient is 10000; allowed is"):
+    heavy = Robot(**{**vars(robot), "simulation": {**robot.simulation, "roller_friction_N_s_m": 1e7}})
+    with pytest.raises(WorldError, match=r"three_wheel\.toml: simulation\.roller_friction_N_s_m is 1e\+07; allowed is"):
         world_config(heavy)
 
 
