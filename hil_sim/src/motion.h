@@ -30,14 +30,42 @@ typedef struct hil_contact_t {
 static const double HIL_COULOMB_WIDTH_rad_s = 0.01;
 static const double HIL_ROSENBROCK_GAMMA = 0.29289321881345254;
 
+/** A plant: what the world asks of it. hil_plant_NAME for each row of [plants] in shared/world.toml. */
+typedef struct hil_plant_model_t {
+    bool takes_speed;  /**< wheels can be given speeds in place of motors */
+    bool takes_torque; /**< and torques */
+    /** After the constants that all plants share: what it leaves out, and its own. NULL: nothing. */
+    void (*init)(hil_plant_t *plant, const hil_world_config_t *config);
+    /** Another hil_source_t drives the wheels from now on. NULL: all the same. */
+    void (*source)(hil_world_t *world, uint32_t source);
+    /** A tick: wheels, currents, body and supply voltage. Encoders, slip and faults are the world's. */
+    void (*step)(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
+} hil_plant_model_t;
+
+/** What a plant that goes in substeps does in one. */
+typedef void hil_substep_t(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y,
+                           double step_s);
+
 /* plant.c */
+const hil_plant_model_t *hil_plant_model(uint32_t plant);
+/**
+ * A tick in substeps of at most 0.25 ms, positions by the midpoint rule. @param fit makes wheels and body fit together before the
+ * first one, because imposed slip may have changed since the last step; NULL: they need not.
+ */
+void hil_march(hil_world_t *world, const hil_electrics_t *electrics, double step_s,
+               void (*fit)(const hil_world_t *world, hil_motion_t *y), hil_substep_t *substep);
 /** World frame from and to body frame; cos_sin: cosine and sine of the heading. */
 void hil_motion_load(const hil_world_t *world, hil_motion_t *y, const hil_real_t *cos_sin);
 void hil_motion_store(hil_world_t *world, const hil_motion_t *y, const hil_real_t *cos_sin);
 /** Speed of the floor below the body at wheel i, along the wheel [m/s]: t_i . (v + wz x p_i). */
 hil_real_t hil_floor_speed(const hil_plant_t *plant, const hil_real_t *v, uint32_t wheel);
+/** The report's models leave out battery resistance and roller drag. */
+static inline void hil_plant_reduce(hil_plant_t *plant) {
+    plant->battery_resistance_ohm = 0.0;
+    plant->drag_xx = plant->drag_xy = plant->drag_yy = 0.0;
+}
 
-/* plant_contact.c: full, slip; the motors of kinematic+motors */
+/* plant_contact.c: wheels on the floor, for plants with a contact or motors */
 /** Before the substeps of a tick. */
 void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const hil_electrics_t *electrics, double step_s);
 void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y);
@@ -45,12 +73,5 @@ void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, c
 /* plant_kinematic.c */
 /** Body velocity that fits the wheels' speeds and the imposed slip best, in least squares. */
 void hil_rolling_twist(const hil_world_t *world, const hil_real_t *wheel_rad_s, hil_real_t *v);
-void hil_kinematic_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
-
-/* plant_linear.c */
-void hil_linear_init(hil_plant_t *plant, const hil_world_config_t *config);
-/** Wheel speeds of rolling at body velocity v with the imposed slip. */
-void hil_linear_wheels(const hil_world_t *world, const hil_real_t *v, hil_real_t *wheel_rad_s);
-void hil_linear_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s);
 
 #endif

@@ -1,15 +1,21 @@
 /* SPDX-License-Identifier: MIT */
-/* What the plants share: constants, the step in substeps, and the way from body velocity to pose. */
+/* What the plants share: the table of them, the step in substeps, and the way from body velocity to pose. */
 
 #include "motion.h"
+#include "plants_gen.h"
 
 /* The reference tests allow 1e-3 after a second of full-scale steps of the voltages: 0.33 ms is 4e-3 off where wheels break away. */
 static const double SUBSTEP_MAX_s = 0.25e-3;
 
+const hil_plant_model_t *hil_plant_model(uint32_t plant) {
+    return HIL_PLANTS[plant];
+}
+
 void hil_plant_source(hil_world_t *world, uint32_t source) {
+    const hil_plant_model_t *model = hil_plant_model(world->config.plant);
     world->source = source;
-    if (world->config.plant == HIL_PLANT_SLIP) { /* (7) has no bearing friction, (24) has */
-        world->plant.viscous_N_m_s = source == HIL_SOURCE_TORQUE ? 0.0 : world->config.motor_viscous_N_m_s;
+    if (model->source != NULL) {
+        model->source(world, source);
     }
 }
 
@@ -69,32 +75,8 @@ void hil_motion_store(hil_world_t *world, const hil_motion_t *y, const hil_real_
     }
 }
 
-/* Imposed slip may have changed since the last step: wheels and body of the plants without a contact fit together at once. */
-static void fit_together(const hil_world_t *world, hil_motion_t *y) {
-    if (world->config.plant == HIL_PLANT_KINEMATIC_MOTORS) {
-        hil_rolling_twist(world, y->w, y->v);
-    } else if (world->config.plant == HIL_PLANT_LINEAR) {
-        hil_linear_wheels(world, y->v, y->w);
-    }
-}
-
-static void substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y,
-                    double step_s) {
-    if (world->config.plant == HIL_PLANT_LINEAR) {
-        hil_linear_substep(world, electrics, y, step_s);
-        return;
-    }
-    hil_contact_substep(world, electrics, contact, y);
-    if (world->config.plant == HIL_PLANT_KINEMATIC_MOTORS) {
-        hil_rolling_twist(world, y->w, y->v);
-    }
-}
-
-void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
-    if (world->config.plant == HIL_PLANT_KINEMATIC) {
-        hil_kinematic_step(world, electrics, step_s);
-        return;
-    }
+void hil_march(hil_world_t *world, const hil_electrics_t *electrics, double step_s,
+               void (*fit)(const hil_world_t *world, hil_motion_t *y), hil_substep_t *substep) {
     const int substeps = 1 + (int)((step_s - 1e-9) / SUBSTEP_MAX_s);
     const double substep_s = step_s / substeps;
     hil_real_t cos_sin[2];
@@ -102,7 +84,9 @@ void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double
     hil_contact_t contact;
     hil_cos_sin(world->pose[2], cos_sin);
     hil_motion_load(world, &y, cos_sin);
-    fit_together(world, &y);
+    if (fit != NULL) {
+        fit(world, &y);
+    }
     hil_contact_begin(&contact, world, electrics, substep_s);
     for (int n = 0; n < substeps; n++) {
         const hil_motion_t before = y;
@@ -110,4 +94,8 @@ void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double
         advance(world, &before, &y, substep_s, cos_sin);
     }
     hil_motion_store(world, &y, cos_sin);
+}
+
+void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
+    hil_plant_model(world->config.plant)->step(world, electrics, step_s);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Plants full and slip: rigid body, wheels on the floor and winding currents, in the body frame.
+/* What plants full and slip are made of: rigid body, wheels on the floor and winding currents, in the body frame.
  *
  * Creep on the floor is stiff: thousands per second, and more with a heavier grip. Each substep is one step of the two-stage Rosenbrock
  * W-method of Verwer, Spee, Blom and Hundsdorfer (SIAM J. Sci. Comput. 20, 1999): second order whatever the matrix A, damping stiff modes

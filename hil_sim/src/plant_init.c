@@ -24,17 +24,6 @@ static void wheels_init(hil_plant_t *plant, const hil_world_config_t *config) {
     hil_spd3_factor(&plant->rolling, rolling);
 }
 
-/* The report's models leave out what `full` adds. */
-static void leave_out(hil_plant_t *plant, uint32_t kind) {
-    if (kind == HIL_PLANT_FULL) {
-        return;
-    }
-    plant->battery_resistance_ohm = 0.0;
-    plant->drag_xx = plant->drag_xy = plant->drag_yy = 0.0;
-    plant->coulomb_N_m = kind == HIL_PLANT_SLIP ? 0.0 : plant->coulomb_N_m;
-    plant->stiffness_N_s_m = kind == HIL_PLANT_SLIP ? plant->stiffness_N_s_m : 0.0;
-}
-
 void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config) {
     *plant = (hil_plant_t){0};
     wheels_init(plant, config);
@@ -48,17 +37,19 @@ void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config) {
     plant->viscous_N_m_s = config->motor_viscous_N_m_s;
     plant->coulomb_N_m = config->motor_coulomb_N_m;
     plant->battery_resistance_ohm = config->battery_resistance_ohm;
-    hil_linear_init(plant, config);
-    leave_out(plant, config->plant);
+    const hil_plant_model_t *model = hil_plant_model(config->plant);
+    if (model->init != NULL) {
+        model->init(plant, config);
+    }
 }
 
 bool hil_plant_takes(uint32_t plant, uint32_t source) {
-    const bool kinematic = plant == HIL_PLANT_KINEMATIC;
+    const hil_plant_model_t *model = hil_plant_model(plant);
     switch (source) {
     case HIL_SOURCE_SPEED:
-        return kinematic;
+        return model->takes_speed;
     case HIL_SOURCE_TORQUE:
-        return !kinematic && plant != HIL_PLANT_KINEMATIC_MOTORS;
+        return model->takes_torque;
     default:
         return true;
     }

@@ -47,7 +47,13 @@ static void advance_arc(hil_world_t *world, const hil_real_t *v, double step_s) 
     world->pose[2] += 2.0 * half_rad;
 }
 
-void hil_kinematic_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
+static void kinematic_init(hil_plant_t *plant, const hil_world_config_t *config) {
+    (void)config;
+    hil_plant_reduce(plant);
+    plant->stiffness_N_s_m = 0.0;
+}
+
+static void kinematic_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
     hil_motion_t y = {{0.0}, {0.0}, {0.0}};
     if (world->source == HIL_SOURCE_SPEED) {
         memcpy(y.w, world->driven, sizeof y.w);
@@ -64,3 +70,5 @@ void hil_kinematic_step(hil_world_t *world, const hil_electrics_t *electrics, do
     hil_motion_store(world, &y, cos_sin);
     world->supply_V = electrics->battery_V;
 }
+
+const hil_plant_model_t hil_plant_kinematic = {.takes_speed = true, .init = kinematic_init, .step = kinematic_step};

@@ -31,7 +31,7 @@ static void friction_of_motors(hil_plant_t *plant, const hil_world_config_t *con
     plant->linear_viscous[1] += plant->drag_yy;
 }
 
-void hil_linear_init(hil_plant_t *plant, const hil_world_config_t *config) {
+static void linear_init(hil_plant_t *plant, const hil_world_config_t *config) {
     friction_of_motors(plant, config);
     for (int axis = 0; axis < 3; axis++) {
         if (config->linear_viscous[axis] >= 0.0) {
@@ -44,9 +44,12 @@ void hil_linear_init(hil_plant_t *plant, const hil_world_config_t *config) {
     const hil_real_t width_m_s = HIL_COULOMB_WIDTH_rad_s * plant->radius_m[0];
     plant->coulomb_width[0] = plant->coulomb_width[1] = width_m_s;
     plant->coulomb_width[2] = width_m_s / plant->arm_m[0];
+    hil_plant_reduce(plant);
+    plant->stiffness_N_s_m = 0.0;
 }
 
-void hil_linear_wheels(const hil_world_t *world, const hil_real_t *v, hil_real_t *wheel_rad_s) {
+/* Wheel speeds of rolling at body velocity v with the imposed slip. */
+static void linear_wheels(const hil_world_t *world, const hil_real_t *v, hil_real_t *wheel_rad_s) {
     const hil_plant_t *plant = &world->plant;
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const hil_real_t grip = 1.0 - world->slip_ratio[i];
@@ -72,7 +75,7 @@ static void push_of_wheels(const hil_world_t *world, const hil_electrics_t *elec
     const hil_real_t emf = config->motor_constant_N_m_A * config->motor_constant_N_m_A / config->motor_resistance_ohm;
     hil_real_t w[HIL_MAX_WHEELS], current_A[HIL_MAX_WHEELS];
     memcpy(current_A, world->current_A, sizeof current_A);
-    hil_linear_wheels(world, v, w);
+    linear_wheels(world, v, w);
     currents(world, electrics, w, current_A);
     for (uint32_t i = 0; i < config->wheels; i++) {
         const hil_real_t x = plant->along_x[i], y = plant->along_y[i], t = plant->arm_m[i];
@@ -107,7 +110,9 @@ static void times(const hil_real_t *m, const hil_real_t *x, hil_real_t *y) {
     y[2] = m[2] * x[0] + m[4] * x[1] + m[5] * x[2];
 }
 
-void hil_linear_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s) {
+static void linear_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y,
+                           double step_s) {
+    (void)contact;
     const hil_real_t gh = HIL_ROSENBROCK_GAMMA * step_s;
     balance_t first, second;
     balance_at(world, electrics, y->v, &first);
@@ -130,7 +135,17 @@ void hil_linear_substep(hil_world_t *world, const hil_electrics_t *electrics, hi
     for (int axis = 0; axis < 3; axis++) {
         y->v[axis] += step_s * (1.5 * k1[axis] + 0.5 * k2[axis]);
     }
-    hil_linear_wheels(world, y->v, y->w);
+    linear_wheels(world, y->v, y->w);
     currents(world, electrics, y->w, y->i);
     world->supply_V = electrics->battery_V;
 }
+
+static void linear_fit(const hil_world_t *world, hil_motion_t *y) {
+    linear_wheels(world, y->v, y->w);
+}
+
+static void linear_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
+    hil_march(world, electrics, step_s, linear_fit, linear_substep);
+}
+
+const hil_plant_model_t hil_plant_linear = {.takes_torque = true, .init = linear_init, .step = linear_step};

@@ -107,12 +107,43 @@ def _rule(name: str, wheel: bool, value: Range) -> str:
     return f"{{{c_string(name)}, {str(wheel).lower()}, {ends}, {c_string(value.allowed)}}},"
 
 
+def plants_header(world: WorldSchema) -> str:
+    """Return ``plants_gen.h``: the table of plants."""
+    symbols = [plant.symbol for plant in world.plants.values()]
+    rows = [f"    [HIL_PLANT_{symbol.upper()}] = &hil_plant_{symbol}," for symbol in symbols]
+    return "\n".join(
+        [
+            NOTICE,
+            "#ifndef HIL_SIM_PLANTS_GEN_H",
+            "#define HIL_SIM_PLANTS_GEN_H",
+            "",
+            '#include "motion.h"',
+            "",
+            *(f"extern const hil_plant_model_t hil_plant_{symbol};" for symbol in symbols),
+            "",
+            "static const hil_plant_model_t *const HIL_PLANTS[HIL_PLANT_KIND_COUNT] = {",
+            *rows,
+            "};",
+            "",
+            "#endif",
+            "",
+        ]
+    )
+
+
+def plant_sources(world: WorldSchema) -> str:
+    """Return ``plant_sources_gen.h``: the plants' sources, for lanes, which compile all of them as one."""
+    return "\n".join([NOTICE, *(f'#include "plant_{plant.symbol}.c"' for plant in world.plants.values()), ""])
+
+
 def write_c_world(world: WorldSchema, out: Path) -> None:
     """Write the files below ``out``."""
     files = {
         out / "include" / "hil_sim" / "world_gen.h": names_header(world),
         out / "include" / "hil_sim" / "world_members_gen.h": members(world),
         out / "world" / "world_gen.c": ranges_source(world),
+        out / "world" / "plants_gen.h": plants_header(world),
+        out / "world" / "plant_sources_gen.h": plant_sources(world),
     }
     for path, text in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)

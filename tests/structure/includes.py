@@ -46,6 +46,8 @@ GENERATED = {
     "omni/reports_gen.h": "generated/link",
     "lanes_layout_gen.h": "generated/lanes",
     "hil_sim/world_gen.h": "generated/world",
+    "plants_gen.h": "generated/world",
+    "plant_sources_gen.h": "generated/world",
     "hil_sim/world_members_gen.h": "generated/world",
 }
 """Headers that the build writes, and what they are counted among."""
@@ -61,9 +63,9 @@ AREAS: Mapping[str, tuple[str, ...]] = {
     "firmware/boards/posix": _BOARD,
     "firmware/boards/teensy40": _BOARD,
     "hil_sim/include": (CORE_API, "shared/link", "generated/world"),
-    "hil_sim/src": ("hil_sim/include", CORE_API, "shared/link", "generated/link"),
+    "hil_sim/src": ("hil_sim/include", CORE_API, "shared/link", "generated/link", "generated/world"),
     "hil_sim/rt1062": ("hil_sim/include",),  # models of peripherals share nothing with the drivers that they test
-    "hil_sim/lanes": ("hil_sim/include", "hil_sim/src", CORE_API, CORE, "generated/lanes"),
+    "hil_sim/lanes": ("hil_sim/include", "hil_sim/src", CORE_API, CORE, "generated/lanes", "generated/world"),
     "host/native": ("hil_sim/include", CORE_API),
 }
 """What stands on what. The longest name that fits a file is its area."""
