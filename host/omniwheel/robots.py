@@ -9,6 +9,7 @@ from pathlib import Path
 
 from omni_schema import ParameterTable, Robot, SchemaError, load_parameters, load_robot
 from omni_schema.errors import did_you_mean
+from omni_schema.toml_file import read_toml
 from omniwheel import files
 from omniwheel.errors import RobotFileError
 from omniwheel.paths import params_path, robots_dir
@@ -41,6 +42,14 @@ def find_robot_file(name_or_path: str | Path) -> Path:
     if Path(f"{text}.toml").is_file():
         hint = f"a file is named with its ending: {text}.toml"
     raise RobotFileError(f"there is no robot or file {text}{did_you_mean(text, names)}", hint=hint)
+
+
+def is_robot_file(path: str | Path) -> bool:
+    """Return whether a file says of itself that it describes a robot: it has a table [robot]."""
+    try:
+        return "robot" in read_toml(Path(path))
+    except SchemaError:
+        return False
 
 
 def read_robot(name_or_path: str | Path) -> Robot:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -64,6 +65,14 @@ def test_params_set_get_and_diff(url: str) -> None:
     assert "pid" in run("params", "get", "CTL_MODE", "--link", url).stdout
     differences = run_json("params", "diff", "--link", url, code=1)
     assert differences["ISMC_LAM_XY"] == {"robot": 15.5, "default": 12.0}
+
+
+def test_a_fresh_robot_does_not_differ_from_its_robot_file(url: str, robot_file: Path) -> None:
+    assert "no difference" in run("params", "diff", "three_wheel", "--link", url).stdout
+    assert run_json("params", "diff", str(robot_file), "--link", url) == {}
+    run("params", "set", "WS_P=3", "--link", url)
+    assert run_json("params", "diff", "three_wheel", "--link", url, code=1) == {"WS_P": {"robot": 3.0, "file": 4.0}}
+    assert "WHEELS" in run_json("params", "diff", "four_wheel", "--link", url, code=1)
 
 
 def test_json_shows_numbers_as_people_write_them(url: str) -> None:
@@ -158,6 +167,22 @@ def test_monitor_once(url: str) -> None:
     assert set(status["pose"]) == {"x", "y", "theta"}
     shown = run("monitor", "--once", "--link", url).stdout
     assert all(text in shown for text in ("disarmed", "x [m]", "theta [rad]", "speed [rad/s]", "slip [m/s]"))
+    heading = next(line for line in shown.splitlines() if "wheel" in line)
+    assert [word for word in heading.split() if word.isdigit()] == ["1", "2", "3"]
+
+
+def test_the_monitor_does_not_show_an_old_state_as_the_present_one(robot: Any, fake: Any) -> None:
+    from rich.console import Console
+
+    from omniwheel.cli.monitor import view
+
+    fake.silent = True
+    robot.pump(4.0)
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(view(robot, 3))
+    shown = console.export_text()
+    assert "silent for" in shown
+    assert "not known (it was" in shown
 
 
 def test_record_writes_a_log_that_pymavlink_reads(url: str, tmp_path: Path) -> None:

@@ -34,18 +34,19 @@ def monitor(
 ) -> None:
     """Show state, pose, wheels and faults of a robot until Ctrl-C. --json implies --once."""
     with open_robot(link, timeout_s=timeout, texts=False) as robot:
+        wheels = int(robot.parameters["WHEELS"])
         if once or as_json:
             status = robot.wait_until(_is_filled, timeout, "heard completely (heartbeat, pose, wheels, status)")
             if as_json:
                 print_json(status_as_dict(status))
             else:
-                console.print(view(robot))
+                console.print(view(robot, wheels))
             return
-        with Live(view(robot), console=console, screen=False, auto_refresh=False) as live:
+        with Live(view(robot, wheels), console=console, screen=False, auto_refresh=False) as live:
             try:
                 while True:
                     robot.pump(_REFRESH_S)
-                    live.update(view(robot), refresh=True)
+                    live.update(view(robot, wheels), refresh=True)
             except KeyboardInterrupt:
                 return
 
@@ -62,11 +63,11 @@ def status_as_dict(status: RobotStatus) -> dict[str, Any]:
     return {**head, **named, **asdict(status)}
 
 
-def view(robot: Robot) -> RenderableType:
+def view(robot: Robot, wheels: int) -> RenderableType:
     """Return the live view."""
     status = robot.status
     return Panel(
-        Group(_head(status), _pose_table(status), _wheel_table(status), _loop_line(status), _texts(robot)),
+        Group(_head(status), _pose_table(status), _wheel_table(status, wheels), _loop_line(status), _texts(robot)),
         title=f"[bold]omni monitor[/]  {escape(robot.url)}",
         title_align="left",
         border_style="dim",
@@ -77,12 +78,13 @@ def _head(status: RobotStatus) -> str:
     style = _STATE_STYLES.get(status.state, "yellow")
     silent = status.heartbeat_age_s > _SILENT_S
     link = f"[bold red]silent for {status.heartbeat_age_s:.0f} s[/]" if silent else "[green]link fine[/]"
+    state = f"[bold red]not known[/] [dim](it was {status.state})[/]" if silent else f"[{style}]{status.state}[/]"
     hil = "  [magenta]host-in-the-loop[/]" if status.heartbeat is not None and status.heartbeat.hil else ""
     faults = ", ".join(name.replace("_", " ") for name in status.faults)
     shown = f"[bold red]{faults}[/]" if faults else "[dim]no faults[/]"
     volts = status.battery.voltage_V if status.battery is not None else math.nan
     supply = "" if math.isnan(volts) else f"  {volts:.1f} V"
-    return f"[{style}]{status.state}[/]  mode {status.mode}{hil}  {link}{supply}  {shown}"
+    return f"{state}  mode {status.mode}{hil}  {link}{supply}  {shown}"
 
 
 def _table(*titles: str) -> Table:
@@ -103,11 +105,11 @@ def _pose_table(status: RobotStatus) -> RenderableType:
     return table
 
 
-def _wheel_table(status: RobotStatus) -> RenderableType:
+def _wheel_table(status: RobotStatus, count: int) -> RenderableType:
     wheels = status.wheels
     if wheels is None:
         return "[dim]no wheels yet[/]"
-    table = _table("wheel", "1", "2", "3", "4")
+    table = _table("wheel", *(str(n) for n in range(1, count + 1)))
     rows = (
         ("speed [rad/s]", wheels.speed_rad_s),
         ("wanted [rad/s]", wheels.reference_rad_s),
@@ -116,7 +118,7 @@ def _wheel_table(status: RobotStatus) -> RenderableType:
         ("slip [m/s]", wheels.slip_m_s),
     )
     for title, values in rows:
-        table.add_row(escape(title), *(f"{value:.3f}" for value in values))
+        table.add_row(escape(title), *(f"{value:.3f}" for value in values[:count]))
     return table
 
 

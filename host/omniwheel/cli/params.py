@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from omni_schema import Parameter
+from omni_schema import Parameter, ParameterTable
 from omniwheel import parameter_file
 from omniwheel.cli import completion
 from omniwheel.cli.common import (
@@ -33,7 +33,7 @@ from omniwheel.parameter_file import format_value, shortest
 from omniwheel.parameters import Parameters, checked_value
 from omniwheel.presets import Preset, find_parameter_file, preset_names, read_preset
 from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
-from omniwheel.robots import parameter_table
+from omniwheel.robots import is_robot_file, parameter_table, read_robot, robot_names
 
 app = typer.Typer(help="Read, set, save and compare the robot's parameters.", no_args_is_help=True)
 
@@ -242,18 +242,37 @@ def _preset_facts(preset: Preset, with_values: bool) -> dict[str, Any]:
     return facts
 
 
-@app.command("diff", epilog=examples("omni params diff mine.toml", "omni params diff", "omni params diff --json"))
+def _compared(name: str | None, table: ParameterTable) -> tuple[Mapping[str, float], str]:
+    """Return the parameters to compare with, and what they are: a robot's, a file's or a preset's, or the defaults."""
+    if name is None:
+        return table.defaults(), "the defaults of params.toml"
+    if name in robot_names() or is_robot_file(name):
+        robot = read_robot(name)
+        return robot.parameter_values(), f"the robot file {name}"
+    return parameter_file.read(find_parameter_file(name), table), name
+
+
+@app.command("diff", epilog=examples("omni params diff three_wheel", "omni params diff mine.toml", "omni params diff"))
 def diff(
     file: Annotated[
-        str | None, typer.Argument(help="TOML file or preset; without it, the defaults of params.toml.")
+        str | None,
+        typer.Argument(
+            metavar="[ROBOT|FILE|PRESET]",
+            help="Robot or robot file, parameter file, or preset; without it, the defaults of params.toml.",
+            autocompletion=completion.robots,
+        ),
     ] = None,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Show where the robot differs from a file or from the defaults (robot → file). Exit code 1: it differs."""
-    table = parameter_table()
-    other = table.defaults() if file is None else parameter_file.read(find_parameter_file(file), table)
+    """Show where the robot differs from its robot file, another file, or the defaults (robot → file).
+
+    A robot file sets its own numbers over the defaults, so that a fresh robot differs from the defaults only there:
+    compare it with its robot file to see what was tuned. Exit code 1: it differs.
+    """
+    other, what = _compared(file, parameter_table())
+    note(f"compared with {what}", quiet=as_json)
     with open_robot(link, timeout_s=timeout) as robot:
         _download(robot, as_json)
         changes = robot.parameters.diff(other)

@@ -181,7 +181,11 @@ def store_and_print(run: Run, folder: Path, *, as_json: bool, trouble: OmniError
 
 
 def _cell(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
-    return "–" if value is None else f"{value * factor:.{digits}f}"
+    if value is None:
+        return "–"
+    shown = f"{value * factor:.{digits}f}"
+    least = 10.0**-digits
+    return f"<{least:.{digits}f}" if 0.0 < value * factor < 0.5 * least else shown
 
 
 def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures | None]]) -> Table:
