@@ -34,6 +34,26 @@ static omni_real_t draw_anywhere(random_t *random, const omni_param_info_t *info
     return info->minimum + unit * unit * unit * (info->maximum - info->minimum);
 }
 
+/* How the motors are wired is none of the core's business. */
+static bool is_wiring(uint32_t index) {
+    return index >= OMNI_PARAM_W1_IN1_CH && index < OMNI_PARAM_W1_IN2_CH + OMNI_MAX_WHEELS;
+}
+
+/* Any parameter that the core may read: one that tells of the wiring more or less changes no draw. */
+static uint32_t draw_index(random_t *random) {
+    uint32_t others = 0;
+    for (uint32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
+        others += !is_wiring(i);
+    }
+    uint32_t left = random_below(random, others);
+    uint32_t index = 0;
+    while (is_wiring(index) || left > 0) {
+        left -= !is_wiring(index);
+        ++index;
+    }
+    return index;
+}
+
 static void draw_value(random_t *random, draw_style_t style, uint32_t index, omni_real_t *values) {
     const omni_param_info_t *info = &omni_param_table[index];
     values[index] = style == DRAW_NEAR ? draw_near(random, info, values[index]) : draw_anywhere(random, info);
@@ -59,7 +79,7 @@ void draw_parameters(random_t *random, uint32_t number, draw_style_t style, omni
     memcpy(values, robot->values, sizeof robot->values);
     const uint32_t changes = style == DRAW_OWN ? 0 : random_below(random, style == DRAW_NEAR ? 30 : 6);
     for (uint32_t i = 0; i < changes; ++i) {
-        draw_value(random, style, random_below(random, OMNI_PARAM_COUNT), values);
+        draw_value(random, style, draw_index(random), values);
     }
     values[OMNI_PARAM_CTL_MODE] = (omni_real_t)(number % OMNI_CTL_MODE_COUNT);
     values[OMNI_PARAM_CTL_PERIOD] = random_chance(random, 700000) ? 1.0f : whole_between(random, 2.0f, 100.0f);
@@ -86,7 +106,7 @@ void draw_parameters(random_t *random, uint32_t number, draw_style_t style, omni
 void draw_change(random_t *random, omni_real_t *values) {
     const uint32_t changes = 1 + random_below(random, 3);
     for (uint32_t i = 0; i < changes; ++i) {
-        const uint32_t index = random_below(random, OMNI_PARAM_COUNT);
+        const uint32_t index = draw_index(random);
         if (omni_param_table[index].locked_while_armed == 0) {
             draw_value(random, random_chance(random, 700000) ? DRAW_NEAR : DRAW_ANYWHERE, index, values);
         }
