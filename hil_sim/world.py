@@ -88,6 +88,10 @@ def _angles(robot: Robot) -> list[float]:
 _TURNED: dict[str, Callable[[Robot], Any]] = {
     "wheel_radius_m": _radii,
     "wheel_angle_rad": _angles,
+    "motor_driver": lambda robot: robot.parameter_values()["MOT_DRIVER"],
+    "motor_pwm_Hz": lambda robot: robot.board.motor_pwm_Hz,
+    "in1_channel": lambda robot: robot.wiring.get("in1_channel", [0] * robot.wheels),
+    "in2_channel": lambda robot: robot.wiring.get("in2_channel", [0] * robot.wheels),
     "output_enable_wired": lambda robot: "output_enable_pin" in robot.wiring,
 }
 """Numbers that the robot file says in another way."""
@@ -271,6 +275,12 @@ class World:
         first = ffi.new("uint16_t[]", [*in1_steps, *padding])
         second = ffi.new("uint16_t[]", [*in2_steps, *padding])
         lib.hil_world_bridge(self.c, first, second)
+
+    def motor_pins(self, steps: Sequence[tuple[int, int]]) -> None:
+        """Set how long the two motor pins of each wheel are high, 0..4096 steps; a robot with a chip has none."""
+        flat = [step for pair in steps for step in pair]
+        padding = [0] * (2 * lib.HIL_MAX_WHEELS - len(flat))
+        lib.hil_world_motor_pins(self.c, ffi.new("uint16_t[]", [*flat, *padding]))
 
     def step(self, ticks: int = 1, step_us: int = TICK_US) -> None:
         """Advance by some ticks."""

@@ -20,7 +20,7 @@ constexpr uint32_t release_limit = 50;
 } // namespace
 
 App::App(const Board &board, bool lockstep)
-    : board_(board), wires_{*board_.i2c, *board_.output_enable}, shared_(board_), lockstep_(lockstep),
+    : board_(board), wires_{*board_.i2c, *board_.output_enable, board_.motor_pins}, shared_(board_), lockstep_(lockstep),
       signing_service_(shared_), stop_latch_(*board.storage), parameters_(shared_, *this), telemetry_(shared_),
       trajectories_(shared_, parameters_), setpoints_(shared_, parameters_), pose_fixes_(shared_, parameters_),
       status_texts_(shared_), commands_(shared_, parameters_, telemetry_, trajectories_, *this),

@@ -80,7 +80,8 @@ protected:
     ~I2cBus() = default;
 };
 
-/// The PWM chip's output-enable pin: takes the motors' power away without the bus. Off (motors coast) from reset on.
+/// The pin that lets the motors' signals through, or the bridges work: takes the power away without the motor driver. Off (motors
+/// coast) from reset on.
 class OutputEnable {
 public:
     /// False where the pin is not wired: the bus is then the only way to stop a motor.
@@ -92,6 +93,25 @@ public:
 
 protected:
     ~OutputEnable() = default;
+};
+
+/// High time of a wheel's two motor pins per PWM period, 0 (always low) .. 4096 (always high).
+struct MotorPinSteps {
+    uint16_t first = 0;
+    uint16_t second = 0;
+};
+
+/// PWM on the processor's own pins, for motor drivers without a chip of their own. All low from reset on, and after a crash.
+class MotorPins {
+public:
+    /// The pins lead to bridges of this kind. @param driver omni_mot_driver.
+    virtual bool serve(uint8_t driver) = 0;
+    /// Called from the tick. @param steps one entry per wheel.
+    /// @return false if a pin does not give what it was told before: its timer has lost its settings. They are then set anew.
+    virtual bool write(const MotorPinSteps *steps, size_t wheels) = 0;
+
+protected:
+    ~MotorPins() = default;
 };
 
 /// A stop button: a normally-closed contact from a pulled-up pin to ground, so that a cut wire reads as pressed.
@@ -184,6 +204,7 @@ struct Board {
     Encoders *encoders = nullptr;
     I2cBus *i2c = nullptr;
     OutputEnable *output_enable = nullptr;
+    MotorPins *motor_pins = nullptr;   ///< nullptr: none
     StopButton *stop_button = nullptr; ///< nullptr: none
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio

@@ -74,8 +74,9 @@ void ControlLoop::restart() {
     inputs_ = {};
     outputs_ = &report.writing().outputs;
     *outputs_ = {};
-    driver_.restart();
-    driver_.set_wiring(setup_->wiring);
+    driver_ = &drivers_.of(setup_->wiring.driver);
+    driver_->restart();
+    driver_->set_wiring(setup_->wiring);
     driver_was_ready_ = false;
     scan_.restart();
     silencing_ = 0;
@@ -230,32 +231,44 @@ bool ControlLoop::test_pin(OutputEnable &pin) {
     return true;
 }
 
+/// Another driver begins with its hardware as it finds it; the one before leaves its own switched off.
+void ControlLoop::use_wiring(MotorWires &wires) {
+    MotorDriver &wanted = drivers_.of(setup_->wiring.driver);
+    if (&wanted != driver_) {
+        driver_->all_off(wires);
+        driver_ = &wanted;
+        driver_->restart();
+        driver_was_ready_ = false;
+    }
+    driver_->set_wiring(setup_->wiring);
+}
+
 void ControlLoop::scan(MotorWires &wires) {
     powered_ = false;
     wires.enable.set(false);
     if (silencing_ > 0) {
         // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the bus.
-        silencing_ = driver_.all_off(wires) ? 0 : static_cast<uint8_t>(silencing_ - 1);
+        silencing_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(silencing_ - 1);
         return;
     }
     scan_.step(wires.bus);
     if (!scan_.running()) {
-        driver_.restart();
+        driver_->restart();
     }
 }
 
 bool ControlLoop::release(MotorWires &wires) {
     powered_ = false;
     wires.enable.set(false);
-    return driver_.all_off(wires);
+    return driver_->all_off(wires);
 }
 
 /// Bridges by the bus and, independent of it, by the pin. A chip that does not answer now may still hold what it was told before
 /// the last stop: the pin is not switched on over it.
 void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
-    driver_.drive(wires, now_us, outputs_->duty, outputs_->drive);
-    driver_was_ready_ = driver_was_ready_ || driver_.ready();
-    powered_ = outputs_->drive && driver_.ready() && (powered_ || driver_.failures() == 0);
+    driver_->drive(wires, now_us, outputs_->duty, outputs_->drive);
+    driver_was_ready_ = driver_was_ready_ || driver_->ready();
+    powered_ = outputs_->drive && driver_->ready() && (powered_ || driver_->failures() == 0);
     wires.enable.set(powered_);
 }
 
@@ -286,7 +299,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.arming_faults = omni_robot_arming_faults(&robot_, outputs_);
     out.ticks = ticks_;
     out.overruns = sensors.overruns;
-    out.i2c_errors = driver_.errors();
+    out.i2c_errors = driver_->errors();
     out.battery_V = sensors.battery_V;
     out.tick_us_mean = tick_us_mean_;
     out.tick_us_max = tick_us_max_;
@@ -305,7 +318,7 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
     if (const RobotSetup *latest = setups.take()) {
         setup_ = latest;
         omni_robot_set_config(&robot_, &setup_->config);
-        driver_.set_wiring(setup_->wiring);
+        use_wiring(wires);
     }
     take_what_waits();
     take_plan();
@@ -314,9 +327,9 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
     inputs_.counts_valid = sensors.counts_valid;
     inputs_.battery_V = sensors.battery_V;
     if (!scan_.running()) {
-        driver_.poll(wires);
+        driver_->poll(wires);
     }
-    inputs_.driver_failures = driver_.failures();
+    inputs_.driver_failures = driver_->failures();
     // Until the chip has been set up for the first time nothing could stop a motor: no arming.
     inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
     outputs_ = &report.writing().outputs;

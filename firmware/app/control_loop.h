@@ -19,16 +19,11 @@
 #include "app/board.h"
 #include "app/core.h"
 #include "app/i2c_scan.h"
-#include "app/pca9685.h"
+#include "app/motor_drivers.h"
+#include "app/robot_setup.h"
 #include "app/snapshot.h"
 
 namespace omni {
-
-/// What a parameter set becomes for the tick.
-struct RobotSetup {
-    omni_robot_config_t config{};
-    Wiring wiring;
-};
 
 /// Stop the motors by the output-enable pin alone: the bus rests, so the chip goes on with its last duties. Then disarm.
 struct PinTest {
@@ -129,6 +124,7 @@ private:
     void begin_pin_test(uint32_t wanted);
     void prepare_pin_test();
     bool test_pin(OutputEnable &pin);
+    void use_wiring(MotorWires &wires);
     void scan(MotorWires &wires);
     void drive(MotorWires &wires, uint64_t now_us);
     void measure(uint64_t duration_ns);
@@ -141,7 +137,8 @@ private:
     omni_robot_t robot_{};
     omni_inputs_t inputs_{};
     omni_outputs_t *outputs_ = &report.writing().outputs; ///< of the last tick, in its report: only the tick writes there
-    Pca9685 driver_;
+    MotorDrivers drivers_;
+    MotorDriver *driver_ = &drivers_.of(0); ///< the one in use
     I2cScan scan_;
     uint8_t silencing_ = 0; ///< ticks that a scan still waits for the bus to take "all off"
     PinTest pin_test_;

@@ -59,8 +59,14 @@ uint8_t HilBus::take(uint8_t *out) {
     return length;
 }
 
+bool HilMotorPins::write(const MotorPinSteps *steps, size_t wheels) {
+    std::copy(steps, steps + wheels, steps_);
+    return true;
+}
+
 void Hil::restart() {
     bus.restart();
+    motor_pins.restart();
     output_enable.set(false);
     heard_ = false;
     button_open_ = false;
@@ -98,6 +104,10 @@ void Hil::answer(Shared &shared, size_t link) {
     message.phase = static_cast<uint8_t>(out.reference.phase);
     message.output_enable = output_enable.level();
     message.i2c_length = bus.take(message.i2c);
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        message.motor_pins[2 * i] = motor_pins.steps()[i].first;
+        message.motor_pins[2 * i + 1] = motor_pins.steps()[i].second;
+    }
     shared.links[link].send(MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS, message, Priority::reply);
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus and a pin that go to OMNI_HIL_ACTUATORS.
+/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus and pins that go to OMNI_HIL_ACTUATORS.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -47,12 +48,26 @@ private:
     uint8_t level_ = 0;
 };
 
+/// The motors' PWM pins. Which of them the simulated robot has, and what is behind them, is the world's business.
+class HilMotorPins final : public MotorPins {
+public:
+    bool serve(uint8_t) override { return true; }
+    bool write(const MotorPinSteps *steps, size_t wheels) override;
+    void restart() { std::fill(steps_, steps_ + OMNI_MAX_WHEELS, MotorPinSteps{}); }
+    /// As in OMNI_HIL_ACTUATORS.motor_pins.
+    const MotorPinSteps *steps() const { return steps_; }
+
+private:
+    MotorPinSteps steps_[OMNI_MAX_WHEELS];
+};
+
 /// One host in the loop.
 class Hil {
 public:
     HilBus bus;
     HilOutputEnable output_enable;
-    MotorWires wires{bus, output_enable};
+    HilMotorPins motor_pins;
+    MotorWires wires{bus, output_enable, &motor_pins};
 
     void restart();
     /// Take the sensors of one tick. A time that does not advance is the control core's to judge.

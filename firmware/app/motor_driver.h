@@ -19,6 +19,7 @@ namespace omni {
 struct MotorWires {
     I2cBus &bus;
     OutputEnable &enable;
+    MotorPins *pins; ///< nullptr: none
 };
 
 /// What the parameters say about the motors' wires.
@@ -26,6 +27,7 @@ struct Wiring {
     uint8_t wheels = 0;                ///< 3 or 4
     uint8_t in1[OMNI_MAX_WHEELS] = {}; ///< PWM channels of each wheel's bridge inputs, for a driver that has such
     uint8_t in2[OMNI_MAX_WHEELS] = {};
+    uint8_t driver = OMNI_MOT_DRIVER_PCA9685; ///< omni_mot_driver
 };
 
 bool operator==(const Wiring &a, const Wiring &b);

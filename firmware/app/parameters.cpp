@@ -6,16 +6,6 @@
 namespace omni {
 namespace {
 
-Wiring wiring_of(const omni_real_t *values) {
-    Wiring wiring;
-    wiring.wheels = static_cast<uint8_t>(values[OMNI_PARAM_WHEELS]);
-    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        wiring.in1[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN1_CH + i]);
-        wiring.in2[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN2_CH + i]);
-    }
-    return wiring;
-}
-
 Text named(int32_t index) {
     Text text;
     text.add(omni_param_table[index].name);
@@ -35,13 +25,11 @@ constexpr size_t param_value_frame = 37;
 /// Make `values` the working set if a configuration can be built from them; nothing changes otherwise.
 bool Parameters::adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why) {
     RobotSetup &setup = shared_.control.setups.scratch();
-    *bad_index = -1;
-    *why = omni_robot_config(&setup.config, values, bad_index);
+    *why = make_robot_setup(setup, values, bad_index);
     if (*why != OMNI_OK) {
         return false;
     }
     setup.config.sequence = ++sequence_;
-    setup.wiring = wiring_of(values);
     config_ = setup.config;
     std::memmove(values_, values, sizeof values_);
     shared_.control.setups.publish();
@@ -50,8 +38,7 @@ bool Parameters::adopt(const omni_real_t *values, int32_t *bad_index, omni_resul
 }
 
 bool Parameters::fits(const omni_real_t *values, int32_t *bad_index) {
-    *bad_index = -1;
-    return omni_robot_config(&shared_.control.setups.scratch().config, values, bad_index) == OMNI_OK;
+    return make_robot_setup(shared_.control.setups.scratch(), values, bad_index) == OMNI_OK;
 }
 
 /// Values that are each in range need not fit together. Leave out those that are blamed; if the blame falls on the robot's own values

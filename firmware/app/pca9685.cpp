@@ -54,7 +54,8 @@ void encode_channel(uint8_t *bytes, uint16_t count) {
 } // namespace
 
 bool operator==(const Wiring &a, const Wiring &b) {
-    return a.wheels == b.wheels && std::equal(a.in1, a.in1 + a.wheels, b.in1) && std::equal(a.in2, a.in2 + a.wheels, b.in2);
+    return a.driver == b.driver && a.wheels == b.wheels && std::equal(a.in1, a.in1 + a.wheels, b.in1) &&
+           std::equal(a.in2, a.in2 + a.wheels, b.in2);
 }
 
 void Pca9685::restart() {

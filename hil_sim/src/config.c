@@ -101,7 +101,7 @@ static hil_result_t check_wiring(const hil_world_config_t *config, const complai
     if (result == HIL_OK) {
         result = check_direction("motor_direction", config->motor_direction, config->wheels, complaint);
     }
-    return result == HIL_OK ? check_channels(config, complaint) : result;
+    return result == HIL_OK && config->motor_driver == HIL_DRIVER_CHIP ? check_channels(config, complaint) : result;
 }
 
 static hil_result_t check_fault(const hil_world_config_t *config, uint32_t index, const complaint_t *complaint) {

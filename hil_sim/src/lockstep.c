@@ -285,6 +285,7 @@ static hil_result_t tick(hil_lockstep_t *link, hil_world_t *world, hil_record_t 
     link->sequence++;
     if (result == HIL_OK) {
         hil_world_output_enable(world, answer.message.output_enable);
+        hil_world_motor_pins(world, answer.message.motor_pins);
         result = hil_world_i2c(world, answer.message.i2c, answer.message.i2c_length);
     }
     if (result == HIL_OK) {

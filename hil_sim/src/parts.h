@@ -81,7 +81,9 @@ static inline hil_real_t hil_fault_value(const hil_world_t *world, uint8_t kind,
 /* world_step.c */
 /** Whether the chip takes OE for high. @param drive hil_output_enable_t */
 bool hil_output_enable_high(const hil_world_config_t *config, uint8_t drive);
-/** Every input low. */
+/** The motors hang on a PWM chip, not on the processor's pins. */
+bool hil_has_chip(const hil_world_t *world);
+/** Every pin low. */
 void hil_bridges_init(hil_world_t *world);
 /** Take over the inputs: those set directly, or the chip's outputs. */
 void hil_bridges_follow(hil_world_t *world, bool direct);

@@ -51,7 +51,7 @@ bool hil_world_i2c_start(hil_world_t *world, uint8_t address, bool read) {
     if (hil_bus_fault(world) != 0) {
         return false;
     }
-    const bool acknowledged = hil_pca9685_start(&world->chip, address, read);
+    const bool acknowledged = hil_has_chip(world) && hil_pca9685_start(&world->chip, address, read);
     world->stranger_addressed = !read && world->config.i2c_stranger != 0 && address == world->config.i2c_stranger;
     return acknowledged || world->stranger_addressed;
 }
@@ -60,7 +60,7 @@ bool hil_world_i2c_put(hil_world_t *world, uint8_t byte) {
     if (hil_bus_fault(world) != 0) {
         return false;
     }
-    const bool acknowledged = hil_pca9685_put(&world->chip, byte);
+    const bool acknowledged = hil_has_chip(world) && hil_pca9685_put(&world->chip, byte);
     return acknowledged || world->stranger_addressed;
 }
 

@@ -7,7 +7,15 @@
 enum { PWM_STEPS = 4096 };
 
 /* PRESCALE 3, the chip's fastest. */
-static const double DIRECT_PERIOD_s = 4096.0 * 4.0 / 25e6;
+static const double CHIP_PERIOD_s = 4096.0 * 4.0 / 25e6;
+
+bool hil_has_chip(const hil_world_t *world) {
+    return world->config.motor_driver == HIL_DRIVER_CHIP;
+}
+
+static double direct_period_s(const hil_world_t *world) {
+    return hil_has_chip(world) ? CHIP_PERIOD_s : 1.0 / world->config.motor_pwm_Hz;
+}
 
 static uint8_t valid_counts(const hil_world_t *world) {
     uint32_t valid = 0;
@@ -40,18 +48,23 @@ void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors) {
     take_due_fix(world, sensors);
 }
 
-void hil_bridges_init(hil_world_t *world) {
-    for (uint32_t i = 0; i < world->config.wheels; i++) {
-        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
-    }
-}
-
 static void direct_to_bridges(hil_world_t *world) {
+    const double period_s = direct_period_s(world);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         world->in1[i] = world->chip.output_enable_high ? 0.0 : world->direct_in1[i];
         world->in2[i] = world->chip.output_enable_high ? 0.0 : world->direct_in2[i];
-        hil_motors_apply_inputs(world, i, 0.0, 0.0, DIRECT_PERIOD_s);
+        hil_motors_apply_inputs(world, i, 0.0, 0.0, period_s);
     }
+}
+
+void hil_bridges_init(hil_world_t *world) {
+    const hil_real_t level = world->config.motor_driver == HIL_DRIVER_PWM_DIR ? 1.0 : 0.0; /* PWM low brakes */
+    world->direct = !hil_has_chip(world);
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        world->direct_in1[i] = level;
+        world->direct_in2[i] = level;
+    }
+    direct_to_bridges(world);
 }
 
 static void chip_to_bridges(hil_world_t *world) {
@@ -67,9 +80,9 @@ static void chip_to_bridges(hil_world_t *world) {
 }
 
 void hil_bridges_follow(hil_world_t *world, bool direct) {
-    world->direct = direct;
+    world->direct = direct || !hil_has_chip(world);
     hil_plant_source(world, HIL_SOURCE_BRIDGES);
-    if (direct) {
+    if (world->direct) {
         direct_to_bridges(world);
     } else {
         chip_to_bridges(world);
@@ -97,13 +110,31 @@ static hil_real_t share_of_period(hil_steps_t steps) {
 }
 
 void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps) {
-    world->i2c_status = hil_bus_fault(world);
+    world->i2c_status = hil_has_chip(world) ? hil_bus_fault(world) : 0;
     if (world->i2c_status != 0) {
         return;
     }
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        world->direct_in1[i] = share_of_period(in1_steps[i]);
-        world->direct_in2[i] = share_of_period(in2_steps[i]);
+        const hil_real_t in1 = share_of_period(in1_steps[i]);
+        const hil_real_t in2 = share_of_period(in2_steps[i]);
+        const hil_real_t rest = world->config.motor_driver == HIL_DRIVER_PWM_DIR ? 1.0 : 0.0; /* PWM low brakes */
+        world->direct_in1[i] = hil_select(in1 + in2 <= 0.0, rest, in1);
+        world->direct_in2[i] = hil_select(in1 + in2 <= 0.0, rest, in2);
+    }
+    hil_bridges_follow(world, true);
+}
+
+void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps) {
+    if (hil_has_chip(world)) {
+        return;
+    }
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        const double first = steps[2 * i] < PWM_STEPS ? (double)steps[2 * i] / PWM_STEPS : 1.0;
+        const double second = steps[2 * i + 1] < PWM_STEPS ? (double)steps[2 * i + 1] / PWM_STEPS : 1.0;
+        const bool backwards = second >= 0.5; /* of a direction pin */
+        const bool with_direction = world->config.motor_driver == HIL_DRIVER_PWM_DIR;
+        world->direct_in1[i] = with_direction ? (backwards ? 1.0 - first : 1.0) : first;
+        world->direct_in2[i] = with_direction ? (backwards ? 1.0 : 1.0 - first) : second;
     }
     hil_bridges_follow(world, true);
 }

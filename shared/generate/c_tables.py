@@ -92,6 +92,27 @@ def params_source(table: ParameterTable) -> str:
     )
 
 
+def motor_drivers_header(table: ParameterTable) -> str:
+    """Return ``omni/motor_drivers_gen.h``: the classes behind the values of MOT_DRIVER, and the headers they are in."""
+    names = table["MOT_DRIVER"].values if "MOT_DRIVER" in table else {}
+    classes = {name: "".join(part.capitalize() for part in name.split("_")) for name in names}
+    lines = [
+        NOTICE,
+        "#ifndef OMNI_MOTOR_DRIVERS_GEN_H",
+        "#define OMNI_MOTOR_DRIVERS_GEN_H",
+        "",
+        *(f'#include "app/{name}.h"' for name in names),
+        "",
+        "/** ROW(class, member, value) for each motor driver. */",
+        "#define OMNI_MOTOR_DRIVERS(ROW) \\",
+        " \\\n".join(f"    ROW({classes[name]}, {name}, OMNI_MOT_DRIVER_{name.upper()})" for name in names),
+        "",
+        "#endif",
+        "",
+    ]
+    return "\n".join(lines)
+
+
 def robots_source(robots: Sequence[Robot]) -> str:
     """Return ``robots_gen.c``: omni_builtin_robots, one full parameter set per robot file."""
     lines = [
@@ -113,9 +134,10 @@ def robots_source(robots: Sequence[Robot]) -> str:
 
 
 def write_c_tables(table: ParameterTable, robots: Sequence[Robot], out: Path) -> None:
-    """Write the three files below ``out``."""
+    """Write the four files below ``out``."""
     files = {
         out / "include" / "omni" / "params_gen.h": params_header(table),
+        out / "include" / "omni" / "motor_drivers_gen.h": motor_drivers_header(table),
         out / "src" / "params_gen.c": params_source(table),
         out / "src" / "robots_gen.c": robots_source(robots),
     }

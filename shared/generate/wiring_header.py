@@ -31,6 +31,11 @@ constexpr int stop_button_pin = {stop_button}; ///< -1: not wired
 constexpr int battery_pin = {battery}; ///< -1: not wired
 constexpr float battery_divider = {divider}; ///< V of the battery per V at battery_pin
 constexpr uint8_t light_pin = {light};
+/// omni_mot_driver: what the robot file says drives the motors.
+constexpr uint8_t motor_driver = {motor_driver};
+/// A motor driver on the processor's own pins: first and second pin of each wheel; 255: none.
+constexpr uint8_t motor_pins[wheels][2] = {{{motor_pins}}};
+constexpr uint32_t motor_pwm_Hz = {motor_pwm};
 constexpr uint32_t i2c_speed_Hz = {i2c_speed};
 
 }} // namespace omni::wiring
@@ -42,7 +47,8 @@ _DECODER = {"auto": "automatic", "hardware": "hardware", "interrupt": "interrupt
 def wiring_header(robot: Robot) -> str:
     """Return ``omni/wiring_gen.h`` of this robot."""
     board = robot.board
-    pins = board.encoder_pins or ((NO_PIN, NO_PIN),) * robot.wheels
+    no_pins = ((NO_PIN, NO_PIN),) * robot.wheels
+    pins = board.encoder_pins or no_pins
     return TEMPLATE.format(
         source=Path(robot.source).name,
         name=c_string(robot.name),
@@ -54,6 +60,9 @@ def wiring_header(robot: Robot) -> str:
         battery=_or_none(board.battery_pin),
         divider=float_literal(as_float32(board.battery_divider)),
         light=board.light_pin,
+        motor_driver=int(robot.parameter_values()["MOT_DRIVER"]),
+        motor_pins=_joined(f"{{{a}, {b}}}" for a, b in board.motor_pins or no_pins),
+        motor_pwm=board.motor_pwm_Hz,
         i2c_speed=board.i2c_speed_Hz,
     )
 

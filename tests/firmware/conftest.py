@@ -17,6 +17,7 @@ ON_ALL_BOARDS = (
     "test_estop",
     "test_i2c_scan",
     "test_link",
+    "test_motor_pins",
     "test_not_finite",
     "test_parameters",
     "test_refusals",

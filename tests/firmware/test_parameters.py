@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import permutations
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,13 @@ def test_a_refused_value_is_answered_with_the_old_one(robot: Client, name: str, 
     assert any(name in text and why in text for text in robot.texts())
     assert robot.get(name) == before
     assert robot.tick().actuators.config_sequence == sequence
+
+
+def test_no_two_bridge_inputs_share_a_channel(robot: Client) -> None:
+    names = [f"W{wheel}_IN{place}_CH" for place in (1, 2) for wheel in (1, 2, 3)]
+    channels = [robot.get(name) for name in names]
+    for one, other in permutations(range(len(names)), 2):
+        assert robot.set(names[other], channels[one]) == channels[other]
 
 
 def test_another_type_than_real32_is_refused(robot: Client) -> None:

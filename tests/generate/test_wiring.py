@@ -22,12 +22,24 @@ from wiring_header import wiring_header
 ROOT = Path(__file__).resolve().parents[2]
 GENERATOR = ROOT / "shared" / "generate" / "generate.py"
 TABLE = load_parameters(ROOT / "shared" / "params.toml")
+PINS = [[10, 11], [14, 15], [22, 23]]
 THREE_WHEEL = read_toml(ROOT / "shared" / "robots" / "three_wheel.toml")
 
 
 def robot_with(**wiring: object) -> Robot:
     document: dict[str, Any] = copy.deepcopy(THREE_WHEEL)
     document["wiring"].update(wiring)
+    return parse_robot(document, TABLE, "r.toml")
+
+
+def robot_with_pins(**wiring: object) -> Robot:
+    """Return a robot whose motors hang on the processor's pins; None: the key is left out."""
+    document: dict[str, Any] = copy.deepcopy(THREE_WHEEL)
+    section = document["wiring"]
+    for channel in ("in1_channel", "in2_channel"):
+        del section[channel]
+    section.update({"motor_driver": "in1_in2", "motor_pins": PINS, **wiring})
+    document["wiring"] = {key: value for key, value in section.items() if value is not None}
     return parse_robot(document, TABLE, "r.toml")
 
 
@@ -67,6 +79,10 @@ def constant(header: str, name: str) -> str:
         ({"i2c_speed_Hz": 200000}, "i2c_speed_Hz", "100000, 400000, 1000000"),
         ({"i2c_speed_Hz": 400000.0}, "i2c_speed_Hz", "allowed are"),
         ({"oe_pin": 9}, "oe_pin", "unknown key"),
+        ({"motor_driver": "l298"}, "motor_driver", "pca9685 (0), in1_in2 (1), pwm_dir (2)"),
+        ({"motor_pins": PINS}, "motor_pins", "is for in1_in2 and pwm_dir"),
+        ({"motor_pwm_Hz": 20000}, "motor_pwm_Hz", "is for in1_in2 and pwm_dir"),
+        ({"motor_driver": "in1_in2"}, "in1_channel", "remove it and give motor_pins"),
     ],
 )
 def test_a_wiring_that_cannot_be_is_refused_with_what_to_do(wiring: dict[str, object], key: str, needle: str) -> None:
@@ -74,6 +90,47 @@ def test_a_wiring_that_cannot_be_is_refused_with_what_to_do(wiring: dict[str, ob
         robot_with(**wiring)
     assert caught.value.key == f"wiring.{key}"
     assert needle in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("wiring", "key", "needle"),
+    [
+        ({"motor_pins": None}, "motor_pins", "is missing; a list of 3 pairs [IN1, IN2]"),
+        ({"motor_pins": PINS[:2]}, "motor_pins", "a list of 3 pairs"),
+        ({"motor_pins": [10, 11, 12]}, "motor_pins[0]", "two pin numbers [IN1, IN2]"),
+        ({"motor_pins": [[10, 11], [14, 15], [22, 16]]}, "motor_pins[2][1]", "16, which has no PWM"),
+        ({"motor_pins": [[10, 11], [14, 15], [22, 40]]}, "motor_pins[2][1]", "from 0 to 39"),
+        ({"motor_pins": [[10, 11], [14, 15], [22, 10]]}, "motor_pins[2]", "pin 10 is used by the motor of wheel 1"),
+        ({"motor_pins": [[10, 11], [14, 15], [22, 22]]}, "motor_pins[2]", "pin 22 is used by the motor of wheel 3"),
+        ({"motor_pins": [[10, 11], [14, 15], [22, 2]]}, "motor_pins[2]", "the encoder of wheel 1"),
+        ({"motor_pins": [[10, 11], [14, 15], [22, 9]]}, "output_enable_pin", "pin 9 is used by"),
+        ({"motor_pins": [[10, 11], [14, 15], [22, 13]]}, "light_pin", "pin 13 is used by the motor of wheel 3"),
+        ({"motor_pwm_Hz": 20}, "motor_pwm_Hz", "from 1000 to 100000"),
+        ({"motor_pwm_Hz": 20000.0}, "motor_pwm_Hz", "a whole number"),
+        ({"motor_driver": "pwm_dir", "motor_pins": [[16, 17]] * 3}, "motor_pins[0][0]", "16, which has no PWM"),
+    ],
+)
+def test_motor_pins_that_cannot_be_are_refused_with_what_to_do(
+    wiring: dict[str, object], key: str, needle: str
+) -> None:
+    with pytest.raises(SchemaError) as caught:
+        robot_with_pins(**wiring)
+    assert caught.value.key == f"wiring.{key}"
+    assert needle in str(caught.value)
+
+
+@pytest.mark.parametrize(("driver", "number"), [("in1_in2", "1"), ("pwm_dir", "2")])
+def test_motor_pins_are_in_the_header(driver: str, number: str) -> None:
+    header = wiring_header(robot_with_pins(motor_driver=driver, motor_pwm_Hz=25_000))
+    assert constant(header, "motor_driver") == number
+    assert constant(header, "motor_pins") == "{{10, 11}, {14, 15}, {22, 23}}"
+    assert constant(header, "motor_pwm_Hz") == "25000"
+
+
+def test_a_direction_needs_no_pwm() -> None:
+    robot = robot_with_pins(motor_driver="pwm_dir", motor_pins=[[10, 16], [11, 17], [12, 20]])
+    assert robot.board.motor_pins == ((10, 16), (11, 17), (12, 20))
+    assert robot.parameter_values()["MOT_DRIVER"] == 2.0
 
 
 @given(st.permutations(range(LAST_PIN + 1)), st.sampled_from(sorted(ANALOG_PINS)))
@@ -107,6 +164,7 @@ def test_what_is_not_wired_says_so_in_the_header() -> None:
     assert constant(header, "encoder_pins") == "{{255, 255}, {255, 255}, {255, 255}}"
     assert (constant(header, "output_enable_pin"), constant(header, "battery_pin")) == ("-1", "-1")
     assert constant(header, "stop_button_pin") == "-1"
+    assert constant(header, "motor_pins") == "{{255, 255}, {255, 255}, {255, 255}}"
     assert (constant(header, "light_pin"), constant(header, "i2c_speed_Hz")) == ("13", "400000")
 
 

@@ -23,6 +23,7 @@ SAMPLE = 7
 """Every so many ticks are looked at in order: a number that meets all ticks between two fixes, which come every 20."""
 _RESTART = "_ZN4omni11ControlLoop7restartEv"
 _CASES = "case_count"
+APP_SOURCES = ("control_loop.cpp", "i2c_scan.cpp", "pca9685.cpp", "pwm_pins.cpp", "robot_setup.cpp")
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def _build(image: Path) -> Path:
     program = ROOT / "tests" / "parity" / "program"
     here = HERE / "guest" / "budgets"
     own = [budgets / "main.cpp", budgets / "cases.cpp", here / "meter.cpp", program / "world.c", program / "random.c"]
-    app = [ROOT / "firmware" / "app" / name for name in ("control_loop.cpp", "i2c_scan.cpp", "pca9685.cpp")]
+    app = [ROOT / "firmware" / "app" / name for name in APP_SOURCES]
     includes = [here, budgets, ROOT / "firmware", OUT / "generated" / "include", *core_includes()]
     return build_guest(FOLDER, "budgets", GuestSources(own, [*core_sources(), *app], includes), image)
 

@@ -38,6 +38,7 @@ CORE_SYSTEM = ("stdbool.h", "stddef.h", "stdint.h", "string.h")
 
 GENERATED = {
     "omni/params_gen.h": "generated/tables",
+    "omni/motor_drivers_gen.h": "generated/tables",
     "omni/wiring_gen.h": "generated/wiring",
     "omni/version_gen.h": "generated/link",
     "omni/mavlink.h": "generated/link",
@@ -56,7 +57,7 @@ _BOARD = ("firmware/app", "firmware/boards/common", CORE_API, "shared/link", "ge
 AREAS: Mapping[str, tuple[str, ...]] = {
     "shared/core": ("generated/tables",),
     "shared/link": (),
-    "firmware/app": (CORE_API, "generated/link"),
+    "firmware/app": (CORE_API, "generated/link", "generated/tables"),
     "firmware/boards/common": ("firmware/app", CORE_API),
     "firmware/boards/mps2_an500": _BOARD,
     "firmware/boards/mps2_an500/base": (),  # the processor's own package: other programs of the tests stand on it, too

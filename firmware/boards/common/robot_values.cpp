@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "app/robot_setup.h"
+
 namespace omni {
 namespace {
 
@@ -118,9 +120,9 @@ bool use_params_file(const char *path, omni_real_t *values) {
 }
 
 bool check_robot(const omni_real_t *values) {
-    static omni_robot_config_t config;
+    static RobotSetup setup;
     int32_t bad = -1;
-    if (omni_robot_config(&config, values, &bad) == OMNI_OK) {
+    if (make_robot_setup(setup, values, &bad) == OMNI_OK) {
         return true;
     }
     if (bad >= 0) {

@@ -44,6 +44,14 @@ typedef enum hil_result_t {
     HIL_ERR_PROTOCOL /**< the robot answered something else than asked */
 } hil_result_t;
 
+/** What stands between the processor and the bridges. */
+typedef enum hil_motor_driver_t {
+    HIL_DRIVER_CHIP = 0, /**< a PCA9685 on the I2C bus */
+    HIL_DRIVER_IN1_IN2,  /**< two PWM pins of the processor per motor, IN1 and IN2 of the bridge; nothing is on the bus */
+    HIL_DRIVER_PWM_DIR,  /**< a PWM and a direction pin per motor, to bridges that brake while PWM is low */
+    HIL_DRIVER_COUNT
+} hil_motor_driver_t;
+
 /** What drives the wheels. */
 typedef enum hil_source_t {
     HIL_SOURCE_BRIDGES = 0, /**< battery, bridges, motors */
@@ -193,10 +201,16 @@ uint8_t hil_world_i2c_get(hil_world_t *world);
 void hil_world_i2c_stop(hil_world_t *world);
 
 /**
- * Set the bridge inputs directly, in PWM steps 0..4096 per wheel at 1526 Hz, instead of through the chip (in-process runs). I2C faults act
- * as on the chip: the bridges keep what they have and the next i2c_status says so.
+ * Set the bridge inputs directly, in PWM steps 0..4096 per wheel, instead of through the chip (in-process runs): at the chip's 1526 Hz
+ * or at motor_pwm_Hz. I2C faults act as on the chip, if there is one: the bridges keep what they have and the next i2c_status says so.
  */
 void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps);
+
+/**
+ * Set the processor's motor pins. @param steps high time of the first and second pin of each wheel, 0..4096 steps of a period of
+ * 1 / motor_pwm_Hz; 2 * HIL_MAX_WHEELS entries. Of no effect on a robot whose motors hang on the PWM chip.
+ */
+void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps);
 
 /** Level from which the chip takes OE for high: V_IH = 0.7 VDD at 3.3 V (NXP PCA9685, static characteristics). */
 #define HIL_OE_HIGH_V 2.31

@@ -20,6 +20,8 @@ BOARD_KEYS = (
     "wiring.battery_divider",
     "wiring.light_pin",
     "wiring.i2c_speed_Hz",
+    "wiring.motor_pins",
+    "wiring.motor_pwm_Hz",
 )
 DECODERS = ("auto", "hardware", "interrupt")
 I2C_SPEEDS_HZ = (100_000, 400_000, 1_000_000)
@@ -28,6 +30,15 @@ DEFAULT_LIGHT_PIN = 13
 MAX_DIVIDER = 100.0
 LAST_PIN = 39
 ANALOG_PINS = range(14, 28)
+PWM_PINS = (*range(2, 16), 22, 23, 28, 29, 33)
+"""Pins that outputs A and B of FlexPWM or a quad timer reach, but for those of an SD card."""
+CHIP_DRIVER = "pca9685"
+CHIP_KEYS = ("in1_channel", "in2_channel")
+PIN_DRIVERS = {"in1_in2": "[IN1, IN2]", "pwm_dir": "[PWM, DIR]"}
+"""Motor drivers on the processor's pins, and what the two pins of a wheel are."""
+DEFAULT_MOTOR_PWM_HZ = 20_000
+MOTOR_PWM_HZ = range(1_000, 100_001)
+"""Slower, the current breaks off between pulses; faster, a period has less than 1500 steps and the bridges get hot."""
 RESERVED_PINS = {0: "the radio (Serial1 RX)", 1: "the radio (Serial1 TX)", 18: "I2C (SDA)", 19: "I2C (SCL)"}
 
 
@@ -36,7 +47,8 @@ class BoardWiring:
     """What is connected to which Teensy 4.0 pin; None where nothing is.
 
     ``encoder_pins``: (A, B) per wheel, empty if the file gives none. ``encoder_decoder``: one of DECODERS per wheel.
-    ``battery_divider``: battery voltage per volt at ``battery_pin``.
+    ``battery_divider``: battery voltage per volt at ``battery_pin``. ``motor_pins``: (IN1, IN2) or (PWM, DIR) per wheel
+    for a motor driver on the processor's own pins, else empty.
     """
 
     encoder_pins: tuple[tuple[int, int], ...]
@@ -47,6 +59,8 @@ class BoardWiring:
     battery_divider: float
     light_pin: int
     i2c_speed_Hz: int
+    motor_pins: tuple[tuple[int, int], ...] = ()
+    motor_pwm_Hz: int = DEFAULT_MOTOR_PWM_HZ
 
 
 def parse_board_wiring(source: str, section: Mapping[str, Any], wheels: int) -> BoardWiring:
@@ -60,6 +74,8 @@ def parse_board_wiring(source: str, section: Mapping[str, Any], wheels: int) -> 
         battery_divider=_battery_divider(source, section),
         light_pin=_pin(source, "wiring.light_pin", section.get("light_pin", DEFAULT_LIGHT_PIN)),
         i2c_speed_Hz=_i2c_speed(source, section),
+        motor_pins=_motor_pins(source, section, wheels),
+        motor_pwm_Hz=_motor_pwm(source, section),
     )
     _refuse_shared_pins(source, wiring)
     return wiring
@@ -133,11 +149,61 @@ def _i2c_speed(source: str, section: Mapping[str, Any]) -> int:
     return speed
 
 
+def _driver(section: Mapping[str, Any]) -> str:
+    return str(section.get("motor_driver", CHIP_DRIVER))
+
+
+def _motor_pins(source: str, section: Mapping[str, Any], wheels: int) -> tuple[tuple[int, int], ...]:
+    key, driver = "wiring.motor_pins", _driver(section)
+    if driver not in PIN_DRIVERS:
+        for leaf in ("motor_pins", "motor_pwm_Hz"):
+            if leaf in section:
+                problem = f"is given, but motor_driver is {driver!r}; it is for {' and '.join(PIN_DRIVERS)}"
+                raise SchemaError(source, f"wiring.{leaf}", problem)
+        return ()
+    for leaf in CHIP_KEYS:
+        if leaf in section:
+            problem = f"is a channel of the PCA9685, but motor_driver is {driver!r}; remove it and give motor_pins"
+            raise SchemaError(source, f"wiring.{leaf}", problem)
+    given = section.get("motor_pins")
+    if not isinstance(given, list) or len(given) != wheels:
+        what = "is missing" if given is None else f"is {given!r}"
+        problem = f"{what}; a list of {wheels} pairs {PIN_DRIVERS[driver]} is needed, one per wheel"
+        raise SchemaError(source, key, problem)
+    return tuple(_motor_pair(source, f"{key}[{wheel}]", pair, driver) for wheel, pair in enumerate(given))
+
+
+def _motor_pair(source: str, key: str, pair: object, driver: str) -> tuple[int, int]:
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise SchemaError(source, key, f"is {pair!r}; two pin numbers {PIN_DRIVERS[driver]} are needed")
+    first, second = (_pin(source, f"{key}[{place}]", pin) for place, pin in enumerate(pair))
+    for place, pin in enumerate((first, second) if driver == "in1_in2" else (first,)):
+        if pin not in PWM_PINS:
+            allowed = ", ".join(map(str, PWM_PINS))
+            raise SchemaError(
+                source, f"{key}[{place}]", f"is {pin}, which has no PWM on a Teensy 4.0; these have: {allowed}"
+            )
+    return first, second
+
+
+def _motor_pwm(source: str, section: Mapping[str, Any]) -> int:
+    frequency = section.get("motor_pwm_Hz", DEFAULT_MOTOR_PWM_HZ)
+    if type(frequency) is not int or frequency not in MOTOR_PWM_HZ:
+        problem = f"is {frequency!r}; a whole number from {MOTOR_PWM_HZ.start} to {MOTOR_PWM_HZ.stop - 1} is needed"
+        raise SchemaError(source, "wiring.motor_pwm_Hz", problem)
+    return frequency
+
+
 def _refuse_shared_pins(source: str, wiring: BoardWiring) -> None:
     users = dict(RESERVED_PINS)
     wanted = [
         (f"{ENCODER_PINS_KEY}[{wheel}]", pin, f"the encoder of wheel {wheel + 1}")
         for wheel, pair in enumerate(wiring.encoder_pins)
+        for pin in pair
+    ]
+    wanted += [
+        (f"wiring.motor_pins[{wheel}]", pin, f"the motor of wheel {wheel + 1}")
+        for wheel, pair in enumerate(wiring.motor_pins)
         for pin in pair
     ]
     single = {

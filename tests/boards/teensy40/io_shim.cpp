@@ -61,7 +61,7 @@ public:
 
 bool tick_driver(const Wiring &wiring, uint64_t now_us, const float *duty, bool on) {
     NoPin pin;
-    MotorWires wires{*i2c, pin};
+    MotorWires wires{*i2c, pin, nullptr};
     driver->set_wiring(wiring);
     driver->poll(wires);
     driver->drive(wires, now_us, duty, on);

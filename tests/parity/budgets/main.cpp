@@ -88,7 +88,7 @@ private:
     uint32_t tick_ = 0;
     Bus bus_;
     Pin pin_;
-    omni::MotorWires wires_{bus_, pin_};
+    omni::MotorWires wires_{bus_, pin_, nullptr};
     Stopwatch stopwatch_;
     Figure figure_;           ///< of the core if it is watched, else of the whole tick
     size_t depth_before_ = 0; ///< of the stack when ControlLoop::tick is called
@@ -102,15 +102,11 @@ bool Bench::prepare() {
         values[case_.settings[i].parameter] = case_.settings[i].value;
     }
     omni::RobotSetup &setup = loop_.setups.scratch();
-    if (omni_robot_config(&setup.config, values, nullptr) != OMNI_OK) {
+    int32_t bad = -1;
+    if (omni::make_robot_setup(setup, values, &bad) != OMNI_OK) {
         return false;
     }
     config_ = &setup.config;
-    setup.wiring.wheels = config_->kinematics.wheels;
-    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        setup.wiring.in1[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN1_CH + i]);
-        setup.wiring.in2[i] = static_cast<uint8_t>(values[OMNI_PARAM_W1_IN2_CH + i]);
-    }
     loop_.setups.publish();
     loop_.restart();
     omni_trajectory_t &plan = loop_.plans.scratch();

@@ -36,7 +36,8 @@ static omni_real_t draw_anywhere(random_t *random, const omni_param_info_t *info
 
 /* How the motors are wired is none of the core's business. */
 static bool is_wiring(uint32_t index) {
-    return index >= OMNI_PARAM_W1_IN1_CH && index < OMNI_PARAM_W1_IN2_CH + OMNI_MAX_WHEELS;
+    const bool channel = index >= OMNI_PARAM_W1_IN1_CH && index < OMNI_PARAM_W1_IN2_CH + OMNI_MAX_WHEELS;
+    return channel || index == OMNI_PARAM_MOT_DRIVER;
 }
 
 /* Any parameter that the core may read: one that tells of the wiring more or less changes no draw. */

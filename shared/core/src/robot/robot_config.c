@@ -35,16 +35,6 @@ static omni_result_t set_wheels(omni_robot_config_t *c, const omni_real_t *v, in
         c->encoder_direction[i] = (int8_t)v[encoder];
         c->motor_direction[i] = (int8_t)v[motor];
     }
-    for (int32_t i = 0; i < 2 * wheels; ++i) {
-        for (int32_t j = 0; j < i; ++j) {
-            const int32_t a = (i < wheels ? OMNI_PARAM_W1_IN1_CH + i : OMNI_PARAM_W1_IN2_CH + i - wheels);
-            const int32_t b = (j < wheels ? OMNI_PARAM_W1_IN1_CH + j : OMNI_PARAM_W1_IN2_CH + j - wheels);
-            if (v[a] == v[b]) { /* two bridge inputs on one PWM channel */
-                *bad_index = a;
-                return OMNI_ERR_RANGE;
-            }
-        }
-    }
     return OMNI_OK;
 }
 

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+/// @file motor_drivers.h  One of each motor driver there is. The list is made from the values of MOT_DRIVER in shared/params.toml.
+#pragma once
+
+#include <cstdint>
+
+#include "omni/motor_drivers_gen.h"
+
+namespace omni {
+
+class MotorDrivers {
+public:
+    /// @param number omni_mot_driver; the first driver if there is none of that number.
+    MotorDriver &of(uint8_t number) {
+        switch (number) {
+#define OMNI_CASE(type, name, value)                                                                                           \
+    case value:                                                                                                                \
+        return name;
+            OMNI_MOTOR_DRIVERS(OMNI_CASE)
+#undef OMNI_CASE
+        default:
+            return pca9685;
+        }
+    }
+
+private:
+#define OMNI_MEMBER(type, name, value) type name;
+    OMNI_MOTOR_DRIVERS(OMNI_MEMBER)
+#undef OMNI_MEMBER
+};
+
+} // namespace omni
