@@ -29,25 +29,15 @@ ENDLESS = "the trajectory has no end (TRJ_LAPS = 0): give times in seconds and a
 
 
 def path_ticks(config: Any, share: float) -> int:
-    """Return how many ticks the configured path takes, lead-in left out, until ``share`` of it is driven."""
-    pose = ffi.new("omni_pose_t *")
-    plan = plan_trajectory(config, pose)
-    plan = plan_trajectory(config, ffi.addressof(plan, "start"))
-    if plan.duration_s < 0.0:
+    """Return how many ticks the configured path takes, lead-in left out, until ``share`` of it is driven.
+
+    Raises CoreError if the path cannot be planned or has no end.
+    """
+    plan_trajectory(config, ffi.new("omni_pose_t *"))
+    ticks = int(lib.hil_path_ticks(ffi.new("hil_path_t *"), config, share))
+    if ticks == 2**64 - 1:
         raise CoreError(ENDLESS)
-    reference = ffi.new("omni_reference_t *")
-
-    def driven(ticks: int) -> bool:
-        lib.omni_trajectory_evaluate(plan, ticks * TICK_US, reference)
-        return bool(reference.phase == lib.OMNI_PHASE_DONE or reference.path_time_s >= share * plan.duration_s)
-
-    low, high = 0, 1
-    while not driven(high):
-        low, high = high, 2 * high
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if driven(middle) else (middle, high)
-    return high
+    return ticks
 
 
 def plan_summary(values: Mapping[str, float], table: ParameterTable) -> dict[str, float | None]:

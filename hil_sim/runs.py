@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core
-from hil_sim.c_scenario import NEVER, CScenario, scenario_world
+from hil_sim.c_events import NEVER, TICKS_PER_S
+from hil_sim.c_scenario import CScenario, scenario_world
 from hil_sim.metrics import STATE_ARMED
 from hil_sim.record import Record
 from hil_sim.scenario import Scenario
-from hil_sim.timeline import TICKS_PER_S, Applied, Played, Progress, RunError
+from hil_sim.timeline import Applied, Played, Progress, RunError
 from hil_sim.world import World, WorldError
 from omniwheel._core import ffi, lib
 from omniwheel.core_config import PLAN_REFUSED, refused_parameters
@@ -71,8 +72,8 @@ class Player:
         self._run = ffi.new("hil_run_t *")
         self._path = ffi.new("hil_path_t *")
         self._moments = ffi.new("hil_moment_t[]", len(scenario.events))
-        self._timeline = ffi.new("hil_timeline_t *")
-        lib.hil_timeline_init(self._timeline, self._plan.c, scenario.seed, self._run, self._moments, self._path)
+        self._player = ffi.new("hil_player_t *")
+        lib.hil_player_init(self._player, self._plan.c, scenario.seed, self._run, self._moments, self._path)
 
     def play(self, progress: Progress | None = None) -> Played:
         """Run to the end and return what happened. Raises RunError or CoreError if the run cannot start or go on."""
@@ -81,17 +82,17 @@ class Player:
         while going:
             record = Record(PIECE_TICKS + lib.HIL_LOOK_TICKS)
             self._run.record = record.c
-            going = bool(lib.hil_timeline_play(self._timeline, PIECE_TICKS))
+            going = bool(lib.hil_player_play(self._player, PIECE_TICKS))
             pieces.append(record.samples)
             if progress is not None:
                 progress(self._run.ticks / TICKS_PER_S, self._expected_end_s())
         self._check()
-        return Played(np.concatenate(pieces), self.applied, int(self._run.ticks), self._timeline.done != NEVER)
+        return Played(np.concatenate(pieces), self.applied, int(self._run.ticks), self._player.timeline.done != NEVER)
 
     @property
     def applied(self) -> tuple[Applied, ...]:
         """Events so far, in their order."""
-        moments = self._moments[0 : self._timeline.applied]
+        moments = self._moments[0 : self._player.timeline.applied]
         events = self.scenario.events
         return tuple(Applied(moment.applied_tick / TICKS_PER_S, events[moment.event]) for moment in moments)
 
@@ -104,15 +105,15 @@ class Player:
         return values
 
     def _expected_end_s(self) -> float | None:
-        end = lib.hil_timeline_expected_end(self._timeline)
+        end = lib.hil_player_expected_end(self._player)
         return None if end == NEVER else end / TICKS_PER_S
 
     def _check(self) -> None:
-        status, detail = self._timeline.status, self._timeline.detail
+        status, detail = self._player.status, self._player.detail
         if status == lib.HIL_RUN_WORLD:
-            raise WorldError(ffi.string(self._timeline.why).decode())
+            raise WorldError(ffi.string(self._player.why).decode())
         if status == lib.HIL_RUN_PARAMETERS:
-            raise refused_parameters(list(self._timeline.values), self.scenario.robot.table, detail)
+            raise refused_parameters(list(self._player.values), self.scenario.robot.table, detail)
         if status != lib.HIL_RUN_OK:
             raise refusal(status, detail & 0xFFFFFFFF)
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Plays a scenario's events on a closed loop of robot and world, the same way in process and over a link."""
+"""Plays a scenario's events on a closed loop of robot and world, over a link or any other :class:`Loop`.
+
+What is to be done when, the C code says (timeline.h), the same one that plays runs in this process.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +13,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.metrics import PHASE_DONE, PHASE_PATH, STATE_ARMED
-from hil_sim.scenario import MAX_DURATION_S, Event, Scenario
+from hil_sim.c_events import NEVER, TICKS_PER_S, end_tick, event_table
+from hil_sim.scenario import Event, Scenario
+from omniwheel._core import ffi, lib
 from omniwheel.errors import OmniError
-
-TICKS_PER_S = 1000
-CHUNK_TICKS = 200
-"""The record is looked at this often; both loops use it, so that they find the path's start at the same tick."""
-AFTER_TICKS = 500
-"""How long a run goes on after the trajectory is done or the robot stopped by itself."""
-DISARMED_TICKS = 100
-"""How long it goes on after the final disarm, to show that the motors are off."""
-START_TICKS = 2000
-"""A robot that is not armed this long after the last timed event will not start."""
 
 Progress = Callable[[float, float | None], None]
 """Called with the simulated time and the expected end of the run [s], None while that is not known."""
@@ -70,99 +64,60 @@ class Played:
     done: bool
 
 
-class _Watch:
-    """Looks for the moments that the timeline depends on, in the samples as they come."""
+class _Timeline:
+    """The scenario's events and its end: ``hil_timeline_t``."""
 
-    def __init__(self) -> None:
-        self.armed = False
-        self.path_start: int | None = None
-        self.done: int | None = None
-        self.stopped: int | None = None
+    def __init__(self, scenario: Scenario) -> None:
+        self._events, count = event_table(scenario), len(scenario.events)
+        self.moments = ffi.new("hil_moment_t[]", count)
+        self._seen = ffi.new("hil_milestones_t *")
+        self.c: Any = ffi.new("hil_timeline_t *")
+        lib.hil_milestones_init(self._seen)
+        lib.hil_timeline_init(self.c, self._events, count, end_tick(scenario), self.moments)
+
+    def next(self, ticks: int) -> Any:
+        """Return what is to be done next, a ``hil_step_t``."""
+        return lib.hil_timeline_next(self.c, ticks)
 
     def look(self, samples: NDArray[Any]) -> None:
-        ticks = np.rint(samples["time_s"] * TICKS_PER_S).astype(np.int64)
-        armed = samples["state"] == STATE_ARMED
-        if self.path_start is None:
-            self.path_start = _first(ticks, armed & (samples["phase"] == PHASE_PATH))
-        if self.done is None:
-            self.done = _first(ticks, armed & (samples["phase"] == PHASE_DONE))
-        if self.stopped is None:
-            was_armed = np.concatenate(([self.armed], np.logical_or.accumulate(armed)[:-1] | self.armed))
-            self.stopped = _first(ticks, was_armed & ~armed)
-        self.armed = self.armed or bool(np.any(armed))
+        """Look at what the ticks brought."""
+        rows = np.ascontiguousarray(samples)
+        lib.hil_milestones_of(self._seen, ffi.from_buffer("hil_sample_t[]", rows), len(rows))
+        lib.hil_timeline_look(self.c, self._seen)
 
-
-def _first(ticks: NDArray[np.int64], where: NDArray[np.bool_]) -> int | None:
-    found = np.flatnonzero(where)
-    return int(ticks[found[0]]) if len(found) else None
-
-
-class _Timeline:
-    """The scenario's events and its end, in ticks as far as they are known."""
-
-    def __init__(self, scenario: Scenario, loop: Loop) -> None:
-        self.loop = loop
-        self.watch = _Watch()
-        self.timed = sorted(
-            ((round(event.at_s * TICKS_PER_S), event) for event in scenario.events if event.at_s is not None),
-            key=lambda entry: entry[0],
-        )
-        self.on_path = [event for event in scenario.events if event.at_progress is not None]
-        self.fixed_end = None if scenario.duration_s is None else round(scenario.duration_s * TICKS_PER_S)
-        self.start_limit = (self.timed[-1][0] if self.timed else 0) + START_TICKS
-        self.applied: list[Applied] = []
-
-    def resolve(self) -> None:
-        """Turn shares of the path into ticks once the path's start is known."""
-        if self.watch.path_start is None or not self.on_path:
-            return
-        for event in self.on_path:
-            share = event.at_progress or 0.0
-            self.timed.append((self.watch.path_start + self.loop.path_ticks(share), event))
-        self.on_path = []
-        self.timed.sort(key=lambda entry: entry[0])
-
-    def apply_due(self) -> None:
-        while self.timed and self.timed[0][0] <= self.loop.ticks:
-            _, event = self.timed.pop(0)
-            self.loop.apply(event)
-            self.applied.append(Applied(self.loop.ticks / TICKS_PER_S, event))
-
-    def end(self) -> int:
-        """Return the tick at which the run ends as far as is known now."""
-        if self.fixed_end is not None:
-            return self.fixed_end
-        ends = [moment + AFTER_TICKS for moment in (self.watch.done, self.watch.stopped) if moment is not None]
-        if not self.watch.armed:
-            ends.append(self.start_limit)
-        return min([*ends, round(MAX_DURATION_S * TICKS_PER_S)])
-
-    def expected_end_s(self) -> float | None:
+    def expected_end_s(self, loop: Loop) -> float | None:
         """Return when the run will probably end [s], None if that is not known yet."""
-        if self.fixed_end is not None:
-            return (self.fixed_end + DISARMED_TICKS) / TICKS_PER_S
-        if self.watch.path_start is None:
-            return None
-        return (self.watch.path_start + self.loop.path_ticks(1.0) + AFTER_TICKS + DISARMED_TICKS) / TICKS_PER_S
+        path_ticks = loop.path_ticks(1.0) if self.c.end_tick == NEVER and self.c.path_start != NEVER else NEVER
+        end = lib.hil_timeline_expected_end(self.c, path_ticks)
+        return None if end == NEVER else end / TICKS_PER_S
 
-    def next_stop(self) -> int:
-        chunk_end = (self.loop.ticks // CHUNK_TICKS + 1) * CHUNK_TICKS
-        events = [self.timed[0][0]] if self.timed else []
-        return min([chunk_end, self.end(), *events])
+    def applied(self, scenario: Scenario) -> tuple[Applied, ...]:
+        """Return the events that have happened, in their order."""
+        done = self.moments[0 : self.c.applied]
+        return tuple(Applied(moment.applied_tick / TICKS_PER_S, scenario.events[moment.event]) for moment in done)
 
 
 def play(scenario: Scenario, loop: Loop, progress: Progress | None = None) -> Played:
     """Run the scenario to its end, disarm, and return what happened."""
-    timeline = _Timeline(scenario, loop)
-    chunks = [loop.advance(1)]
-    loop.place()
-    while loop.ticks < timeline.end():
-        timeline.apply_due()
-        chunks.append(loop.advance(max(timeline.next_stop() - loop.ticks, 1)))
-        timeline.watch.look(chunks[-1])
-        timeline.resolve()
-        if progress is not None:
-            progress(loop.ticks / TICKS_PER_S, timeline.expected_end_s())
-    loop.apply(Event(at_s=loop.ticks / TICKS_PER_S, command="disarm"))
-    chunks.append(loop.advance(DISARMED_TICKS))
-    return Played(np.concatenate(chunks), tuple(timeline.applied), loop.ticks, timeline.watch.done is not None)
+    timeline = _Timeline(scenario)
+    chunks = []
+    while (step := timeline.next(loop.ticks)).kind != lib.HIL_STEP_OVER:
+        if step.kind == lib.HIL_STEP_RUN:
+            chunks.append(loop.advance(step.ticks))
+            timeline.look(chunks[-1])
+            if progress is not None:
+                progress(loop.ticks / TICKS_PER_S, timeline.expected_end_s(loop))
+        else:
+            _do(scenario, loop, timeline, step)
+    return Played(np.concatenate(chunks), timeline.applied(scenario), loop.ticks, timeline.c.done != NEVER)
+
+
+def _do(scenario: Scenario, loop: Loop, timeline: _Timeline, step: Any) -> None:
+    if step.kind == lib.HIL_STEP_PLACE:
+        loop.place()
+    elif step.kind == lib.HIL_STEP_APPLY:
+        loop.apply(scenario.events[step.event])
+    elif step.kind == lib.HIL_STEP_LOCATE:
+        lib.hil_timeline_locate(timeline.c, loop.path_ticks(scenario.events[step.event].at_progress or 0.0))
+    else:
+        loop.apply(Event(at_s=loop.ticks / TICKS_PER_S, command="disarm"))

@@ -11,8 +11,8 @@ enum { LANES_PAY = 4 /* runs from which on they take less time in lanes than one
 
 typedef struct slot_t {
     hil_run_t run;
-    hil_timeline_t timeline;
-    uint64_t left; /* ticks to the timeline's next look; 0: the run is over */
+    hil_player_t player;
+    uint64_t left; /* ticks to the player's next look; 0: the run is over */
 } slot_t;
 
 typedef struct block_t {
@@ -22,24 +22,24 @@ typedef struct block_t {
     hil_moment_t moments[]; /* per slot, one after the other */
 } block_t;
 
-static void without_figures(hil_figures_t *row, const hil_timeline_t *timeline) {
-    static const hil_metrics_t nothing = {.done_us = UINT64_MAX};
-    hil_figures_of(row, &nothing, timeline->scenario->world->wheels);
-    row->faults = timeline->status == HIL_RUN_ARMING ? (uint32_t)timeline->detail : 0;
+static void without_figures(hil_figures_t *row, const hil_player_t *player) {
+    static const hil_metrics_t nothing = {.milestones = {.done_us = UINT64_MAX}};
+    hil_figures_of(row, &nothing, player->scenario->world->wheels);
+    row->faults = player->status == HIL_RUN_ARMING ? (uint32_t)player->detail : 0;
 }
 
 static void finish(const slot_t *slot, hil_figures_t *row) {
-    row->status = slot->timeline.status;
-    row->ticks = slot->timeline.status == HIL_RUN_WORLD ? 0 : slot->run.ticks;
+    row->status = slot->player.status;
+    row->ticks = slot->player.status == HIL_RUN_WORLD ? 0 : slot->run.ticks;
     if (row->status == HIL_RUN_OK) {
         hil_figures_of(row, &slot->run.metrics, slot->run.world.config.wheels);
     } else {
-        without_figures(row, &slot->timeline);
+        without_figures(row, &slot->player);
     }
 }
 
 static void go_on(slot_t *slot, hil_figures_t *row) {
-    slot->left = hil_timeline_due(&slot->timeline);
+    slot->left = hil_player_due(&slot->player);
     if (slot->left == 0) {
         finish(slot, row);
     }
@@ -48,7 +48,7 @@ static void go_on(slot_t *slot, hil_figures_t *row) {
 static void start(block_t *block, uint32_t number, hil_figures_t *row) {
     slot_t *slot = &block->slot[number];
     hil_moment_t *moments = block->moments + (size_t)number * block->scenario->event_count;
-    hil_timeline_init(&slot->timeline, block->scenario, row->seed, &slot->run, moments, &block->path);
+    hil_player_init(&slot->player, block->scenario, row->seed, &slot->run, moments, &block->path);
     go_on(slot, row);
 }
 
@@ -88,7 +88,7 @@ static void look(block_t *block, uint32_t runs, uint64_t piece, hil_figures_t *r
         }
         slot->left -= piece;
         if (slot->left == 0) {
-            hil_timeline_look(&slot->timeline);
+            hil_player_look(&slot->player);
             go_on(slot, &rows[i]);
         }
     }

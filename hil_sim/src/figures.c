@@ -17,7 +17,7 @@ static void errors_of(hil_figures_t *f, const hil_metrics_t *m, double ticks) {
 
 static void extremes_of(hil_figures_t *f, const hil_metrics_t *m) {
     const bool path = m->path_ticks > 0;
-    const bool followed = path || m->done_us != UINT64_MAX;
+    const bool followed = path || m->milestones.done_us != UINT64_MAX;
     f->max_position_m = path ? sqrt(m->distance_square_max) : (double)NAN;
     f->max_theta_rad = path ? m->turn_max : (double)NAN;
     f->final_position_m = followed ? hypot(m->final_error[0], m->final_error[1]) : (double)NAN;
@@ -39,7 +39,7 @@ static void effort_of(hil_figures_t *f, const hil_metrics_t *m, uint32_t wheels)
 
 void hil_figures_of(hil_figures_t *figures, const hil_metrics_t *metrics, uint32_t wheels) {
     figures->faults = metrics->faults;
-    figures->completed = metrics->done_us != UINT64_MAX ? 1.0 : 0.0;
+    figures->completed = metrics->milestones.done_us != UINT64_MAX ? 1.0 : 0.0;
     errors_of(figures, metrics, metrics->path_ticks > 0 ? (double)metrics->path_ticks : (double)NAN);
     extremes_of(figures, metrics);
     effort_of(figures, metrics, wheels);

@@ -8,9 +8,7 @@ static const double TURN = 6.28318530717958647692;
 
 void hil_metrics_init(hil_metrics_t *metrics) {
     memset(metrics, 0, sizeof *metrics);
-    metrics->path_start_us = UINT64_MAX;
-    metrics->done_us = UINT64_MAX;
-    metrics->stopped_us = UINT64_MAX;
+    hil_milestones_init(&metrics->milestones);
 }
 
 static hil_real_t larger(hil_real_t a, hil_real_t b) {
@@ -76,23 +74,17 @@ static void add_path_tick(hil_metrics_t *metrics, const hil_world_t *world, cons
     const hil_real_t accepted = (hil_real_t)outputs->fixes_accepted - metrics->fixes_last;
     metrics->nis += accepted * (hil_real_t)outputs->nis;
     metrics->fixes += accepted;
-    if (metrics->path_ticks == 0) {
-        metrics->path_start_us = world->time_us;
-    }
     metrics->path_ticks += 1;
 }
 
 static void add_armed_tick(hil_metrics_t *metrics, const hil_world_t *world, const omni_outputs_t *outputs) {
-    metrics->faults = metrics->was_armed ? metrics->faults | outputs->faults : outputs->faults;
-    metrics->was_armed = true;
+    metrics->faults = metrics->milestones.was_armed ? metrics->faults | outputs->faults : outputs->faults;
     const omni_uint_t phase = outputs->reference.phase;
     if (phase == OMNI_PHASE_PATH || phase == OMNI_PHASE_DONE) {
         tracking_error(metrics->final_error, world, &outputs->reference.pose);
     }
     if (phase == OMNI_PHASE_PATH) {
         add_path_tick(metrics, world, outputs);
-    } else if (phase == OMNI_PHASE_DONE) {
-        metrics->done_us = hil_select(metrics->done_us == UINT64_MAX, world->time_us, metrics->done_us);
     }
 }
 
@@ -101,9 +93,7 @@ void hil_metrics_tick(hil_metrics_t *metrics, const hil_world_t *world, const om
         add_armed_tick(metrics, world, outputs);
     } else {
         metrics->faults |= outputs->faults;
-        if (metrics->was_armed && metrics->stopped_us == UINT64_MAX) {
-            metrics->stopped_us = world->time_us;
-        }
     }
+    hil_milestones_tick(&metrics->milestones, world->time_us, outputs->state, outputs->reference.phase);
     metrics->fixes_last = (hil_real_t)outputs->fixes_accepted;
 }

@@ -2,7 +2,7 @@
 /* When a share of the configured path is driven. */
 #include <string.h>
 
-#include "hil_sim/timeline.h"
+#include "hil_sim/player.h"
 
 /* Padding may differ in what is equal otherwise: that costs a plan and nothing else. */
 static bool same_bytes(const void *one, const void *other, size_t size) {

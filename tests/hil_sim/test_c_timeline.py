@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The timeline in C plays scenarios exactly as the one in Python does, which runs over a link use."""
+"""Runs in this process and over a link do what the one timeline says exactly alike."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil_sim import core, timeline
+from hil_sim import core
+from hil_sim.c_events import TICKS_PER_S
 from hil_sim.core import CoreError
 from hil_sim.record import Record
 from hil_sim.runs import new_world, run_in_process
@@ -140,7 +141,7 @@ def test_shares_of_the_path_are_met_alike(share: float) -> None:
 def test_a_robot_that_is_never_armed_ends_alike(events: tuple[Event, ...]) -> None:
     played = assert_same(scenario(*events))
     assert not played.done
-    assert played.ticks == (200 if events else 0) + timeline.START_TICKS + timeline.DISARMED_TICKS
+    assert played.ticks == (200 if events else 0) + lib.HIL_START_TICKS + lib.HIL_DISARMED_TICKS
 
 
 def test_late_ticks_are_counted_alike() -> None:
@@ -159,11 +160,8 @@ def test_a_share_of_a_path_without_end_is_refused() -> None:
         run_in_process(scenario(*DRIVE, Event(at_progress=0.5, settings={"WS_P": 6.0}), TRJ_LAPS=0.0))
 
 
-def test_the_constants_are_the_same() -> None:
-    names = {"CHUNK": "LOOK", "AFTER": "AFTER", "DISARMED": "DISARMED", "START": "START"}
-    for ours, theirs in names.items():
-        assert getattr(timeline, f"{ours}_TICKS") == getattr(lib, f"HIL_{theirs}_TICKS")
-    assert lib.HIL_MAX_TICKS == MAX_DURATION_S * timeline.TICKS_PER_S
+def test_the_longest_run_is_the_same_in_c_and_python() -> None:
+    assert lib.HIL_MAX_TICKS == MAX_DURATION_S * TICKS_PER_S
 
 
 def test_progress_is_told_with_the_expected_end() -> None:

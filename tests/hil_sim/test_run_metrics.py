@@ -77,7 +77,7 @@ def test_figures_are_those_of_the_record(name: str) -> None:
     armed = np.flatnonzero(rows["state"] == metrics.STATE_ARMED)[0]
     assert found.faults == np.bitwise_or.reduce(rows["faults"][armed:])
     assert run.c.metrics.path_ticks == len(path)
-    assert run.c.metrics.path_start_us == round(path["time_s"][0] * 1e6)
+    assert run.c.metrics.milestones.path_start_us == round(path["time_s"][0] * 1e6)
 
 
 def test_the_fixes_of_a_good_filter_have_the_nis_of_their_dimension() -> None:

@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from hil_sim import metrics
 from hil_sim.record import sample_dtype
 from hil_sim.scenario import Event, Scenario, load_scenario
-from hil_sim.timeline import AFTER_TICKS, DISARMED_TICKS, START_TICKS, play
+from hil_sim.timeline import play
+from omniwheel._core import lib
+
+AFTER_TICKS = lib.HIL_AFTER_TICKS
+DISARMED_TICKS = lib.HIL_DISARMED_TICKS
+START_TICKS = lib.HIL_START_TICKS
 
 
 class ScriptedLoop:

@@ -8,7 +8,7 @@
 #define HIL_SIM_BATCH_H
 
 #include "hil_sim/figures.h"
-#include "hil_sim/timeline.h"
+#include "hil_sim/player.h"
 
 enum { HIL_BLOCK = 8 /**< runs that go along together */ };
 

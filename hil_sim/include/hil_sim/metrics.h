@@ -7,13 +7,14 @@
 #ifndef HIL_SIM_METRICS_H
 #define HIL_SIM_METRICS_H
 
+#include "hil_sim/milestones.h"
 #include "hil_sim/real.h"
 #include "hil_sim/world.h"
 #include "omni/robot.h"
 
 /**
  * Sums over the ticks on the path (armed, phase PATH), unless said otherwise. Errors: truth - reference, estimate - truth; headings
- * to the nearest whole turn. Times are those of the world; UINT64_MAX: not yet.
+ * to the nearest whole turn.
  */
 typedef struct hil_metrics_t {
     hil_real_t tracking_square[3]; /**< squares of x, y [m^2], theta [rad^2] */
@@ -32,11 +33,8 @@ typedef struct hil_metrics_t {
     hil_real_t fixes_last;     /**< omni_outputs_t.fixes_accepted of the last tick */
     hil_real_t final_error[3]; /**< tracking error of the last tick on the path or after its end, armed */
     hil_time_t path_ticks;     /**< ticks on the path */
-    hil_time_t path_start_us;  /**< first of them */
-    hil_time_t done_us;        /**< first armed tick after the path's end */
-    hil_time_t stopped_us;     /**< first tick not armed after an armed one */
     omni_uint_t faults;        /**< omni_fault_t bits seen since arming; of all ticks if it never was armed */
-    bool was_armed;
+    hil_milestones_t milestones;
 } hil_metrics_t;
 
 void hil_metrics_init(hil_metrics_t *metrics);

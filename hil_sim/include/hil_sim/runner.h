@@ -7,6 +7,7 @@
 #ifndef HIL_SIM_RUNNER_H
 #define HIL_SIM_RUNNER_H
 
+#include "hil_sim/milestones.h"
 #include "hil_sim/world.h"
 #include "omni/direct_torque.h"
 #include "omni/robot.h"
@@ -39,6 +40,9 @@ typedef struct hil_record_t {
     uint64_t count;
     uint32_t every;
 } hil_record_t;
+
+/** Add the ticks of a record, one row per tick, in their order. */
+void hil_milestones_of(hil_milestones_t *milestones, const hil_sample_t *samples, uint64_t count);
 
 /**
  * Run `ticks` ticks of omni_robot_tick in this process: sense, tick, bridge, step. `inputs` carries set-point, heartbeat and the like

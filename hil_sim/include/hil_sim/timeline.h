@@ -1,26 +1,26 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file timeline.h
- * A scenario as C needs it, and how it is played on a run in this process. timeline.py does the same over a link, look by look and tick
- * by tick; a test holds the two together.
+ * When a scenario's events happen, and when its run ends. This exists once, for runs in this process (player.h) and over a link
+ * (timeline.py): the timeline says what is to be done next, whoever closes the loop does it and asks again.
  *
- * A run is cut into pieces: to the next event, to the end, or to the next multiple of HIL_LOOK_TICKS. After each piece the timeline looks
- * at what the run has measured: whether the robot is on its path, done, or has stopped. Only then it finds out: an event at a share
+ * A run is cut into pieces: to the next event, to the end, or to the next multiple of HIL_LOOK_TICKS. After each piece the timeline is
+ * shown the run's milestones: whether the robot is on its path, done, or has stopped. Only then it finds out: an event at a share
  * of the path is never applied before the first look that sees the path.
  */
 #ifndef HIL_SIM_TIMELINE_H
 #define HIL_SIM_TIMELINE_H
 
-#include "hil_sim/dispersion.h"
-#include "hil_sim/run.h"
+#include "hil_sim/milestones.h"
+#include "hil_sim/real.h"
+#include "omni/types.h"
 
 enum {
     HIL_LOOK_TICKS = 200,
     HIL_AFTER_TICKS = 500,    /**< a run goes on for this long after its path's end or the robot's own stop */
     HIL_DISARMED_TICKS = 100, /**< and for this long after the final disarm */
     HIL_START_TICKS = 2000,   /**< a robot not armed this long after the last timed event will not start */
-    HIL_MAX_TICKS = 3600000,
-    HIL_WHY_SIZE = 160
+    HIL_MAX_TICKS = 3600000
 };
 
 /** What an event does. */
@@ -36,12 +36,6 @@ typedef enum hil_action_t {
     HIL_ACTION_COUNT
 } hil_action_t;
 
-/** A parameter by its index, and its new value. */
-typedef struct hil_setting_t {
-    uint32_t parameter;
-    omni_real_t value;
-} hil_setting_t;
-
 /** Something that is done to the robot before a tick. */
 typedef struct hil_event_t {
     uint32_t action;        /**< hil_action_t */
@@ -53,89 +47,65 @@ typedef struct hil_event_t {
     omni_real_t value[OMNI_MAX_WHEELS];
 } hil_event_t;
 
-/** Everything but the seed. Must stay valid and constant while runs use it; they may do so in several threads. */
-typedef struct hil_scenario_t {
-    const hil_world_config_t *world;  /**< its seed does not count */
-    const omni_real_t *values;        /**< OMNI_PARAM_COUNT parameters that runs start with ... */
-    const omni_robot_config_t *robot; /**< ... and what omni_robot_config made of them */
-    const hil_event_t *events;
-    uint32_t event_count;
-    const hil_setting_t *settings; /**< of all events */
-    const hil_dispersion_t *dispersion;
-    uint32_t dispersion_count;
-    uint64_t end_tick; /**< UINT64_MAX: when the path is done or the robot stops by itself */
-} hil_scenario_t;
-
-/** How a run came out. */
-typedef enum hil_run_status_t {
-    HIL_RUN_OK = 0,     /**< played to its end */
-    HIL_RUN_WORLD,      /**< the world is refused; `why` says which field */
-    HIL_RUN_ARMING,     /**< the robot refuses to arm: `detail` = its faults */
-    HIL_RUN_PARAMETERS, /**< the core refuses a change of parameters: `detail` = index, -1: the combination */
-    HIL_RUN_TRAJECTORY, /**< the trajectory cannot be planned */
-    HIL_RUN_ENDLESS,    /**< an event at a share of a path without end */
-    HIL_RUN_STATUS_COUNT
-} hil_run_status_t;
-
 /** An event and its times. */
 typedef struct hil_moment_t {
     uint32_t event;
     uint64_t due_tick;
-    uint64_t applied_tick;
+    uint64_t applied_tick; /**< when it was done: over a link, the robot's confirmation takes a tick or more */
 } hil_moment_t;
 
-/** The bare path of a configuration, planned from its own start; kept from run to run because planning takes a while. */
-typedef struct hil_path_t {
-    bool known;
-    omni_trajectory_config_t config;
-    omni_kinematics_t kinematics;
-    omni_trajectory_t plan;
-} hil_path_t;
+/** What is to be done next. */
+typedef enum hil_step_kind_t {
+    HIL_STEP_RUN = 0, /**< run `ticks` ticks, then show the milestones to hil_timeline_look() */
+    HIL_STEP_PLACE,   /**< tell the robot where it stands */
+    HIL_STEP_APPLY,   /**< do what `event` says */
+    HIL_STEP_LOCATE,  /**< give hil_timeline_locate() the ticks from the path's start to the share of `event` */
+    HIL_STEP_DISARM,  /**< disarm: the run is ending */
+    HIL_STEP_OVER     /**< nothing: the run is over */
+} hil_step_kind_t;
 
-typedef enum hil_stage_t { HIL_STAGE_PLACE = 0, HIL_STAGE_PLAY, HIL_STAGE_DISARMED, HIL_STAGE_OVER } hil_stage_t;
+typedef struct hil_step_t {
+    uint32_t kind;  /**< hil_step_kind_t */
+    uint32_t event; /**< index */
+    uint64_t ticks;
+} hil_step_t;
 
-/** A scenario on its way through a run. */
+/** A scenario's events on their way through a run. */
 typedef struct hil_timeline_t {
-    const hil_scenario_t *scenario;
-    hil_run_t *run;
-    hil_path_t *path;
+    const hil_event_t *events;
+    uint32_t event_count;
+    uint32_t located;      /**< events up to here have their ticks, if the path's start is known */
     hil_moment_t *moments; /**< the first `applied` have been applied, those up to `known` are due at their ticks */
     uint32_t applied;
     uint32_t known;
-    bool path_resolved;   /**< events at shares of the path have their ticks */
-    uint8_t stage;        /**< hil_stage_t */
-    uint16_t sequence;    /**< of the last configuration */
+    uint64_t end_tick;    /**< UINT64_MAX: when the path is done or the robot stops by itself */
     uint64_t start_limit; /**< tick */
     uint64_t path_start;  /**< ticks as of the last look; UINT64_MAX: not yet */
     uint64_t done;
     uint64_t stopped;
     bool was_armed;
-    uint32_t status; /**< hil_run_status_t */
-    int32_t detail;
-    omni_real_t values[OMNI_PARAM_COUNT];
-    char why[HIL_WHY_SIZE];
+    bool applying; /**< events are being applied that were due before the end was looked at */
+    uint8_t stage; /**< own */
+    uint8_t last;  /**< hil_step_kind_t of the last answer */
 } hil_timeline_t;
 
 /**
- * Begin. A run that cannot is over at once; its status says why.
- * @param moments room for the scenario's event_count. @param path one per thread, zero at first.
+ * Begin. @param events `event_count` of them, and @param moments room for as many: both stay the caller's.
+ * @param end_tick UINT64_MAX: when the path is done or the robot stops by itself.
  */
-void hil_timeline_init(hil_timeline_t *timeline, const hil_scenario_t *scenario, uint64_t seed, hil_run_t *run,
-                       hil_moment_t *moments, hil_path_t *path);
+void hil_timeline_init(hil_timeline_t *timeline, const hil_event_t *events, uint32_t event_count, uint64_t end_tick,
+                       hil_moment_t *moments);
 
-/** Do what is due. @return ticks that the run is to be advanced by before hil_timeline_look; 0: the run is over. */
-uint64_t hil_timeline_due(hil_timeline_t *timeline);
+/** The last answer has been done, now. @param now ticks run so far. @return what is to be done next. */
+hil_step_t hil_timeline_next(hil_timeline_t *timeline, uint64_t now);
 
-/** Look at what these ticks brought. */
-void hil_timeline_look(hil_timeline_t *timeline);
+/** The event of HIL_STEP_LOCATE is this many ticks after the path's start. */
+void hil_timeline_locate(hil_timeline_t *timeline, uint64_t ticks);
 
-/** Play on for `ticks` ticks, and to the next look after them. @return false: the run is over. */
-bool hil_timeline_play(hil_timeline_t *timeline, uint64_t ticks);
+/** Look at what the ticks of HIL_STEP_RUN brought. */
+void hil_timeline_look(hil_timeline_t *timeline, const hil_milestones_t *milestones);
 
-/** Tick at which the run will probably end; UINT64_MAX: not known yet. */
-uint64_t hil_timeline_expected_end(const hil_timeline_t *timeline);
-
-/** Ticks from the path's start until `share` of it is driven, lead-in left out. @return UINT64_MAX: the path has no end. */
-uint64_t hil_path_ticks(hil_path_t *path, const omni_robot_config_t *config, double share);
+/** Tick at which the run will probably end; UINT64_MAX: not known yet. @param path_ticks of the whole path; UINT64_MAX: without end. */
+uint64_t hil_timeline_expected_end(const hil_timeline_t *timeline, uint64_t path_ticks);
 
 #endif
