@@ -34,6 +34,12 @@ def test_a_long_sentence_is_found_wherever_it_stands(page: str) -> None:
     assert prose.long_sentences(page.replace(LONG, SHORT)) == []
 
 
+def test_a_list_of_names_counts_as_one_word() -> None:
+    names = ", ".join(["`a_name`"] * 30)
+    assert prose.long_sentences(f"These are meant: {names}.") == []
+    assert prose.long_sentences(f"{names}, {LONG}") != []
+
+
 def test_more_than_listed_is_wrong_and_so_is_less() -> None:
     assert prose.judge("a.md", LONG, 1) == []
     assert "1 sentences" in prose.judge("a.md", LONG, 0)[0]

@@ -37,8 +37,8 @@ def oe_mind() -> str:
     poor = electrics.oe_level_V(electrics.BOARD_PULL_DOWN_OHM)
     sink = 1e3 * electrics.oe_sink_A(electrics.OE_PULL_UP_OHM)
     return (
-        f"1 kΩ from OE to 3.3 V. Many boards pull OE down by 10 kΩ: 1 kΩ then gives {good:.2f} V, enough for off "
-        f"(≥ {electrics.OE_OFF_V:.2f} V); 10 kΩ gives {poor:.2f} V, undefined. The Teensy sinks {sink:.1f} mA"
+        f"1 kΩ from OE to 3.3 V. Many boards pull OE down by 10 kΩ. Then 1 kΩ gives {good:.2f} V, enough for off "
+        f"(≥ {electrics.OE_OFF_V:.2f} V), and 10 kΩ gives {poor:.2f} V, undefined. The Teensy sinks {sink:.1f} mA"
     )
 
 
