@@ -25,7 +25,7 @@ _LOOK_S = 0.2
 
 @dataclass(frozen=True)
 class Done:
-    """A batch that was done: its rows, or in ``refusal`` why its settings cannot be run, which no repetition heals."""
+    """A batch that was done: its rows, or in ``refusal`` why its settings cannot be run, which no repetition mends."""
 
     batch: Batch
     rows: NDArray[Any] = field(default_factory=lambda: np.empty(0, engine.ROW))

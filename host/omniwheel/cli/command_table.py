@@ -70,7 +70,7 @@ TABLE = (
     Entry("record", REPORT, "Record every message of a link", "record", "record"),
     Entry("replay", REPORT, "Feed a log through the robot's own estimator", "replay", "replay_command"),
     Entry("logs", REPORT, "Import, look at and align logs of any robot", "logs"),
-    Entry("plot", REPORT, "Draw the report of a finished run", "plot", "plot"),
+    Entry("plot", REPORT, "Draw the picture of a finished run", "plot", "plot"),
     Entry("reproduce", REPORT, "Repeat the research report's experiments", "reproduce", "reproduce"),
 )
 """In the order of ``omni --help``."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni plot``: draw a run's report again."""
+"""``omni plot``: draw a run's picture again."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ EXAMPLES = examples("omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --ou
 def plot(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: the run's report.png]")
+        Path | None, typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: report.png of the run]")
     ] = None,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Draw the report of a finished run from its stored record."""
+    """Draw the picture of a finished run from its stored record."""
     try:
         summary, samples = load_run(run)
     except (OSError, ValueError, KeyError) as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Motor constants and dead-band from voltage steps while the wheels turn freely on a stand."""
+"""Motor constants and dead band from voltage steps while the wheels turn freely on a stand."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _HINT = "let omni identify logs write it"
 class MotorCurve:
     """Steady wheel speed over duty, per wheel and direction, and its lag. Arrays have one entry per wheel.
 
-    speed = (|duty| - dead_band) / duty_per_rad_s in the duty's direction, 0 inside the dead-band [rad/s];
+    speed = (|duty| - dead_band) / duty_per_rad_s in the duty's direction, 0 inside the dead band [rad/s];
     ``time_constant_s`` [s].
     """
 
