@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file player.h
- * A scenario as C needs it, and how it is played on a run in this process: what its timeline says, done to robot and world.
+ * A scenario as C needs it, and how it is played on a run in this process. What its timeline says is done to robot and world.
  */
 #ifndef HIL_SIM_PLAYER_H
 #define HIL_SIM_PLAYER_H
