@@ -17,6 +17,7 @@ namespace core {
 #include "control/saturation.c"
 #include "control/wheel_speed.c"
 #include "motor/torque_curve.c"
+#include "robot/controllers.c"
 #include "robot/robot.c"
 #include "robot/robot_control.c"
 #include "robot/robot_estimate.c"

@@ -29,7 +29,7 @@ def driving(mode: str, **parameters: float) -> Bench:
 def held(bench: Bench) -> tuple[float, ...]:
     """What the controller wants of the wheels."""
     if bench.config.controller == lib.OMNI_CTL_MODE_TORQUE:
-        return tuple(bench.robot.control.held_torque_N_m[0:3])
+        return tuple(bench.robot.control.demand.torque_N_m[0:3])
     return tuple(bench.outputs.wheel_reference[0:3])
 
 

@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from omniwheel._core import ffi, lib
+from omniwheel.robots import parameter_table
 
 TICK_US = 1000
 
@@ -408,6 +409,12 @@ def test_every_controller_follows_a_circle(controller: int, robot_name: str) -> 
         worst = max(worst, error)
     assert out.state == lib.OMNI_STATE_ARMED
     assert worst < 0.03
+
+
+def test_controllers_have_the_names_of_ctl_mode() -> None:
+    names = [ffi.string(lib.omni_controller_name(mode)).decode() for mode in range(lib.OMNI_CTL_MODE_COUNT)]
+    assert {name: number for number, name in enumerate(names)} == parameter_table()["CTL_MODE"].values
+    assert lib.omni_controller_name(lib.OMNI_CTL_MODE_COUNT) == ffi.NULL
 
 
 WILD = st.one_of(

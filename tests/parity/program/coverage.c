@@ -31,7 +31,7 @@ static void note_armed(coverage_t *coverage, const scene_t *scene) {
     ++coverage->driven[out->setpoint_kind][out->controller];
     ++coverage->wheels[c->kinematics.wheels];
     ++coverage->phase[out->reference.phase];
-    coverage->held += scene->robot.control.ticks > 1 ? 1u : 0u;
+    coverage->held += scene->robot.control.tracking && scene->robot.control.ticks > 1 ? 1u : 0u;
     coverage->cut += out->wheel_scale < 1.0f || out->duty_scale < 1.0f ? 1u : 0u;
     if (out->setpoint_kind == OMNI_SETPOINT_TRAJECTORY && out->reference.phase == OMNI_PHASE_PATH) {
         const omni_trajectory_config_t *path = &scene->robot.guide.trajectory->config;

@@ -160,13 +160,18 @@ typedef struct omni_outputs_t {
     omni_uint_t fixes_refused;
 } omni_outputs_t;
 
-/** What makes the duties. */
-typedef enum omni_driver_t {
-    OMNI_DRIVER_LOOPS = 0, /**< a loop per wheel */
-    OMNI_DRIVER_DUTY,      /**< the set-point itself */
-    OMNI_DRIVER_ORIGINAL,
-    OMNI_DRIVER_TORQUE
-} omni_driver_t;
+/**
+ * What the position controller asks for, in force until its next step. The controller's row of the table says which of them counts
+ * (shared/core/src/robot/controllers.h).
+ */
+typedef struct omni_demand_t {
+    omni_control_terms_t terms;
+    omni_twist_t twist;                       /**< body frame */
+    omni_real_t torque_N_m[OMNI_MAX_WHEELS];  /**< at the wheels */
+    omni_real_t torque_scale;                 /**< what eq. 30 left of them */
+    omni_real_t voltage_V[OMNI_MAX_WHEELS];   /**< in the wheel's direction */
+    omni_real_t wheel_rad_s[OMNI_MAX_WHEELS]; /**< wanted with these voltages */
+} omni_demand_t;
 
 /** What the estimating stage keeps from tick to tick. */
 typedef struct omni_estimator_t {
@@ -202,13 +207,11 @@ typedef struct omni_control_state_t {
     omni_ismc_state_t ismc;
     omni_fl_state_t fl;
     omni_wheel_speed_state_t wheel_speed;
-    uint8_t last_controller;                      /**< enum omni_ctl_mode of the last tick */
-    uint8_t last_driver;                          /**< omni_driver_t that last had the wheels */
-    uint8_t ticks;                                /**< since the position controller's last step began its period */
-    omni_control_terms_t terms;                   /**< of that step, in force until the next */
-    omni_twist_t held_twist;                      /**< its wanted body twist */
-    omni_real_t held_torque_N_m[OMNI_MAX_WHEELS]; /**< or its torques */
-    omni_real_t held_scale;                       /**< what eq. 30 left of them */
+    uint8_t last_controller; /**< enum omni_ctl_mode of the last tick */
+    uint8_t last_way;        /**< to the wheels: omni_demand_kind_t of the last tick that drove them */
+    bool tracking;           /**< the last tick tracked a pose */
+    uint8_t ticks;           /**< since the position controller's last step began its period */
+    omni_demand_t demand;
     omni_original_state_t original;
 } omni_control_state_t;
 
@@ -250,6 +253,9 @@ void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *confi
     ensures armed_to_drive: outputs->drive ==> outputs->state == OMNI_STATE_ARMED;
     ensures off_is_zero: !outputs->drive ==> \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> outputs->duty[i] == 0.0; */
 void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs);
+
+/** Name of a position controller, as CTL_MODE has it. @return NULL beyond OMNI_CTL_MODE_COUNT. */
+const char *omni_controller_name(uint8_t controller);
 
 /** May the robot be armed now? @return 0, or the stop fault bits that prevent it; state other than DISARMED: OMNI_FAULT_CONFIG. */
 uint32_t omni_robot_arming_faults(const omni_robot_t *robot, const omni_outputs_t *last);

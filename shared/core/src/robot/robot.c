@@ -88,7 +88,7 @@ static void report_control(const omni_robot_t *robot, const omni_target_t *targe
     outputs->reference = target->reference;
     outputs->setpoint_kind = target->kind;
     if (target->position_loop) {
-        outputs->terms = robot->control.terms;
+        outputs->terms = robot->control.demand.terms;
     } else {
         memset(&outputs->terms, 0, sizeof outputs->terms);
     }

@@ -1,41 +1,20 @@
 /* SPDX-License-Identifier: MIT */
-#include "robot_internal.h"
-
 #include <string.h>
 
-#include "../control/pose_control.h"
 #include "../kinematics/kinematics_inline.h"
 #include "../math/invariant.h"
+#include "controllers.h"
 #include "omni/saturation.h"
 
-/* Pose error to wanted body twist or, in direct torque control, to torques, by the controller in use. */
-static void step_position_controller(omni_control_state_t *control, const omni_robot_config_t *c,
-                                     const omni_estimate_t *estimate, const omni_reference_t *reference,
-                                     omni_flag_t saturated) {
-    const omni_pose_t *pose = &estimate->pose;
-    omni_control_terms_t *terms = &control->terms;
-    omni_twist_t world;
-    if (c->controller == OMNI_CTL_MODE_TORQUE) {
-        control->held_scale = omni_direct_torque_step(&c->torque, &c->kinematics, pose, &estimate->rate, reference,
-                                                      control->held_torque_N_m, terms);
-        return;
-    }
-    if (c->controller == OMNI_CTL_MODE_ISMC) {
-        world = omni_ismc_step(&control->ismc, &c->ismc, pose, &reference->pose, &reference->rate, saturated, terms);
-    } else {
-        world = omni_fl_step(&control->fl, &c->fl, pose, &estimate->rate, &reference->pose, &reference->rate, saturated, terms);
-    }
-    control->held_twist = omni_rotate_to_body(&world, &estimate->heading);
-}
-
-/* The position controller steps every CTL_PERIOD ticks; what it wants of the wheels is held in between. */
-static void position_controller(omni_control_state_t *control, const omni_robot_config_t *c, const omni_estimate_t *estimate,
-                                const omni_reference_t *reference, omni_flag_t saturated) {
+/* A step every CTL_PERIOD ticks; what is asked for is held in between. Voltages have a period of their own. */
+static void step_controller(omni_control_state_t *control, const omni_robot_config_t *c, const omni_estimate_t *estimate,
+                            const omni_target_t *target, omni_flag_t saturated) {
+    const omni_controller_t *controller = &omni_controllers[c->controller];
     if (control->ticks == 0) {
-        step_position_controller(control, c, estimate, reference, saturated);
+        controller->step(control, c, estimate, &target->reference, saturated);
     }
     ++control->ticks;
-    if (control->ticks >= c->control_period) {
+    if (control->ticks >= c->control_period || controller->demand == OMNI_DEMAND_VOLTAGE) {
         control->ticks = 0;
     }
 }
@@ -65,15 +44,12 @@ static void compensate_slip(const omni_robot_config_t *c, const omni_estimate_t 
     }
 }
 
+/* A twist: to speeds of the wheels, and these to voltages. */
 static void wheel_loops(omni_control_state_t *control, const omni_robot_config_t *c, const omni_estimate_t *estimate,
-                        const omni_target_t *target, omni_flag_t saturated, omni_actuation_t *actuation) {
-    const omni_twist_t *body = &target->body_rate;
+                        const omni_target_t *target, omni_actuation_t *actuation) {
+    const omni_twist_t *body = target->position_loop ? &control->demand.twist : &target->body_rate;
     omni_real_t acceleration[OMNI_MAX_WHEELS];
     omni_real_t voltage_V[OMNI_MAX_WHEELS];
-    if (target->position_loop) {
-        position_controller(control, c, estimate, &target->reference, saturated);
-        body = &control->held_twist;
-    }
     omni_kinematics_inverse(&c->kinematics, body, NULL, actuation->wheel_reference);
     compensate_slip(c, estimate, actuation->wheel_reference);
     feed_acceleration(c, target, acceleration);
@@ -83,16 +59,12 @@ static void wheel_loops(omni_control_state_t *control, const omni_robot_config_t
                               estimate->wheel_rad_s, estimate->supply_V, actuation->duty, voltage_V);
 }
 
-/* The original law commands voltages itself. */
-static void original_law(omni_control_state_t *control, const omni_robot_config_t *c, const omni_estimate_t *estimate,
-                         const omni_reference_t *reference, omni_actuation_t *actuation) {
-    omni_original_state_t *original = &control->original;
-    omni_original_step(original, &c->original, &c->kinematics, estimate->delta_counts, &estimate->pose, &reference->pose,
-                       &reference->rate, estimate->supply_V);
-    omni_pose_error(&estimate->pose, &reference->pose, control->terms.error);
+/* Voltages as they are. */
+static void voltage_duties(const omni_robot_config_t *c, const omni_demand_t *demand, omni_real_t supply_V,
+                           omni_actuation_t *actuation) {
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        actuation->wheel_reference[i] = original->wheel_reference[i];
-        actuation->duty[i] = original->voltage_V[i] / estimate->supply_V;
+        actuation->wheel_reference[i] = demand->wheel_rad_s[i];
+        actuation->duty[i] = demand->voltage_V[i] / supply_V;
     }
     actuation->duty_scale = omni_saturate_direction(actuation->duty, c->kinematics.wheels, c->wheel_speed.duty_limit);
 }
@@ -119,17 +91,15 @@ static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t
     return factor;
 }
 
-/* Direct torque control commands voltages itself. What the floor does below the wheels the robot cannot see; the reference's speed
- * stands for it in the runaway protection. */
-static void torque_control(omni_control_state_t *control, const omni_robot_config_t *c, const omni_estimate_t *estimate,
-                           const omni_reference_t *reference, omni_flag_t saturated, omni_actuation_t *actuation) {
+/* Torques. What the floor does below the wheels the robot cannot see; the reference's speed stands for it in the runaway protection. */
+static void protect_torques(const omni_robot_config_t *c, const omni_demand_t *demand, const omni_estimate_t *estimate,
+                            const omni_reference_t *reference, omni_actuation_t *actuation) {
     omni_real_t torque_N_m[OMNI_MAX_WHEELS];
-    position_controller(control, c, estimate, reference, saturated);
-    memcpy(torque_N_m, control->held_torque_N_m, sizeof torque_N_m);
+    memcpy(torque_N_m, demand->torque_N_m, sizeof torque_N_m);
     const omni_twist_t floor = omni_rotate_to_body(&reference->rate, &estimate->heading);
     omni_kinematics_inverse(&c->kinematics, &floor, NULL, actuation->wheel_reference);
     actuation->wheel_scale = omni_direct_torque_protect(&c->torque, &c->kinematics, &floor, estimate->wheel_rad_s, torque_N_m);
-    actuation->duty_scale = control->held_scale * torque_duties(c, torque_N_m, estimate, actuation->duty);
+    actuation->duty_scale = demand->torque_scale * torque_duties(c, torque_N_m, estimate, actuation->duty);
 }
 
 static void open_loop(const omni_robot_config_t *c, const omni_real_t *duty, omni_actuation_t *actuation) {
@@ -144,56 +114,47 @@ static bool is_off_track(const omni_robot_config_t *c, const omni_control_terms_
     return distance2 > c->limits.error_m * c->limits.error_m || omni_absf(terms->error[2]) > c->limits.error_rad;
 }
 
-static uint8_t driver_of(const omni_robot_config_t *c, const omni_target_t *target) {
+/* omni_demand_kind_t: which way the wheels are driven. Velocities go the way of twists. */
+static uint8_t way_of(const omni_robot_config_t *c, const omni_target_t *target) {
     if (target->kind == OMNI_SETPOINT_DUTY) {
-        return OMNI_DRIVER_DUTY;
+        return OMNI_DEMAND_DUTY;
     }
-    if (target->position_loop && c->controller == OMNI_CTL_MODE_ORIGINAL) {
-        return OMNI_DRIVER_ORIGINAL;
-    }
-    return target->position_loop && c->controller == OMNI_CTL_MODE_TORQUE ? OMNI_DRIVER_TORQUE : OMNI_DRIVER_LOOPS;
+    return target->position_loop ? omni_controllers[c->controller].demand : (uint8_t)OMNI_DEMAND_TWIST;
 }
 
 /* Integrals of loops that did not drive the robot in the last tick are of another time: with them the wheels would jerk. */
-static void hand_over(omni_control_state_t *control, const omni_robot_config_t *c, const omni_target_t *target, uint8_t driver,
+static void hand_over(omni_control_state_t *control, const omni_robot_config_t *c, const omni_target_t *target, uint8_t way,
                       omni_applied_t *applied) {
-    if (c->controller != control->last_controller || !target->position_loop) {
-        omni_ismc_reset(&control->ismc);
-        omni_fl_reset(&control->fl);
+    if (target->position_loop && (!control->tracking || c->controller != control->last_controller)) {
+        omni_controllers[c->controller].reset(control);
         control->ticks = 0;
     }
-    if (driver != control->last_driver) {
-        omni_original_reset(&control->original);
+    if (way != control->last_way) {
         omni_wheel_speed_reset(&control->wheel_speed);
-        memset(&control->terms, 0, sizeof control->terms);
         applied->saturated = false;
     }
-    control->last_driver = driver;
+    control->last_way = way;
 }
 
 void omni_robot_control_reset(omni_control_state_t *control) {
-    omni_ismc_reset(&control->ismc);
-    omni_fl_reset(&control->fl);
-    omni_original_reset(&control->original);
     omni_wheel_speed_reset(&control->wheel_speed);
-    control->ticks = 0;
+    control->tracking = false;
 }
 
 static void drive(omni_control_state_t *control, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                  const omni_estimate_t *estimate, const omni_target_t *target, omni_flag_t saturated,
-                  omni_actuation_t *actuation) {
-    switch (control->last_driver) {
-    case OMNI_DRIVER_DUTY:
+                  const omni_estimate_t *estimate, const omni_target_t *target, omni_actuation_t *actuation) {
+    switch (control->last_way) {
+    case OMNI_DEMAND_DUTY:
         open_loop(c, inputs->setpoint.duty, actuation);
         break;
-    case OMNI_DRIVER_ORIGINAL:
-        original_law(control, c, estimate, &target->reference, actuation);
+    case OMNI_DEMAND_VOLTAGE:
+        voltage_duties(c, &control->demand, estimate->supply_V, actuation);
         break;
-    case OMNI_DRIVER_TORQUE:
-        torque_control(control, c, estimate, &target->reference, saturated, actuation);
+    case OMNI_DEMAND_TORQUE:
+        protect_torques(c, &control->demand, estimate, &target->reference, actuation);
         break;
     default:
-        wheel_loops(control, c, estimate, target, saturated, actuation);
+        wheel_loops(control, c, estimate, target, actuation);
         break;
     }
 }
@@ -207,10 +168,14 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
     actuation->duty_scale = 1.0f;
     OMNI_INVARIANT(config->controller < OMNI_CTL_MODE_COUNT && config->control_period > 0);
     if (target->armed) {
-        hand_over(control, config, target, driver_of(config, target), applied);
-        drive(control, config, inputs, estimate, target, applied->saturated, actuation);
+        hand_over(control, config, target, way_of(config, target), applied);
+        if (target->position_loop) {
+            step_controller(control, config, estimate, target, applied->saturated);
+        }
+        drive(control, config, inputs, estimate, target, actuation);
     }
+    control->tracking = target->position_loop;
     control->last_controller = config->controller;
     applied->saturated = actuation->wheel_scale < 1.0f || actuation->duty_scale < 1.0f;
-    applied->off_track = target->position_loop && is_off_track(config, &control->terms);
+    applied->off_track = target->position_loop && is_off_track(config, &control->demand.terms);
 }

@@ -1,0 +1,41 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file controllers.h
+ * Position controllers as rows of a table. CTL_MODE picks the row; what selects, resets, hands over and drives the wheels reads the row
+ * and knows no controller by name.
+ *
+ * To add one: its law as a module of its own (a header and a .c in control/), its name among the values of CTL_MODE in params.toml, and
+ * a row in controllers.c.
+ */
+#ifndef OMNI_CONTROLLERS_H
+#define OMNI_CONTROLLERS_H
+
+#include "robot_internal.h"
+
+/** What a controller asks for, and so what follows it on the way to the wheels. */
+typedef enum omni_demand_kind_t {
+    OMNI_DEMAND_NONE = 0, /**< nothing: poses are not tracked, only their rates are followed */
+    OMNI_DEMAND_TWIST,    /**< a body twist: inverse kinematics, slip, wheel-speed loops; held for CTL_PERIOD */
+    OMNI_DEMAND_TORQUE,   /**< torques: runaway protection, torque curve; held for CTL_PERIOD */
+    OMNI_DEMAND_DUTY,     /**< duties as they are: the way of open-loop set-points, no controller's */
+    OMNI_DEMAND_VOLTAGE   /**< voltages: nothing but the duty limit; stepped in every tick, it counts its own period */
+} omni_demand_kind_t;
+
+/** A row. */
+typedef struct omni_controller_t {
+    const char *name; /**< as CTL_MODE has it */
+    uint8_t demand;   /**< omni_demand_kind_t */
+    /** The controller takes over: integrals of another time would make the wheels jerk. */
+    void (*reset)(omni_control_state_t *control);
+    /**
+     * Pose error to control->demand: all of `terms`, and what belongs to the row's kind.
+     * @param saturated the wheels were cut in the last tick: integrals may shrink but not grow.
+     */
+    void (*step)(omni_control_state_t *control, const omni_robot_config_t *config, const omni_estimate_t *estimate,
+                 const omni_reference_t *reference, omni_flag_t saturated);
+} omni_controller_t;
+
+/** By value of CTL_MODE. */
+extern const omni_controller_t omni_controllers[OMNI_CTL_MODE_COUNT];
+
+#endif
