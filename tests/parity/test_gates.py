@@ -53,6 +53,25 @@ def test_the_bound_is_the_deepest_path(tmp_path: Path) -> None:
         read_call_graph([graph]).bound("top")
 
 
+def test_calls_through_pointers_count(tmp_path: Path) -> None:
+    graph = tmp_path / "graph.ci"
+    node = 'node: {{ title: "{0}" label: "{0}\\nfile.c:1:1\\n{1} bytes (static)\\n0 dynamic objects" }}\n'
+    sizes = {
+        "a.c:step_controller.isra.0": 8,
+        "b.c:controller_step_one": 16,
+        "b.c:controller_step_two": 100,
+        "nobody": 4,
+    }
+    text = "".join(node.format(*n) for n in sizes.items())
+    graph.write_text(
+        text + 'edge: { sourcename: "a.c:step_controller.isra.0" targetname: "__indirect_call" label: "" }\n'
+    )
+    assert read_call_graph([graph]).bound("a.c:step_controller.isra.0") == 8 + 100
+    graph.write_text(text + 'edge: { sourcename: "nobody" targetname: "__indirect_call" label: "" }\n')
+    with pytest.raises(StackBoundError, match="nobody calls through a pointer"):
+        read_call_graph([graph]).bound("nobody")
+
+
 def test_three_pair_bursts_stay_within_the_bus_budget() -> None:
     assert bus_us(UPDATES["three pair bursts (ours)"], 1000) <= 300
     assert bus_us(UPDATES["six single-channel writes"], 100) == 3360

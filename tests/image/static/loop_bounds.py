@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from hil_sim.image_file import Image
+from omniwheel.robots import parameter_table
 from tests.image.flashed import ROOT
 from tests.image.static.code import CodeError, Function
 from tests.image.static.longest import Loop
@@ -30,7 +31,8 @@ class LoopBounds:
 
     def __init__(self, image: Image, wheels: int) -> None:
         self._image = image
-        self._named = {"wheels": wheels, "states": POSE_STATES + wheels}
+        controllers = len(parameter_table()["CTL_MODE"].values)
+        self._named = {"wheels": wheels, "states": POSE_STATES + wheels, "controllers": controllers}
         self._rules = tomllib.loads(TABLE.read_text())["loops"]
         self.used: dict[tuple[str, int], int] = {}
         """Bounds that were asked for, by function and address of the loop's first block."""

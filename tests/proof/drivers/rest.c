@@ -17,6 +17,8 @@ static void parameters(void) {
     /*@ check a_robot: -1 <= robot < omni_builtin_robot_count; */
     (void)omni_param_check(index, any_real(), any_bool());
     omni_params_defaults(values);
+    const char *controller = omni_controller_name((uint8_t)Frama_C_interval(0, UINT8_MAX));
+    /*@ check a_name: controller == \null || \valid_read(controller); */
 }
 
 static void filter(void) {

@@ -33,6 +33,7 @@ static void make_state(void) {
     robot.estimator.pose_ekf.filled = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
     robot.estimator.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
     robot.supervisor.state = (omni_safety_state_t)Frama_C_interval(0, OMNI_STATE_COUNT - 1);
+    robot.control.tracking = any_bool();
     robot.control.original.tick = (uint16_t)Frama_C_interval(0, config.original.period_ticks - 1);
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         robot.control.original.moved_counts[i] = Frama_C_interval(-19 * LARGEST_DELTA, 19 * LARGEST_DELTA); /* proof original */

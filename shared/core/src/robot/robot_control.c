@@ -122,12 +122,19 @@ static uint8_t way_of(const omni_robot_config_t *c, const omni_target_t *target)
     return target->position_loop ? omni_controllers[c->controller].demand : (uint8_t)OMNI_DEMAND_TWIST;
 }
 
+/* All of them, not only the one that takes over: a robot's state then says nothing of what it did before. */
+static void reset_controllers(omni_control_state_t *control) {
+    for (uint8_t mode = 0; mode < OMNI_CTL_MODE_COUNT; ++mode) {
+        omni_controllers[mode].reset(control);
+    }
+    control->ticks = 0;
+}
+
 /* Integrals of loops that did not drive the robot in the last tick are of another time: with them the wheels would jerk. */
 static void hand_over(omni_control_state_t *control, const omni_robot_config_t *c, const omni_target_t *target, uint8_t way,
                       omni_applied_t *applied) {
-    if (target->position_loop && (!control->tracking || c->controller != control->last_controller)) {
-        omni_controllers[c->controller].reset(control);
-        control->ticks = 0;
+    if (target->position_loop != control->tracking || c->controller != control->last_controller) {
+        reset_controllers(control);
     }
     if (way != control->last_way) {
         omni_wheel_speed_reset(&control->wheel_speed);
@@ -137,6 +144,7 @@ static void hand_over(omni_control_state_t *control, const omni_robot_config_t *
 }
 
 void omni_robot_control_reset(omni_control_state_t *control) {
+    reset_controllers(control);
     omni_wheel_speed_reset(&control->wheel_speed);
     control->tracking = false;
 }
