@@ -14,11 +14,12 @@ endforeach()
 set(OMNI_ROBOT_FILES ${robot_files})
 
 set(OMNI_GENERATED_SOURCES "${OMNI_GENERATED}/src/params_gen.c" "${OMNI_GENERATED}/src/robots_gen.c")
-set(OMNI_PARAMS_HEADER "${OMNI_GENERATED}/include/omni/params_gen.h")
+set(OMNI_PARAMS_HEADER "${OMNI_GENERATED}/include/omni/params_gen.h" "${OMNI_GENERATED}/include/omni/modules_gen.h")
+file(GLOB module_headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/core/include/omni/*.h")
 add_custom_command(
-  OUTPUT ${OMNI_GENERATED_SOURCES} "${OMNI_PARAMS_HEADER}"
+  OUTPUT ${OMNI_GENERATED_SOURCES} ${OMNI_PARAMS_HEADER}
   COMMAND ${generator} --part tables ${robot_arguments}
-  DEPENDS ${generator_sources} ${robot_files} "${PROJECT_SOURCE_DIR}/shared/params.toml"
+  DEPENDS ${generator_sources} ${robot_files} ${module_headers} "${PROJECT_SOURCE_DIR}/shared/params.toml"
   COMMENT "Generating parameter and robot tables"
   VERBATIM)
 
@@ -50,7 +51,7 @@ add_custom_target(
   BYPRODUCTS "${OMNI_GENERATED}/include/omni/version_gen.h"
   COMMENT "Checking version header"
   VERBATIM)
-add_custom_target(omni_tables DEPENDS ${OMNI_GENERATED_SOURCES} "${OMNI_PARAMS_HEADER}")
+add_custom_target(omni_tables DEPENDS ${OMNI_GENERATED_SOURCES} ${OMNI_PARAMS_HEADER})
 add_custom_target(omni_world DEPENDS ${OMNI_WORLD_HEADERS} "${OMNI_WORLD_SOURCE}")
 add_custom_target(omni_mavlink ALL DEPENDS "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}"
                                       "${OMNI_PYTHON_TELEMETRY}")

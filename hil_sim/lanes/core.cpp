@@ -10,30 +10,11 @@
 namespace {
 namespace core {
 
-#include "control/direct_torque.c"
-#include "control/feedback_linearization.c"
-#include "control/original_law.c"
-#include "control/pid.c"
-#include "control/saturation.c"
-#include "control/wheel_speed.c"
-#include "motor/torque_curve.c"
-#include "robot/controllers.c"
-#include "robot/robot.c"
-#include "robot/robot_control.c"
-#include "robot/robot_estimate.c"
-#include "robot/robot_margin.c"
-#include "robot/robot_reference.c"
-#include "robot/robot_supervise.c"
-#include "safety/safety.c"
-
 #define omni_trajectory_evaluate evaluate_together
 #include "trajectory/trajectory.c"
 #undef omni_trajectory_evaluate
 
-#include "trajectory/trajectory_clock.c"
-#include "trajectory/trajectory_identify.c"
-#include "trajectory/trajectory_path.c"
-#include "trajectory/trajectory_rotation.c"
+#include "lanes_sources_gen.h"
 
 /* `plan` stands for eight plans. Where they part, on the way from one phase of a path to the next, each run evaluates for itself. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {

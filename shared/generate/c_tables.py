@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writes the parameter table and the built-in robots as C99 source."""
+"""Writes the parameter table, the lists of rows that follow from it, and the built-in robots as C99 source."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from omni_schema import Parameter, ParameterTable, Robot, as_float32
+from omni_schema import Parameter, ParameterTable, Robot, SchemaError, as_float32
 
 NOTICE = """\
 /* SPDX-License-Identifier: MIT
@@ -54,6 +54,32 @@ def params_header(table: ParameterTable) -> str:
             lines += ["", f"/** {p.doc}. */", f"enum omni_{p.name.lower()} {{"]
             lines += [f"  OMNI_{p.name}_{k.upper()} = {v}," for k, v in p.values.items()]
             lines += [f"  OMNI_{p.name}_COUNT = {max(p.values.values()) + 1} /**< one more than the largest */", "};"]
+            rows = "".join(f" ROW({k.upper()}, {k})" for k in p.values)
+            lines += ["/** ROW(NAME, name) for each value. */", f"#define OMNI_{p.name}_ROWS(ROW){rows}"]
+    return "\n".join([*lines, "", "#endif", ""])
+
+
+def modules_header(table: ParameterTable, headers: Path) -> str:
+    """Return ``omni/modules_gen.h``: the modules that rows bring, as members of the robot's configuration and state.
+
+    A module without a type of configuration or of state has no such member; its header, below ``headers``, says so.
+    Raises SchemaError for a header that does not exist.
+    """
+    lines = [NOTICE, "#ifndef OMNI_MODULES_GEN_H", "#define OMNI_MODULES_GEN_H", ""]
+    texts: dict[str, str] = {}
+    for p in table.parameters:
+        for name, header in p.modules.items():
+            path = headers / f"{header}.h"
+            if not path.is_file():
+                raise SchemaError(table.source, f"{p.name}.modules.{name}", f"names {path.name}, which is not there")
+            texts[header] = path.read_text(encoding="utf-8")
+    lines += [f'#include "omni/{header}.h"' for header in sorted(texts)]
+    for p in table.parameters:
+        for kind in ("config", "state") if p.modules else ():
+            types = {name: f"omni_{name}_{kind}_t" for name in p.modules}
+            members = [f" {types[name]} {name};" for name, header in p.modules.items() if types[name] in texts[header]]
+            lines += ["", f"/** Members for the {kind} of each module of {p.name}. */"]
+            lines += [f"#define OMNI_{p.name}_{kind.upper()}_MEMBERS{''.join(members)}"]
     return "\n".join([*lines, "", "#endif", ""])
 
 
@@ -133,11 +159,12 @@ def robots_source(robots: Sequence[Robot]) -> str:
     return "\n".join([*lines, "};", ""])
 
 
-def write_c_tables(table: ParameterTable, robots: Sequence[Robot], out: Path) -> None:
-    """Write the four files below ``out``."""
+def write_c_tables(table: ParameterTable, robots: Sequence[Robot], headers: Path, out: Path) -> None:
+    """Write the five files below ``out``. ``headers``: the core's public ones."""
     files = {
         out / "include" / "omni" / "params_gen.h": params_header(table),
         out / "include" / "omni" / "motor_drivers_gen.h": motor_drivers_header(table),
+        out / "include" / "omni" / "modules_gen.h": modules_header(table, headers),
         out / "src" / "params_gen.c": params_source(table),
         out / "src" / "robots_gen.c": robots_source(robots),
     }

@@ -26,6 +26,7 @@ from wiring_header import write_wiring_header  # noqa: E402
 
 SHARED = HERE.parent
 ROOT = SHARED.parent
+HEADERS = SHARED / "core" / "include" / "omni"
 USUAL_PARTS = ("tables", "world", "mavlink-c", "mavlink-python", "version")
 PARTS = (*USUAL_PARTS, "wiring")  # one robot's pins: only for that robot's own board
 
@@ -58,7 +59,7 @@ def generate(out: Path, parts: list[str], robot_files: list[Path], params_path: 
         write_version_header(ROOT, project_version(), out)
     if "tables" in parts:
         table = load_parameters(params_path)
-        write_c_tables(table, load_robots(params_path, robot_files), out)
+        write_c_tables(table, load_robots(params_path, robot_files), HEADERS, out)
     if "world" in parts:
         write_c_world(load_world(SHARED / "world.toml"), out)
     if "wiring" in parts:

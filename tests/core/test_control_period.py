@@ -95,4 +95,4 @@ def test_torque_curve_parameters_are_checked_together() -> None:
     assert bad[0] == lib.OMNI_PARAM_DT_C2
     assert Bench(DT_DEAD=0.25).config.torque_curve.duty[0] == pytest.approx(0.4)
     assert Bench().config.torque_curve.torque_max_N_m == pytest.approx(1.05 * 12.0 / 2.7)
-    assert Bench(DT_TAU_MAX=2.0).config.torque.torque_limit_N_m == 2.0
+    assert Bench(DT_TAU_MAX=2.0).config.direct_torque.torque_limit_N_m == 2.0

@@ -26,6 +26,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = {
     "safety": (),
     "control": ("math", "kinematics", "motor", "trajectory"),
     "robot": ("math", "kinematics", "motor", "estimation", "trajectory", "safety", "control"),
+    "controllers": ("math", "kinematics", "motor", "trajectory", "control", "robot"),
 }
 """The core's rooms, and what each may use. A public header belongs to the room that has the source of its name."""
 
@@ -38,6 +39,7 @@ CORE_SYSTEM = ("stdbool.h", "stddef.h", "stdint.h", "string.h")
 
 GENERATED = {
     "omni/params_gen.h": "generated/tables",
+    "omni/modules_gen.h": "generated/tables",
     "omni/motor_drivers_gen.h": "generated/tables",
     "omni/wiring_gen.h": "generated/wiring",
     "omni/version_gen.h": "generated/link",
@@ -46,6 +48,7 @@ GENERATED = {
     "omni/telemetry_gen.h": "generated/link",
     "omni/reports_gen.h": "generated/link",
     "lanes_layout_gen.h": "generated/lanes",
+    "lanes_sources_gen.h": "generated/lanes",
     "hil_sim/world_gen.h": "generated/world",
     "plants_gen.h": "generated/world",
     "plant_sources_gen.h": "generated/world",

@@ -38,7 +38,7 @@ _REQUIRED_KEYS = ("kind", "unit", "min", "max", "default", "doc")
 _RANGE_KEYS = ("min", "max")
 """Not needed where ``values`` are given: these are the range then."""
 
-_OPTIONAL_KEYS = ("values", "lock", "per_wheel", "robot_key")
+_OPTIONAL_KEYS = ("values", "modules", "lock", "per_wheel", "robot_key")
 _EXACT_FLOAT32_INTEGER = 2**24
 
 
@@ -59,6 +59,8 @@ class Parameter:
 
     ``minimum``, ``maximum`` and ``default`` are in ``unit`` and rounded to float32, because the robot compares in
     float32. ``wheel`` is the 0-based wheel (or link) of a parameter that exists once per wheel, else None.
+    ``modules``: where the values of an enum are rows of a table in the core, the modules that these rows bring, with
+    the header of each.
     """
 
     index: int
@@ -73,6 +75,7 @@ class Parameter:
     disarmed_only: bool = False
     robot_key: str | None = None
     wheel: int | None = None
+    modules: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def storage_key(self) -> int:
@@ -237,6 +240,7 @@ def _parameter(source: str, template: str, entry: dict[str, Any], index: int, wh
         disarmed_only=lock is not None,
         robot_key=None if robot_key is None else _robot_key(source, template, robot_key),
         wheel=wheel,
+        modules=_modules(source, f"{template}.modules", entry.get("modules"), values),
     )
     _check_range(source, template, parameter)
     return parameter
@@ -280,6 +284,18 @@ def _enum_values(source: str, name: str, kind: str, values: object) -> dict[str,
         raise SchemaError(source, key, "is empty")
     if len(set(table.values())) != len(table):
         raise SchemaError(source, key, "has the same number twice")
+    return dict(table)
+
+
+def _modules(source: str, key: str, modules: object, values: Mapping[str, int]) -> dict[str, str]:
+    if modules is None:
+        return {}
+    if not values:
+        raise SchemaError(source, key, 'is only for kind = "enum"')
+    table = take_table(source, key, modules)
+    for name, header in table.items():
+        if not _VALUE_NAME.fullmatch(name) or not isinstance(header, str) or not _VALUE_NAME.fullmatch(header):
+            raise SchemaError(source, f"{key}.{name}", 'is a name and a header without ".h", of a-z 0-9 _')
     return dict(table)
 
 

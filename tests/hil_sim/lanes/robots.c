@@ -63,7 +63,7 @@ static void fill_configs(const omni_robot_config_t *leader) {
         c->fl.kp[1] *= factor;
         c->wheel_speed.pid.kp *= factor;
         c->pose_ekf.q_xy *= factor;
-        c->torque.kp[0] *= factor;
+        c->direct_torque.kp[0] *= factor;
         c->motor.viscous_N_m_s *= factor;
         bench.robots[lane].config = c;
     }

@@ -9,13 +9,10 @@
 #ifndef OMNI_ROBOT_H
 #define OMNI_ROBOT_H
 
-#include "omni/direct_torque.h"
-#include "omni/feedback_linearization.h"
-#include "omni/ismc.h"
 #include "omni/kinematics.h"
+#include "omni/modules_gen.h"
 #include "omni/motor.h"
 #include "omni/motor_kf.h"
-#include "omni/original_law.h"
 #include "omni/params.h"
 #include "omni/pose_ekf.h"
 #include "omni/safety.h"
@@ -56,12 +53,9 @@ typedef struct omni_robot_config_t {
     omni_motor_config_t motor;
     omni_motor_kf_config_t motor_kf;
     omni_pose_ekf_config_t pose_ekf;
-    omni_ismc_config_t ismc;
-    omni_fl_config_t fl;
-    omni_direct_torque_config_t torque;
     omni_torque_curve_t torque_curve;
-    omni_original_config_t original;
-    omni_wheel_speed_config_t wheel_speed;
+    OMNI_CTL_MODE_CONFIG_MEMBERS /* of the controllers: omni_ismc_config_t ismc; and so on */
+        omni_wheel_speed_config_t wheel_speed;
     omni_trajectory_config_t trajectory;
     omni_limits_t limits;
     uint8_t controller;                        /**< enum omni_ctl_mode */
@@ -204,15 +198,13 @@ typedef struct omni_guide_t {
 
 /** What the controlling stage keeps. */
 typedef struct omni_control_state_t {
-    omni_ismc_state_t ismc;
-    omni_fl_state_t fl;
-    omni_wheel_speed_state_t wheel_speed;
+    OMNI_CTL_MODE_STATE_MEMBERS /* of the controllers: omni_ismc_state_t ismc; and so on */
+        omni_wheel_speed_state_t wheel_speed;
     uint8_t last_controller; /**< enum omni_ctl_mode of the last tick */
     uint8_t last_way;        /**< to the wheels: omni_demand_kind_t of the last tick that drove them */
     bool tracking;           /**< the last tick tracked a pose */
     uint8_t ticks;           /**< since the position controller's last step began its period */
     omni_demand_t demand;
-    omni_original_state_t original;
 } omni_control_state_t;
 
 /** What the judgement of condition 44 keeps. */

@@ -1,82 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 #include "controllers.h"
 
-#include <string.h>
+#include <stddef.h>
 
-#include "../control/pose_control.h"
-#include "../kinematics/kinematics_inline.h"
+#define OMNI_ROW(NAME, name) [OMNI_CTL_MODE_##NAME] = &omni_controller_row_##name,
+const omni_controller_t *const omni_controllers[OMNI_CTL_MODE_COUNT] = {OMNI_CTL_MODE_ROWS(OMNI_ROW)};
+#undef OMNI_ROW
 
-static void controller_reset_nothing(omni_control_state_t *control) {
-    (void)control;
-}
-
-static void controller_step_nothing(omni_control_state_t *control, const omni_robot_config_t *config,
-                                    const omni_estimate_t *estimate, const omni_reference_t *reference, omni_flag_t saturated) {
-    (void)control;
-    (void)config;
-    (void)estimate;
-    (void)reference;
-    (void)saturated;
-}
-
-static void controller_reset_ismc(omni_control_state_t *control) {
-    omni_ismc_reset(&control->ismc);
-}
-
-static void controller_step_ismc(omni_control_state_t *control, const omni_robot_config_t *config,
-                                 const omni_estimate_t *estimate, const omni_reference_t *reference, omni_flag_t saturated) {
-    const omni_twist_t world = omni_ismc_step(&control->ismc, &config->ismc, &estimate->pose, &reference->pose,
-                                              &reference->rate, saturated, &control->demand.terms);
-    control->demand.twist = omni_rotate_to_body(&world, &estimate->heading);
-}
-
-static void controller_reset_fl(omni_control_state_t *control) {
-    omni_fl_reset(&control->fl);
-}
-
-/* P, PD and PID differ in their gains only: omni_robot_config leaves out what the name does not have. */
-static void controller_step_fl(omni_control_state_t *control, const omni_robot_config_t *config,
-                               const omni_estimate_t *estimate, const omni_reference_t *reference, omni_flag_t saturated) {
-    const omni_twist_t world = omni_fl_step(&control->fl, &config->fl, &estimate->pose, &estimate->rate, &reference->pose,
-                                            &reference->rate, saturated, &control->demand.terms);
-    control->demand.twist = omni_rotate_to_body(&world, &estimate->heading);
-}
-
-static void controller_reset_original(omni_control_state_t *control) {
-    omni_original_reset(&control->original);
-    memset(&control->demand.terms, 0, sizeof control->demand.terms);
-}
-
-static void controller_step_original(omni_control_state_t *control, const omni_robot_config_t *config,
-                                     const omni_estimate_t *estimate, const omni_reference_t *reference,
-                                     omni_flag_t saturated) {
-    omni_demand_t *demand = &control->demand;
-    (void)saturated;
-    omni_original_step(&control->original, &config->original, &config->kinematics, estimate->delta_counts, &estimate->pose,
-                       &reference->pose, &reference->rate, estimate->supply_V);
-    omni_pose_error(&estimate->pose, &reference->pose, demand->terms.error); /* the other terms stay 0 */
-    memcpy(demand->wheel_rad_s, control->original.wheel_reference, sizeof demand->wheel_rad_s);
-    memcpy(demand->voltage_V, control->original.voltage_V, sizeof demand->voltage_V);
-}
-
-static void controller_step_torque(omni_control_state_t *control, const omni_robot_config_t *config,
-                                   const omni_estimate_t *estimate, const omni_reference_t *reference, omni_flag_t saturated) {
-    omni_demand_t *demand = &control->demand;
-    (void)saturated;
-    demand->torque_scale = omni_direct_torque_step(&config->torque, &config->kinematics, &estimate->pose, &estimate->rate,
-                                                   reference, demand->torque_N_m, &demand->terms);
-}
-
-const omni_controller_t omni_controllers[OMNI_CTL_MODE_COUNT] = {
-    [OMNI_CTL_MODE_NONE] = {"none", OMNI_DEMAND_NONE, controller_reset_nothing, controller_step_nothing},
-    [OMNI_CTL_MODE_ISMC] = {"ismc", OMNI_DEMAND_TWIST, controller_reset_ismc, controller_step_ismc},
-    [OMNI_CTL_MODE_P] = {"p", OMNI_DEMAND_TWIST, controller_reset_fl, controller_step_fl},
-    [OMNI_CTL_MODE_PD] = {"pd", OMNI_DEMAND_TWIST, controller_reset_fl, controller_step_fl},
-    [OMNI_CTL_MODE_PID] = {"pid", OMNI_DEMAND_TWIST, controller_reset_fl, controller_step_fl},
-    [OMNI_CTL_MODE_ORIGINAL] = {"original", OMNI_DEMAND_VOLTAGE, controller_reset_original, controller_step_original},
-    [OMNI_CTL_MODE_TORQUE] = {"torque", OMNI_DEMAND_TORQUE, controller_reset_nothing, controller_step_torque},
-};
+#define OMNI_ROW(NAME, name) [OMNI_CTL_MODE_##NAME] = #name,
+static const char *const controller_names[OMNI_CTL_MODE_COUNT] = {OMNI_CTL_MODE_ROWS(OMNI_ROW)};
+#undef OMNI_ROW
 
 const char *omni_controller_name(uint8_t controller) {
-    return controller < OMNI_CTL_MODE_COUNT ? omni_controllers[controller].name : NULL;
+    return controller < OMNI_CTL_MODE_COUNT ? controller_names[controller] : NULL;
 }

@@ -2,10 +2,10 @@
 /**
  * @file controllers.h
  * Position controllers as rows of a table. CTL_MODE picks the row; what selects, resets, hands over and drives the wheels reads the row
- * and knows no controller by name.
+ * and knows no controller by name. The values of CTL_MODE in params.toml are the table: for a value `name` a source in
+ * controllers/ has the row `omni_controller_row_name` and the function `omni_configure_name`. docs/how-to-add/controller.md is the recipe.
  *
- * To add one: its law as a module of its own (a header and a .c in control/), its name among the values of CTL_MODE in params.toml, and
- * a row in controllers.c.
+ * What a row points to is called controller_reset_... and controller_step_...: the bounds of stack and run time find it by that.
  */
 #ifndef OMNI_CONTROLLERS_H
 #define OMNI_CONTROLLERS_H
@@ -23,9 +23,8 @@ typedef enum omni_demand_kind_t {
 
 /** A row. */
 typedef struct omni_controller_t {
-    const char *name; /**< as CTL_MODE has it */
-    uint8_t demand;   /**< omni_demand_kind_t */
-    /** The controller takes over: integrals of another time would make the wheels jerk. */
+    uint8_t demand; /**< omni_demand_kind_t */
+    /** A robot arms, or begins or stops to track: integrals of another time would make the wheels jerk. */
     void (*reset)(omni_control_state_t *control);
     /**
      * Pose error to control->demand: all of `terms`, and what belongs to the row's kind.
@@ -36,6 +35,17 @@ typedef struct omni_controller_t {
 } omni_controller_t;
 
 /** By value of CTL_MODE. */
-extern const omni_controller_t omni_controllers[OMNI_CTL_MODE_COUNT];
+extern const omni_controller_t *const omni_controllers[OMNI_CTL_MODE_COUNT];
+
+/**
+ * omni_configure_name: the controller's configuration from a set of checked parameters. The fields before the controllers' in
+ * omni_robot_config_t are there already, step_s and control_period, too. Background work, never in a tick.
+ * @return OMNI_OK, or why the set is refused, with the parameter at fault in `bad_index`.
+ */
+#define OMNI_ROW(NAME, name)                                                                                                   \
+    extern const omni_controller_t omni_controller_row_##name;                                                                 \
+    omni_result_t omni_configure_##name(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index);
+OMNI_CTL_MODE_ROWS(OMNI_ROW)
+#undef OMNI_ROW
 
 #endif

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "../math/math_inline.h"
-#include "omni/robot.h"
+#include "controllers.h"
 
 static const omni_real_t DEG = OMNI_PI_F / 180.0f;
 
@@ -91,24 +91,54 @@ static void set_axes(omni_real_t *axes, omni_real_t xy, omni_real_t theta) {
     axes[2] = theta;
 }
 
-static void set_controllers(omni_robot_config_t *c, const omni_real_t *v) {
-    c->controller = (uint8_t)v[OMNI_PARAM_CTL_MODE];
-    c->control_period = (uint8_t)v[OMNI_PARAM_CTL_PERIOD];
-    c->slip_feed = v[OMNI_PARAM_ISMC_SLIP];
-    c->ismc.step_s = c->step_s * (omni_real_t)c->control_period;
+static omni_real_t controller_step_s(const omni_robot_config_t *c) {
+    return c->step_s * (omni_real_t)c->control_period;
+}
+
+omni_result_t omni_configure_none(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    (void)c;
+    (void)v;
+    (void)bad_index;
+    return OMNI_OK;
+}
+
+omni_result_t omni_configure_ismc(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    (void)bad_index;
+    c->ismc.step_s = controller_step_s(c);
     c->ismc.switching = (uint8_t)v[OMNI_PARAM_ISMC_SWITCH];
     set_axes(c->ismc.lambda, v[OMNI_PARAM_ISMC_LAM_XY], v[OMNI_PARAM_ISMC_LAM_TH]);
     set_axes(c->ismc.k, v[OMNI_PARAM_ISMC_K_XY], v[OMNI_PARAM_ISMC_K_TH]);
     set_axes(c->ismc.phi, v[OMNI_PARAM_ISMC_PHI_XY], v[OMNI_PARAM_ISMC_PHI_TH]);
     set_axes(c->ismc.integral_limit, v[OMNI_PARAM_ISMC_I_MAX], v[OMNI_PARAM_ISMC_I_MAX]);
+    return OMNI_OK;
+}
+
+/* P, PD and PID share a module: what the mode in use does not have is left out. */
+omni_result_t omni_configure_pid(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    (void)bad_index;
     const bool derivative = c->controller == OMNI_CTL_MODE_PD || c->controller == OMNI_CTL_MODE_PID;
     const bool integral = c->controller == OMNI_CTL_MODE_PID;
-    c->fl.step_s = c->ismc.step_s;
+    c->fl.step_s = controller_step_s(c);
     set_axes(c->fl.kp, v[OMNI_PARAM_FL_KP_XY], v[OMNI_PARAM_FL_KP_TH]);
     set_axes(c->fl.kd, derivative ? v[OMNI_PARAM_FL_KD_XY] : 0.0f, derivative ? v[OMNI_PARAM_FL_KD_TH] : 0.0f);
     set_axes(c->fl.ki, integral ? v[OMNI_PARAM_FL_KI_XY] : 0.0f, integral ? v[OMNI_PARAM_FL_KI_TH] : 0.0f);
     set_axes(c->fl.integral_limit, v[OMNI_PARAM_FL_I_MAX], v[OMNI_PARAM_FL_I_MAX]);
+    return OMNI_OK;
+}
+
+omni_result_t omni_configure_p(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    return omni_configure_pid(c, v, bad_index);
+}
+
+omni_result_t omni_configure_pd(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    return omni_configure_pid(c, v, bad_index);
+}
+
+omni_result_t omni_configure_original(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    (void)v;
+    (void)bad_index;
     c->original = omni_original_defaults(c->step_s, c->rad_per_count);
+    return OMNI_OK;
 }
 
 /* The measured points, or a straight line if none are given. @return false, and the offending parameter, if they do not rise. */
@@ -136,8 +166,8 @@ static bool set_curve(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad
     return rises;
 }
 
-static omni_result_t set_torque(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    omni_direct_torque_config_t *t = &c->torque;
+omni_result_t omni_configure_torque(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    omni_direct_torque_config_t *t = &c->direct_torque;
     if (!set_curve(c, v, bad_index)) {
         return OMNI_ERR_RANGE;
     }
@@ -153,6 +183,21 @@ static omni_result_t set_torque(omni_robot_config_t *c, const omni_real_t *v, in
     t->wheel_limit_rad_s = v[OMNI_PARAM_LIM_WHEEL];
     t->step_s = c->step_s;
     return OMNI_OK;
+}
+
+/* Of all controllers, whichever is in use: the others' gains are checked, too. */
+static omni_result_t set_controllers(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    omni_result_t result = OMNI_OK;
+    c->controller = (uint8_t)v[OMNI_PARAM_CTL_MODE];
+    c->control_period = (uint8_t)v[OMNI_PARAM_CTL_PERIOD];
+    c->slip_feed = v[OMNI_PARAM_ISMC_SLIP];
+#define OMNI_ROW(NAME, name)                                                                                                   \
+    if (result == OMNI_OK) {                                                                                                   \
+        result = omni_configure_##name(c, v, bad_index);                                                                       \
+    }
+    OMNI_CTL_MODE_ROWS(OMNI_ROW)
+#undef OMNI_ROW
+    return result;
 }
 
 static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
@@ -229,13 +274,12 @@ omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *
         result = set_motor(config, values);
     }
     if (result == OMNI_OK) {
-        result = set_torque(config, values, bad);
+        result = set_controllers(config, values, bad);
     }
     if (result != OMNI_OK) {
         return result;
     }
     set_pose_ekf(config, values);
-    set_controllers(config, values);
     set_wheel_speed(config, values);
     set_limits(config, values);
     set_trajectory(config, values);

@@ -9,7 +9,7 @@
 /* A step every CTL_PERIOD ticks; what is asked for is held in between. Voltages have a period of their own. */
 static void step_controller(omni_control_state_t *control, const omni_robot_config_t *c, const omni_estimate_t *estimate,
                             const omni_target_t *target, omni_flag_t saturated) {
-    const omni_controller_t *controller = &omni_controllers[c->controller];
+    const omni_controller_t *controller = omni_controllers[c->controller];
     if (control->ticks == 0) {
         controller->step(control, c, estimate, &target->reference, saturated);
     }
@@ -98,7 +98,8 @@ static void protect_torques(const omni_robot_config_t *c, const omni_demand_t *d
     memcpy(torque_N_m, demand->torque_N_m, sizeof torque_N_m);
     const omni_twist_t floor = omni_rotate_to_body(&reference->rate, &estimate->heading);
     omni_kinematics_inverse(&c->kinematics, &floor, NULL, actuation->wheel_reference);
-    actuation->wheel_scale = omni_direct_torque_protect(&c->torque, &c->kinematics, &floor, estimate->wheel_rad_s, torque_N_m);
+    actuation->wheel_scale =
+        omni_direct_torque_protect(&c->direct_torque, &c->kinematics, &floor, estimate->wheel_rad_s, torque_N_m);
     actuation->duty_scale = demand->torque_scale * torque_duties(c, torque_N_m, estimate, actuation->duty);
 }
 
@@ -119,13 +120,13 @@ static uint8_t way_of(const omni_robot_config_t *c, const omni_target_t *target)
     if (target->kind == OMNI_SETPOINT_DUTY) {
         return OMNI_DEMAND_DUTY;
     }
-    return target->position_loop ? omni_controllers[c->controller].demand : (uint8_t)OMNI_DEMAND_TWIST;
+    return target->position_loop ? omni_controllers[c->controller]->demand : (uint8_t)OMNI_DEMAND_TWIST;
 }
 
 /* All of them, not only the one that takes over: a robot's state then says nothing of what it did before. */
 static void reset_controllers(omni_control_state_t *control) {
     for (uint8_t mode = 0; mode < OMNI_CTL_MODE_COUNT; ++mode) {
-        omni_controllers[mode].reset(control);
+        omni_controllers[mode]->reset(control);
     }
     control->ticks = 0;
 }

@@ -186,7 +186,7 @@ void omni_robot_reference(omni_guide_t *guide, const omni_robot_config_t *config
             continue_from(guide, estimate, target->kind);
         }
         follow(guide, config, inputs, estimate, target);
-        if (omni_controllers[config->controller].demand == OMNI_DEMAND_NONE) {
+        if (omni_controllers[config->controller]->demand == OMNI_DEMAND_NONE) {
             target->position_loop = false;
             target->body_rate = omni_twist_to_body(&target->reference.rate, target->reference.pose.theta);
         }
