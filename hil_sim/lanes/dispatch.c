@@ -3,7 +3,7 @@
 #include "runs.h"
 
 const hil_lanes_core_t *hil_lanes_core(void) {
-#ifdef __x86_64__
+#ifdef HIL_LANES_AVX2
     if (__builtin_cpu_supports("avx2")) {
         return &hil_lanes_core_avx2;
     }
@@ -12,7 +12,7 @@ const hil_lanes_core_t *hil_lanes_core(void) {
 }
 
 const hil_lanes_runs_t *hil_lanes_runs(void) {
-#ifdef __x86_64__
+#ifdef HIL_LANES_AVX2
     if (__builtin_cpu_supports("avx2")) {
         return &hil_lanes_runs_avx2;
     }

@@ -72,7 +72,7 @@ int32_t hil_filter_study(const hil_filter_config_t *config, const double *refere
 }
 
 static hil_filter_eight_t *path_of(hil_filter_path_t path) {
-#ifdef __x86_64__
+#ifdef HIL_LANES_AVX2
     const bool avx2 = __builtin_cpu_supports("avx2");
     if (avx2 && (path == HIL_FILTER_PATH_AVX2 || path == HIL_FILTER_PATH_BEST)) {
         return hil_filter_eight_avx2;

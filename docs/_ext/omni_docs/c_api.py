@@ -26,10 +26,8 @@ _STUBS = {
     ),
     "string.h": "",
     "omni/params_gen.h": "enum { OMNI_PARAM_COUNT = 1 };\n",
-    "omni/modules_gen.h": "".join(
-        f'#include "omni/{header}.h"\n' for header in ("direct_torque", "feedback_linearization", "ismc", "original_law")
-    )
-    + "#define OMNI_CTL_MODE_CONFIG_MEMBERS\n#define OMNI_CTL_MODE_STATE_MEMBERS\n",
+    "omni/modules_gen.h": '#include "omni/direct_torque.h"\n#include "omni/ismc.h"\n'
+    "#define OMNI_CTL_MODE_CONFIG_MEMBERS\n#define OMNI_CTL_MODE_STATE_MEMBERS\n",
 }
 _HEAD = re.compile(r"/\*\*\s*\n \* @file (\S+)\s*\n(.*?)\*/", re.DOTALL)
 

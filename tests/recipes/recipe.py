@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: MIT
+"""Follows the recipe of a page of docs/how-to-add in a scratch copy of the repository: copy, edit, count, build, drive.
+
+A page says what to do in three kinds of sentences, and the test does just that:
+
+- "Create `path`:", then a block of code: a new file.
+- "In `path`, add below the line that begins with `text`:", then a block of code.
+- "In `path`, put `new` in place of `old`."
+
+Everything else on the page is for the reader.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = ROOT / "docs" / "how-to-add"
+NOT_COUNTED = ("docs/", "tests/", "CHANGELOG.md")
+"""Where an extension may touch what it likes."""
+
+_CREATE = re.compile(r"Create `([^`]+)`:$")
+_BELOW = re.compile(r"In `([^`]+)`, add below the line that begins with `([^`]+)`:$")
+_REPLACE = re.compile(r"[Ii]n `([^`]+)`, put `([^`]+)` in place of `([^`]+)`")
+_CODE = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_DRIVE = """
+import json, sys
+sys.meta_path = [finder for finder in sys.meta_path if "Editable" not in type(finder).__name__
+                 and "ScikitBuild" not in type(finder).__name__]
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+import numpy as np
+from hil_sim.metrics import tracking_rmse
+from hil_sim.runs import faults_seen, run_in_process
+from hil_sim.scenario import load_scenario
+import omniwheel._core
+assert Path(omniwheel._core.__file__).is_relative_to(sys.argv[1]), omniwheel._core.__file__
+run = run_in_process(load_scenario(sys.argv[2]))
+rmse = tracking_rmse(run.record)
+faults, warnings = faults_seen(run)
+truth = run.record["truth"]
+way = float(np.hypot(*(truth - truth[0])[:, :2].T).max())
+print(json.dumps({"rmse_m": float(rmse.position_m), "farthest_m": way, "faults": faults, "done": run.done}))
+"""
+
+
+class RecipeError(Exception):
+    """A page that cannot be followed, or a command that failed on the way."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One step: ``old`` "" creates the file or adds below the line that begins with ``below``."""
+
+    path: str
+    new: str
+    old: str = ""
+    below: str = ""
+
+    def apply(self, root: Path) -> None:
+        """Do it. Raises RecipeError if the file is not as the page says."""
+        path = root / self.path
+        if not self.old and not self.below:
+            if path.exists():
+                raise RecipeError(f"{self.path} is there already")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(self.new, encoding="utf-8")
+            return
+        text = path.read_text(encoding="utf-8")
+        if self.old:
+            if text.count(self.old) != 1:
+                raise RecipeError(f"{self.path} has '{self.old}' {text.count(self.old)} times")
+            path.write_text(text.replace(self.old, self.new), encoding="utf-8")
+            return
+        lines = text.splitlines(keepends=True)
+        places = [number for number, line in enumerate(lines) if line.lstrip().startswith(self.below)]
+        if len(places) != 1:
+            raise RecipeError(f"{self.path} has {len(places)} lines that begin with '{self.below}'")
+        lines.insert(places[0] + 1, self.new)
+        path.write_text("".join(lines), encoding="utf-8")
+
+
+def read_page(text: str) -> list[Edit]:
+    """Return the steps of a page, in its order. Raises RecipeError for a sentence without its block of code."""
+    edits: list[Edit] = []
+    prose_and_code = _CODE.split(text)
+    for prose, code in zip_longest(prose_and_code[::2], prose_and_code[1::2]):
+        waiting: list[Edit] = []
+        for paragraph in _paragraphs(prose):
+            if waiting:
+                raise RecipeError(f"no code follows on what {waiting[0].path} is to be given")
+            edits += [Edit(found[1], found[2], old=found[3]) for found in _REPLACE.finditer(paragraph)]
+            if found := _CREATE.search(paragraph):
+                waiting.append(Edit(found[1], code or ""))
+            elif found := _BELOW.search(paragraph):
+                waiting.append(Edit(found[1], code or "", below=found[2]))
+        edits += waiting
+    if any(not edit.new for edit in edits):
+        raise RecipeError("no code follows on the last of the steps")
+    return edits
+
+
+def _paragraphs(text: str) -> Iterator[str]:
+    for paragraph in re.split(r"\n\s*\n", text.strip()):
+        yield " ".join(paragraph.split())
+
+
+class Scratch:
+    """A copy of the repository's sources. Its build and its Python packages are its own, too."""
+
+    def __init__(self, root: Path) -> None:
+        """Copy the work tree, with what is not committed yet, to the new folder ``root``."""
+        self.root = root
+        listed = _call(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], ROOT)
+        for name in filter(None, listed.split("\0")):
+            if (ROOT / name).is_file():
+                (root / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(ROOT / name, root / name)
+        self._before = self._state()
+
+    def _state(self) -> dict[str, bytes]:
+        files = (path for path in self.root.rglob("*") if path.is_file() and "build" not in path.parts)
+        return {path.relative_to(self.root).as_posix(): path.read_bytes() for path in files}
+
+    def follow(self, edits: Sequence[Edit]) -> None:
+        """Apply the steps in their order."""
+        for edit in edits:
+            edit.apply(self.root)
+
+    def touched(self) -> list[str]:
+        """Return the files that are new or different now, those of docs and tests left out."""
+        now, before = self._state(), self._before
+        names = sorted(name for name in now.keys() | before.keys() if now.get(name) != before.get(name))
+        return [name for name in names if not name.startswith(NOT_COUNTED)]
+
+    def build(self, *targets: str) -> Path:
+        """Build CMake targets, not optimised. Return the build folder; raise RecipeError with the tool's words."""
+        build = self.root / "build" / "recipe"
+        search = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+        environment = dict(os.environ, PATH=search, CCACHE_BASEDIR=str(self.root), CCACHE_NOHASHDIR="1")
+        environment.pop("LD_PRELOAD", None)
+        if ccache := shutil.which("ccache"):
+            environment |= {"CMAKE_C_COMPILER_LAUNCHER": ccache, "CMAKE_CXX_COMPILER_LAUNCHER": ccache}
+        plain = ["-DCMAKE_BUILD_TYPE=None", "-DCMAKE_C_FLAGS=-O0", "-DCMAKE_CXX_FLAGS=-O0", "-DOMNI_LANES_AVX2=OFF"]
+        plain += ["-G", "Ninja"] if shutil.which("ninja", path=search) else []
+        folders = ["-S", str(self.root), "-B", str(build), f"-DPython_EXECUTABLE={sys.executable}"]
+        _call(["cmake", *folders, *plain], self.root, environment)
+        _call(["cmake", "--build", str(build), "--parallel", "2", "--target", *targets], self.root, environment)
+        return build
+
+    def packages(self) -> Path:
+        """Build the Python extension and return a folder with this copy's packages around it."""
+        build, site = self.build("_core"), self.root / "build" / "site"
+        if not site.exists():
+            shutil.copytree(self.root / "host" / "omniwheel", site / "omniwheel")
+            shared = self.root / "shared"
+            for schema in shared.glob("*.toml"):
+                shutil.copyfile(schema, site / "omniwheel" / schema.name)
+            for written in (build / "generated" / "python").glob("*.py"):
+                shutil.copyfile(written, site / "omniwheel" / written.name)
+            for name in ("robots", "presets"):
+                shutil.copytree(shared / name, site / "omniwheel" / name)
+            (site / "hil_sim").symlink_to(self.root / "hil_sim")
+            (site / "omni_schema").symlink_to(shared / "generate" / "omni_schema")
+            extension = next((build / "host" / "native").glob("_core*.*so"))
+            shutil.copyfile(extension, site / "omniwheel" / extension.name)
+        return site
+
+    def drive(self, scenario: str) -> Mapping[str, Any]:
+        """Run a scenario in the simulated world with this copy, and say what came of it.
+
+        ``rmse_m`` on the path, ``farthest_m`` from where it stood, ``faults`` since arming, ``done``: the path is over.
+        """
+        path = self.root / "build" / "recipe.toml"
+        site = self.packages()
+        path.write_text(scenario, encoding="utf-8")
+        words = _call([sys.executable, "-c", _DRIVE, str(site), str(path)], self.root)
+        result: Mapping[str, Any] = json.loads(words.splitlines()[-1])
+        return result
+
+
+def _call(command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> str:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+    if done.returncode != 0:
+        raise RecipeError(f"{' '.join(command[:6])} ...\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
+    return done.stdout
