@@ -59,8 +59,8 @@ class Parameter:
 
     ``minimum``, ``maximum`` and ``default`` are in ``unit`` and rounded to float32, because the robot compares in
     float32. ``wheel`` is the 0-based wheel (or link) of a parameter that exists once per wheel, else None.
-    ``modules``: where the values of an enum are rows of a table in the core, the modules that these rows bring, with
-    the header of each.
+    ``modules``: the values of an enum may be rows of a table in the core; these modules, each with a header, come
+    with them.
     """
 
     index: int
