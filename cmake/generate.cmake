@@ -24,7 +24,8 @@ add_custom_command(
   VERBATIM)
 
 set(OMNI_WORLD_HEADERS "${OMNI_GENERATED}/include/hil_sim/world_gen.h" "${OMNI_GENERATED}/include/hil_sim/world_members_gen.h"
-                       "${OMNI_GENERATED}/world/plants_gen.h" "${OMNI_GENERATED}/world/plant_sources_gen.h")
+                       "${OMNI_GENERATED}/world/plants_gen.h" "${OMNI_GENERATED}/world/plant_sources_gen.h"
+                       "${OMNI_GENERATED}/world/sensors_gen.h" "${OMNI_GENERATED}/world/sensor_sources_gen.h")
 set(OMNI_WORLD_SOURCE "${OMNI_GENERATED}/world/world_gen.c")
 add_custom_command(
   OUTPUT ${OMNI_WORLD_HEADERS} "${OMNI_WORLD_SOURCE}"

@@ -33,6 +33,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 #include "plant.c"
 #include "plant_contact.c"
 #include "plant_sources_gen.h"
+#include "sensor_sources_gen.h"
 #include "sensors.c"
 #include "slip.c"
 #include "world_step.c"

@@ -48,8 +48,10 @@ void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double ste
 void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *open_end_A);
 
 /* sensors.c */
-void hil_encoders_update(hil_world_t *world);
-void hil_pose_sensor_update(hil_world_t *world);
+/** A step has moved the world; time and faults are still those at its start. */
+void hil_sensors_integrate(hil_world_t *world);
+/** Time and faults are those of now. */
+void hil_sensors_sample(hil_world_t *world);
 
 /* slip.c */
 void hil_slip_init(hil_world_t *world);

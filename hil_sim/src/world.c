@@ -24,7 +24,7 @@ hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config
     hil_faults_update(world);
     world->supply_V = hil_fault_value(world, HIL_FAULT_BATTERY_SAG, config->battery_V);
     hil_slip_init(world);
-    hil_pose_sensor_update(world);
+    hil_sensors_sample(world);
     return HIL_OK;
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* One tick of the world: what the sensors show, bridges, step. */
+/* One tick of the world: bridges, step. */
 #include <string.h>
 
 #include "parts.h"
@@ -15,37 +15,6 @@ bool hil_has_chip(const hil_world_t *world) {
 
 static double direct_period_s(const hil_world_t *world) {
     return hil_has_chip(world) ? CHIP_PERIOD_s : 1.0 / world->config.motor_pwm_Hz;
-}
-
-static uint8_t valid_counts(const hil_world_t *world) {
-    uint32_t valid = 0;
-    for (uint32_t i = 0; i < world->config.wheels; i++) {
-        valid |= (uint32_t)(hil_fault_find(world, HIL_FAULT_ENCODER_INVALID, i) == NULL) << i;
-    }
-    return (uint8_t)valid;
-}
-
-static void take_due_fix(hil_world_t *world, hil_sensors_t *sensors) {
-    while (!sensors->has_fix && world->fix_count > 0 && world->fix[world->fix_head].arrives_us <= world->time_us) {
-        sensors->fix = world->fix[world->fix_head];
-        sensors->has_fix = !sensors->fix.lost;
-        world->fix_head = (world->fix_head + 1) % HIL_MAX_FIXES;
-        world->fix_count--;
-    }
-}
-
-void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors) {
-    memset(sensors, 0, sizeof *sensors);
-    sensors->time_us = hil_robot_clock_us(world);
-    hil_world_counts(world, sensors->counts);
-    sensors->counts_valid = valid_counts(world);
-    sensors->battery_V = world->supply_V;
-    sensors->i2c_status = world->i2c_status;
-    sensors->i2c_read_length = world->i2c_read_length;
-    memcpy(sensors->i2c_read, world->i2c_read, sizeof sensors->i2c_read);
-    sensors->stop_button = hil_fault_find(world, HIL_FAULT_STOP_BUTTON, HIL_MAX_WHEELS) != NULL;
-    sensors->link_silent = hil_fault_find(world, HIL_FAULT_LINK_SILENCE, HIL_MAX_WHEELS) != NULL;
-    take_due_fix(world, sensors);
 }
 
 static void direct_to_bridges(hil_world_t *world) {
@@ -129,8 +98,9 @@ void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps) {
         return;
     }
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        const double first = steps[2 * i] < PWM_STEPS ? (double)steps[2 * i] / PWM_STEPS : 1.0;
-        const double second = steps[2 * i + 1] < PWM_STEPS ? (double)steps[2 * i + 1] / PWM_STEPS : 1.0;
+        const uint16_t *pins = &steps[2 * (size_t)i];
+        const double first = pins[0] < PWM_STEPS ? (double)pins[0] / PWM_STEPS : 1.0;
+        const double second = pins[1] < PWM_STEPS ? (double)pins[1] / PWM_STEPS : 1.0;
         const bool backwards = second >= 0.5; /* of a direction pin */
         const bool with_direction = world->config.motor_driver == HIL_DRIVER_PWM_DIR;
         world->direct_in1[i] = with_direction ? (backwards ? 1.0 - first : 1.0) : first;
@@ -177,10 +147,10 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     hil_plant_step(world, &electrics, step_s);
     hil_motors_end(world, &electrics, open_end_A);
     turn_by_hand(world, angle_before_rad, step_s);
-    hil_encoders_update(world);
+    hil_sensors_integrate(world);
     world->time_us += step_us;
     world->steps++;
     hil_faults_update(world);
     hil_slip_hold(world);
-    hil_pose_sensor_update(world);
+    hil_sensors_sample(world);
 }

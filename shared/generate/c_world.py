@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from c_tables import c_string
@@ -107,22 +108,19 @@ def _rule(name: str, wheel: bool, value: Range) -> str:
     return f"{{{c_string(name)}, {str(wheel).lower()}, {ends}, {c_string(value.allowed)}}},"
 
 
-def plants_header(world: WorldSchema) -> str:
-    """Return ``plants_gen.h``: the table of plants."""
-    symbols = [plant.symbol for plant in world.plants.values()]
-    rows = [f"    [HIL_PLANT_{symbol.upper()}] = &hil_plant_{symbol}," for symbol in symbols]
+def _table(guard: str, include: str, kind: str, array: str, symbols: list[str]) -> str:
     return "\n".join(
         [
             NOTICE,
-            "#ifndef HIL_SIM_PLANTS_GEN_H",
-            "#define HIL_SIM_PLANTS_GEN_H",
+            f"#ifndef {guard}",
+            f"#define {guard}",
             "",
-            '#include "motion.h"',
+            f'#include "{include}"',
             "",
-            *(f"extern const hil_plant_model_t hil_plant_{symbol};" for symbol in symbols),
+            *(f"extern const {kind} {symbol};" for symbol in symbols),
             "",
-            "static const hil_plant_model_t *const HIL_PLANTS[HIL_PLANT_KIND_COUNT] = {",
-            *rows,
+            f"static const {kind} *const {array}[] = {{",
+            *(f"    &{symbol}," for symbol in symbols),
             "};",
             "",
             "#endif",
@@ -131,9 +129,22 @@ def plants_header(world: WorldSchema) -> str:
     )
 
 
-def plant_sources(world: WorldSchema) -> str:
-    """Return ``plant_sources_gen.h``: the plants' sources, for lanes, which compile all of them as one."""
-    return "\n".join([NOTICE, *(f'#include "plant_{plant.symbol}.c"' for plant in world.plants.values()), ""])
+def plants_header(world: WorldSchema) -> str:
+    """Return ``plants_gen.h``: the table of plants, in the order of their numbers."""
+    symbols = [f"hil_plant_{plant.symbol}" for plant in world.plants.values()]
+    return _table("HIL_SIM_PLANTS_GEN_H", "motion.h", "hil_plant_model_t", "HIL_PLANTS", symbols)
+
+
+def sensors_header(world: WorldSchema) -> str:
+    """Return ``sensors_gen.h``: the table of sensors."""
+    symbols = [f"hil_sensor_{name}" for name in world.sensors]
+    table = _table("HIL_SIM_SENSORS_GEN_H", "sensor.h", "hil_sensor_t", "HIL_SENSORS", symbols)
+    return table.replace("#endif", f"enum {{ HIL_SENSOR_COUNT = {len(symbols)} }};\n\n#endif")
+
+
+def sources(prefix: str, names: Iterable[str]) -> str:
+    """Return a header that includes ``prefix_NAME.c`` of each name, for lanes, which compile all of them as one."""
+    return "\n".join([NOTICE, *(f'#include "{prefix}_{name}.c"' for name in names), ""])
 
 
 def write_c_world(world: WorldSchema, out: Path) -> None:
@@ -143,7 +154,9 @@ def write_c_world(world: WorldSchema, out: Path) -> None:
         out / "include" / "hil_sim" / "world_members_gen.h": members(world),
         out / "world" / "world_gen.c": ranges_source(world),
         out / "world" / "plants_gen.h": plants_header(world),
-        out / "world" / "plant_sources_gen.h": plant_sources(world),
+        out / "world" / "plant_sources_gen.h": sources("plant", (plant.symbol for plant in world.plants.values())),
+        out / "world" / "sensors_gen.h": sensors_header(world),
+        out / "world" / "sensor_sources_gen.h": sources("sensor", world.sensors),
     }
     for path, text in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -18,6 +18,7 @@ SMALL: dict[str, Any] = {
     "schema_version": 1,
     "numbers": {"length_m": NUMBER},
     "plants": {"full": {"doc": "all"}, "half+some": {"doc": "less"}},
+    "sensors": {"counter": {"doc": "it counts"}},
     "faults": {"broken": {"wheel": True, "value": {"unit": "s", "min": 0.0, "max": 1.0}, "doc": "it is broken"}},
 }
 
@@ -30,7 +31,8 @@ def with_number(**changes: Any) -> dict[str, Any]:
 
 def test_the_packaged_file_says_something_of_every_row() -> None:
     world = load_world(PATH)
-    assert {row.doc for rows in (world.numbers, world.plants, world.faults) for row in rows.values()}.isdisjoint({""})
+    tables = (world.numbers, world.plants, world.sensors, world.faults)
+    assert all(row.doc for table in tables for row in table.values())
     assert [plant.number for plant in world.plants.values()] == list(range(len(world.plants)))
     assert [fault.number for fault in world.faults.values()] == list(range(1, len(world.faults) + 1))
 

@@ -51,6 +51,8 @@ GENERATED = {
     "lanes_sources_gen.h": "generated/lanes",
     "hil_sim/world_gen.h": "generated/world",
     "plants_gen.h": "generated/world",
+    "sensors_gen.h": "generated/world",
+    "sensor_sources_gen.h": "generated/world",
     "plant_sources_gen.h": "generated/world",
     "hil_sim/world_members_gen.h": "generated/world",
 }
@@ -81,7 +83,7 @@ SEARCHED = (
 """Where a header is looked for after the including file's own folder."""
 
 WORLD = (
-    *("plant*.c", "world*.c", "motors.c", "sensors.c", "slip.c", "faults.c", "config.c", "dispersion.c", "drv8871.c"),
+    *("plant*.c", "world*.c", "motors.c", "sensor*.c", "slip.c", "faults.c", "config.c", "dispersion.c", "drv8871.c"),
     *("pca9685.c", "random.c"),
 )
 """The simulated world in hil_sim/src. Of the core it knows the number types and not one law, through others neither."""

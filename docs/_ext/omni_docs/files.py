@@ -82,6 +82,8 @@ def _scenario_page() -> str:
         "## Plants",
         "`plant` of `[world]` is one of these. Equation numbers are the report's.",
         table(["Plant", "Meaning"], [[code(plant.name), escaped(plant.doc)] for plant in WORLD.plants.values()]),
+        "## Sensors",
+        table(["Sensor", "Meaning"], [[code(sensor.name), escaped(sensor.doc)] for sensor in WORLD.sensors.values()]),
         "## Faults",
         "`kind` of a `[[fault]]` is one of these.",
         table(

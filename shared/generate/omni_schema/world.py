@@ -17,7 +17,7 @@ KINDS = ("real", "int", "bool")
 ABOVE_ZERO = "above 0"
 """What ``min`` says where 0 itself is not allowed."""
 
-SECTIONS = ("schema_version", "numbers", "plants", "faults")
+SECTIONS = ("schema_version", "numbers", "plants", "sensors", "faults")
 _NUMBER_KEYS = ("kind", "unit", "min", "max", "doc")
 _FLAGS = ("deciding", "robot_only", "fixed")
 _OPTIONAL_KEYS = ("default", "robot_key", "each", "elements", "field", *_FLAGS)
@@ -25,7 +25,7 @@ _FAULT_KEYS = ("wheel", "value", "doc")
 _VALUE_KEYS = ("unit", "min", "max", "default")
 _FIELD = re.compile(r"[a-z][a-zA-Z0-9_]*")
 _PLANT = re.compile(r"[a-z][a-z0-9]*(?:[_+][a-z0-9]+)*")
-_FAULT = re.compile(r"[a-z][a-z0-9_]*")
+_WORD = re.compile(r"[a-z][a-z0-9_]*")
 
 Row = TypeVar("Row")
 
@@ -110,6 +110,14 @@ class Plant:
 
 
 @dataclass(frozen=True)
+class Sensor:
+    """What the robot's electronics measure."""
+
+    name: str
+    doc: str
+
+
+@dataclass(frozen=True)
 class FaultKind:
     """What can break, by its number in ``hil_fault_kind_t``.
 
@@ -132,6 +140,7 @@ class WorldSchema:
     source: str
     numbers: Mapping[str, Quantity]
     plants: Mapping[str, Plant]
+    sensors: Mapping[str, Sensor]
     faults: Mapping[str, FaultKind]
 
 
@@ -145,8 +154,9 @@ def parse_world(document: Mapping[str, Any], source: str) -> WorldSchema:
     refuse_unknown_keys(source, "", document, SECTIONS)
     numbers = _rows(source, "numbers", document, _FIELD, lambda _, name, row: _quantity(source, name, row))
     plants = _rows(source, "plants", document, _PLANT, lambda number, name, row: _plant(source, number, name, row))
-    faults = _rows(source, "faults", document, _FAULT, lambda number, name, row: _fault(source, number, name, row))
-    return WorldSchema(source, numbers, plants, faults)
+    faults = _rows(source, "faults", document, _WORD, lambda number, name, row: _fault(source, number, name, row))
+    sensors = _rows(source, "sensors", document, _WORD, lambda _, name, row: _sensor(source, name, row))
+    return WorldSchema(source, numbers, plants, sensors, faults)
 
 
 def _rows(
@@ -245,6 +255,11 @@ def _check_default(source: str, key: str, quantity: Quantity) -> None:
 def _plant(source: str, number: int, name: str, row: dict[str, Any]) -> Plant:
     refuse_unknown_keys(source, f"plants.{name}.", row, ("doc",))
     return Plant(number, name, take_text(source, f"plants.{name}.doc", row.get("doc")))
+
+
+def _sensor(source: str, name: str, row: dict[str, Any]) -> Sensor:
+    refuse_unknown_keys(source, f"sensors.{name}.", row, ("doc",))
+    return Sensor(name, take_text(source, f"sensors.{name}.doc", row.get("doc")))
 
 
 def _fault(source: str, number: int, name: str, row: dict[str, Any]) -> FaultKind:
