@@ -104,6 +104,11 @@ class Parameters(MutableMapping[str, float]):
         return name in self._by_name or name in self.table
 
     @property
+    def known(self) -> Mapping[str, float]:
+        """The values that have come so far, without asking for more."""
+        return dict(self._by_name)
+
+    @property
     def complete(self) -> bool:
         """Whether every parameter of the robot is in the cache."""
         return 0 < self._count == len(self._names)

@@ -166,6 +166,7 @@ CASES = {
     "replay": Case("replay {inputs}/run1.npz --robot {inputs}/robot.toml --csv {disk}/r.csv --plot {disk}/r.png"),
     "check-image": Case("check-image {inputs}/none.elf --report {disk}/report.md", during=_no_checks),
     "params save": Case("params save {disk}/p.toml --link {link}", links=True),
+    "drive velocity": Case("drive velocity 0 0 0 --duration 0.1 --out {disk} --link {link}", links=True, step=5),
     "host-control pose": Case(
         "host-control pose 0.1 0 0 --simulate --for 0.5 --tolerance 0 --plot {disk}/l.png",
     ),
@@ -202,8 +203,8 @@ STORED_BY_FIRMWARE = ("sitl", "emulate")
 
 WRITE_NOTHING = (
     "soak", "bench", "monitor", "flash", "doctor", "params list", "params get", "params set", "params load",
-    "params presets", "params diff", "params reset", "drive velocity", "drive pose", "drive trajectory", "drive duty",
-    "drive keys", "host-control motor", "mocap bridge", "radio key set", "radio key remove", "radio key show",
+    "params presets", "params diff", "params reset", "runs compare", "runs name", "runs delete",
+    "host-control motor", "mocap bridge", "radio key set", "radio key remove", "radio key show",
     "logs show", "logs align", "robots show", "robots motors", "bringup link", "bringup i2c", "bringup encoders",
     "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
 )  # fmt: skip
@@ -211,6 +212,7 @@ WRITE_NOTHING = (
 
 SAME_AS = {
     "host-control trajectory": "host-control pose",
+    **dict.fromkeys(("drive pose", "drive trajectory", "drive duty", "drive keys"), "drive velocity"),
     **{f"drive {name}": name for name in ("host-control pose", "host-control trajectory", "host-control motor")},
 }
 """Commands that write by the very code of another one."""

@@ -254,7 +254,7 @@ def test_keys_need_a_terminal() -> None:
 
 
 def test_robots_are_listed_shown_and_checked(robot_file: Path) -> None:
-    assert {robot["name"] for robot in run_json("robots")["robots"]} == {"three_wheel", "four_wheel"}
+    assert {robot["name"] for robot in run_json("robots")["robots"]} == {"fast_three_wheel", "four_wheel", "three_wheel"}
     assert run_json("robots", "show", "three_wheel")["parameters"]["WHEELS"] == 3.0
     assert "WHEEL_RADIUS" in run("robots", "show", "four_wheel").stdout
     assert "fine" in run("robots", "check", str(robot_file)).stdout

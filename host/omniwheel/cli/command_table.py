@@ -70,7 +70,8 @@ TABLE = (
     Entry("record", REPORT, "Record every message of a link", "record", "record"),
     Entry("replay", REPORT, "Feed a log through the robot's own estimator", "replay", "replay_command"),
     Entry("logs", REPORT, "Import, look at and align logs of any robot", "logs"),
-    Entry("plot", REPORT, "Draw the picture of a finished run", "plot", "plot"),
+    Entry("plot", REPORT, "Draw a finished run, or any telemetry log", "plot", "plot"),
+    Entry("runs", REPORT, "List, compare, name and delete runs", "runs"),
     Entry("reproduce", REPORT, "Repeat the research report's experiments", "reproduce", "reproduce"),
 )
 """In the order of ``omni --help``."""

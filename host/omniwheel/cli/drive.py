@@ -6,8 +6,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -29,6 +30,7 @@ from omniwheel.cli.common import (
 from omniwheel.cli.keyboard import KEYS_HELP, KeyDriver, raw_keys
 from omniwheel.cli.negative_numbers import NumberCommand
 from omniwheel.cli.progress import Waiting
+from omniwheel.drive_log import DriveLog
 from omniwheel.errors import LimitError, OmniError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.parameters import checked_value
@@ -64,6 +66,11 @@ _SETTLED_RAD = 0.02
 DurationOption = Annotated[
     float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="How long to drive.")
 ]
+OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the drive's folder is made.")]
+LogOption = Annotated[
+    bool, typer.Option("--log/--no-log", help="Keep telemetry, parameters and a picture of the drive.")
+]
+DEFAULT_OUT = Path("runs")
 SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="Speed of the arrow keys \\[m/s].")]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
@@ -79,11 +86,30 @@ _ANGLE = re.compile(r"([-+0-9.eE]+|[-+]?inf|nan)\s*(deg|°|rad|)")
 
 @contextmanager
 def _armed(
-    link: str | None, timeout_s: float, quiet: bool, check: Callable[[Robot], object] = lambda _: None
+    link: str | None,
+    timeout_s: float,
+    quiet: bool,
+    check: Callable[[Robot], object] = lambda _: None,
+    *,
+    keep: Path | None = None,
+    asked: str = "",
 ) -> Iterator[Robot]:
-    """Connect, let ``check`` refuse what the robot cannot follow, then arm; disarm whatever happens."""
-    with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
+    """Connect, let ``check`` refuse what the robot cannot follow, then arm; disarm whatever happens.
+
+    ``keep`` is where the drive's folder is made, None for none; ``asked`` says in words what is driven.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(signals_interrupt())
+        log = None
+        if keep is not None:
+            log = stack.enter_context(DriveLog(keep, "drive-" + asked.partition(" ")[0], asked))
+        recorder = None if log is None else log.write
+        robot = stack.enter_context(open_robot(link, timeout_s=timeout_s, recorder=recorder))
         check(robot)
+        if log is not None:
+            stack.callback(log.leaving)
+            log.connected(robot)
+            stack.callback(note, f"[bold]{log.folder}[/]: report.png, drive.json, telemetry.tlog", quiet=quiet)
         try:
             robot.arm()
             note("armed; Ctrl-C stops and disarms", quiet=quiet)
@@ -136,6 +162,8 @@ def velocity(
     ] = False,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    out: OutOption = DEFAULT_OUT,
+    log: LogOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Drive with a constant velocity for a while.
@@ -145,7 +173,9 @@ def velocity(
     frame = "world" if world else "body"
     for name, value in (("vx", vx), ("vy", vy), ("wz", wz)):
         finite(name, value)
-    with _armed(link, timeout, as_json, lambda r: _require_velocity(r, vx, vy, wz, frame)) as robot:
+    keep, asked = (out if log else None), f"velocity {vx:g} {vy:g} {wz:g}{' world' if world else ''} for {duration:g} s"
+    check = partial(_require_velocity, vx=vx, vy=vy, wz=wz, frame=frame)
+    with _armed(link, timeout, as_json, check, keep=keep, asked=asked) as robot:
         action = partial(robot.drive_velocity, vx, vy, wz, frame=frame, stop=False)
         _drive_in_slices(robot, duration, action, as_json)
         robot.drive_velocity(0.0, 0.0, 0.0, _SLICE_S)
@@ -189,6 +219,8 @@ def pose(
     ] = None,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    out: OutOption = DEFAULT_OUT,
+    log: LogOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Drive to a world pose; ends early once the robot is there.
@@ -202,7 +234,8 @@ def pose(
         nonlocal allowed_s
         allowed_s = _allowed_time(robot, goal, duration, as_json)
 
-    with _armed(link, timeout, as_json, plan) as robot:
+    keep = out if log else None
+    with _armed(link, timeout, as_json, plan, keep=keep, asked=f"pose {x:g} {y:g} {theta}") as robot:
         start = robot.connection.clock()
         with Waiting("driving", allowed_s or 0.0, quiet=as_json) as waiting:
             while (passed := robot.connection.clock() - start) < (allowed_s or 0.0) and not _is_at(robot, goal):
@@ -262,11 +295,14 @@ def trajectory(
     ] = math.inf,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    out: OutOption = DEFAULT_OUT,
+    log: LogOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Follow the on-board trajectory that the TRJ_* parameters describe, until it is done."""
     checked_value(parameter_table(), "TRJ_TYPE", type_name)
-    with _armed(link, timeout, as_json) as robot:
+    keep = out if log else None
+    with _armed(link, timeout, as_json, keep=keep, asked=f"trajectory {type_name}") as robot:
         robot.start_trajectory(type_name, laps)
         tracking = _until_done(robot, duration, as_json)
         robot.stop_trajectory()
@@ -296,11 +332,14 @@ def duty(
     duration: DurationOption = 1.0,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    out: OutOption = DEFAULT_OUT,
+    log: LogOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Put constant duties on the motors, open loop, for a while: bring-up and identification. Lift the wheels first."""
     check_duty(duties)
-    with _armed(link, timeout, as_json, lambda r: r.require_duty(duties)) as robot:
+    keep, asked = (out if log else None), f"duty {' '.join(f'{value:g}' for value in duties)} for {duration:g} s"
+    with _armed(link, timeout, as_json, lambda r: r.require_duty(duties), keep=keep, asked=asked) as robot:
         _drive_in_slices(robot, duration, partial(robot.drive_duty, duties, stop=False), as_json)
         robot.drive_duty([0.0] * len(duties), _SLICE_S)
         _result(robot, as_json)
@@ -312,9 +351,12 @@ def keys(
     turn: TurnOption = 0.5,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
+    out: OutOption = DEFAULT_OUT,
+    log: LogOption = True,
 ) -> None:
     """Drive with the keyboard."""
-    with raw_keys() as read_key, _armed(link, timeout, False, lambda r: _require_keys(r, speed, turn)) as robot:
+    keep, check = (out if log else None), partial(_require_keys, speed=speed, turn=turn)
+    with raw_keys() as read_key, _armed(link, timeout, False, check, keep=keep, asked="keys") as robot:
         note(KEYS_HELP)
         driver = KeyDriver(speed, turn)
         while driver.take(read_key(), robot.connection.clock()):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni plot``: draw a run's picture again."""
+"""``omni plot``: draw a run's picture again, or any telemetry log."""
 
 from __future__ import annotations
 
@@ -11,20 +11,32 @@ import typer
 from hil_sim.summary import REPORT_FILE
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.run_output import RunFolderError
+from omniwheel.drive_log import draw_telemetry, read_record
+from omniwheel.drive_log.folder import DRIVE_FILE, TLOG_FILE
+from omniwheel.drive_log.picture import in_words
 from omniwheel.errors import OmniError
 from omniwheel.logs.run_folder import load_run
 
-EXAMPLES = examples("omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --out demo.png")
+EXAMPLES = examples(
+    "omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --out demo.png", "omni plot drive.tlog --out drive.png"
+)
 
 
 def plot(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN|FILE.tlog", help="A run's folder, or a telemetry log.")],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: report.png of the run]")
     ] = None,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Draw the picture of a finished run from its stored record."""
+    """Draw the picture of a finished run from its stored record, or what a telemetry log shows.
+
+    A log of any program with our robot's messages will do: omni record, omni drive, MAVProxy.
+    """
+    log = run / TLOG_FILE if run.is_dir() and (run / DRIVE_FILE).is_file() else run
+    if log.suffix == ".tlog":
+        _plot_log(log, out, json_wanted)
+        return
     try:
         summary, samples = load_run(run)
     except (OSError, ValueError, KeyError) as error:
@@ -43,3 +55,14 @@ def plot(
         print_json({"report": str(target)})
     else:
         console.print(str(target))
+
+
+def _plot_log(log: Path, out: Path | None, json_wanted: bool) -> None:
+    record = read_record(log)
+    beside = log.with_name(REPORT_FILE) if log.name == TLOG_FILE else log.with_suffix(".png")
+    target = beside if out is None else writable_path(out, "the picture")
+    draw_telemetry(record, log.stem if log.name != TLOG_FILE else log.parent.name, target)
+    if json_wanted:
+        print_json({"report": str(target), "numbers": record.numbers(), "events": len(record.events)})
+    else:
+        console.print(f"{target}: {in_words(record.numbers())}")

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: MIT
+"""``omni runs``: the folders that drives and simulated runs have left."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from omniwheel.cli.common import JsonOption, console, examples, print_json
+from omniwheel.drive_log.listing import (
+    UNITS,
+    RunEntry,
+    compare,
+    delete_run,
+    different_parameters,
+    find_run,
+    list_runs,
+    rename_run,
+)
+from omniwheel.parameter_file import format_value
+from omniwheel.robots import parameter_table
+
+app = typer.Typer(help="List, compare, name and delete the folders of drives and runs.", invoke_without_command=True)
+
+FolderOption = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the runs are.")]
+RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="A run's name, or its folder.")]
+DEFAULT_FOLDER = Path("runs")
+_SHOWN = ("duration_s", "position_rmse_m", "heading_rmse_rad", "top_speed_m_s")
+
+
+@app.callback(epilog=examples("omni runs", "omni runs --find rose", "omni runs compare demo-seed1 demo-seed1-2"))
+def runs(
+    ctx: typer.Context,
+    find: Annotated[str, typer.Option("--find", metavar="TEXT", help="Only those with this in name or request.")] = "",
+    folder: FolderOption = DEFAULT_FOLDER,
+    as_json: JsonOption = False,
+) -> None:
+    """List the runs in a folder, oldest first, or work with them."""
+    if ctx.invoked_subcommand is not None:
+        return
+    entries = list_runs(folder, find)
+    if as_json:
+        print_json({"runs": [_document(entry) for entry in entries]})
+        return
+    if not entries:
+        console.print(f"no runs in {folder}")
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    units = {key: (title, factor) for key, title, factor in UNITS}
+    for title in ("run", "asked", "end", *(units[key][0] for key in _SHOWN)):
+        table.add_column(escape(title), style="cyan" if title == "run" else "", overflow="fold")
+    for entry in entries:
+        numbers = [_cell(entry.numbers.get(key), units[key][1]) for key in _SHOWN]
+        table.add_row(entry.name, escape(entry.asked), escape(entry.end), *numbers)
+    console.print(table)
+
+
+def _document(entry: RunEntry) -> dict[str, Any]:
+    return {**asdict(entry), "folder": str(entry.folder), "name": entry.name}
+
+
+def _cell(value: float | None, factor: float = 1.0) -> str:
+    return "–" if value is None else f"{value * factor:.3g}"
+
+
+@app.command("compare", epilog=examples("omni runs compare drive-pose drive-pose-2"))
+def compare_runs(
+    one: RunArgument, other: RunArgument, folder: FolderOption = DEFAULT_FOLDER, as_json: JsonOption = False
+) -> None:
+    """Show two runs beside each other, with the parameters that differ."""
+    first, second = find_run(folder, one), find_run(folder, other)
+    rows, parameters = compare(first, second), different_parameters(first, second)
+    if as_json:
+        numbers = {title: [a, b] for title, a, b in rows}
+        print_json({"runs": [first.name, second.name], "numbers": numbers, "parameters": parameters})
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("", first.name, second.name):
+        table.add_column(title, justify="left" if not title else "right")
+    for title, a, b in rows:
+        table.add_row(escape(title), _cell(a), _cell(b))
+    known = parameter_table()
+    for name, (a, b) in parameters.items():
+        table.add_row(f"[cyan]{name}[/]", format_value(known.get(name), a), format_value(known.get(name), b))
+    console.print(table)
+
+
+@app.command("name", epilog=examples("omni runs name drive-pose-2 new-wheels"))
+def name_run(
+    run: RunArgument,
+    name: Annotated[str, typer.Argument(help="Its new name.")],
+    folder: FolderOption = DEFAULT_FOLDER,
+    as_json: JsonOption = False,
+) -> None:
+    """Give a run another name."""
+    target = rename_run(find_run(folder, run), name)
+    if as_json:
+        print_json({"folder": str(target)})
+    else:
+        console.print(str(target))
+
+
+@app.command("delete", epilog=examples("omni runs delete drive-pose-2", "omni runs delete drive-pose --yes"))
+def delete(
+    run: RunArgument,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    folder: FolderOption = DEFAULT_FOLDER,
+    as_json: JsonOption = False,
+) -> None:
+    """Delete a run with all its files."""
+    entry = find_run(folder, run)
+    if not yes and not typer.confirm(f"delete {entry.folder} ({entry.asked})?", err=True):
+        raise typer.Exit(1)
+    delete_run(entry)
+    if as_json:
+        print_json({"deleted": str(entry.folder)})
+    else:
+        console.print(f"{entry.folder} deleted")

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""The picture of a telemetry log: path, errors, wheel speeds and duties, with what happened as marks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omniwheel import files
+from omniwheel.drive_log.record import TelemetryRecord
+from omniwheel.plot_style import GREY, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
+
+MOST_MARKS = 12
+
+
+def draw_telemetry(record: TelemetryRecord, title: str, path: Path) -> None:
+    """Draw a telemetry log into a PNG file. Raises OutputFileError."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=(13.0, 9.0), layout="constrained")
+        figure.suptitle(f"{title}\n{in_words(record.numbers())}", fontsize=12.0)
+        grid = figure.add_gridspec(4, 2, width_ratios=(1.0, 1.1))
+        _draw_path(figure.add_subplot(grid[:, 0]), record)
+        axes = [figure.add_subplot(grid[0, 1])]
+        axes += [figure.add_subplot(grid[row, 1], sharex=axes[0]) for row in (1, 2, 3)]
+        start = min([float(times[0]) for times in (record.time_s, record.wheel_time_s) if len(times)])
+        _draw_errors(axes[0], axes[1], record, start)
+        _draw_wheels(axes[2], axes[3], record, start)
+        for time_s, _ in record.events[:MOST_MARKS]:
+            for one in axes:
+                one.axvline(time_s - start, color=MARK, linewidth=0.8, alpha=0.6)
+        axes[3].set_xlabel("time [s]")
+        files.save_picture(figure, path)
+
+
+def in_words(numbers: Mapping[str, float | None]) -> str:
+    """Return a drive's numbers as one line."""
+    parts = (
+        ("way_m", 1.0, "{:.2f} m driven"),
+        ("duration_s", 1.0, "{:.1f} s"),
+        ("position_rmse_m", 1e3, "position RMSE {:.2f} mm"),
+        ("heading_rmse_rad", 1e3, "heading RMSE {:.2f} mrad"),
+        ("top_speed_m_s", 1.0, "at most {:.2f} m/s"),
+    )
+    return ", ".join(
+        text.format(value * factor) for key, factor, text in parts if (value := numbers.get(key)) is not None
+    )
+
+
+def _draw_path(axes: Any, record: TelemetryRecord) -> None:
+    axes.plot(*record.reference[:, :2].T, color=WANTED, linewidth=4.0, alpha=0.55, label="wanted")
+    axes.plot(*record.pose[:, :2].T, color=TRUTH, linewidth=1.2, label="the robot's estimate")
+    if len(record.pose):
+        axes.plot(*record.pose[0, :2], "o", color=INK, label="start")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(title="Path", xlabel="x [m]", ylabel="y [m]")
+    axes.legend(loc="upper right")
+
+
+def _draw_errors(position: Any, heading: Any, record: TelemetryRecord, start: float) -> None:
+    times, error = record.time_s - start, record.pose - record.reference
+    position.plot(times, 1e3 * error[:, 0], color=TRUTH, label="x")
+    position.plot(times, 1e3 * error[:, 1], color=WANTED, label="y")
+    position.set(title="Estimate minus reference", ylabel="position [mm]")
+    position.legend(loc="upper right", ncols=2)
+    heading.plot(times, 1e3 * error[:, 2], color=TRUTH)
+    heading.set_ylabel("heading [mrad]")
+
+
+def _draw_wheels(speed: Any, duty: Any, record: TelemetryRecord, start: float) -> None:
+    times = record.wheel_time_s - start
+    for wheel, colour in zip(range(record.wheels), WHEEL_COLOURS, strict=False):
+        speed.plot(times, record.wanted[:, wheel], color=GREY, linewidth=0.8)
+        speed.plot(times, record.speed[:, wheel], color=colour, linewidth=1.0, label=f"wheel {wheel + 1}")
+        duty.plot(times, record.duty[:, wheel], color=colour, linewidth=1.0)
+    speed.set(title="Wheels, and in grey what was asked of them", ylabel="speed [rad/s]")
+    speed.legend(loc="upper right", ncols=4)
+    duty.set_ylabel("duty")
+    largest = float(np.max(np.abs(record.duty))) if len(record.duty) else 1.0
+    duty.set_ylim(-1.05 * max(largest, 0.05), 1.05 * max(largest, 0.05))
