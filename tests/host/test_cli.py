@@ -162,6 +162,8 @@ def test_the_environment_can_name_the_link(url: str, monkeypatch: pytest.MonkeyP
 
 
 def test_monitor_once(url: str) -> None:
+    with connect(url) as robot:  # the very first status may still say "init"
+        robot.wait_until(lambda status: status.state == "disarmed", 10.0, "ready")
     status = run_json("monitor", "--once", "--link", url)
     assert (status["state"], status["armed"], status["mode"]) == ("disarmed", False, "hold")
     assert set(status["pose"]) == {"x", "y", "theta"}
@@ -254,7 +256,8 @@ def test_keys_need_a_terminal() -> None:
 
 
 def test_robots_are_listed_shown_and_checked(robot_file: Path) -> None:
-    assert {robot["name"] for robot in run_json("robots")["robots"]} == {"fast_three_wheel", "four_wheel", "three_wheel"}
+    listed = {robot["name"] for robot in run_json("robots")["robots"]}
+    assert listed == {"fast_three_wheel", "four_wheel", "three_wheel"}
     assert run_json("robots", "show", "three_wheel")["parameters"]["WHEELS"] == 3.0
     assert "WHEEL_RADIUS" in run("robots", "show", "four_wheel").stdout
     assert "fine" in run("robots", "check", str(robot_file)).stdout
