@@ -254,6 +254,9 @@ def test_the_curve_goes_through_its_points_and_rises() -> None:
     duties = [lib.omni_torque_curve_duty(curve(), 4.0 * share) for share in shares]
     np.testing.assert_allclose(duties, [0.0, 0.3, 0.5, 0.65, 0.8, 1.0], rtol=1e-6)
     assert lib.omni_torque_curve_duty(curve(), 0.04001) > 0.1  # the dead-band is crossed within a hundredth
+    # From the dead-band's edge to the first point it is one straight line.
+    straight = [lib.omni_torque_curve_duty(curve(), 4.0 * share) for share in (0.01, 0.05, 0.1, 0.15)]
+    np.testing.assert_allclose(straight, 0.1 + 0.2 * np.array([0.01, 0.05, 0.1, 0.15]) / 0.2, rtol=1e-5)
     all_of_it = [lib.omni_torque_curve_duty(curve(), t) for t in np.linspace(-5, 5, 1001)]
     assert np.all(np.diff(all_of_it) >= 0.0)
 

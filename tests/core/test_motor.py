@@ -123,3 +123,8 @@ def test_constants_out_of_range_are_refused(slot: int, value: float) -> None:
     numbers = [*REPORT, 1e-3]
     numbers[slot] = value
     assert refusal(tuple(numbers[:5]), numbers[5]) == lib.OMNI_ERR_RANGE
+
+
+def test_an_inductance_so_small_that_the_voltage_gain_is_no_number_is_refused() -> None:
+    """Here the system's own rates are moderate, so that the input's column alone decides."""
+    assert refusal((1.0, 0.0, 1e-30, 1e-30, 1e-40), 1e-1) == lib.OMNI_ERR_RANGE

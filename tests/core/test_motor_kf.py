@@ -202,6 +202,11 @@ def test_starts_at_rest(mode: int) -> None:
     assert not core.x.any()
 
 
+def test_at_first_the_angle_is_as_sure_as_one_reading_of_the_counter() -> None:
+    assert Filter(ANGLE).p[0, 0] == np.float32((0.5 * RAD_PER_COUNT) ** 2)
+    assert Filter(SPEED).p[0, 0] == 0.0
+
+
 def test_off_is_differenced_counts_and_holds_over_a_gap() -> None:
     core = Filter(OFF)
     assert core.step(9.0, 7) == pytest.approx(7 * RAD_PER_COUNT / STEP_S, rel=1e-6)

@@ -204,6 +204,20 @@ def test_integral_is_limited_and_held_but_may_shrink() -> None:
         np.testing.assert_allclose(axes(controller.state.integral), [0.0019, -0.0019, 0.0019], rtol=1e-5)
 
 
+def test_the_integral_that_is_told_is_the_one_of_the_errors_before() -> None:
+    ismc = Ismc()
+    for step in range(5):
+        ismc.step((0.1, -0.2, 0.3))
+        np.testing.assert_allclose(axes(ismc.terms.integral), np.array([0.1, -0.2, 0.3]) * step * STEP_S, rtol=1e-5)
+
+
+def test_a_held_integral_that_changes_its_side_has_not_grown() -> None:
+    ismc = Ismc(step_s=0.25, integral_limit=[8.0] * 3)
+    ismc.step((2.0, -2.0, 0.0))
+    ismc.step((-4.0, 4.0, 0.0), hold=True)
+    np.testing.assert_array_equal(axes(ismc.state.integral), [-0.5, 0.5, 0.0])
+
+
 def test_input_that_is_not_finite_asks_for_no_motion_and_leaves_the_state() -> None:
     for controller in (Ismc(), Fl(ki=4.0)):
         controller.step((0.1, 0.1, 0.1))

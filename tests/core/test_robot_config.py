@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: MIT
+"""From parameters to the tick's configuration: what is refused, and that each number arrives where it is used."""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import pytest
+
+from omniwheel._core import ffi, lib
+from tests.core.test_robot import Bench
+
+COUNT = int(lib.OMNI_PARAM_COUNT)
+ARRIVES = {
+    "MASS": ("torque.mass_kg", 3.25),
+    "INERTIA": ("torque.inertia_kg_m2", 0.125),
+    "MOT_J": ("torque.wheel_inertia_kg_m2", 0.03125),
+    "DT_GRIP": ("torque.grip", 0.375),
+    "DT_SLIP": ("torque.slip_limit_m_s", 0.25),
+    "DT_EMF": ("torque_emf", 0.5),
+    "LIM_V": ("limits.speed_m_s", 0.75),
+    "LIM_W": ("limits.turn_rad_s", 1.25),
+    "LIM_A": ("limits.acceleration_m_s2", 1.5),
+    "TRJ_MARGIN": ("limits.reference_share", 0.625),
+    "SAFE_ERR_XY": ("limits.error_m", 0.5),
+    "SAFE_ERR_TH": ("limits.error_rad", 0.75),
+    "WS_FF_S": ("wheel_speed.ff_static_V", 0.5),
+    "WS_D_TC": ("wheel_speed.pid.derivative_time_s", 0.25),
+    "TRJ_RAMP": ("trajectory.ramp_s", 2.5),
+    "TRJ_ROT_AMP": ("trajectory.rotation_amplitude_rad", 0.75),
+}
+
+
+@pytest.mark.parametrize("name", ARRIVES)
+def test_a_parameter_arrives_in_the_stage_that_uses_it(name: str) -> None:
+    place, value = ARRIVES[name]
+    assert reduce(getattr, place.split("."), Bench().configure(**{name: value})) == value
+
+
+def test_a_plan_asks_for_the_voltage_that_the_motor_needs() -> None:
+    """At a constant turn rate that is K + R b / K per rad/s of the wheel [report eq. 24 and 25]."""
+    bench = Bench(MOT_B=0.5)
+    bench.arm()
+    bench.follow(TRJ_TYPE=0.0, TRJ_ROT=1.0, TRJ_ROT_AMP=6.0, TRJ_PERIOD=20.0, TRJ_LAPS=1.0)
+    k, r, b = (bench.values[p] for p in (lib.OMNI_PARAM_MOT_K, lib.OMNI_PARAM_MOT_R, lib.OMNI_PARAM_MOT_B))
+    assert bench.plan.peak_wheel_rad_s > 0.5
+    assert bench.plan.peak_voltage_V == pytest.approx((k + r * b / k) * bench.plan.peak_wheel_rad_s, rel=1e-4)
+
+
+def test_every_value_out_of_its_range_is_refused_and_named() -> None:
+    bench = Bench()
+    config, bad = ffi.new("omni_robot_config_t *"), ffi.new("int32_t *", 7)
+    for index in range(COUNT):
+        kept = bench.values[index]
+        bench.values[index] = lib.omni_param_table[index].maximum * 2 + 1
+        assert lib.omni_robot_config(config, bench.values, bad) == lib.OMNI_ERR_RANGE
+        assert bad[0] == index
+        bench.values[index] = kept
+    assert lib.omni_robot_config(config, bench.values, bad) == lib.OMNI_OK
+    assert bad[0] == -1, "nothing is to blame"
