@@ -7,8 +7,8 @@
     result.rows["position_m"]  # in the order of the seeds
     result.statistics.quantile("position_m", 0.95)
 
-A row is a pure function of scenario, parameters and seed: how seeds are cut into batches, how many threads or machines
-run them, changes no bit of it, and ``run_in_process`` with that seed is the same run. The GIL is released meanwhile.
+A row is a pure function of scenario, parameters and seed. How seeds are cut into batches, how many threads or machines
+run them, changes no bit of it. And ``run_in_process`` with that seed is the same run. The GIL is released meanwhile.
 """
 
 from __future__ import annotations

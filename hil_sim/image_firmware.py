@@ -22,11 +22,11 @@ class ImageFirmware(FirmwareChild):
     """Runs a firmware image (ELF or Intel hex) on an emulated Teensy 4.0; a context manager that always ends it.
 
     ``links`` are its connectors, ``usb=LINK`` and ``uart=LINK`` (Serial1, the radio's port) with ``tcp:HOST:PORT`` or
-    ``pty[:SYMLINK]``; without a name, USB. A client of the USB link is a program that has the port open. ``robot``
-    says what is wired to which pin. The image's own parameters hold; ``storage`` is the file of its parameter memory
-    (None: it forgets). With ``scenario`` that world is at the pins. With ``lockstep`` robot time stands still while a
-    host in the loop thinks; otherwise it follows the wall clock, as far as this computer is fast enough.
-    Raises FirmwareStartError, also for a file that is no image or a package that is missing.
+    ``pty[:SYMLINK]``; without a name, USB. A client of the USB link is a program that has the port open. ``robot`` says
+    what is wired to which pin. The image's own parameters hold; ``storage`` is the file of its parameter memory (None:
+    it forgets). With ``scenario`` that world is at the pins. With ``lockstep`` robot time stands still while a host in
+    the loop thinks. Otherwise it follows the wall clock, as far as this computer is fast enough. Raises
+    FirmwareStartError, also for a file that is no image or a package that is missing.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What the figures of many runs come to, in memory that does not grow with their number; parts can be merged.
 
-Mean and deviation are Welford's, merged as Chan et al. do: equal parts merged in the same order give the same bits on
+Mean and deviation are Welford's, merged as Chan et al. do. Equal parts merged in the same order give the same bits on
 every machine. Counts, extremes and quantiles are the same for any parts in any order.
 """
 

@@ -150,7 +150,7 @@ def distance_between_paths(trail: np.ndarray, record: np.ndarray) -> float:
     """Return the largest distance [m] between two drives of the same path, whichever instant each began to move at.
 
     ``trail`` has rows of time [s], x [m], y [m]; ``record`` is a run's. The drives are laid over each other by the time
-    at which each had gone 1 mm, then by the millisecond beside that one which fits best.
+    at which each had gone 1 mm. Then they are shifted by the millisecond beside that one which fits best.
     """
     reference = np.column_stack([record["time_s"], record["truth"][:, 0], record["truth"][:, 1]])
     shift_s = _moved_at(reference) - _moved_at(trail)

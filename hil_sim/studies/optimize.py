@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Optimise: the parameters that make a number of many runs smallest, within constraints, checked on fresh seeds.
 
-Resuming plays the optimisation again from its start: the sampler is deterministic and finds the finished runs in the
-store, so that an interrupted optimisation ends where an uninterrupted one does.
+Resuming plays the optimisation again from its start. The sampler is deterministic and finds the finished runs in the
+store. So an interrupted optimisation ends where an uninterrupted one does.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """MAVLink commands and their acknowledgements: sent again until answered, a refusal raised with its reasons.
 
-Arm and disarm are the same command, and COMMAND_ACK has no copy of the parameters: a late or repeated answer to "arm"
+Arm and disarm are the same command, and COMMAND_ACK has no copy of the parameters. A late or repeated answer to "arm"
 looks like one to "disarm". So every command carries a number in param5, which no command of the robot uses. The robot
 answers with the CRC-32 of all parameters in ``result_param2``. A robot that answers 0 there does not know this: it is
 believed until it has shown once that it does.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """How everything here writes files, so that a full disk or a kill leaves the old file or the new one, never a piece.
 
-A file is written beside its target under a name that begins with a dot and ends in ``.part``, brought to the disk, and
-then takes the target's place. What goes wrong is an :class:`omniwheel.errors.OutputFileError`; nothing is left behind
-then. Logs that grow while they are looked at are :mod:`omniwheel.tlog`'s.
+A file is written beside its target under a name that begins with a dot and ends in ``.part``. It is brought to the
+disk, and then takes the target's place. What goes wrong is an :class:`omniwheel.errors.OutputFileError`; nothing is
+left behind then. Logs that grow while they are looked at are :mod:`omniwheel.tlog`'s.
 """
 
 from __future__ import annotations

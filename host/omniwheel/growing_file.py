@@ -2,7 +2,7 @@
 """Recordings: files of whole records that others may read, and a kill may find, while they grow.
 
 What was recorded goes out after FLUSH_S of wall time or FLUSH_BYTES, whichever comes first, so a kill loses that much
-at most. When the disk fills, the file is cut back to its last whole record and the writer says so once; from then on it
+at most. When the disk fills, the file is cut back to its last whole record and the writer says so once. From then on it
 takes nothing, so that who records can still stop a robot over the same connection.
 """
 

@@ -2,7 +2,7 @@
 """Old places and old names of what lives elsewhere now: they work for one more release and warn.
 
 A module that gave names away ends with ``__getattr__ = moved(__name__, {"name": "new.module"})``. The new module is
-imported by its name when somebody asks, so the old place depends on nothing and may stand below the new one. If the
+imported by its name when somebody asks. So the old place depends on nothing and may stand below the new one. If the
 name has changed, too, the table says ``{"name": "new.module:new_name"}``.
 """
 

@@ -191,8 +191,8 @@ class Parameters(MutableMapping[str, float]):
         """Set several parameters, all or none.
 
         All are checked before any is sent. Some combinations are only valid together, so a refused value is tried again
-        after the others; if one stays refused, those already set get their old values back and ParameterRefusedError
-        is raised.
+        after the others. If one stays refused, those already set get their old values back and ParameterRefusedError is
+        raised.
         """
         wanted = {name: self.check(name, value) for name, value in values.items()}
         old = {name: self[name] for name in wanted}

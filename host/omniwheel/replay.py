@@ -95,7 +95,7 @@ def replay(
     """Run a log through the estimators of the robot file, from the pose zero.
 
     The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. With a
-    calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds; without one it
+    calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds. Without one it
     takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
     """
     check_log_fits(log, robot)

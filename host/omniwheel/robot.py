@@ -50,7 +50,7 @@ _ROBOT_TYPES_IGNORED = ("MAV_TYPE_GCS", "MAV_TYPE_ONBOARD_CONTROLLER", "MAV_TYPE
 class Robot:
     """A robot on the other end of a link; get one from :func:`connect` and use it as a context manager.
 
-    Nothing runs in the background: every method that waits serves the link meanwhile (reads, keeps :attr:`status`
+    Nothing runs in the background. Every method that waits serves the link meanwhile (reads, keeps :attr:`status`
     fresh, sends the 1 Hz heartbeat), and a program that only computes calls :meth:`pump` at least once a second. If it
     stops doing so, the robot's link-loss stop takes over, which is what one wants of a program that hangs. On leaving
     the context the robot is disarmed if this object armed it.

@@ -2,9 +2,9 @@
 """The robot's clock seen from the host, by MAVLink's TIMESYNC.
 
 A request carries the host's time, the answer repeats it beside the robot's. If request and answer took equally long the
-robot's clock was read half-way between sending and receiving; whatever the split, that is off by at most half of the
-round trip. Radios queue, so most round trips are long and lopsided: the sample that bounds the offset best is kept,
-which is the quickest one until the clocks' drift has made it worth less than a newer, slower one.
+robot's clock was read half-way between sending and receiving. Whatever the split, that is off by at most half of the
+round trip. Radios queue, so most round trips are long and lopsided. The sample that bounds the offset best is kept. It
+is the quickest one until the clocks' drift has made it worth less than a newer, slower one.
 """
 
 from __future__ import annotations

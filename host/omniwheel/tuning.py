@@ -2,8 +2,8 @@
 """Experiments with a connected robot and the figures that gains are judged by.
 
 A step experiment asks for a pose a little away (the robot moves its reference there as fast as its limits allow) and
-then for the old one again; a trajectory experiment drives the on-board trajectory. Both look at OMNI_TRACKING: what
-the robot believes, not what is true.
+then for the old one again. A trajectory experiment drives the on-board trajectory. Both look at OMNI_TRACKING: what the
+robot believes, not what is true.
 """
 
 from __future__ import annotations

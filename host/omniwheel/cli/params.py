@@ -268,8 +268,8 @@ def diff(
 ) -> None:
     """Show where the robot differs from its robot file, another file, or the defaults (robot → file).
 
-    A robot file sets its own numbers over the defaults, so that a fresh robot differs from the defaults only there:
-    compare it with its robot file to see what was tuned. Exit code 1: it differs.
+    A robot file sets its own numbers over the defaults. So a fresh robot differs from the defaults only there: compare
+    it with its robot file to see what was tuned. Exit code 1: it differs.
     """
     other, what = _compared(file, parameter_table())
     note(f"compared with {what}", quiet=as_json)

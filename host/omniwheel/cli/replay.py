@@ -54,9 +54,9 @@ def replay_command(
 ) -> None:
     """Feed a log's counts tick by tick through the robot's own wheel filters and pose EKF.
 
-    With a truth, says how far the estimate is from it after the best clock offset and rigid alignment. With --fixes
-    the truth, aligned to the dead-reckoned path, also comes in as pose fixes; the mean NIS then says whether the
-    noise figures are right.
+    With a truth, says how far the estimate is from it after the best clock offset and rigid alignment. With --fixes the
+    truth, aligned to the dead-reckoned path, also comes in as pose fixes. The mean NIS then says whether the noise
+    figures are right.
     """
     for path, what in ((plot, "the picture"), (csv, "the table")):
         if path is not None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The original four-wheel robot's controller: the core's modules, stepped on the host at 50 Hz, pose in and PWM out.
 
-The robot has no encoders, so the pose EKF predicts with the wheel speeds that were commanded, on the report's
-assumption (section 3.2) that PWM is wheel speed, in proportion and at once; what that gets wrong the fixes correct.
+The robot has no encoders, so the pose EKF predicts with the wheel speeds that were commanded. This is the report's
+assumption (section 3.2): PWM is wheel speed, in proportion and at once. What that gets wrong the fixes correct.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 """The 50 Hz loop: poses from a stream to the controller, its PWM to the radio, and when to stop.
 
 The original robot keeps the last PWM it was told until it is told another. So every way out of the loop (its end, an
-error, Ctrl-C) sends zeros, several times. Without a fix for ``FIX_TIMEOUT`` the robot stands and the path's clock
-with it; it goes on when the fixes come back, and the loop ends with HostControlStopError if they stay away.
+error, Ctrl-C) sends zeros, several times. Without a fix for ``FIX_TIMEOUT`` the robot stands and the path's clock with
+it. It goes on when the fixes come back, and the loop ends with HostControlStopError if they stay away.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 
 A line has 8 to 20 bytes. 9600 baud carry 960 bytes per second: 50 lines of 20 bytes, 1000 bytes per second, do not fit.
 What did not fit would wait in the modem and make every later line older. So the radio is given no more than it can
-carry: a line that repeats the last one is skipped, and while the wire is busy a newer line takes the place of the
-one that could not go. Four full-length numbers then go out 43 times per second (six steps of seven), the usual
-shorter ones at every step.
+carry. A line that repeats the last one is skipped, and while the wire is busy a newer line takes the place of the one
+that could not go. Four full-length numbers then go out 43 times per second (six steps of seven), the usual shorter ones
+at every step.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Effective wheel radii and wheel distance from encoders against motion capture.
 
-As Borenstein and Feng's UMBmark, runs go both ways, so that what is wrong in one way only shows; unlike it, whole
-paths are compared. Runs are cut into windows. In each, odometry from the encoder angles is laid over the captured
-poses with the best start pose, so that noise of the poses stays in the residuals and never becomes a regressor, which
-would shrink the answers.
+As Borenstein and Feng's UMBmark, runs go both ways, so that what is wrong in one way only shows. Unlike there, whole
+paths are compared. Runs are cut into windows. In each, odometry from the encoder angles is laid over the captured poses
+with the best start pose. So noise of the poses stays in the residuals and never becomes a regressor, which would shrink
+the answers.
 """
 
 from __future__ import annotations

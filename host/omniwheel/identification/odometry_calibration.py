@@ -2,14 +2,14 @@
 """Odometry of a robot from runs beside a ground truth whose clock, frame and scale are its own.
 
 With the heading measured, the path is linear in the effective radius of each wheel and direction: x(t) = sum_j r_j
-g_j(t), g_j the path that wheel j's turning in one direction would add at r_j = 1 m. Clock offset, rotation and shift
-of each run are found by alignment, then the radii by least squares over all runs, drawn towards their mean where the
-runs do not excite them, in turn until nothing changes. The wheel distance follows from the measured heading and the
-wheels' common turning.
+g_j(t), g_j the path that wheel j's turning in one direction would add at r_j = 1 m. Clock offset, rotation and shift of
+each run are found by alignment, then the radii by least squares over all runs. Radii are drawn towards their mean where
+the runs do not excite them. This goes on in turn until nothing changes. The wheel distance follows from the measured
+heading and the wheels' common turning.
 
-The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are
-right for the path on a measured heading; as a heading of their own they are not, so that without one a single common
-radius does better.
+The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are right
+for the path on a measured heading. As a heading of their own they are not, so that without one a single common radius
+does better.
 """
 
 from __future__ import annotations

@@ -75,8 +75,8 @@ class Fit:
 def identify(runs: Sequence[Dataset], model: Model) -> Fit:
     """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them.
 
-    Output error by least squares, then steps of the instrumental-variable equation Z' r = 0 with Z the model's slope
-    along the noise-free instrument: noise of the measured supply would pass through the model and bias its inertia
+    Output error by least squares, then steps of the instrumental-variable equation Z' r = 0. Z is the model's slope
+    along the noise-free instrument. Noise of the measured supply would pass through the model and bias its inertia
     upwards.
     """
     _require_enough(runs)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Datasets from telemetry: OMNI_SAMPLE, whose sums of counts and volt seconds miss nothing between two messages.
 
-OMNI_WHEELS will not do: its speeds come from a filter that believes the motor model to be identified, and a duty
+OMNI_WHEELS will not do. Its speeds come from a filter that believes the motor model to be identified. And a duty
 sampled at 50 Hz of a loop at 1 kHz says little of the mean voltage.
 """
 

@@ -2,7 +2,7 @@
 """Bring a path and a ground truth together: clock offset, rotation, shift, and a mirrored frame; never the scale.
 
 The scale is only measured: a camera whose metre is wrong and wheels that are smaller than thought cannot be told apart.
-Before its first and after its last row the truth is taken to stand still: recordings begin and end at rest, and an
+Before its first and after its last row the truth is taken to stand still. Recordings begin and end at rest, and an
 offset must not become good by leaving out what it cannot explain.
 """
 

@@ -2,8 +2,8 @@
 """The bridge: motion-capture poses to a robot as pose fixes, in its own time and within what the radio can carry.
 
 A fix says when it was taken, in the robot's clock, so its age on arrival doesn't matter. What cannot be sent is
-dropped, never queued: the newest pose always goes first. The bridge sends no heartbeats, so it is no ground station,
-and a robot whose ground station falls silent stops although the bridge goes on.
+dropped, never queued: the newest pose always goes first. The bridge sends no heartbeats, so it is no ground station. A
+robot whose ground station falls silent stops although the bridge goes on.
 """
 
 from __future__ import annotations

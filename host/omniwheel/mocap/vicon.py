@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Vicon DataStream, through the library ``pyvicon-datastream`` (the extra ``vicon``).
 
-Vicon gives millimetres, a quaternion, and for each frame the latency since the cameras saw it [s].
-The library's ``get_frame`` waits for up to a second while it holds Python's interpreter lock, in which time no thread
-of the process could stop a robot. :class:`ViconSource` therefore keeps it in a process of its own.
+Vicon gives millimetres, a quaternion, and for each frame the latency since the cameras saw it [s]. The library's
+``get_frame`` waits for up to a second while it holds Python's interpreter lock. In that time no thread of the process
+could stop a robot. :class:`ViconSource` therefore keeps it in a process of its own.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """A sheet of paper for circuit drawings: few symbols, plain SVG 1.1, text as text, the same bytes for the same calls.
 
-Written with the standard library's XML: a drawing of boxes, lines and words needs no more, and a plotting library's
+Written with the standard library's XML. A drawing of boxes, lines and words needs no more, and a plotting library's
 bytes change with its version. Lines differ in width as well as in colour (Okabe and Ito's, safe for the colour-blind),
 so that a black-and-white print says the same.
 """

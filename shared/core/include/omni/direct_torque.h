@@ -16,8 +16,8 @@
  * these are kp = -5 and kd = -4.1, which has a root at +5.08 1/s. Gains of either sign are accepted.
  *
  * A torque is no speed: where a wheel loses the floor nothing but its own inertia stops it. Two bounds guard against
- * that. The grip limits what is asked of the floor, if it is known. omni_direct_torque_protect fades out the torque
- * that drives a wheel away from the speed of the floor below it.
+ * that. The grip, if it is known, limits what is asked of the floor. The function omni_direct_torque_protect fades
+ * out the torque that drives a wheel away from the speed of the floor below it.
  */
 #ifndef OMNI_DIRECT_TORQUE_H
 #define OMNI_DIRECT_TORQUE_H
@@ -52,9 +52,10 @@ omni_real_t omni_direct_torque_step(const omni_direct_torque_config_t *config, c
                                     omni_real_t *torque_N_m, omni_control_terms_t *terms);
 
 /**
- * Runaway protection, at least as often as wheel speeds are measured. Rim speed minus floor speed of wheel i is its slip speed.
- * Torque that raises it fades from full at half of slip_limit to none at slip_limit; beyond, torque_limit permitting, the
- * wheel is braked at the rate that halves the excess per step. wheel_limit works likewise over its last tenth.
+ * Runaway protection, at least as often as wheel speeds are measured. Rim speed minus floor speed of wheel i is its
+ * slip speed. Torque that raises it fades from full at half of slip_limit to none at slip_limit. Beyond, torque_limit
+ * permitting, the wheel is braked at the rate that halves the excess per step. The wheel_limit works likewise over
+ * its last tenth.
  * @param floor_body body twist of the robot over the floor as known without the wheels (a pose sensor). Wheel odometry will
  *        not do: it follows the wheels. Without such knowledge give the reference's twist: the limit then bounds how fast
  *        an error may be worked off.

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file ismc.h
- * Integral sliding mode controller of the pose. Use it where wheels slip: it holds the robot on its path as long as
+ * Integral sliding mode controller of the pose. Use it where wheels slip. It holds the robot on its path as long as
  * its switching gain k covers what the slip estimate misses.
  *
  * With e = xi - xi_d (heading error wrapped), per axis of the world frame:

@@ -48,8 +48,8 @@ typedef struct omni_motor_kf_state_t {
 void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config);
 
 /**
- * The counter has jumped by an unknown amount, and the next delta counts from there: the new count is taken to be at the estimated angle.
- * Call it after the step that was given valid = false for the jump.
+ * The counter has jumped by an unknown amount, and the next delta counts from there. The new count is taken to be at
+ * the estimated angle. Call it after the step that was given valid = false for the jump.
  */
 void omni_motor_kf_rebase(omni_motor_kf_state_t *state);
 

@@ -2,9 +2,9 @@
 /**
  * @file torque_curve.h
  * The measured relation of torque and PWM duty [report, text before eq. 30] as data: duty over torque / tau_max,
- * piecewise linear, odd. It begins at the duty below which the motor gives nothing and ends at full duty. So that the
- * sign of a tiny torque does not switch the dead band back and forth, the first hundredth of tau_max leads there from
- * zero.
+ * piecewise linear, odd. It begins at the duty below which the motor gives nothing and ends at full duty. The first
+ * hundredth of tau_max leads there from zero. So the sign of a tiny torque does not switch the dead band back and
+ * forth.
  */
 #ifndef OMNI_TORQUE_CURVE_H
 #define OMNI_TORQUE_CURVE_H

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file trajectory.h
- * Reference paths with exact first and second derivatives, driven by a path clock that starts from rest, may be slowed
+ * Reference paths with exact first and second derivatives, driven by a path clock. It starts from rest, may be slowed
  * down to what the wheels can do, and comes to rest.
  *
- * The path p(u) is a function of path time u in [0, duration]; the rate u'(t) of the clock rises with a quintic over
+ * The path p(u) is a function of path time u in [0, duration]. The rate u'(t) of the clock rises with a quintic over
  * ramp_s, stays at 1/scale and falls likewise. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the
  * robot isn't at the path's start, a quintic lead-in brings it there first.
  *
