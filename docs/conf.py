@@ -27,7 +27,7 @@ nitpick_ignore_regex = [
     ("c:identifier", r"(?!omni_).*"),
     ("py:.*", r"(?!omniwheel\.).*"),
     ("py:.*", r"omniwheel\.(dialect|connection|growing_file|link)\b.*"),  # pymavlink's classes, and plumbing
-    ("py:class", r"omniwheel\.telemetry\.TelemetryT"),  # a type variable
+    ("py:class", r"omniwheel\.telemetry(_parts)?\.TelemetryT"),  # a type variable
 ]
 
 autodoc_member_order = "bysource"

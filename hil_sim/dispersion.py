@@ -9,10 +9,10 @@
     start_x_m = { normal = 0.005 }                        # metres: the robot does not stand where it is told
 
 Normal deviations stay within three standard deviations: those beyond are drawn again. Every quantity has a random
-stream of its own, named after it, so the world of a run is a pure function of scenario and seed, and another entry
+stream of its own, named after it. So the world of a run is a pure function of scenario and seed, and another entry
 changes none of the others. The firmware knows nothing of all this: its parameters stay what they are.
 
-Times that differ (fix_rate_Hz, fix_delay_s, slip_time_s) cost a batch two thirds of its speed: its runs then no longer
+Times that differ (fix_rate_Hz, fix_delay_s, slip_time_s) cost a batch two thirds of its speed. Its runs then no longer
 do the same at the same time, which running eight of them at once lives on.
 """
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Host-in-the-loop runs: the world around the real firmware over a link, in lockstep.
 
-The same scenario and seed give the same log, byte for byte: commands are sent at exact ticks, heartbeats by simulated
+The same scenario and seed give the same log, byte for byte. Commands are sent at exact ticks, heartbeats by simulated
 time, and time stamps are EPOCH_US plus simulated time. How long the firmware's ticks took by the wall clock, it is
 asked now and then; the answers go into the summary and not into the log.
 """

@@ -2,7 +2,7 @@
 """The world at the pins of the emulated board: in step with the processor's own time, not with a host-in-the-loop tick.
 
 The firmware ticks by its timer interrupt. In each tick it hands out what its pins did and takes what they see, and
-while that happens the emulated time stands still; so a run is deterministic and as fast as this computer makes it.
+meanwhile the emulated time stands still. So a run is deterministic and as fast as this computer makes it.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ _HEAD = ("name", "description", "extends", "robot", "world_robot", "seed", "dura
 
 @dataclass(frozen=True)
 class Event:
-    """Something that is done to the robot at a time [s], or at a share of the path: exactly one of the two is given.
+    """Something that is done to the robot at a time [s], or at a share of the path. Exactly one of the two is given.
 
     ``settings`` are parameter values, ``command`` one of COMMANDS, ``velocity`` a body twist (m/s, m/s, rad/s) or
     ``duty`` open-loop duties -1..1 (one per wheel) that are asked for from then on; exactly one of the four is given.

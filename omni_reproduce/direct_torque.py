@@ -175,7 +175,7 @@ def _slippery_rows(spec: Mapping[str, Any], traces: Mapping[Case, Trace]) -> Ite
 def slip_bound(spec: Mapping[str, Any], law: Law, friction_coefficient: float, trace: Trace) -> float:
     """Return the slip speed [m/s] that a watched wheel cannot exceed on a floor.
 
-    Torque is whole up to half of the slip limit, and fades from there to the limit; it stands for a tick, in which a
+    Torque is whole up to half of the slip limit, and fades from there to the limit. It stands for a tick, in which a
     free wheel gains speed and what grip the floor has changes that of the robot.
     """
     robot = spec["robot"]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """A parameter download as ArduPilot's vehicles and older ground stations do it, on a modelled radio: timing only.
 
-*Streamed*: after PARAM_REQUEST_LIST the vehicle sends PARAM_VALUEs within 30 % of the line; a ground station that hears
+*Streamed*: after PARAM_REQUEST_LIST the vehicle sends PARAM_VALUEs within 30 % of the line. A ground station that hears
 nothing new for a second asks for what is missing, one at a time. *One at a time*: the ground station asks for each
 parameter by its index and waits for the answer, a second at most. Frames have their MAVLink 2 length; contents are a
 pattern that a cut or joined frame does not show. Left out, in the peers' favour: everything else that a vehicle sends

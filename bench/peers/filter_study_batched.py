@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The filter study over many runs at once: every number is a NumPy array with one entry per run.
 
-What a careful NumPy user would write: no loop over runs, and one covariance for all motors of all runs, since it does
-not depend on the data (ours computes it for each). Left out: checks of the inputs, late fixes, gates, wrapped angles.
+What a careful NumPy user would write: no loop over runs, and one covariance for all motors of all runs. It does not
+depend on the data. Ours computes it for each. Left out: checks of the inputs, late fixes, gates, wrapped angles.
 """
 
 from __future__ import annotations

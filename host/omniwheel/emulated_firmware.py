@@ -34,8 +34,8 @@ _LINK_KINDS = "tcp:HOST:PORT, udp:HOST:PORT or pty[:SYMLINK] is needed"
 class EmulatedFirmware(FirmwareChild):
     """Runs the firmware for one robot on QEMU's Cortex-M7 board; a context manager that always ends it.
 
-    ``robot``, ``links``, ``lockstep``, ``storage`` and ``parameters`` are :class:`omniwheel.FirmwareProcess`'s. A
-    link is a serial port there: it does not see clients come and go, so nothing greets a new one, a robot in
+    ``robot``, ``links``, ``lockstep``, ``storage`` and ``parameters`` are :class:`omniwheel.FirmwareProcess`'s. A link
+    is a serial port there, which does not see clients come and go. So nothing greets a new one, a robot in
     host-in-the-loop stays in it, and a second client waits until the first has gone. The emulator moves its bytes one
     by one. With ``lockstep`` the last link may be ``direct`` instead: whole blocks, many times faster, to this process
     only (:meth:`open_link`); the processor stands still while it waits for them.

@@ -2,8 +2,8 @@
 """Builds the MAVLink dialect for C (trimmed) and Python (with all of common) from one source.
 
 Our own messages come from ``shared/link/omni.xml``; the standard ones are taken by name (``shared/link/standard.toml``)
-from the XML inside the installed pymavlink, so that no definition is copied and every checksum agrees with the tools
-that people already use.
+from the XML inside the installed pymavlink. So no definition is copied, and every checksum agrees with the tools that
+people already use.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file batch.h
- * Many runs of a scenario in one call: a row of figures each, no records. A row is a pure function of scenario and seed; how many runs a
- * call makes, and in how many threads calls are made, changes nothing.
+ * Many runs of a scenario in one call: a row of figures each, no records. A row is a pure function of scenario and
+ * seed. How many runs a call makes, and in how many threads calls are made, changes nothing.
  */
 #ifndef HIL_SIM_BATCH_H
 #define HIL_SIM_BATCH_H

@@ -3,9 +3,10 @@
  * @file drv8871.h
  * Mean behaviour of a DRV8871 H-bridge over one PWM period. Truth table (IN1 IN2): 00 coast, 10 forward, 01 reverse, 11 brake.
  *
- * While a side drives or brakes, the winding sees +supply, -supply or 0, so the mean voltage is linear in the shares (drive-brake). While both
- * inputs are low the winding is open: its current returns through the body diodes into the supply until it is zero, then the
- * motor turns freely. Drive-coast is therefore not linear: the mean follows from when the current dies within the period.
+ * While a side drives or brakes, the winding sees +supply, -supply or 0, so the mean voltage is linear in the shares
+ * (drive-brake). While both inputs are low the winding is open. Its current returns through the body diodes into the
+ * supply until it is zero. Then the motor turns freely. Drive-coast is therefore not linear: the mean follows from
+ * when the current dies within the period.
  */
 #ifndef HIL_SIM_DRV8871_H
 #define HIL_SIM_DRV8871_H
@@ -29,8 +30,8 @@ typedef struct hil_winding_t {
 } hil_winding_t;
 
 /**
- * Take over the inputs: share of the period each is high and phase of its rising edge, all 0..1. A bridge that coasts for more than 1 ms
- * of a period falls asleep and loses its waking time at the start of the next drive.
+ * Take over the inputs: share of the period each is high and phase of its rising edge, all 0..1. A bridge that coasts
+ * for more than 1 ms of a period falls asleep. It loses its waking time at the start of the next drive.
  */
 void hil_drv8871_inputs(hil_drv8871_t *bridge, hil_real_t in1, hil_real_t phase1, hil_real_t in2, hil_real_t phase2,
                         double period_s);

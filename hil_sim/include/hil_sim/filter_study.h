@@ -4,10 +4,11 @@
  * The four filter combinations of the report's Tables 5 and 7 (eq. 45-81) on one simulated robot: truth and noise are this
  * file's own, in double precision; controller and filters are the control core's.
  *
- * One step of length T: ISMC on one estimate -> voltage per wheel (the wanted wheel speed, one volt per rad/s, as the report feeds
- * its motors) -> motors with noise -> measured wheel speeds, filtered or not -> pose with noise -> pose fix -> four estimates. Wheels
- * sit evenly spaced and drive without slip. A run is a pure function of its configuration and seed: whether it goes alone or with seven
- * others, and on what processor, cannot be seen in its bits.
+ * One step of length T: ISMC on one estimate -> voltage per wheel (the wanted wheel speed, one volt per rad/s, as the
+ * report feeds its motors) -> motors with noise -> measured wheel speeds, filtered or not -> pose with noise -> pose
+ * fix -> four estimates. Wheels sit evenly spaced and drive without slip. A run is a pure function of its
+ * configuration and seed. Whether it goes alone or with seven others, and on what processor, cannot be seen in its
+ * bits.
  */
 #ifndef HIL_SIM_FILTER_STUDY_H
 #define HIL_SIM_FILTER_STUDY_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file metrics.h
- * What metrics.py computes from a run's record, summed up tick by tick instead, so that thousands of runs need no records.
+ * What metrics.py computes from a run's record, summed up tick by tick instead. So thousands of runs need no records.
  * figures.h makes numbers of it.
  */
 #ifndef HIL_SIM_METRICS_H

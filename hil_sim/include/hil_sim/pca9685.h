@@ -3,8 +3,9 @@
  * @file pca9685.h
  * Register model of the PCA9685 PWM chip (NXP datasheet rev. 4), fed with the bytes of I2C transactions.
  *
- * The chip has no clock here: the 500 us that its oscillator takes to start are not modelled. Outputs follow the PWM registers on STOP, or with
- * MODE2.OCH = 1 on the acknowledge of a channel's last byte; the mode registers act at once. EXTCLK stops the outputs: nothing drives that pin.
+ * The chip has no clock here: the 500 us that its oscillator takes to start are not modelled. Outputs follow the PWM
+ * registers on STOP, or with MODE2.OCH = 1 on the acknowledge of a channel's last byte. The mode registers act at
+ * once. EXTCLK stops the outputs: nothing drives that pin.
  */
 #ifndef HIL_SIM_PCA9685_H
 #define HIL_SIM_PCA9685_H

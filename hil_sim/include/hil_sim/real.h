@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file real.h
- * The numbers that the world is computed in. What is compiled a second time for eight runs at once (lanes) uses these types for
- * everything that may differ between runs, and hil_select where data decide; everything else is one value for all of them.
+ * The numbers that the world is computed in. What is compiled a second time for eight runs at once (lanes) uses these
+ * types for everything that may differ between runs, and hil_select where data decide. Everything else is one value
+ * for all of them.
  */
 #ifndef HIL_SIM_REAL_H
 #define HIL_SIM_REAL_H

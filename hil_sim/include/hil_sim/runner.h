@@ -45,10 +45,10 @@ typedef struct hil_record_t {
 void hil_milestones_of(hil_milestones_t *milestones, const hil_sample_t *samples, uint64_t count);
 
 /**
- * Run `ticks` ticks of omni_robot_tick in this process: sense, tick, bridge, step. `inputs` carries set-point, heartbeat and the like
- * between calls; its sensor fields are overwritten, its events are cleared after the first tick, and its heartbeat and
- * set-point time stamps follow the clock unless the world's link is silent. I2C faults count as driver failures. Numbers for wheels the
- * robot doesn't have are 0. @param record may be NULL.
+ * Run `ticks` ticks of omni_robot_tick in this process: sense, tick, bridge, step. `inputs` carries set-point,
+ * heartbeat and the like between calls. Its sensor fields are overwritten, and its events are cleared after the first
+ * tick. Its heartbeat and set-point time stamps follow the clock unless the world's link is silent. I2C faults count
+ * as driver failures. Numbers for wheels the robot doesn't have are 0. @param record may be NULL.
  */
 void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
                         hil_record_t *record);
@@ -113,10 +113,10 @@ typedef struct hil_lockstep_t {
 void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint8_t component_id);
 
 /**
- * Run up to `ticks` ticks of OMNI_TICK_US in lockstep: sense, send OMNI_HIL_SENSORS (and a due pose fix before it), wait for OMNI_HIL_ACTUATORS of the same
- * sequence, apply its I2C bytes, step. Frames of other messages are collected in `rx`; the run returns early when `rx` is three
- * quarters full or `log` has no room for what may come. The answer must be the last frame of a tick. While the link is silent
- * (fault), due fixes are lost.
+ * Run up to `ticks` ticks of OMNI_TICK_US in lockstep: sense, send OMNI_HIL_SENSORS (and a due pose fix before it),
+ * wait for OMNI_HIL_ACTUATORS of the same sequence, apply its I2C bytes, step. Frames of other messages are collected
+ * in `rx`. The run returns early when `rx` is three quarters full or `log` has no room for what may come. The answer
+ * must be the last frame of a tick. While the link is silent (fault), due fixes are lost.
  * @param record may be NULL. @param done out: ticks run, also on failure.
  * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, or HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not parse): the world
  * then stands before the failed tick's step.

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file schema.h
- * What shared/world.toml says about the numbers of a world and about its faults, as tables. hil_world_init() checks against them, and
- * a program that builds a hil_world_config_t by itself can read them.
+ * What shared/world.toml says about the numbers of a world and about its faults, as tables. The function
+ * hil_world_init() checks against them, and a program that builds a hil_world_config_t by itself can read them.
  */
 #ifndef HIL_SIM_SCHEMA_H
 #define HIL_SIM_SCHEMA_H

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file timeline.h
- * When a scenario's events happen, and when its run ends. This exists once, for runs in this process (player.h) and over a link
- * (timeline.py): the timeline says what is to be done next, whoever closes the loop does it and asks again.
+ * When a scenario's events happen, and when its run ends. This exists once, for runs in this process (player.h) and
+ * over a link (timeline.py). The timeline says what is to be done next, whoever closes the loop does it and asks
+ * again.
  *
  * A run is cut into pieces: to the next event, to the end, or to the next multiple of HIL_LOOK_TICKS. After each piece the timeline is
  * shown the run's milestones: whether the robot is on its path, done, or has stopped. Only then it finds out: an event at a share

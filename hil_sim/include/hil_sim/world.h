@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file world.h
- * The simulated world around one robot: PWM chip, H-bridges, motors, wheels on the floor, rigid body, battery, encoders, pose
- * sensor, faults. Double precision, SI. Written from first principles (contact-point velocities by cross products, a traction
- * force per wheel), never from the controller's matrices, so that an error there shows here.
+ * The simulated world around one robot: PWM chip, H-bridges, motors, wheels on the floor, rigid body, battery,
+ * encoders, pose sensor, faults. Double precision, SI. Written from first principles: contact-point velocities by
+ * cross products, a traction force per wheel. Nothing comes from the controller's matrices, so that an error there
+ * shows here.
  *
  * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely along p_i.
  *   creep_i = r w_i (1 - s_i) - u_i - t_i . (v + wz x p_i)  s_i: imposed slip ratio, u_i: imposed slip speed; encoders see neither
@@ -12,8 +13,8 @@
  *   L i_i' = V_i - R i_i - K w_i                             the bridge decides V_i or open circuit
  *   m v' = sum (F_i t_i - roller drag across t_i);   I wz' = sum d_i F_i
  *   V_supply = V_battery - R_battery sum (drive_i i_i)
- * That is the plant `full`. The report's models are plants too (shared/world.toml): they leave out what the report leaves out, and
- * everything else of the world (sensors, faults, bridges) stays the same.
+ * That is the plant `full`. The report's models are plants too (shared/world.toml). They leave out what the report
+ * leaves out. Everything else of the world (sensors, faults, bridges) stays the same. See
  * docs/concepts/derivations/slip_space.md derives them.
  */
 #ifndef HIL_SIM_WORLD_H
@@ -191,8 +192,9 @@ void hil_world_counts(const hil_world_t *world, hil_int_t *counts);
 hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length);
 
 /**
- * The same byte by byte, as it happens on the wire: START or repeated START with an address, bytes to and from the chip, STOP. The bridges follow
- * on STOP. Faults of the bus act: nothing is acknowledged; holding a line low is up to whoever has lines.
+ * The same byte by byte, as it happens on the wire. There are START or repeated START with an address, bytes to and
+ * from the chip, and STOP. The bridges follow on STOP. Faults of the bus act: nothing is acknowledged; holding a line
+ * low is up to whoever has lines.
  * @param address 7 bit. @return true if the byte is acknowledged; hil_world_i2c_get: the byte.
  */
 bool hil_world_i2c_start(hil_world_t *world, uint8_t address, bool read);

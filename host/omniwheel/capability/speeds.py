@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """How fast a robot can go, and gain speed, in a direction, and what limits it there.
 
-A direction is a body twist of length one: (cos, sin, 0) for driving, (0, 0, 1) for turning on the spot. Steady
-driving has to bear back EMF, dry and viscous friction and the rollers' drag; gaining speed has to push mass and wheels,
-and the floor has to hold the wheels. See the derivation in docs/guides/robot-file.md.
+A direction is a body twist of length one: (cos, sin, 0) for driving, (0, 0, 1) for turning on the spot. Steady driving
+has to bear back EMF, dry and viscous friction and the rollers' drag. Gaining speed has to push mass and wheels, and the
+floor has to hold the wheels. See the derivation in docs/guides/robot-file.md.
 """
 
 from __future__ import annotations

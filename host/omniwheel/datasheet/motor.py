@@ -11,7 +11,7 @@ with everything seen at the output shaft. Three facts fix K, R and the friction:
 - without load:  K (U - K w_0) / R = b w_0 + T_c, which is the friction; half of it is taken as dry;
 - at stall:      K U / R - T_c = T_stall.
 
-R then is larger than R_w by what the gear loses: the model has one constant for torque and for back EMF, and torque and
+R then is larger than R_w by what the gear loses. The model has one constant for torque and for back EMF. And torque and
 speed matter to the control, so they are what it reproduces. The current at stall stays the data sheet's.
 """
 

@@ -36,7 +36,7 @@ def teensy_ports() -> list[Port]:
 def choose_board(port: str | None, *, blank: bool) -> Board:
     """Return the one board to upload to; ``blank``: one without a serial port. Raises FlashError if there is not one.
 
-    With several boards the one on ``port`` is sent to its bootloader by us, and where the computer tells that no other
+    With several boards the one on ``port`` is sent to its bootloader by us. And where the computer tells that no other
     waits there, the loader can only take that one.
     """
     found = teensy_ports()

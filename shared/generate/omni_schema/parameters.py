@@ -125,7 +125,7 @@ class Parameter:
 class ParameterTable(Mapping[str, Parameter]):
     """All parameters in wire order, looked up by name.
 
-    ``crc`` is a CRC-32 over everything that decides whether two programs mean the same table: it changes with names,
+    ``crc`` is a CRC-32 over everything that decides whether two programs mean the same table. It changes with names,
     order, kinds, ranges, defaults and enum values, not with documentation.
     """
 
