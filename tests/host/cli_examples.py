@@ -1,0 +1,379 @@
+# SPDX-License-Identifier: MIT
+"""How each example of a help page is run: on a simulated robot, in a scratch folder, shortened where it takes minutes.
+
+A line is run as it stands but for what its rule says. Options are left out, or replaced by a later one. What would need
+a real thing (a Teensy, a radio, a camera system, a cluster, an emulated processor) has a stand-in.
+"""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
+
+from typer.testing import CliRunner
+
+import omniwheel.robot
+from hil_sim.hil import run_hil
+from hil_sim.lockstep import LockstepLink
+from hil_sim.loop_speed import loops
+from hil_sim.runs import new_world
+from hil_sim.scenario import load_scenario
+from hil_sim.sitl import Sitl, start_sitl
+from omniwheel import FirmwareProcess, Robot
+from omniwheel.bringup import Assumed
+from omniwheel.cli import app
+from omniwheel.signing import new_key_file
+from tests.faults.commands import CASES, QUICK
+from tests.host.logs import synthetic
+
+STEP_TICKS = 10
+PATIENCE_S = 60.0
+"""Simulated time after which whoever still talks to the robot gets Ctrl-C."""
+LINK = ("--link", "-l")
+
+
+class SteppedLink(LockstepLink):
+    """A link in simulated time: reading makes robot and world go on, so nothing waits for a real clock."""
+
+    end_s = PATIENCE_S
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what the robot sent, after a few ticks if there is nothing yet."""
+        data = self._take()
+        if not data and timeout_s > 0.0:
+            self.run(min(STEP_TICKS, max(1, round(timeout_s * 1e3))))
+            self.forget_samples()
+            data = self._take()
+        if self.clock_s() > self.end_s:
+            raise KeyboardInterrupt
+        return data
+
+
+@contextmanager
+def patched(replacements: dict[str, Any]) -> Iterator[None]:
+    """Replace these names during the block."""
+    with ExitStack() as stack:
+        for name, value in replacements.items():
+            stack.enter_context(patch(name, value))
+        yield
+
+
+@contextmanager
+def robot(scenario: str = "sitl", end_s: float = PATIENCE_S) -> Iterator[None]:
+    """Whoever connects, to whatever link, finds this robot. After ``end_s`` of simulated time comes a Ctrl-C."""
+    real = omniwheel.robot.connect
+    world = load_scenario(scenario)
+    with FirmwareProcess(parameters=world.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as firmware:
+
+        def connect(_url: object, *, clock: object = None, **options: Any) -> Robot:
+            link = SteppedLink(firmware.open_link(), new_world(world))
+            link.end_s = end_s
+            return real(link, clock=link.clock_s, **options)
+
+        names = ("omniwheel.robot.connect", "omniwheel.cli.stop.connect", "omniwheel.cli.bringup.connect")
+        urls = ("omniwheel.cli.common.link_url", "omniwheel.cli.stop.link_url", "omniwheel.cli.bringup.link_url")
+        everywhere = dict.fromkeys(names, connect) | {name: lambda link: link or "simulated" for name in urls}
+        with patched({name: value for name, value in everywhere.items() if there(name)}):
+            yield
+
+
+def there(name: str) -> bool:
+    """Return whether a module has this name."""
+    module, _, attribute = name.rpartition(".")
+    return hasattr(__import__(module, fromlist=[attribute]), attribute)
+
+
+@contextmanager
+def real_time_robot() -> Iterator[None]:
+    """A robot in real time, for what has a clock of its own."""
+    with FirmwareProcess("three_wheel") as firmware, patch("omniwheel.cli.mocap.link_url", lambda _: firmware.urls[0]):
+        yield
+
+
+@contextmanager
+def pressed_keys() -> Iterator[None]:
+    """Somebody presses three keys, the last one ends."""
+    keys = iter("wqx")
+
+    @contextmanager
+    def raw_keys() -> Iterator[Callable[[], str]]:
+        yield lambda: next(keys)
+
+    with robot(), patch("omniwheel.cli.drive.raw_keys", raw_keys):
+        yield
+
+
+@contextmanager
+def no_radio() -> Iterator[None]:
+    """Lines for the original robot go nowhere."""
+
+    @contextmanager
+    def link(*_: object) -> Iterator[Any]:
+        yield SimpleNamespace(write=lambda data: None, read=lambda timeout_s: b"")
+
+    with patch("omniwheel.cli.legacy._radio_link", link):
+        yield
+
+
+@contextmanager
+def person() -> Iterator[None]:
+    """Somebody agrees to everything and looks at nothing, beside a robot on a stand."""
+    with robot("stand"), patch("omniwheel.cli.bringup.TerminalPerson", lambda *_: Assumed()):
+        yield
+
+
+@contextmanager
+def soon_over() -> Iterator[None]:
+    """A simulated robot that would go on until Ctrl-C ends after a moment."""
+    advance = Sitl.advance
+
+    def once(running: Sitl) -> None:
+        advance(running)
+        raise KeyboardInterrupt
+
+    with patch.object(Sitl, "advance", once):
+        yield
+
+
+@contextmanager
+def no_emulator() -> Iterator[None]:
+    """The firmware as a process stands in for the emulated one."""
+
+    def end(_: object) -> None:
+        raise KeyboardInterrupt
+
+    @contextmanager
+    def image(*_: Any, links: Any, **__: Any) -> Iterator[Any]:
+        yield SimpleNamespace(urls=links)
+
+    def in_process(*arguments: Any, **options: Any) -> Any:
+        return start_sitl(*arguments, **{**options, "emulated": False})
+
+    with (
+        soon_over(),
+        patched(
+            {
+                "omniwheel.cli.emulate.start_sitl": in_process,
+                "omniwheel.cli.emulate.EmulatedFirmware": FirmwareProcess,
+                "omniwheel.cli.emulate.ImageFirmware": image,
+                "omniwheel.cli.emulate._wait_for_end": end,
+            }
+        ),
+    ):
+        yield
+
+
+def _short(_: str) -> Any:
+    return load_scenario("quick.toml")
+
+
+@contextmanager
+def short_runs() -> Iterator[None]:
+    """Half a second of the demo, on the firmware as a process."""
+
+    def run(*arguments: Any, **options: Any) -> Any:
+        return run_hil(*arguments, **{**options, "emulated": False, "image": None})
+
+    def done(*arguments: Any, **options: Any) -> Any:
+        return replace(run(*arguments, **options), done=True)
+
+    hil = {"omniwheel.cli.hil.load_scenario": _short, "omniwheel.cli.hil.run_hil": run}
+    demo = {"omniwheel.cli.demo.load_scenario": _short, "omniwheel.cli.demo.run_hil": done}
+    with patched({**hil, **demo}):
+        yield
+
+
+@contextmanager
+def short_simulation() -> Iterator[None]:
+    """The same in this process."""
+    with patch("omniwheel.cli.sim.load_scenario", _short):
+        yield
+
+
+@contextmanager
+def one_loop() -> Iterator[None]:
+    """The benchmark measures its first loop."""
+    with patch("omniwheel.cli.bench.loops", lambda seconds: dict(list(loops(seconds).items())[:1])):
+        yield
+
+
+@contextmanager
+def no_soak() -> Iterator[None]:
+    """Minutes on an emulated processor are the matter of tests/soak."""
+    result = SimpleNamespace(as_dict=dict, failures=())
+    with patch("omniwheel.cli.soak.run_soak", lambda *_: result):
+        yield
+
+
+@contextmanager
+def no_build() -> Iterator[None]:
+    """PlatformIO is not asked to build."""
+    from omniwheel.cli.flash import Program
+
+    image = SimpleNamespace(path=Path("firmware.hex"), size=1, sha256="00")
+    with patched(
+        {f"omniwheel.cli.flash.{name}": partial(_program, Program, image) for name in ("_built", "_from_file")}
+    ):
+        yield
+
+
+def _program(kind: Any, image: Any, what: object, **_: Any) -> Any:
+    return kind(image, str(what), "")
+
+
+@contextmanager
+def tried() -> Iterator[None]:
+    """The experiments have been done already."""
+    with robot(), CASES["tune"].during():
+        yield
+
+
+@contextmanager
+def live() -> Iterator[None]:
+    """The robot is excited for a moment, and what is found is the nominal robot."""
+    with robot(), CASES["identify live"].during():
+        yield
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How the examples that begin with ``head`` are run; the first rule that fits counts.
+
+    ``leave`` are options without which it is run, with their values; ``more`` are words behind it, of which a later
+    option takes the place of an earlier one. ``codes`` are the exit codes of a command that did its work: 1 where it
+    judges what it found. ``new`` are files that must not be there yet, ``answers`` what a person types.
+    """
+
+    head: str
+    more: str = ""
+    leave: tuple[str, ...] = ()
+    during: Callable[[], AbstractContextManager[Any]] = ExitStack
+    codes: tuple[int, ...] = (0,)
+    new: str = ""
+    answers: str = ""
+
+
+STUDY = "--runs 8 --workers 1 --batch 8 --duration 0.3"
+STAND_IN = ("--port", "--source", "--pwm-min")
+RULES = (
+    Rule("drive keys", leave=LINK, during=pressed_keys),
+    Rule("drive pose", leave=LINK, during=robot, codes=(0, 1)),
+    Rule("drive trajectory", leave=LINK, during=partial(robot, end_s=300.0)),
+    Rule("drive duty", leave=LINK, during=partial(robot, "stand")),
+    Rule("monitor --once", leave=LINK, during=robot),
+    Rule("monitor", leave=LINK, during=partial(robot, end_s=2.0)),
+    Rule("mocap bridge --source recorded", "--duration 0.3", LINK, real_time_robot),
+    Rule("mocap bridge", "--source simulated --duration 0.3", LINK, real_time_robot),
+    Rule("mocap record", "--source simulated --duration 0.3", new="*.csv"),
+    Rule("radio key new", new="robot.key"),
+    Rule("legacy motor", "--duration 0.1", during=no_radio),
+    Rule("legacy", "--simulate --duration 20", STAND_IN, codes=(0, 1)),
+    Rule("params save", leave=LINK, during=robot, new="mine.toml"),
+    Rule("params diff", leave=LINK, during=robot, codes=(0, 1)),
+    Rule("params presets"),
+    Rule("tune --experiment trajectory", leave=LINK, during=tried),
+    Rule("tune", "--duration 2 --size 0.1", LINK, robot),
+    Rule("identify logs", new="identified.toml"),
+    Rule("identify telemetry", during=CASES["identify telemetry"].during, new="identified.toml mine.toml"),
+    Rule("identify live --duration 20", leave=LINK, during=live, new="identified.toml drive.tlog"),
+    Rule("identify live --on-stand", leave=LINK, during=partial(robot, "stand", 600.0), new="stand.tlog"),
+    Rule("identify live", leave=LINK, during=live, new="identified.toml mine.toml drive.tlog stand.tlog"),
+    Rule(
+        "identify simulate", "--duration 4", during=CASES["identify simulate"].during, new="identified.toml found.toml"
+    ),
+    Rule("demo", "--no-compare", during=short_runs),
+    Rule("sitl", "--port 0", during=soon_over),
+    Rule("emulate", "--port 0", during=no_emulator),
+    Rule("hil", leave=LINK, during=short_runs, codes=(0, 1)),
+    Rule("sim", during=short_simulation, codes=(0, 1)),
+    Rule("montecarlo", STUDY, ("--cluster",)),
+    Rule("sweep", STUDY),
+    Rule("optimize", f"--trials 2 {STUDY}", codes=(0, 1)),
+    Rule("soak", during=no_soak),
+    Rule("bench", "--duration 1 --repeat 1", during=one_loop),
+    Rule("robots new mine --ask", answers="\n" * 40, new="mine.toml", codes=(0, 1, 2)),
+    Rule("robots new", new="mine.toml"),
+    Rule("robots"),
+    Rule("flash", "--dry-run", during=no_build),
+    Rule("check-image", during=CASES["check-image"].during),
+    # Nobody turns the wheels by hand, so Ctrl-C ends the wait for it.
+    Rule("bringup encoders", during=person, codes=(130,)),
+    Rule("bringup all", leave=("--radio",), during=person, codes=(1, 130)),
+    Rule("bringup", leave=("--radio",), during=person, codes=(0, 1)),
+    Rule("doctor", codes=(0, 1)),
+    Rule("record", "--duration 2", LINK, robot, new="run.tlog"),
+    Rule("replay"),
+    Rule("logs import", new="run1.npz"),
+    Rule("logs"),
+    Rule("plot"),
+    Rule("reproduce", "diagrams --quick"),
+    Rule("", leave=LINK, during=robot),
+)
+STAND_INS = {
+    "~/": "",
+    "/tmp/": "",
+    "omni_reproduce/real_three_wheel/mapping.toml": "mapping.toml",
+    "table2 fig13": "",
+    "table7": "",
+}
+
+
+def rule_of(line: str) -> Rule:
+    """Return how this example is run."""
+    plain = line.removeprefix("omni ")
+    return next(rule for rule in RULES if plain.startswith(rule.head))
+
+
+def words_of(line: str, rule: Rule) -> list[str]:
+    """Return the words behind ``omni``."""
+    command = line.split(" | ")[0].split("  #")[0]
+    for real, stand_in in STAND_INS.items():
+        command = command.replace(real, stand_in)
+    words = [name for word in shlex.split(command)[1:] for name in expanded(word)]
+    kept = [
+        word for i, word in enumerate(words) if word not in rule.leave and (i == 0 or words[i - 1] not in rule.leave)
+    ]
+    return [*kept, *shlex.split(rule.more)]
+
+
+def expanded(word: str) -> list[str]:
+    """Return the files that a pattern stands for, as a shell does."""
+    return sorted(map(str, Path().glob(word))) if "?" in word else [word]
+
+
+def make_files(folder: Path) -> None:
+    """Write what the examples read: logs of a known robot, a finished run, robot and parameter files."""
+    (folder / "quick.toml").write_text(QUICK, encoding="utf-8")
+    (folder / "my_scenario.toml").write_text(QUICK, encoding="utf-8")
+    (folder / "logged.toml").write_text(f"{QUICK}\n[parameters]\nSR1_WHEELS = 50.0\n", encoding="utf-8")
+    (folder / "mapping.toml").write_text(synthetic.MAPPING, encoding="utf-8")
+    for name in ("nominal", "identified", "mine", "my_robot"):
+        (folder / f"{name}.toml").write_text(synthetic.ROBOT, encoding="utf-8")
+    for name in (
+        "firmware.elf",
+        "firmware.hex",
+        "omniwheel-0.1.0-three_wheel.hex",
+        ".pio/build/three_wheel/firmware.elf",
+    ):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
+    new_key_file(folder / "robot.key")
+    for seed, name in enumerate(("run1", "run2", "run3", "spin1", "motor1"), start=1):
+        synthetic.write(folder, name, synthetic.Known(), seed)
+        imported = f"logs import {name}.csv --mapping mapping.toml --truth truth_{name}.csv --out {name}.npz"
+        assert CliRunner().invoke(app, imported.split()).exit_code == 0
+    shutil.copy(folder / "truth_run1.csv", folder / "truth1.csv")
+    for line in ("mocap record lap.csv --source simulated --duration 0.3", "hil logged.toml --out made"):
+        assert CliRunner().invoke(app, line.split()).exit_code in (0, 1)
+    run = next((folder / "made").iterdir())
+    shutil.copytree(run, folder / "runs" / "demo-seed1")
+    for name in ("flight", "drive", "other", "stand"):
+        shutil.copy(run / "telemetry.tlog", folder / f"{name}.tlog")

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: MIT
+"""Every example of a help page does what it says: it is run, on a simulated robot and in a scratch folder."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from omniwheel.cli import app
+from tests.host.cli_examples import RULES, make_files, rule_of, words_of
+from tests.host.test_cli_front import examples
+
+EXAMPLES = sorted(set(examples()))
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("files")
+    with pytest.MonkeyPatch.context() as context:
+        context.chdir(folder)
+        make_files(folder)
+    return folder
+
+
+@pytest.mark.parametrize("line", EXAMPLES)
+def test_an_example_does_its_work(line: str, files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rule = rule_of(line)
+    folder = tmp_path / "scratch"
+    shutil.copytree(files, folder)
+    if line.startswith("omni params"):
+        (folder / "mine.toml").write_text("[parameters]\nISMC_LAM_XY = 15.0\n", encoding="utf-8")
+    for pattern in rule.new.split():
+        for path in folder.glob(pattern):
+            path.unlink()
+    monkeypatch.chdir(folder)
+    with rule.during():
+        result = CliRunner().invoke(app, words_of(line, rule), input=rule.answers, env={"COLUMNS": "200"})
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code in rule.codes, (words_of(line, rule), result.output)
+    assert "Traceback" not in result.output
+
+
+def test_every_rule_is_for_an_example() -> None:
+    used = {rule_of(line).head for line in EXAMPLES}
+    assert {rule.head for rule in RULES} == used
