@@ -46,22 +46,24 @@ int32_t indices_of(uint32_t schema) {
 
 } // namespace
 
-size_t ParamStore::slot_size() {
+size_t ParamStore::slot_size() const {
     const size_t size = storage_.size();
     return size > storage_tail ? std::min((size - storage_tail) / 2, max_slot) : 0;
 }
 
-/// Reads the slot into buffer_ and checks it.
-ParamStore::Slot ParamStore::inspect(size_t number) {
+bool ParamStore::has_room() const {
+    return slot_size() >= header_length + crc_length;
+}
+
+Slot ParamStore::judge() const {
     Slot slot;
-    const size_t size = slot_size();
-    if (size < header_length + crc_length || !storage_.read(number * size, buffer_, size)) {
+    if (!has_room()) {
         return slot;
     }
     slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
     const size_t count = get_word(buffer_ + at_count);
     const uint32_t kind = get_word(buffer_);
-    if ((kind != magic && kind != magic_by_index) || count > (size - header_length - crc_length) / entry_length) {
+    if ((kind != magic && kind != magic_by_index) || count > (slot_size() - header_length - crc_length) / entry_length) {
         return slot;
     }
     const size_t length = header_length + count * entry_length;
@@ -70,26 +72,9 @@ ParamStore::Slot ParamStore::inspect(size_t number) {
     return slot;
 }
 
-/// @return number of the valid slot written last, or -1.
-int ParamStore::newest() {
-    const Slot first = inspect(0);
-    const Slot second = inspect(1);
-    if (first.valid && second.valid) {
-        return static_cast<int32_t>(second.sequence - first.sequence) > 0 ? 1 : 0;
-    }
-    return second.valid ? 1 : (first.valid ? 0 : -1);
-}
-
-bool ParamStore::damaged() {
-    const Slot first = inspect(0);
-    const Slot second = inspect(1);
-    return (!first.valid && !first.erased) || (!second.valid && !second.erased);
-}
-
 StoreResult ParamStore::load(omni_real_t *values) {
     misfits_ = {};
-    const int slot = newest();
-    if (slot < 0 || !inspect(static_cast<size_t>(slot)).valid) {
+    if (!read_newest()) {
         return StoreResult::empty;
     }
     const bool by_index = get_word(buffer_) == magic_by_index;
@@ -141,21 +126,16 @@ size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_v
 }
 
 StoreResult ParamStore::save(const omni_real_t *values, const omni_real_t *robot_values) {
-    if (slot_size() < header_length + crc_length) {
+    if (!has_room()) {
         return StoreResult::failed;
     }
-    const int last = newest();
-    const uint32_t sequence = last < 0 ? 1 : inspect(static_cast<size_t>(last)).sequence + 1;
-    const size_t target = last == 0 ? 1 : 0;
-    const size_t length = compose(values, robot_values, sequence);
-    if (length == 0) {
-        return StoreResult::full;
-    }
-    if (!storage_.write(target * slot_size(), buffer_, length)) {
-        return StoreResult::failed;
-    }
-    const Slot written = inspect(target);
-    return written.valid && written.sequence == sequence ? StoreResult::ok : StoreResult::failed;
+    bool fits = true;
+    const bool written = write_next([&](uint32_t sequence) {
+        const size_t length = compose(values, robot_values, sequence);
+        fits = length > 0;
+        return length;
+    });
+    return !fits ? StoreResult::full : (written ? StoreResult::ok : StoreResult::failed);
 }
 
 } // namespace omni

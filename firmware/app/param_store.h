@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file param_store.h  Parameters in non-volatile memory: two slots, written in turn, so that a power cut at any byte leaves the
-/// old or the new set, never a mix.
+/// @file param_store.h  Parameters in non-volatile memory, in two slots (two_slots.h).
 ///
 /// A slot holds what differs from the robot's own values: header (magic, schema CRC, sequence, count), then storage key and value
 /// of each, then CRC-32 over all of it. The valid slot with the newer sequence counts.
@@ -13,8 +12,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
 #include "app/core.h"
+#include "app/two_slots.h"
 
 namespace omni {
 
@@ -48,35 +47,29 @@ struct Misfits {
     }
 };
 
-class ParamStore {
+class ParamStore : public TwoSlots<ParamStore> {
 public:
     /// Largest slot in use, bytes; larger memories are not filled.
     static constexpr size_t max_slot = 16 + 6 * OMNI_PARAM_COUNT + 4;
 
-    explicit ParamStore(Storage &storage) : storage_(storage) {}
+    explicit ParamStore(Storage &storage) : TwoSlots(storage) {}
 
     /// Put the stored values over `values`, which holds the robot's own on entry. Unchanged unless `ok`. Each value that is used is
     /// within its range; whether they fit together is for the caller to find out.
     StoreResult load(omni_real_t *values);
     /// What the last load left out.
     const Misfits &misfits() const { return misfits_; }
-    /// A slot holds something that is neither a set nor erased memory, as a power cut while storing leaves it.
-    bool damaged();
     /// Store what differs between `values` and `robot_values`, and read it back.
     StoreResult save(const omni_real_t *values, const omni_real_t *robot_values);
 
 private:
-    struct Slot {
-        bool valid = false;
-        bool erased = false;
-        uint32_t sequence = 0;
-    };
-    size_t slot_size();
-    Slot inspect(size_t number);
-    int newest();
+    friend class TwoSlots<ParamStore>;
+    size_t slot_size() const;
+    bool has_room() const;
+    static size_t place() { return 0; }
+    Slot judge() const;
     size_t compose(const omni_real_t *values, const omni_real_t *robot_values, uint32_t sequence);
 
-    Storage &storage_;
     Misfits misfits_{};
     uint8_t buffer_[max_slot] = {};
 };

@@ -87,7 +87,7 @@ void Parameters::boot() {
     omni_real_t values[OMNI_PARAM_COUNT];
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
-    boot_damaged_ = store_.damaged();
+    boot_damaged_ = store_.damaged_slot();
     boot_result_ = adopt_stored();
     if (boot_result_ != StoreResult::ok && !adopt(shared_.board.robot_values, &bad, &why)) {
         // A board hands over checked values; the table's defaults are the way out if it did not.

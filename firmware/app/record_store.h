@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: MIT
-/// @file record_store.h  One small record in non-volatile memory, in two slots written in turn: a power cut at any byte leaves the
-/// old or the new content.
+/// @file record_store.h  One small record in non-volatile memory, in two slots (two_slots.h).
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
 #include "app/storage_layout.h"
+#include "app/two_slots.h"
 
 namespace omni {
 
-class RecordStore {
+class RecordStore : public TwoSlots<RecordStore> {
 public:
     static constexpr size_t max_content = key_content;
     enum class Result : uint8_t {
@@ -21,27 +20,20 @@ public:
     };
 
     /// @param offset of slot 0; slot 1 follows. @param content bytes of the record, at most max_content.
-    RecordStore(Storage &storage, size_t offset, size_t content) : storage_(storage), offset_(offset), content_(content) {}
+    RecordStore(Storage &storage, size_t offset, size_t content) : TwoSlots(storage), offset_(offset), content_(content) {}
 
     /// @param data `content` bytes, untouched unless ok.
     Result load(uint8_t *data);
-    /// A slot is neither valid nor erased, as a power cut while saving leaves it, or cannot be read.
-    bool damaged_slot();
     /// @return false if the memory did not take it; the old content is then still there.
     bool save(const uint8_t *data);
 
 private:
-    struct Slot {
-        bool valid = false;
-        bool erased = false;
-        uint32_t sequence = 0;
-    };
+    friend class TwoSlots<RecordStore>;
     static constexpr size_t max_slot = record_overhead + max_content;
     size_t slot_size() const { return record_overhead + content_; }
-    Slot inspect(size_t number);
-    int newest(bool *damaged);
+    size_t place() const { return offset_; }
+    Slot judge() const;
 
-    Storage &storage_;
     size_t offset_;
     size_t content_;
     uint8_t buffer_[max_slot] = {};
