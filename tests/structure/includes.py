@@ -63,7 +63,7 @@ AREAS: Mapping[str, tuple[str, ...]] = {
     "shared/core": ("generated/tables",),
     "shared/link": (),
     "firmware/app": (CORE_API, "generated/link", "generated/tables"),
-    "firmware/boards/common": ("firmware/app", CORE_API),
+    "firmware/boards/common": ("firmware/app", CORE_API, "generated/link"),
     "firmware/boards/mps2_an500": _BOARD,
     "firmware/boards/mps2_an500/base": (),  # the processor's own package: other programs of the tests stand on it, too
     "firmware/boards/posix": _BOARD,

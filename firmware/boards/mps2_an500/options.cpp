@@ -5,44 +5,39 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "boards/common/robot_values.h"
 #include "boards/mps2_an500/base/semihosting.h"
-#include "omni/version_gen.h"
 
 namespace omni {
 namespace {
 
-constexpr int usage_error = 2;
 constexpr uint32_t longest_watchdog_ms = 60'000;
 
-void print_help() {
-    std::puts(
-        "usage: omni-firmware [--robot NAME | --params FILE] [--links N] [--storage FILE] [--lockstep] ...\n"
-        "\n"
-        "The robot's firmware on an emulated Cortex-M7. `omni emulate` runs it; by hand:\n"
-        "qemu-system-arm -M mps2-an500 -kernel omni-firmware-mps2.elf -display none -monitor none -serial tcp::5760,server=on\n"
-        "    -semihosting-config enable=on,target=native,arg=omni-firmware,arg=--robot,arg=three_wheel\n"
-        "\n"
-        "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
-        "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
-        "                   --robot it changes single values\n"
-        "  --links N        speak MAVLink on the first N serial ports, 1 to 4 (default 1)\n"
-        "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
-        "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
-        "  --console-link   with --lockstep: the last link is the emulator's standard input and output, which is much\n"
-        "                   faster; give --log too\n"
-        "  --pins           encoders, I2C, supply and a first serial line are simulated by the host, over the emulator's\n"
-        "                   standard input and output (hil_sim/pins.py); give --log too\n"
-        "  --log FILE       append what is said to this file instead of saying it on the console\n"
-        "  --catch-up       a host that was busy for a while makes no time jump: missed ticks run at their due times\n"
-        "  --watchdog MS    reset after this time without a background pass (default 2000; 0: never)\n"
-        "  --reset-cause C  begin as after power_on, watchdog, software or crash\n"
-        "  --crash-resets   start again after a crash, as the robot does, instead of ending with exit code 70\n"
-        "  --inject         a 'c' on the fifth serial port crashes the program, an 'h' hangs it\n"
-        "  --version, --help\n"
-        "\n"
-        "Words must not contain blanks; files are the host's. Everything is said on the console.");
-}
+constexpr const char *help =
+    "usage: omni-firmware [--robot NAME | --params FILE] [--links N] [--storage FILE] [--lockstep] ...\n"
+    "\n"
+    "The robot's firmware on an emulated Cortex-M7. `omni emulate` runs it; by hand:\n"
+    "qemu-system-arm -M mps2-an500 -kernel omni-firmware-mps2.elf -display none -monitor none -serial tcp::5760,server=on\n"
+    "    -semihosting-config enable=on,target=native,arg=omni-firmware,arg=--robot,arg=three_wheel\n"
+    "\n"
+    "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
+    "  --params FILE    parameters of another robot, one NAME=VALUE per line, '#' starts a comment; put after\n"
+    "                   --robot it changes single values\n"
+    "  --links N        speak MAVLink on the first N serial ports, 1 to 4 (default 1)\n"
+    "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
+    "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+    "  --console-link   with --lockstep: the last link is the emulator's standard input and output, which is much\n"
+    "                   faster; give --log too\n"
+    "  --pins           encoders, I2C, supply and a first serial line are simulated by the host, over the emulator's\n"
+    "                   standard input and output (hil_sim/pins.py); give --log too\n"
+    "  --log FILE       append what is said to this file instead of saying it on the console\n"
+    "  --catch-up       a host that was busy for a while makes no time jump: missed ticks run at their due times\n"
+    "  --watchdog MS    reset after this time without a background pass (default 2000; 0: never)\n"
+    "  --reset-cause C  begin as after power_on, watchdog, software or crash\n"
+    "  --crash-resets   start again after a crash, as the robot does, instead of ending with exit code 70\n"
+    "  --inject         a 'c' on the fifth serial port crashes the program, an 'h' hangs it\n"
+    "  --version, --help\n"
+    "\n"
+    "Words must not contain blanks; files are the host's. Everything is said on the console.";
 
 bool use_number(const char *name, const char *text, uint32_t lowest, uint32_t highest, uint32_t *number) {
     char *end = nullptr;
@@ -56,11 +51,22 @@ bool use_number(const char *name, const char *text, uint32_t lowest, uint32_t hi
     return true;
 }
 
-bool use_reset_cause(const char *text, ResetCause *cause) {
+bool use_links(const char *text, Options *options) {
+    uint32_t count = 0;
+    const bool good = use_number("--links", text, 1, Board::max_ports, &count);
+    options->link_count = count;
+    return good;
+}
+
+bool use_watchdog(const char *text, Options *options) {
+    return use_number("--watchdog", text, 0, longest_watchdog_ms, &options->watchdog_ms);
+}
+
+bool use_reset_cause(const char *text, Options *options) {
     constexpr const char *names[] = {"power_on", "watchdog", "software", "crash", "over_temperature"};
     for (size_t i = 0; i < sizeof names / sizeof *names; ++i) {
         if (std::strcmp(text, names[i]) == 0) {
-            *cause = static_cast<ResetCause>(i);
+            options->reset_cause = static_cast<ResetCause>(i);
             return true;
         }
     }
@@ -69,7 +75,8 @@ bool use_reset_cause(const char *text, ResetCause *cause) {
     return false;
 }
 
-bool use_log(const char *path) {
+bool use_log(const char *path, Options *options) {
+    options->log = path;
     if (an500::semihosting_print_to(path)) {
         return true;
     }
@@ -77,89 +84,21 @@ bool use_log(const char *path) {
     return false;
 }
 
-bool take_flag(const char *name, Options *options) {
-    const struct {
-        const char *name;
-        bool *value;
-    } flags[] = {
-        {"--lockstep", &options->lockstep}, {"--console-link", &options->console_link}, {"--pins", &options->pins},
-        {"--catch-up", &options->catch_up}, {"--crash-resets", &options->crash_resets}, {"--inject", &options->inject}};
-    for (const auto &flag : flags) {
-        if (std::strcmp(name, flag.name) == 0) {
-            *flag.value = true;
-            return true;
-        }
-    }
-    return false;
-}
-
-bool take_option(const char *name, const char *value, Options *options) {
-    if (std::strcmp(name, "--robot") == 0) {
-        return use_robot(value, options->values);
-    }
-    if (std::strcmp(name, "--params") == 0) {
-        return use_params_file(value, options->values);
-    }
-    if (std::strcmp(name, "--links") == 0) {
-        uint32_t count = 0;
-        const bool good = use_number(name, value, 1, Board::max_ports, &count);
-        options->link_count = count;
-        return good;
-    }
-    if (std::strcmp(name, "--watchdog") == 0) {
-        return use_number(name, value, 0, longest_watchdog_ms, &options->watchdog_ms);
-    }
-    if (std::strcmp(name, "--reset-cause") == 0) {
-        return use_reset_cause(value, &options->reset_cause);
-    }
-    if (std::strcmp(name, "--storage") == 0) {
-        options->storage = value;
-        return true;
-    }
-    if (std::strcmp(name, "--log") == 0) {
-        options->log = value;
-        return use_log(value);
-    }
-    std::fprintf(stderr, "omni-firmware: unknown option '%s'; see --help\n", name);
-    return false;
-}
-
-bool answer(const char *name) {
-    if (std::strcmp(name, "--help") == 0) {
-        print_help();
-        return true;
-    }
-    if (std::strcmp(name, "--version") == 0) {
-        std::printf("omni-firmware %s (%s%s), emulated Cortex-M7\n", OMNI_VERSION_STRING, OMNI_GIT_HASH_STRING,
-                    OMNI_GIT_DIRTY != 0 ? ", dirty" : "");
-        return true;
-    }
-    return false;
-}
+constexpr OptionRow<Options> rows[] = {{"--console-link", &Options::console_link, nullptr},
+                                       {"--pins", &Options::pins, nullptr},
+                                       {"--catch-up", &Options::catch_up, nullptr},
+                                       {"--crash-resets", &Options::crash_resets, nullptr},
+                                       {"--inject", &Options::inject, nullptr},
+                                       {"--links", nullptr, use_links},
+                                       {"--watchdog", nullptr, use_watchdog},
+                                       {"--reset-cause", nullptr, use_reset_cause},
+                                       {"--log", nullptr, use_log}};
 
 } // namespace
 
 bool parse_options(int argc, char **argv, Options *options, int *exit_code) {
-    *exit_code = usage_error;
-    if (!use_robot(default_robot, options->values)) {
+    if (!parse_words(argc, argv, help, ", emulated Cortex-M7", rows, options, exit_code)) {
         return false;
-    }
-    for (int i = 1; i < argc; ++i) {
-        const char *name = argv[i];
-        if (answer(name)) {
-            *exit_code = 0;
-            return false;
-        }
-        if (take_flag(name, options)) {
-            continue;
-        }
-        if (i + 1 == argc) {
-            std::fprintf(stderr, "omni-firmware: '%s' is unknown or needs a value; see --help\n", name);
-            return false;
-        }
-        if (!take_option(name, argv[++i], options)) {
-            return false;
-        }
     }
     if (options->console_link && !(options->lockstep && options->log != nullptr)) {
         std::fputs("omni-firmware: --console-link needs --lockstep and --log\n", stderr);

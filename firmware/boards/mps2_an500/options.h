@@ -6,15 +6,13 @@
 #include <cstdint>
 
 #include "app/board.h"
-#include "app/core.h"
+#include "boards/common/option_loop.h"
 
 namespace omni {
 
-struct Options {
-    size_t link_count = 1; ///< UART0 and on, and the console
-    const char *storage = nullptr;
+struct Options : CommonOptions {
+    size_t link_count = 1;     ///< UART0 and on, and the console
     const char *log = nullptr; ///< file for text
-    bool lockstep = false;
     bool catch_up = false;
     bool crash_resets = false;
     bool inject = false;
@@ -22,7 +20,6 @@ struct Options {
     bool console_link = false;   ///< the last link is the console
     uint32_t watchdog_ms = 2000; ///< 0: off
     ResetCause reset_cause = ResetCause::power_on;
-    omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters
 };
 
 /// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been explained).

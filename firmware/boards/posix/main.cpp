@@ -233,7 +233,7 @@ void Process::run_due_ticks() {
 }
 
 int Process::run() {
-    omni_patience_init(&patience_, options_.looks);
+    omni_patience_init(&patience_, !options_.asleep);
     start_app();
     while (stop_wanted == 0) {
         if (options_.lockstep) {

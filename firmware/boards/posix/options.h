@@ -5,20 +5,17 @@
 #include <cstddef>
 
 #include "app/board.h"
-#include "app/core.h"
+#include "boards/common/option_loop.h"
 
 namespace omni {
 
-struct Options {
+struct Options : CommonOptions {
     const char *links[Board::max_ports] = {};
     size_t link_count = 0;
-    const char *storage = nullptr;
-    bool lockstep = false;
-    bool looks = true;                         ///< in lockstep, for the next sensors before it sleeps
-    bool end_with_stdin = false;               ///< end with whoever holds the other end of the pipe
-    uint8_t radios = 0b10;                     ///< a bit per link
-    bool radio_line = false;                   ///< the radio was asked for: its line has a baud rate
-    omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters
+    bool asleep = false;         ///< in lockstep: it does not look for the next sensors before it sleeps
+    bool end_with_stdin = false; ///< end with whoever holds the other end of the pipe
+    uint8_t radios = 0b10;       ///< a bit per link
+    bool radio_line = false;     ///< the radio was asked for: its line has a baud rate
 };
 
 /// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been explained).
