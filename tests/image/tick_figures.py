@@ -14,7 +14,7 @@ from tests.image.elf_call import ElfCall
 from tests.image.executed import Blocks, Code, Recorder
 from tests.image.guest import HERE, GuestSources, build_guest, run_guest
 from tests.image.parity_cores import FOLDER, core_includes, core_sources
-from tests.parity.budget_figures import CORE_TICK, WHOLE_TICK
+from tests.parity.budget_figures import CORE_TICK, whole_tick
 from tests.parity.builds import OUT, ROOT, BuildError, generate
 
 WARM_UP_TICKS = 400
@@ -60,7 +60,7 @@ def record_cases(image: Path, only_first: bool = False) -> tuple[Code, dict[str,
         machine.set_word(machine.symbols[_CASES], 1)
     cases = machine.word(machine.symbols[_CASES])
     rounds = _Rounds(machine)
-    recorder = Recorder(machine, code, machine.symbols[WHOLE_TICK], machine.symbols[CORE_TICK])
+    recorder = Recorder(machine, code, machine.symbols[whole_tick(machine.symbols)], machine.symbols[CORE_TICK])
     recorder.wanted = rounds.measuring
     exit_code, output = run_guest(machine, guest.stem)
     names = [line.split()[1] for line in output.splitlines() if line.startswith("tick ")]

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from tests.parity.budget_figures import whole_tick
 from tests.parity.budget_page import UPDATES, bus_us
 from tests.parity.budgets import LIMITS, PAGE, read_recorded, too_large
-from tests.parity.builds import GATE, Build, usable
+from tests.parity.builds import GATE, Build, BuildError, call, usable
 from tests.parity.compare import compare
 from tests.parity.stack_bound import LIBRARY_BYTES, StackBoundError, read_call_graph
 
@@ -75,3 +77,15 @@ def test_calls_through_pointers_count(tmp_path: Path) -> None:
 def test_three_pair_bursts_stay_within_the_bus_budget() -> None:
     assert bus_us(UPDATES["three pair bursts (ours)"], 1000) <= 300
     assert bus_us(UPDATES["six single-channel writes"], 100) == 3360
+
+
+def test_a_build_goes_around_ccache_which_loses_call_graphs() -> None:
+    program = "import os; print(os.environ['CCACHE_DISABLE'])"
+    assert call([sys.executable, "-c", program]).strip() == "1"
+
+
+def test_the_tick_is_found_whatever_its_arguments_are() -> None:
+    other = "_ZN4omni11ControlLoop6tickedEv"
+    assert whole_tick([other, "_ZN4omni11ControlLoop4tickEv"]) == "_ZN4omni11ControlLoop4tickEv"
+    with pytest.raises(BuildError, match="0 symbols"):
+        whole_tick([other])
