@@ -110,7 +110,7 @@ def _both(*_: Any) -> Any:
 
 def _no_checks() -> Any:
     return _patched(
-        omniwheel__cli__check_image__run_checks=lambda *_, **__: [], omniwheel__cli__check_image__report=_page
+        omniwheel__cli__check_image__run_checks=lambda *_, **__: [], omniwheel__cli__check_image__outcome_page=_page
     )
 
 

@@ -119,7 +119,7 @@ def no_radio() -> Iterator[None]:
     def link(*_: object) -> Iterator[Any]:
         yield SimpleNamespace(write=lambda data: None, read=lambda timeout_s: b"")
 
-    with patch("omniwheel.cli.legacy._radio_link", link):
+    with patch("omniwheel.cli.host_control._radio_link", link):
         yield
 
 
@@ -274,8 +274,8 @@ RULES = (
     Rule("mocap bridge", "--source simulated --duration 0.3", LINK, real_time_robot),
     Rule("mocap record", "--source simulated --duration 0.3", new="*.csv"),
     Rule("radio key new", new="robot.key"),
-    Rule("legacy motor", "--duration 0.1", during=no_radio),
-    Rule("legacy", "--simulate --duration 20", STAND_IN, codes=(0, 1)),
+    Rule("host-control motor", "--duration 0.1", during=no_radio),
+    Rule("host-control", "--simulate --duration 20", STAND_IN, codes=(0, 1)),
     Rule("params save", leave=LINK, during=robot, new="mine.toml"),
     Rule("params diff", leave=LINK, during=robot, codes=(0, 1)),
     Rule("params presets"),

@@ -150,7 +150,7 @@ def _result(robot: Robot, as_json: bool, **more: Any) -> None:
 @app.command(
     "velocity",
     cls=NumberCommand,
-    epilog=examples("omni drive velocity 0.1 0 0 --duration 2", "omni drive velocity 0 -0.1 0.5"),
+    epilog=examples("omni drive velocity 0.1 0 0 --duration 2", "omni drive velocity 0 -0.05 0.3"),
 )
 def velocity(
     vx: Annotated[float, typer.Argument(help="Forward \\[m/s].")],
@@ -345,7 +345,7 @@ def duty(
         _result(robot, as_json)
 
 
-@app.command("keys", epilog=examples("omni drive keys", "omni drive keys --speed 0.2 --turn 1"))
+@app.command("keys", epilog=examples("omni drive keys", "omni drive keys --speed 0.15 --turn 0.5"))
 def keys(
     speed: SpeedOption = 0.1,
     turn: TurnOption = 0.5,
