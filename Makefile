@@ -16,30 +16,41 @@ C_FILES = $(shell find shared/core firmware hil_sim host/native tests bench -nam
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
-.PHONY: help setup demo test lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
+.PHONY: help setup demo test lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
         mutants mutants-sample docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
-	@echo 'make demo         set up, then drive the simulated robot through the real firmware'
-	@echo 'make test         set up, then run the tests (make test ARGS="-k ekf")'
-	@echo 'make lint         formatters and linters     make format      apply the formatters'
-	@echo 'make bench        ours beside its peers      make sanitize    tests under ASan and UBSan'
-	@echo 'make bench-gates  instruction counts and ratios that must not get worse'
-	@echo 'make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
-	@echo 'make parity       the tick gives the same bits with every compiler and on the Cortex-M7'
-	@echo 'make budgets      instructions, stack and memory of the tick on the Cortex-M7'
-	@echo 'make tick-cycles  the same inside the image of make firmware, with cycles by LLVM'\''s Cortex-M7 model'
-	@echo 'make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
-	@echo 'make prove        the core has no run-time errors, for any input (docs/checks/proof.md)'
-	@echo 'make docs         the documentation as pages: build/docs/html/index.html'
-	@echo 'make mutants      does a test notice small changes of the core and the firmware (ARGS="--count 1100")?'
-	@echo 'make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
-	@echo 'make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
-	@echo 'make firmware-check        the image on an emulated Teensy: boots, drives, stops, survives power cuts'
-	@echo 'make firmware-memory       what the image takes, beside docs/guides/teensy.md (ARGS=--write puts it there)'
-	@echo 'make flash        the same, and upload it'
-	@echo 'make release      dist: .hex, .elf and report for each robot, the wheel, SHA256SUMS'
-	@echo 'make nightly      what takes hours; interrupted, it goes on where it was'
-	@echo 'make wheel        build dist/*.whl           make clean       remove everything generated'
+	@echo 'Begin here'
+	@echo '  make demo         set up, then drive the simulated robot through the real firmware'
+	@echo '  make setup        a virtual environment in .venv with everything built, editable'
+	@echo '  make docs         the documentation as pages: build/docs/html/index.html'
+	@echo 'Change something'
+	@echo '  make test         set up, then run the tests (make test ARGS="-k ekf" WORKERS=2)'
+	@echo '  make lint         formatters, linters, types, import directions, prose'
+	@echo '  make prose        long sentences and inside words of the documentation (part of make lint)'
+	@echo '  make format       apply the formatters'
+	@echo '  make sanitize     tests under ASan and UBSan'
+	@echo '  make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
+	@echo '  make prove        the core has no run-time errors, for any input (docs/checks/proof.md)'
+	@echo '  make mutants      does a test notice small changes of the core and the firmware (ARGS="--count 1100")?'
+	@echo '  make mutants-sample  a few of them, with a floor'
+	@echo 'Measure and compare'
+	@echo '  make core-checks  the core with gcc, clang and arm-none-eabi-gcc'
+	@echo '  make parity       the tick gives the same bits with every compiler and on the Cortex-M7'
+	@echo '  make budgets      instructions, stack and memory of the tick on the Cortex-M7'
+	@echo '  make tick-cycles  the same inside the image of make firmware, with cycles by LLVM'\''s Cortex-M7 model'
+	@echo '  make bench        ours beside its peers'
+	@echo '  make bench-gates  instruction counts and ratios that must not get worse'
+	@echo 'Put it on a robot'
+	@echo '  make firmware     build for the Teensy 4.0 (make firmware ROBOT=four_wheel, or a robot file)'
+	@echo '  make flash        the same, and upload it'
+	@echo '  make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
+	@echo '  make firmware-check        the image on an emulated Teensy: boots, drives, stops, survives power cuts'
+	@echo '  make firmware-memory       what the image takes, beside docs/guides/teensy.md (ARGS=--write puts it there)'
+	@echo 'Release'
+	@echo '  make wheel        build dist/*.whl'
+	@echo '  make release      dist: .hex, .elf and report for each robot, the wheel, SHA256SUMS'
+	@echo '  make nightly      what takes hours; interrupted, it goes on where it was'
+	@echo '  make clean        remove everything generated'
 
 # Another answer means that the emulated firmware can be built now, or no more.
 ARM_CXX := $(shell arm-none-eabi-g++ -fsyntax-only -x c++ -include atomic /dev/null 2>/dev/null && echo with-arm || echo without-arm)
@@ -131,6 +142,9 @@ lint: $(VENV)/stamp-lint
 	$(BIN)/python -m tests.structure.includes
 	$(BIN)/python -m tests.docs.prose
 	.ci/lint-c $(VENV)
+
+prose: $(VENV)/stamp-lint
+	$(BIN)/python -m tests.docs.prose $(ARGS)
 
 $(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install
 	$(PIP) install --no-build-isolation -e '.[docs]'
