@@ -314,6 +314,8 @@ RULES = (
     Rule("logs import", new="run1.npz"),
     Rule("logs"),
     Rule("plot"),
+    Rule("runs delete", answers="y\n"),
+    Rule("runs"),
     Rule("reproduce", "diagrams --quick"),
     Rule("", leave=LINK, during=robot),
 )
@@ -374,6 +376,7 @@ def make_files(folder: Path) -> None:
     for line in ("mocap record lap.csv --source simulated --duration 0.3", "hil logged.toml --out made"):
         assert CliRunner().invoke(app, line.split()).exit_code in (0, 1)
     run = next((folder / "made").iterdir())
-    shutil.copytree(run, folder / "runs" / "demo-seed1")
+    for name in ("demo-seed1", "demo-seed1-2", "drive-pose", "drive-pose-2"):
+        shutil.copytree(run, folder / "runs" / name)
     for name in ("flight", "drive", "other", "stand"):
         shutil.copy(run / "telemetry.tlog", folder / f"{name}.tlog")
