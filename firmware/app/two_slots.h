@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file two_slots.h  Content in non-volatile memory, in two slots written in turn, so that a power cut at any byte leaves the old or
+/// @file two_slots.h  Content in non-volatile memory, in two slots written in turn. A power cut at any byte leaves the old or
 /// the new content, never a mix. The rules are those of docs/reference/storage.md, for every format that is kept like that.
 #pragma once
 
@@ -17,8 +17,8 @@ struct Slot {
     uint32_t sequence = 0; ///< of valid ones the later counts
 };
 
-/// `Format` derives from this and knows its bytes: `slot_size()`, `place()` of slot 0 in the memory (slot 1 follows), `buffer_` of at
-/// least one slot, and `judge()`, which says what the buffer holds.
+/// `Format` derives from this and knows its bytes. `slot_size()` and `place()` say where slot 0 is; slot 1 follows. `buffer_` takes
+/// a slot, and `judge()` says what it holds.
 template <class Format>
 class TwoSlots {
 public:
