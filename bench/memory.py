@@ -30,7 +30,7 @@ def measure(options: Options) -> list[Table]:
         rows.append(Row(f"{count} runs", {PEAK: peak_kib(count) / 1024.0}))
     note = (
         "Resident memory of a whole Python process that does them in one call and keeps their rows "
-        f"({row_dtype().itemsize} bytes a run); Python with NumPy and this package loaded is most of it."
+        f"({row_dtype().itemsize} bytes a run). Python with NumPy and this package loaded is most of it."
     )
     return [Table("memory", "Monte Carlo: memory", (PEAK,), tuple(rows), note)]
 
