@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,8 @@ from rich.table import Table as RichTable
 
 from omniwheel import files
 from tests.parity.budget_page import replace_block
+
+PAGE_WIDTH = 120
 
 Cell = float | str | None
 """A figure, words, or nothing."""
@@ -39,7 +42,7 @@ class Table:
         """Return the lines for the page."""
         lines = [f"| {' | '.join([self.title, *self.columns])} |", "|---|" + "---:|" * len(self.columns)]
         lines += [f"| {' | '.join([row.label, *self._cells(row)])} |" for row in self.rows]
-        return [*lines, "", f"*{self.note}*"]
+        return [*lines, "", *textwrap.wrap(f"*{self.note}*", PAGE_WIDTH, break_on_hyphens=False)]
 
     def rich(self) -> RichTable:
         """Return the table for the terminal."""
