@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: MIT
+"""docs/how-to-add/message.md, followed word by word, gives a message that the robot fills and the host knows."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.native import generated_dir
+from tests.recipes.recipe import PAGES, Scratch, read_page
+
+
+def test_two_files_make_a_telemetry_message(tmp_path: Path) -> None:
+    """The generator takes both files, the firmware compiles with what it writes, and the host has the class."""
+    copy = Scratch(tmp_path / "copy")
+    copy.follow([edit for edit in read_page((PAGES / "message.md").read_text()) if edit.path.startswith("shared/")])
+    assert copy.touched() == ["shared/link/omni.xml", "shared/link/telemetry.toml"]
+    out = tmp_path / "generated"
+    program = [sys.executable, str(copy.root / "shared/generate/generate.py"), "--out", str(out)]
+    parts = ["--part", "tables", "--part", "mavlink-c", "--part", "mavlink-python"]
+    subprocess.run([*program, *parts], check=True, timeout=120)
+    classes = (out / "python" / "telemetry_gen.py").read_text(encoding="utf-8")
+    assert re.search(r"class Slip\(Telemetry\):.*residual_m_s: float", classes, re.DOTALL)
+    assert "MAVLink_omni_slip_message" in (out / "dialects" / "omni.py").read_text(encoding="utf-8")
+    folders = [copy.root / "firmware", copy.root / "shared/core/include", out / "include", generated_dir() / "include"]
+    includes = [f"-I{folder}" for folder in folders] + ["-isystem", str(out / "mavlink")]
+    source = str(copy.root / "firmware/app/reports.cpp")
+    words = ["g++", "-std=c++17", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", *includes, source]
+    subprocess.run(words, check=True, timeout=120)
