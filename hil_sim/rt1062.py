@@ -97,6 +97,7 @@ class Wiring:
     stop_button_pin: int | None = None
     battery_pin: int | None = None
     battery_divider: float = 1.0
+    motor_pins: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,7 @@ def wiring_of(robot: Robot) -> Wiring:
         board.stop_button_pin,
         board.battery_pin,
         board.battery_divider,
+        board.motor_pins,
     )
 
 
@@ -437,6 +439,8 @@ def _config(wiring: Wiring, options: Options) -> Any:
     config.seed = options.seed
     for wheel, pins in enumerate(config.encoder_pin):
         pins[0], pins[1] = wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (_NO_PIN, _NO_PIN)
+    for wheel, pins in enumerate(config.motor_pin):
+        pins[0], pins[1] = wiring.motor_pins[wheel] if wheel < len(wiring.motor_pins) else (_NO_PIN, _NO_PIN)
     config.output_enable_pin = _NO_PIN if wiring.output_enable_pin is None else wiring.output_enable_pin
     config.stop_button_pin = _NO_PIN if wiring.stop_button_pin is None else wiring.stop_button_pin
     config.battery_pin = _NO_PIN if wiring.battery_pin is None else wiring.battery_pin

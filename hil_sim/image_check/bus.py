@@ -99,8 +99,10 @@ def radio(context: Context) -> list[str]:
 
 
 CHECKS = (
-    Check("off-first", "the first thing on the bus stops all motors", motors_off_first),
-    Check("bus", "I2C bit times, one update per tick at two thirds of the chip's speed", timing, (CI, NIGHTLY)),
+    Check("off-first", "the first thing on the bus stops all motors", motors_off_first, chip=True),
+    Check(
+        "bus", "I2C bit times, one update per tick at two thirds of the chip's speed", timing, (CI, NIGHTLY), chip=True
+    ),
     Check("defaults", "every parameter is the robot file's", defaults, (CI, NIGHTLY)),
     Check("radio", "a ground station on the radio's line", radio, (CI, NIGHTLY)),
 )

@@ -21,3 +21,5 @@ class Check:
     what: str
     run: Callable[[Context], list[str]]
     depths: tuple[str, ...] = DEPTHS
+    chip: bool = False
+    """It is about the PWM chip and its bus: a robot whose motors hang on the processor's pins has none."""

@@ -155,7 +155,9 @@ def _first_update_s(edges: list[Edge]) -> float:
 
 
 CHECKS = (
-    Check("pwm-chip", "the PWM chip's registers, also after it was without power", set_up, (SHORT, CI, NIGHTLY)),
-    Check("chip-missing", "no arming before the PWM chip has answered", missing, (CI, NIGHTLY)),
-    Check("bus-clear", "a bus that was held is freed with a STOP, and goes on", freed, (CI, NIGHTLY)),
+    Check(
+        "pwm-chip", "the PWM chip's registers, also after it was without power", set_up, (SHORT, CI, NIGHTLY), chip=True
+    ),
+    Check("chip-missing", "no arming before the PWM chip has answered", missing, (CI, NIGHTLY), chip=True),
+    Check("bus-clear", "a bus that was held is freed with a STOP, and goes on", freed, (CI, NIGHTLY), chip=True),
 )

@@ -135,7 +135,7 @@ def _path_scenario(context: Context) -> Scenario:
         "scenario": {
             "name": "path",
             "description": "a circle without slip",
-            "robot": robot.name,
+            "robot": robot.source,
             "seed": context.seed,
             "duration_s": PATH_S + 1.0,
         },

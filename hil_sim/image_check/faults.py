@@ -39,6 +39,8 @@ NOT_AT_THE_PINS = {
 """Cases that no wire can show, and why; host-in-the-loop they can be shown."""
 BATTERY = ("battery_low", "battery_dip")
 BUTTON = "stop_button"
+BUS = "driver"
+"""What the robot says of a chip or a bus that fails."""
 THREE = 3
 
 
@@ -51,6 +53,9 @@ def faults_at_the_pins(context: Context) -> list[str]:
         reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: nothing stands still"
     if context.scenario.robot.board.stop_button_pin is None:
         reasons[BUTTON] = "this robot has none"
+    if context.scenario.robot.board.motor_pins:
+        buses = [case.name for case in (*CASES, *EXTRA) if case.stops == BUS]
+        reasons.update(dict.fromkeys(buses, "this robot has no PWM chip"))
     values = context.scenario.parameter_values()
     figures = []
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:
@@ -63,7 +68,7 @@ def faults_at_the_pins(context: Context) -> list[str]:
 
 def _left_out(reasons: Mapping[str, str]) -> list[str]:
     """Say what was not tried, and why."""
-    what = {case.name: case.what for case in CASES}
+    what = {case.name: case.what for case in (*CASES, *EXTRA)}
     return [
         f"not tried: {', '.join(what[name] for name in reasons if reasons[name] == reason)} ({reason})"
         for reason in dict.fromkeys(reasons.values())

@@ -28,6 +28,7 @@ WATCHDOG_EARLY_S = 0.01
 """Its clock is 2.4 % fast, and the last time that both ran may be a tick and a pass of the main loop ago."""
 TICK_S = 0.001
 OFF_INSTRUCTIONS = 20
+PINS_LOW_S = 0.002
 """From the bad code to the output-enable pin: in the handler's first instructions, says docs/guides/teensy.md."""
 SAID_S = 0.8
 HANG = 20
@@ -147,6 +148,11 @@ def _crash(bench: Bench, what: str, says: str) -> str:
 def _output_off(bench: Bench, what: str) -> str:
     """Count the instructions from a fault to the output-enable pin's release. Raises CheckError."""
     machine, pin = bench.machine, bench.scenario.robot.board.output_enable_pin
+    if pin is None and bench.scenario.robot.board.motor_pins:
+        bench.advance(PINS_LOW_S)
+        if bench.powered:
+            raise CheckError(f"{what}: a motor's pin is still high {1e3 * PINS_LOW_S:g} ms later")
+        return f"{what}: the motors' pins are low within {1e3 * PINS_LOW_S:g} ms"
     if pin is None:
         return f"{what}: no output-enable pin is wired"
     if machine.pin(pin) != 0:

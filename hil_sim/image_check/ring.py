@@ -64,5 +64,5 @@ def off_before_erases(context: Context) -> list[str]:
 
 CHECKS = (
     Check("late-erases", "saves that must erase a sector while the robot ticks", erase_while_ticking, (CI, NIGHTLY)),
-    Check("off-before-erases", "motors off before a start erases sectors", off_before_erases, (CI, NIGHTLY)),
+    Check("off-before-erases", "motors off before a start erases sectors", off_before_erases, (CI, NIGHTLY), chip=True),
 )

@@ -23,7 +23,7 @@ BURST = 40
 BURST_READ_S = TICK_S
 """The USB port passes such a burst on within a tick."""
 RADIO_BYTE_S = 10 / 9600
-TURN_RAD_S = 1.0
+TURN_RAD_S = 0.5
 
 
 def driving(bench: Bench) -> Robot:

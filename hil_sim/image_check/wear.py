@@ -117,5 +117,5 @@ def _to_background(machine: Machine) -> None:
 CHECKS = (
     Check("worn-flash", "cells of flash memory that cannot be programmed any more", worn_cells, (CI, NIGHTLY)),
     Check("flash-beside", "saves change nothing beside the store", only_its_own, (CI, NIGHTLY)),
-    Check("erase-wait", "an erase waits for the bus, and no longer", waits_no_longer, (CI, NIGHTLY)),
+    Check("erase-wait", "an erase waits for the bus, and no longer", waits_no_longer, (CI, NIGHTLY), chip=True),
 )

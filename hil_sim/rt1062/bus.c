@@ -24,7 +24,7 @@ const rt_device_t *const rt_devices[] = {
     &rt_enc,         /* quadrature decoders */
     &rt_pit,         /* interval timers */
     &rt_adc,         /* converters */
-    &rt_flexpwm,     /* pulses: set up, never used */
+    &rt_flexpwm,     /* pulses */
     &rt_quad_timers, /* the same */
     &rt_lpi2c1,      /* I2C */
     &rt_lpuart6,     /* Serial1 */

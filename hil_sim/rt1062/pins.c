@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "pins.h"
 
+#include <math.h>
+
 #include "devices.h"
 #include "handlers.h"
 #include "hil_sim/random.h"
@@ -8,6 +10,7 @@
 #include "lpi2c.h"
 #include "machine.h"
 #include "pads.h"
+#include "pwm.h"
 
 enum { STEP_us = 1000, STEP_ns = 1000000, STREAM_NOISE = 0x4E4F4953 };
 
@@ -107,6 +110,31 @@ static void plan_edges(rt1062_t *m) {
     schedule_edge(m);
 }
 
+/* ------------------------------------------------------------------ motors without a PWM chip */
+
+static uint16_t motor_steps(rt1062_t *m, uint32_t pad) {
+    enum { STEPS = 4096 };
+    rt_pulses_t pulses;
+    if (!rt_pwm_pulses(m, pad, &pulses)) {
+        return m->s.pads.level[pad] == 1 ? STEPS : 0;
+    }
+    const double wanted_Hz = m->world->config.motor_pwm_Hz;
+    if (fabs(pulses.frequency_Hz - wanted_Hz) > 0.01 * wanted_Hz) {
+        rt_finding(m, RT1062_FINDING_PINS, "a motor's pin has pulses at %.0f Hz; the robot file says %.0f", pulses.frequency_Hz,
+                   wanted_Hz);
+    }
+    return (uint16_t)(pulses.share * STEPS + 0.5);
+}
+
+static void show_motor_pins(rt1062_t *m) {
+    uint16_t steps[2 * HIL_MAX_WHEELS] = {0};
+    for (uint32_t i = 0; i < 2 * m->world->config.wheels; i++) {
+        const uint32_t pad = rt_pad_of_pin(m->config.motor_pin[i / 2][i % 2]);
+        steps[i] = pad != RT_NO_PAD ? motor_steps(m, pad) : 0;
+    }
+    hil_world_motor_pins(m->world, steps);
+}
+
 /* ------------------------------------------------------------------ the world's millisecond */
 
 static bool refuses_faults(rt1062_t *m) {
@@ -150,6 +178,7 @@ static void show_faults(rt1062_t *m) {
 
 void rt_world_event(rt1062_t *m) {
     rt_i2c_sync(m);
+    show_motor_pins(m);
     hil_world_step(m->world, STEP_us);
     m->s.pins.begin_ns += STEP_ns;
     if (refuses_faults(m)) {
@@ -203,6 +232,9 @@ static void connect(rt1062_t *m) {
     pull(m, RT_PAD_SCL, 1);
     pull(m, RT_PAD_SDA, 1);
     pull(m, output_enable_pad(m), 1);
+    for (uint32_t i = 0; i < 2 * HIL_MAX_WHEELS; i++) {
+        pull(m, rt_pad_of_pin(m->config.motor_pin[i / 2][i % 2]), 0);
+    }
     int32_t counts[HIL_MAX_WHEELS] = {0};
     hil_world_counts(m->world, counts);
     for (uint32_t i = 0; i < m->world->config.wheels; i++) {
@@ -210,6 +242,7 @@ static void connect(rt1062_t *m) {
         show_levels(m, i, 0);
     }
     show_output_enable(m);
+    show_motor_pins(m);
     refuses_faults(m);
     show_faults(m);
     rt_schedule(m, RT_EVENT_WORLD, m->s.pins.begin_ns + STEP_ns);
@@ -248,6 +281,7 @@ static void reset(rt1062_t *m) {
         return;
     }
     if (m->s.pins.connected) {
+        show_motor_pins(m);
         rt_schedule(m, RT_EVENT_WORLD, m->s.pins.begin_ns + STEP_ns);
         rt_schedule(m, RT_EVENT_NOISE, m->s.pins.noise.on ? rt_now(m) : RT_NEVER);
         schedule_edge(m);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pins.h
- * The robot at the chip's pins: encoders, PWM chip with its output-enable pin, stop button, battery. The world goes on by 1 ms of
+ * The robot at the chip's pins: encoders, PWM chip with its output-enable pin or motors at PWM pins, stop button, battery. The world goes on by 1 ms of
  * the machine's time at a time; what its encoders counted in that millisecond comes as edges, spread evenly over the
  * next one.
  *

@@ -95,6 +95,7 @@ typedef struct rt_state_t {
     rt_flexspi_t flexspi;
     rt_nor_t nor;
     rt_flexpwm_t flexpwm[RT_FLEXPWMS];
+    rt_quad_timer_t quad_timer[RT_QUAD_TIMERS];
     rt_pads_t pads;
     rt_gpr_t gpr;
     rt_gpio_t gpio[RT_GPIO_PORTS];

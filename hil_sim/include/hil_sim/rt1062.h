@@ -86,6 +86,7 @@ typedef struct rt1062_config_t {
                         half as fast again. Without it such an access goes through */
     uint64_t seed; /**< of everything that is drawn at random: erase times, bits of a write cut off, RAM at power-on */
     uint8_t encoder_pin[HIL_MAX_WHEELS][2]; /**< Teensy pin numbers of A and B, RT1062_NO_PIN: none */
+    uint8_t motor_pin[HIL_MAX_WHEELS][2];   /**< of motors without a PWM chip; RT1062_NO_PIN: none. Each is pulled down */
     uint8_t output_enable_pin;              /**< RT1062_NO_PIN: not wired */
     uint8_t stop_button_pin;                /**< RT1062_NO_PIN: none */
     uint8_t battery_pin;                    /**< RT1062_NO_PIN: not measured */
