@@ -52,6 +52,11 @@ def bridge_mind(plan: WiringPlan) -> str:
     )
 
 
+def pull_down_mind() -> str:
+    """Return the advice on the resistors at the motors' pins."""
+    return "10 kΩ from each wire to ground: in reset nothing else holds it low"
+
+
 def button_mind() -> str:
     """Return the advice on the stop button's contact and its current."""
     weak, strong = 1e3 * electrics.button_A(), 1e3 * electrics.button_A(electrics.BUTTON_PULL_UP_OHM)
@@ -71,6 +76,8 @@ def divider_mind(plan: WiringPlan) -> str:
 
 
 def _bus(plan: WiringPlan) -> list[Connection]:
+    if not plan.chip:
+        return []
     return [
         Connection(f"Teensy {SDA} (SDA), {SCL} (SCL)", "PCA9685 SDA, SCL", bus_mind(plan)),
         Connection("Teensy 3.3 V", "PCA9685 VCC", "never 5 V: its pull-ups would put 5 V onto the Teensy's pins"),
@@ -78,6 +85,9 @@ def _bus(plan: WiringPlan) -> list[Connection]:
 
 
 def _output_enable(plan: WiringPlan) -> list[Connection]:
+    if not plan.chip:
+        pin = plan.output_enable_pin
+        return [] if pin is None else [Connection(f"Teensy {pin}", "OE of the bridges' buffer", "1 kΩ to 3.3 V")]
     if plan.output_enable_pin is None:
         return [Connection("ground", "PCA9685 OE", "not wired to the Teensy: only the bus can stop a motor")]
     return [Connection(f"Teensy {plan.output_enable_pin}", "PCA9685 OE", oe_mind())]
@@ -86,10 +96,12 @@ def _output_enable(plan: WiringPlan) -> list[Connection]:
 def _wheels(plan: WiringPlan) -> list[Connection]:
     numbers = ", ".join(str(wheel.number) for wheel in plan.wheels)
     channels = ", ".join(f"{wheel.in1_channel}/{wheel.in2_channel}" for wheel in plan.wheels)
-    found = [
-        Connection(f"PCA9685 channels {channels}", f"IN1/IN2 of the DRV8871 of wheel {numbers}", ""),
-        Connection("DRV8871 OUT1, OUT2", "its motor", bridge_mind(plan)),
-    ]
+    bridge = Connection("DRV8871 OUT1, OUT2", "its motor", bridge_mind(plan))
+    found = [Connection(f"PCA9685 channels {channels}", f"IN1/IN2 of the DRV8871 of wheel {numbers}", ""), bridge]
+    if not plan.chip:
+        motors = ", ".join("/".join(map(str, wheel.motor_pins or ())) for wheel in plan.wheels)
+        end = f"{'/'.join(plan.motor_inputs)} of the bridge of wheel {numbers}"
+        found = [Connection(f"Teensy {motors}", end, pull_down_mind()), bridge]
     if plan.encoders:
         pins = ", ".join("/".join(map(str, wheel.encoder_pins or ())) for wheel in plan.wheels)
         mind = "5 V encoders through a level shifter: the Teensy's pins bear 3.3 V"
@@ -128,6 +140,6 @@ def _supplies(plan: WiringPlan) -> list[Connection]:
         Connection("5 V regulator, or USB alone", "Teensy VIN", both),
         *(shifter if plan.encoders else []),
         Connection("battery, fuse, switch", "VM of every DRV8871", f"{plan.supply_V:g} V; the switch within reach"),
-        Connection("nothing", "PCA9685 V+", "not used: it only feeds servos"),
+        *([Connection("nothing", "PCA9685 V+", "not used: it only feeds servos")] if plan.chip else []),
         Connection("all grounds", "one point", "motor currents must not flow through the Teensy's ground wire"),
     ]

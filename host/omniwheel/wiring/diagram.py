@@ -46,12 +46,16 @@ def draw_wiring(plan: WiringPlan) -> str:
     if plan.warnings:
         sheet.text((WIDTH - LEFT, 44), "Read the warning below", anchor="end", size=17, bold=True, kind="warning")
     _draw_shifter(sheet, plan, wheels_end)
-    _draw_chip(sheet, wheels_end)
+    if plan.chip:
+        _draw_chip(sheet, wheels_end)
+    else:
+        _draw_motor_pins(sheet, plan, wheels_end)
     _draw_teensy(sheet, parts_end)
     for wheel in plan.wheels:
         _draw_encoder(sheet, wheel, _row(wheel.number))
-        _draw_bridge(sheet, wheel, _row(wheel.number))
-    _draw_between(sheet, plan)
+        _draw_bridge(sheet, plan, wheel, _row(wheel.number))
+    if plan.chip:
+        _draw_between(sheet, plan)
     _draw_radio(sheet, radio)
     if plan.battery_pin is not None:
         _draw_divider(sheet, plan, radio + RADIO_H)
@@ -91,17 +95,19 @@ def _draw_encoder(sheet: Sheet, wheel: WheelWiring, y: float) -> None:
         sheet.text((TEENSY_X + 10, line_y + 5), str(pin), bold=True)
 
 
-def _draw_bridge(sheet: Sheet, wheel: WheelWiring, y: float) -> None:
+def _draw_bridge(sheet: Sheet, plan: WiringPlan, wheel: WheelWiring, y: float) -> None:
     top, height = PART
+    numbers = wheel.motor_pins or (wheel.in1_channel, wheel.in2_channel)
+    ends = zip(plan.motor_inputs, "12", (FIRST, SECOND), numbers, strict=True)
     sheet.box((BRIDGE_X, y + top), BRIDGE_W, height)
     sheet.text((BRIDGE_X + BRIDGE_W / 2, y + top + 18), f"DRV8871 {wheel.number}", anchor="middle", bold=True)
     sheet.flag((BRIDGE_X + BRIDGE_W / 2, y + top), "VM", MOTOR)
-    for name, offset, channel in (("1", FIRST, wheel.in1_channel), ("2", SECOND, wheel.in2_channel)):
+    for name, output, offset, number in ends:
         line_y = y + offset
-        sheet.text((CHIP_X + CHIP_W - 10, line_y + 5), str(channel), anchor="end", bold=True)
+        sheet.text((CHIP_X + CHIP_W - 10, line_y + 5), str(number), anchor="end", bold=True)
         sheet.line(SIGNAL, (CHIP_X + CHIP_W, line_y), (BRIDGE_X, line_y))
-        sheet.text((BRIDGE_X + 8, line_y + 5), f"IN{name}", size=SMALL)
-        sheet.text((BRIDGE_X + BRIDGE_W - 8, line_y + 5), f"OUT{name}", anchor="end", size=SMALL)
+        sheet.text((BRIDGE_X + 8, line_y + 5), name, size=SMALL)
+        sheet.text((BRIDGE_X + BRIDGE_W - 8, line_y + 5), f"OUT{output}", anchor="end", size=SMALL)
         sheet.line(MOTOR, (BRIDGE_X + BRIDGE_W, line_y), (MOTOR_X - 20, line_y))
     sheet.circle((MOTOR_X, y + (FIRST + SECOND) / 2), 28)
     sheet.text((MOTOR_X, y + (FIRST + SECOND) / 2 + 6), f"M{wheel.number}", anchor="middle", size=18, bold=True)
@@ -128,6 +134,22 @@ def _draw_shifter(sheet: Sheet, plan: WiringPlan, end: float) -> None:
     sheet.text((SHIFTER_X + SHIFTER_W / 2, top + 126), "5 V to 3.3 V", anchor="middle", size=SMALL)
     sheet.ground((SHIFTER_X + SHIFTER_W / 2, end - 36))
     sheet.marker((SHIFTER_X + SHIFTER_W / 2, top - 14), Note.ENCODERS)
+
+
+def _draw_motor_pins(sheet: Sheet, plan: WiringPlan, end: float) -> None:
+    """Draw what stands in the chip's place where there is none: the Teensy's pins again, each with its resistor."""
+    top = ROWS + PART[0]
+    middle = CHIP_X + CHIP_W / 2
+    bottom = end - 36
+    sheet.box((CHIP_X, top), CHIP_W, bottom - top)
+    sheet.text((middle, top - 12), "Teensy 4.0, motor pins", anchor="middle", size=16, bold=True)
+    sheet.text((CHIP_X + CHIP_W - 10, top + 18), "pin", anchor="end", size=SMALL)
+    for words, offset in (("each wire: 10 kΩ", 48), ("to ground", 30)):
+        sheet.text((middle, bottom - offset), words, anchor="middle", size=SMALL)
+    sheet.ground((middle, bottom))
+    sheet.marker((CHIP_X - 16, top + 8), Note.CHIP_SUPPLY)
+    if plan.output_enable_pin is not None:
+        sheet.text((middle, bottom - 84), f"enable: pin {plan.output_enable_pin}", anchor="middle", size=SMALL)
 
 
 def _draw_chip(sheet: Sheet, end: float) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from omniwheel.wiring import electrics
-from omniwheel.wiring.connections import bridge_mind, bus_mind, button_mind, divider_mind, oe_mind
+from omniwheel.wiring.connections import bridge_mind, bus_mind, button_mind, divider_mind, oe_mind, pull_down_mind
 from omniwheel.wiring.plan import WiringPlan
 from omniwheel.wiring.sheet import LINE_HEIGHT, MOTOR, SIGNAL, SMALL, SUPPLY, Point, Sheet
 
@@ -47,6 +47,9 @@ def note_texts(plan: WiringPlan) -> dict[Note, str]:
         f"{1e3 * electrics.LOGIC_SUPPLY_A:g} mA in all: an XBee-PRO needs its own regulator.",
         Note.GROUND: "Motor currents must not flow through the Teensy's ground wire.",
     }
+    if not plan.chip:
+        del texts[Note.BUS], texts[Note.OUTPUT_ENABLE]
+        texts[Note.CHIP_SUPPLY] = f"Motor pins: {pull_down_mind()}."
     if not plan.encoders:
         del texts[Note.ENCODERS]
     if plan.battery_pin is not None:

@@ -9,6 +9,7 @@ from math import pi
 
 from omni_schema import EncoderPlan, Robot, plan_encoders
 from omni_schema.encoder_plan import INTERRUPTS_PER_S
+from omni_schema.wiring import CHIP_DRIVER
 from omniwheel.wiring.electrics import BRIDGE_SUPPLY_V, LOGIC_V
 
 ON_BOARD_LIGHT = 13
@@ -20,17 +21,26 @@ NO_OE = (
     "with their last duties until the motor switch is off; if the processor hangs, until the watchdog has restarted "
     "it. To mend it: output_enable_pin."
 )
+NO_ENABLE = (
+    "No output-enable pin: only the motors' own pins can stop a motor. If the processor hangs, they go on until the "
+    "watchdog has restarted it; then the resistors to ground take over. To mend it: output_enable_pin, to bridges or a "
+    "buffer with an enable input that is active low."
+)
 NO_TEENSY_BUILD = "The firmware for a Teensy cannot be built from this file: {problem}."
 
 
 @dataclass(frozen=True)
 class WheelWiring:
-    """One wheel: number from 1, channels of IN1 and IN2, pins of encoder A and B (None: not given)."""
+    """One wheel: number from 1, channels of IN1 and IN2, pins of encoder A and B (None: not given).
+
+    ``motor_pins`` are the Teensy's, of a motor without a PWM chip; None with one.
+    """
 
     number: int
     in1_channel: int
     in2_channel: int
     encoder_pins: tuple[int, int] | None
+    motor_pins: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -47,7 +57,18 @@ class WiringPlan:
     i2c_speed_Hz: int
     supply_V: float
     stall_A: float
+    motor_driver: str
     warnings: tuple[str, ...]
+
+    @property
+    def chip(self) -> bool:
+        """Whether a PWM chip drives the bridges."""
+        return self.wheels[0].motor_pins is None
+
+    @property
+    def motor_inputs(self) -> tuple[str, str]:
+        """Names of the two inputs of a motor's bridge."""
+        return ("PWM", "DIR") if self.motor_driver == "pwm_dir" else ("IN1", "IN2")
 
     @property
     def encoders(self) -> bool:
@@ -69,6 +90,7 @@ def plan_wiring(robot: Robot) -> WiringPlan:
             in1_channel=int(values[f"W{n}_IN1_CH"]),
             in2_channel=int(values[f"W{n}_IN2_CH"]),
             encoder_pins=board.encoder_pins[n - 1] if board.encoder_pins else None,
+            motor_pins=board.motor_pins[n - 1] if board.motor_pins else None,
         )
         for n in range(1, robot.wheels + 1)
     )
@@ -84,6 +106,7 @@ def plan_wiring(robot: Robot) -> WiringPlan:
         i2c_speed_Hz=board.i2c_speed_Hz,
         supply_V=supply_V,
         stall_A=supply_V / values["MOT_R"],
+        motor_driver=str(robot.wiring.get("motor_driver", CHIP_DRIVER)),
         warnings=tuple(_warnings(robot, wheels, supply_V)),
     )
 
@@ -91,14 +114,15 @@ def plan_wiring(robot: Robot) -> WiringPlan:
 def _warnings(robot: Robot, wheels: tuple[WheelWiring, ...], supply_V: float) -> list[str]:
     board = robot.board
     found = []
+    chip = not board.motor_pins
     if board.output_enable_pin is None:
-        found.append(NO_OE)
+        found.append(NO_OE if chip else NO_ENABLE)
     encoders = plan_encoders(board)
     found += [NO_TEENSY_BUILD.format(problem=problem) for problem in encoders.problems]
     found += _too_fast(robot, encoders)
     used = Counter(channel for wheel in wheels for channel in (wheel.in1_channel, wheel.in2_channel))
     twice = [str(channel) for channel, count in sorted(used.items()) if count > 1]
-    if twice:
+    if twice and chip:
         found.append(f"PCA9685 channel {', '.join(twice)} is used twice: every bridge input needs its own.")
     low, high = BRIDGE_SUPPLY_V
     if not low <= supply_V <= high:

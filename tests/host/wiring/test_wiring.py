@@ -63,7 +63,14 @@ def strange(seed: int) -> Robot:
     return robot(template, tuple(gone), **wiring)
 
 
+def without_chip(driver: str, **wiring: Any) -> Robot:
+    pins = {"motor_driver": driver, "motor_pins": [[10, 11], [14, 15], [22, 23]]}
+    return robot("three_wheel", ("in1_channel", "in2_channel", "output_enable_pin"), **{**pins, **wiring})
+
+
 ROBOTS = [
+    pytest.param(without_chip("in1_in2"), id="motors on pins"),
+    pytest.param(without_chip("pwm_dir", output_enable_pin=9, stop_button_pin=12), id="motors on pins, enable"),
     *(pytest.param(read_robot(name), id=name) for name in robot_names()),
     pytest.param(robot("four_wheel", ("encoder_pins", "output_enable_pin"), in1_channel=[15] * 4), id="all wrong"),
     *(pytest.param(strange(seed), id=f"strange {seed}") for seed in range(12)),
@@ -102,12 +109,13 @@ def test_every_pin_and_channel_is_at_the_end_of_its_wire(file: Robot) -> None:
     drawing = Drawing(draw_wiring(plan))
     for wheel in plan.wheels:
         box = next(text for text in drawing.texts if text.what == f"DRV8871 {wheel.number}")
-        for name, channel in (("IN1", wheel.in1_channel), ("IN2", wheel.in2_channel)):
+        numbers = wheel.motor_pins or (wheel.in1_channel, wheel.in2_channel)
+        for name, number in zip(plan.motor_inputs, numbers, strict=True):
             (pin,) = [t for t in drawing.texts if t.what == name and 0 < t.bottom - box.bottom < 60]
             row = [
                 t.what for t in drawing.texts if abs(t.bottom - pin.bottom) < 6 and pin.left - 200 < t.left < pin.left
             ]
-            assert str(channel) in row
+            assert str(number) in row
         if wheel.encoder_pins is None:
             continue
         for name, number in zip("AB", wheel.encoder_pins, strict=True):
@@ -116,7 +124,7 @@ def test_every_pin_and_channel_is_at_the_end_of_its_wire(file: Robot) -> None:
             right = max(t.right for t in lane)
             beyond = [t for t in drawing.texts if abs(t.bottom - lane[0].bottom) < 6 and t.left > right]
             assert min(beyond, key=lambda t: t.left).what == str(number)
-    if plan.output_enable_pin is not None:
+    if plan.output_enable_pin is not None and plan.chip:
         enable = drawing.row_of("OE")
         row = [text.what for text in drawing.texts if abs(text.bottom - enable) < 6]
         assert str(plan.output_enable_pin) in row
