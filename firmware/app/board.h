@@ -105,10 +105,10 @@ struct MotorPinSteps {
 class MotorPins {
 public:
     /// The pins lead to bridges of this kind. @param driver omni_mot_driver.
-    virtual bool serve(uint8_t driver) = 0;
+    virtual bool serves_driver(uint8_t driver) = 0;
     /// Called from the tick. @param steps one entry per wheel.
     /// @return false if a pin does not give what it was told before: its timer has lost its settings. They are then set anew.
-    virtual bool write(const MotorPinSteps *steps, size_t wheels) = 0;
+    virtual bool set_steps(const MotorPinSteps *steps, size_t wheels) = 0;
 
 protected:
     ~MotorPins() = default;

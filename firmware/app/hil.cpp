@@ -59,7 +59,7 @@ uint8_t HilBus::take(uint8_t *out) {
     return length;
 }
 
-bool HilMotorPins::write(const MotorPinSteps *steps, size_t wheels) {
+bool HilMotorPins::set_steps(const MotorPinSteps *steps, size_t wheels) {
     std::copy(steps, steps + wheels, steps_);
     return true;
 }

@@ -51,8 +51,8 @@ private:
 /// The motors' PWM pins. Which of them the simulated robot has, and what is behind them, is the world's business.
 class HilMotorPins final : public MotorPins {
 public:
-    bool serve(uint8_t) override { return true; }
-    bool write(const MotorPinSteps *steps, size_t wheels) override;
+    bool serves_driver(uint8_t) override { return true; }
+    bool set_steps(const MotorPinSteps *steps, size_t wheels) override;
     void restart() { std::fill(steps_, steps_ + OMNI_MAX_WHEELS, MotorPinSteps{}); }
     /// As in OMNI_HIL_ACTUATORS.motor_pins.
     const MotorPinSteps *steps() const { return steps_; }

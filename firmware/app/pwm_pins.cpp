@@ -17,7 +17,7 @@ void PwmPins::drive(MotorWires &wires, uint64_t, const omni_real_t *duty, bool o
     for (size_t i = 0; i < wheels_; ++i) {
         steps[i] = steps_of(omni_bridge_counts(duty[i], on));
     }
-    if (wires.pins->write(steps, wheels_)) {
+    if (wires.pins->set_steps(steps, wheels_)) {
         ready_ = true;
         failures_ = 0;
     } else {
@@ -27,10 +27,10 @@ void PwmPins::drive(MotorWires &wires, uint64_t, const omni_real_t *duty, bool o
 }
 
 bool PwmPins::all_off(MotorWires &wires) {
-    restart();
+    PwmPins::restart();
     if (wired(wires)) {
         const MotorPinSteps low[OMNI_MAX_WHEELS];
-        wires.pins->write(low, OMNI_MAX_WHEELS);
+        wires.pins->set_steps(low, OMNI_MAX_WHEELS);
     }
     return true;
 }

@@ -33,7 +33,7 @@ protected:
     virtual MotorPinSteps steps_of(const omni_bridge_counts_t &bridge) const = 0;
 
 private:
-    bool wired(const MotorWires &wires) const { return wires.pins != nullptr && wires.pins->serve(driver_); }
+    bool wired(const MotorWires &wires) const { return wires.pins != nullptr && wires.pins->serves_driver(driver_); }
 
     const uint8_t driver_;
     uint8_t wheels_ = 0;

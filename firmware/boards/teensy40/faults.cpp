@@ -3,6 +3,8 @@
 
 #include <Arduino.h>
 
+#include <cstddef>
+
 // Of Teensyduino's start-up, declared in no header: handles every exception and interrupt that nobody has asked for.
 extern "C" void unused_interrupt_vector();
 
@@ -25,6 +27,14 @@ void set_on_fault(volatile uint32_t *register_address, uint32_t mask) {
         }
     }
     _VectorsRam[first_interrupt + IRQ_TEMPERATURE_PANIC] = omni_on_fault;
+}
+
+void on_fault(volatile uint32_t *address, uint32_t value) {
+    static size_t used = 0;
+    if (used < OMNI_FAULT_WRITES) {
+        omni_fault_writes[used++] = {address, value};
+    }
+    set_on_fault(omni_fault_register, omni_fault_mask); // the vectors, on a robot without an output-enable pin
 }
 
 } // namespace omni

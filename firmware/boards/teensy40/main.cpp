@@ -10,6 +10,7 @@
 #include "boards/teensy40/encoders.h"
 #include "boards/teensy40/i2c.h"
 #include "boards/teensy40/memory.h"
+#include "boards/teensy40/motor_pins.h"
 #include "boards/teensy40/motor_stop.h"
 #include "boards/teensy40/pins.h"
 #include "boards/teensy40/ports.h"
@@ -52,6 +53,7 @@ private:
     RadioPort radio_;
     Teensy40Encoders encoders_;
     Teensy40I2c i2c_;
+    Teensy40MotorPins motor_pins_;
     MotorStop motor_stop_;
     Battery battery_{battery_wired ? static_cast<uint8_t>(wiring::battery_pin) : uint8_t{0}, wiring::battery_divider};
     IntervalTimer timer_;
@@ -71,8 +73,11 @@ float battery_V() {
     return machine().battery_V();
 }
 
-/// The loop sees the I2C interrupt no more than the tick does: half-way.
+/// The loop sees the I2C interrupt no more than the tick does: half-way. Without a chip begin() has stopped them already.
 void Teensy40::stop_motors() {
+    if (Teensy40MotorPins::wired()) {
+        return;
+    }
     const uint64_t begin_us = clock_.now_us();
     bool stopped = false;
     while (!stopped && clock_.now_us() - begin_us < motor_stop_us) {
@@ -84,6 +89,7 @@ void Teensy40::stop_motors() {
 /// Motors first: erasing flash memory may take seconds. Everything that may take long comes before the watchdog is started.
 Board Teensy40::begin() {
     output_enable_.begin();
+    motor_pins_.begin();
     paint_stack();
     i2c_.begin();
     stop_motors();
@@ -102,6 +108,7 @@ Board Teensy40::begin() {
     board.encoders = &encoders_;
     board.i2c = &i2c_;
     board.output_enable = &output_enable_;
+    board.motor_pins = Teensy40MotorPins::wired() ? &motor_pins_ : nullptr;
     board.stop_button = Teensy40StopButton::wired() ? &stop_button_ : nullptr;
     board.light = &light_;
     board.ports[0] = &usb_;
@@ -127,6 +134,7 @@ void Teensy40::tick() {
     watchdog_.tick();
     if (usb_.upload_asked()) {
         output_enable_.set(false);
+        Teensy40MotorPins::drive_low();
         motor_stop_.step(i2c_);
         return;
     }
@@ -150,6 +158,7 @@ void Teensy40::reboot() {
     }
     timer_.end();
     output_enable_.set(false);
+    Teensy40MotorPins::drive_low();
     watchdog_.reset();
 }
 

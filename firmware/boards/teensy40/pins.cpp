@@ -4,6 +4,7 @@
 #include <Arduino.h>
 
 #include "boards/teensy40/faults.h"
+#include "boards/teensy40/motor_pins.h"
 #include "omni/wiring_gen.h"
 
 namespace omni {
@@ -79,4 +80,5 @@ extern "C" void startup_middle_hook() {
     if (omni::oe_wired) {
         omni::drive_outputs_off();
     }
+    omni::Teensy40MotorPins::drive_low();
 }

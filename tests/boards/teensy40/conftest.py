@@ -14,7 +14,18 @@ from tests.native import ROOT, build_library, generated_dir
 HERE = Path(__file__).resolve().parent
 FAKES = HERE / "fakes_system"
 BOARD = ROOT / "firmware" / "boards" / "teensy40"
-BOARD_PARTS = ("battery", "clock", "flash_log", "main", "motor_stop", "pins", "ports", "storage", "watchdog")
+BOARD_PARTS = (
+    "battery",
+    "clock",
+    "flash_log",
+    "main",
+    "motor_pins",
+    "motor_stop",
+    "pins",
+    "ports",
+    "storage",
+    "watchdog",
+)
 _RESULTS: dict[str, type] = {
     "time_us": ctypes.c_uint64,
     "time_ns": ctypes.c_uint64,

@@ -84,6 +84,11 @@ struct FakeSetRegister {
     void operator=(uint32_t mask) volatile;
 };
 volatile FakeSetRegister *portSetRegister(uint8_t pin);
+volatile uint32_t *portClearRegister(uint8_t pin);
+volatile uint32_t *portConfigRegister(uint8_t pin);
+void analogWriteResolution(unsigned bits);
+void analogWriteFrequency(uint8_t pin, float frequency_Hz);
+void analogWrite(uint8_t pin, int value);
 constexpr uint32_t digitalPinToBitMask(uint8_t pin) {
     return 1u << pin;
 }

@@ -2,6 +2,7 @@
 // The model of the chip behind fakes_system/Arduino.h, and extern "C" functions that move it and look at it.
 #include <CrashReport.h>
 #include <csetjmp>
+#include <cstdlib>
 #include <initializer_list>
 #include <IntervalTimer.h>
 
@@ -188,6 +189,7 @@ void system_reset() {
     model.journal.add('R');
     std::longjmp(reset_point, 1);
 }
+void on_fault(volatile uint32_t *, uint32_t) {}
 void set_on_fault(volatile FakeSetRegister *target, uint32_t) {
     model.fault_pin = target->pin;
 }
@@ -248,6 +250,20 @@ volatile FakeSetRegister *portSetRegister(uint8_t pin) {
 }
 void FakeSetRegister::operator=(uint32_t) volatile {
     model.latch[pin] = HIGH;
+}
+/// The robot here has a PWM chip: nobody may ask for a motor's pin.
+volatile uint32_t *portClearRegister(uint8_t) {
+    std::abort();
+}
+volatile uint32_t *portConfigRegister(uint8_t) {
+    std::abort();
+}
+void analogWriteResolution(unsigned) {}
+void analogWriteFrequency(uint8_t, float) {
+    std::abort();
+}
+void analogWrite(uint8_t, int) {
+    std::abort();
 }
 void pinMode(uint8_t pin, uint8_t mode) {
     model.direction[pin] = mode;

@@ -7,6 +7,11 @@
 
 namespace omni::wiring {
 
+constexpr size_t wheels = 3;
+constexpr uint8_t encoder_pins[wheels][2] = {{255, 255}, {255, 255}, {255, 255}};
+constexpr uint8_t motor_driver = 0;
+constexpr uint8_t motor_pins[wheels][2] = {{255, 255}, {255, 255}, {255, 255}};
+constexpr uint32_t motor_pwm_Hz = 20000;
 constexpr int output_enable_pin = 9;
 constexpr int stop_button_pin = 10;
 constexpr int battery_pin = 14;
