@@ -8,8 +8,9 @@
 
 static const char *const kinds[COVERAGE_KINDS] = {"hold", "pose", "velocity body", "velocity world", "path", "duty"};
 static const char *const controllers[COVERAGE_CONTROLLERS] = {"none", "ismc", "p", "pd", "pid", "original", "torque"};
-static const char *const paths[COVERAGE_PATHS] = {"hold", "waypoints", "line",   "circle",
-                                                  "rose", "report",    "random", "identify"};
+#define NAME(NUMBER, name) #name,
+static const char *const paths[COVERAGE_PATHS] = {OMNI_TRJ_TYPE_ROWS(NAME)};
+#undef NAME
 static const char *const rotations[COVERAGE_ROTATIONS] = {"fixed", "spin", "sine", "tangent"};
 static const char *const phases[] = {"none", "lead-in", "path", "done"};
 static const char *const wheel_filters[] = {"off", "speed", "angle"};

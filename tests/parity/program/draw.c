@@ -62,7 +62,7 @@ static void draw_value(random_t *random, draw_style_t style, uint32_t index, omn
 
 /* Paths short enough that an episode sees their ends. */
 static void draw_path(random_t *random, uint32_t number, omni_real_t *values) {
-    const uint32_t types = OMNI_TRJ_TYPE_IDENTIFY + 1;
+    const uint32_t types = OMNI_TRJ_TYPE_COUNT;
     values[OMNI_PARAM_TRJ_TYPE] = (omni_real_t)(number % types);
     values[OMNI_PARAM_TRJ_ROT] = (omni_real_t)(number / types % (OMNI_TRJ_ROT_TANGENT + 1));
     values[OMNI_PARAM_TRJ_SIZE] = random_between(random, 0.05f, 0.6f);

@@ -3,6 +3,10 @@
 
 #include "trajectory_internal.h"
 
+#define OMNI_ROW(NAME, name) [OMNI_TRJ_TYPE_##NAME] = &omni_path_row_##name,
+const omni_path_row_t *const omni_path_rows[OMNI_TRJ_TYPE_COUNT] = {OMNI_TRJ_TYPE_ROWS(OMNI_ROW)};
+#undef OMNI_ROW
+
 void omni_leg(const omni_pose_t *from, const omni_pose_t *to, omni_real_t duration_s, omni_real_t p, omni_pose_t *pose,
               omni_twist_t *rate, omni_twist_t *acceleration) {
     const omni_jet_t share = omni_quintic(p);

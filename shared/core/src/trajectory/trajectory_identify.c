@@ -14,7 +14,7 @@ static omni_real_t laps_each_way(const omni_trajectory_t *plan) {
     return plan->config.laps > 0.0f ? plan->config.laps : 1.0f;
 }
 
-omni_ns_t omni_identify_round_ns(const omni_trajectory_t *plan) {
+static omni_ns_t path_round_identify(const omni_trajectory_t *plan) {
     const omni_real_t laps = laps_each_way(plan);
     const omni_ns_t period_ns = omni_nanoseconds(plan->config.period_s);
     const omni_uint_t whole = (omni_uint_t)laps;
@@ -85,7 +85,8 @@ static void spin(omni_real_t turn_rad, const laps_t *laps, omni_jet_t *theta) {
     theta->d[0] += omni_two_pi * omni_whole_laps(turn_rad / omni_two_pi, laps->whole);
 }
 
-void omni_path_identify(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_identify(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_jet_t *x, omni_jet_t *y,
+                               omni_jet_t *theta) {
     const omni_ns_t round_ns = plan->timing.lap_ns;
     const omni_ns_t segment_ns = round_ns / SEGMENTS;
     const omni_ns_t ns = path_ns % round_ns;
@@ -105,3 +106,5 @@ void omni_path_identify(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_j
         spin(plan->config.rotation_amplitude_rad, &laps, theta);
     }
 }
+
+const omni_path_row_t omni_path_row_identify = {path_jets_identify, true, OMNI_POINTS_NONE, 0, path_round_identify, NULL, NULL};

@@ -23,6 +23,44 @@ typedef struct omni_jet_t {
     omni_real_t d[OMNI_JET_LENGTH];
 } omni_jet_t;
 
+/** Where a path's points come from, if it is a tour of points: a lap then has a leg of TRJ_PERIOD per point. */
+typedef enum omni_path_points_t {
+    OMNI_POINTS_NONE = 0,
+    OMNI_POINTS_GIVEN, /**< uploaded */
+    OMNI_POINTS_DRAWN  /**< by TRJ_SEED */
+} omni_path_points_t;
+
+/**
+ * A kind of path, as a row of a table. The values of TRJ_TYPE in params.toml are the table: for a value `name` a source of this room has
+ * the row `omni_path_row_name`. docs/how-to-add/trajectory.md is the recipe. What a row points to is called path_jets_..., path_round_...,
+ * path_half_turns_... and path_accepts_...: the bounds of stack and run time find it by that.
+ */
+typedef struct omni_path_row_t {
+    /** The path at path_ns: x, y and, if it has_heading, theta. Jets come in as zero. */
+    void (*jets)(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta);
+    bool has_heading;   /**< theta is the path's own; otherwise TRJ_ROT gives it */
+    uint8_t points;     /**< omni_path_points_t */
+    uint16_t repeats_s; /**< path time after which it asks the same of the wheels again, where that is not a lap; 0: a lap */
+    /** Path time of a round that has all of TRJ_LAPS in it. NULL: a lap takes TRJ_PERIOD. */
+    omni_ns_t (*round_ns)(const omni_trajectory_t *plan);
+    /** Phasors of the path in half turns per lap, for TRJ_ROT tangent (trajectory_rotation.c). NULL: the heading stays. */
+    void (*half_turns)(const omni_trajectory_config_t *config, int32_t *sum, int32_t *difference);
+    /** Are the numbers that only this kind looks at in their range? NULL: there are none. */
+    bool (*accepts)(const omni_trajectory_config_t *config);
+} omni_path_row_t;
+
+#define OMNI_ROW(NAME, name) extern const omni_path_row_t omni_path_row_##name;
+OMNI_TRJ_TYPE_ROWS(OMNI_ROW)
+#undef OMNI_ROW
+
+/** By value of TRJ_TYPE. */
+extern const omni_path_row_t *const omni_path_rows[OMNI_TRJ_TYPE_COUNT];
+
+/** The row of a plan's kind. */
+static inline const omni_path_row_t *omni_path_row(const omni_trajectory_t *plan) {
+    return omni_path_rows[plan->config.type];
+}
+
 /** Where the path clock stands. */
 typedef struct omni_path_clock_t {
     omni_ns_t path_ns;       /**< u */
@@ -36,6 +74,9 @@ omni_ns_t omni_nanoseconds(omni_real_t seconds);
 
 /** 10 p^3 - 15 p^4 + 6 p^5 and its derivatives by p; at rest at p = 0 and p = 1. */
 omni_jet_t omni_quintic(omni_real_t p);
+
+/** jet += amplitude sin(2 pi turns), for a phase 2 pi turns that grows at omega [rad per s of path time]. */
+void omni_jet_add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, omni_real_t omega);
 
 /** A whole number as the nearest float: what a cast gives, in a quarter of the time on a 32-bit processor. */
 static inline omni_real_t omni_real_of(omni_ns_t whole) {
@@ -95,17 +136,8 @@ void omni_path_at(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_pose_t 
 /** Heading by the rotation law (its offset not added), for the jets of x and y at path_ns. */
 omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x, const omni_jet_t *y);
 
-/** Phasors of a rose, in half turns per lap: it is the mean of exp(i sum phi) and exp(i difference phi). */
-void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference);
-
 /** Draw the points of the random path, or take the waypoints; headings unwrapped to the short way round. */
 void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given);
-
-/** Path of type identify at path_ns: circles counter-clockwise and back, then spins; from rest to rest each. Jets come in as zero. */
-void omni_path_identify(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta);
-
-/** Path time of its four segments. */
-omni_ns_t omni_identify_round_ns(const omni_trajectory_t *plan);
 
 /** Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step. */
 omni_real_t omni_whole_laps(omni_real_t turns, omni_ns_t laps);

@@ -14,25 +14,17 @@ omni_jet_t omni_quintic(omni_real_t p) {
     return jet;
 }
 
-static bool has_points(const omni_trajectory_t *plan) {
-    return plan->config.type == OMNI_TRJ_TYPE_WAYPOINTS || plan->config.type == OMNI_TRJ_TYPE_RANDOM;
-}
-
-/* Does the path bring its own heading? */
-static bool has_heading(const omni_trajectory_t *plan) {
-    return plan->config.type == OMNI_TRJ_TYPE_REPORT || plan->config.type == OMNI_TRJ_TYPE_IDENTIFY || has_points(plan);
-}
-
 omni_ns_t omni_path_period_ns(const omni_trajectory_t *plan) {
     const omni_ns_t ns = omni_nanoseconds(plan->config.period_s);
     return omni_select(ns > 0u, ns, 1u);
 }
 
 omni_ns_t omni_path_lap_ns(const omni_trajectory_t *plan) {
-    if (plan->config.type == OMNI_TRJ_TYPE_IDENTIFY) {
-        return omni_identify_round_ns(plan);
+    const omni_path_row_t *row = omni_path_row(plan);
+    if (row->round_ns != NULL) {
+        return row->round_ns(plan);
     }
-    return omni_path_period_ns(plan) * (has_points(plan) ? plan->waypoints.count : 1u);
+    return omni_path_period_ns(plan) * (row->points != OMNI_POINTS_NONE ? plan->waypoints.count : 1u);
 }
 
 omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan) {
@@ -40,19 +32,18 @@ omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan) {
         return OMNI_ENDLESS_NS;
     }
     const omni_ns_t lap_ns = omni_path_lap_ns(plan);
-    if (plan->config.type == OMNI_TRJ_TYPE_IDENTIFY) {
-        return lap_ns; /* TRJ_LAPS are in it */
+    if (omni_path_row(plan)->round_ns != NULL) {
+        return lap_ns;
     }
     const omni_uint_t whole = (omni_uint_t)plan->config.laps;
     const omni_real_t rest = omni_clampf(plan->config.laps - (omni_real_t)whole, 0.0f, 1.0f);
     const omni_ns_t laps_ns = (omni_ns_t)whole * lap_ns + (omni_ns_t)(rest * (omni_real_t)lap_ns);
     /* A tour of n points has n - 1 legs if it does not come back to the first. */
-    const omni_ns_t back_ns = has_points(plan) ? omni_path_period_ns(plan) : (omni_ns_t)0;
+    const omni_ns_t back_ns = omni_path_row(plan)->points != OMNI_POINTS_NONE ? omni_path_period_ns(plan) : (omni_ns_t)0;
     return omni_select(laps_ns > back_ns, laps_ns - back_ns, 0u);
 }
 
-/* jet += amplitude sin(2 pi turns), the phase growing at omega. */
-static void add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, omni_real_t omega) {
+void omni_jet_add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, omni_real_t omega) {
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(omni_two_pi * turns, &sine, &cosine);
@@ -86,17 +77,19 @@ static void add_phasor(omni_jet_t *x, omni_jet_t *y, omni_real_t amplitude, int3
     y->d[3] -= third * cosine;
 }
 
-void omni_rose_half_turns(uint16_t petals, int32_t *sum, int32_t *difference) {
+static void path_half_turns_rose(const omni_trajectory_config_t *config, int32_t *sum, int32_t *difference) {
+    const int32_t petals = config->petals;
     const int32_t bearing = petals % 2 == 1 ? 1 : (petals % 4 == 0 ? 2 : 4);
     *sum = bearing + petals;
     *difference = bearing - petals;
 }
 
 /* r = a cos(k f) at bearing f: half the sum of a exp(i (1 + k) f) and a exp(i (1 - k) f). */
-static void rose(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y) {
+static void path_jets_rose(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
     int32_t sum;
     int32_t difference;
-    omni_rose_half_turns(plan->config.petals, &sum, &difference);
+    (void)theta;
+    path_half_turns_rose(&plan->config, &sum, &difference);
     add_phasor(x, y, 0.5f * plan->config.size_m, sum, ns, &plan->timing);
     add_phasor(x, y, 0.5f * plan->config.size_m, difference, ns, &plan->timing);
 }
@@ -104,12 +97,12 @@ static void rose(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omn
 /* sin(2 pi u / sine_s) + cos(2 pi u / cosine_s), times the amplitude. */
 static void add_pair(omni_jet_t *jet, omni_real_t amplitude, omni_ns_t ns, uint32_t sine_s, uint32_t cosine_s) {
     const uint64_t second_ns = 1000000000u;
-    add_sine(jet, amplitude, omni_phase(ns, sine_s * second_ns), omni_two_pi / (omni_real_t)sine_s);
-    add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f, omni_two_pi / (omni_real_t)cosine_s);
+    omni_jet_add_sine(jet, amplitude, omni_phase(ns, sine_s * second_ns), omni_two_pi / (omni_real_t)sine_s);
+    omni_jet_add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f, omni_two_pi / (omni_real_t)cosine_s);
 }
 
 /* [report eq. 81] */
-static void report(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_report(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
     add_pair(x, plan->config.size_m, ns, 12, 14);
     add_pair(y, plan->config.size_m, ns, 5, 4);
     add_pair(theta, 0.5f, ns, 16, 8);
@@ -135,14 +128,16 @@ static omni_jet_t between(omni_real_t from, omni_real_t to, const omni_jet_t *sh
     return jet;
 }
 
-static void line(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x) {
+static void path_jets_line(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+    (void)y;
+    (void)theta;
     const omni_ns_t leg_ns = plan->timing.period_ns;
     const omni_jet_t share = leg_share(ns, &plan->timing);
     const bool back = ns / leg_ns % 2 == 1;
     *x = between(back ? plan->config.size_m : 0.0f, back ? 0.0f : plan->config.size_m, &share);
 }
 
-static void points(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_points(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
     const omni_ns_t leg_ns = plan->timing.period_ns;
     const omni_jet_t share = leg_share(ns, &plan->timing);
     const uint8_t count = plan->waypoints.count;
@@ -154,37 +149,46 @@ static void points(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, o
     *theta = between(from->theta, from->theta + omni_wrap_pi(to->theta - from->theta), &share);
 }
 
+static void path_jets_hold(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+    (void)ns;
+    (void)theta;
+    x->d[0] = plan->origin.x;
+    y->d[0] = plan->origin.y;
+}
+
+static void path_half_turns_circle(const omni_trajectory_config_t *config, int32_t *sum, int32_t *difference) {
+    (void)config;
+    *sum = 2;
+    *difference = 0;
+}
+
+static void path_jets_circle(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+    (void)theta;
+    add_phasor(x, y, plan->config.size_m, 2, ns, &plan->timing);
+}
+
+static bool path_accepts_rose(const omni_trajectory_config_t *config) {
+    return config->petals >= 1 && config->petals <= 32;
+}
+
+const omni_path_row_t omni_path_row_hold = {path_jets_hold, false, OMNI_POINTS_NONE, 0, NULL, NULL, NULL};
+const omni_path_row_t omni_path_row_waypoints = {path_jets_points, true, OMNI_POINTS_GIVEN, 0, NULL, NULL, NULL};
+const omni_path_row_t omni_path_row_random = {path_jets_points, true, OMNI_POINTS_DRAWN, 0, NULL, NULL, NULL};
+const omni_path_row_t omni_path_row_line = {path_jets_line, false, OMNI_POINTS_NONE, 0, NULL, NULL, NULL};
+const omni_path_row_t omni_path_row_circle = {path_jets_circle, false, OMNI_POINTS_NONE, 0, NULL, path_half_turns_circle, NULL};
+const omni_path_row_t omni_path_row_rose = {path_jets_rose,   false, OMNI_POINTS_NONE, 0, NULL, path_half_turns_rose,
+                                            path_accepts_rose};
+/* eq. 81 repeats after the least common multiple of its six periods. */
+const omni_path_row_t omni_path_row_report = {path_jets_report, true, OMNI_POINTS_NONE, 1680, NULL, NULL, NULL};
+
 void omni_path_at(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_pose_t *pose, omni_twist_t *first,
                   omni_twist_t *second) {
     omni_jet_t x = {{0}};
     omni_jet_t y = {{0}};
     omni_jet_t theta = {{0}};
-    switch (plan->config.type) {
-    case OMNI_TRJ_TYPE_LINE:
-        line(plan, path_ns, &x);
-        break;
-    case OMNI_TRJ_TYPE_CIRCLE:
-        add_phasor(&x, &y, plan->config.size_m, 2, path_ns, &plan->timing);
-        break;
-    case OMNI_TRJ_TYPE_ROSE:
-        rose(plan, path_ns, &x, &y);
-        break;
-    case OMNI_TRJ_TYPE_REPORT:
-        report(plan, path_ns, &x, &y, &theta);
-        break;
-    case OMNI_TRJ_TYPE_WAYPOINTS:
-    case OMNI_TRJ_TYPE_RANDOM:
-        points(plan, path_ns, &x, &y, &theta);
-        break;
-    case OMNI_TRJ_TYPE_IDENTIFY:
-        omni_path_identify(plan, path_ns, &x, &y, &theta);
-        break;
-    default:
-        x.d[0] = plan->origin.x;
-        y.d[0] = plan->origin.y;
-        break;
-    }
-    if (!has_heading(plan)) {
+    const omni_path_row_t *row = omni_path_row(plan);
+    row->jets(plan, path_ns, &x, &y, &theta);
+    if (!row->has_heading) {
         theta = omni_path_rotation(plan, path_ns, &x, &y);
     }
     *pose = (omni_pose_t){x.d[0], y.d[0], theta.d[0] + plan->heading_offset_rad};

@@ -13,8 +13,6 @@ enum {
     RAMP_ROUNDS = 60
 };
 
-/* [report eq. 81] repeats after the least common multiple of its six periods. */
-static const omni_real_t report_repeats_s = 1680.0f;
 static const omni_real_t near_m = 1e-3f;
 static const omni_real_t near_rad = 1e-3f;
 static const omni_real_t shortest_lead_in_s = 0.2f;
@@ -77,7 +75,7 @@ static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, cons
 
 /* Does every lap ask the same of the wheels? */
 static bool laps_repeat(const omni_trajectory_config_t *c) {
-    if (c->type == OMNI_TRJ_TYPE_IDENTIFY) {
+    if (omni_path_rows[c->type]->round_ns != NULL) {
         return true;
     }
     const omni_real_t turns = c->rotation == OMNI_TRJ_ROT_SPIN   ? c->rotation_amplitude_rad / omni_two_pi
@@ -95,11 +93,12 @@ static demand_t scan(const omni_trajectory_t *plan, const omni_kinematics_t *k) 
     omni_real_t samples = (omni_real_t)SCAN_SAMPLES + (omni_real_t)CYCLE_SAMPLES * (omni_real_t)c->petals;
     samples =
         (samples + (omni_real_t)CYCLE_SAMPLES * (c->rotation_cycles + (omni_real_t)plan->waypoints.count)) * (omni_real_t)laps;
-    if (c->type == OMNI_TRJ_TYPE_REPORT) {
-        length_ns = omni_nanoseconds(report_repeats_s);
-        samples = report_repeats_s * (omni_real_t)CYCLE_SAMPLES / 4.0f;
+    const omni_path_row_t *row = omni_path_row(plan);
+    if (row->repeats_s > 0) {
+        length_ns = omni_nanoseconds(row->repeats_s);
+        samples = (omni_real_t)row->repeats_s * (omni_real_t)CYCLE_SAMPLES / 4.0f;
     }
-    if (c->type == OMNI_TRJ_TYPE_IDENTIFY) {
+    if (row->round_ns != NULL) {
         samples = (omni_real_t)SCAN_SAMPLES * (c->laps > 1.0f ? c->laps : 1.0f);
     }
     const uint32_t count = (uint32_t)omni_clampf(samples, (omni_real_t)SCAN_SAMPLES, (omni_real_t)SCAN_SAMPLES_MAX);
@@ -228,10 +227,10 @@ static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
             return OMNI_ERR_NOT_FINITE;
         }
     }
-    const bool path = c->type <= OMNI_TRJ_TYPE_IDENTIFY && c->rotation <= OMNI_TRJ_ROT_TANGENT &&
-                      within(c->size_m, 0.0f, 1e4f) && within(c->period_s, 1e-3f, 3600.0f) && within(c->laps, 0.0f, 1e4f) &&
+    const bool path = c->type < OMNI_TRJ_TYPE_COUNT && c->rotation < OMNI_TRJ_ROT_COUNT && within(c->size_m, 0.0f, 1e4f) &&
+                      within(c->period_s, 1e-3f, 3600.0f) && within(c->laps, 0.0f, 1e4f) &&
                       within(c->rotation_cycles, 0.0f, 1e3f) && within(c->rotation_amplitude_rad, -1e3f, 1e3f) &&
-                      (c->type != OMNI_TRJ_TYPE_ROSE || (c->petals >= 1 && c->petals <= 32));
+                      (omni_path_rows[c->type]->accepts == NULL || omni_path_rows[c->type]->accepts(c));
     const bool limits = c->margin > 0.0f && c->margin <= 1.0f && within(c->ramp_s, 0.0f, 3600.0f) &&
                         c->wheel_limit_rad_s > 0.0f && c->voltage_limit_V > 0.0f && c->ff_speed_V_s >= 0.0f &&
                         c->ff_acceleration_V_s2 >= 0.0f;
@@ -246,7 +245,7 @@ static omni_result_t check_pose(const omni_pose_t *pose) {
 }
 
 static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_waypoints_t *waypoints) {
-    if (c->type != OMNI_TRJ_TYPE_WAYPOINTS) {
+    if (omni_path_rows[c->type]->points != OMNI_POINTS_GIVEN) {
         return OMNI_OK;
     }
     if (!waypoints || waypoints->count < 2 || waypoints->count > OMNI_MAX_WAYPOINTS) {

@@ -28,12 +28,13 @@ static omni_pose_t draw(const omni_trajectory_config_t *c, uint32_t point) {
 
 void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given) {
     omni_waypoints_t *points = &plan->waypoints;
-    if (plan->config.type == OMNI_TRJ_TYPE_RANDOM) {
+    const uint8_t source = omni_path_row(plan)->points;
+    if (source == OMNI_POINTS_DRAWN) {
         points->count = OMNI_MAX_WAYPOINTS;
         for (uint32_t i = 0; i < OMNI_MAX_WAYPOINTS; ++i) {
             points->pose[i] = draw(&plan->config, i);
         }
-    } else if (plan->config.type == OMNI_TRJ_TYPE_WAYPOINTS) {
+    } else if (source == OMNI_POINTS_GIVEN) {
         *points = *given;
     }
     for (uint8_t i = 1; i < points->count; ++i) {

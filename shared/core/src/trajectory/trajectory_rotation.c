@@ -38,11 +38,9 @@ static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, omni_ns_t pat
  * carries the whole turns, the other swings the direction by less than a quarter turn. A lap adds whole turns only.
  */
 static omni_real_t direction(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns) {
-    int32_t sum = 2;
-    int32_t difference = 0;
-    if (plan->config.type == OMNI_TRJ_TYPE_ROSE) {
-        omni_rose_half_turns(plan->config.petals, &sum, &difference);
-    }
+    int32_t sum;
+    int32_t difference;
+    omni_path_row(plan)->half_turns(&plan->config, &sum, &difference);
     const omni_real_t ratio = (omni_real_t)difference / (omni_real_t)sum;
     const uint64_t apart = difference == 0 ? 0 : (uint64_t)(sum - difference);
     omni_real_t sine;
@@ -78,7 +76,7 @@ omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, 
         return swing(c->rotation_amplitude_rad, c->rotation_cycles, path_ns, &plan->timing);
     }
     /* A line is driven back in reverse: at its ends the speed vanishes and the direction is kept. */
-    const bool curved = c->type == OMNI_TRJ_TYPE_CIRCLE || c->type == OMNI_TRJ_TYPE_ROSE;
+    const bool curved = omni_path_row(plan)->half_turns != NULL;
     if (c->rotation == OMNI_TRJ_ROT_TANGENT && curved) {
         return tangent(plan, path_ns, plan->timing.lap_ns, x, y);
     }

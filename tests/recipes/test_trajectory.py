@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT
+"""docs/how-to-add/trajectory.md, followed word by word, gives a path that the robot drives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.recipes.recipe import PAGES, Scratch, read_page
+
+SCENARIO = """
+[scenario]
+name = "recipe"
+description = "a lap of the new path"
+robot = "three_wheel"
+seed = 1
+duration_s = "until_done"
+
+[parameters]
+TRJ_TYPE = "eight"
+TRJ_SIZE = 0.3
+TRJ_PERIOD = 12.0
+TRJ_LAPS = 1.0
+TRJ_ROT = "fixed"
+EKF_MODE = "odometry"
+
+[[event]]
+at_s = 0.5
+command = "trajectory_start"
+
+[[event]]
+at_s = 0.5
+command = "arm"
+"""
+
+
+@pytest.mark.slow
+def test_two_files_make_a_path_that_is_driven(tmp_path: Path) -> None:
+    copy = Scratch(tmp_path / "copy")
+    copy.follow(read_page((PAGES / "trajectory.md").read_text()))
+    assert len(copy.touched()) <= 3, copy.touched()
+    run = copy.drive(SCENARIO)
+    assert run["done"]
+    assert run["faults"] == []
+    assert 0.3 < run["farthest_m"] < 0.35
+    assert run["rmse_m"] < 0.005
