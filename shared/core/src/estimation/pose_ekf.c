@@ -85,8 +85,8 @@ void omni_ekf_shift(omni_pose_ekf_state_t *state, const omni_real_t *delta, uint
     omni_ekf_history_rebase(state, slips);
 }
 
-static void elapse(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint64_t time_us,
-                   omni_ekf_motion_t *motion) {
+static void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint64_t time_us,
+                             omni_ekf_motion_t *motion) {
     const uint64_t longest_us = 1000000000;
     const omni_real_t nominal_us = config->step_s * 1e6f;
     if (state->time_us == 0) {
@@ -136,8 +136,8 @@ static void transport(omni_real_t *x, omni_real_t *y, omni_real_t theta, const o
 }
 
 /* P_pp = F P_pp F^T + Q (eq. 63); only the upper triangle is computed. */
-static void spread_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_real_t *moved,
-                        omni_real_t steps) {
+static void propagate_pose_covariance(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                      const omni_real_t *moved, omni_real_t steps) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     const omni_real_t dx = moved[0];
     const omni_real_t dy = moved[1];
@@ -152,8 +152,9 @@ static void spread_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config
 }
 
 /* With A = F P_ps and P_ps' = A + G P_ss:  P_pp += A G^T + G P_ps'^T,  P_ps = P_ps', P_ss += Q_ss. */
-static inline void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, const omni_real_t *moved,
-                                omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t slips) {
+static inline void propagate_slip_covariance(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion,
+                                             const omni_real_t *moved, omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS],
+                                             uint8_t slips) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     omni_real_t before[OMNI_AXES][OMNI_MAX_WHEELS];
     for (uint8_t i = 0; i < slips; ++i) {
@@ -179,8 +180,8 @@ static inline void spread_slips(omni_pose_ekf_state_t *state, const omni_ekf_mot
     }
 }
 
-static void spread(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_ekf_motion_t *motion,
-                   const omni_real_t *moved, uint8_t slips) {
+static void propagate_covariance(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                 const omni_ekf_motion_t *motion, const omni_real_t *moved, uint8_t slips) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];
     for (uint8_t i = 0; i < slips; ++i) {
@@ -188,12 +189,12 @@ static void spread(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *c
         gain[1][i] = world_y(motion, motion->gain[0][i], motion->gain[1][i]);
         gain[2][i] = motion->gain[2][i];
     }
-    spread_pose(state, config, moved, motion->steps);
+    propagate_pose_covariance(state, config, moved, motion->steps);
     /* The count as a constant lets the compiler unroll the loops. */
     if (slips == 3) {
-        spread_slips(state, motion, moved, gain, 3);
+        propagate_slip_covariance(state, motion, moved, gain, 3);
     } else if (slips == 4) {
-        spread_slips(state, motion, moved, gain, 4);
+        propagate_slip_covariance(state, motion, moved, gain, 4);
     }
     p[1][0] = p[0][1];
     p[2][0] = p[0][2];
@@ -249,7 +250,7 @@ void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_con
         state->mode = config->mode;
     }
     omni_ekf_motion_t motion; /* per wheel: as many entries as there are slip states */
-    elapse(state, config, time_us, &motion);
+    set_elapsed_time(state, config, time_us, &motion);
     move_body(state, k, turned, slips, &motion);
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_flag_t known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
@@ -258,7 +259,7 @@ void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_con
     }
     const omni_real_t moved[OMNI_AXES] = {world_x(&motion, motion.move[0], motion.move[1]),
                                           world_y(&motion, motion.move[0], motion.move[1]), motion.move[2]};
-    spread(state, config, &motion, moved, slips);
+    propagate_covariance(state, config, &motion, moved, slips);
     move_pose(state, moved);
     if (omni_ekf_history_add(state, &motion, slips)) {
         if (slips > 0 && k->has_null && config->r_null > 0.0f) {

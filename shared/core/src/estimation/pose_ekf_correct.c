@@ -26,7 +26,7 @@ typedef struct update_t {
     omni_real_t factor[OMNI_AXES][OMNI_AXES]; /* Cholesky factor of S */
 } update_t;
 
-static inline void fill_h(update_t *u, uint8_t slips) {
+static inline void measurement_matrix(update_t *u, uint8_t slips) {
     const omni_real_t dx = u->window.move[0];
     const omni_real_t dy = u->window.move[1];
     const omni_real_t pose[OMNI_AXES][OMNI_AXES] = {{1.0f, 0.0f, dy}, {0.0f, 1.0f, -dx}, {0.0f, 0.0f, 1.0f}};
@@ -61,7 +61,7 @@ static inline void fill_m(update_t *u, const omni_pose_ekf_state_t *state, uint8
 }
 
 /* S = H M H^T + R = L L^T. @return false if S is not positive definite. */
-static inline bool factor_s(update_t *u, uint8_t states) {
+static inline bool factor_innovation_covariance(update_t *u, uint8_t states) {
     for (int i = 0; i < OMNI_AXES; ++i) {
         for (int j = 0; j <= i; ++j) {
             omni_real_t sum = i == j ? u->r[i] : 0.0f;
@@ -116,14 +116,14 @@ static void gain_row(const update_t *u, uint8_t a, omni_real_t *row) {
 }
 
 /* (I - K H) M for one row a, given row a of K. */
-static inline void shrink_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row, uint8_t states) {
+static inline void updated_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row, uint8_t states) {
     for (uint8_t b = 0; b < states; ++b) {
         row[b] = u->m[a][b] - gain[0] * u->hm[0][b] - gain[1] * u->hm[1][b] - gain[2] * u->hm[2][b];
     }
 }
 
 /* Joseph form of eq. 67: P = (I - K H) M (I - K H)^T + K R K^T + W. */
-static inline void use_states(const update_t *u, omni_pose_ekf_state_t *state, uint8_t states) {
+static inline void measurement_update_states(const update_t *u, omni_pose_ekf_state_t *state, uint8_t states) {
     omni_real_t gain[OMNI_EKF_STATES][OMNI_AXES];
     omni_real_t delta[OMNI_EKF_STATES];
     for (uint8_t a = 0; a < states; ++a) {
@@ -136,7 +136,7 @@ static inline void use_states(const update_t *u, omni_pose_ekf_state_t *state, u
     for (uint8_t a = 0; a < states; ++a) {
         omni_real_t row[OMNI_EKF_STATES];
         omni_real_t left[OMNI_AXES];
-        shrink_row(u, a, gain[a], row, states);
+        updated_row(u, a, gain[a], row, states);
         for (int i = 0; i < OMNI_AXES; ++i) {
             left[i] = gain[a][i] * u->r[i];
             for (uint8_t c = 0; c < states; ++c) {
@@ -157,32 +157,32 @@ static inline void use_states(const update_t *u, omni_pose_ekf_state_t *state, u
 }
 
 /* The count as a constant lets the compiler unroll the loops; three wheels and no slip are the ones to be fast. */
-static void use(const update_t *u, omni_pose_ekf_state_t *state) {
+static void measurement_update(const update_t *u, omni_pose_ekf_state_t *state) {
     if (u->states == OMNI_AXES + 3) {
-        use_states(u, state, OMNI_AXES + 3);
+        measurement_update_states(u, state, OMNI_AXES + 3);
     } else if (u->states == OMNI_AXES) {
-        use_states(u, state, OMNI_AXES);
+        measurement_update_states(u, state, OMNI_AXES);
     } else {
-        use_states(u, state, u->states);
+        measurement_update_states(u, state, u->states);
     }
 }
 
-static inline bool fill_states(update_t *u, const omni_pose_ekf_state_t *state, uint8_t slips) {
+static inline bool innovation_covariance_states(update_t *u, const omni_pose_ekf_state_t *state, uint8_t slips) {
     const uint8_t states = (uint8_t)(OMNI_AXES + slips);
-    fill_h(u, slips);
+    measurement_matrix(u, slips);
     fill_m(u, state, states);
-    return factor_s(u, states);
+    return factor_innovation_covariance(u, states);
 }
 
-/* As in `use`. @return false if the innovation's covariance is not positive definite. */
-static bool fill(update_t *u, const omni_pose_ekf_state_t *state) {
+/* As in `measurement_update`. @return false if the innovation's covariance is not positive definite. */
+static bool innovation_covariance(update_t *u, const omni_pose_ekf_state_t *state) {
     if (u->slips == 3) {
-        return fill_states(u, state, 3);
+        return innovation_covariance_states(u, state, 3);
     }
-    return u->slips == 0 ? fill_states(u, state, 0) : fill_states(u, state, u->slips);
+    return u->slips == 0 ? innovation_covariance_states(u, state, 0) : innovation_covariance_states(u, state, u->slips);
 }
 
-static void fill_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
+static void set_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
     const omni_real_t *move = u->window.move;
     u->innovation[0] = (fix->pose.x - state->pose.x) + (move[0] - state->carry[0]);
     u->innovation[1] = (fix->pose.y - state->pose.y) + (move[1] - state->carry[1]);
@@ -190,7 +190,7 @@ static void fill_innovation(update_t *u, const omni_pose_ekf_state_t *state, con
 }
 
 /* The pose at the time of the fix becomes the fix, and the motion since turns with it. */
-static void jump(const update_t *u, omni_pose_ekf_state_t *state) {
+static void move_to_fix(const update_t *u, omni_pose_ekf_state_t *state) {
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(u->innovation[2], &sine, &cosine);
@@ -202,13 +202,13 @@ static void jump(const update_t *u, omni_pose_ekf_state_t *state) {
 }
 
 /* The estimate contradicts too many fixes in a row: take over this one, carried to now; slips start anew. */
-static void restart(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k, const omni_pose_fix_t *fix,
-                    omni_pose_ekf_state_t *state) {
+static void reinitialise(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                         const omni_pose_fix_t *fix, omni_pose_ekf_state_t *state) {
     omni_ekf_restart_slips(state, config, u->slips);
     omni_ekf_history_rebase(state, u->slips);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
-    fill_innovation(u, state, fix);
-    jump(u, state);
+    set_innovation(u, state, fix);
+    move_to_fix(u, state);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
     const omni_real_t phi[OMNI_AXES][OMNI_AXES] = {
         {1.0f, 0.0f, -u->window.move[1]}, {0.0f, 1.0f, u->window.move[0]}, {0.0f, 0.0f, 1.0f}};
@@ -229,8 +229,8 @@ static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
 }
 
 /* Fill everything up to the Cholesky factor. */
-static omni_result_t prepare(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                             const omni_kinematics_t *k, const omni_pose_fix_t *fix) {
+static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                    const omni_kinematics_t *k, const omni_pose_fix_t *fix) {
     if (!omni_ekf_history_window(state, config, k, u->age_us, &u->window)) {
         return OMNI_ERR_TIME;
     }
@@ -239,8 +239,8 @@ static omni_result_t prepare(update_t *u, const omni_pose_ekf_state_t *state, co
     u->r[0] = variance_of(fix->sd_xy, config->r_xy);
     u->r[1] = u->r[0];
     u->r[2] = variance_of(fix->sd_theta, config->r_theta);
-    fill_innovation(u, state, fix);
-    return fill(u, state) ? OMNI_OK : OMNI_ERR_RANGE;
+    set_innovation(u, state, fix);
+    return innovation_covariance(u, state) ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
 /* Age of the fix, or why its time cannot be used. */
@@ -255,7 +255,7 @@ static omni_result_t age_of(const omni_pose_ekf_state_t *state, const omni_pose_
     return OMNI_OK;
 }
 
-static omni_result_t refuse(omni_pose_ekf_state_t *state, omni_result_t why) {
+static omni_result_t refuse_fix(omni_pose_ekf_state_t *state, omni_result_t why) {
     ++state->refused;
     return why;
 }
@@ -267,29 +267,29 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
         return OMNI_ERR_LOCKED;
     }
     if (!omni_pose_is_finite(&fix->pose) || !omni_is_finite(fix->sd_xy) || !omni_is_finite(fix->sd_theta)) {
-        return refuse(state, OMNI_ERR_NOT_FINITE);
+        return refuse_fix(state, OMNI_ERR_NOT_FINITE);
     }
     omni_result_t result = age_of(state, fix, &u.age_us);
     if (result == OMNI_OK) {
-        result = prepare(&u, state, config, k, fix);
+        result = prepare_update(&u, state, config, k, fix);
     }
     if (result != OMNI_OK) {
-        return refuse(state, result);
+        return refuse_fix(state, result);
     }
     const omni_real_t nis = normalised_square(&u);
     if (!omni_is_finite(nis)) {
-        return refuse(state, OMNI_ERR_NOT_FINITE); /* so far away that its square overflows */
+        return refuse_fix(state, OMNI_ERR_NOT_FINITE); /* so far away that its square overflows */
     }
     memcpy(state->innovation, u.innovation, sizeof state->innovation);
     state->nis = nis;
     if (config->gate > 0.0f && !(state->nis <= config->gate)) {
         ++state->refused_in_row;
         if (state->refused_in_row < config->gate_restart) {
-            return refuse(state, OMNI_ERR_RANGE);
+            return refuse_fix(state, OMNI_ERR_RANGE);
         }
-        restart(&u, config, k, fix, state);
+        reinitialise(&u, config, k, fix, state);
     } else {
-        use(&u, state);
+        measurement_update(&u, state);
     }
     ++state->accepted;
     state->refused_in_row = 0;

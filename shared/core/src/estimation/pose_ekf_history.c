@@ -6,10 +6,10 @@
 #include "pose_ekf_internal.h"
 
 /* Slot motion with the slip ratios known now, and its sensitivity, turned into the world frame. */
-typedef struct stretch_t {
+typedef struct slot_motion_t {
     omni_real_t move[OMNI_AXES];
     omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];
-} stretch_t;
+} slot_motion_t;
 
 static void rotate(omni_real_t cosine, omni_real_t sine, omni_real_t *x, omni_real_t *y) {
     const omni_real_t turned = cosine * *x - sine * *y;
@@ -78,9 +78,9 @@ void omni_ekf_history_rebase(omni_pose_ekf_state_t *state, uint8_t slips) {
 }
 
 /* The last `share` of a slot that ended with heading `theta`. */
-static inline stretch_t stretch(const omni_pose_ekf_state_t *state, const omni_ekf_slot_t *slot, uint8_t slips,
-                                omni_real_t theta, omni_real_t share) {
-    stretch_t s;
+static inline slot_motion_t slot_motion(const omni_pose_ekf_state_t *state, const omni_ekf_slot_t *slot, uint8_t slips,
+                                        omni_real_t theta, omni_real_t share) {
+    slot_motion_t s;
     memcpy(s.move, slot->move, sizeof s.move);
     memcpy(s.gain, slot->gain, sizeof s.gain);
     for (uint8_t i = 0; i < slips; ++i) {
@@ -102,7 +102,7 @@ static inline stretch_t stretch(const omni_pose_ekf_state_t *state, const omni_e
 }
 
 /* window->gain += F g, where F carries a pose change at the slot's end over `after`, the motion since. */
-static inline void carry_gain(omni_ekf_window_t *window, const omni_real_t *after, const stretch_t *s, uint8_t slips,
+static inline void carry_gain(omni_ekf_window_t *window, const omni_real_t *after, const slot_motion_t *s, uint8_t slips,
                               omni_real_t factor) {
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_real_t turned = factor * s->gain[2][i];
@@ -135,7 +135,7 @@ static inline void add_slip_noise(omni_ekf_window_t *window, uint8_t i, omni_rea
 }
 
 /* Put one slot in front of the window. A tick's noise enters after its motion: on average it sees `later` of the slot. */
-static inline void prepend(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot, const stretch_t *s,
+static inline void prepend(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot, const slot_motion_t *s,
                            omni_real_t share, uint8_t slips, bool slip_noise, omni_ekf_window_t *window) {
     const omni_real_t later = 0.5f - 0.5f / (omni_real_t)OMNI_EKF_SLOT_TICKS;
     const omni_real_t after[2] = {window->move[0], window->move[1]};
@@ -191,7 +191,7 @@ static inline bool fill_window(const omni_pose_ekf_state_t *state, const omni_po
         }
         const uint32_t used_us = left_us < slot->duration_us ? left_us : slot->duration_us;
         const omni_real_t share = (omni_real_t)used_us / (omni_real_t)slot->duration_us;
-        const stretch_t s = stretch(state, slot, slips, state->pose.theta - window->move[2], share);
+        const slot_motion_t s = slot_motion(state, slot, slips, state->pose.theta - window->move[2], share);
         prepend(config, slot, &s, share, slips, slip_noise, window);
         left_us -= used_us;
     }

@@ -30,7 +30,7 @@ static omni_twist_t approach(omni_twist_t from, omni_twist_t to, omni_real_t ste
 }
 
 /* Ramp towards the demand. @return the acceleration that takes. */
-static omni_twist_t ramp(omni_guide_t *guide, const omni_robot_config_t *c, omni_twist_t demand) {
+static omni_twist_t ramp_velocity(omni_guide_t *guide, const omni_robot_config_t *c, omni_twist_t demand) {
     const omni_real_t step = c->limits.acceleration_m_s2 * c->step_s;
     /* The rim accelerates like the centre: wz' = a / l. */
     const omni_real_t turn_step = step / (c->kinematics.b[0][2] > 0.0f ? c->kinematics.b[0][2] : 1.0f);
@@ -65,7 +65,7 @@ static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const
     const omni_twist_t body = omni_rotate_to_body(&wanted, &heading);
     const omni_twist_t limited = limit_twist(c, body, c->limits.reference_share);
     omni_reference_t *reference = &target->reference;
-    reference->acceleration = ramp(guide, c, omni_rotate_to_world(&limited, &heading));
+    reference->acceleration = ramp_velocity(guide, c, omni_rotate_to_world(&limited, &heading));
     pose->x += guide->ramped.vx * c->step_s;
     pose->y += guide->ramped.vy * c->step_s;
     pose->theta += guide->ramped.wz * c->step_s;
@@ -76,7 +76,7 @@ static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const
     target->position_loop = true;
 }
 
-static void hold(omni_guide_t *guide, omni_target_t *target) {
+static void hold_pose(omni_guide_t *guide, omni_target_t *target) {
     guide->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
     stand(target, &guide->governed);
     target->position_loop = true;
@@ -87,7 +87,7 @@ static void follow_velocity(omni_guide_t *guide, const omni_robot_config_t *c, c
                             const omni_estimate_t *estimate, omni_target_t *target) {
     const bool world = target->kind == OMNI_SETPOINT_VELOCITY_WORLD;
     const omni_twist_t body = world ? omni_rotate_to_body(twist, &estimate->heading) : *twist;
-    const omni_twist_t body_acceleration = ramp(guide, c, limit_twist(c, body, 1.0f));
+    const omni_twist_t body_acceleration = ramp_velocity(guide, c, limit_twist(c, body, 1.0f));
     target->body_rate = guide->ramped;
     guide->governed = estimate->pose;
     target->reference.pose = estimate->pose;
@@ -166,7 +166,7 @@ static void follow(omni_guide_t *guide, const omni_robot_config_t *c, const omni
         stay(guide, estimate, target);
         break;
     default:
-        hold(guide, target);
+        hold_pose(guide, target);
         break;
     }
 }

@@ -97,27 +97,27 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
     return faults;
 }
 
-static void apply(omni_supervisor_t *supervisor, omni_safety_event_t event) {
+static void apply_safety_event(omni_supervisor_t *supervisor, omni_safety_event_t event) {
     OMNI_INVARIANT(supervisor->state < OMNI_STATE_COUNT);
     supervisor->state = omni_safety_next(supervisor->state, event);
 }
 
 void omni_robot_stop(omni_supervisor_t *supervisor, uint32_t fault) {
     supervisor->fault_history |= fault;
-    apply(supervisor, OMNI_SAFETY_FAULT);
+    apply_safety_event(supervisor, OMNI_SAFETY_FAULT);
 }
 
 bool omni_robot_transition(omni_supervisor_t *supervisor, const omni_inputs_t *inputs, omni_uint_t faults) {
     const uint32_t events = inputs->events;
     const omni_safety_state_t before = supervisor->state;
     if (supervisor->state == OMNI_STATE_INIT) {
-        apply(supervisor, OMNI_SAFETY_READY);
+        apply_safety_event(supervisor, OMNI_SAFETY_READY);
     }
     if ((events & OMNI_EVENT_ESTOP_CLEAR) != 0) {
-        apply(supervisor, OMNI_SAFETY_ESTOP_CLEAR);
+        apply_safety_event(supervisor, OMNI_SAFETY_ESTOP_CLEAR);
     }
     if ((events & OMNI_EVENT_ARM) != 0 && (faults & (uint32_t)OMNI_FAULT_STOP_MASK) == 0) {
-        apply(supervisor, OMNI_SAFETY_ARM);
+        apply_safety_event(supervisor, OMNI_SAFETY_ARM);
     }
     const bool armed = supervisor->state == OMNI_STATE_ARMED && before != OMNI_STATE_ARMED;
     if (armed) {
@@ -125,16 +125,16 @@ bool omni_robot_transition(omni_supervisor_t *supervisor, const omni_inputs_t *i
         supervisor->fault_history = 0;
     }
     if ((events & OMNI_EVENT_DISARM) != 0) {
-        apply(supervisor, OMNI_SAFETY_DISARM);
+        apply_safety_event(supervisor, OMNI_SAFETY_DISARM);
     }
     if ((faults & (uint32_t)OMNI_FAULT_STOP_MASK) != 0) {
         if (supervisor->state == OMNI_STATE_ARMED) {
             supervisor->fault_history |= (uint32_t)(faults & (uint32_t)OMNI_FAULT_STOP_MASK);
         }
-        apply(supervisor, OMNI_SAFETY_FAULT);
+        apply_safety_event(supervisor, OMNI_SAFETY_FAULT);
     }
     if ((events & OMNI_EVENT_ESTOP) != 0) {
-        apply(supervisor, OMNI_SAFETY_ESTOP);
+        apply_safety_event(supervisor, OMNI_SAFETY_ESTOP);
     }
     return armed;
 }

@@ -13,11 +13,11 @@ omni_ns_t omni_nanoseconds(omni_real_t seconds) {
     return (omni_ns_t)whole * 1000000000u + (omni_ns_t)(rest * 1e9f);
 }
 
-static omni_ns_t slowed(omni_ns_t ns, omni_ns_t rate) {
+static omni_ns_t path_time_of(omni_ns_t ns, omni_ns_t rate) {
     return (ns >> RATE_BITS) * rate + (((ns & (one - 1)) * rate) >> RATE_BITS);
 }
 
-static omni_ns_t stretched(omni_ns_t ns, omni_ns_t rate) {
+static omni_ns_t real_time_of(omni_ns_t ns, omni_ns_t rate) {
     const uint64_t most = (uint64_t)1 << 62; /* 146 years */
     if (ns / rate >= most >> RATE_BITS) {
         return most;
@@ -39,15 +39,15 @@ void omni_path_set_clock(omni_trajectory_t *plan) {
     t->rate = (omni_ns_t)rate;
     t->ramp_ns = omni_nanoseconds(plan->config.ramp_s);
     if (t->duration_ns == OMNI_ENDLESS_NS) {
-        t->ramp_path_ns = slowed(t->ramp_ns, t->rate) / 2;
+        t->ramp_path_ns = path_time_of(t->ramp_ns, t->rate) / 2;
         t->cruise_ns = OMNI_ENDLESS_NS;
         return;
     }
     /* A short path has shorter ramps and no cruise. */
-    const omni_ns_t longest_ns = stretched(t->duration_ns, t->rate);
+    const omni_ns_t longest_ns = real_time_of(t->duration_ns, t->rate);
     t->ramp_ns = omni_select(t->ramp_ns < longest_ns, t->ramp_ns, longest_ns);
-    t->ramp_path_ns = slowed(t->ramp_ns, t->rate) / 2;
-    t->cruise_ns = stretched(t->duration_ns - 2 * t->ramp_path_ns, t->rate);
+    t->ramp_path_ns = path_time_of(t->ramp_ns, t->rate) / 2;
+    t->cruise_ns = real_time_of(t->duration_ns - 2 * t->ramp_path_ns, t->rate);
 }
 
 omni_ns_t omni_path_real_ns(const omni_trajectory_t *plan) {
@@ -56,7 +56,7 @@ omni_ns_t omni_path_real_ns(const omni_trajectory_t *plan) {
 }
 
 /* The rising ramp at time_ns < ramp_ns; path_ns counts from the ramp's start. */
-static omni_path_clock_t ramp(const omni_trajectory_timing_t *t, omni_ns_t time_ns) {
+static omni_path_clock_t ramp_clock(const omni_trajectory_timing_t *t, omni_ns_t time_ns) {
     const omni_real_t full = (omni_real_t)(omni_uint_t)t->rate / (omni_real_t)one;
     const omni_real_t length_ns = omni_real_of(t->ramp_ns);
     const omni_real_t p = omni_real_of(time_ns) / length_ns;
@@ -72,15 +72,15 @@ omni_path_clock_t omni_path_clock(const omni_trajectory_t *plan, omni_ns_t time_
     const omni_trajectory_timing_t *t = &plan->timing;
     const omni_real_t full = (omni_real_t)(omni_uint_t)t->rate / (omni_real_t)one;
     if (time_ns < t->ramp_ns) {
-        return ramp(t, time_ns);
+        return ramp_clock(t, time_ns);
     }
     const omni_ns_t cruised_ns = time_ns - t->ramp_ns;
     if (cruised_ns < t->cruise_ns) {
-        return (omni_path_clock_t){t->ramp_path_ns + slowed(cruised_ns, t->rate), full, 0.0f, false};
+        return (omni_path_clock_t){t->ramp_path_ns + path_time_of(cruised_ns, t->rate), full, 0.0f, false};
     }
     const omni_ns_t braked_ns = cruised_ns - t->cruise_ns;
     if (braked_ns < t->ramp_ns) {
-        omni_path_clock_t clock = ramp(t, t->ramp_ns - 1 - braked_ns);
+        omni_path_clock_t clock = ramp_clock(t, t->ramp_ns - 1 - braked_ns);
         clock.path_ns = t->duration_ns - clock.path_ns;
         clock.rate_change = -clock.rate_change;
         return clock;

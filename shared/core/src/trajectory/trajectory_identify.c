@@ -64,7 +64,7 @@ static laps_t laps_at(omni_real_t count, omni_ns_t ns, omni_ns_t segment_ns) {
     return laps;
 }
 
-static void circle(omni_real_t radius_m, const omni_jet_t *laps, omni_jet_t *x, omni_jet_t *y) {
+static void identify_circle(omni_real_t radius_m, const omni_jet_t *laps, omni_jet_t *x, omni_jet_t *y) {
     const omni_real_t rate = omni_two_pi * laps->d[1];
     const omni_real_t change = omni_two_pi * laps->d[2];
     omni_real_t sine;
@@ -78,7 +78,7 @@ static void circle(omni_real_t radius_m, const omni_jet_t *laps, omni_jet_t *x, 
     y->d[2] = radius_m * (change * cosine - rate * rate * sine);
 }
 
-static void spin(omni_real_t turn_rad, const laps_t *laps, omni_jet_t *theta) {
+static void identify_spin(omni_real_t turn_rad, const laps_t *laps, omni_jet_t *theta) {
     for (int i = 0; i < OMNI_JET_LENGTH; ++i) {
         theta->d[i] = turn_rad * laps->rest.d[i];
     }
@@ -100,10 +100,10 @@ static void path_jets_identify(const omni_trajectory_t *plan, omni_ns_t path_ns,
         laps.rest.d[3] = -laps.rest.d[3];
     }
     if (segment < 2) {
-        circle(plan->config.size_m, &laps.rest, x, y);
+        identify_circle(plan->config.size_m, &laps.rest, x, y);
     } else {
         x->d[0] = plan->config.size_m;
-        spin(plan->config.rotation_amplitude_rad, &laps, theta);
+        identify_spin(plan->config.rotation_amplitude_rad, &laps, theta);
     }
 }
 

@@ -119,7 +119,7 @@ static omni_jet_t leg_share(omni_ns_t ns, const omni_trajectory_timing_t *timing
     return jet;
 }
 
-static omni_jet_t between(omni_real_t from, omni_real_t to, const omni_jet_t *share) {
+static omni_jet_t leg_jet(omni_real_t from, omni_real_t to, const omni_jet_t *share) {
     omni_jet_t jet;
     for (int i = 0; i < OMNI_JET_LENGTH; ++i) {
         jet.d[i] = (to - from) * share->d[i];
@@ -134,7 +134,7 @@ static void path_jets_line(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet
     const omni_ns_t leg_ns = plan->timing.period_ns;
     const omni_jet_t share = leg_share(ns, &plan->timing);
     const bool back = ns / leg_ns % 2 == 1;
-    *x = between(back ? plan->config.size_m : 0.0f, back ? 0.0f : plan->config.size_m, &share);
+    *x = leg_jet(back ? plan->config.size_m : 0.0f, back ? 0.0f : plan->config.size_m, &share);
 }
 
 static void path_jets_points(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
@@ -144,9 +144,9 @@ static void path_jets_points(const omni_trajectory_t *plan, omni_ns_t ns, omni_j
     const uint64_t leg = (uint64_t)(ns / leg_ns);
     const omni_pose_t *from = &plan->waypoints.pose[leg % count];
     const omni_pose_t *to = &plan->waypoints.pose[(leg + 1) % count];
-    *x = between(from->x, to->x, &share);
-    *y = between(from->y, to->y, &share);
-    *theta = between(from->theta, from->theta + omni_wrap_pi(to->theta - from->theta), &share);
+    *x = leg_jet(from->x, to->x, &share);
+    *y = leg_jet(from->y, to->y, &share);
+    *theta = leg_jet(from->theta, from->theta + omni_wrap_pi(to->theta - from->theta), &share);
 }
 
 static void path_jets_hold(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {

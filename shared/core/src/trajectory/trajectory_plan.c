@@ -53,7 +53,7 @@ static void to_wheels(const omni_kinematics_t *k, omni_real_t theta, const omni_
     omni_kinematics_inverse(k, &change, NULL, wheel_change);
 }
 
-static omni_real_t larger(omni_real_t a, omni_real_t b) {
+static omni_real_t larger_of(omni_real_t a, omni_real_t b) {
     return a > b ? a : b;
 }
 
@@ -66,10 +66,10 @@ static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, cons
         const omni_real_t speed_V = c->ff_speed_V_s * wheel[i];
         const omni_real_t change_V = c->ff_acceleration_V_s2 * change[i];
         const omni_real_t speed = omni_absf(wheel[i]);
-        demand->wheel_rad_s = larger(demand->wheel_rad_s, speed);
-        demand->voltage_V = larger(demand->voltage_V, omni_absf(speed_V + change_V));
-        demand->scale = larger(demand->scale, speed / (c->margin * c->wheel_limit_rad_s));
-        demand->scale = larger(demand->scale, voltage_scale(speed_V, change_V, c->margin * c->voltage_limit_V));
+        demand->wheel_rad_s = larger_of(demand->wheel_rad_s, speed);
+        demand->voltage_V = larger_of(demand->voltage_V, omni_absf(speed_V + change_V));
+        demand->scale = larger_of(demand->scale, speed / (c->margin * c->wheel_limit_rad_s));
+        demand->scale = larger_of(demand->scale, voltage_scale(speed_V, change_V, c->margin * c->voltage_limit_V));
     }
 }
 
@@ -84,7 +84,7 @@ static bool laps_repeat(const omni_trajectory_config_t *c) {
     return omni_absf(turns - (omni_real_t)(int32_t)turns) < 1e-5f;
 }
 
-static demand_t scan(const omni_trajectory_t *plan, const omni_kinematics_t *k) {
+static demand_t scan_demand(const omni_trajectory_t *plan, const omni_kinematics_t *k) {
     const omni_trajectory_config_t *c = &plan->config;
     demand_t demand = {0.0f, 0.0f, 0.0f};
     const uint32_t laps = laps_repeat(c) ? 1 : SCAN_LAPS;
@@ -140,11 +140,11 @@ static omni_real_t ramp_voltage(const omni_trajectory_t *plan, const omni_kinema
 
 /* Set the scale; the ramps' own acceleration may need a little more than the path. */
 static void set_scale(omni_trajectory_t *plan, const omni_kinematics_t *k) {
-    const demand_t demand = scan(plan, k);
+    const demand_t demand = scan_demand(plan, k);
     plan->peak_wheel_rad_s = demand.wheel_rad_s;
     plan->peak_voltage_V = demand.voltage_V;
     plan->needed_scale = demand.scale;
-    plan->scale = larger(demand.scale, 1.0f);
+    plan->scale = larger_of(demand.scale, 1.0f);
     omni_path_set_clock(plan);
     const omni_real_t limit = plan->config.margin * plan->config.voltage_limit_V;
     for (int round = 0; round < RAMP_ROUNDS && ramp_voltage(plan, k) > limit * 1.0001f; ++round) {
@@ -173,13 +173,13 @@ static void set_lead_in(omni_trajectory_t *plan, const omni_kinematics_t *k) {
         omni_leg(from, to, 1.0f, (omni_real_t)i / (omni_real_t)LEG_SAMPLES, &pose, &rate, &acceleration);
         add_demand(&demand, &plan->config, k, pose.theta, &rate, &acceleration);
     }
-    plan->lead_in_s = larger(demand.scale, shortest_lead_in_s);
+    plan->lead_in_s = larger_of(demand.scale, shortest_lead_in_s);
     /* What is longer is refused; it must not be converted. */
     plan->timing.lead_in_us = omni_nanoseconds(omni_select(plan->lead_in_s <= largest, plan->lead_in_s, largest)) / 1000u;
 }
 
 /* Hold `at` for ever; also what is left of a refused plan. */
-static void hold(omni_trajectory_t *plan, const omni_pose_t *at) {
+static void plan_to_hold(omni_trajectory_t *plan, const omni_pose_t *at) {
     memset(plan, 0, sizeof *plan);
     if (omni_pose_is_finite(at)) {
         plan->origin = *at;
@@ -206,7 +206,7 @@ static void set_start(omni_trajectory_t *plan) {
     omni_path_at(plan, 0, &plan->start, &first, &second);
 }
 
-static bool within(omni_real_t value, omni_real_t low, omni_real_t high) {
+static bool is_within(omni_real_t value, omni_real_t low, omni_real_t high) {
     return value >= low && value <= high;
 }
 
@@ -227,11 +227,11 @@ static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
             return OMNI_ERR_NOT_FINITE;
         }
     }
-    const bool path = c->type < OMNI_TRJ_TYPE_COUNT && c->rotation < OMNI_TRJ_ROT_COUNT && within(c->size_m, 0.0f, 1e4f) &&
-                      within(c->period_s, 1e-3f, 3600.0f) && within(c->laps, 0.0f, 1e4f) &&
-                      within(c->rotation_cycles, 0.0f, 1e3f) && within(c->rotation_amplitude_rad, -1e3f, 1e3f) &&
+    const bool path = c->type < OMNI_TRJ_TYPE_COUNT && c->rotation < OMNI_TRJ_ROT_COUNT && is_within(c->size_m, 0.0f, 1e4f) &&
+                      is_within(c->period_s, 1e-3f, 3600.0f) && is_within(c->laps, 0.0f, 1e4f) &&
+                      is_within(c->rotation_cycles, 0.0f, 1e3f) && is_within(c->rotation_amplitude_rad, -1e3f, 1e3f) &&
                       (omni_path_rows[c->type]->accepts == NULL || omni_path_rows[c->type]->accepts(c));
-    const bool limits = c->margin > 0.0f && c->margin <= 1.0f && within(c->ramp_s, 0.0f, 3600.0f) &&
+    const bool limits = c->margin > 0.0f && c->margin <= 1.0f && is_within(c->ramp_s, 0.0f, 3600.0f) &&
                         c->wheel_limit_rad_s > 0.0f && c->voltage_limit_V > 0.0f && c->ff_speed_V_s >= 0.0f &&
                         c->ff_acceleration_V_s2 >= 0.0f;
     return path && limits ? OMNI_OK : OMNI_ERR_RANGE;
@@ -241,7 +241,7 @@ static omni_result_t check_pose(const omni_pose_t *pose) {
     if (!omni_pose_is_finite(pose)) {
         return OMNI_ERR_NOT_FINITE;
     }
-    return within(pose->theta, -largest_heading_rad, largest_heading_rad) ? OMNI_OK : OMNI_ERR_RANGE;
+    return is_within(pose->theta, -largest_heading_rad, largest_heading_rad) ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
 static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_waypoints_t *waypoints) {
@@ -262,7 +262,7 @@ static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_
 
 omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config, const omni_kinematics_t *k,
                                    const omni_waypoints_t *waypoints, const omni_pose_t *at) {
-    hold(plan, at);
+    plan_to_hold(plan, at);
     omni_result_t result = check_pose(at);
     if (result == OMNI_OK) {
         result = check_numbers(config);
@@ -274,7 +274,7 @@ omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajector
         return result;
     }
     plan->config = *config;
-    plan->origin = *at; /* as `hold` has set it; said again because a proof follows what was checked */
+    plan->origin = *at; /* as `plan_to_hold` has set it; said again because a proof follows what was checked */
     plan->scale = 1.0f;
     omni_path_points(plan, waypoints);
     omni_path_set_lengths(plan);
@@ -284,7 +284,7 @@ omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajector
     set_scale(plan, k);
     set_lead_in(plan, k);
     if (!omni_is_finite(plan->needed_scale) || plan->needed_scale > largest || !(plan->lead_in_s <= largest)) {
-        hold(plan, at);
+        plan_to_hold(plan, at);
         return OMNI_ERR_RANGE;
     }
     return OMNI_OK;

@@ -9,7 +9,7 @@ omni_real_t omni_whole_laps(omni_real_t turns, omni_ns_t laps) {
     return (omni_real_t)(fraction >> 31 ? (int64_t)fraction - 4294967296 : (int64_t)fraction) / unit;
 }
 
-static omni_jet_t spin(omni_real_t turn_rad, omni_ns_t path_ns, const omni_trajectory_timing_t *timing) {
+static omni_jet_t heading_of_spin(omni_real_t turn_rad, omni_ns_t path_ns, const omni_trajectory_timing_t *timing) {
     const omni_ns_t lap_ns = timing->lap_ns;
     omni_jet_t jet = {{0}};
     jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + omni_two_pi * omni_whole_laps(turn_rad / omni_two_pi, path_ns / lap_ns);
@@ -17,7 +17,8 @@ static omni_jet_t spin(omni_real_t turn_rad, omni_ns_t path_ns, const omni_traje
     return jet;
 }
 
-static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, omni_ns_t path_ns, const omni_trajectory_timing_t *timing) {
+static omni_jet_t heading_of_sine(omni_real_t amplitude, omni_real_t cycles, omni_ns_t path_ns,
+                                  const omni_trajectory_timing_t *timing) {
     const omni_ns_t lap_ns = timing->lap_ns;
     const uint32_t whole = (uint32_t)cycles;
     const omni_real_t rest = cycles - (omni_real_t)whole;
@@ -37,7 +38,7 @@ static omni_jet_t swing(omni_real_t amplitude, omni_real_t cycles, omni_ns_t pat
  * Direction of travel, without jumps. The derivative of a rose is the sum of two phasors; the longer one, exp(i sum phi),
  * carries the whole turns, the other swings the direction by less than a quarter turn. A lap adds whole turns only.
  */
-static omni_real_t direction(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns) {
+static omni_real_t direction_of_travel(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns) {
     int32_t sum;
     int32_t difference;
     omni_path_row(plan)->half_turns(&plan->config, &sum, &difference);
@@ -51,8 +52,8 @@ static omni_real_t direction(const omni_trajectory_t *plan, omni_ns_t path_ns, o
 }
 
 /* theta' = (x' y'' - y' x'') / |v|^2 and its derivative; roses and circles never stand still. */
-static omni_jet_t tangent(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns, const omni_jet_t *x,
-                          const omni_jet_t *y) {
+static omni_jet_t heading_of_tangent(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns, const omni_jet_t *x,
+                                     const omni_jet_t *y) {
     omni_jet_t jet = {{0}};
     const omni_real_t speed2 = x->d[1] * x->d[1] + y->d[1] * y->d[1];
     if (!(speed2 > 0.0f)) {
@@ -61,7 +62,7 @@ static omni_jet_t tangent(const omni_trajectory_t *plan, omni_ns_t path_ns, omni
     const omni_real_t cross = x->d[1] * y->d[2] - y->d[1] * x->d[2];
     const omni_real_t cross_change = x->d[1] * y->d[3] - y->d[1] * x->d[3];
     const omni_real_t speed2_change = 2.0f * (x->d[1] * x->d[2] + y->d[1] * y->d[2]);
-    jet.d[0] = direction(plan, path_ns, lap_ns);
+    jet.d[0] = direction_of_travel(plan, path_ns, lap_ns);
     jet.d[1] = cross / speed2;
     jet.d[2] = (cross_change - jet.d[1] * speed2_change) / speed2;
     return jet;
@@ -70,15 +71,15 @@ static omni_jet_t tangent(const omni_trajectory_t *plan, omni_ns_t path_ns, omni
 omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x, const omni_jet_t *y) {
     const omni_trajectory_config_t *c = &plan->config;
     if (c->rotation == OMNI_TRJ_ROT_SPIN) {
-        return spin(c->rotation_amplitude_rad, path_ns, &plan->timing);
+        return heading_of_spin(c->rotation_amplitude_rad, path_ns, &plan->timing);
     }
     if (c->rotation == OMNI_TRJ_ROT_SINE) {
-        return swing(c->rotation_amplitude_rad, c->rotation_cycles, path_ns, &plan->timing);
+        return heading_of_sine(c->rotation_amplitude_rad, c->rotation_cycles, path_ns, &plan->timing);
     }
     /* A line is driven back in reverse: at its ends the speed vanishes and the direction is kept. */
     const bool curved = omni_path_row(plan)->half_turns != NULL;
     if (c->rotation == OMNI_TRJ_ROT_TANGENT && curved) {
-        return tangent(plan, path_ns, plan->timing.lap_ns, x, y);
+        return heading_of_tangent(plan, path_ns, plan->timing.lap_ns, x, y);
     }
     return (omni_jet_t){{0}};
 }
