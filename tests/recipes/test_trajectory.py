@@ -43,5 +43,5 @@ def test_two_files_make_a_path_that_is_driven(tmp_path: Path) -> None:
     run = copy.drive(SCENARIO)
     assert run["done"]
     assert run["faults"] == []
-    assert 0.3 < run["farthest_m"] < 0.35
+    assert 0.29 < run["farthest_m"] < 0.31
     assert run["rmse_m"] < 0.005
