@@ -21,6 +21,7 @@
 #define omni_select lanes::select
 #define omni_all lanes::all
 #define omni_any lanes::any
+#define omni_real_of(whole) ((omni_real_t)(whole))
 
 namespace { // NOLINT(cert-dcl59-cpp): each file and CPU level has its own
 namespace core {

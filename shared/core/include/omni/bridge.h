@@ -11,10 +11,6 @@
 
 enum { OMNI_PWM_STEPS = 4096 };
 
-#ifndef OMNI_OWN_NUMBERS
-typedef uint16_t omni_steps_t; /**< of a PWM period */
-#endif
-
 /** High time of IN1 and IN2 per PWM period, 0 (always low) .. OMNI_PWM_STEPS (always high). */
 typedef struct omni_bridge_counts_t {
     omni_steps_t in1;

@@ -5,7 +5,7 @@
  *
  * OMNI_INVARIANT(condition) ends the program where the condition does not hold, if OMNI_ASSERTS is defined: in sanitizers, fuzzers and the
  * parity gate on the PC (cmake/flags.cmake). Otherwise nothing is computed: on the robot a tick goes on, and seals what it gives out.
- * In lanes a condition on what differs from run to run goes into omni_all.
+ * A condition on numbers goes into omni_all (omni/numbers.h).
  */
 #ifndef OMNI_INVARIANT_H
 #define OMNI_INVARIANT_H

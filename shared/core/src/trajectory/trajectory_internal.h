@@ -79,23 +79,19 @@ omni_jet_t omni_quintic(omni_real_t p);
 void omni_jet_add_sine(omni_jet_t *jet, omni_real_t amplitude, omni_real_t turns, omni_real_t omega);
 
 /** A whole number as the nearest float: what a cast gives, in a quarter of the time on a 32-bit processor. */
-static inline omni_real_t omni_real_of(omni_ns_t whole) {
-#ifdef OMNI_OWN_NUMBERS
-    return (omni_real_t)whole;
-#else
+static inline float omni_float_of(uint64_t whole) {
     const uint32_t high = (uint32_t)(whole >> 32);
     if (high == 0) {
-        return (omni_real_t)(uint32_t)whole;
+        return (float)(uint32_t)whole;
     }
     /* The leading 32 bits, the last of which stands for all that follow: then the conversion rounds as if it saw them all. */
     const uint32_t shift = 32u - (uint32_t)__builtin_clz(high);
     const uint32_t rest = (uint32_t)(whole << (64u - shift) >> 32) | (uint32_t)(whole << (64u - shift));
     const uint32_t leading = (uint32_t)(whole >> shift) | (rest != 0 ? 1u : 0u);
     const uint32_t power_bits = (127u + shift) << 23;
-    omni_real_t power;
+    float power;
     memcpy(&power, &power_bits, sizeof power);
-    return (omni_real_t)leading * power;
-#endif
+    return (float)leading * power;
 }
 
 /** ns modulo period_ns; most paths are in their first lap, and a 64-bit division costs 50 instructions on a 32-bit processor. */
