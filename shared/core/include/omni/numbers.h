@@ -4,7 +4,7 @@
  * The numbers that the control core computes with. All that eight runs at once (hil_sim/lanes) ask of the core stands here.
  *
  * The simulation compiles the core's sources a second time, with numbers of its own that hold eight values. What may differ from run to
- * run is one of these types; everything else is common to the runs. docs/how-to-add/lanes.md has the rules on one page.
+ * run is one of these types. Everything else is common to the runs. The rules are one page: docs/how-to-add/lanes.md.
  */
 #ifndef OMNI_NUMBERS_H
 #define OMNI_NUMBERS_H
