@@ -137,3 +137,10 @@ def test_moved_wires_are_driven_on_their_new_channels(robot: Client, wheel: int)
         driven |= set(range(first, first + (len(data) - 1) // 4))
     old = {1: 9, 2: 13, 3: 3}[wheel]
     assert driven == {2, 3, 8, 9, 13, 14, 15} - {old}
+
+
+def test_with_other_wires_the_chip_is_set_up_anew(robot: Client) -> None:
+    robot.ticks(30)
+    robot.set("W1_IN1_CH", 15)
+    written = [data for tick in robot.ticks(10) for _, data, _ in tick.i2c]
+    assert bytes([MODE1, 0x20]) in written

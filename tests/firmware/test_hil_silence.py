@@ -25,6 +25,7 @@ from tests.firmware.fake_robot import (
     TERMINATE,
     USB,
     FakeRobot,
+    velocity,
 )
 
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
@@ -207,3 +208,13 @@ def test_a_host_whose_link_closes_leaves_a_robot_at_rest(robot: FakeRobot) -> No
     robot.tick(2)
     assert robot.state(RADIO) == DISARMED
     assert not robot.driven()
+
+
+def test_a_station_heard_before_the_loop_takes_no_command_in_it(robot: FakeRobot) -> None:
+    """The loop has a clock of its own: who was heard by the other one must be heard again."""
+    robot.in_loop(USB)
+    for _ in range(150):
+        robot.send(USB, HEARTBEAT)
+        robot.send(RADIO, velocity(0.0, 0.0, 0.5))
+        robot.hil_tick(USB, 20)
+    assert robot.state(USB) == ARMED

@@ -180,3 +180,12 @@ def test_health_comes_with_the_status_group(robot: Client) -> None:
     seen = [m.get_type() for tick in robot.ticks(3000) for m in tick.others]
     assert seen.count("OMNI_HEALTH") == pytest.approx(seen.count("OMNI_STATUS"), abs=1)
     assert seen.count("OMNI_HEALTH") >= 5
+
+
+def test_a_scan_in_a_loop_that_has_not_begun_is_refused_with_the_reason() -> None:
+    robot = FakeRobot().ready()
+    assert robot.ask(USB, HIL_ON) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(3)
+    assert robot.ask(USB, command(SCAN)) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    assert "I2C scan refused: no OMNI_HIL_SENSORS yet" in robot.texts()
+    robot.close()

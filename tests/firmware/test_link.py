@@ -261,3 +261,8 @@ def test_a_reboot_keeps_the_connection_and_forgets_what_was_not_stored(robot: Cl
     assert robot.command(mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == mav.MAV_RESULT_ACCEPTED
     assert robot.get("ISMC_LAM_XY") == default
     assert robot.armed().command(mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == mav.MAV_RESULT_DENIED
+
+
+def test_the_rate_of_the_status_alone_can_be_changed(robot: Client) -> None:
+    robot.set("SR1_STATUS", 20)
+    assert rates(robot, 1500)["SYS_STATUS"] > 4  # once a second before, and the next one is still due then

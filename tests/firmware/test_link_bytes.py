@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.firmware.client import mav
-from tests.firmware.fake_robot import HEARTBEAT, RADIO, USB, FakeRobot, command, frame
+from tests.firmware.fake_robot import EMERGENCY, HEARTBEAT, RADIO, USB, FakeRobot, command, frame
 
 
 @pytest.fixture
@@ -60,3 +60,20 @@ def test_in_the_loop_no_line_is_slow(robot: FakeRobot) -> None:
     robot.in_loop(USB, drive=False)
     inside = listed(robot)
     assert 0 < outside < inside / 2
+
+
+def test_in_lockstep_a_link_has_no_budget() -> None:
+    """Time stands still between ticks: what waited for it would never come."""
+    robot = FakeRobot(lockstep=True)
+    robot.send(USB, frame("param_request_list", 1, 1))
+    for _ in range(50):
+        robot.background()
+        robot.look()
+    values = [message for message in robot.said[USB] if message.get_type() == "PARAM_VALUE"]
+    assert len(values) == values[0].param_count
+    robot.close()
+
+
+def test_the_answer_to_a_stop_does_not_wait_for_its_turn_on_the_line(robot: FakeRobot) -> None:
+    listed(robot)  # what the line may carry in this moment is spent
+    assert robot.ask(RADIO, EMERGENCY) == mav.MAV_RESULT_ACCEPTED

@@ -166,3 +166,8 @@ def test_arming_right_after_a_disarm_that_changed_nothing_is_put_off_and_not_los
     robot.ticks(3)
     assert robot.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
     assert robot.tick().actuators.state == ARMED
+
+
+def test_the_largest_duty_that_is_named_is_small_enough(robot: Client) -> None:
+    driven(robot, 0.3)
+    assert robot.command(TEST, 0.5) == mav.MAV_RESULT_ACCEPTED

@@ -53,7 +53,7 @@ def test_a_gain_set_over_the_link_takes_effect_in_the_next_tick(robot: Client) -
         ("ISMC_LAM_XY", -1.0, "0..200"),
         ("ISMC_LAM_XY", 201.0, "0..200"),
         ("TRJ_PETALS", 2.5, "whole numbers"),
-        ("W1_ENC_DIR", 0.0, "refused"),
+        ("W1_ENC_DIR", 0.0, "does not fit the others"),
         ("W1_IN1_CH", 8.0, "refused"),  # the channel of the same wheel's IN2
     ],
 )

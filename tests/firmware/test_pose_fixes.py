@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.firmware.client import mav
-from tests.firmware.fake_robot import HEARTBEAT, USB, FakeRobot, command, frame, velocity
+from tests.firmware.fake_robot import HEARTBEAT, HIL_ON, USB, FakeRobot, command, frame, velocity
 
 NONE = [math.nan] * 21
 """A covariance that the sender does not know."""
@@ -189,3 +189,30 @@ def test_a_repeated_pose_is_refused_after_five_millimetres_of_way(robot: FakeRob
             told_ms = elapsed_ms
             break
     assert told_ms == pytest.approx(100, abs=30)
+
+
+def test_fixes_without_a_time_are_taken_from_the_first_moment_on(robot: FakeRobot) -> None:
+    before = robot.asked("OMNI_CONTROL").fixes_accepted
+    for number in range(10):
+        robot.send(USB, compact((0.001 * (number % 2), 0.0, 0.0)))
+        robot.tick(10)
+    assert now_us(robot) < 250_000
+    assert robot.asked("OMNI_CONTROL").fixes_accepted == before + 10
+
+
+def test_a_fix_refused_before_the_loop_does_not_silence_the_first_one_in_it(robot: FakeRobot) -> None:
+    """The loop's clock begins at zero: what was said by the other one was not said just now."""
+    bad = vicon((math.nan, 0.0, 0.0))
+    refused = "pose fix refused: not finite"
+    robot.tick(50)
+    robot.send(USB, bad)
+    robot.tick()
+    assert refused in robot.texts()
+    assert robot.ask(USB, HIL_ON) == mav.MAV_RESULT_ACCEPTED
+    robot.hil_restart()
+    robot.tick(3)
+    robot.hil_tick(USB, 100)
+    robot.said[USB].clear()
+    robot.send(USB, bad)
+    robot.hil_tick(USB, 2)
+    assert refused in robot.texts()

@@ -250,3 +250,26 @@ def test_who_says_where_to_go_has_the_command_if_it_was_accepted(
         robot.tick(50)
     goes_on = robot.asked("OMNI_STATUS").state == 2
     assert goes_on == (result == mav.MAV_RESULT_ACCEPTED)
+
+
+@pytest.mark.parametrize(("x", "y"), [(21.0, 0.0), (0.0, 21.0), (-21.0, 0.0), (0.0, -21.0)])
+def test_a_waypoint_beyond_the_limit_of_either_axis_is_refused(robot: FakeRobot, x: float, y: float) -> None:
+    assert robot.ask(USB, waypoint(0, x, y, 0.0)) == mav.MAV_RESULT_DENIED
+    assert "waypoint refused: beyond LIM_POS" in robot.texts()
+
+
+def test_a_path_that_is_a_little_too_fast_is_said_unless_it_is_slowed_down(robot: FakeRobot) -> None:
+    change(robot, "TRJ_TYPE", 3.0)
+    change(robot, "TRJ_ROT", 0.0)
+    change(robot, "TRJ_SIZE", 0.5)
+    change(robot, "TRJ_PERIOD", 18.0)
+    said = {}
+    for scale in (0.0, 1.0):
+        change(robot, "TRJ_SCALE", scale)
+        robot.look()
+        robot.said[USB].clear()
+        assert robot.ask(USB, command(mav.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, 1.0)) == mav.MAV_RESULT_ACCEPTED
+        said[scale] = [text for text in robot.texts() if text.startswith("path too fast for the wheels by ")]
+    assert said[1.0] == []
+    (text,) = said[0.0]
+    assert 1.1 < float(text.rsplit(" ", 1)[1]) < 1.9

@@ -198,3 +198,10 @@ def test_lines_and_baud_rate_belong_to_the_radio_on_whichever_port_it_is(radio: 
         assert drive(client, lambda: "0.1,0,0*", 0.2).reference[0] > 0.0
         assert client.refused_lines() == 1
         assert client.reference()[1] == 0.0
+
+
+@pytest.mark.parametrize("text", ["nan,0,0*", "0,0*", "*"])
+def test_a_bad_line_before_any_good_one_is_refused(client: MemoryClient, text: str) -> None:
+    before = client.refused_lines()
+    client.line(text)
+    assert client.refused_lines() == before + 1

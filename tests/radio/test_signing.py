@@ -442,3 +442,21 @@ def test_nothing_on_the_radio_moves_the_key_when_the_memory_is_erased() -> None:
         robot.run(50)
         assert usb(robot).signing_status().state == 0
         assert Station(robot, USB).give_key(KEY)
+
+
+def test_frames_of_one_moment_are_numbered_one_by_one(robot: MemoryRobot) -> None:
+    """The clock must not run ahead of the time by more than the frames that were sent."""
+    station = Station(robot, key=KEY)
+    station.mav.param_request_list_send(1, 1)
+    stamps = [m.get_msgbuf()[-12:-6] for m in station.run(3000) if m.get_type() == "PARAM_VALUE"]
+    times = [int.from_bytes(bytes(stamp), "little") for stamp in stamps]
+    steps = [after - before for before, after in pairwise(times)]
+    assert min(steps) == 1, "several are sent in one pass"
+
+
+def test_key_and_clock_are_kept_behind_the_parameters(robot: MemoryRobot) -> None:
+    robot.run(5000)
+    image = robot.storage()[0]
+    tail = 192
+    assert image[:-tail] == b"\xff" * (len(image) - tail)
+    assert image[-tail:] != b"\xff" * tail
