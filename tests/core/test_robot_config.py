@@ -12,11 +12,11 @@ from tests.core.test_robot import Bench
 
 COUNT = int(lib.OMNI_PARAM_COUNT)
 ARRIVES = {
-    "MASS": ("torque.mass_kg", 3.25),
-    "INERTIA": ("torque.inertia_kg_m2", 0.125),
-    "MOT_J": ("torque.wheel_inertia_kg_m2", 0.03125),
-    "DT_GRIP": ("torque.grip", 0.375),
-    "DT_SLIP": ("torque.slip_limit_m_s", 0.25),
+    "MASS": ("direct_torque.mass_kg", 3.25),
+    "INERTIA": ("direct_torque.inertia_kg_m2", 0.125),
+    "MOT_J": ("direct_torque.wheel_inertia_kg_m2", 0.03125),
+    "DT_GRIP": ("direct_torque.grip", 0.375),
+    "DT_SLIP": ("direct_torque.slip_limit_m_s", 0.25),
     "DT_EMF": ("torque_emf", 0.5),
     "LIM_V": ("limits.speed_m_s", 0.75),
     "LIM_W": ("limits.turn_rad_s", 1.25),

@@ -125,3 +125,17 @@ def test_a_margin_of_nothing_still_covers() -> None:
     out = bench.tick(count=700)
     assert out.ismc_margin[2] == 0.0
     assert not out.faults & lib.OMNI_WARN_ISMC_GAIN
+
+
+def test_a_track_that_was_lost_is_forgotten_with_the_stop() -> None:
+    bench = Bench(SAFE_ERR_XY=0.05, SAFE_STALL_V=60.0)
+    bench.arm()
+    bench.turning = False
+    for _ in range(400):
+        bench.command(lib.OMNI_SETPOINT_POSE, pose=(1.0, 0.0, 0.0))
+        bench.tick()
+    assert bench.outputs.state == lib.OMNI_STATE_FAILSAFE
+    assert bench.outputs.fault_history & lib.OMNI_FAULT_TRACKING
+    bench.command(lib.OMNI_SETPOINT_NONE)
+    bench.tick(lib.OMNI_EVENT_DISARM, count=2)
+    bench.arm()
