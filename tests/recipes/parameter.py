@@ -5,17 +5,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
-from tests.recipes.recipe import PAGES, Scratch, read_page
+from tests.recipes.recipe import Scratch
 
 
-def test_two_files_make_a_parameter(tmp_path: Path) -> None:
+def check(copy: Scratch) -> None:
     """The generator takes it into the table, and the core that uses it compiles."""
-    copy = Scratch(tmp_path / "copy")
-    copy.follow(read_page((PAGES / "parameter.md").read_text()))
-    assert copy.touched() == ["shared/core/src/robot/robot_config.c", "shared/params.toml"]
-    out = tmp_path / "generated"
+    out = copy.root / "build" / "parameter"
     program = [sys.executable, str(copy.root / "shared/generate/generate.py"), "--out", str(out), "--part", "tables"]
     subprocess.run(program, check=True, timeout=120)
     assert '"MOT_K_SCALE"' in (out / "src" / "params_gen.c").read_text(encoding="utf-8")

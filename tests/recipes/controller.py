@@ -3,11 +3,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
-
-from tests.recipes.recipe import PAGES, Scratch, read_page
+from tests.recipes.recipe import Scratch
 
 SCENARIO = """
 [scenario]
@@ -34,11 +30,8 @@ command = "arm"
 """
 
 
-@pytest.mark.slow
-def test_three_files_make_a_controller_that_drives(tmp_path: Path) -> None:
-    copy = Scratch(tmp_path / "copy")
-    copy.follow(read_page((PAGES / "controller.md").read_text()))
-    assert len(copy.touched()) == 3, copy.touched()
+def check(copy: Scratch) -> None:
+    """Drive with it."""
     run = copy.drive(SCENARIO)
     assert run["faults"] == []
     assert run["farthest_m"] > 0.2
