@@ -139,3 +139,18 @@ def test_bench_measures_the_loops() -> None:
 )
 def test_what_is_not_there_is_bad_input(command: tuple[object, ...]) -> None:
     omni(*command, code=2)
+
+
+def test_sim_takes_another_robot_and_other_numbers(tmp_path: Path) -> None:
+    words = ("sim", "demo", "--robot", "fast_three_wheel", "--set", "TRJ_PETALS=4", "--set", "world.slip_max=0.02")
+    summary = omni_json(*words, "--out", tmp_path)
+    assert summary["robot"] == "fast_three_wheel"
+    assert summary["parameters"]["TRJ_PETALS"] == 4.0
+    assert summary["world"]["slip_max"] == 0.02
+    assert summary["effort"]["peak_wheel_rad_s"] > 4.0  # the scenario's own robot has a limit of 3 rad/s
+
+
+@pytest.mark.parametrize("word", ["TRJ_PETALS", "NOPE=1", "TRJ_PETALS=100", "world.slip_max=2", "TRJ_PETALS=3:5"])
+def test_a_setting_that_is_none_is_refused(tmp_path: Path, word: str) -> None:
+    omni("sim", "demo", "--set", word, "--out", tmp_path, code=2)
+    assert list(tmp_path.iterdir()) == []

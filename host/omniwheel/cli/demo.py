@@ -11,7 +11,7 @@ import typer
 
 from hil_sim.hil import run_hil
 from hil_sim.runs import run_in_process
-from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.scenario import Scenario
 from hil_sim.summary import summarize
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, note
 from omniwheel.cli.run_output import (
@@ -21,24 +21,32 @@ from omniwheel.cli.run_output import (
     OutOption,
     PlantOption,
     PresetOption,
+    RobotOption,
     SeedOption,
-    apply_preset,
+    SetOption,
     comparison_table,
     print_facts,
     run_folder,
     run_progress,
+    scenario_of,
     store,
     tried,
 )
 
 EXAMPLES = examples(
-    "omni demo", "omni demo --seed 7 --out /tmp/runs", "omni demo --emulated", "omni demo --json | jq .rmse"
+    "omni demo",
+    "omni demo --robot fast_three_wheel",
+    "omni demo --seed 7 --out /tmp/runs",
+    "omni demo --emulated",
+    "omni demo --json | jq .rmse",
 )
 COMPARED = ("original_law", "no_slip")
 
 
 def demo(
     seed: SeedOption = None,
+    robot: RobotOption = None,
+    settings: SetOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
     out: OutOption = DEFAULT_OUT,
@@ -57,7 +65,7 @@ def demo(
     """  # noqa: D205
     if emulated and image is not None:
         raise typer.BadParameter("--emulated and --image are two firmwares: give one of them")
-    scenario = apply_preset(load_scenario("demo").with_seed(seed).with_plant(plant), preset)
+    scenario = scenario_of("demo", robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
     with run_folder(out, scenario) as folder:
         note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
         with run_progress("firmware in the loop", json_wanted) as progress:
@@ -65,14 +73,16 @@ def demo(
                 partial(run_hil, scenario, out_dir=folder, progress=progress, emulated=emulated, image=image)
             )
         summary = summarize(run)
-        summary["comparison"] = {name: _compared(name, scenario, json_wanted) for name in COMPARED} if compare else {}
+        summary["comparison"] = (
+            {name: _compared(name, scenario, robot, json_wanted) for name in COMPARED} if compare else {}
+        )
         store(run, summary, folder, partial(_print, summary, folder), as_json=json_wanted, trouble=trouble)
     if not run.done:
         raise typer.Exit(FAILED)
 
 
-def _compared(name: str, shown: Scenario, quiet: bool) -> dict[str, Any]:
-    scenario = load_scenario(name).with_plant(shown.plant)
+def _compared(name: str, shown: Scenario, robot: str | None, quiet: bool) -> dict[str, Any]:
+    scenario = scenario_of(name, robot=robot, plant=shown.plant)
     with run_progress(name.replace("_", " "), quiet) as progress:
         summary = summarize(run_in_process(scenario, shown.seed, progress))
     kept = ("description", "way", "completed", "rmse", "estimator_rmse", "effort", "faults", "realtime_factor")

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from hil_sim.hil import run_hil
-from hil_sim.scenario import load_scenario
 from omniwheel.cli.common import JsonOption, examples, note
 from omniwheel.cli.run_output import (
     DEFAULT_OUT,
@@ -18,12 +17,14 @@ from omniwheel.cli.run_output import (
     OutOption,
     PlantOption,
     PresetOption,
+    RobotOption,
     ScenarioArgument,
     SeedOption,
-    apply_preset,
+    SetOption,
     run_folder,
     run_progress,
     scenario_help,
+    scenario_of,
     store_and_print,
     tried,
 )
@@ -47,6 +48,8 @@ def hil(
     emulated: EmulatedOption = False,
     image: ImageOption = None,
     seed: SeedOption = None,
+    robot: RobotOption = None,
+    settings: SetOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
     out: OutOption = DEFAULT_OUT,
@@ -55,7 +58,7 @@ def hil(
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
     if sum((emulated, image is not None, link is not None)) > 1:
         raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
-    scenario = apply_preset(load_scenario(scenario_name).with_seed(seed).with_plant(plant), preset)
+    scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
     with run_folder(out, scenario) as folder:
         note(scenario.description, quiet=json_wanted)
         with run_progress(scenario.name, json_wanted) as progress:

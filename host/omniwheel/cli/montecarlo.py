@@ -12,13 +12,12 @@ from hil_sim.studies import montecarlo as study
 from hil_sim.studies.figures import FIGURES, known_figure
 from hil_sim.studies.plan import DEFAULT_BATCH
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
-from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, scenario_help
+from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, SetOption, scenario_help
 from omniwheel.cli.study_output import (
     BatchOption,
     ClusterOption,
     DurationOption,
     FreshOption,
-    SetOption,
     StudyOutOption,
     StudyProgress,
     WorkersOption,

@@ -12,13 +12,12 @@ from hil_sim.studies.figures import FIGURES, parse_constraint, parse_number
 from hil_sim.studies.space import parse_axes
 from omniwheel import parameter_file
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
-from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, scenario_help
+from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, SetOption, scenario_help
 from omniwheel.cli.study_output import (
     BatchOption,
     ClusterOption,
     DurationOption,
     FreshOption,
-    SetOption,
     StudyOutOption,
     StudyProgress,
     WorkersOption,

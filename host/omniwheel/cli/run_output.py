@@ -18,7 +18,10 @@ from rich.table import Table
 from hil_sim import timeline
 from hil_sim.hil import AfterRunError
 from hil_sim.runs import Run
-from hil_sim.scenario import MAX_SEED, Scenario, scenario_names
+from hil_sim.scenario import MAX_SEED, Scenario, load_scenario, scenario_names
+from hil_sim.studies.errors import StudyInputError
+from hil_sim.studies.plan import WORLD_PREFIX
+from hil_sim.studies.space import parse_axes
 from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
 from hil_sim.world import PLANTS
 from omni_schema.errors import did_you_mean
@@ -76,6 +79,23 @@ PresetOption = Annotated[
         autocompletion=completion.presets,
     ),
 ]
+RobotOption = Annotated[
+    str | None,
+    typer.Option(
+        "--robot",
+        "-r",
+        metavar="NAME|FILE",
+        help="Robot to drive instead of the scenario's.",
+        show_default=False,
+        autocompletion=completion.robots,
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="A parameter, or world.NAME a number of the world.", show_default=False
+    ),
+]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the run's folder is made.")]
 DEFAULT_OUT = Path("runs")
 
@@ -110,6 +130,35 @@ def run_progress(title: str, quiet: bool) -> Iterator[timeline.Progress]:
             progress.update(task, completed=time_s, total=end_s, simulated=f"{time_s:5.1f} s simulated")
 
         yield show
+
+
+def scenario_of(
+    name: str,
+    *,
+    robot: str | None = None,
+    seed: int | None = None,
+    plant: str | None = None,
+    preset: str | None = None,
+    settings: Sequence[str] | None = None,
+) -> Scenario:
+    """Return the scenario that the options describe; a preset goes over the scenario's parameters, --set over both."""
+    scenario = load_scenario(name, robot).with_seed(seed).with_plant(plant)
+    return apply_settings(apply_preset(scenario, preset), settings)
+
+
+def apply_settings(scenario: Scenario, settings: Sequence[str] | None) -> Scenario:
+    """Return the scenario with NAME=VALUE words over its parameters, world.NAME=VALUE over its world."""
+    if not settings:
+        return scenario
+    for word in settings:
+        name, _, value = word.partition("=")
+        if not name.strip() or not value.strip() or ":" in value or "," in value:
+            raise StudyInputError(f"--set {word} is no setting", hint="write NAME=VALUE, one value")
+    axes = parse_axes(list(settings), scenario.robot.table)
+    values = {axis.name: axis.values[0] for axis in axes}
+    own = {key: value for key, value in values.items() if not key.startswith(WORLD_PREFIX)}
+    world = {key[len(WORLD_PREFIX) :]: value for key, value in values.items() if key not in own}
+    return scenario.with_parameters(own).with_world(world)
 
 
 def apply_preset(scenario: Scenario, name: str | None) -> Scenario:

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from hil_sim.batch import FIGURES, STATUSES, BatchResult, run_batches
 from hil_sim.runs import run_in_process
-from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.scenario import Scenario
 from hil_sim.statistics import Statistics, merged
 from omniwheel.cli.common import JsonOption, console, error_console, examples, note, print_json
 from omniwheel.cli.run_output import (
@@ -21,12 +21,14 @@ from omniwheel.cli.run_output import (
     OutOption,
     PlantOption,
     PresetOption,
+    RobotOption,
     ScenarioArgument,
     SeedOption,
-    apply_preset,
+    SetOption,
     run_folder,
     run_progress,
     scenario_help,
+    scenario_of,
     store_and_print,
 )
 from omniwheel.plain import finite
@@ -36,6 +38,7 @@ EXAMPLES = examples(
     "omni sim four_wheel --seed 3 --plant slip",
     "omni sim demo --seeds 20",
     "omni sim --preset report_torque",
+    "omni sim demo --robot fast_three_wheel --set world.slip_max=0.2",
 )
 MAX_SEEDS = 100_000
 
@@ -62,13 +65,15 @@ def sim(
             "--seeds", min=1, max=MAX_SEEDS, help="Run this many seeds and print mean and standard deviation."
         ),
     ] = 1,
+    robot: RobotOption = None,
+    settings: SetOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario in this process: the same world and the same control core, without firmware and link."""
-    scenario = apply_preset(load_scenario(scenario_name).with_seed(seed).with_plant(plant), preset)
+    scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
     if seeds > 1:
         _many(scenario, seeds, json_wanted)
         return

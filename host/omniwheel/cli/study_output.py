@@ -16,13 +16,10 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from hil_sim.scenario import MAX_DURATION_S, Scenario, load_scenario
-from hil_sim.studies.errors import StudyInputError
-from hil_sim.studies.plan import WORLD_PREFIX
+from hil_sim.scenario import MAX_DURATION_S, Scenario
 from hil_sim.studies.pools import LocalPool, Pool
-from hil_sim.studies.space import parse_axes
 from omniwheel.cli.common import INTERRUPTED, console, error_console, signals_interrupt
-from omniwheel.cli.run_output import DEFAULT_OUT, apply_preset
+from omniwheel.cli.run_output import DEFAULT_OUT, scenario_of
 
 MAX_WORKERS = 1024
 _WIDEST = 300
@@ -42,12 +39,6 @@ ClusterOption = Annotated[
     ),
 ]
 BatchOption = Annotated[int, typer.Option("--batch", help="Runs that are done, kept and repeated together: 8, 16, ...")]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="NAME=VALUE", help="A parameter, or world.NAME a number of the world.", show_default=False
-    ),
-]
 DurationOption = Annotated[
     float | None,
     typer.Option(
@@ -73,18 +64,7 @@ def study_scenario(
     name: str, plant: str | None, preset: str | None, settings: Sequence[str] | None, duration_s: float | None
 ) -> Scenario:
     """Return the scenario that the options describe."""
-    scenario = apply_preset(load_scenario(name).with_plant(plant), preset).with_duration(duration_s)
-    if not settings:
-        return scenario
-    for word in settings:
-        name, _, value = word.partition("=")
-        if not name.strip() or not value.strip() or ":" in value or "," in value:
-            raise StudyInputError(f"--set {word} is no setting", hint="write NAME=VALUE, one value")
-    axes = parse_axes(settings, scenario.robot.table)
-    values = {axis.name: axis.values[0] for axis in axes}
-    own = {key: value for key, value in values.items() if not key.startswith(WORLD_PREFIX)}
-    world = {key[len(WORLD_PREFIX) :]: value for key, value in values.items() if key not in own}
-    return scenario.with_parameters(own).with_world(world)
+    return scenario_of(name, plant=plant, preset=preset, settings=settings).with_duration(duration_s)
 
 
 def study_folder(out: Path | None, scenario: Scenario, command: str) -> Path:
