@@ -147,7 +147,8 @@ void ControlLoop::take_flags(uint32_t flags) {
     constexpr uint32_t news = news_request | news_fix | news_pin_test | news_heartbeat | news_setpoint;
     inputs_.events = flags & ~news;
     if ((flags & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
-        forget_setpoints(void_before_.load(std::memory_order_relaxed));
+        omni_leave_plan(&inputs_);
+        oldest_valid_ = void_before_.load(std::memory_order_relaxed);
     }
     if ((flags & news_request) != 0) {
         take_requests();
@@ -170,9 +171,7 @@ void ControlLoop::take_what_waits() {
 
 void ControlLoop::take_plan() {
     if (const omni_trajectory_t *plan = plans.take()) {
-        inputs_.trajectory = plan;
-        inputs_.events = (inputs_.events | OMNI_EVENT_TRAJECTORY_START) & ~static_cast<uint32_t>(OMNI_EVENT_TRAJECTORY_STOP);
-        inputs_.setpoint.kind = OMNI_SETPOINT_TRAJECTORY;
+        omni_follow_plan(&inputs_, plan);
         inputs_.setpoint.time_us = inputs_.time_us;
     }
 }
@@ -263,12 +262,11 @@ bool ControlLoop::release(MotorWires &wires) {
     return driver_->all_off(wires);
 }
 
-/// Bridges by the bus and, independent of it, by the pin. A chip that does not answer now may still hold what it was told before
-/// the last stop: the pin is not switched on over it.
+/// Bridges by the bus and, independent of it, by the pin.
 void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
     driver_->drive(wires, now_us, outputs_->duty, outputs_->drive);
     driver_was_ready_ = driver_was_ready_ || driver_->ready();
-    powered_ = outputs_->drive && driver_->ready() && (powered_ || driver_->failures() == 0);
+    powered_ = driver_->ready() && omni_motor_power(outputs_->drive, powered_, driver_->failures());
     wires.enable.set(powered_);
 }
 

@@ -97,7 +97,7 @@ void Pca9685::succeeded(const uint8_t *read) {
 
 void Pca9685::failed(I2cBus &bus, bool stuck, uint32_t updates) {
     ++errors_;
-    failures_ = static_cast<uint16_t>(std::min(failures_ + updates, uint32_t{0xFFFF}));
+    failures_ = omni_more_failures(failures_, updates);
     suspicious_ = true;
     if (phase_ != Phase::ready) {
         phase_ = Phase::off;

@@ -22,6 +22,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 #undef OMNI_INLINE
 
 #include "motor/bridge.c"
+#include "robot/loop.c"
 
 #include "drv8871.c"
 #include "faults.c"

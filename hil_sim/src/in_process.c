@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "in_process.h"
 #include "omni/bridge.h"
+#include "omni/loop.h"
 
 static omni_pose_t to_pose(const hil_real_t *pose) {
     return (omni_pose_t){(omni_real_t)pose[0], (omni_real_t)pose[1], (omni_real_t)pose[2]};
@@ -14,8 +15,7 @@ static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors, ui
     inputs->counts_valid = sensors->counts_valid;
     inputs->battery_V = (omni_real_t)sensors->battery_V;
     const bool failed = sensors->i2c_status != 0;
-    const uint16_t failures = inputs->driver_failures;
-    inputs->driver_failures = failed ? (uint16_t)(failures + (failures < UINT16_MAX)) : 0;
+    inputs->driver_failures = failed ? omni_more_failures(inputs->driver_failures, 1) : 0;
     inputs->events |= sensors->stop_button ? (uint32_t)OMNI_EVENT_ESTOP : 0u;
     inputs->has_fix = sensors->has_fix && !sensors->link_silent;
     if (inputs->has_fix) {
@@ -27,10 +27,10 @@ static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors, ui
     }
 }
 
-/* The pin as the firmware sets it: not switched on while the driver fails. */
+/* The pin as the firmware sets it. */
 static void enable(hil_world_t *world, const omni_inputs_t *inputs, const omni_outputs_t *outputs) {
     const bool was_on = !world->chip.output_enable_high;
-    const bool on = outputs->drive && (was_on || inputs->driver_failures == 0);
+    const bool on = omni_motor_power(outputs->drive, was_on, inputs->driver_failures);
     hil_world_output_enable(world, on ? HIL_OE_ON : HIL_OE_OFF);
 }
 

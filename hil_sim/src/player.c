@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "omni/loop.h"
+
 static const uint64_t NEVER = UINT64_MAX;
 
 static void fail(hil_player_t *p, hil_run_status_t status, int32_t detail) {
@@ -85,8 +87,7 @@ static void apply(hil_player_t *p, const hil_event_t *event) {
         }
         break;
     default: /* HIL_ACTION_TRAJECTORY_STOP */
-        inputs->setpoint.kind = OMNI_SETPOINT_NONE;
-        inputs->events |= OMNI_EVENT_TRAJECTORY_STOP;
+        omni_leave_plan(inputs);
         break;
     }
 }

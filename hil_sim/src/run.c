@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "in_process.h"
+#include "omni/loop.h"
 #include "record.h"
 
 hil_result_t hil_run_init(hil_run_t *run, const hil_world_config_t *world, const omni_robot_config_t *robot, char *why,
@@ -52,9 +53,7 @@ omni_result_t hil_run_start_trajectory(hil_run_t *run) {
     const omni_result_t result = omni_trajectory_plan(plan, &config->trajectory, &config->kinematics, NULL, &run->outputs.pose);
     if (result == OMNI_OK) {
         run->plan_used ^= 1u;
-        run->inputs.trajectory = plan;
-        run->inputs.setpoint.kind = OMNI_SETPOINT_TRAJECTORY;
-        run->inputs.events |= OMNI_EVENT_TRAJECTORY_START;
+        omni_follow_plan(&run->inputs, plan);
     }
     return result;
 }

@@ -8,6 +8,7 @@
 #include "omni/feedback_linearization.h"
 #include "omni/ismc.h"
 #include "omni/kinematics.h"
+#include "omni/loop.h"
 #include "omni/math.h"
 #include "omni/motor.h"
 #include "omni/motor_kf.h"
