@@ -174,8 +174,8 @@ static bool quad_pulses(const rt1062_t *m, uint32_t number, uint32_t part, rt_pu
     const uint16_t *words = m->s.quad_timer[number].words + part * CHANNEL / 2;
     const uint32_t running = words[QUAD_CTRL / 2] >> 13;
     const uint32_t prescale = words[QUAD_CTRL / 2] >> 9 & 7; /* PCS 8..15: bus clock / 1..128 */
-    const double high = words[CMPLD1 / 2];
-    const double length = high + 65537.0 - words[QUAD_LOAD / 2];
+    const double high = (double)words[CMPLD1 >> 1];
+    const double length = high + 65537.0 - (double)words[QUAD_LOAD >> 1];
     pulses->share = high / length;
     pulses->frequency_Hz = (double)(rt_clock_hz(m, RT_ROOT_IPG) >> prescale) / length;
     return running != 0;

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "omni/loop.h"
 
-bool omni_motor_power(bool drive, bool was_on, uint16_t failures) { return drive && (was_on || failures == 0); }
+bool omni_motor_power(bool drive, bool was_on, uint16_t failures) {
+    return drive && (was_on || failures == 0);
+}
 
 uint16_t omni_more_failures(uint16_t failures, uint32_t more) {
     const uint32_t left = (uint32_t)UINT16_MAX - failures;

@@ -95,27 +95,30 @@ static omni_real_t controller_step_s(const omni_robot_config_t *c) {
     return c->step_s * (omni_real_t)c->control_period;
 }
 
-omni_result_t omni_configure_none(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    (void)c;
-    (void)v;
-    (void)bad_index;
+/* A law that takes any values that its parameters allow. */
+static omni_result_t no_bad_one(int32_t *bad_index) {
+    *bad_index = -1;
     return OMNI_OK;
 }
 
+omni_result_t omni_configure_none(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
+    (void)c;
+    (void)v;
+    return no_bad_one(bad_index);
+}
+
 omni_result_t omni_configure_ismc(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    (void)bad_index;
     c->ismc.step_s = controller_step_s(c);
     c->ismc.switching = (uint8_t)v[OMNI_PARAM_ISMC_SWITCH];
     set_axes(c->ismc.lambda, v[OMNI_PARAM_ISMC_LAM_XY], v[OMNI_PARAM_ISMC_LAM_TH]);
     set_axes(c->ismc.k, v[OMNI_PARAM_ISMC_K_XY], v[OMNI_PARAM_ISMC_K_TH]);
     set_axes(c->ismc.phi, v[OMNI_PARAM_ISMC_PHI_XY], v[OMNI_PARAM_ISMC_PHI_TH]);
     set_axes(c->ismc.integral_limit, v[OMNI_PARAM_ISMC_I_MAX], v[OMNI_PARAM_ISMC_I_MAX]);
-    return OMNI_OK;
+    return no_bad_one(bad_index);
 }
 
 /* P, PD and PID share a module: what the mode in use does not have is left out. */
 omni_result_t omni_configure_pid(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    (void)bad_index;
     const bool derivative = c->controller == OMNI_CTL_MODE_PD || c->controller == OMNI_CTL_MODE_PID;
     const bool integral = c->controller == OMNI_CTL_MODE_PID;
     c->fl.step_s = controller_step_s(c);
@@ -123,7 +126,7 @@ omni_result_t omni_configure_pid(omni_robot_config_t *c, const omni_real_t *v, i
     set_axes(c->fl.kd, derivative ? v[OMNI_PARAM_FL_KD_XY] : 0.0f, derivative ? v[OMNI_PARAM_FL_KD_TH] : 0.0f);
     set_axes(c->fl.ki, integral ? v[OMNI_PARAM_FL_KI_XY] : 0.0f, integral ? v[OMNI_PARAM_FL_KI_TH] : 0.0f);
     set_axes(c->fl.integral_limit, v[OMNI_PARAM_FL_I_MAX], v[OMNI_PARAM_FL_I_MAX]);
-    return OMNI_OK;
+    return no_bad_one(bad_index);
 }
 
 omni_result_t omni_configure_p(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
@@ -136,9 +139,8 @@ omni_result_t omni_configure_pd(omni_robot_config_t *c, const omni_real_t *v, in
 
 omni_result_t omni_configure_original(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
     (void)v;
-    (void)bad_index;
     c->original = omni_original_defaults(c->step_s, c->rad_per_count);
-    return OMNI_OK;
+    return no_bad_one(bad_index);
 }
 
 /* The measured points, or a straight line if none are given. @return false, and the offending parameter, if they do not rise. */

@@ -125,7 +125,7 @@ static uint8_t way_of(const omni_robot_config_t *c, const omni_target_t *target)
 
 /* All of them, not only the one that takes over: a robot's state then says nothing of what it did before. */
 static void reset_controllers(omni_control_state_t *control) {
-    for (uint8_t mode = 0; mode < OMNI_CTL_MODE_COUNT; ++mode) {
+    for (int mode = 0; mode < OMNI_CTL_MODE_COUNT; ++mode) {
         omni_controllers[mode]->reset(control);
     }
     control->ticks = 0;
