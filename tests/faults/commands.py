@@ -126,10 +126,10 @@ def _short_demo() -> Any:
     def run(*arguments: Any, **options: Any) -> Any:
         return replace(run_hil(*arguments, **options), done=True)
 
-    return _patched(omniwheel__cli__demo__load_scenario=_quick, omniwheel__cli__demo__run_hil=run)
+    return _patched(omniwheel__cli__run_output__load_scenario=_quick, omniwheel__cli__demo__run_hil=run)
 
 
-def _quick(_: str) -> Any:
+def _quick(_name: str, _robot: str | None = None) -> Any:
     return load_scenario(str(INPUTS[0] / "quick.toml"))
 
 

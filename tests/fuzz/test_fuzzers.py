@@ -188,7 +188,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a memory that is read beyond its end": (
         "store",
         "firmware/app/param_store.cpp",
-        "|| count > (size - header_length - crc_length) / entry_length",
+        "|| count > (slot_size() - header_length - crc_length) / entry_length",
         "",
         "param_store.cpp",
     ),

@@ -171,7 +171,7 @@ def no_emulator() -> Iterator[None]:
         yield
 
 
-def _short(_: str) -> Any:
+def _short(_name: str, _robot: str | None = None) -> Any:
     return load_scenario("quick.toml")
 
 
@@ -185,8 +185,8 @@ def short_runs() -> Iterator[None]:
     def done(*arguments: Any, **options: Any) -> Any:
         return replace(run(*arguments, **options), done=True)
 
-    hil = {"omniwheel.cli.hil.load_scenario": _short, "omniwheel.cli.hil.run_hil": run}
-    demo = {"omniwheel.cli.demo.load_scenario": _short, "omniwheel.cli.demo.run_hil": done}
+    hil = {"omniwheel.cli.run_output.load_scenario": _short, "omniwheel.cli.hil.run_hil": run}
+    demo = {"omniwheel.cli.run_output.load_scenario": _short, "omniwheel.cli.demo.run_hil": done}
     with patched({**hil, **demo}):
         yield
 
@@ -194,7 +194,7 @@ def short_runs() -> Iterator[None]:
 @contextmanager
 def short_simulation() -> Iterator[None]:
     """The same in this process."""
-    with patch("omniwheel.cli.sim.load_scenario", _short):
+    with patch("omniwheel.cli.run_output.load_scenario", _short):
         yield
 
 

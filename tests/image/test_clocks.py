@@ -129,5 +129,5 @@ def test_pulse_timers_take_their_setting_up_and_no_more(chip: Chip) -> None:
     chip.write(flexpwm1 + 0x188, chip.read(flexpwm1 + 0x188, 2) | 0xF00, size=2)
     assert chip.read(flexpwm1 + 0x188, 2) == 0xF00
     assert chip.found(lib.RT1062_FINDING_CLOCK) == []
-    assert "no such register" in chip.refuses(flexpwm1 + 0x180, 0x100, size=2)  # OUTEN
+    assert "no such register" in chip.refuses(flexpwm1 + 0x182, 0x100, size=2)  # MASK
     assert "no such register" in chip.refuses(timer1 + 0x18, 1, size=2)

@@ -71,8 +71,8 @@ void Bench::actuate() {
     hil_steps_t in1[HIL_MAX_WHEELS] = {};
     hil_steps_t in2[HIL_MAX_WHEELS] = {};
     for (uint32_t i = 0; i < world_.config.wheels; ++i) {
-        in1[i] = static_cast<hil_steps_t>(robot.bus.chip.high_steps(world_.config.in1_channel[i]));
-        in2[i] = static_cast<hil_steps_t>(robot.bus.chip.high_steps(world_.config.in2_channel[i]));
+        in1[i] = static_cast<hil_steps_t>(robot.bus.chip.high_steps(static_cast<size_t>(world_.config.in1_channel[i])));
+        in2[i] = static_cast<hil_steps_t>(robot.bus.chip.high_steps(static_cast<size_t>(world_.config.in2_channel[i])));
     }
     hil_world_bridge(&world_, in1, in2);
     hil_world_output_enable(&world_, robot.pin.is_on ? HIL_OE_ON : HIL_OE_OFF);

@@ -49,7 +49,9 @@ class RunEntry:
 
 def list_runs(root: Path, text: str = "") -> list[RunEntry]:
     """Return the runs below a folder, oldest first, whose name or request contains ``text``."""
-    folders = sorted((path for path in root.glob("*") if path.is_dir()), key=lambda path: path.stat().st_mtime)
+    folders = sorted(
+        (path for path in root.glob("*") if path.is_dir()), key=lambda path: (path.stat().st_mtime, path.name)
+    )
     entries = [entry for folder in folders if (entry := _entry(folder)) is not None]
     return [entry for entry in entries if text.lower() in f"{entry.name} {entry.asked}".lower()]
 

@@ -64,7 +64,10 @@ def system_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sources = [
         *(BOARD / f"{name}.cpp" for name in BOARD_PARTS),
         *(ROOT / "firmware" / "app" / name for name in ("param_store.cpp", "pca9685.cpp")),
-        *(ROOT / "shared" / "core" / "src" / name for name in ("robot/params.c", "math/math.c", "motor/bridge.c")),
+        *(
+            ROOT / "shared" / "core" / "src" / name
+            for name in ("robot/params.c", "robot/loop.c", "math/math.c", "motor/bridge.c")
+        ),
         *(generated_dir() / "src").glob("*_gen.c"),
         FAKES / "fake_teensy.cpp",
         FAKES / "fake_flash.cpp",

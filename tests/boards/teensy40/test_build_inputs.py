@@ -32,7 +32,7 @@ finally:
 def root(tmp_path: Path) -> Path:
     """Return a copy of what a build generates code from."""
     skip = shutil.ignore_patterns("__pycache__")
-    for name in ("link", "generate", "robots"):
+    for name in ("link", "generate", "robots", "core"):
         shutil.copytree(ROOT / "shared" / name, tmp_path / "shared" / name, ignore=skip)
     shutil.copy(ROOT / "shared" / "params.toml", tmp_path / "shared" / "params.toml")
     return tmp_path

@@ -41,7 +41,8 @@ def generator_inputs(root: Path, robot: Path) -> list[Path]:
     """Return all files that the generated code depends on, the version apart: robot, schemas, dialect, generator."""
     shared = root / "shared"
     link = [path for path in (shared / "link").rglob("*") if path.is_file()]
-    return sorted([robot, shared / "params.toml", *link, *(shared / "generate").rglob("*.py")])
+    headers = (shared / "core" / "include" / "omni").glob("*.h")  # controllers and paths are looked up there
+    return sorted([robot, shared / "params.toml", *link, *headers, *(shared / "generate").rglob("*.py")])
 
 
 def fingerprint(root: Path, robot: Path) -> str:
