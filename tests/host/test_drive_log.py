@@ -62,6 +62,29 @@ def test_a_drive_is_kept_listed_compared_plotted_renamed_and_deleted(sitl: str, 
     assert run("runs", "compare", "before", "drive-pose-2", "--folder", runs)[0] == 2
 
 
+def kept_run(folder: Path, parameters: str) -> None:
+    folder.mkdir()
+    document = {"kind": "drive", "asked": "keys", "began": "", "end": "done", "numbers": {}}
+    (folder / "drive.json").write_text(json.dumps(document))
+    (folder / "parameters.toml").write_text(f"[parameters]\n{parameters}\n")
+
+
+def test_runs_with_other_named_values_are_compared(tmp_path: Path) -> None:
+    kept_run(tmp_path / "one", 'CTL_MODE = "ismc"\nWS_P = 4.0')
+    kept_run(tmp_path / "other", 'CTL_MODE = "pid"\nWS_P = 4.0')
+    code, output = run("runs", "compare", "one", "other", "--folder", tmp_path)
+    assert code == 0, output
+    line = next(line for line in output.splitlines() if "CTL_MODE" in line)
+    assert line.split() == ["CTL_MODE", "ismc", "pid"]
+    assert json.loads(run("runs", "--folder", tmp_path, "--json")[1])["runs"][0]["parameters"]["CTL_MODE"] >= 0
+
+
+def test_parameters_of_another_version_are_not_compared(tmp_path: Path) -> None:
+    kept_run(tmp_path / "one", "NOT_KNOWN_HERE = 1.0")
+    kept_run(tmp_path / "other", "WS_P = 4.0")
+    assert run("runs", "compare", "one", "other", "--folder", tmp_path)[0] == 0
+
+
 def test_a_refused_drive_leaves_nothing(firmware: FirmwareProcess, tmp_path: Path) -> None:
     for words in (["velocity", "3", "0", "0"], ["duty", "0.1"]):
         assert omni("drive", *words, "--link", firmware.urls[0], "--out", tmp_path / "runs").returncode == 2

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omniwheel.drive_log.folder import DRIVE_FILE
-from omniwheel.errors import LogError
+from omniwheel import parameter_file
+from omniwheel.drive_log.folder import BEFORE_FILE, DRIVE_FILE
+from omniwheel.errors import LogError, ParameterFileError
 from omniwheel.logs.run_folder import SUMMARY_FILE
+from omniwheel.robots import parameter_table
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 UNITS = (
@@ -108,13 +110,18 @@ def _entry(folder: Path) -> RunEntry | None:
 
 
 def _drive(folder: Path, document: Mapping[str, Any]) -> RunEntry:
-    from omni_schema.toml_file import read_toml
-    from omniwheel.drive_log.folder import BEFORE_FILE
-
-    path = folder / BEFORE_FILE
-    parameters = read_toml(path).get("parameters", {}) if path.is_file() else {}
     numbers = {key: document["numbers"].get(key) for key, _, _ in UNITS}
-    return RunEntry(folder, "drive", document["asked"], document["began"], document["end"], numbers, parameters)
+    return RunEntry(
+        folder, "drive", document["asked"], document["began"], document["end"], numbers, _parameters(folder)
+    )
+
+
+def _parameters(folder: Path) -> Mapping[str, float]:
+    """Return what a drive began with; nothing if its file is gone, damaged or of a version with other parameters."""
+    try:
+        return parameter_file.read(folder / BEFORE_FILE, parameter_table())
+    except ParameterFileError:
+        return {}
 
 
 def _simulated(folder: Path, summary: Mapping[str, Any]) -> RunEntry:
