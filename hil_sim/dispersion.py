@@ -18,7 +18,6 @@ do the same at the same time, which running eight of them at once lives on.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,8 +149,3 @@ def drawn_values(entries: tuple[Dispersion, ...], config: Any) -> dict[str, floa
         else:
             values[entry.quantity] = value[element] if isinstance(value, ffi.CData) else value
     return values
-
-
-def dispersion_document(entries: tuple[Dispersion, ...]) -> Mapping[str, Any]:
-    """Return the ``[dispersion]`` table that reads back as these entries."""
-    return {entry.quantity: entry.document() for entry in entries}

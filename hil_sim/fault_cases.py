@@ -33,10 +33,10 @@ class Kind:
 class FaultCase:
     """One fault and what is expected.
 
-    ``stops`` is the name of the stop fault, or EMERGENCY_STOP (None: the robot drives on), ``warns`` a warning that
-    must show, ``says`` a part of a status text. ``bound`` is the longest time to zero volts: a number of seconds, or
-    names of parameters in seconds joined by " + ". ``coasts`` False: the motors keep their last voltage until the fault
-    has gone. ``error_m`` is how far from its path the robot may get on a circle.
+    ``stops`` is the name of the stop fault, or EMERGENCY_STOP (None: the robot drives on). ``warns`` is a warning
+    that must show, ``says`` a part of a status text. ``bound`` is the longest time to zero volts: a number of seconds,
+    or names of parameters in seconds joined by " + ". ``coasts`` False: the motors keep their last voltage until the
+    fault has gone. ``error_m`` is how far from its path the robot may get on a circle.
     """
 
     name: str

@@ -62,12 +62,6 @@ def table(results: Iterable[FaultResult]) -> str:
     return "\n".join([*HEAD, *(row(result) for result in results)])
 
 
-def part_of(document: str, marks: tuple[str, str]) -> str:
-    """Return what a document has between two marks; ValueError if one is missing."""
-    start, end = document.index(marks[0]) + len(marks[0]), document.index(marks[1])
-    return document[start:end].strip()
-
-
 def with_part(document: str, marks: tuple[str, str], text: str) -> str:
     """Return the document with another text between two marks; ValueError if one is missing."""
     start, end = document.index(marks[0]) + len(marks[0]), document.index(marks[1])

@@ -3,7 +3,7 @@
 
 The same scenario and seed give the same log, byte for byte. Commands are sent at exact ticks, heartbeats by simulated
 time, and time stamps are EPOCH_US plus simulated time. How long the firmware's ticks took by the wall clock, it is
-asked now and then; the answers go into the summary and not into the log.
+asked now and then. The answers go into the summary and not into the log.
 """
 
 from __future__ import annotations

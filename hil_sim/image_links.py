@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 
 from omniwheel.errors import FirmwareStartError
-from omniwheel.tcp_server import TcpServer
+from omniwheel.tcp_server import TcpServer, listen_hint
 
 _READ_SIZE = 4096
 _KEPT = 1 << 16
@@ -86,7 +86,8 @@ class TcpPort(ImagePort):
         try:
             self._server = TcpServer(host, port)
         except OSError as error:
-            raise FirmwareStartError(f"cannot listen at {host}:{port}: {error.strerror}") from error
+            said = f"cannot listen at {host}:{port}: {error.strerror}"
+            raise FirmwareStartError(said, hint=listen_hint(error.errno)) from error
         self.name = self._server.url
 
     @property

@@ -4,10 +4,10 @@
 ``python -m hil_sim.image_process IMAGE --usb tcp:127.0.0.1:0`` prints a line of JSON with its links when they listen.
 
 A client of the USB link is a program that has the port open (DTR); when it goes the port is closed. When the board
-restarts its USB port vanishes, so the client is hung up. The pose fixes of a world at the pins come over USB between
-the client's own frames, as from a motion-capture bridge on the same port. Robot time follows the wall clock, and falls
-behind where this computer is too slow. With ``--lockstep`` it stands still from the moment at which the robot has
-answered a tick of a host in the loop until the host speaks again.
+restarts its USB port vanishes, so the client is hung up. The pose fixes of a world at the pins come over USB. They go
+between the client's own frames, as from a motion-capture bridge on the same port. Robot time follows the wall clock,
+and falls behind where this computer is too slow. With ``--lockstep`` it stands still once the robot has answered a tick
+of a host in the loop, until the host speaks again.
 """
 
 from __future__ import annotations

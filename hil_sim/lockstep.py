@@ -41,7 +41,7 @@ class LockstepLink:
 
     ``timeout_s`` is the wall time the robot has for one tick, ``realtime_factor`` 0 runs as fast as it goes, 1 in
     real time. While the world's fault link_silence is active, what is written gets lost. An answer is looked for a
-    moment before the process goes to sleep over it, unless it is to be ``asleep`` or runs in real time.
+    moment before the process goes to sleep over it. It sleeps at once if it is to be ``asleep`` or runs in real time.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class LockstepLink:
     def serve_every(self, ticks: int, skipped: Sequence[int], log_epoch_us: int | None) -> None:
         """Let :meth:`run_served` look after the robot's messages at every multiple of ``ticks``.
 
-        It passes over those with a number in ``skipped``; with ``log_epoch_us``, what the clock's zero is in a
+        It passes over those with a number in ``skipped``. With ``log_epoch_us``, what the clock's zero is in a
         telemetry log, it makes log records of all.
         """
         self._serve_ticks = ticks

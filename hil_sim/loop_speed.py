@@ -27,7 +27,7 @@ BLOCK_RUNS = 16
 class LoopTime:
     """What a loop took [s] for how much simulated time [s].
 
-    ``cpu_s`` is the time that processors spent on it [s], 0 where other processes have their part in it; ``tick_us``
+    ``cpu_s`` is the time that processors spent on it [s], 0 where other processes have their part in it. ``tick_us`` is
     what the firmware itself measured.
     """
 

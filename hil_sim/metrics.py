@@ -35,7 +35,7 @@ class Effort:
 
     ``peak_wheel_rad_s`` is the fastest true wheel speed, and ``rms_duty`` the root mean square of all duties.
     ``saturated_share`` is the share of samples in which wheel speeds or voltages were cut. ``chatter`` is the mean
-    change of a duty from one record to the next over the mean duty, both absolute: 0 is perfectly steady, 2 is full
+    change of a duty from one record to the next over the mean duty, both absolute. 0 is perfectly steady, 2 is full
     reversal every time.
     """
 

@@ -61,7 +61,7 @@ class SimulatedRobot:
     """The robot in the simulated world: a :class:`~omniwheel.mocap.source.MocapSource` and a Link.
 
     PWM is taken as the duty of a drive-brake bridge. ``dead_band_pwm`` is the PWM up to which the wheels stand
-    (by Coulomb friction), ``radio_delay_s`` what the radio adds to the time that the bytes take at ``baud``.
+    (by Coulomb friction). ``radio_delay_s`` is what the radio adds to the time that the bytes take at ``baud``.
     """
 
     def __init__(

@@ -141,7 +141,7 @@ def unicorn_library() -> Path:
 class Machine:
     """An i.MX RT1062 as on a Teensy 4.0, with one image in its flash memory; a context manager that frees it.
 
-    ``wiring`` says where encoders, output-enable and the battery are connected; ``world`` is what they are connected
+    ``wiring`` says where encoders, output-enable and the battery are connected. ``world`` is what they are connected
     to: it goes on by itself while the machine runs. Times are seconds of the robot since power-on.
     Raises FirmwareImageError and MissingPackageError.
     """
@@ -362,10 +362,6 @@ class Machine:
     def usb_cable(self, connected: bool) -> None:
         """Put the USB cable in or pull it."""
         lib.rt1062_usb_cable(self._c, connected)
-
-    def usb_full_speed(self, full_speed: bool) -> None:
-        """Let the host know 12 Mbit/s only, from its next bus reset on."""
-        lib.rt1062_usb_full_speed(self._c, full_speed)
 
     def usb_open(self, wanted: bool, baud: int = 115200) -> None:
         """Open or close the serial port at the host, as a program there does."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hil_sim.metrics import PHASE_PATH, on_path, pose_error
 from omniwheel.files import save_picture
+from omniwheel.plain import shown
 from omniwheel.plot_style import HEADING, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 
 WIDTH_PX, HEIGHT_PX, DPI = 1600, 1200, 120
@@ -49,7 +50,7 @@ def draw_run(summary: Mapping[str, Any], samples: NDArray[Any], path: Path) -> N
 
 
 def _number(value: float | None, factor: float, unit: str, digits: int = 2) -> str:
-    return "–" if value is None else f"{value * factor:.{digits}f} {unit}"
+    return "–" if value is None else f"{shown(value, factor, digits)} {unit}".rstrip()
 
 
 def _head(figure: Figure, summary: Mapping[str, Any]) -> None:

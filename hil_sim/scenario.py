@@ -33,6 +33,7 @@ from typing import Any, Literal
 
 from hil_sim.dispersion import Dispersion, parse_dispersion
 from hil_sim.faults import Fault
+from hil_sim.limits import MAX_DURATION_S, MAX_SEED
 from hil_sim.schema import WORLD, WORLD_NUMBERS
 from hil_sim.world import DEFAULT_PLANT, PLANTS
 from omni_schema import ParameterTable, Robot, SchemaError
@@ -42,8 +43,6 @@ from omni_schema.world import FaultKind
 from omniwheel.robots import read_robot
 
 UNTIL_DONE: Literal["until_done"] = "until_done"
-MAX_DURATION_S = 3600.0
-MAX_SEED = 2**63 - 1
 COMMANDS = ("arm", "disarm", "estop", "trajectory_start", "trajectory_stop")
 
 START_POSE = WORLD.numbers["start_pose"]
@@ -58,8 +57,8 @@ _HEAD = ("name", "description", "extends", "robot", "world_robot", "seed", "dura
 class Event:
     """Something that is done to the robot at a time [s], or at a share of the path. Exactly one of the two is given.
 
-    ``settings`` are parameter values, ``command`` one of COMMANDS, ``velocity`` a body twist (m/s, m/s, rad/s) or
-    ``duty`` open-loop duties -1..1 (one per wheel) that are asked for from then on; exactly one of the four is given.
+    ``settings`` are parameter values, ``command`` one of COMMANDS. ``velocity`` is a body twist (m/s, m/s, rad/s) and
+    ``duty`` open-loop duties -1..1 (one per wheel), asked for from then on. Exactly one of the four is given.
     """
 
     at_s: float | None = None

@@ -14,7 +14,6 @@ import numpy as np
 from hil_sim import core, metrics
 from hil_sim.c_scenario import drawn_world
 from hil_sim.runs import Run, faults_seen
-from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied
 from omni_schema import ParameterTable
 from omniwheel import __version__, files
@@ -22,7 +21,7 @@ from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
 from omniwheel.moved import moved
 from omniwheel.plain import finite
 
-REPORT_FILE = "report.png"
+PICTURE_FILE = "run.png"
 TLOG_FILE = "telemetry.tlog"
 STORED_EVERY = 10
 """Every so many ticks a sample is stored; numbers are computed from all of them."""
@@ -94,21 +93,8 @@ def enum_name(table: ParameterTable, parameter: str, values: Mapping[str, float]
     return next(name for name, value in table[parameter].values.items() if value == number)
 
 
-def new_run_folder(root: Path, scenario: Scenario) -> Path:
-    """Create and return a folder for the run below ``root``; an existing one is never touched."""
-    stem = f"{scenario.name}-seed{scenario.seed}"
-    for number in range(1, 100_000):
-        folder = root / (stem if number == 1 else f"{stem}-{number}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        return folder
-    raise FileExistsError(f"{root} is full of runs of {stem}; remove some")
-
-
 def save_run(run: Run, summary: Mapping[str, Any], folder: Path) -> None:
-    """Write summary.json and the record; report.png is run_picture.draw_run's. Raises OutputFileError."""
+    """Write summary.json and the record; run.png is run_picture.draw_run's. Raises OutputFileError."""
     files.write_json(folder / SUMMARY_FILE, summary)
     with files.replaced(folder / RECORD_FILE) as file:
         np.savez_compressed(file, samples=run.record[::STORED_EVERY])

@@ -16,8 +16,8 @@ APART: Mapping[str, frozenset[str]] = {
     "OMNI_HEALTH": frozenset({"tick_jitter_us_max", "stack_free", "heap_free", "reset_cause"}),
     "AUTOPILOT_VERSION": frozenset({"board_version", "vendor_id", "product_id", "uid", "uid2"}),
 }
-"""What may differ between boards, by message: how long things took by the processor's own clock, its memory, why it
-started, and which board it is.
+"""What may differ between boards, by message: how long things took by the processor's own clock, and its memory.
+Also why it started, and which board it is.
 
 Frames' sequence numbers may differ by an offset that stays: what was said before the log began is not in it.
 """

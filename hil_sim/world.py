@@ -17,6 +17,7 @@ from omni_schema import Robot
 from omni_schema.errors import did_you_mean
 from omni_schema.world import Quantity
 from omniwheel._core import ffi, lib
+from omniwheel.errors import OmniError
 
 TICK_US: int = lib.OMNI_TICK_US
 
@@ -25,8 +26,10 @@ PLANTS: dict[str, int] = {name: plant.number for name, plant in WORLD.plants.ite
 """What can stand in for the robot, by its number in ``hil_plant_kind_t``; ``world.toml`` says what each is."""
 
 
-class WorldError(ValueError):
+class WorldError(OmniError, ValueError):
     """The world cannot be built; the message names the field, its value and what is allowed."""
+
+    exit_code = 2
 
 
 def _default(name: str) -> float:
@@ -51,7 +54,10 @@ NO_POSE_SENSOR = PoseSensor(rate_Hz=0.0)
 
 def _robot_number(robot: Robot, quantity: Quantity, value: Any) -> float:
     if not isinstance(value, (int, float)):
-        raise WorldError(f"{robot.source}: {quantity.robot_key} is {value!r}; the simulated world needs a number there")
+        raise WorldError(
+            f"{robot.source}: {quantity.robot_key} is {value!r}; the simulated world needs a number there",
+            hint=f"add {quantity.robot_key} to the robot file, or copy a section [simulation] from another robot",
+        )
     if not quantity.holds(value):
         raise WorldError(f"{robot.source}: {quantity.robot_key} is {value:g}; allowed is {quantity.allowed}")
     return int(value) if quantity.kind == "int" else float(value)
@@ -88,7 +94,6 @@ def _angles(robot: Robot) -> list[float]:
 _TURNED: dict[str, Callable[[Robot], Any]] = {
     "wheel_radius_m": _radii,
     "wheel_angle_rad": _angles,
-    "motor_driver": lambda robot: robot.parameter_values()["MOT_DRIVER"],
     "motor_pwm_Hz": lambda robot: robot.board.motor_pwm_Hz,
     "in1_channel": lambda robot: robot.wiring.get("in1_channel", [0] * robot.wheels),
     "in2_channel": lambda robot: robot.wiring.get("in2_channel", [0] * robot.wheels),
@@ -163,6 +168,7 @@ def world_config(
     config.wheels = robot.wheels
     _fill_numbers(config, robot)
     config.plant = plant_number(plant)
+    config.driver = robot.board.motor_driver.number
     config.seed = seed
     _fill_pose_sensor(config, pose_sensor)
     _fill_faults(config, faults)

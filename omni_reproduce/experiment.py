@@ -30,7 +30,7 @@ EXPERIMENTS_FOLDER = Path(__file__).parent / "experiments"
 class Row:
     """One figure of one experiment, beside the published one.
 
-    ``ours`` is the mean over ``seeds`` seeds (0: nothing random) and ``sd`` their standard deviation, in ``unit``;
+    ``ours`` is the mean over ``seeds`` seeds (0: nothing random) and ``sd`` their standard deviation, in ``unit``.
     ``limit`` is the theoretical bound where there is one; ``explanation`` says what explains a difference.
     """
 
@@ -96,8 +96,8 @@ class Context:
 @contextmanager
 def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     """Yield a pool of processes, by default as many as there are processors."""
-    # Not forked: other threads of this process may hold locks. Ctrl-C reaches the whole process group; the workers
-    # leave it to this process, which drops what waits before it ends them: otherwise the pool prints tracebacks.
+    # Not forked: other threads of this process may hold locks. Ctrl-C reaches the whole process group. The workers
+    # leave it to this process, which drops what waits before it ends them. Otherwise the pool prints tracebacks.
     context = get_context("spawn")
     ignore = (signal.SIGINT, signal.SIG_IGN)
     count = workers or os.cpu_count() or 1

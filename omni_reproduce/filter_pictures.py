@@ -10,15 +10,13 @@ from typing import Any, Protocol
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omni_reproduce.filters import AXES, AXIS_UNITS, FILTER_TITLES, Array, Setting, Study
-from omniwheel.files import save_picture
+from omni_reproduce.picture_file import new_figure, save
 from omniwheel.plot_style import GREY, INK, STYLE
 
-_DPI = 120
 _RUN = "four-petal rose in 30 s, as the report's code had it"
 _COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7")
 _DASHES: tuple[Any, ...] = ("-", "-", "-", (0, (4, 2)))
@@ -39,17 +37,6 @@ class Outcome(Protocol):
         """Results of its seeds."""
 
 
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Figure, path: Path) -> Path:
-    save_picture(figure, path)
-    return path
-
-
 def draw_run(study: Study, samples: NDArray[np.void], folder: Path) -> list[Path]:
     """Draw fig13.png to fig16.png of one run, samples of SAMPLE; return their paths."""
     t = np.arange(1, len(samples) + 1, dtype=np.float64) * study.setting.step_s
@@ -66,7 +53,7 @@ def draw_run(study: Study, samples: NDArray[np.void], folder: Path) -> list[Path
         margin = 0.1 * np.ptp(seen)
         close.axes[0].set(xlim=(t[shown][0], t[shown][-1]), ylim=(seen.min() - margin, seen.max() + margin))
         figures = (whole, zoom, heading, close)
-        return [_save(figure, folder / f"fig{number}.png") for number, figure in enumerate(figures, start=13)]
+        return [save(figure, folder / f"fig{number}.png") for number, figure in enumerate(figures, start=13)]
 
 
 def _lines(axes: Axes, horizontal: Sequence[Array], vertical: Sequence[Array]) -> None:
@@ -85,7 +72,7 @@ def _lines(axes: Axes, horizontal: Sequence[Array], vertical: Sequence[Array]) -
 
 
 def _path_figure(wanted: Array, samples: NDArray[np.void], title: str) -> Figure:
-    figure = _figure(8.6, 6.6)
+    figure = new_figure(8.6, 6.6)
     axes = figure.add_subplot()
     curves = [wanted, samples["truth"], *np.moveaxis(samples["estimate"], 1, 0)]
     _lines(axes, [curve[:, 0] for curve in curves], [curve[:, 1] for curve in curves])
@@ -96,7 +83,7 @@ def _path_figure(wanted: Array, samples: NDArray[np.void], title: str) -> Figure
 
 
 def _heading_figure(t: Array, wanted: Array, samples: NDArray[np.void], title: str) -> Figure:
-    figure = _figure(10.0, 4.8)
+    figure = new_figure(10.0, 4.8)
     axes = figure.add_subplot()
     curves = [wanted, samples["truth"], *np.moveaxis(samples["estimate"], 1, 0)]
     _lines(axes, [t] * len(curves), [curve[:, 2] for curve in curves])
@@ -108,7 +95,7 @@ def _heading_figure(t: Array, wanted: Array, samples: NDArray[np.void], title: s
 def draw_table(published: Array, groups: Sequence[Outcome], path: Path) -> None:
     """Draw the table: a panel per axis; ``published`` (4, 3) beside each setting's mean with one standard deviation."""
     with mpl.rc_context(STYLE):
-        figure = _figure(11.0, 4.6)
+        figure = new_figure(11.0, 4.6)
         panels = figure.subplots(1, 3, sharey=False)
         places = np.arange(len(FILTER_TITLES))
         apart = 0.7 / (len(groups) + 1)
@@ -130,4 +117,4 @@ def draw_table(published: Array, groups: Sequence[Outcome], path: Path) -> None:
             axes.set_xticks(places, [title.replace(" and ", "\nand ") for title in FILTER_TITLES])
             axes.set(title=f"{AXES[axis]} RMSE in 600 s", ylabel=f"RMSE [{AXIS_UNITS[axis]}]")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(groups) + 1)
-        _save(figure, path)
+        save(figure, path)

@@ -161,8 +161,8 @@ class Path:
     def sampled(self, step_s: float, feed_forward: str) -> tuple[Array, Array]:
         """Return the references of a run: poses (steps, 3) and rates (steps, 3) as the controller gets them.
 
-        ``feed_forward`` is "backward" (difference to the pose a step ago), "now" (the derivative) or "middle" (the
-        derivative half a step ahead, which is what a step needs), or "none".
+        ``feed_forward`` is "backward" (difference to the pose a step ago), "now" (the derivative), "middle" or
+        "none". With "middle" it is the derivative half a step ahead, which is what a step needs.
         """
         times = step_s * np.arange(round(self.duration_s / step_s))
         poses = np.array([self.at(time)[0] for time in times])

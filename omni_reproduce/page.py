@@ -15,8 +15,8 @@ from omni_reproduce.numbers import mean_and_sd, number, ratio
 from omni_reproduce.study import Outcome, row_dict
 from omniwheel import files
 
-MARKDOWN_FILE = "report.md"
-HTML_FILE = "report.html"
+MARKDOWN_FILE = "reproduction.md"
+HTML_FILE = "reproduction.html"
 JSON_FILE = "rows.json"
 
 HEADINGS = ("setting", "quantity", "unit", "published", "ours", "seeds", "limit", "ratio", "")

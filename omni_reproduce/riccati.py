@@ -31,9 +31,9 @@ def steady_motor_filter(a: Array, believed_q: Array, r: float) -> tuple[Array, A
 def long_run_wheel_variance(a: Array, true_q: Array, believed_q: Array, r: float) -> float:
     """Return the variance [(rad/s)^2] of the white noise that adds up like the motor filter's error.
 
-    The filter's speed error e is correlated in time; a sum of n errors grows in variance like n times this number:
-    e' = Phi e + (I - K C) w - K v with Phi = (I - K C) A, so its spectral density at zero is c G S G^T c^T with
-    G = (I - Phi)^-1.
+    The filter's speed error e is correlated in time. A sum of n errors grows in variance like n times this number.
+    The error follows e' = Phi e + (I - K C) w - K v with Phi = (I - K C) A. So its spectral density at zero is
+    c G S G^T c^T with G = (I - Phi)^-1.
     """
     gain, _ = steady_motor_filter(a, believed_q, r)
     keep = np.eye(2) - np.outer(gain, [1.0, 0.0])
@@ -79,8 +79,8 @@ def joint_variances(
 
     The state is that of all motors and the pose, (w_1, i_1, .., w_n, i_n, x, y, theta): the joint form of eq. 47, which
     knows that the errors of the wheel speeds are correlated in time. ``headings`` (n) at mid-step [rad], ``to_body``
-    (3, wheels) from wheel speed [rad/s] to body twist, ``motor`` its A, variances per step and that of a measured
-    speed, ``pose`` variances per step (3) and of a fix (3).
+    (3, wheels) from wheel speed [rad/s] to body twist. ``motor`` its A, variances per step and that of a measured
+    speed. ``pose`` variances per step (3) and of a fix (3).
     """
     a, motor_q, speed_r = motor
     pose_q, fix_r = pose
@@ -118,8 +118,8 @@ def dead_reckoning_covariance(poses: Array, q: Array, points: int) -> Array:
     """Return the covariance (3, points, points) of the errors of x, y, theta by dead reckoning.
 
     ``poses`` (n, 3) after each step, ``q`` (3) variances per step; ``points`` of the steps are taken. The error of
-    theta is a random walk; x and y have their own, and turn with theta's about where the robot was when it arose:
-    e_x(t) = w_x(t) - sum (y(t) - y(u)) w_theta(u).
+    theta is a random walk. Those of x and y have their own. They also turn with theta's, about where the robot was
+    when it arose: e_x(t) = w_x(t) - sum (y(t) - y(u)) w_theta(u).
     """
     every = max(1, len(poses) // points)
     index = np.arange(every // 2, len(poses), every)
@@ -139,7 +139,7 @@ def dead_reckoning_covariance(poses: Array, q: Array, points: int) -> Array:
 def mean_rms(covariance: Array) -> float:
     """Return the expectation of sqrt(mean of e^2) for Gaussian errors e with this covariance (n, n).
 
-    mean e^2 is a weighted sum of chi-squares with the eigenvalues as weights; with its Laplace transform phi,
+    mean e^2 is a weighted sum of chi-squares with the eigenvalues as weights. With its Laplace transform phi,
     E sqrt(X) = 1 / (2 sqrt(pi)) int_0^inf (1 - phi(s)) s^(-3/2) ds, here over s = exp(u).
     """
     weights = np.clip(np.linalg.eigvalsh(covariance / len(covariance)), 0.0, None)

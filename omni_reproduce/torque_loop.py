@@ -26,8 +26,8 @@ LOST_M = 100.0
 class Law:
     """Gains [1/s^2, 1/s], the same on all axes; period of the law [s]; limits as in ``omni_direct_torque_config_t``.
 
-    With a ``slip_limit_m_s``, wheels are watched every millisecond against the speed of the floor below them: the true
-    one, or with ``floor`` "reference" the one there would be on the path.
+    With a ``slip_limit_m_s``, wheels are watched every millisecond against the speed of the floor below them. That is
+    the true one, or with ``floor`` "reference" the one there would be on the path.
     """
 
     kp: float

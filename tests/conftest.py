@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import signal
+import tempfile
 
 from hypothesis import settings
 
@@ -13,6 +14,9 @@ settings.register_profile("search", max_examples=3000, deadline=None)
 # Sanitizers slow everything down several times; what they look for shows with fewer examples too.
 settings.register_profile("sanitized", parent=settings.get_profile("repeatable"), max_examples=25)
 settings.load_profile("sanitized" if os.environ.get("OMNI_SANITIZED") else "repeatable")
+
+# Histories of parameters stay out of the user's own; programs under test inherit this.
+os.environ["OMNI_STATE_DIR"] = tempfile.mkdtemp(prefix="omni-state-")
 
 # A shell starts background jobs with Ctrl-C ignored, and programs under test would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

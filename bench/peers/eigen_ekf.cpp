@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-/// @file eigen_ekf.cpp  The same filters with Eigen's fixed-size matrices of float: what a C++ user would write, letting the compiler
-/// unroll. Own writing. Left out: late fixes, gates, checks of the inputs, Joseph form, wrapped angles, compensated sums.
+/// @file eigen_ekf.cpp  The same filters with Eigen's fixed-size matrices of float: what a C++ user would write,
+/// letting the compiler unroll. Own writing. Left out: late fixes, gates, checks of the inputs, Joseph form, wrapped
+/// angles, compensated sums.
 #include <cmath>
 #include <Eigen/Dense>
 

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file original_law_double.c
- * The original robot's control law as a first sketch has it: double precision throughout, B(theta) with libm's sine and cosine
- * per wheel, windows of 100 samples that are shifted and summed in every period. The law is that of omni/original_law.h, own writing.
- * Left out: everything around it (dead reckoning, link, safety, PWM chip), checks of the inputs, wrapped heading.
+ * The original robot's control law as a first sketch has it. That is double precision throughout, B(theta) with libm's
+ * sine and cosine per wheel, and windows of 100 samples that every period shifts and sums. The law is that of
+ * omni/original_law.h, own writing. Left out: everything around it (dead reckoning, link, safety, PWM chip), checks of
+ * the inputs, wrapped heading.
  */
 #include <math.h>
 
@@ -59,7 +60,8 @@ static void period(window_t *pose_window, window_t *wheel_window, const law_inpu
     double reference[LAW_WHEELS];
     for (int i = 0; i < LAW_WHEELS; i++) {
         const double bearing = (double)input->pose[2] + 2.0943951023931953 * i;
-        reference[i] = (-sin(bearing) * wanted[0] + cos(bearing) * wanted[1] + LAW_DISTANCE_M * wanted[2]) / LAW_RADIUS_M;
+        reference[i] =
+            (-sin(bearing) * wanted[0] + cos(bearing) * wanted[1] + LAW_DISTANCE_M * wanted[2]) / LAW_RADIUS_M;
     }
     scale(reference, WHEEL_LIMIT);
     for (int i = 0; i < LAW_WHEELS; i++) {

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file tiny_ekf.c
- * An EKF in the manner of small C libraries for microcontrollers such as TinyEKF: matrices of any size as float arrays, multiplied by
- * loops; the user computes f, F, h and H, the library does P = F P F^T + Q and the update with a Cholesky inverse. Own writing.
- * Left out, as there: late fixes, gates, checks of the inputs, Joseph form, wrapped angles, compensated sums.
+ * An EKF in the manner of small C libraries for microcontrollers such as TinyEKF. It has matrices of any size as float
+ * arrays, multiplied by loops. The user computes f, F, h and H. The library does P = F P F^T + Q and the update with a
+ * Cholesky inverse. Own writing. Left out, as there: late fixes, gates, checks of the inputs, Joseph form, wrapped
+ * angles, compensated sums.
  */
 #include <math.h>
 #include <string.h>

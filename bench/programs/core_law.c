@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** @file core_law.c  Ours: the control core's copy of the original law in float, called in every tick as the robot does. */
+/** @file core_law.c  Ours: the control core's copy of the original law in float, called in every tick as the robot
+ * does. */
 #include <string.h>
 
 #include "law.h"

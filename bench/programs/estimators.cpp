@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-/// @file estimators.cpp  Runs the filters of one candidate. usage: estimators NAME STEPS [ROUNDS]; prints the least cost of a step over
-/// the rounds (ns here, instructions on the emulated Cortex-M7) and the numbers of the last state.
+/// @file estimators.cpp  Runs the filters of one candidate. Usage: estimators NAME STEPS [ROUNDS]. It prints the least
+/// cost of a step over the rounds, and the numbers of the last state. The cost is in ns here, in instructions on the
+/// emulated Cortex-M7.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -39,7 +40,8 @@ bench_model_t make_model() {
     model.distance_m = 0.195f;
     const float half = 0.70710678f * model.radius_m / 2.0f;
     const float turn = model.radius_m / (4.0f * model.distance_m);
-    const float to_body[3][BENCH_WHEELS] = {{-half, -half, half, half}, {half, -half, -half, half}, {turn, turn, turn, turn}};
+    const float to_body[3][BENCH_WHEELS] = {
+        {-half, -half, half, half}, {half, -half, -half, half}, {turn, turn, turn, turn}};
     std::memcpy(model.to_body, to_body, sizeof to_body);
     const float q[3] = {8e-7f, 8e-7f, 8e-7f};
     const float r[3] = {2.5e-3f, 2.5e-3f, 2.5e-3f};

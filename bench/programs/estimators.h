@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file estimators.h
- * One step of the robot's two Kalman filters, as ours and the peers offer it: the pose EKF of three states with a fix in every step
- * (eq. 57-69), and the motor filter of two states (eq. 45-56). Each candidate runs a sequence of inputs and leaves its last state.
+ * One step of the robot's two Kalman filters, as ours and the peers offer it. These are the pose EKF of three states
+ * with a fix in every step (eq. 57-69), and the motor filter of two states (eq. 45-56). Each candidate runs a sequence
+ * of inputs and leaves its last state.
  */
 #ifndef BENCH_ESTIMATORS_H
 #define BENCH_ESTIMATORS_H
@@ -38,7 +39,8 @@ typedef struct bench_output_t {
     float motor_p[2][2];
 } bench_output_t;
 
-typedef void bench_run_t(const bench_model_t *model, const bench_input_t *inputs, uint32_t steps, bench_output_t *output);
+typedef void bench_run_t(const bench_model_t *model, const bench_input_t *inputs, uint32_t steps,
+                         bench_output_t *output);
 
 /* The names are those that callgrind is told: C linkage, never inlined. */
 #ifdef __cplusplus

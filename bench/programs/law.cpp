@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file law.cpp  Runs the original law. usage: law core_law|double_law PERIODS; prints the cost of a period (ns here, instructions on
-/// the emulated Cortex-M7) and the voltages of every period.
+/// @file law.cpp  Runs the original law. Usage: law core_law|double_law PERIODS. It prints the cost of a period (ns
+/// here, instructions on the emulated Cortex-M7) and the voltages of every period.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

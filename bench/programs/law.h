@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** @file law.h  One 20 ms period of the original robot's control law, as ours and the peer offer it: three wheels, pose given. */
+/** @file law.h  One 20 ms period of the original robot's control law, as ours and the peer offer it: three wheels, pose
+ * given. */
 #ifndef BENCH_LAW_H
 #define BENCH_LAW_H
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file stopwatch.h  What a program's work costs: nanoseconds of CPU time on a PC, instructions on the emulated Cortex-M7 (run with icount).
+/// @file stopwatch.h  What a program's work costs: nanoseconds of CPU time on a PC, instructions on the emulated
+/// Cortex-M7 (run with icount).
 #pragma once
 
 #include <cstdint>

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file ticks.c
- * Ticks of whole simulated runs, for counting their instructions without Python: `counted` is what callgrind is told to collect.
- * usage: ticks in_process|run|lanes WORLD CONFIG TICKS: files of a hil_world_config_t and an omni_robot_config_t. Prints the ticks
- * counted, over all runs, and the true pose (m, m, rad) of the first at the end.
+ * Ticks of whole simulated runs, for counting their instructions without Python. `counted` is what callgrind is told to
+ * collect.
+ * usage: ticks in_process|run|lanes WORLD CONFIG TICKS. The first two are files of a hil_world_config_t and an
+ * omni_robot_config_t. Prints the ticks counted, over all runs, and the true pose (m, m, rad) of the first at the end.
  */
 #include <stdio.h>
 #include <stdlib.h>

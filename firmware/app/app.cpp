@@ -11,7 +11,8 @@ namespace {
 
 constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
-/// A host in the loop that sends no sensors for this long has gone: a stop waits a tenth of a second for it, others longer.
+/// A host in the loop that sends no sensors for this long has gone. A stop waits a tenth of a second for it, others
+/// longer.
 constexpr uint64_t hil_stop_patience_us = 100'000;
 constexpr uint64_t hil_patience_us = 10'000'000;
 /// A bus that stays busy this long is not waited for.
@@ -20,48 +21,59 @@ constexpr uint32_t release_limit = 50;
 } // namespace
 
 App::App(const Board &board, bool lockstep)
-    : board_(board), wires_{*board_.i2c, *board_.output_enable, board_.motor_pins}, shared_(board_), lockstep_(lockstep),
-      signing_service_(shared_), stop_latch_(*board.storage), parameters_(shared_, *this), telemetry_(shared_),
-      trajectories_(shared_, parameters_), setpoints_(shared_, parameters_), pose_fixes_(shared_, parameters_),
-      status_texts_(shared_), commands_(shared_, parameters_, telemetry_, trajectories_, *this),
+    : board_(board), wires_{*board_.i2c, *board_.output_enable, board_.motor_pins}, texts_(links_, clock_),
+      robot_(texts_), signing_(*board_.storage), heartbeats_(clock_, robot_, control_),
+      button_(board_.stop_button, control_), lockstep_(lockstep),
+      signing_service_(signing_, links_, texts_, clock_, robot_), stop_latch_(*board_.storage),
+      parameters_(board_, links_, texts_, robot_, control_, *this),
+      telemetry_(links_, {board_, clock_, robot_, links_, signing_, legacy_line_}),
+      trajectories_(texts_, robot_, control_, parameters_), excitations_(texts_, robot_, control_, parameters_),
+      setpoints_(texts_, clock_, robot_, control_, parameters_),
+      pose_fixes_(texts_, clock_, robot_, control_, parameters_),
+      status_texts_(links_, texts_, clock_, robot_, heartbeats_, button_, parameters_),
+      scan_(links_, texts_, clock_, robot_, control_, *this),
+      burst_log_(board_, links_, texts_, robot_, control_, parameters_),
+      arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
+              trajectories_, excitations_),
+      commands_(*board_.output_enable, links_, texts_, robot_, control_,
+                {arming_, heartbeats_, parameters_, telemetry_, trajectories_, scan_, burst_log_, excitations_, *this}),
       owner_(lockstep ? Owner::background : Owner::timer) {
     attach_links();
-    shared_.hil = lockstep;
+    robot_.set_hil(lockstep);
     signing_service_.boot();
     parameters_.boot();
     if (stop_latch_.boot() != StopLatch::AtBoot::released) {
-        shared_.control.stop(OMNI_EVENT_ESTOP);
+        control_.stop(OMNI_EVENT_ESTOP);
     }
-    watch_button();
+    button_.look();
     restart_control(lockstep ? 0 : board_.clock->now_us());
 }
 
 void App::attach_links() {
-    for (size_t i = 0; i < board_.port_count; ++i) {
-        const bool radio = (board_.radios >> i & 1) != 0;
-        shared_.links[i].attach(board_.ports[i], static_cast<uint8_t>(i), radio ? &shared_.signing : nullptr);
-        shared_.links[i].set_unlimited(lockstep_);
-        if (radio && line_link_ == no_link) {
+    links_.attach(board_, signing_);
+    links_.set_unlimited(lockstep_);
+    for (size_t i = 0; i < links_.count() && line_link_ == no_link; ++i) {
+        if (links_[i].is_radio()) {
             line_link_ = i; // of the first radio only: two streams of lines would melt into one
-            shared_.links[i].set_text(&shared_.legacy_line);
+            links_[i].set_text(&legacy_line_);
         }
     }
 }
 
 void App::parameters_changed() {
     const omni_real_t *values = parameters_.values();
-    shared_.stations.set_timeout(static_cast<uint64_t>(values[OMNI_PARAM_SAFE_LINK_TO] * 1e6f));
+    heartbeats_.stations.set_timeout(static_cast<uint64_t>(values[OMNI_PARAM_SAFE_LINK_TO] * 1e6f));
     for (size_t i = 0; i < board_.port_count; ++i) {
-        shared_.links[i].set_system(static_cast<uint8_t>(values[OMNI_PARAM_SYS_ID]));
-        shared_.links[i].set_budget(values[OMNI_PARAM_LINK1_BUDGET + i]);
+        links_[i].set_system(static_cast<uint8_t>(values[OMNI_PARAM_SYS_ID]));
+        links_[i].set_budget(values[OMNI_PARAM_LINK1_BUDGET + i]);
         const float rates[3] = {values[OMNI_PARAM_SR1_STATE + i], values[OMNI_PARAM_SR1_WHEELS + i],
                                 values[OMNI_PARAM_SR1_STATUS + i]};
         if (!std::equal(rates, rates + 3, rates_[i])) {
             std::copy(rates, rates + 3, rates_[i]);
             telemetry_.set_rates(i, values);
         }
-        if (shared_.links[i].is_radio()) {
-            shared_.links[i].set_baud(static_cast<uint32_t>(values[OMNI_PARAM_LINK2_BAUD]));
+        if (links_[i].is_radio()) {
+            links_[i].set_baud(static_cast<uint32_t>(values[OMNI_PARAM_LINK2_BAUD]));
         }
     }
 }
@@ -75,23 +87,17 @@ void App::watch_overrun(TickSensors *sensors) {
     sensors->faults = overruns_in_row_ >= overruns_tolerated ? static_cast<uint32_t>(OMNI_FAULT_OVERRUN) : 0u;
 }
 
-void App::watch_button() {
-    if (board_.stop_button != nullptr) {
-        shared_.watch_button(board_.stop_button->open());
-    }
-}
-
 void App::tick() {
     const Owner owner = owner_.load(std::memory_order_acquire);
     if (owner != Owner::timer) {
-        watch_button(); // of the robot itself: host-in-the-loop, too
+        button_.look(); // of the robot itself: host-in-the-loop, too
     }
     if (owner == Owner::background) {
         board_.output_enable->set(false); // the host's world turns, not these wheels
         return;
     }
     if (owner == Owner::handing_over) {
-        if (shared_.control.release(wires_) || ++release_attempts_ >= release_limit) {
+        if (control_.release(wires_) || ++release_attempts_ >= release_limit) {
             owner_.store(Owner::background, std::memory_order_release);
         }
         return;
@@ -102,24 +108,20 @@ void App::tick() {
     sensors.time_us = board_.clock->now_us();
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
+    sensors.from_board(board_);
     board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);
-    watch_button(); // last of the sensors: the tick's own first look is at the flag that this sets
-    shared_.control.tick(sensors, wires_, *board_.clock);
+    button_.look(); // last of the sensors: the tick's own first look is at the flag that this sets
+    control_.tick(sensors, wires_, *board_.clock);
 }
 
 /// Start over with another clock. Only while no tick runs.
 void App::restart_control(uint64_t now_us) {
-    shared_.control.restart();
-    shared_.control.report.update();
-    shared_.latest = TickReport{};
-    if (shared_.control.stopping(OMNI_EVENT_ESTOP)) {
-        shared_.latest.outputs.state = OMNI_STATE_ESTOP; // as the first tick will say
-    }
-    shared_.arming = 0;
-    shared_.stopping = 0;
-    shared_.hil_button_open = false;
-    shared_.now_us = now_us;
+    control_.restart();
+    control_.report.update();
+    robot_.restart(control_.stopping(OMNI_EVENT_ESTOP));
+    button_.forget_simulated();
+    clock_.now_us = now_us;
     jitter_.restart();
     last_tick_us_ = 0;
     overruns_in_row_ = 0;
@@ -127,16 +129,16 @@ void App::restart_control(uint64_t now_us) {
     hil_.restart();
     telemetry_.restart();
     trajectories_.restart();
-    shared_.stations.restart();
+    heartbeats_.stations.restart();
     setpoints_.restart();
     pose_fixes_.restart();
     status_texts_.restart();
-    commands_.restart();
+    scan_.restart();
 }
 
 void App::update_owner() {
-    if (!shared_.hil && owner_.load(std::memory_order_acquire) == Owner::background) {
-        shared_.hil = true;
+    if (!robot_.hil() && owner_.load(std::memory_order_acquire) == Owner::background) {
+        robot_.set_hil(true);
         restart_control(0);
     }
 }
@@ -147,12 +149,12 @@ uint8_t App::switch_hil(bool enable, size_t link) {
         return enter_hil(link);
     }
     if (lockstep_) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
         return MAV_RESULT_DENIED;
     }
-    if (shared_.hil) {
+    if (robot_.hil()) {
         if (hil_link_ != link) {
-            shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: another link asked for it"));
+            texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: another link asked for it"));
         }
         leave_hil();
     }
@@ -164,45 +166,41 @@ const char *App::hil_obstacle(size_t link) const {
     if (hil_link_ != no_link && hil_link_ != link) {
         return "in use on another link";
     }
-    const bool stopped = shared_.latest.outputs.state == OMNI_STATE_ESTOP || shared_.control.stopping(OMNI_EVENT_ESTOP);
-    return stopped && !shared_.hil ? "release the emergency stop first" : nullptr;
+    const bool stopped = robot_.state() == OMNI_STATE_ESTOP || control_.stopping(OMNI_EVENT_ESTOP);
+    return stopped && !robot_.hil() ? "release the emergency stop first" : nullptr;
 }
 
 uint8_t App::enter_hil(size_t link) {
-    if (shared_.armed()) {
-        return shared_.refuse_armed("host-in-the-loop");
+    if (robot_.armed()) {
+        return robot_.refuse_armed("host-in-the-loop");
     }
     if (const char *why = hil_obstacle(link)) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
         return MAV_RESULT_DENIED;
     }
     hil_link_ = link;
     hil_session_ = board_.ports[link]->session();
-    if (shared_.hil) {
+    if (robot_.hil()) {
         restart_control(0);
         return MAV_RESULT_ACCEPTED;
     }
-    for (size_t i = 0; i < board_.port_count; ++i) {
-        shared_.links[i].set_unlimited(true);
-    }
+    links_.set_unlimited(true);
     release_attempts_ = 0;
     owner_.store(Owner::handing_over, std::memory_order_release);
     return MAV_RESULT_ACCEPTED;
 }
 
 void App::leave_hil() {
-    for (size_t i = 0; i < board_.port_count; ++i) {
-        shared_.links[i].set_unlimited(false);
-    }
+    links_.set_unlimited(false);
     hil_link_ = no_link;
-    shared_.hil = false;
+    robot_.set_hil(false);
     restart_control(board_.clock->now_us()); // disarmed, and the driver begins with everything off
     owner_.store(Owner::timer, std::memory_order_release);
 }
 
 /// A host that has gone leaves a robot that is disarmed and ready for the next one.
 void App::watch_hil_peer() {
-    if (!shared_.hil || hil_link_ == no_link || board_.ports[hil_link_]->session() == hil_session_) {
+    if (!robot_.hil() || hil_link_ == no_link || board_.ports[hil_link_]->session() == hil_session_) {
         return;
     }
     if (lockstep_) {
@@ -210,33 +208,35 @@ void App::watch_hil_peer() {
         restart_control(0);
     } else {
         leave_hil();
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its link was closed"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its link was closed"));
     }
 }
 
-/// By the board's clock, since the simulated one stands still meanwhile. In lockstep there is no other clock and no motor.
+/// By the board's clock, since the simulated one stands still meanwhile. In lockstep there is no other clock and no
+/// motor.
 void App::watch_hil_silence() {
-    if (!shared_.hil || lockstep_) {
+    if (!robot_.hil() || lockstep_) {
         return;
     }
-    const bool stop_waits = shared_.control.stopping(OMNI_EVENT_DISARM | OMNI_EVENT_ESTOP);
+    const bool stop_waits = control_.stopping(OMNI_EVENT_DISARM | OMNI_EVENT_ESTOP);
     if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_patience_us : hil_patience_us)) {
         leave_hil();
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its host is silent"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its host is silent"));
     }
 }
 
 void App::take_report() {
-    if (shared_.control.report.update()) {
-        shared_.latest = shared_.control.report.reading();
-        shared_.count_report();
+    if (control_.report.update()) {
+        robot_.take(control_.report.reading());
+        if (!robot_.armed()) {
+            heartbeats_.stations.release();
+        }
     }
-    shared_.latest.outputs.faults &= ~static_cast<uint32_t>(OMNI_WARN_SETPOINT);
-    shared_.latest.outputs.faults |= setpoints_.refused() ? static_cast<uint32_t>(OMNI_WARN_SETPOINT) : 0u;
+    robot_.show_refused_setpoint(setpoints_.refused());
 }
 
 void App::hil_tick(const Frame &frame, size_t link) {
-    if (!shared_.hil || (hil_link_ != no_link && hil_link_ != link)) {
+    if (!robot_.hil() || (hil_link_ != no_link && hil_link_ != link)) {
         return;
     }
     hil_link_ = link;
@@ -246,14 +246,13 @@ void App::hil_tick(const Frame &frame, size_t link) {
     TickSensors sensors;
     hil_.take(frame, &sensors);
     watch_overrun(&sensors);
-    shared_.hil_button_open = hil_.button_open();
-    shared_.watch_button(shared_.hil_button_open);
-    shared_.now_us = sensors.time_us;
-    shared_.control.tick(sensors, hil_.wires, *board_.clock);
+    button_.look_simulated(hil_.button_open());
+    clock_.now_us = sensors.time_us;
+    control_.tick(sensors, hil_.wires, *board_.clock);
     take_report();
     pose_fixes_.serve();
     serve();
-    hil_.answer(shared_, link);
+    hil_.answer(robot_.latest().outputs, links_[link]);
 }
 
 bool App::dispatch_setpoint(const Frame &frame, size_t link) {
@@ -271,7 +270,7 @@ bool App::dispatch_setpoint(const Frame &frame, size_t link) {
         return false;
     }
     if (!setpoints_.refused()) {
-        shared_.commanded(link);
+        heartbeats_.commanded(link);
     }
     return true;
 }
@@ -290,7 +289,7 @@ bool App::dispatch_signs(const Frame &frame, size_t link) {
     case MAVLINK_MSG_ID_HEARTBEAT:
         // Other robots on the same radio have an autopilot. They are not who this one listens to.
         if (frame.as<mavlink_heartbeat_t>().autopilot == MAV_AUTOPILOT_INVALID) {
-            shared_.heartbeat(link);
+            heartbeats_.heard(link);
         }
         return true;
     default:
@@ -328,8 +327,9 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
         telemetry_.on_request_data_stream(frame, sender);
         break;
     default:
-        if (!dispatch_setpoint(frame, sender.link) && !dispatch_signs(frame, sender.link)) {
-            serve_small_protocols(shared_, frame, sender);
+        if (!dispatch_setpoint(frame, sender.link) && !dispatch_signs(frame, sender.link) &&
+            !burst_log_.take(frame, sender)) {
+            serve_small_protocols(links_, clock_, frame, sender);
         }
         break;
     }
@@ -343,43 +343,44 @@ void App::say_restart(size_t link) {
     restart_said_[link] = true;
     Watchdog &watchdog = *board_.watchdog;
     if (watchdog.reset_cause() == ResetCause::watchdog) {
-        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
+        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
     } else if (watchdog.reset_cause() == ResetCause::crash) {
-        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
+        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
     } else if (watchdog.reset_cause() == ResetCause::over_temperature) {
-        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted: the processor was too hot"));
+        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted: the processor was too hot"));
     }
     for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
-        shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
+        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
     }
 }
 
 /// An emergency stop that this program came up in is told to everybody who comes.
 void App::say_latch(size_t link) {
-    if (shared_.latest.outputs.state != OMNI_STATE_ESTOP || stop_latch_.at_boot() == StopLatch::AtBoot::released) {
+    if (robot_.state() != OMNI_STATE_ESTOP || stop_latch_.at_boot() == StopLatch::AtBoot::released) {
         return;
     }
     const bool known = stop_latch_.at_boot() == StopLatch::AtBoot::stopped;
-    shared_.say_on(
-        link, MAV_SEVERITY_CRITICAL,
-        Text().add(known ? "stopped since before the restart: release it" : "stop memory unreadable: stopped until released"));
+    texts_.say_on(link, MAV_SEVERITY_CRITICAL,
+                  Text().add(known ? "stopped since before the restart: release it"
+                                   : "stop memory unreadable: stopped until released"));
 }
 
 /// Before a restart a stop that no tick has seen yet is kept, too: nothing moves then.
 void App::keep_stop() {
-    const uint8_t state = shared_.latest.outputs.state;
-    const bool coming = shared_.control.stopping(OMNI_EVENT_ESTOP);
-    const bool stopped = state == OMNI_STATE_ESTOP || (shared_.reboot && coming);
-    const bool resting = state == OMNI_STATE_DISARMED && !coming && !shared_.armed();
-    stop_latch_.serve(stopped, resting, shared_.reboot, shared_.now_us);
+    const uint8_t state = robot_.state();
+    const bool coming = control_.stopping(OMNI_EVENT_ESTOP);
+    const bool stopped = state == OMNI_STATE_ESTOP || (robot_.reboot() && coming);
+    const bool resting = state == OMNI_STATE_DISARMED && !coming && !robot_.armed();
+    stop_latch_.serve(stopped, resting, robot_.reboot(), clock_.now_us);
     if (stop_latch_.failed() && !latch_failure_said_) {
-        shared_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: a restart may lift the stop"));
+        texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: a restart may lift the stop"));
     }
     latch_failure_said_ = stop_latch_.failed();
 }
 
 void App::greet(size_t link) {
     parameters_.stop_list(link);
+    burst_log_.forget(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
     say_restart(link);
@@ -388,7 +389,7 @@ void App::greet(size_t link) {
 }
 
 void App::receive(size_t link) {
-    Link &channel = shared_.links[link];
+    Link &channel = links_[link];
     if (owner_.load(std::memory_order_acquire) == Owner::handing_over) {
         return; // what comes next may be meant for host-in-the-loop: it waits a tick
     }
@@ -400,17 +401,18 @@ void App::receive(size_t link) {
     }
     const auto own = static_cast<uint8_t>(parameters_.values()[OMNI_PARAM_SYS_ID]);
     Frame frame;
-    shared_.legacy_line.set_on(parameters_.values()[OMNI_PARAM_LINK2_LEGACY] != 0.0f && !shared_.signing.required());
+    legacy_line_.set_on(parameters_.values()[OMNI_PARAM_LINK2_LEGACY] != 0.0f && !signing_.required());
     while (owner_.load(std::memory_order_acquire) != Owner::handing_over && channel.next(&frame)) {
         const bool for_us = frame.target_system == 0 || frame.target_system == own;
         const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
-        // An echo. A station or a companion computer of the same number is another component: whoever chose that must still be heard.
+        // An echo. A station or a companion computer of the same number is another component: whoever chose that must
+        // still be heard.
         const bool by_us = frame.system == own && frame.component == MAV_COMP_ID_AUTOPILOT1;
         if (for_us && for_component && !by_us && channel.admits(frame)) {
-            shared_.asker = link;
+            texts_.set_asker(link);
             dispatch(frame, {link, frame.system, frame.component});
-            shared_.asker = Board::max_ports;
-            if (shared_.hil && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
+            texts_.set_asker(Texts::nobody);
+            if (robot_.hil() && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
                 serve(); // what is sent must depend on the frames, not on how often background() is called
             }
         }
@@ -421,46 +423,47 @@ void App::receive(size_t link) {
 /// The original robot's host sends nothing but lines: each is a sign of life too. None arms.
 void App::take_legacy_line(size_t link) {
     LegacySetpoint setpoint;
-    if (link == line_link_ && shared_.legacy_line.take(&setpoint)) {
-        shared_.heartbeat(link);
+    if (link == line_link_ && legacy_line_.take(&setpoint)) {
+        heartbeats_.heard(link);
         setpoints_.on_legacy_line(setpoint); // its refusal goes to all links: who sends lines reads no MAVLink
         if (!setpoints_.refused()) {
-            shared_.commanded(link);
+            heartbeats_.commanded(link);
         }
     }
 }
 
 void App::serve() {
     for (size_t i = 0; i < board_.port_count; ++i) {
-        shared_.links[i].refill(shared_.now_us);
+        links_[i].refill(clock_.now_us);
     }
     keep_stop();
     signing_service_.serve();
     status_texts_.serve();
-    commands_.serve();
+    scan_.serve();
     telemetry_.serve();
     parameters_.serve();
-    shared_.say_left_out();
+    burst_log_.serve();
+    texts_.say_left_out();
 }
 
 void App::flush() {
     for (size_t i = 0; i < board_.port_count; ++i) {
-        shared_.links[i].flush();
+        links_[i].flush();
     }
 }
 
 void App::show_state() {
     if (board_.light != nullptr) {
-        const auto state = static_cast<omni_safety_state_t>(shared_.latest.outputs.state);
-        const bool ground_station = (shared_.latest.arming_faults & OMNI_FAULT_LINK_LOSS) == 0;
+        const auto state = static_cast<omni_safety_state_t>(robot_.state());
+        const bool ground_station = (robot_.latest().arming_faults & OMNI_FAULT_LINK_LOSS) == 0;
         board_.light->set(light_on(state, ground_station, board_.clock->now_us()));
     }
 }
 
 void App::background() {
     update_owner();
-    if (!shared_.hil) {
-        shared_.now_us = board_.clock->now_us();
+    if (!robot_.hil()) {
+        clock_.now_us = board_.clock->now_us();
     }
     take_report();
     pose_fixes_.serve();
@@ -469,7 +472,7 @@ void App::background() {
         receive(i);
     }
     watch_hil_silence();
-    if (!shared_.hil || hil_link_ == no_link) {
+    if (!robot_.hil() || hil_link_ == no_link) {
         serve(); // once the world's time runs, every frame and every tick does
     }
     flush();

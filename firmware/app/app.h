@@ -6,17 +6,27 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "app/arming.h"
 #include "app/board.h"
+#include "app/burst_log.h"
+#include "app/button_watch.h"
 #include "app/commands.h"
+#include "app/heartbeats.h"
 #include "app/hil.h"
+#include "app/hil_switch.h"
+#include "app/legacy_line.h"
+#include "app/links.h"
 #include "app/parameters.h"
 #include "app/pose_fixes.h"
+#include "app/robot_clock.h"
+#include "app/robot_state.h"
+#include "app/scan_service.h"
 #include "app/setpoints.h"
-#include "app/shared.h"
 #include "app/signing_service.h"
 #include "app/status_texts.h"
 #include "app/stop_latch.h"
 #include "app/telemetry.h"
+#include "app/texts.h"
 #include "app/tick_jitter.h"
 #include "app/trajectories.h"
 
@@ -24,7 +34,8 @@ namespace omni {
 
 class App final : private ParameterListener, private HilSwitch {
 public:
-    /// @param lockstep host-in-the-loop from the start and always: tick() is never called. @param board must outlive the App.
+    /// @param lockstep host-in-the-loop from the start and always: tick() is never called. @param board must outlive
+    /// the App.
     App(const Board &board, bool lockstep);
 
     /// The control tick, 1 kHz, interrupt context.
@@ -32,9 +43,9 @@ public:
     /// Serve the links; call as often as possible.
     void background();
     /// A reboot was asked for and everything about it has been said.
-    bool reboot_wanted() const { return shared_.reboot; }
+    bool reboot_wanted() const { return robot_.reboot(); }
     /// The host is in the loop and has sent sensors: the next ones are due as soon as it has had this tick's answer.
-    bool hosted() const { return shared_.hil && hil_.heard(); }
+    bool hosted() const { return robot_.hil() && hil_.heard(); }
 
 private:
     /// Who runs the control loop: the timer's tick, or (once it has let go) the background with the host in the loop.
@@ -43,9 +54,8 @@ private:
 
     void parameters_changed() override;
     uint8_t switch_hil(bool enable, size_t link) override;
-    bool hil_silent() const override { return shared_.hil && !hil_.heard(); }
+    bool hil_silent() const override { return robot_.hil() && !hil_.heard(); }
 
-    void watch_button();
     void watch_overrun(TickSensors *sensors);
     void update_owner();
     void restart_control(uint64_t now_us);
@@ -74,7 +84,15 @@ private:
 
     Board board_;
     MotorWires wires_; ///< the board's
-    Shared shared_;
+    Links links_;
+    RobotClock clock_;
+    Texts texts_;
+    RobotState robot_;
+    ControlLoop control_;
+    Signing signing_;
+    LegacyLine legacy_line_; ///< on the first radio
+    Heartbeats heartbeats_;
+    ButtonWatch button_;
     const bool lockstep_;
     Hil hil_;
     SigningService signing_service_;
@@ -82,9 +100,13 @@ private:
     Parameters parameters_;
     Telemetry telemetry_;
     Trajectories trajectories_;
+    Excitations excitations_;
     Setpoints setpoints_;
     PoseFixes pose_fixes_;
     StatusTexts status_texts_;
+    ScanService scan_;
+    BurstLog burst_log_;
+    Arming arming_;
     Commands commands_;
     std::atomic<Owner> owner_;
     size_t line_link_ = no_link; ///< where set-point lines of the original robot are understood

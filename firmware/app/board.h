@@ -23,11 +23,11 @@ protected:
 /// Wheel encoders: raw 32-bit counters that may wrap.
 class Encoders {
 public:
-    /// Read all counters at once, once per tick. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose count can be
-    /// trusted.
+    /// Read all counters at once, once per tick. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose
+    /// count can be trusted.
     virtual uint8_t read(int32_t *counts) = 0;
-    /// Illegal transitions (both channels changed at once) since boot. @param errors OMNI_MAX_WHEELS entries; 0 where the
-    /// decoder cannot tell.
+    /// Illegal transitions (both channels changed at once) since boot. @param errors OMNI_MAX_WHEELS entries; 0 where
+    /// the decoder cannot tell.
     virtual void errors(uint32_t *errors) = 0;
 
 protected:
@@ -69,8 +69,8 @@ public:
     virtual bool submit(const I2cTransaction *batch, size_t count) = 0;
     /// How the last batch went; `read` gets max_read bytes of its last read. nack, stuck and done are reported once.
     virtual I2cStatus poll(uint8_t *read) = 0;
-    /// Longest time that poll() calls the last batch busy [us]: a bus that knows how long its batches take gives them up by itself.
-    /// 0: it does not.
+    /// Longest time that poll() calls the last batch busy [us]: a bus that knows how long its batches take gives them
+    /// up by itself. 0: it does not.
     virtual uint32_t patience_us() { return 0; }
     /// Start freeing a stuck bus (nine clocks, STOP) without waiting.
     virtual void recover() = 0;
@@ -80,8 +80,8 @@ protected:
     ~I2cBus() = default;
 };
 
-/// The pin that lets the motors' signals through, or the bridges work: takes the power away without the motor driver. Off (motors
-/// coast) from reset on.
+/// The pin that lets the motors' signals through, or the bridges work: takes the power away without the motor driver.
+/// Off (motors coast) from reset on.
 class OutputEnable {
 public:
     /// False where the pin is not wired: the bus is then the only way to stop a motor.
@@ -101,13 +101,15 @@ struct MotorPinSteps {
     uint16_t second = 0;
 };
 
-/// PWM on the processor's own pins, for motor drivers without a chip of their own. All low from reset on, and after a crash.
+/// PWM on the processor's own pins, for motor drivers without a chip of their own. All low from reset on, and after a
+/// crash.
 class MotorPins {
 public:
     /// The pins lead to bridges of this kind. @param driver omni_mot_driver.
     virtual bool serves_driver(uint8_t driver) = 0;
     /// Called from the tick. @param steps one entry per wheel.
-    /// @return false if a pin does not give what it was told before: its timer has lost its settings. They are then set anew.
+    /// @return false if a pin does not give what it was told before: its timer has lost its settings. They are then set
+    /// anew.
     virtual bool set_steps(const MotorPinSteps *steps, size_t wheels) = 0;
 
 protected:
@@ -134,8 +136,12 @@ public:
     virtual size_t write_space() = 0;
     /// All or nothing. @return false if there was no room.
     virtual bool write(const uint8_t *data, size_t length) = 0;
-    /// Number of the present connection: rises with each new one, 0 while nobody is there. A radio is always connected: 1.
+    /// Number of the present connection: rises with each new one, 0 while nobody is there. A radio is always
+    /// connected: 1.
     virtual uint32_t session() = 0;
+    /// Others reach this port through the air: a signing key closes its door. LINK2_BAUD is about such ports' lines,
+    /// LINK2_LEGACY about the first of them.
+    virtual bool is_radio() { return false; }
     /// Whether set_baud() does anything.
     virtual bool has_baud() { return false; }
     /// Speed of the line [bit/s]. What was given to write() before still goes at the old one.
@@ -173,7 +179,8 @@ class Watchdog {
 public:
     virtual void feed() = 0;
     virtual ResetCause reset_cause() = 0;
-    /// What the fault handler kept of the crash before the last reset: lines of at most 50 characters. nullptr: no more.
+    /// What the fault handler kept of the crash before the last reset: lines of at most 50 characters. nullptr: no
+    /// more.
     virtual const char *crash_line(size_t number) = 0;
     /// Reset now (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN).
     virtual void reset() = 0;
@@ -197,6 +204,9 @@ struct MemoryFree {
     uint32_t heap = 0;
 };
 
+/// 1.8 s of every signal of four wheels, a sample per tick.
+constexpr size_t usual_burst_bytes = size_t{192} * 1024;
+
 /// Everything the application gets from its board.
 struct Board {
     static constexpr size_t max_ports = 4;
@@ -209,15 +219,19 @@ struct Board {
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;
-    uint8_t radios = 0b10; ///< a bit per port that others reach through the air: there, a signing key closes the
-                           ///< door; LINK2_BAUD is about their lines, LINK2_LEGACY about the first of them
     Storage *storage = nullptr;
     Watchdog *watchdog = nullptr;
+    uint64_t serial_number = 0;                ///< tells this board from any other; 0: it has none
     const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
     /// Supply voltage [V], or <= 0 if the board doesn't measure it.
     omni_real_t (*battery_V)() = nullptr;
+    /// For bursts (burst_recorder.h): aligned to 8 bytes, need not be cleared. nullptr: none can be recorded.
+    uint8_t *burst_memory = nullptr;
+    size_t burst_bytes = 0;
     /// nullptr: not known. Called from the background.
     MemoryFree (*memory_free)() = nullptr;
+    // Drivers of the sensors that name their boards in [sensors] of shared/world.toml. A board calls its use_NAME().
+#include "omni/board_readings_gen.h"
 };
 
 } // namespace omni

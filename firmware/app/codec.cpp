@@ -22,8 +22,9 @@ constexpr mavlink_msg_entry_t entries[] = MAVLINK_MESSAGE_CRCS;
 /// The table is sorted by id. @return nullptr if the dialect has no such message.
 const mavlink_msg_entry_t *find_entry(uint32_t id) {
     const auto *last = std::end(entries);
-    const auto *found = std::lower_bound(
-        std::begin(entries), last, id, [](const mavlink_msg_entry_t &entry, uint32_t wanted) { return entry.msgid < wanted; });
+    const auto *found =
+        std::lower_bound(std::begin(entries), last, id,
+                         [](const mavlink_msg_entry_t &entry, uint32_t wanted) { return entry.msgid < wanted; });
     return found != last && found->msgid == id ? found : nullptr;
 }
 
@@ -44,7 +45,7 @@ const Familiar *find_familiar(uint32_t id) {
 }
 
 /// What a byte does to a CRC-16/MCRF4XX: table k after k more bytes. Bit arithmetic byte by byte takes four times the
-/// instructions, which would be 30 % of all that a PC spends on a tick in lockstep.
+/// instructions. That would be 30 % of all that a PC spends on a tick in lockstep.
 struct CrcTables {
     uint16_t entry[4][256] = {};
 };
@@ -72,7 +73,7 @@ constexpr CrcTables make_crc_tables() {
 constexpr CrcTables crc_tables = make_crc_tables();
 
 /// CRC-16/MCRF4XX over everything behind the magic byte, then the message's own seed byte.
-uint16_t checksum(const uint8_t *bytes, size_t length, uint8_t extra) {
+uint16_t frame_checksum(const uint8_t *bytes, size_t length, uint8_t extra) {
     const auto &t = crc_tables.entry;
     const uint8_t *const end = bytes + length;
     unsigned crc = 0xFFFF;
@@ -112,7 +113,8 @@ Layout layout_of(const uint8_t *bytes) {
         layout.header = header_v2;
         layout.id = static_cast<uint32_t>(bytes[7] | bytes[8] << 8 | bytes[9] << 16);
         layout.source = bytes + 5;
-        layout.total = header_v2 + layout.payload + checksum_length + ((bytes[2] & flag_signed) != 0 ? signature_length : 0);
+        layout.total =
+            header_v2 + layout.payload + checksum_length + ((bytes[2] & flag_signed) != 0 ? signature_length : 0);
     }
     return layout;
 }
@@ -135,7 +137,7 @@ Kind kind_of(uint32_t id) {
 }
 
 /// Whether a frame may begin like this.
-bool plausible(const uint8_t *bytes, const Layout &layout, const Kind &kind) {
+bool is_plausible(const uint8_t *bytes, const Layout &layout, const Kind &kind) {
     if (bytes[0] == magic_v1) {
         return kind.known && layout.payload == kind.least;
     }
@@ -143,11 +145,11 @@ bool plausible(const uint8_t *bytes, const Layout &layout, const Kind &kind) {
 }
 
 bool checksum_right(const uint8_t *bytes, size_t covered, uint8_t seed) {
-    const uint16_t crc = checksum(bytes + 1, covered - 1, seed);
+    const uint16_t crc = frame_checksum(bytes + 1, covered - 1, seed);
     return bytes[covered] == (crc & 0xFF) && bytes[covered + 1] == crc >> 8;
 }
 
-void fill(Frame *frame, const Layout &layout, const uint8_t *bytes, const mavlink_msg_entry_t &entry) {
+void fill_frame(Frame *frame, const Layout &layout, const uint8_t *bytes, const mavlink_msg_entry_t &entry) {
     frame->id = layout.id;
     frame->system = layout.source[0];
     frame->component = layout.source[1];
@@ -187,7 +189,7 @@ size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id,
                                        static_cast<uint8_t>(id >> 8),
                                        static_cast<uint8_t>(id >> 16)};
     std::memcpy(out, header, sizeof header);
-    const uint16_t crc = checksum(out + 1, header_v2 - 1 + length, entry->crc_extra);
+    const uint16_t crc = frame_checksum(out + 1, header_v2 - 1 + length, entry->crc_extra);
     out[header_v2 + length] = static_cast<uint8_t>(crc);
     out[header_v2 + length + 1] = static_cast<uint8_t>(crc >> 8);
     return header_v2 + length + checksum_length;
@@ -222,7 +224,7 @@ FrameParser::Match FrameParser::match(size_t at, Frame *frame, size_t *length) c
     const Layout layout = layout_of(bytes);
     const Kind kind = kind_of(layout.id);
     *length = layout.total;
-    if (!plausible(bytes, layout, kind)) {
+    if (!is_plausible(bytes, layout, kind)) {
         return Match::no;
     }
     if (held < layout.total) {
@@ -234,7 +236,7 @@ FrameParser::Match FrameParser::match(size_t at, Frame *frame, size_t *length) c
     if (kind.spoken == nullptr) {
         return Match::foreign;
     }
-    fill(frame, layout, bytes, *kind.spoken);
+    fill_frame(frame, layout, bytes, *kind.spoken);
     return Match::frame;
 }
 
@@ -243,7 +245,8 @@ bool FrameParser::find_stop(Frame *frame) {
     const size_t first = looked_ > longest_stop ? looked_ - longest_stop : 0;
     for (size_t at = std::max(begin_ + 1, first); at < end_; ++at) {
         size_t length = 0;
-        if (is_magic(buffer_[at]) && match(at, frame, &length) == Match::frame && at + length > looked_ && is_stop(*frame)) {
+        if (is_magic(buffer_[at]) && match(at, frame, &length) == Match::frame && at + length > looked_ &&
+            is_stop(*frame)) {
             looked_ = at + length;
             frame->early = true;
             return true;

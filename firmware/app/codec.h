@@ -2,41 +2,12 @@
 /// @file codec.h  MAVLink framing: bytes to frames and back. Checksums and lengths come from the generated dialect.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
-#include <cstring>
+#include "app/mavlink_frame.h"
 
 namespace omni {
 
-constexpr size_t max_payload = 255;
-constexpr size_t signature_length = 13;
-constexpr size_t max_frame = 12 + max_payload + signature_length;
-
-/// One received message, checksum verified.
-struct Frame {
-    uint32_t id = 0;
-    uint8_t system = 0;
-    uint8_t component = 0;
-    uint8_t target_system = 0;      ///< 0: everybody
-    uint8_t target_component = 0;   ///< 0: every component
-    bool is_signed = false;         ///< carries a signature, not looked at yet
-    bool early = false;             ///< a stop that comes once more in its turn, see FrameParser
-    const uint8_t *bytes = nullptr; ///< as received, signature included; valid until the parser gets new bytes
-    size_t length = 0;
-    uint8_t payload[max_payload] = {}; ///< zero behind the bytes received (MAVLink 2 trims zeros)
-
-    /// The payload as the generated struct of this message.
-    template <class Message>
-    Message as() const {
-        static_assert(sizeof(Message) <= max_payload + 1, "not a MAVLink payload");
-        Message message{};
-        std::memcpy(&message, payload, sizeof message < max_payload ? sizeof message : max_payload);
-        return message;
-    }
-};
-
-/// Write one MAVLink 2 frame. @param out at least max_frame bytes. @param is_signed say that a signature follows; it is not
-/// written. @return length without signature, 0 if the dialect has no such message.
+/// Write one MAVLink 2 frame. @param out at least max_frame bytes. @param is_signed say that a signature follows; it is
+/// not written. @return length without signature, 0 if the dialect has no such message.
 size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload, bool is_signed);
 /// Length of a MAVLink 2 frame, signature included, from its header.
 size_t frame_length(const uint8_t *frame);
@@ -58,17 +29,18 @@ protected:
 /// Finds frames in a byte stream. After a damaged or false frame it looks again from the next byte on, so nothing that
 /// arrived whole is lost. Reads MAVLink 1 too; a signature is passed on, not checked.
 ///
-/// **What counts as a beginning.** A start byte, flags that we know, the number of a standard message or one of ours, in MAVLink 1
-/// also its exact length. All else is noise at once and claims nothing. Frames of messages that we do not speak are told
-/// from noise by their checksum, too: what stands inside a whole one is its payload and is never obeyed.
+/// **What counts as a beginning.** A start byte, flags that we know, the number of a standard message or one of ours,
+/// in MAVLink 1 also its exact length. All else is noise at once and claims nothing. Frames of messages that we do not
+/// speak are told from noise by their checksum, too. What stands inside a whole one is its payload and is never obeyed.
 ///
-/// **What stands inside an unfinished frame.** Half a frame claims up to 280 bytes, and nobody can tell it from a frame that is still
-/// coming. Whole frames inside are taken once its checksum has failed, or after silence. A stop does not wait for that: it is handed over
-/// as soon as its last byte is there (`early`), and once more in its turn, so that an arm command that came before it does not
-/// have the last word. A payload that looks like a stop, with a right checksum, stops the robot; that is the safe reading.
+/// **What stands inside an unfinished frame.** Half a frame claims up to 280 bytes, and nobody can tell it from a frame
+/// that is still coming. Whole frames inside are taken once its checksum has failed, or after silence. A stop does not
+/// wait for that: it is handed over as soon as its last byte is there (`early`). It comes once more in its turn, so
+/// that an arm command in front of it does not have the last word. A payload that looks like a stop, with a right
+/// checksum, stops the robot; that is the safe reading.
 ///
-/// **Work per byte.** Each byte is the beginning of at most one match (280 bytes of checksum), and within an unfinished frame at most
-/// longest_stop places before it are looked at once more. No recursion; 584 bytes of buffer.
+/// **Work per byte.** Each byte is the beginning of at most one match (280 bytes of checksum). Within an unfinished
+/// frame at most longest_stop places before it are looked at once more. No recursion; 584 bytes of buffer.
 class FrameParser {
 public:
     /// Where new bytes go. @param room out: how many fit, at least 1 after next() has returned false.

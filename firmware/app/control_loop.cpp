@@ -35,6 +35,12 @@ void ControlLoop::set_heartbeat(uint64_t time_us) {
     tell(news_heartbeat);
 }
 
+void ControlLoop::excite(const omni_excitation_t &excitation) {
+    excitations_.writing() = excitation;
+    excitations_.publish();
+    tell(news_excitation);
+}
+
 bool ControlLoop::request(Request request) {
     request.order = ++order_;
     const bool done = requests_.push(request);
@@ -68,6 +74,7 @@ void ControlLoop::restart() {
         stop(OMNI_EVENT_ESTOP);
     }
     plans.withdraw();
+    burst.restart();
     if (const RobotSetup *latest = setups.take()) {
         setup_ = latest;
     }
@@ -128,6 +135,16 @@ void ControlLoop::take_news(uint32_t flags) {
     if ((flags & news_pin_test) != 0) {
         begin_pin_test(pin_test_wanted_.load(std::memory_order_relaxed));
     }
+    if ((flags & news_excitation) != 0 && excitations_.update()) {
+        take_excitation();
+    }
+}
+
+void ControlLoop::take_excitation() {
+    const uint8_t wheels = setup_->config.kinematics.wheels;
+    if (omni_excitation_start(&robot_.exciter, &excitations_.reading(), wheels) == OMNI_OK) {
+        burst.trigger();
+    }
 }
 
 /// One per tick; the next one waits.
@@ -141,10 +158,11 @@ void ControlLoop::take_fix() {
     }
 }
 
-/// @param flags the stops among them are in the tick's events before anything else is looked at: a request that came before a stop
-/// is then sure to be in the same tick, where the stop wins.
+/// @param flags the stops among them are in the tick's events before anything else is looked at. A request that came
+/// before a stop is then sure to be in the same tick, where the stop wins.
 void ControlLoop::take_flags(uint32_t flags) {
-    constexpr uint32_t news = news_request | news_fix | news_pin_test | news_heartbeat | news_setpoint;
+    constexpr uint32_t unordered = news_heartbeat | news_setpoint | news_pin_test | news_excitation;
+    constexpr uint32_t news = unordered | news_request | news_fix;
     inputs_.events = flags & ~news;
     if ((flags & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
         omni_leave_plan(&inputs_);
@@ -153,7 +171,7 @@ void ControlLoop::take_flags(uint32_t flags) {
     if ((flags & news_request) != 0) {
         take_requests();
     }
-    if ((flags & (news_heartbeat | news_setpoint | news_pin_test)) != 0) {
+    if ((flags & unordered) != 0) {
         take_news(flags);
     }
     if ((flags & news_fix) != 0) {
@@ -185,7 +203,8 @@ void ControlLoop::begin_scan() {
     }
 }
 
-/// Only over small open-loop duties, which no loop raises while the wheels do not follow. A repeated command changes nothing.
+/// Only over small open-loop duties, which no loop raises while the wheels do not follow. A repeated command changes
+/// nothing.
 void ControlLoop::begin_pin_test(uint32_t wanted) {
     if (pin_test_.ticks != 0 || !outputs_->drive) {
         return;
@@ -198,11 +217,13 @@ void ControlLoop::begin_pin_test(uint32_t wanted) {
         pin_test_.ticks = wanted / 2;
         pin_test_.release = wanted % 2 != 0;
     } else {
-        inputs_.events |= OMNI_EVENT_DISARM; // the duties have grown since it was accepted: it ends as it would have ended
+        inputs_.events |=
+            OMNI_EVENT_DISARM; // the duties have grown since it was accepted: it ends as it would have ended
     }
 }
 
-/// The core is told what is true, no duty: it sees no stalled wheel and counts no volts. Silence of the host still stops it.
+/// The core is told what is true, no duty: it sees no stalled wheel and counts no volts. Silence of the host still
+/// stops it.
 void ControlLoop::prepare_pin_test() {
     if (pin_test_.ticks == 0) {
         return;
@@ -215,7 +236,8 @@ void ControlLoop::prepare_pin_test() {
     }
 }
 
-/// In place of the motor driver. @return false if there is no test: any stop ends it and goes to the bus in the same tick.
+/// In place of the motor driver. @return false if there is no test: any stop ends it and goes to the bus in the same
+/// tick.
 bool ControlLoop::test_pin(OutputEnable &pin) {
     if (pin_test_.ticks == 0 || !outputs_->drive) {
         pin_test_.ticks = 0;
@@ -246,7 +268,8 @@ void ControlLoop::scan(MotorWires &wires) {
     powered_ = false;
     wires.enable.set(false);
     if (silencing_ > 0) {
-        // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the bus.
+        // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the
+        // bus.
         silencing_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(silencing_ - 1);
         return;
     }
@@ -271,6 +294,7 @@ void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
 }
 
 void ControlLoop::measure(uint64_t duration_ns) {
+    last_tick_ns_ = static_cast<uint32_t>(duration_ns);
     window_sum_ns_ += duration_ns;
     window_max_ns_ = std::max(window_max_ns_, duration_ns);
     if (++window_count_ == window_ticks) {
@@ -294,7 +318,7 @@ void ControlLoop::integrate_voltage() {
 
 void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     TickReport &out = report.writing();
-    out.arming_faults = omni_robot_arming_faults(&robot_, outputs_);
+    out.arming_faults = omni_robot_arming_faults(&robot_);
     out.ticks = ticks_;
     out.overruns = sensors.overruns;
     out.i2c_errors = driver_->errors();
@@ -307,6 +331,10 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     std::memcpy(out.encoder_errors, sensors.encoder_errors, sizeof out.encoder_errors);
     out.i2c = bus.stats();
     out.i2c_found = scan_.found();
+    if (burst.recording()) {
+        out.last_tick_ns = last_tick_ns_;
+        burst.sample(out);
+    }
     report.publish();
 }
 
@@ -321,9 +349,7 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
     take_what_waits();
     take_plan();
     prepare_pin_test();
-    std::memcpy(inputs_.counts, sensors.counts, sizeof inputs_.counts);
-    inputs_.counts_valid = sensors.counts_valid;
-    inputs_.battery_V = sensors.battery_V;
+    sensors.to_inputs(&inputs_);
     if (!scan_.running()) {
         driver_->poll(wires);
     }

@@ -5,27 +5,32 @@
 ///
 ///     stop(), hold(), test_pin()      flags that the next tick looks at first; they cannot be full
 ///     set_setpoint(), set_heartbeat() the newest counts
+///     excite()                        the newest counts; a stop or hold() in the same tick wins
 ///     offer_fix()                     one per tick, two wait
 ///     request()                       commands, all of them in the next tick
 ///     setups, plans                   the newest counts
 ///
-/// Set-points are numbered by what was asked before them, since they do not wait in the order of the commands: one from before an
-/// arming or a hold() is void. What comes out is in report.
+/// Set-points do not wait in the order of the commands, so each is numbered by what was asked before it. One from
+/// before an arming or a hold() is void. What comes out is in report.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
+#include <cstring>
 
 #include "app/board.h"
+#include "app/burst_recorder.h"
 #include "app/core.h"
 #include "app/i2c_scan.h"
 #include "app/motor_drivers.h"
 #include "app/robot_setup.h"
 #include "app/snapshot.h"
+#include "app/tick_report.h"
 
 namespace omni {
 
-/// Stop the motors by the output-enable pin alone: the bus rests, so the chip goes on with its last duties. Then disarm.
+/// Stop the motors by the output-enable pin alone: the bus rests, so the chip goes on with its last duties. Then
+/// disarm.
 struct PinTest {
     static constexpr float max_duty = 0.3f; ///< of any wheel when it begins, which needs open-loop duties
     static constexpr float min_s = 0.1f;
@@ -43,42 +48,23 @@ struct Request {
     omni_pose_t pose{};
 };
 
-/// What the sensors say at one tick.
+/// What the sensors say at one tick. The readings and their copies come from [sensors] of shared/world.toml.
 struct TickSensors {
     uint64_t time_us = 0; ///< robot clock
-    int32_t counts[OMNI_MAX_WHEELS] = {};
-    uint8_t counts_valid = 0;
-    float battery_V = 0.0f; ///< <= 0: not measured
-    uint32_t faults = 0;    ///< OMNI_FAULT_OVERRUN
-    uint32_t overruns = 0;  ///< ticks that missed their time since boot
+#include "omni/tick_readings_gen.h"
+    uint32_t faults = 0;   ///< OMNI_FAULT_OVERRUN
+    uint32_t overruns = 0; ///< ticks that missed their time since boot
     uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
     float jitter_us = 0.0f; ///< TickJitter::max_us(); 0 in host-in-the-loop
 };
 
-/// What the background gets to know of a tick.
-struct TickReport {
-    omni_outputs_t outputs{};
-    uint32_t arming_faults = OMNI_FAULT_CONFIG; ///< 0: arming is possible
-    uint32_t ticks = 0;
-    uint32_t overruns = 0;
-    uint32_t i2c_errors = 0;
-    float battery_V = 0.0f;    ///< as measured
-    float tick_us_mean = 0.0f; ///< of the last complete window of ticks
-    float tick_us_max = 0.0f;
-    float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
-    int32_t counts[OMNI_MAX_WHEELS] = {};
-    uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
-    uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
-    I2cStats i2c;
-    I2cFound i2c_found;
-};
-
 class ControlLoop {
 public:
-    /// Start over: core, driver, requests; the latest setup stays. So does an emergency stop, which the first tick comes up in:
-    /// only a release leads out. Only while no tick can run.
+    /// Start over: core, driver, requests; the latest setup stays. So does an emergency stop, which the first tick
+    /// comes up in: only a release leads out. Only while no tick can run.
     void restart();
-    /// OMNI_EVENT_DISARM, OMNI_EVENT_ESTOP or both: done by the next tick, whatever else waits for it. From any context.
+    /// OMNI_EVENT_DISARM, OMNI_EVENT_ESTOP or both: done by the next tick, whatever else waits for it. From any
+    /// context.
     void stop(uint32_t events) { tell(events); }
     /// These stops are still to be done.
     bool stopping(uint32_t events) const { return (flags_.load(std::memory_order_relaxed) & events) != 0; }
@@ -96,14 +82,20 @@ public:
     bool request(Request request);
     bool request_event(uint32_t events);
 
-    /// @param wires to the motors; the output enable is set in every tick. @param stopwatch for measuring how long the tick takes.
+    /// @param wires to the motors; the output enable is set in every tick. @param stopwatch for measuring how long the
+    /// tick takes.
     void tick(const TickSensors &sensors, MotorWires &wires, Clock &stopwatch);
     /// Leave these motors off. @return false if that could not be sent now.
     bool release(MotorWires &wires);
 
+    /// Background: add this to the loop from the next tick on, and begin a burst that waits for it. All zero: end the
+    /// one that goes on.
+    void excite(const omni_excitation_t &excitation);
+
     Handover<RobotSetup> setups;
     Handover<omni_trajectory_t> plans;
     Snapshot<TickReport> report;
+    BurstRecorder burst; ///< of what the report says
 
 private:
     struct OrderedSetpoint {
@@ -116,6 +108,7 @@ private:
     void take_flags(uint32_t flags);
     void take_requests();
     void take_news(uint32_t flags);
+    void take_excitation();
     void take_fix();
     void take_plan();
     void apply(const Request &request);
@@ -136,7 +129,8 @@ private:
     const RobotSetup *setup_ = nullptr;
     omni_robot_t robot_{};
     omni_inputs_t inputs_{};
-    omni_outputs_t *outputs_ = &report.writing().outputs; ///< of the last tick, in its report: only the tick writes there
+    omni_outputs_t *outputs_ =
+        &report.writing().outputs; ///< of the last tick, in its report: only the tick writes there
     MotorDrivers drivers_;
     MotorDriver *driver_ = &drivers_.of(0); ///< the one in use
     I2cScan scan_;
@@ -146,6 +140,7 @@ private:
     bool powered_ = false; ///< the output-enable pin is on
     /// Bits for the next tick beside those of omni_event_t: where it must look.
     enum News : uint32_t {
+        news_excitation = 1u << 26,
         news_request = 1u << 27,
         news_fix = 1u << 28,
         news_pin_test = 1u << 29,
@@ -157,6 +152,7 @@ private:
     std::atomic<uint32_t> pin_test_wanted_{0}; ///< with news_pin_test: ticks * 2 + release
     Snapshot<OrderedSetpoint> setpoints_;
     Snapshot<uint64_t> heartbeats_;
+    Snapshot<omni_excitation_t> excitations_;
     Queue<omni_pose_fix_t, 2> fixes_;
     Queue<Request, 32> requests_;
     uint32_t order_ = 0;        ///< background: rises with each request and hold()
@@ -166,6 +162,7 @@ private:
     uint32_t window_count_ = 0;
     uint64_t window_sum_ns_ = 0;
     uint64_t window_max_ns_ = 0;
+    uint32_t last_tick_ns_ = 0;
     float tick_us_mean_ = 0.0f;
     float tick_us_max_ = 0.0f;
 };

@@ -7,8 +7,9 @@
 
 namespace omni {
 
-inline uint32_t crc32(const uint8_t *bytes, size_t length) {
-    uint32_t crc = 0xFFFFFFFFu;
+/// @param before CRC of the bytes in front of these; 0: there are none.
+inline uint32_t crc32(const uint8_t *bytes, size_t length, uint32_t before = 0) {
+    uint32_t crc = ~before;
     for (size_t i = 0; i < length; ++i) {
         crc ^= bytes[i];
         for (int bit = 0; bit < 8; ++bit) {

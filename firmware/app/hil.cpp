@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "app/mavlink_types.h"
+
 namespace omni {
 
 bool HilBus::submit(const I2cTransaction *batch, size_t count) {
@@ -78,14 +80,11 @@ void Hil::take(const Frame &frame, TickSensors *sensors) {
     heard_ = true;
     button_open_ = message.stop_button != 0;
     sensors->time_us = message.time_us;
-    std::memcpy(sensors->counts, message.counts, sizeof sensors->counts);
-    sensors->counts_valid = message.counts_valid;
-    sensors->battery_V = message.battery_voltage;
+    sensors->from_message(message);
     bus.answer(message.i2c_status, message.i2c_read);
 }
 
-void Hil::answer(Shared &shared, size_t link) {
-    const omni_outputs_t &out = shared.latest.outputs;
+void Hil::answer(const omni_outputs_t &out, Link &link) {
     mavlink_omni_hil_actuators_t message{};
     message.time_us = out.time_us;
     message.sequence = sequence_;
@@ -108,7 +107,7 @@ void Hil::answer(Shared &shared, size_t link) {
         message.motor_pins[2 * i] = motor_pins.steps()[i].first;
         message.motor_pins[2 * i + 1] = motor_pins.steps()[i].second;
     }
-    shared.links[link].send(MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS, message, Priority::reply);
+    link.send(MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS, message, Priority::reply);
 }
 
 } // namespace omni

@@ -7,7 +7,8 @@
 #include <cstdint>
 
 #include "app/board.h"
-#include "app/shared.h"
+#include "app/control_loop.h"
+#include "app/link.h"
 
 namespace omni {
 
@@ -73,7 +74,7 @@ public:
     /// Take the sensors of one tick. A time that does not advance is the control core's to judge.
     void take(const Frame &frame, TickSensors *sensors);
     /// Answer the tick just run, as the last frame on the host's link.
-    void answer(Shared &shared, size_t link);
+    void answer(const omni_outputs_t &out, Link &link);
     /// Sensors have come since the restart.
     bool heard() const { return heard_; }
     /// The simulated robot's stop button, of the latest sensors.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file i2c_scan.h  Asks every I2C address whether somebody is there, one per tick. The tick's side; the bus is its own meanwhile.
+/// @file i2c_scan.h  Asks every I2C address whether somebody is there, one per tick. The tick's side; the bus is its
+/// own meanwhile.
 #pragma once
 
 #include <cstddef>

@@ -101,7 +101,7 @@ bool take_number(Cursor *cursor, omni_real_t *value) {
     return omni_is_finite(*value);
 }
 
-bool belongs(uint8_t byte) {
+bool belongs_to_line(uint8_t byte) {
     return (byte >= '0' && byte <= '9') || (byte != 0 && std::strchr("+-.,eE \t", byte) != nullptr);
 }
 
@@ -166,7 +166,7 @@ bool LegacyLine::on_byte(uint8_t byte) {
         }
         return true;
     }
-    if (!belongs(byte) || length_ == capacity) {
+    if (!belongs_to_line(byte) || length_ == capacity) {
         spoil();
         return false;
     }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-/// @file legacy_line.h  The set-point line of the original three-wheel robot: `x,y,theta[,vx,vy,wz]*` in ASCII, world frame, m, rad,
-/// m/s, rad/s. Line ends and blanks around numbers don't matter.
+/// @file legacy_line.h  The set-point line of the original three-wheel robot: `x,y,theta[,vx,vy,wz]*` in ASCII, world
+/// frame, m, rad, m/s, rad/s. Line ends and blanks around numbers don't matter.
 ///
-/// It has no checksum, so the reader is strict: anything a line cannot hold spoils everything up to the next `*`, a MAVLink frame
-/// or silence in the middle of a line spoils it, and a line counts only if the one before held as many numbers: half a line
-/// looks like a shorter one.
+/// It has no checksum, so the reader is strict. Anything a line cannot hold spoils everything up to the next `*`. A
+/// MAVLink frame or silence in the middle of a line spoils it, too. Half a line looks like a shorter one, so a line
+/// counts only if the one before held as many numbers.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,8 @@ struct LegacySetpoint {
     omni_twist_t rate{}; ///< 0 if the line has three numbers
 };
 
-/// Understand the text of one line, without its `*`. @return how many numbers it holds: 3 or 6, all finite; 0: no such line.
+/// Understand the text of one line, without its `*`. @return how many numbers it holds: 3 or 6, all finite; 0: no such
+/// line.
 size_t parse_legacy_line(const char *text, size_t length, LegacySetpoint *setpoint);
 
 class LegacyLine final : public TextSink {

@@ -13,7 +13,8 @@ constexpr float burst_s = 0.1f;
 constexpr float least_burst = 400.0f;
 /// Telemetry waits while this much is buffered: what waits is old by the time it arrives.
 constexpr size_t telemetry_backlog = 2048;
-/// In the signature of an answer to a stop: it overtakes what was signed before, which would be too old behind it in one stream.
+/// In the signature of an answer to a stop. It overtakes what was signed before, which would be too old behind it in
+/// one stream.
 constexpr unsigned stop_stream = 0x80;
 
 /// Lists leave room for telemetry in front of the port.
@@ -22,8 +23,8 @@ constexpr size_t bulk_backlog = 1024;
 /// Share of a serial line, in bytes per bit: ten bits are a byte, and half of them are ours.
 constexpr float bytes_per_baud = 0.05f;
 
-/// A modem behind a fast line overflows when a burst comes faster than it goes through the air: bytes leave at this many times
-/// the budget at most, a packet at a time.
+/// A modem behind a fast line overflows when a burst comes faster than it goes through the air. So bytes leave at this
+/// many times the budget at most, a packet at a time.
 constexpr float line_share = 1.5f;
 
 float burst_of(float bytes_s) {

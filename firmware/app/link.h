@@ -27,7 +27,8 @@ public:
     /// Longest frame that a radio is sent unasked: an XBee cuts its stream into packets of about this many bytes.
     static constexpr size_t radio_frame = 100;
 
-    /// @param number of the link, from 0. @param signing of a radio; nullptr where whoever is connected has the robot in hand.
+    /// @param number of the link, from 0. @param signing of a radio; nullptr where whoever is connected has the robot
+    /// in hand.
     void attach(SerialPort *port, uint8_t number = 0, Signing *signing = nullptr) {
         port_ = port;
         number_ = number;
@@ -46,8 +47,8 @@ public:
     void set_system(uint8_t system) { system_ = system; }
     /// @param bytes_s what the link may carry, B/s; a line with a baud rate carries no more than half of that.
     void set_budget(float bytes_s) { budget_ = bytes_s; }
-    /// Budgets are off in host-in-the-loop: its wire carries far more than telemetry anyway, and its clock may stand still.
-    /// Except on a line with a baud rate.
+    /// Budgets are off in host-in-the-loop: its wire carries far more than telemetry anyway, and its clock may stand
+    /// still. Except on a line with a baud rate.
     void set_unlimited(bool unlimited) { unlimited_ = unlimited && !port_->has_baud(); }
     /// Add what the time since the last call allows to send.
     void refill(uint64_t now_us);

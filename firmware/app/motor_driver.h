@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
-/// @file motor_driver.h  What makes the motors turn, whatever chip or pins do it: one small interface, one class per kind.
+/// @file motor_driver.h  What makes the motors turn, whatever chip or pins do it: one small interface, one class per
+/// kind.
 ///
-/// The core gives a duty per wheel. A driver turns the duties into signals, says whether they arrive, and switches all of them off.
-/// ControlLoop adds the rules that hold for every driver: when the output-enable pin is on, how many failures stop the robot.
+/// The core gives a duty per wheel. A driver turns the duties into signals, says whether they arrive, and switches all
+/// of them off. ControlLoop adds the rules that hold for every driver: when the output-enable pin is on, how many
+/// failures stop the robot.
 ///
 /// All of it is called from the tick, and nothing waits.
 #pragma once
@@ -36,12 +38,14 @@ class MotorDriver {
 public:
     /// Begin again: nothing is known of the hardware, which may have lost its power or be driving.
     virtual void restart() = 0;
-    /// Before the first tick, and between two ticks whenever the parameters change. The same wiring again changes nothing.
+    /// Before the first tick, and between two ticks whenever the parameters change. The same wiring again changes
+    /// nothing.
     virtual void set_wiring(const Wiring &wiring) = 0;
     /// Once per tick, before the control step: see how the last update went.
     virtual void poll(MotorWires &wires) = 0;
     /// Once per tick, after the control step: the next update, or the next step of setting up.
-    /// @param duty one entry per wheel, -1..1. @param on false: all motors coast, or brake where the bridge cannot coast.
+    /// @param duty one entry per wheel, -1..1. @param on false: all motors coast, or brake where the bridge cannot
+    /// coast.
     virtual void drive(MotorWires &wires, uint64_t now_us, const omni_real_t *duty, bool on) = 0;
     /// Switch all motors off, in any state and without waiting; set up anew afterwards.
     /// @return false if that could not be sent now: call again.
@@ -49,7 +53,8 @@ public:
 
     /// The hardware has answered and does what drive() says. Nobody arms before.
     virtual bool ready() const = 0;
-    /// Updates in a row that did not arrive. One is due in each tick: one that turns out lost after three ticks was three.
+    /// Updates in a row that did not arrive. One is due in each tick: one that turns out lost after three ticks was
+    /// three.
     virtual uint16_t failures() const = 0;
     /// Failed updates since boot.
     virtual uint32_t errors() const = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file motor_drivers.h  One of each motor driver there is. The list is made from the values of MOT_DRIVER in shared/params.toml.
+/// @file motor_drivers.h  One of each motor driver there is. The list is made from `motor_drivers` in
+/// shared/params.toml.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +14,8 @@ public:
     /// @param number omni_mot_driver; the first driver if there is none of that number.
     MotorDriver &of(uint8_t number) {
         switch (number) {
-#define OMNI_CASE(type, name, value)                                                                                           \
-    case value:                                                                                                                \
+#define OMNI_CASE(type, name, value)                                                                                   \
+    case value:                                                                                                        \
         return name;
             OMNI_MOTOR_DRIVERS(OMNI_CASE)
 #undef OMNI_CASE

@@ -21,7 +21,8 @@ constexpr size_t header_length = 16;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
 
-/// Tables of the firmwares that stored by index, and how many parameters each had. Their order is that of today's table.
+/// Tables of the firmwares that stored by index, and how many parameters each had. Their order is that of today's
+/// table.
 struct OldTable {
     uint32_t schema;
     int32_t count;
@@ -63,7 +64,8 @@ Slot ParamStore::judge() const {
     slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
     const size_t count = get_word(buffer_ + at_count);
     const uint32_t kind = get_word(buffer_);
-    if ((kind != magic && kind != magic_by_index) || count > (slot_size() - header_length - crc_length) / entry_length) {
+    if ((kind != magic && kind != magic_by_index) ||
+        count > (slot_size() - header_length - crc_length) / entry_length) {
         return slot;
     }
     const size_t length = header_length + count * entry_length;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 /// @file param_store.h  Parameters in non-volatile memory, in two slots (two_slots.h).
 ///
-/// A slot holds what differs from the robot's own values: header (magic, schema CRC, sequence, count), then storage key and value
-/// of each, then CRC-32 over all of it. The valid slot with the newer sequence counts.
+/// A slot holds what differs from the robot's own values. First comes a header: magic, schema CRC, sequence, count.
+/// Storage key and value of each follow, then CRC-32 over all of it. The valid slot with the newer sequence counts.
 ///
-/// The storage key comes from the parameter's name. So a set outlives an update of the firmware: each value is found by its
-/// name and checked against this firmware's range. What has no place any more is left out and reported, the rest is used. A
-/// parameter that was never changed follows the new firmware's default.
+/// The storage key comes from the parameter's name. So a set outlives an update of the firmware: each value is found by
+/// its name and checked against this firmware's range. What has no place any more is left out and reported, the rest is
+/// used. A parameter that was never changed follows the new firmware's default.
 #pragma once
 
 #include <cstddef>
@@ -54,8 +54,8 @@ public:
 
     explicit ParamStore(Storage &storage) : TwoSlots(storage) {}
 
-    /// Put the stored values over `values`, which holds the robot's own on entry. Unchanged unless `ok`. Each value that is used is
-    /// within its range; whether they fit together is for the caller to find out.
+    /// Put the stored values over `values`, which holds the robot's own on entry. Unchanged unless `ok`. Each value
+    /// that is used is within its range; whether they fit together is for the caller to find out.
     StoreResult load(omni_real_t *values);
     /// What the last load left out.
     const Misfits &misfits() const { return misfits_; }

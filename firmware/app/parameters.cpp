@@ -6,7 +6,7 @@
 namespace omni {
 namespace {
 
-Text named(int32_t index) {
+Text parameter_text(int32_t index) {
     Text text;
     text.add(omni_param_table[index].name);
     return text;
@@ -24,7 +24,7 @@ constexpr size_t param_value_frame = 37;
 
 /// Make `values` the working set if a configuration can be built from them; nothing changes otherwise.
 bool Parameters::adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why) {
-    RobotSetup &setup = shared_.control.setups.scratch();
+    RobotSetup &setup = control_.setups.scratch();
     *why = make_robot_setup(setup, values, bad_index);
     if (*why != OMNI_OK) {
         return false;
@@ -32,19 +32,19 @@ bool Parameters::adopt(const omni_real_t *values, int32_t *bad_index, omni_resul
     setup.config.sequence = ++sequence_;
     config_ = setup.config;
     std::memmove(values_, values, sizeof values_);
-    shared_.control.setups.publish();
+    control_.setups.publish();
     listener_.parameters_changed();
     return true;
 }
 
 bool Parameters::fits(const omni_real_t *values, int32_t *bad_index) {
-    return make_robot_setup(shared_.control.setups.scratch(), values, bad_index) == OMNI_OK;
+    return make_robot_setup(control_.setups.scratch(), values, bad_index) == OMNI_OK;
 }
 
-/// Values that are each in range need not fit together. Leave out those that are blamed; if the blame falls on the robot's own values
-/// or on none, add the stored ones one after another, as far as they fit.
+/// Values that are each in range need not fit together. Leave out those that are blamed. If the blame falls on the
+/// robot's own values or on none, add the stored ones one after another, as far as they fit.
 void Parameters::leave_out_what_clashes(omni_real_t *values) {
-    const omni_real_t *own = shared_.board.robot_values;
+    const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
     bool whole = fits(values, &bad);
     while (!whole && bad >= 0 && values[bad] != own[bad]) {
@@ -71,7 +71,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
 /// @return ok, or why nothing of it is used; `failed`: the robot's own values do not fit together.
 StoreResult Parameters::adopt_stored() {
     omni_real_t values[OMNI_PARAM_COUNT];
-    std::memcpy(values, shared_.board.robot_values, sizeof values);
+    std::memcpy(values, board_.robot_values, sizeof values);
     const StoreResult result = store_.load(values);
     misfits_ = store_.misfits();
     if (result != StoreResult::ok) {
@@ -89,7 +89,7 @@ void Parameters::boot() {
     omni_result_t why = OMNI_OK;
     boot_damaged_ = store_.damaged_slot();
     boot_result_ = adopt_stored();
-    if (boot_result_ != StoreResult::ok && !adopt(shared_.board.robot_values, &bad, &why)) {
+    if (boot_result_ != StoreResult::ok && !adopt(board_.robot_values, &bad, &why)) {
         // A board hands over checked values; the table's defaults are the way out if it did not.
         omni_params_defaults(values);
         adopt(values, &bad, &why);
@@ -104,7 +104,7 @@ bool Parameters::send_value(size_t link, int32_t index, Priority priority) {
     message.param_type = MAV_PARAM_TYPE_REAL32;
     message.param_count = OMNI_PARAM_COUNT;
     message.param_index = static_cast<uint16_t>(index);
-    return shared_.links[link].send(MAVLINK_MSG_ID_PARAM_VALUE, message, priority);
+    return links_[link].send(MAVLINK_MSG_ID_PARAM_VALUE, message, priority);
 }
 
 int32_t Parameters::index_of(const char *name, int32_t index) const {
@@ -131,27 +131,31 @@ void Parameters::on_request_read(const Frame &frame, const Sender &sender) {
     }
     char name[OMNI_PARAM_NAME_LEN + 1] = {};
     std::memcpy(name, message.param_id, OMNI_PARAM_NAME_LEN);
-    shared_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name[0] != 0 ? name : "index").add(": unknown"));
+    texts_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name[0] != 0 ? name : "index").add(": unknown"));
 }
 
 void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t blamed) {
-    Text text = named(index);
+    Text text = parameter_text(index);
     const omni_param_info_t &info = omni_param_table[index];
     text.add(" ").add(value).add(" refused: ");
     if (why == OMNI_ERR_LOCKED) {
-        text.add(shared_.way_out_of_armed());
+        text.add(robot_.way_out_of_armed());
     } else if (why == OMNI_ERR_NOT_FINITE) {
         text.add("not a number");
     } else if (blamed == index && (value < info.minimum || value > info.maximum)) {
-        text.add(info.minimum).add("..").add(info.maximum).add(index == OMNI_PARAM_SYS_ID ? " (255: ground station)" : "");
-    } else if (blamed == index && info.kind == OMNI_PARAM_INT && value != static_cast<float>(static_cast<int32_t>(value))) {
+        text.add(info.minimum)
+            .add("..")
+            .add(info.maximum)
+            .add(index == OMNI_PARAM_SYS_ID ? " (255: ground station)" : "");
+    } else if (blamed == index && info.kind == OMNI_PARAM_INT &&
+               value != static_cast<float>(static_cast<int32_t>(value))) {
         text.add("whole numbers only");
     } else if (blamed >= 0 && blamed != index) {
         text.add("clashes with ").add(omni_param_table[blamed].name);
     } else {
         text.add("does not fit the others");
     }
-    shared_.refuse(MAV_SEVERITY_WARNING, text);
+    texts_.refuse(MAV_SEVERITY_WARNING, text);
 }
 
 void Parameters::on_set(const Frame &frame, const Sender &sender) {
@@ -160,14 +164,14 @@ void Parameters::on_set(const Frame &frame, const Sender &sender) {
     if (index < 0) {
         char name[OMNI_PARAM_NAME_LEN + 1] = {};
         std::memcpy(name, message.param_id, OMNI_PARAM_NAME_LEN);
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name).add(": unknown"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("parameter ").add(name).add(": unknown"));
         return;
     }
     const float value = message.param_value;
-    omni_result_t why = omni_param_check(index, value, shared_.armed());
+    omni_result_t why = omni_param_check(index, value, robot_.armed());
     int32_t blamed = index;
     if (message.param_type != MAV_PARAM_TYPE_REAL32) {
-        shared_.refuse(MAV_SEVERITY_WARNING, named(index).add(" refused: send it as REAL32"));
+        texts_.refuse(MAV_SEVERITY_WARNING, parameter_text(index).add(" refused: send it as REAL32"));
     } else if (why != OMNI_OK) {
         refuse(index, value, why, blamed);
     } else {
@@ -178,7 +182,7 @@ void Parameters::on_set(const Frame &frame, const Sender &sender) {
             refuse(index, value, why, blamed);
         }
     }
-    for (size_t link = 0; link < shared_.board.port_count; ++link) {
+    for (size_t link = 0; link < links_.count(); ++link) {
         send_value(link, index, link == sender.link ? Priority::reply : Priority::telemetry);
     }
 }
@@ -189,8 +193,8 @@ bool Parameters::adopt_or_say(const omni_real_t *values) {
     if (adopt(values, &bad, &why)) {
         return true;
     }
-    shared_.refuse(MAV_SEVERITY_ERROR,
-                   Text().add("refused because of ").add(bad >= 0 ? omni_param_table[bad].name : "their sum"));
+    texts_.refuse(MAV_SEVERITY_ERROR,
+                  Text().add("refused because of ").add(bad >= 0 ? omni_param_table[bad].name : "their sum"));
     return false;
 }
 
@@ -198,14 +202,15 @@ void Parameters::say_misfits() {
     const uint32_t kept = Misfits::kept;
     for (uint32_t i = 0; i < misfits_.refused && i < kept; ++i) {
         const auto &misfit = misfits_.first[i];
-        shared_.say(MAV_SEVERITY_WARNING,
-                    Text().add("stored ").add(omni_param_table[misfit.index].name).add(" ").add(misfit.value).add(" left out"));
+        texts_.say(
+            MAV_SEVERITY_WARNING,
+            Text().add("stored ").add(omni_param_table[misfit.index].name).add(" ").add(misfit.value).add(" left out"));
     }
     if (misfits_.refused > kept) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.refused - kept).add(" more stored values left out"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.refused - kept).add(" more stored values left out"));
     }
     if (misfits_.unknown > 0) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.unknown).add(" stored values left out: unknown here"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.unknown).add(" stored values left out: unknown here"));
     }
 }
 
@@ -216,27 +221,28 @@ uint8_t Parameters::load() {
         return MAV_RESULT_ACCEPTED;
     }
     if (result == StoreResult::empty) {
-        shared_.refuse(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
-        return adopt_or_say(shared_.board.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
+        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
+        return adopt_or_say(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
     }
-    shared_.refuse(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
+    texts_.refuse(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
     return MAV_RESULT_FAILED;
 }
 
 uint8_t Parameters::save() {
-    const StoreResult result = store_.save(values_, shared_.board.robot_values);
+    const StoreResult result = store_.save(values_, board_.robot_values);
     if (result == StoreResult::ok) {
-        shared_.say(MAV_SEVERITY_INFO, Text().add("parameters stored"));
+        texts_.say(MAV_SEVERITY_INFO, Text().add("parameters stored"));
         return MAV_RESULT_ACCEPTED;
     }
-    shared_.refuse(MAV_SEVERITY_ERROR, Text().add(result == StoreResult::full ? "too many parameters differ: nothing stored"
-                                                                              : "the memory failed: nothing stored"));
+    texts_.refuse(MAV_SEVERITY_ERROR,
+                  Text().add(result == StoreResult::full ? "too many parameters differ: nothing stored"
+                                                         : "the memory failed: nothing stored"));
     return MAV_RESULT_FAILED;
 }
 
 uint8_t Parameters::storage_command(float action) {
-    if (shared_.armed()) {
-        return shared_.refuse_armed("parameter storage refused");
+    if (robot_.armed()) {
+        return robot_.refuse_armed("parameter storage refused");
     }
     if (action == 0.0f) {
         return load();
@@ -245,33 +251,33 @@ uint8_t Parameters::storage_command(float action) {
         return save();
     }
     if (action == 2.0f) {
-        return adopt_or_say(shared_.board.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
+        return adopt_or_say(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
     }
     return MAV_RESULT_UNSUPPORTED;
 }
 
 void Parameters::say_boot_problems() {
     if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
-        shared_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
+        texts_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
     } else {
         say_misfits();
     }
     if (boot_damaged_) {
-        shared_.say(MAV_SEVERITY_ERROR,
-                    Text().add(boot_result_ == StoreResult::ok ? "a stored parameter set is damaged: the other used"
-                                                               : "stored parameters are damaged: not used"));
+        texts_.say(MAV_SEVERITY_ERROR,
+                   Text().add(boot_result_ == StoreResult::ok ? "a stored parameter set is damaged: the other used"
+                                                              : "stored parameters are damaged: not used"));
     }
 }
 
 void Parameters::serve() {
-    for (size_t link = 0; link < shared_.board.port_count; ++link) {
+    for (size_t link = 0; link < links_.count(); ++link) {
         int32_t &next = list_next_[link];
-        while (next < OMNI_PARAM_COUNT && shared_.links[link].admits(Priority::bulk, param_value_frame) &&
+        while (next < OMNI_PARAM_COUNT && links_[link].admits(Priority::bulk, param_value_frame) &&
                send_value(link, next, Priority::bulk)) {
             ++next;
         }
     }
-    if (!boot_said_ && shared_.cable_connected()) {
+    if (!boot_said_ && links_.cable_connected()) {
         boot_said_ = true;
         say_boot_problems();
     }

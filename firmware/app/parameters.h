@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "app/param_store.h"
-#include "app/shared.h"
+#include "app/robot_state.h"
 
 namespace omni {
 
@@ -20,11 +20,13 @@ protected:
 
 class Parameters {
 public:
-    Parameters(Shared &shared, ParameterListener &listener)
-        : shared_(shared), listener_(listener), store_(*shared.board.storage) {}
+    Parameters(const Board &board, Links &links, Texts &texts, RobotState &robot, ControlLoop &control,
+               ParameterListener &listener)
+        : board_(board), links_(links), texts_(texts), robot_(robot), control_(control), listener_(listener),
+          store_(*board.storage) {}
 
-    /// Robot's own values, then what is stored. A stored value that does not fit is left out: the robot's own is used, and that is
-    /// said once a link is there.
+    /// Robot's own values, then what is stored. A stored value that does not fit is left out: the robot's own is used,
+    /// and that is said once a link is there.
     void boot();
 
     void on_request_list(const Sender &sender);
@@ -56,7 +58,11 @@ private:
     bool send_value(size_t link, int32_t index, Priority priority);
     int32_t index_of(const char *name, int32_t index) const;
 
-    Shared &shared_;
+    const Board &board_;
+    Links &links_;
+    Texts &texts_;
+    RobotState &robot_;
+    ControlLoop &control_;
     ParameterListener &listener_;
     ParamStore store_;
     omni_real_t values_[OMNI_PARAM_COUNT] = {};

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 /// @file pca9685.h  Driver of the PWM chip that feeds the H-bridges (NXP PCA9685 datasheet rev. 4).
 ///
-/// Start: ALL_LED off first (the chip keeps driving through a reboot of ours), then sleep, prescaler, totem-pole outputs that
-/// change together on STOP, wake, 500 us for the oscillator. After that one batch per tick: every channel in use, adjacent
-/// channels joined to one auto-increment burst. ON and OFF counts are never equal: ends of the range use the full bits.
+/// Start: ALL_LED off first, because the chip keeps driving through a reboot of ours. Then sleep, prescaler, totem-pole
+/// outputs that change together on STOP, wake, 500 us for the oscillator. After that one batch per tick: every channel
+/// in use, adjacent channels joined to one auto-increment burst. ON and OFF counts are never equal: ends of the range
+/// use the full bits.
 #pragma once
 
 #include <cstddef>

@@ -15,7 +15,7 @@ constexpr uint64_t ahead_us = 5'000;
 constexpr float frozen_travel = 0.005f;
 
 /// Standard deviation from a variance; 0 (take the configured one) if the sender gave none.
-float deviation(float variance) {
+float standard_deviation(float variance) {
     return omni_is_finite(variance) && variance > 0.0f ? omni_sqrtf(variance) : 0.0f;
 }
 
@@ -29,7 +29,7 @@ uint64_t whole_time_us(uint32_t time_ms, uint64_t now_us) {
 } // namespace
 
 uint64_t PoseFixes::time_of(uint64_t stamp_us) const {
-    const uint64_t now = shared_.now_us;
+    const uint64_t now = clock_.now_us;
     if (stamp_us != 0 && stamp_us <= now + ahead_us && stamp_us + oldest_us >= now) {
         return stamp_us;
     }
@@ -56,25 +56,25 @@ void PoseFixes::wait(const omni_pose_fix_t &fix) {
 }
 
 void PoseFixes::serve() {
-    while (count_ > 0 && shared_.control.offer_fix(waiting_[first_])) {
+    while (count_ > 0 && control_.offer_fix(waiting_[first_])) {
         first_ = (first_ + 1) % most_waiting;
         --count_;
     }
 }
 
 void PoseFixes::complain(const char *why) {
-    shared_.refuse_streamed(said_us_, Text().add("pose fix refused: ").add(why));
+    texts_.refuse_streamed(said_us_, Text().add("pose fix refused: ").add(why));
 }
 
 /// How far the wheels have gone meanwhile, slip or not, is what the sensor cannot have missed.
 bool PoseFixes::frozen(const omni_pose_t &world) {
-    const omni_twist_t &rate = shared_.latest.outputs.rate;
-    const uint64_t elapsed_us = last_us_ != 0 && shared_.now_us > last_us_ ? shared_.now_us - last_us_ : 0;
+    const omni_twist_t &rate = robot_.latest().outputs.rate;
+    const uint64_t elapsed_us = last_us_ != 0 && clock_.now_us > last_us_ ? clock_.now_us - last_us_ : 0;
     const float speed = omni_sqrtf(rate.vx * rate.vx + rate.vy * rate.vy) + omni_absf(rate.wz);
     const bool repeated = last_us_ != 0 && world.x == last_.x && world.y == last_.y && world.theta == last_.theta;
     travelled_ = repeated ? travelled_ + speed * static_cast<float>(elapsed_us) * 1e-6f : 0.0f;
     last_ = world;
-    last_us_ = shared_.now_us > 0 ? shared_.now_us : 1;
+    last_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
     return travelled_ > frozen_travel;
 }
 
@@ -92,10 +92,10 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float 
     fix.time_us = time_of(stamp_us);
     fix.pose = {world.x, world.y, omni_wrap_pi(world.theta)};
     if (covariance != nullptr) {
-        const float x = deviation(covariance[0]);
-        const float y = deviation(covariance[6]);
+        const float x = standard_deviation(covariance[0]);
+        const float y = standard_deviation(covariance[6]);
         fix.sd_xy = x > y ? x : y;
-        fix.sd_theta = deviation(covariance[20]);
+        fix.sd_theta = standard_deviation(covariance[20]);
     }
     wait(fix);
     serve();
@@ -117,7 +117,7 @@ void PoseFixes::on_compact(const Frame &frame) {
     const auto message = frame.as<mavlink_omni_pose_fix_t>();
     const omni_pose_t pose = {static_cast<float>(message.x_mm) * 1e-3f, static_cast<float>(message.y_mm) * 1e-3f,
                               static_cast<float>(message.theta_mrad10) * 1e-4f};
-    accept(pose, message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, shared_.now_us) : 0, nullptr);
+    accept(pose, message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0, nullptr);
 }
 
 } // namespace omni

@@ -1,22 +1,24 @@
 // SPDX-License-Identifier: MIT
 /// @file pose_fixes.h  Poses measured outside the robot: VICON_POSITION_ESTIMATE, ATT_POS_MOCAP, OMNI_POSE_FIX.
 ///
-/// A time stamp that lies within the last 0.25 s of the robot's clock is believed; any other (Unix time, say) is
-/// replaced by now - FIX_DELAY. A fix that repeats the one before, digit by digit, although the wheels have moved the robot
-/// meanwhile comes from a sensor that has frozen: it is not used.
+/// A time stamp within the last 0.25 s of the robot's clock is believed. In place of any other (Unix time, say)
+/// FIX_DELAY before now is taken. A sensor that has frozen repeats its fix digit by digit, although the wheels have
+/// moved the robot meanwhile. Such a fix is not used.
 ///
-/// The tick uses one per millisecond. Of a backlog, as a link delivers it after a pause, the newest `most_waiting` are kept and
-/// all others dropped, which is said: what is older helps the estimate no more.
+/// The tick uses one per millisecond. Of a backlog, as a link delivers it after a pause, the newest `most_waiting` are
+/// kept. All others are dropped, which is said: what is older helps the estimate no more.
 #pragma once
 
 #include "app/parameters.h"
-#include "app/shared.h"
+#include "app/robot_state.h"
 
 namespace omni {
 
 class PoseFixes {
 public:
-    PoseFixes(Shared &shared, const Parameters &parameters) : shared_(shared), parameters_(parameters) {}
+    PoseFixes(Texts &texts, const RobotClock &clock, const RobotState &robot, ControlLoop &control,
+              const Parameters &parameters)
+        : texts_(texts), clock_(clock), robot_(robot), control_(control), parameters_(parameters) {}
 
     void on_vicon(const Frame &frame);
     void on_mocap(const Frame &frame);
@@ -33,7 +35,10 @@ private:
     bool frozen(const omni_pose_t &world);
     void complain(const char *why);
 
-    Shared &shared_;
+    Texts &texts_;
+    const RobotClock &clock_;
+    const RobotState &robot_;
+    ControlLoop &control_;
     const Parameters &parameters_;
     uint64_t said_us_[Board::max_ports] = {}; ///< per link
     omni_pose_t last_{};

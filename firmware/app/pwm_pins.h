@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file pwm_pins.h  What motor drivers on the processor's own PWM pins have in common. There is no chip to set up and no bus to fail:
-/// what a tick decides is at the pins before it ends.
+/// @file pwm_pins.h  What motor drivers on the processor's own PWM pins have in common. There is no chip to set up and
+/// no bus to fail: what a tick decides is at the pins before it ends.
 #pragma once
 
 #include <cstddef>

@@ -20,7 +20,8 @@ public:
     };
 
     /// @param offset of slot 0; slot 1 follows. @param content bytes of the record, at most max_content.
-    RecordStore(Storage &storage, size_t offset, size_t content) : TwoSlots(storage), offset_(offset), content_(content) {}
+    RecordStore(Storage &storage, size_t offset, size_t content)
+        : TwoSlots(storage), offset_(offset), content_(content) {}
 
     /// @param data `content` bytes, untouched unless ok.
     Result load(uint8_t *data);

@@ -15,22 +15,22 @@ namespace omni {
 namespace {
 
 template <class From>
-const From &elements(const From &from) {
+const From &elements_of(const From &from) {
     return from;
 }
 
-std::array<omni_real_t, 3> elements(const omni_pose_t &pose) {
+std::array<omni_real_t, 3> elements_of(const omni_pose_t &pose) {
     return {pose.x, pose.y, pose.theta};
 }
 
-std::array<omni_real_t, 3> elements(const omni_twist_t &twist) {
+std::array<omni_real_t, 3> elements_of(const omni_twist_t &twist) {
     return {twist.vx, twist.vy, twist.wz};
 }
 
 /// What an array field of N elements holds, each converted to the field's type.
 template <class To, size_t N, class From>
 std::array<To, N> array_of(const From &from) {
-    const auto &values = elements(from);
+    const auto &values = elements_of(from);
     static_assert(sizeof values / sizeof *std::begin(values) == N, "the message has another number of elements");
     std::array<To, N> to{};
     std::transform(std::begin(values), std::end(values), to.begin(), [](auto value) { return static_cast<To>(value); });
@@ -72,20 +72,21 @@ uint32_t only_if(bool condition, uint32_t bits) {
     return condition ? bits : 0;
 }
 
-uint16_t millivolts(float volts) {
+uint16_t in_millivolts(float volts) {
     return volts > 0.0f ? static_cast<uint16_t>(std::min(volts * 1000.0f + 0.5f, 65534.0f)) : UINT16_MAX;
 }
 
-uint16_t saturated(uint32_t count) {
+uint16_t saturated_count(uint32_t count) {
     return static_cast<uint16_t>(std::min<uint32_t>(count, UINT16_MAX));
 }
 
-uint32_t base_mode(const Shared &shared) {
-    const omni_outputs_t &out = shared.latest.outputs;
+uint32_t base_mode(const ReportSources &sources) {
+    const omni_outputs_t &out = sources.robot.latest().outputs;
     const uint8_t mode = mode_of(out.setpoint_kind);
     const bool guided = mode == OMNI_MODE_POSE || mode == OMNI_MODE_VELOCITY;
     return MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | only_if(out.state == OMNI_STATE_ARMED, MAV_MODE_FLAG_SAFETY_ARMED) |
-           only_if(shared.hil, MAV_MODE_FLAG_HIL_ENABLED) | only_if(mode == OMNI_MODE_TRAJECTORY, MAV_MODE_FLAG_AUTO_ENABLED) |
+           only_if(sources.robot.hil(), MAV_MODE_FLAG_HIL_ENABLED) |
+           only_if(mode == OMNI_MODE_TRAJECTORY, MAV_MODE_FLAG_AUTO_ENABLED) |
            only_if(guided, MAV_MODE_FLAG_GUIDED_ENABLED);
 }
 
@@ -96,9 +97,9 @@ constexpr uint32_t vision = MAV_SYS_STATUS_SENSOR_VISION_POSITION;
 constexpr uint32_t no_fence = MAV_SYS_STATUS_GEOFENCE; // MAVProxy announces a breach if an absent fence is not healthy
 constexpr uint32_t parts_present = encoders | motors | battery | vision;
 
-uint32_t parts_enabled(const Shared &shared) {
-    return encoders | motors | only_if(shared.latest.battery_V > 0.0f, battery) |
-           only_if(shared.latest.outputs.fixes_accepted > 0, vision);
+uint32_t parts_enabled(const ReportSources &sources) {
+    return encoders | motors | only_if(sources.robot.latest().battery_V > 0.0f, battery) |
+           only_if(sources.robot.latest().outputs.fixes_accepted > 0, vision);
 }
 
 uint32_t parts_healthy(uint32_t faults) {
@@ -107,8 +108,8 @@ uint32_t parts_healthy(uint32_t faults) {
            only_if((faults & OMNI_WARN_POSE_STALE) == 0, vision);
 }
 
-MemoryFree memory_free(const Shared &shared) {
-    return shared.board.memory_free != nullptr ? shared.board.memory_free() : MemoryFree{};
+MemoryFree memory_free(const ReportSources &sources) {
+    return sources.board.memory_free != nullptr ? sources.board.memory_free() : MemoryFree{};
 }
 
 /// BATTERY_STATUS has ten cells; ours is one voltage.
@@ -121,10 +122,10 @@ std::array<uint16_t, 10> one_cell(uint16_t voltage_mV) {
 
 /// `count` is known when this is compiled: GCC 12 loses sight of it under its sanitizers otherwise.
 template <uint32_t (Link::*count)() const>
-std::array<uint16_t, Board::max_ports> of_each_link(const Shared &shared) {
+std::array<uint16_t, Board::max_ports> of_each_link(const ReportSources &sources) {
     std::array<uint16_t, Board::max_ports> counts{};
-    for (size_t i = 0; i < shared.board.port_count; ++i) {
-        counts[i] = saturated((shared.links[i].*count)());
+    for (size_t i = 0; i < sources.links.count(); ++i) {
+        counts[i] = saturated_count((sources.links[i].*count)());
     }
     return counts;
 }
@@ -144,16 +145,18 @@ Angle half_angle(omni_real_t angle) {
 
 #include "omni/reports_gen.h"
 
-bool report_version(Link &link) {
+bool report_version(Link &link, uint64_t serial_number) {
     mavlink_autopilot_version_t message{};
     message.capabilities = MAV_PROTOCOL_CAPABILITY_MAVLINK2 | MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT |
-                           MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST | MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED;
+                           MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST |
+                           MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED;
     // Lowest byte: 255 is a release, 0 development.
     message.flight_sw_version = static_cast<uint32_t>(OMNI_VERSION_MAJOR) << 24 |
                                 static_cast<uint32_t>(OMNI_VERSION_MINOR) << 16 |
                                 static_cast<uint32_t>(OMNI_VERSION_PATCH) << 8 | (OMNI_GIT_DIRTY != 0 ? 0u : 255u);
     message.middleware_sw_version = OMNI_PARAM_SCHEMA_VERSION;
     message.os_sw_version = omni_param_schema_crc;
+    message.uid = serial_number;
     const uint64_t hash = OMNI_GIT_HASH;
     for (size_t i = 0; i < sizeof message.flight_custom_version; ++i) {
         message.flight_custom_version[i] = static_cast<uint8_t>(hash >> (56 - 8 * i));

@@ -1,17 +1,31 @@
 // SPDX-License-Identifier: MIT
 /// @file reports.h  Fills the messages about the robot from the latest tick. Standard messages in NED/FRD (frames.h).
 ///
-/// Which messages there are, and what each field holds, stands in shared/link/telemetry.toml. The build writes the functions
-/// from it; what they call beyond the members of `Shared` stands in reports.cpp.
+/// Which messages there are, and what each field holds, stands in shared/link/telemetry.toml. The build writes the
+/// functions from it; what they call beyond the members of `ReportSources` stands in reports.cpp.
 #pragma once
 
-#include "app/shared.h"
+#include "app/legacy_line.h"
+#include "app/links.h"
+#include "app/robot_clock.h"
+#include "app/robot_state.h"
+#include "app/signing.h"
 #include "omni/telemetry_gen.h"
 
 namespace omni {
 
+/// What the messages tell of. To be looked at only.
+struct ReportSources {
+    const Board &board;
+    const RobotClock &clock;
+    const RobotState &robot;
+    const Links &links;
+    const Signing &signing;
+    const LegacyLine &legacy_line;
+};
+
 /// Fills a message and sends it. @return false if it was dropped. @param asked true: REQUEST_MESSAGE, false: streamed.
-using ReportFunction = bool (*)(const Shared &shared, Link &link, Priority priority, bool asked);
+using ReportFunction = bool (*)(const ReportSources &sources, Link &link, Priority priority, bool asked);
 
 /// What decides how often a message comes by itself.
 enum class Group : uint8_t {
@@ -32,7 +46,7 @@ struct Stream {
 /// In order of importance: under a tight budget the first ones get it.
 extern const Stream streams[telemetry_stream_count];
 
-/// AUTOPILOT_VERSION, on request only.
-bool report_version(Link &link);
+/// AUTOPILOT_VERSION, on request only. @param serial_number of the board; 0: none. @return false if it was dropped.
+bool report_version(Link &link, uint64_t serial_number);
 
 } // namespace omni

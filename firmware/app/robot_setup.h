@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file robot_setup.h  What a parameter set becomes for the tick: the core's configuration, and how the motors are wired.
+/// @file robot_setup.h  What a parameter set becomes for the tick: the core's configuration, and how the motors are
+/// wired.
 #pragma once
 
 #include "app/core.h"

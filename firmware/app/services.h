@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: MIT
-/// @file services.h  Small protocol services that ground stations expect of everybody: time sync, ping, no missions, no files.
+/// @file services.h  Small protocol services that ground stations expect of everybody: time sync, ping, no missions, no
+/// files.
 #pragma once
 
-#include "app/shared.h"
+#include "app/links.h"
+#include "app/robot_clock.h"
 
 namespace omni {
 
 /// @return false if the message is not one of theirs.
-bool serve_small_protocols(Shared &shared, const Frame &frame, const Sender &sender);
+bool serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender);
 
 } // namespace omni

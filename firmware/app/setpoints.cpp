@@ -18,7 +18,7 @@ constexpr unsigned ignore_yaw = POSITION_TARGET_TYPEMASK_YAW_IGNORE;
 constexpr unsigned ignore_yaw_rate = POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE;
 
 /// MANUAL_CONTROL axis as -1..1; INT16_MAX means there is no such axis.
-float axis(int16_t value) {
+float axis_share(int16_t value) {
     return value == INT16_MAX ? 0.0f : omni_clampf(static_cast<float>(value) * 0.001f, -1.0f, 1.0f);
 }
 
@@ -31,14 +31,14 @@ void Setpoints::restart() {
 
 void Setpoints::accept(const omni_setpoint_t &setpoint) {
     omni_setpoint_t stamped = setpoint;
-    stamped.time_us = shared_.now_us;
-    shared_.control.set_setpoint(stamped);
+    stamped.time_us = clock_.now_us;
+    control_.set_setpoint(stamped);
     refused_ = false;
 }
 
 void Setpoints::refuse(const char *why) {
     refused_ = true;
-    shared_.refuse_streamed(said_us_, Text().add("set-point refused: ").add(why));
+    texts_.refuse_streamed(said_us_, Text().add("set-point refused: ").add(why));
 }
 
 const char *Setpoints::check_twist(const omni_twist_t &twist) const {
@@ -62,7 +62,8 @@ const char *Setpoints::check_position(const omni_pose_t &pose) const {
 }
 
 /// @return nullptr, or why it is refused.
-const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const {
+const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t &message,
+                                   omni_setpoint_t *setpoint) const {
     const unsigned mask = message.type_mask;
     if (message.coordinate_frame != MAV_FRAME_LOCAL_NED) {
         return "a pose needs frame LOCAL_NED";
@@ -70,7 +71,7 @@ const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t
     if ((mask & ignore_position) != 0) {
         return "x and y belong together";
     }
-    const omni_pose_t held = flip_frame(shared_.latest.outputs.reference.pose);
+    const omni_pose_t held = flip_frame(robot_.latest().outputs.reference.pose);
     const omni_pose_t ned = {message.x, message.y, (mask & ignore_yaw) != 0 ? held.theta : message.yaw};
     omni_twist_t rate = {0.0f, 0.0f, 0.0f};
     if ((mask & ignore_velocity) == 0) {
@@ -128,7 +129,7 @@ void Setpoints::on_position_target(const Frame &frame) {
 void Setpoints::on_manual_control(const Frame &frame) {
     const auto message = frame.as<mavlink_manual_control_t>();
     const omni_limits_t &limits = parameters_.config().limits;
-    omni_twist_t stick = {axis(message.x), axis(message.y), axis(message.r)};
+    omni_twist_t stick = {axis_share(message.x), axis_share(message.y), axis_share(message.r)};
     const float length = omni_sqrtf(stick.vx * stick.vx + stick.vy * stick.vy);
     const float scale = limits.speed_m_s / (length > 1.0f ? length : 1.0f);
     stick.vx *= scale;
@@ -159,7 +160,7 @@ void Setpoints::on_duty(const Frame &frame) {
     const auto message = frame.as<mavlink_omni_setpoint_duty_t>();
     omni_setpoint_t setpoint{};
     setpoint.kind = OMNI_SETPOINT_DUTY;
-    if (shared_.latest.outputs.state != OMNI_STATE_ARMED && shared_.arming == 0) {
+    if (robot_.state() != OMNI_STATE_ARMED && !robot_.arming()) {
         refuse("duties need an armed robot");
         return;
     }

@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: MIT
-/// @file setpoints.h  Streamed set-points from the link: SET_POSITION_TARGET_LOCAL_NED, MANUAL_CONTROL, OMNI_SETPOINT_DUTY.
+/// @file setpoints.h  Streamed set-points from the link: SET_POSITION_TARGET_LOCAL_NED, MANUAL_CONTROL,
+/// OMNI_SETPOINT_DUTY.
 ///
-/// One that is not finite, beyond the limits or not expressible is refused as a whole; the robot goes on with the last one until
-/// that is too old (SAFE_CMD_TO).
+/// One that is not finite, beyond the limits or not expressible is refused as a whole. The robot goes on with the last
+/// one until that is too old (SAFE_CMD_TO).
 #pragma once
 
 #include "app/legacy_line.h"
 #include "app/parameters.h"
-#include "app/shared.h"
+#include "app/robot_state.h"
 
 namespace omni {
 
 class Setpoints {
 public:
-    Setpoints(Shared &shared, const Parameters &parameters) : shared_(shared), parameters_(parameters) {}
+    Setpoints(Texts &texts, const RobotClock &clock, const RobotState &robot, ControlLoop &control,
+              const Parameters &parameters)
+        : texts_(texts), clock_(clock), robot_(robot), control_(control), parameters_(parameters) {}
 
     void on_position_target(const Frame &frame);
     void on_manual_control(const Frame &frame);
@@ -28,11 +31,15 @@ private:
     void accept(const omni_setpoint_t &setpoint);
     void refuse(const char *why);
     const char *pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
-    const char *velocity_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
+    const char *velocity_target(const mavlink_set_position_target_local_ned_t &message,
+                                omni_setpoint_t *setpoint) const;
     const char *check_position(const omni_pose_t &pose) const;
     const char *check_twist(const omni_twist_t &twist) const;
 
-    Shared &shared_;
+    Texts &texts_;
+    const RobotClock &clock_;
+    const RobotState &robot_;
+    ControlLoop &control_;
     const Parameters &parameters_;
     bool refused_ = false;
     uint64_t said_us_[Board::max_ports] = {}; ///< per link

@@ -26,7 +26,7 @@ size_t at_tail(Storage &storage, size_t offset) {
 }
 
 /// First 48 bits of SHA-256 over the key and `length` bytes.
-void digest(const uint8_t *key, const uint8_t *bytes, size_t length, uint8_t *out) {
+void digest_frame(const uint8_t *key, const uint8_t *bytes, size_t length, uint8_t *out) {
     mavlink_sha256_ctx context;
     mavlink_sha256_init(&context);
     mavlink_sha256_update(&context, key, Signing::key_length);
@@ -41,7 +41,7 @@ uint64_t time_of(const uint8_t *signature) {
 }
 
 /// In a time that does not depend on where they differ.
-bool equal(const uint8_t *a, const uint8_t *b, size_t length) {
+bool are_equal(const uint8_t *a, const uint8_t *b, size_t length) {
     uint8_t difference = 0;
     for (size_t i = 0; i < length; ++i) {
         difference = static_cast<uint8_t>(difference | (a[i] ^ b[i]));
@@ -52,7 +52,8 @@ bool equal(const uint8_t *a, const uint8_t *b, size_t length) {
 } // namespace
 
 Signing::Signing(Storage &storage)
-    : key_store_(storage, at_tail(storage, 0), key_content), time_store_(storage, at_tail(storage, key_slots), time_content) {}
+    : key_store_(storage, at_tail(storage, 0), key_content),
+      time_store_(storage, at_tail(storage, key_slots), time_content) {}
 
 void Signing::boot() {
     uint8_t record[key_content] = {};
@@ -70,13 +71,13 @@ void Signing::boot() {
 }
 
 bool Signing::is_key(const uint8_t *key) const {
-    return state_ == State::on && equal(key, key_, key_length);
+    return state_ == State::on && are_equal(key, key_, key_length);
 }
 
 void Signing::use_key(const uint8_t *key) {
     std::memcpy(key_, key, key_length);
     uint8_t hash[digest_length];
-    digest(key_, key_, 0, hash);
+    digest_frame(key_, key_, 0, hash);
     fingerprint_ = static_cast<uint32_t>(hash[0]) << 24 | static_cast<uint32_t>(hash[1]) << 16 |
                    static_cast<uint32_t>(hash[2]) << 8 | hash[3];
     std::fill(streams_, streams_ + max_streams, Stream{});
@@ -90,7 +91,7 @@ void Signing::forget_key(State state) {
     state_ = state;
 }
 
-/// Into both slots: an old key is gone then, and damage to the new one is not taken for a memory that never held any.
+/// Into both slots. An old key is gone then, and damage to the new one is not taken for a memory that never held any.
 /// @param key nullptr: none.
 bool Signing::store_key(const uint8_t *key) {
     uint8_t record[key_content] = {};
@@ -138,7 +139,8 @@ bool Signing::remove_key() {
 
 Signing::Stream *Signing::find(const Frame &frame, uint8_t link_id) {
     for (Stream &stream : streams_) {
-        if (stream.used && stream.system == frame.system && stream.component == frame.component && stream.link_id == link_id) {
+        if (stream.used && stream.system == frame.system && stream.component == frame.component &&
+            stream.link_id == link_id) {
             return &stream;
         }
     }
@@ -173,8 +175,8 @@ Signing::Verdict Signing::judge(const Frame &frame) {
     }
     const uint8_t *signature = frame.bytes + frame.length - signature_length;
     uint8_t expected[digest_length];
-    digest(key_, frame.bytes, frame.length - digest_length, expected);
-    if (state_ == State::damaged || !equal(expected, signature + at_digest, digest_length)) {
+    digest_frame(key_, frame.bytes, frame.length - digest_length, expected);
+    if (state_ == State::damaged || !are_equal(expected, signature + at_digest, digest_length)) {
         return Verdict::wrong;
     }
     if (time_ != 0 && time_of(signature) > time_ + most_ahead) {
@@ -209,7 +211,7 @@ size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {
     last_sent_ = std::min(std::max(last_sent_ + 1, time_), time_stamp_limit);
     frame[length] = link_id;
     std::memcpy(frame + length + at_time, &last_sent_, time_length);
-    digest(key_, frame, length + at_digest, frame + length + at_digest);
+    digest_frame(key_, frame, length + at_digest, frame + length + at_digest);
     return length + signature_length;
 }
 

@@ -14,25 +14,24 @@ constexpr uint64_t text_interval_us = 10'000'000;
 } // namespace
 
 void SigningService::boot() {
-    shared_.signing.boot();
+    signing_.boot();
 }
 
 void SigningService::say_key() {
-    const Signing &signing = shared_.signing;
-    if (signing.required()) {
-        shared_.say(MAV_SEVERITY_NOTICE, Text().add("signing key ").add_hex(signing.fingerprint()).add(" set"));
+    if (signing_.required()) {
+        texts_.say(MAV_SEVERITY_NOTICE, Text().add("signing key ").add_hex(signing_.fingerprint()).add(" set"));
     } else {
-        shared_.say(MAV_SEVERITY_NOTICE, Text().add("signing key removed: the radio is open"));
+        texts_.say(MAV_SEVERITY_NOTICE, Text().add("signing key removed: the radio is open"));
     }
 }
 
 const char *SigningService::obstacle(const Sender &sender, uint64_t time) {
-    if (shared_.links[sender.link].is_radio()) {
-        shared_.signing.count_refused_key();
+    if (links_[sender.link].is_radio()) {
+        signing_.count_refused_key();
         return "set it over USB or a cable";
     }
-    if (shared_.armed()) {
-        return shared_.way_out_of_armed();
+    if (robot_.armed()) {
+        return robot_.way_out_of_armed();
     }
     return time > Signing::latest_time ? "its time is beyond 2103" : nullptr;
 }
@@ -40,70 +39,68 @@ const char *SigningService::obstacle(const Sender &sender, uint64_t time) {
 void SigningService::on_setup(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_setup_signing_t>();
     if (const char *why = obstacle(sender, message.initial_timestamp)) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: ").add(why));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: ").add(why));
         return;
     }
-    Signing &signing = shared_.signing;
     const uint8_t *key = message.secret_key;
     const bool none = std::all_of(key, key + Signing::key_length, [](uint8_t byte) { return byte == 0; });
-    const bool done = none ? signing.remove_key() : signing.set_key(key, message.initial_timestamp);
+    const bool done = none ? signing_.remove_key() : signing_.set_key(key, message.initial_timestamp);
     if (done) {
         say_key();
     } else {
-        shared_.refuse(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing key not changed"));
+        texts_.refuse(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing key not changed"));
     }
 }
 
 /// Never while armed: writing may stop the processor for a while. What was stored for a drive is taken back after it.
 void SigningService::keep_time() {
-    Signing &signing = shared_.signing;
-    const bool armed = shared_.armed();
+    const bool armed = robot_.armed();
     const bool disarmed_now = was_armed_ && !armed;
     was_armed_ = armed;
-    const bool wait = tried_us_ != 0 && shared_.now_us >= tried_us_ && shared_.now_us - tried_us_ < retry_us;
-    if (armed || !signing.required() || wait) {
+    const bool wait = tried_us_ != 0 && clock_.now_us >= tried_us_ && clock_.now_us - tried_us_ < retry_us;
+    if (armed || !signing_.required() || wait) {
         return;
     }
-    if (signing.outdated(disarmed_now || shared_.reboot ? 0 : store_interval)) {
-        tried_us_ = signing.store_time() ? 0 : std::max<uint64_t>(shared_.now_us, 1);
+    if (signing_.outdated(disarmed_now || robot_.reboot() ? 0 : store_interval)) {
+        tried_us_ = signing_.store_time() ? 0 : std::max<uint64_t>(clock_.now_us, 1);
         if (tried_us_ != 0) {
-            shared_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));
+            texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));
         }
     }
 }
 
 void SigningService::say_refused() {
-    const SigningCounts &counts = shared_.signing.counts();
-    const bool quiet = shared_.now_us >= said_us_ && shared_.now_us - said_us_ < text_interval_us && said_us_ != 0;
+    const SigningCounts &counts = signing_.counts();
+    const bool quiet = clock_.now_us >= said_us_ && clock_.now_us - said_us_ < text_interval_us && said_us_ != 0;
     const uint32_t others = counts.total() - counts.ahead;
     if ((others == said_others_ && counts.ahead == said_ahead_) || quiet) {
         return;
     }
-    said_us_ = std::max<uint64_t>(shared_.now_us, 1);
+    said_us_ = std::max<uint64_t>(clock_.now_us, 1);
     if (counts.ahead != said_ahead_) {
-        shared_.say(MAV_SEVERITY_WARNING, Text().add("radio refused: clock far ahead; set the key again"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("radio refused: clock far ahead; set the key again"));
     }
     if (others != said_others_) {
-        shared_.say(MAV_SEVERITY_WARNING, Text()
-                                              .add("radio refused: ")
-                                              .add(counts.not_signed)
-                                              .add(" unsigned, ")
-                                              .add(counts.wrong)
-                                              .add(" wrong, ")
-                                              .add(counts.replayed)
-                                              .add(" old"));
+        texts_.say(MAV_SEVERITY_WARNING, Text()
+                                             .add("radio refused: ")
+                                             .add(counts.not_signed)
+                                             .add(" unsigned, ")
+                                             .add(counts.wrong)
+                                             .add(" wrong, ")
+                                             .add(counts.replayed)
+                                             .add(" old"));
     }
     said_ahead_ = counts.ahead;
     said_others_ = others;
 }
 
 void SigningService::serve() {
-    shared_.signing.advance(shared_.now_us);
+    signing_.advance(clock_.now_us);
     keep_time();
     say_refused();
-    if (!damage_said_ && shared_.signing.state() == Signing::State::damaged && shared_.cable_connected()) {
+    if (!damage_said_ && signing_.state() == Signing::State::damaged && links_.cable_connected()) {
         damage_said_ = true;
-        shared_.say(MAV_SEVERITY_CRITICAL, Text().add("signing key unreadable, radio closed: set it again"));
+        texts_.say(MAV_SEVERITY_CRITICAL, Text().add("signing key unreadable, radio closed: set it again"));
     }
 }
 

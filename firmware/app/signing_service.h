@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: MIT
-/// @file signing_service.h  The signing key's way in (SETUP_SIGNING, over a cable only), keeping its clock, and saying what was refused.
+/// @file signing_service.h  The signing key's way in (SETUP_SIGNING, over a cable only), keeping its clock, and saying
+/// what was refused.
 #pragma once
 
-#include "app/shared.h"
+#include "app/robot_state.h"
 
 namespace omni {
 
 class SigningService {
 public:
-    explicit SigningService(Shared &shared) : shared_(shared) {}
+    SigningService(Signing &signing, const Links &links, Texts &texts, const RobotClock &clock, const RobotState &robot)
+        : signing_(signing), links_(links), texts_(texts), clock_(clock), robot_(robot) {}
 
     /// Key and clock from the memory. What is wrong with them is said once somebody listens.
     void boot();
@@ -24,7 +26,11 @@ private:
     void keep_time();
     void say_refused();
 
-    Shared &shared_;
+    Signing &signing_;
+    const Links &links_;
+    Texts &texts_;
+    const RobotClock &clock_;
+    const RobotState &robot_;
     bool was_armed_ = false;
     uint64_t tried_us_ = 0; ///< when the memory failed last; 0: it did not
     bool damage_said_ = false;

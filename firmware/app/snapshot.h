@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file snapshot.h  Lock-free exchange between the tick (an interrupt) and the background. No side ever waits for the other.
+/// @file snapshot.h  Lock-free exchange between the tick (an interrupt) and the background. No side ever waits for the
+/// other.
 #pragma once
 
 #include <atomic>
@@ -8,7 +9,8 @@
 
 namespace omni {
 
-/// Latest value, from one side to the other: three slots, of which each side owns one and the third is passed to and fro.
+/// Latest value, from one side to the other: three slots, of which each side owns one and the third is passed to and
+/// fro.
 template <class T>
 class Snapshot {
 public:

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file stations.h  Whose robot it is: signs of life of the ground stations per link, and which link has the command.
 ///
-/// The link that armed the robot has the command, until an accepted set-point or motion command comes from another link whose
-/// ground station is alive too: that one has it then. Only heartbeats on the link in command keep an armed robot going; while it
-/// is not armed any link's do.
+/// The link that armed the robot has the command. It goes to another link whose ground station is alive, too, with the
+/// first accepted set-point or motion command from there. Only heartbeats on the link in command keep an armed robot
+/// going; while it is not armed any link's do.
 #pragma once
 
 #include <cstddef>

@@ -1,38 +1,56 @@
 // SPDX-License-Identifier: MIT
 #include "app/status_texts.h"
 
+#include <cmath>
+
 #include "app/core.h"
 
 namespace omni {
+namespace {
+
+constexpr uint64_t slowed_interval_us = 5'000'000;
+
+/// Two decimals: a text holds 50 characters.
+float rounded_figure(float value) {
+    return std::fabs(value) < 1e5f ? static_cast<float>(std::lround(value * 100.0f)) * 0.01f : value;
+}
+
+bool is_velocity(uint8_t kind) {
+    return kind == OMNI_SETPOINT_VELOCITY_BODY || kind == OMNI_SETPOINT_VELOCITY_WORLD;
+}
+
+} // namespace
 
 void StatusTexts::restart() {
     state_ = OMNI_STATE_INIT;
     phase_ = OMNI_PHASE_NONE;
     history_ = 0;
+    slowed_said_us_ = 0;
 }
 
 void StatusTexts::say_state(uint8_t state) {
     const bool alarm = state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_ESTOP;
     const char *name = omni_safety_state_name(static_cast<omni_safety_state_t>(state));
-    shared_.say(alarm ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_INFO, Text().add(name));
+    texts_.say(alarm ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_INFO, Text().add(name));
 }
 
-/// A ground station that leaves while it has the command stops the robot (link loss); another one's leaving is worth a word.
+/// A ground station that leaves while it has the command stops the robot (link loss); another one's leaving is worth a
+/// word.
 void StatusTexts::say_links() {
-    if (!shared_.armed()) {
+    if (!robot_.armed()) {
         return;
     }
-    for (size_t link = 0; link < shared_.board.port_count; ++link) {
-        const bool commands = shared_.stations.commander() == link;
+    for (size_t link = 0; link < links_.count(); ++link) {
+        const bool commands = heartbeats_.stations.commander() == link;
         Text text;
         text.add("link ").add(static_cast<uint32_t>(link + 1));
-        switch (shared_.stations.watch(link, shared_.now_us)) {
+        switch (heartbeats_.stations.watch(link, clock_.now_us)) {
         case Stations::Change::lost:
-            shared_.say(MAV_SEVERITY_WARNING,
-                        text.add(commands ? " lost: it had the command" : " lost: its ground station is silent"));
+            texts_.say(MAV_SEVERITY_WARNING,
+                       text.add(commands ? " lost: it had the command" : " lost: its ground station is silent"));
             break;
         case Stations::Change::back:
-            shared_.say(MAV_SEVERITY_INFO, text.add(" is back"));
+            texts_.say(MAV_SEVERITY_INFO, text.add(" is back"));
             break;
         default:
             break;
@@ -42,27 +60,100 @@ void StatusTexts::say_links() {
 
 /// Once on each link, from the press to the release of the stop.
 void StatusTexts::say_button() {
-    const bool pressed = shared_.button_pressed.load(std::memory_order_relaxed);
-    for (size_t link = 0; link < shared_.board.port_count; ++link) {
-        if (pressed && !button_said_[link] && shared_.links[link].connected()) {
-            shared_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
+    const bool pressed = button_.pressed();
+    for (size_t link = 0; link < links_.count(); ++link) {
+        if (pressed && !button_said_[link] && links_[link].connected()) {
+            texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
         }
-        button_said_[link] = pressed && shared_.links[link].connected();
+        button_said_[link] = pressed && links_[link].connected();
     }
+}
+
+/// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
+void StatusTexts::say_cause() {
+    const omni_stop_t &stop = robot_.latest().outputs.stop;
+    const uint32_t faults = robot_.latest().outputs.fault_history;
+    const omni_limits_t &limits = parameters_.config().limits;
+    if (stop.wheel != 0) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text()
+                                              .add("wheel ")
+                                              .add(uint32_t{stop.wheel})
+                                              .add(": given ")
+                                              .add(rounded_figure(stop.voltage_V))
+                                              .add(" V, turned at ")
+                                              .add(rounded_figure(stop.wheel_rad_s))
+                                              .add(" rad/s"));
+    }
+    if ((faults & OMNI_FAULT_BATTERY) != 0) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text()
+                                              .add("supply ")
+                                              .add(rounded_figure(stop.supply_V))
+                                              .add(" V: BAT_V_MIN ")
+                                              .add(limits.battery_min_V)
+                                              .add(" V"));
+    }
+    if ((faults & OMNI_FAULT_TRACKING) != 0) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text()
+                                              .add("off by ")
+                                              .add(rounded_figure(std::hypot(stop.error[0], stop.error[1])))
+                                              .add(" m, ")
+                                              .add(rounded_figure(std::fabs(stop.error[2])))
+                                              .add(" rad: SAFE_ERR_XY ")
+                                              .add(limits.error_m)
+                                              .add(", TH ")
+                                              .add(limits.error_rad));
+    }
+    if ((faults & OMNI_FAULT_COMMAND_LOSS) != 0) {
+        texts_.say(MAV_SEVERITY_CRITICAL,
+                   Text().add("no set-point for SAFE_CMD_TO ").add(limits.command_timeout_s).add(" s"));
+    }
+    if ((faults & OMNI_FAULT_LINK_LOSS) != 0) {
+        texts_.say(MAV_SEVERITY_CRITICAL,
+                   Text().add("no heartbeat for SAFE_LINK_TO ").add(limits.link_timeout_s).add(" s"));
+    }
+}
+
+void StatusTexts::say_failsafe() {
+    texts_.say(MAV_SEVERITY_CRITICAL, fault_text("failsafe: ", robot_.latest().outputs.fault_history));
+    if (state_ != OMNI_STATE_FAILSAFE) {
+        say_cause();
+    }
+}
+
+/// A velocity that is not followed as asked, again and again for as long as that lasts.
+void StatusTexts::say_slowed() {
+    const omni_outputs_t &out = robot_.latest().outputs;
+    const bool quiet = slowed_said_us_ != 0 && clock_.now_us - slowed_said_us_ < slowed_interval_us;
+    if (!is_velocity(out.setpoint_kind) || out.velocity_limits == 0 || quiet) {
+        return;
+    }
+    slowed_said_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
+    const omni_limits_t &limits = parameters_.config().limits;
+    Text text;
+    text.add("velocity scaled to ").add(static_cast<uint32_t>(out.velocity_scale * 100.0f)).add(" %: ");
+    if ((out.velocity_limits & OMNI_LIMIT_TURN) != 0) {
+        text.add("LIM_W ").add(rounded_figure(limits.turn_rad_s)).add(" rad/s");
+    } else if ((out.velocity_limits & OMNI_LIMIT_SPEED) != 0) {
+        text.add("LIM_V ").add(rounded_figure(limits.speed_m_s)).add(" m/s");
+    } else {
+        text.add("LIM_WHEEL ").add(rounded_figure(limits.wheel_rad_s)).add(" rad/s");
+    }
+    texts_.say(MAV_SEVERITY_NOTICE, text);
 }
 
 void StatusTexts::serve() {
     say_links();
     say_button();
-    const omni_outputs_t &out = shared_.latest.outputs;
+    const omni_outputs_t &out = robot_.latest().outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {
-        shared_.say(MAV_SEVERITY_CRITICAL, fault_text("failsafe: ", out.fault_history));
+        say_failsafe();
     } else if (out.state != state_) {
         say_state(out.state);
     }
     if (out.reference.phase == OMNI_PHASE_DONE && phase_ != OMNI_PHASE_DONE) {
-        shared_.say(MAV_SEVERITY_INFO, Text().add("trajectory done"));
+        texts_.say(MAV_SEVERITY_INFO, Text().add("trajectory done"));
     }
+    say_slowed();
     state_ = out.state;
     phase_ = static_cast<uint8_t>(out.reference.phase);
     history_ = out.fault_history;

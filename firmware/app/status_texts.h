@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: MIT
-/// @file status_texts.h  Says what changes: safety state, faults, end of a trajectory.
+/// @file status_texts.h  Says what changes: safety state, faults, end of a trajectory. Also what a limit makes slower
+/// than asked.
 #pragma once
 
-#include "app/shared.h"
+#include "app/button_watch.h"
+#include "app/heartbeats.h"
+#include "app/parameters.h"
+#include "app/robot_state.h"
 
 namespace omni {
 
 class StatusTexts {
 public:
-    explicit StatusTexts(Shared &shared) : shared_(shared) {}
+    StatusTexts(const Links &links, Texts &texts, const RobotClock &clock, const RobotState &robot,
+                Heartbeats &heartbeats, const ButtonWatch &button, const Parameters &parameters)
+        : links_(links), texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), button_(button),
+          parameters_(parameters) {}
     /// Compare the latest tick with what was said last.
     void serve();
     void restart();
@@ -19,11 +26,21 @@ private:
     void say_state(uint8_t state);
     void say_links();
     void say_button();
+    void say_failsafe();
+    void say_cause();
+    void say_slowed();
 
-    Shared &shared_;
+    const Links &links_;
+    Texts &texts_;
+    const RobotClock &clock_;
+    const RobotState &robot_;
+    Heartbeats &heartbeats_;
+    const ButtonWatch &button_;
+    const Parameters &parameters_;
     uint8_t state_ = OMNI_STATE_INIT;
     uint8_t phase_ = OMNI_PHASE_NONE;
     uint32_t history_ = 0;
+    uint64_t slowed_said_us_ = 0; ///< 0: not yet
     bool button_said_[Board::max_ports] = {};
 };
 

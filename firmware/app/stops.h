@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-/// @file stops.h  Which messages stop a robot: they wait for nothing, neither on their way in nor their answers on the way out.
+/// @file stops.h  Which messages stop a robot: they wait for nothing, neither on their way in nor their answers on the
+/// way out.
 #pragma once
 
-#include "app/codec.h"
+#include "app/mavlink_frame.h"
 
 namespace omni {
 

@@ -7,8 +7,8 @@
 ///     size - tail + 2 key   signing time, slots 0 and 1
 ///     size - 2 latch        emergency stop, slots 0 and 1
 ///
-/// A memory of 2048 bytes takes every parameter. The smallest one tested has the 1080 bytes of the Teensy core's EEPROM emulation:
-/// 444 bytes per parameter slot, room for 70 parameters that differ from the robot's own.
+/// A memory of 2048 bytes takes every parameter. The smallest one tested has the 1080 bytes of the Teensy core's EEPROM
+/// emulation. That is 444 bytes per parameter slot: room for 70 parameters that differ from the robot's own.
 #pragma once
 
 #include <cstddef>

@@ -24,7 +24,8 @@ uint32_t interval_of(float rate_Hz) {
     return rate_Hz > 0.0f ? static_cast<uint32_t>(std::lround(1.0e6f / rate_Hz)) : 0;
 }
 
-/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second, what is to be asked for not at all.
+/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second, what is to be asked for
+/// not at all.
 float boot_rate(size_t link, Group group, const omni_real_t *values) {
     switch (group) {
     case Group::state:
@@ -49,7 +50,7 @@ bool is_valid_id(float id) {
 void Telemetry::set_group(size_t link, Group group, float rate_Hz) {
     for (size_t i = 0; i < stream_count; ++i) {
         // A frame that a radio would cut in two is sent there only if it was asked for by name.
-        const bool too_long = shared_.links[link].is_radio() && longest_frame(streams[i].id) > Link::radio_frame;
+        const bool too_long = links_[link].is_radio() && longest_frame(streams[i].id) > Link::radio_frame;
         if (streams[i].group == group) {
             due_[link][i].interval_us = too_long ? 0 : interval_of(rate_Hz);
         }
@@ -77,7 +78,7 @@ uint8_t Telemetry::set_interval(size_t link, float id, float interval_us, const 
     } else {
         return MAV_RESULT_DENIED;
     }
-    due.next_us = shared_.now_us;
+    due.next_us = clock_.now_us;
     return MAV_RESULT_ACCEPTED;
 }
 
@@ -86,7 +87,7 @@ bool Telemetry::send_once(size_t link, uint32_t id) {
     if (stream == stream_count) {
         return false;
     }
-    streams[stream].report(shared_, shared_.links[link], Priority::reply, true);
+    streams[stream].report(sources_, links_[link], Priority::reply, true);
     return true;
 }
 
@@ -115,43 +116,43 @@ void Telemetry::on_request_data_stream(const Frame &frame, const Sender &sender)
 /// A change of the safety state is told at once.
 void Telemetry::watch_state() {
     const uint8_t before = state_;
-    state_ = shared_.latest.outputs.state;
+    state_ = robot_.state();
     if (state_ == before || before == OMNI_STATE_INIT) {
         return;
     }
     for (const uint32_t id : {uint32_t{MAVLINK_MSG_ID_HEARTBEAT}, uint32_t{MAVLINK_MSG_ID_OMNI_STATUS}}) {
         const size_t stream = find_stream(id);
         for (size_t link = 0; link < Board::max_ports; ++link) {
-            due_[link][stream].next_us = shared_.now_us;
+            due_[link][stream].next_us = clock_.now_us;
         }
     }
 }
 
 void Telemetry::serve() {
     watch_state();
-    for (size_t link = 0; link < shared_.board.port_count; ++link) {
-        if (!shared_.links[link].connected()) {
+    for (size_t link = 0; link < links_.count(); ++link) {
+        if (!links_[link].connected()) {
             continue;
         }
         for (size_t i = 0; i < stream_count; ++i) {
             Due &due = due_[link][i];
-            if (due.interval_us == 0 || shared_.now_us < due.next_us) {
+            if (due.interval_us == 0 || clock_.now_us < due.next_us) {
                 continue;
             }
             due.next_us += due.interval_us;
-            if (due.next_us <= shared_.now_us) {
-                due.next_us = shared_.now_us + due.interval_us;
+            if (due.next_us <= clock_.now_us) {
+                due.next_us = clock_.now_us + due.interval_us;
             }
-            streams[i].report(shared_, shared_.links[link], Priority::telemetry, false);
+            streams[i].report(sources_, links_[link], Priority::telemetry, false);
         }
     }
 }
 
 void Telemetry::restart(size_t link) {
     // On a radio one after the other: all at once would be more than its budget's burst.
-    const uint64_t spread_us = shared_.links[link].is_radio() ? radio_spread_us : 0;
+    const uint64_t spread_us = links_[link].is_radio() ? radio_spread_us : 0;
     for (size_t i = 0; i < stream_count; ++i) {
-        due_[link][i].next_us = shared_.now_us + i * spread_us;
+        due_[link][i].next_us = clock_.now_us + i * spread_us;
     }
 }
 

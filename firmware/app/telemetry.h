@@ -13,7 +13,8 @@ class Telemetry {
 public:
     static constexpr size_t stream_count = telemetry_stream_count;
 
-    explicit Telemetry(Shared &shared) : shared_(shared) {}
+    Telemetry(Links &links, const ReportSources &sources)
+        : links_(links), sources_(sources), clock_(sources.clock), robot_(sources.robot) {}
 
     /// Take the rates SRn_* of this link.
     void set_rates(size_t link, const omni_real_t *values);
@@ -21,6 +22,8 @@ public:
     uint8_t set_interval(size_t link, float id, float interval_us, const omni_real_t *values);
     /// MAV_CMD_REQUEST_MESSAGE, for the streamed messages. @return false if it is none of them.
     bool send_once(size_t link, uint32_t id);
+    /// AUTOPILOT_VERSION. @return false if it was dropped.
+    bool send_version(size_t link) { return report_version(links_[link], sources_.board.serial_number); }
     /// REQUEST_DATA_STREAM: MAVLink 1's way to ask for groups of messages.
     void on_request_data_stream(const Frame &frame, const Sender &sender);
     /// Send what is due.
@@ -37,7 +40,10 @@ private:
     void set_group(size_t link, Group group, float rate_Hz);
     void watch_state();
 
-    Shared &shared_;
+    Links &links_;
+    const ReportSources sources_;
+    const RobotClock &clock_;
+    const RobotState &robot_;
     uint8_t state_ = OMNI_STATE_INIT;
     Due due_[Board::max_ports][stream_count] = {};
 };

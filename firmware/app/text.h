@@ -9,8 +9,8 @@
 
 namespace omni {
 
-/// Text of at most 50 characters (one STATUSTEXT); more is cut. Not inline: a hundred texts are built in places where nobody waits, and
-/// a Teensy's fast memory is small.
+/// Text of at most 50 characters (one STATUSTEXT); more is cut. Not inline: a hundred texts are built in places where
+/// nobody waits, and a Teensy's fast memory is small.
 class Text {
 public:
     static constexpr size_t capacity = 50;

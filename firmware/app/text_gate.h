@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file text_gate.h  How many texts a link is told: a burst, then one per interval. What is left out is counted, so that it can be
-/// said: twenty refusals a second would fill a slow radio, and one line of them is as good.
+/// @file text_gate.h  How many texts a link is told: a burst, then one per interval. Twenty refusals a second would
+/// fill a slow radio, and one line of them is as good. So what is left out is counted, and can be said.
 #pragma once
 
 #include <algorithm>

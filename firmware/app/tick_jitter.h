@@ -14,8 +14,8 @@ public:
     void restart() { *this = TickJitter(); }
     /// A tick starts. @param now_ns free-running clock.
     void started(uint64_t now_ns);
-    /// Latest minus earliest start, each relative to its place in the grid, in the last complete window of ticks [us]. Missed
-    /// ticks count as one that came as late as the first of them was due. 0 until a window is complete.
+    /// Latest minus earliest start, each relative to its place in the grid, in the last complete window of ticks [us].
+    /// Missed ticks count as one that came as late as the first of them was due. 0 until a window is complete.
     float max_us() const { return max_us_; }
 
     static constexpr uint32_t window_ticks = 1000;

@@ -12,36 +12,52 @@ uint8_t Trajectories::plan() {
     const omni_param_info_t &laps = omni_param_table[OMNI_PARAM_TRJ_LAPS];
     if (type_ != -1.0f) {
         if (omni_param_check(OMNI_PARAM_TRJ_TYPE, type_, false) != OMNI_OK) {
-            shared_.refuse(MAV_SEVERITY_WARNING,
-                           Text().add("trajectory type: ").add(types.minimum).add("..").add(types.maximum));
+            texts_.refuse(MAV_SEVERITY_WARNING,
+                          Text().add("trajectory type: ").add(types.minimum).add("..").add(types.maximum));
             return MAV_RESULT_DENIED;
         }
         config.type = static_cast<uint8_t>(type_);
     }
     if (laps_ != -1.0f) {
         if (omni_param_check(OMNI_PARAM_TRJ_LAPS, laps_, false) != OMNI_OK) {
-            shared_.refuse(MAV_SEVERITY_WARNING, Text().add("laps: ").add(laps.minimum).add("..").add(laps.maximum));
+            texts_.refuse(MAV_SEVERITY_WARNING, Text().add("laps: ").add(laps.minimum).add("..").add(laps.maximum));
             return MAV_RESULT_DENIED;
         }
         config.laps = laps_;
     }
-    const bool listed = config.type == OMNI_TRJ_TYPE_WAYPOINTS;
+    const bool listed = omni_trajectory_needs_waypoints(config.type);
     if (listed && waypoints_.count < 2) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: send two waypoints or more"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: send two waypoints or more"));
         return MAV_RESULT_DENIED;
     }
-    omni_trajectory_t &path = shared_.control.plans.scratch();
-    const omni_pose_t &at = shared_.latest.outputs.pose;
+    omni_trajectory_t &path = control_.plans.scratch();
+    const omni_pose_t &at = robot_.latest().outputs.pose;
     if (omni_trajectory_plan(&path, &config, &parameters_.config().kinematics, listed ? &waypoints_ : nullptr, &at) !=
         OMNI_OK) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: check the TRJ_ parameters"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: check the TRJ_ parameters"));
         return MAV_RESULT_FAILED;
     }
     if (path.needed_scale > path.scale * 1.001f) {
-        shared_.refuse(MAV_SEVERITY_WARNING,
-                       Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
+        texts_.refuse(MAV_SEVERITY_WARNING,
+                      Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
     }
+    say_slowed(path);
     return MAV_RESULT_ACCEPTED;
+}
+
+/// Whoever asked for the path learns that it takes longer, and which limit that comes from.
+void Trajectories::say_slowed(const omni_trajectory_t &path) {
+    if (path.scale <= 1.001f) {
+        return;
+    }
+    Text text;
+    text.add("path slowed to ").add(static_cast<uint32_t>(100.0f / path.scale)).add(" %: ");
+    if (path.by_voltage) {
+        text.add("motor voltage");
+    } else {
+        text.add("LIM_WHEEL ").add(path.config.wheel_limit_rad_s).add(" rad/s");
+    }
+    texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
 }
 
 uint8_t Trajectories::start(float type, float laps) {
@@ -51,35 +67,35 @@ uint8_t Trajectories::start(float type, float laps) {
     if (result != MAV_RESULT_ACCEPTED) {
         return result;
     }
-    waiting_ = shared_.latest.outputs.state != OMNI_STATE_ARMED;
+    waiting_ = robot_.state() != OMNI_STATE_ARMED;
     if (!waiting_) {
-        shared_.control.plans.publish();
+        control_.plans.publish();
     }
     return result;
 }
 
 uint8_t Trajectories::stop() {
     waiting_ = false;
-    shared_.control.plans.withdraw();
-    shared_.control.hold();
+    control_.plans.withdraw();
+    control_.hold();
     return MAV_RESULT_ACCEPTED;
 }
 
 uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
     const float expected = static_cast<float>(waypoints_.count);
     if (!omni_pose_is_finite(&pose)) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: not finite"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: not finite"));
         return MAV_RESULT_DENIED;
     }
     const float limit = parameters_.config().limits.position_m;
     if (omni_absf(pose.x) > limit || omni_absf(pose.y) > limit) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: beyond LIM_POS"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: beyond LIM_POS"));
         return MAV_RESULT_DENIED;
     }
     if (number == 0.0f) {
         waypoints_.count = 0;
     } else if (!(number == expected && number < static_cast<float>(OMNI_MAX_WAYPOINTS))) {
-        shared_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: number without gaps, 0..31"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: number without gaps, 0..31"));
         return MAV_RESULT_DENIED;
     }
     waypoints_.pose[waypoints_.count++] = pose;
@@ -88,7 +104,7 @@ uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
 
 void Trajectories::on_arm() {
     if (waiting_ && plan() == MAV_RESULT_ACCEPTED) {
-        shared_.control.plans.publish();
+        control_.plans.publish();
     }
     waiting_ = false;
 }

@@ -3,15 +3,17 @@
 #pragma once
 
 #include "app/parameters.h"
-#include "app/shared.h"
+#include "app/robot_state.h"
 
 namespace omni {
 
 class Trajectories {
 public:
-    Trajectories(Shared &shared, const Parameters &parameters) : shared_(shared), parameters_(parameters) {}
+    Trajectories(Texts &texts, const RobotState &robot, ControlLoop &control, const Parameters &parameters)
+        : texts_(texts), robot_(robot), control_(control), parameters_(parameters) {}
 
-    /// MAV_CMD_OMNI_TRAJECTORY_START. @param type TRJ_TYPE or -1, @param laps or -1: the parameter's. @return MAV_RESULT
+    /// MAV_CMD_OMNI_TRAJECTORY_START. @param type TRJ_TYPE or -1, @param laps or -1: the parameter's. @return
+    /// MAV_RESULT
     uint8_t start(float type, float laps);
     uint8_t stop();
     /// MAV_CMD_OMNI_WAYPOINT
@@ -23,8 +25,11 @@ public:
 
 private:
     uint8_t plan();
+    void say_slowed(const omni_trajectory_t &path);
 
-    Shared &shared_;
+    Texts &texts_;
+    const RobotState &robot_;
+    ControlLoop &control_;
     const Parameters &parameters_;
     omni_waypoints_t waypoints_{};
     float type_ = -1.0f;

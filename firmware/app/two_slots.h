@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-/// @file two_slots.h  Content in non-volatile memory, in two slots written in turn. A power cut at any byte leaves the old or
-/// the new content, never a mix. The rules are those of docs/reference/storage.md, for every format that is kept like that.
+/// @file two_slots.h  Content in non-volatile memory, in two slots written in turn. A power cut at any byte leaves the
+/// old or the new content, never a mix. The rules are those of docs/reference/storage.md, for every format that is kept
+/// like that.
 #pragma once
 
 #include <cstddef>
@@ -17,8 +18,8 @@ struct Slot {
     uint32_t sequence = 0; ///< of valid ones the later counts
 };
 
-/// `Format` derives from this and knows its bytes. `slot_size()` and `place()` say where slot 0 is; slot 1 follows. `buffer_` takes
-/// a slot, and `judge()` says what it holds.
+/// `Format` derives from this and knows its bytes. `slot_size()` and `place()` say where slot 0 is; slot 1 follows.
+/// `buffer_` takes a slot, and `judge()` says what it holds.
 template <class Format>
 class TwoSlots {
 public:
@@ -43,14 +44,16 @@ protected:
     }
 
     /// Has `compose` fill the buffer and writes it into the slot that does not count. The other one stays untouched.
-    /// @param compose takes the sequence number, returns how many bytes to write, 0: none. @return false if the memory did not take it.
+    /// @param compose takes the sequence number, returns how many bytes to write, 0: none. @return false if the memory
+    /// did not take it.
     template <class Compose>
     bool write_next(const Compose &compose) {
         const int last = newest();
         const uint32_t sequence = last < 0 ? 1 : inspect(static_cast<size_t>(last)).sequence + 1;
         const size_t target = last == 0 ? 1 : 0;
         const size_t length = compose(sequence);
-        if (length == 0 || !storage_.write(format().place() + target * format().slot_size(), format().buffer_, length)) {
+        if (length == 0 ||
+            !storage_.write(format().place() + target * format().slot_size(), format().buffer_, length)) {
             return false;
         }
         const Slot written = inspect(target);

@@ -165,7 +165,7 @@ class Context:
     ) -> Iterator[Bench]:
         """Make a machine whose power is off.
 
-        Raises CheckError in the end if the chip objected to something that was not expected, at whatever time; if
+        Raises CheckError in the end if the chip objected to something that was not expected, at whatever time. If
         something else went wrong, with both.
         """
         scenario = scenario or self.scenario

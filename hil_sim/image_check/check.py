@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from hil_sim.image_check.bench import Context
+if TYPE_CHECKING:
+    from hil_sim.image_check.bench import Context
 
 SHORT, CI, NIGHTLY = "short", "ci", "nightly"
 DEPTHS = (SHORT, CI, NIGHTLY)

@@ -18,7 +18,7 @@ SETTLE_S = 0.5
 LOOKS, LOOK_S = 6, 0.25
 REST_S = LOOKS * LOOK_S
 SAVES = 1
-"""docs/guides/teensy.md: about one a minute with a key, and none without."""
+"""docs/concepts/teensy.md: about one a minute with a key, and none without."""
 
 
 def resting(context: Context) -> list[str]:

@@ -21,10 +21,10 @@ STRIDE_us = 5_000_000
 """In steps of so much: a longer one is a jump of the robot's clock, which the signing clock does not follow."""
 UNTIL_SAVED_S = 1.0
 NO_LATE_ERASE_S = 12 * 3600
-"""docs/guides/teensy.md: some 15 hours use up the sectors that the start has erased."""
+"""docs/concepts/teensy.md: some 15 hours use up the sectors that the start has erased."""
 TICK_S = 0.001
 LATE_S = 0.0005
-"""A save starts a tick at most 0.4 ms late (docs/guides/teensy.md); the next one is on time again."""
+"""A save starts a tick at most 0.4 ms late (docs/concepts/teensy.md); the next one is on time again."""
 ERASE_S = 0.4
 """The longest erase by the flash chip's data sheet."""
 

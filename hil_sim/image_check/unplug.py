@@ -12,7 +12,7 @@ from hil_sim.image_check.faults import on_the_floor
 from hil_sim.image_check.stops import COMMAND_LIMIT_S, LATE_S
 from hil_sim.rt1062 import Channel, Stop
 from omniwheel.dialect import mavlink
-from omniwheel.robot import FORCE, SETPOINT_PERIOD_S, Robot
+from omniwheel.robot import FORCE, Robot
 from omniwheel.telemetry import Status
 
 TICK_S = 0.001
@@ -46,10 +46,8 @@ def cable_pulled(context: Context) -> list[str]:
         figures.append("plugged in again: a new session, still in failsafe")
         radio.disarm()
         radio.arm()
-        end_s = bench.clock_s() + DRIVE_S
-        while bench.clock_s() < end_s:  # not drive_velocity(), which would first ask for the robot's limits by radio
-            radio.set_velocity(*TURN_TWIST)
-            radio.pump(SETPOINT_PERIOD_S)
+        # Not drive_velocity(), which would first ask for the robot's limits by radio.
+        radio.repeat(lambda: radio.set_velocity(*TURN_TWIST), DRIVE_S)
         if not bench.powered:
             raise CheckError("the radio has disarmed, armed and set a velocity, and no motor turns")
         figures.append("the radio takes over")

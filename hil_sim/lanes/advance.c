@@ -43,7 +43,8 @@ static bool open_lanes(lanes_t *lanes) {
     const hil_lanes_runs_t *how = level == HIL_LANES_BEST ? hil_lanes_runs() : &hil_lanes_runs_baseline;
     const size_t size[5] = {how->world_bytes, how->metrics_bytes, how->core->robot_bytes, how->core->inputs_bytes,
                             how->core->outputs_bytes};
-    void **part[5] = {&lanes->live.world, &lanes->live.metrics, &lanes->live.robot, &lanes->live.inputs, &lanes->live.outputs};
+    void **part[5] = {&lanes->live.world, &lanes->live.metrics, &lanes->live.robot, &lanes->live.inputs,
+                      &lanes->live.outputs};
     lanes->how = how;
     lanes->bytes = 0;
     for (int i = 0; i < 5; i++) {
@@ -113,7 +114,8 @@ static bool pack(lanes_t *lanes, hil_run_t *const runs[HIL_LANES]) {
                         pack_member(&core->inputs, runs, offsetof(hil_run_t, inputs), lanes->live.inputs) &&
                         pack_member(&core->outputs, runs, offsetof(hil_run_t, outputs), lanes->live.outputs);
     if (packed) {
-        core->connect(lanes->live.robot, lanes->config, trajectory_of(runs[0], false) == NULL ? NULL : &lanes->following);
+        core->connect(lanes->live.robot, lanes->config,
+                      trajectory_of(runs[0], false) == NULL ? NULL : &lanes->following);
         core->offer(lanes->live.inputs, trajectory_of(runs[0], true) == NULL ? NULL : &lanes->offered);
         stats_of_thread.packed++;
     } else {
@@ -122,7 +124,8 @@ static bool pack(lanes_t *lanes, hil_run_t *const runs[HIL_LANES]) {
     return packed;
 }
 
-static void unpack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_LANES], size_t offset, const void *from) {
+static void unpack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_LANES], size_t offset,
+                          const void *from) {
     void *each[HIL_LANES];
     collect(runs, offset, each);
     hil_lanes_unpack(layout, from, each);

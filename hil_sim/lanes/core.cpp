@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
-// The control core for eight runs at once: the rest of its very sources. Left out is what no tick calls: planning, building
-// configurations, parameters, duties as PWM counts; and trajectories, which each run evaluates for itself.
+// The control core for eight runs at once: the rest of its very sources. Left out is what no tick calls: planning,
+// building configurations, parameters, duties as PWM counts; and trajectories, which each run evaluates for itself.
+//
+// Its invariants are not checked here. A tick in which the runs part is computed again for each of them, and what this
+// copy made of it means nothing. A run alone goes through the other copy, where they are checked.
+#undef OMNI_ASSERTS
 #include "core.h"
 
 #include "divergence.h"
@@ -16,7 +20,8 @@ namespace core {
 
 #include "lanes_sources_gen.h"
 
-/* `plan` stands for eight plans. Where they part, on the way from one phase of a path to the next, each run evaluates for itself. */
+/* `plan` stands for eight plans. Where they part, on the way from one phase of a path to the next, each run evaluates
+ * for itself. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {
     const auto *plans = reinterpret_cast<const hil_lanes_plans_t *>(plan);
     if (plans->packed && !hil_lanes_plans_are_one(plans, time_us)) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file core.h
- * omni_robot_tick for eight runs at once, for each CPU level that this was built for. Structs in lanes are opaque here: memory aligned to
- * HIL_LANES_ALIGNMENT, as many bytes as said, filled by hil_lanes_pack.
+ * omni_robot_tick for eight runs at once, for each CPU level that this was built for. Structs in lanes are opaque here:
+ * memory aligned to HIL_LANES_ALIGNMENT, as many bytes as said, filled by hil_lanes_pack.
  */
 #ifndef HIL_LANES_CORE_H
 #define HIL_LANES_CORE_H
@@ -25,7 +25,8 @@ typedef struct hil_lanes_core_t {
     hil_layout_t config;  /**< omni_robot_config_t */
     hil_layout_t inputs;  /**< omni_inputs_t */
     hil_layout_t outputs; /**< omni_outputs_t */
-    /** One tick of all eight. Whatever it computed is worthless if hil_lanes_take_parted (divergence.h) says so afterwards. */
+    /** One tick of all eight. Whatever it computed is worthless if hil_lanes_take_parted (divergence.h) says so
+     * afterwards. */
     void (*tick)(void *robot, const void *inputs, void *outputs);
     /** Set a packed robot's pointers: configuration in lanes, plans being followed or NULL. */
     void (*connect)(void *robot, const void *config, hil_lanes_plans_t *plans);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file core_types.hpp
- * The types of the control core for eight runs at once: its very headers, with lanes for numbers, in namespace `core` of the including
- * file; and where their members lie, to pack and unpack them: `layout_omni_robot_t` and so on.
+ * The types of the control core for eight runs at once. They are its very headers, with lanes for numbers, in namespace
+ * `core` of the including file. And where their members lie, to pack and unpack them: `layout_omni_robot_t` and so on.
  */
 #ifndef HIL_LANES_CORE_TYPES_HPP
 #define HIL_LANES_CORE_TYPES_HPP
@@ -39,13 +39,13 @@ typedef lanes::mask_t omni_flag_t;
 constexpr size_t stretch_bytes(hil_stretch_kind_t kind) {
     return kind == HIL_STRETCH_SAME ? 0 : kind == HIL_STRETCH_WIDE ? sizeof(lanes::wide_t) : sizeof(lanes::real_t);
 }
-#define LANES_CHECK(kind, type, first, last, count)                                                                            \
+#define LANES_CHECK(kind, type, first, last, count)                                                                    \
     static_assert(offsetof(type, last) == offsetof(type, first) + (count - 1) * stretch_bytes(HIL_STRETCH_##kind));
 
 /** How a type of the core lies in memory: `layout_omni_robot_t` and so on. */
-#define LANES_LAYOUT(type)                                                                                                     \
-    HIL_LAYOUT_##type(LANES_CHECK) const hil_stretch_t stretches_##type[] = {HIL_LAYOUT_##type(HIL_STRETCH)};                  \
-    const hil_layout_t layout_##type = {hil_stretches_##type, stretches_##type,                                                \
+#define LANES_LAYOUT(type)                                                                                             \
+    HIL_LAYOUT_##type(LANES_CHECK) const hil_stretch_t stretches_##type[] = {HIL_LAYOUT_##type(HIL_STRETCH)};          \
+    const hil_layout_t layout_##type = {hil_stretches_##type, stretches_##type,                                        \
                                         sizeof stretches_##type / sizeof(hil_stretch_t)};
 
 LANES_LAYOUT(omni_robot_t)

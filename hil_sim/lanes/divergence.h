@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file divergence.h
- * Eight runs in lanes share one flow of control. Where they would part, a flag of the thread is set and the flow follows lane 0: what
- * was computed since the flag was last taken is then worthless and must be done again, run by run.
+ * Eight runs in lanes share one flow of control. Where they would part, a flag of the thread is set and the flow
+ * follows lane 0. What was computed since the flag was last taken is then worthless. It must be done again, run by run.
  */
 #ifndef HIL_LANES_DIVERGENCE_H
 #define HIL_LANES_DIVERGENCE_H

@@ -64,9 +64,9 @@ void unpack(const hil_filter_sums_t *from, ::hil_filter_sums_t *to) {
 #define LANES_NAME_OF(name, level) name##_##level
 #define LANES_NAME(name, level) LANES_NAME_OF(name, level)
 
-extern "C" bool LANES_NAME(hil_filter_eight, OMNI_LANES_LEVEL)(const hil_filter_config_t *config, const double *reference,
-                                                               const double *rate, const uint64_t *seeds,
-                                                               hil_filter_sums_t *sums) {
+extern "C" bool LANES_NAME(hil_filter_eight, OMNI_LANES_LEVEL)(const hil_filter_config_t *config,
+                                                               const double *reference, const double *rate,
+                                                               const uint64_t *seeds, hil_filter_sums_t *sums) {
     static_assert(lanes::count == HIL_FILTER_LANES);
     void *room = std::aligned_alloc(alignof(core::hil_filter_run_t), sizeof(core::hil_filter_run_t));
     if (room == nullptr) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file filters.hpp
- * Kinematics, filters and sliding mode controller of the control core for eight runs at once: the very sources of shared/core, compiled
- * with lanes for numbers, in namespace `core` of the including file, there to be inlined.
+ * Kinematics, filters and sliding mode controller of the control core for eight runs at once. They are the very sources
+ * of shared/core, compiled with lanes for numbers, in namespace `core` of the including file, there to be inlined.
  */
 #ifndef HIL_LANES_FILTERS_HPP
 #define HIL_LANES_FILTERS_HPP

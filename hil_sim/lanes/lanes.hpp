@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file lanes.hpp
- * Numbers of eight lanes that stand where C code has scalars: `real_t` for float, `int_t` and `uint_t` for the 32-bit whole numbers,
- * `ns_t` for 64-bit times, `wide_t` for double. Lane i of a result is bit for bit what the scalar operation gives for lane i of the operands.
+ * Numbers of eight lanes that stand where C code has scalars. There is `real_t` for float, `int_t` and `uint_t` for the
+ * 32-bit whole numbers, `ns_t` for 64-bit times, `wide_t` for double. Lane i of a result is bit for bit what the scalar
+ * operation gives for lane i of the operands.
  *
- * A comparison gives a mask. As a condition it must be the same in all lanes; if not, the lanes part (divergence.h) and lane 0 answers.
- * `select` takes a mask as it is. A cast to a scalar must be the same in all lanes too. All types are trivial: memset and memcpy work.
+ * A comparison gives a mask. As a condition it must be the same in all lanes; if not, the lanes part (divergence.h) and
+ * lane 0 answers. `select` takes a mask as it is. A cast to a scalar must be the same in all lanes too. All types are
+ * trivial: memset and memcpy work.
  */
 #ifndef HIL_LANES_LANES_HPP
 #define HIL_LANES_LANES_HPP
@@ -76,8 +78,9 @@ public:
 
     number() = default;
     /** The same in all lanes. A whole number takes whole numbers only: C's truncation wants a cast. */
-    template <typename S,
-              std::enable_if_t<std::is_enum_v<S> || std::is_integral_v<S> || (std::is_arithmetic_v<S> && !whole), int> = 0>
+    template <
+        typename S,
+        std::enable_if_t<std::is_enum_v<S> || std::is_integral_v<S> || (std::is_arithmetic_v<S> && !whole), int> = 0>
     LANES_INLINE constexpr number(S value) : v(broadcast<T, count>(static_cast<T>(value))) {}
     LANES_INLINE constexpr explicit number(vector value) : v(value) {}
     /** float to double is exact and needs no cast; every other conversion is C's cast. */
@@ -108,8 +111,8 @@ public:
     /** Are all lanes the same, as bits? */
     LANES_INLINE bool same() const {
         using Bits = bits_of<T>;
-        const mask<Bits> equal(
-            compare(as_bits<Bits>(v), as_bits<Bits>(broadcast<T, count>(get(0))), [](auto x, auto y) { return x == y; }));
+        const mask<Bits> equal(compare(as_bits<Bits>(v), as_bits<Bits>(broadcast<T, count>(get(0))),
+                                       [](auto x, auto y) { return x == y; }));
         return equal.all();
     }
 
@@ -118,16 +121,16 @@ public:
     }
     LANES_INLINE friend number operator+(number a) { return a; }
     // NOLINTBEGIN(bugprone-macro-parentheses): an operator cannot be put in parentheses
-#define LANES_OPERATION(sign)                                                                                                  \
-    LANES_INLINE friend number operator sign(number a, number b) {                                                             \
-        return number(zip(a.v, b.v, [](auto x, auto y) { return x sign y; }));                                                 \
-    }                                                                                                                          \
-    LANES_INLINE number &operator sign##=(number b) {                                                                          \
-        return *this = *this sign b;                                                                                           \
+#define LANES_OPERATION(sign)                                                                                          \
+    LANES_INLINE friend number operator sign(number a, number b) {                                                     \
+        return number(zip(a.v, b.v, [](auto x, auto y) { return x sign y; }));                                         \
+    }                                                                                                                  \
+    LANES_INLINE number &operator sign##=(number b) {                                                                  \
+        return *this = *this sign b;                                                                                   \
     }
-#define LANES_COMPARISON(sign)                                                                                                 \
-    LANES_INLINE friend mask_type operator sign(number a, number b) {                                                          \
-        return mask_type(compare(a.v, b.v, [](auto x, auto y) { return x sign y; }));                                          \
+#define LANES_COMPARISON(sign)                                                                                         \
+    LANES_INLINE friend mask_type operator sign(number a, number b) {                                                  \
+        return mask_type(compare(a.v, b.v, [](auto x, auto y) { return x sign y; }));                                  \
     }
     // NOLINTEND(bugprone-macro-parentheses)
     LANES_OPERATION(+)

@@ -61,7 +61,8 @@ static void pack_words(const hil_stretch_t *s, const void *const scalar[HIL_LANE
     uint32_t i = 0;
     for (; i + TILE <= s->count; i += TILE) {
         for (int lane = 0; lane < HIL_LANES; lane += TILE) {
-            const uint32_t *const rows[TILE] = {&from[lane][i], &from[lane + 1][i], &from[lane + 2][i], &from[lane + 3][i]};
+            const uint32_t *const rows[TILE] = {&from[lane][i], &from[lane + 1][i], &from[lane + 2][i],
+                                                &from[lane + 3][i]};
             uint32_t *const turned[TILE] = {&words[i].lane[lane], &words[i + 1].lane[lane], &words[i + 2].lane[lane],
                                             &words[i + 3].lane[lane]};
             turn(rows, turned);
@@ -122,8 +123,8 @@ static void unpack_words(const hil_stretch_t *s, const char *from, void *const s
     uint32_t i = 0;
     for (; i + TILE <= s->count; i += TILE) {
         for (int lane = 0; lane < HIL_LANES; lane += TILE) {
-            const uint32_t *const rows[TILE] = {&words[i].lane[lane], &words[i + 1].lane[lane], &words[i + 2].lane[lane],
-                                                &words[i + 3].lane[lane]};
+            const uint32_t *const rows[TILE] = {&words[i].lane[lane], &words[i + 1].lane[lane],
+                                                &words[i + 2].lane[lane], &words[i + 3].lane[lane]};
             uint32_t *const turned[TILE] = {&to[lane][i], &to[lane + 1][i], &to[lane + 2][i], &to[lane + 3][i]};
             turn(rows, turned);
         }

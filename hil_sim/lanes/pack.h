@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pack.h
- * Structs of eight runs into one struct of lanes, and back. What a struct consists of comes from the types themselves (make_layout.py);
- * pointers are left alone, they are the caller's.
+ * Structs of eight runs into one struct of lanes, and back. What a struct consists of comes from the types themselves
+ * (make_layout.py); pointers are left alone, they are the caller's.
  */
 #ifndef HIL_LANES_PACK_H
 #define HIL_LANES_PACK_H
@@ -47,9 +47,9 @@ bool hil_lanes_pack(const hil_layout_t *layout, const void *const scalar[HIL_LAN
 void hil_lanes_unpack(const hil_layout_t *layout, const void *lanes, void *const scalar[HIL_LANES]);
 
 /* A table of stretches, X macro of layout_gen.h; the struct of whichever language includes this. */
-#define HIL_STRETCH(stretch_kind, type, first, last, number)                                                                   \
-    {(uint32_t)offsetof(type, first), (uint16_t)(number),                                                                      \
-     (uint16_t)(HIL_STRETCH_##stretch_kind == HIL_STRETCH_SAME ? sizeof(((type *)0)->first) : 0),                              \
+#define HIL_STRETCH(stretch_kind, type, first, last, number)                                                           \
+    {(uint32_t)offsetof(type, first), (uint16_t)(number),                                                              \
+     (uint16_t)(HIL_STRETCH_##stretch_kind == HIL_STRETCH_SAME ? sizeof(((type *)0)->first) : 0),                      \
      (uint8_t)HIL_STRETCH_##stretch_kind},
 
 #ifdef __cplusplus

@@ -44,7 +44,8 @@ bool hil_lanes_plans_are_one(const hil_lanes_plans_t *plans, uint64_t time_us) {
     return one;
 }
 
-void hil_lanes_plans_evaluate(const hil_lanes_plans_t *plans, uint64_t time_us, const hil_layout_t *layout, void *reference) {
+void hil_lanes_plans_evaluate(const hil_lanes_plans_t *plans, uint64_t time_us, const hil_layout_t *layout,
+                              void *reference) {
     omni_reference_t each[HIL_LANES];
     const void *from[HIL_LANES];
     for (int lane = 0; lane < HIL_LANES; ++lane) {

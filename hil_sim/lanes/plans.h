@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file plans.h
- * Trajectories in lanes. Each run has its own plan; a pointer to this is what stands in `trajectory` of robot and inputs in lanes. As far as
- * the plans take the same way they are evaluated together, else one by one by the core's ordinary functions.
+ * Trajectories in lanes. Each run has its own plan; a pointer to this is what stands in `trajectory` of robot and
+ * inputs in lanes. As far as the plans take the same way they are evaluated together, else one by one by the core's
+ * ordinary functions.
  */
 #ifndef HIL_LANES_PLANS_H
 #define HIL_LANES_PLANS_H
@@ -30,7 +31,8 @@ void hil_lanes_plans_set(hil_lanes_plans_t *plans, const void *const plan[HIL_LA
 bool hil_lanes_plans_are_one(const hil_lanes_plans_t *plans, uint64_t time_us);
 
 /** omni_trajectory_evaluate for each run. @param reference out: omni_reference_t in lanes, with its layout. */
-void hil_lanes_plans_evaluate(const hil_lanes_plans_t *plans, uint64_t time_us, const hil_layout_t *layout, void *reference);
+void hil_lanes_plans_evaluate(const hil_lanes_plans_t *plans, uint64_t time_us, const hil_layout_t *layout,
+                              void *reference);
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Ticks of eight runs at once: the world's very sources around the control core in lanes. Left out is what no tick calls: start,
-// configurations, transactions of a bus, records.
+// Ticks of eight runs at once: the world's very sources around the control core in lanes. Left out is what no tick
+// calls: start, configurations, transactions of a bus, records.
 #include "world_types.hpp"
 
 #include "core.h"

@@ -24,7 +24,8 @@ typedef struct hil_lanes_runs_t {
     size_t metrics_bytes;
     hil_layout_t world;
     hil_layout_t metrics;
-    /** As hil_run_advance. @return ticks before the lanes parted; if that is less than asked for, the group is worthless. */
+    /** As hil_run_advance. @return ticks before the lanes parted; if that is less than asked for, the group is
+     * worthless. */
     uint64_t (*advance)(const hil_lanes_group_t *group, uint64_t ticks);
 } hil_lanes_runs_t;
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file vectors.hpp
- * N numbers in vectors of the width the processor has: one vector, or two halves. Compilers keep a vector wider than the registers in
- * memory; halves they keep in registers. Everything here is the element-by-element IEEE operation and nothing else, so each element is
- * what the scalar code gives. Compiled once per CPU level (OMNI_LANES_LEVEL), each level in a namespace of its own.
+ * N numbers in vectors of the width the processor has: one vector, or two halves. Compilers keep a vector wider than
+ * the registers in memory; halves they keep in registers. Everything here is the element-by-element IEEE operation and
+ * nothing else, so each element is what the scalar code gives. Compiled once per CPU level (OMNI_LANES_LEVEL), each
+ * level in a namespace of its own.
  */
 #ifndef HIL_LANES_VECTORS_HPP
 #define HIL_LANES_VECTORS_HPP

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file world_types.hpp
- * The types of the simulated world for eight runs at once: its very headers, with lanes for numbers, in namespace `core` of the including
- * file, beside those of the control core.
+ * The types of the simulated world for eight runs at once. They are its very headers, with lanes for numbers, in
+ * namespace `core` of the including file, beside those of the control core.
  */
 #ifndef HIL_LANES_WORLD_TYPES_HPP
 #define HIL_LANES_WORLD_TYPES_HPP

@@ -58,8 +58,9 @@ static uint32_t clock_Hz(const rt1062_t *m, const rt_adc_t *adc) {
     const uint32_t source = adc->config & 3;
     uint32_t frequency_Hz = rt_clock_hz(m, RT_ROOT_IPG);
     if (source == ASYNCHRONOUS) {
-        frequency_Hz =
-            (adc->config & CFG_HIGH_SPEED) != 0 ? 20000000 : 10000000; /* ADACK, typical, in the data sheet's ADC table */
+        frequency_Hz = (adc->config & CFG_HIGH_SPEED) != 0
+                           ? 20000000
+                           : 10000000; /* ADACK, typical, in the data sheet's ADC table */
     } else if (source == 1) {
         frequency_Hz /= 2; /* IPG / 2; 2, ALTCLK, is refused */
     }
@@ -125,7 +126,8 @@ static bool clocked(rt1062_t *m, uint32_t unit) {
     return unit == 0 ? rt_clock_needed(m, RT_CLOCK_ADC1, "ADC1") : rt_clock_needed(m, RT_CLOCK_ADC2, "ADC2");
 }
 
-/* The converter that an access is for, as it is now. NULL: the access is over; *good says whether there is such a register. */
+/* The converter that an access is for, as it is now. NULL: the access is over; *good says whether there is such a
+ * register. */
 static rt_adc_t *reached(rt1062_t *m, uint32_t offset, uint32_t size, bool *good) {
     const uint32_t unit = offset / SPACING;
     *good = size == 4;

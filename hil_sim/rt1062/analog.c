@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The analog page (i.MX RT1060 RM, chapters CCM "CCM Analog Memory Map", PMU, TEMPMON) and the DCDC converter (chapter DCDC). Only what the
- * core touches. Reset values: the register tables of the vendor's SVD file.
+ * The analog page (i.MX RT1060 RM, chapters CCM "CCM Analog Memory Map", PMU, TEMPMON) and the DCDC converter (chapter
+ * DCDC). Only what the core touches. Reset values: the register tables of the vendor's SVD file.
  */
 #include "machine.h"
 
@@ -59,7 +59,8 @@ bool rt_pll_runs(const rt1062_t *m, rt_analog_register_t pll) {
     return (value & PLL_ENABLE) != 0 && (value & PLL_BYPASS) == 0 && rt_now(m) >= m->s.analog.locked_ns[pll];
 }
 
-/* Counts of the temperature sensor: a straight line through the two calibration points of fuse ANA1 (as tempmon.c of the core reads it). */
+/* Counts of the temperature sensor: a straight line through the two calibration points of fuse ANA1 (as tempmon.c of
+ * the core reads it). */
 static uint32_t temperature_count(const rt1062_t *m) {
     const double hot_degC = (double)(RT_FUSE_ANA1 & 0xFF);
     const double hot = (double)(RT_FUSE_ANA1 >> 8 & 0xFFF);
@@ -185,8 +186,8 @@ static void dcdc_reset(rt1062_t *m) {
 }
 
 /*
- * PLL1 and PLL2 run: 396 MHz is where clockspeed.c of the core begins. PLL3 has power because the flash controller's clock comes from
- * it; usb_pll_start() of the core looks at the rest of its bits one by one and sets what is missing.
+ * PLL1 and PLL2 run: 396 MHz is where clockspeed.c of the core begins. PLL3 has power because the flash controller's
+ * clock comes from it. The core's usb_pll_start() looks at the rest of its bits one by one and sets what is missing.
  */
 void rt_analog_after_rom(rt1062_t *m) {
     uint32_t *values = m->s.analog.values;

@@ -227,9 +227,9 @@ const char *const *rt1062_not_modelled(void) {
         "Analog behaviour: edges, levels between high and low, noise, supply currents.",
         "The 500 us that the PWM chip's oscillator takes to start.",
         "Levels of the serial port's pins: its bytes go past them.",
-        "Flash memory after a cut: bits are old or new. A real chip's may read now so, now so, or be 0 where an erase began.",
+        "Flash memory after a cut: bits are old or new. A real chip's may change from one read to the next.",
         "An interrupt between LDREX and STREX: STREX fails only if the value has changed.",
-        "After a fault by alignment or in a protected region smaller than a page, the rest of the basic block is executed.",
+        "A fault by alignment, or in a protected region smaller than a page: the rest of the basic block runs.",
         "Cumulative exception flags of double-precision operations; whether the floating-point unit was switched on.",
         "Peripherals that the image does not use: touching one ends the run.",
         NULL,
@@ -242,7 +242,8 @@ const char *const *rt1062_not_modelled(void) {
 void rt_output(rt1062_t *m, rt1062_channel_t channel, const uint8_t *bytes, uint32_t count) {
     rt1062_output_t *output = &m->output[channel];
     const uint32_t room = RT1062_OUTPUT_SIZE - output->count;
-    const uint32_t taken = count < room ? count : room; /* nobody listens: what is not read in time is lost, as on a wire */
+    const uint32_t taken =
+        count < room ? count : room; /* nobody listens: what is not read in time is lost, as on a wire */
     memcpy(output->bytes + output->count, bytes, taken);
     output->count += taken;
     if ((m->stop_on >> RT1062_STOP_OUTPUT & 1) != 0) {

@@ -48,8 +48,8 @@ static void refuse_access(rt1062_t *m, const char *what, uint32_t address, uint3
     if (device == NULL) {
         rt_refuse(m, "%s of 0x%08X (%u bytes): no device is modelled there", what, (unsigned)address, (unsigned)size);
     } else {
-        rt_refuse(m, "%s of 0x%08X (%u bytes): %s has no such register in the model", what, (unsigned)address, (unsigned)size,
-                  device->name);
+        rt_refuse(m, "%s of 0x%08X (%u bytes): %s has no such register in the model", what, (unsigned)address,
+                  (unsigned)size, device->name);
     }
 }
 
@@ -70,8 +70,8 @@ void rt_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value) 
 }
 
 /*
- * Unicorn cuts an unaligned access into bytes. With config.strict on_access() has seen it before and taken the processor to its fault;
- * without, a device refuses the bytes, and the address told is that of the basic block.
+ * Unicorn cuts an unaligned access into bytes. With config.strict on_access() has seen it before and taken the
+ * processor to its fault. Without, a device refuses the bytes, and the address told is that of the basic block.
  */
 static void note_place(rt1062_t *m) {
     if (!m->config.strict) {
@@ -128,7 +128,8 @@ static void on_memory(rt_uc_engine_t *engine, int type, uint64_t address, int si
     }
     m->access_pc = rt_reg(m, RT_REG_PC);
     if (wants_words(m, m->access_pc)) {
-        rt_fault(m, RT_USAGE_FAULT, (uint32_t)address, "unaligned %s at 0x%08X by an instruction that takes whole words only",
+        rt_fault(m, RT_USAGE_FAULT, (uint32_t)address,
+                 "unaligned %s at 0x%08X by an instruction that takes whole words only",
                  type == RT_UC_MEM_WRITE ? "write" : "read", (unsigned)address);
     }
 }
@@ -141,8 +142,8 @@ static bool attach(rt1062_t *m, rt_window_t *window, uint32_t base, uint32_t siz
 
 static bool watch(rt1062_t *m, rt_uc_hook_t *hook, rt_callback_t callback, uint32_t base, uint32_t size) {
     const uint64_t end = (uint64_t)base + size - 1;
-    return m->api.hook_add(m->engine, hook, RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, callback, m, (uint64_t)base, end) ==
-           RT_UC_ERR_OK;
+    return m->api.hook_add(m->engine, hook, RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE, callback, m, (uint64_t)base,
+                           end) == RT_UC_ERR_OK;
 }
 
 /* Tightly coupled and on-chip memory lie in the lower half GB, flash memory above the devices. */
@@ -156,8 +157,8 @@ bool rt_bus_attach(rt1062_t *m) {
     bool attached = true;
     for (uint32_t i = 0; i < RT_WINDOWS; i++) {
         attached = attached && attach(m, &m->windows[i], windows[i][0], windows[i][1]);
-        attached =
-            attached && (!m->config.strict || watch(m, &m->hooks[i], (rt_callback_t)on_access, windows[i][0], windows[i][1]));
+        attached = attached && (!m->config.strict ||
+                                watch(m, &m->hooks[i], (rt_callback_t)on_access, windows[i][0], windows[i][1]));
     }
     return attached && (!m->config.words || watch_memory(m));
 }

@@ -26,7 +26,8 @@ static const rt_register_t table[RT_CCM_REGISTERS] = {
 
 enum { CDHIPR = 0x48, OSCILLATOR_Hz = 24000000, PLL2_Hz = 528000000, PLL3_Hz = 480000000 };
 
-/* How long a divider's handshake takes: some cycles of the slowest clock that is concerned. The manual gives no figure; 1 us is long for it. */
+/* How long a divider's handshake takes: some cycles of the slowest clock that is concerned. The manual gives no figure;
+ * 1 us is long for it. */
 enum { HANDSHAKE_ns = 1000 };
 
 #define BUSY_ARM_PODF (1u << 16)
@@ -117,7 +118,8 @@ uint32_t rt_clock_hz(const rt1062_t *m, rt_clock_root_t root) {
         return ((values[CSCDR1] & CLK_SEL_OSCILLATOR) != 0 ? OSCILLATOR_Hz : pll3_hz(m) / 6) /
                (field(values[CSCDR1], 0, 6) + 1);
     case RT_ROOT_LPI2C:
-        return ((values[CSCDR2] & LPI2C_CLK_SEL) != 0 ? OSCILLATOR_Hz : pll3_hz(m) / 8) / (field(values[CSCDR2], 19, 6) + 1);
+        return ((values[CSCDR2] & LPI2C_CLK_SEL) != 0 ? OSCILLATOR_Hz : pll3_hz(m) / 8) /
+               (field(values[CSCDR2], 19, 6) + 1);
     }
     return 0;
 }
@@ -143,8 +145,8 @@ static uint32_t handshakes(int32_t place, uint32_t changed) {
     if (place != CBCDR) {
         return 0;
     }
-    return ((changed & PERIPH_CLK_SEL) != 0 ? BUSY_PERIPH_CLK_SEL : 0) | ((changed & AHB_PODF) != 0 ? BUSY_AHB_PODF : 0) |
-           ((changed & SEMC_PODF) != 0 ? BUSY_SEMC_PODF : 0);
+    return ((changed & PERIPH_CLK_SEL) != 0 ? BUSY_PERIPH_CLK_SEL : 0) |
+           ((changed & AHB_PODF) != 0 ? BUSY_AHB_PODF : 0) | ((changed & SEMC_PODF) != 0 ? BUSY_SEMC_PODF : 0);
 }
 
 static bool ccm_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {
@@ -159,8 +161,9 @@ static bool ccm_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t valu
     if (busy != 0) {
         const uint32_t still = rt_now(m) < ccm->busy_until_ns ? ccm->busy : 0;
         if (still != 0) {
-            rt_finding(m, RT1062_FINDING_CLOCK, "%s is changed while another divider's handshake (CDHIPR 0x%X) is under way",
-                       table[place].name, (unsigned)still);
+            rt_finding(m, RT1062_FINDING_CLOCK,
+                       "%s is changed while another divider's handshake (CDHIPR 0x%X) is under way", table[place].name,
+                       (unsigned)still);
         }
         ccm->busy = busy | still;
         ccm->busy_until_ns = rt_now(m) + HANDSHAKE_ns;
@@ -174,8 +177,9 @@ static void ccm_reset(rt1062_t *m) {
 }
 
 /*
- * 396 MHz and 132 MHz are where clockspeed.c of the core begins (F_CPU_ACTUAL, F_BUS_ACTUAL). Which gates the ROM leaves open is not
- * written down; here those alone that the core uses without opening them: a program that relies on another one is found.
+ * 396 MHz and 132 MHz are where clockspeed.c of the core begins (F_CPU_ACTUAL, F_BUS_ACTUAL). Which gates the ROM
+ * leaves open is not written down. Here they are those alone that the core uses without opening them: a program that
+ * relies on another one is found.
  */
 void rt_clocks_after_rom(rt1062_t *m) {
     static const uint16_t open[] = {RT_CLOCK_GPIO1,   RT_CLOCK_GPIO2,   RT_CLOCK_GPIO3,  RT_CLOCK_GPIO4,

@@ -3,8 +3,8 @@
  * @file clocks.h
  * CCM: clock gates and dividers (i.MX RT1060 RM, chapter CCM; names, bits and gate numbers as in the core's imxrt.h).
  *
- * Frequencies follow the registers, so a wrong divider shows at the peripheral that it feeds. Time itself does not: an instruction
- * takes rt1062_config_t.instruction_ns whatever the processor's clock is.
+ * Frequencies follow the registers, so a wrong divider shows at the peripheral that it feeds. Time itself does not: an
+ * instruction takes rt1062_config_t.instruction_ns whatever the processor's clock is.
  */
 #ifndef HIL_SIM_RT1062_CLOCKS_H
 #define HIL_SIM_RT1062_CLOCKS_H

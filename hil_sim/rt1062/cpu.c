@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The processor: Unicorn's Cortex-M7 in slices. Unicorn knows instructions and memory; when to stop, which exception comes next and what
- * time it is, is decided here, at the beginning of a basic block or, with config.exact, between any two instructions.
+ * The processor: Unicorn's Cortex-M7 in slices. Unicorn knows instructions and memory. When to stop, which exception
+ * comes next and what time it is, is decided here. That is at the beginning of a basic block or, with config.exact,
+ * between any two instructions.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -130,7 +131,8 @@ static void on_block(rt_uc_engine_t *engine, uint64_t address, uint32_t size, vo
     m->s.instructions += instructions;
 }
 
-/* Execute as many instructions of a block as there is time for: the block is translated anew, ending there, and forgotten again. */
+/* Execute as many instructions of a block as there is time for: the block is translated anew, ending there, and
+ * forgotten again. */
 static void run_part(rt1062_t *m) {
     const uint32_t begin = m->part_block;
     uint32_t end = begin;
@@ -170,7 +172,8 @@ static bool on_undefined(rt_uc_engine_t *engine, void *user) {
     } else if (rt_fpu_double(m, instruction)) {
         return true;
     } else {
-        rt_refuse(m, "double-precision instruction 0x%08X, or a mode of FPSCR for it, is not modelled", (unsigned)instruction);
+        rt_refuse(m, "double-precision instruction 0x%08X, or a mode of FPSCR for it, is not modelled",
+                  (unsigned)instruction);
     }
     return false;
 }
@@ -187,7 +190,8 @@ static bool on_invalid_memory(rt_uc_engine_t *engine, int type, uint64_t address
     const bool there = rt_memory(m, (uint32_t)address, 1) != NULL;
     static const char *const what[] = {"read", "write", "execution"};
     const int kind =
-        (type - 16) % 3; /* UC_MEM_READ 16, WRITE 17, FETCH 18; unmapped 19..21; then WRITE_PROT, READ_PROT, FETCH_PROT */
+        (type - 16) %
+        3; /* UC_MEM_READ 16, WRITE 17, FETCH 18; unmapped 19..21; then WRITE_PROT, READ_PROT, FETCH_PROT */
     const char *name = type < 22 ? what[kind] : type == 22 ? "write" : type == 23 ? "read" : "execution";
     rt_fault(m, there ? RT_MEM_FAULT : RT_BUS_FAULT, (uint32_t)address, "%s of %d bytes at 0x%08X, %s", name, size,
              (unsigned)address, there ? "which is forbidden there" : "where there is nothing");
@@ -256,7 +260,8 @@ void rt_cpu_reset(rt1062_t *m, uint32_t stack, uint32_t entry) {
     for (int i = 0; i < 32; i++) {
         rt_set_reg(m, RT_REG_S0 + i, 0);
     }
-    static const int zeroed[] = {RT_REG_FPSCR, RT_REG_IPSR, RT_REG_PRIMASK, RT_REG_BASEPRI, RT_REG_FAULTMASK, RT_REG_CONTROL};
+    static const int zeroed[] = {RT_REG_FPSCR,   RT_REG_IPSR,      RT_REG_PRIMASK,
+                                 RT_REG_BASEPRI, RT_REG_FAULTMASK, RT_REG_CONTROL};
     for (uint32_t i = 0; i < sizeof zeroed / sizeof zeroed[0]; i++) {
         rt_set_reg(m, zeroed[i], 0);
     }
@@ -284,8 +289,8 @@ static bool map_memories(rt1062_t *m) {
                     {RT_FLASH_BASE, RT_FLASH_SIZE, &m->flash}};
     for (uint32_t i = 0; i < sizeof memories / sizeof memories[0]; i++) {
         *memories[i].bytes = aligned_alloc(4096, memories[i].size);
-        if (*memories[i].bytes == NULL || m->api.map_memory(m->engine, memories[i].base, memories[i].size, RT_UC_PROT_ALL,
-                                                            *memories[i].bytes) != RT_UC_ERR_OK) {
+        if (*memories[i].bytes == NULL || m->api.map_memory(m->engine, memories[i].base, memories[i].size,
+                                                            RT_UC_PROT_ALL, *memories[i].bytes) != RT_UC_ERR_OK) {
             return false;
         }
         memset(*memories[i].bytes, 0xFF, memories[i].size);

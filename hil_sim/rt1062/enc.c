@@ -26,11 +26,12 @@ enum {
     SPACING = 0x4000,
     CTRL_REV = 1 << 10,
     CTRL_SWIP = 1 << 11,
-    CTRL_FLAGS = 1 << 1 | 1 << 4 | 1 << 8 | 1 << 15, /* CMPIRQ, DIRQ, XIRQ, HIRQ: cleared by writing 1, never set here */
-    CTRL2_DIR = 1 << 3,                              /* read-only: counting up */
-    CTRL2_FLAGS = 1 << 5 | 1 << 7,                   /* RUIRQ, ROIRQ: likewise */
-    CTRL2_SABIRQ = 1 << 11,                          /* both phases changed at once */
-    FIRST_OUTPUT = 66,                               /* [core] imxrt.h, XBARA1_OUT_ENC1_PHASEA_INPUT */
+    CTRL_FLAGS =
+        1 << 1 | 1 << 4 | 1 << 8 | 1 << 15, /* CMPIRQ, DIRQ, XIRQ, HIRQ: cleared by writing 1, never set here */
+    CTRL2_DIR = 1 << 3,                     /* read-only: counting up */
+    CTRL2_FLAGS = 1 << 5 | 1 << 7,          /* RUIRQ, ROIRQ: likewise */
+    CTRL2_SABIRQ = 1 << 11,                 /* both phases changed at once */
+    FIRST_OUTPUT = 66,                      /* [core] imxrt.h, XBARA1_OUT_ENC1_PHASEA_INPUT */
     OUTPUTS_PER_UNIT = 5
 };
 
@@ -113,7 +114,8 @@ static bool clocked(rt1062_t *m, uint32_t unit) {
     return rt_clock_needed(m, (rt_clock_gate_t)(RT_CLOCK_ENC1 + unit), names[unit]);
 }
 
-/* The decoder that an access is for, as it is now. NULL: the access is over; *good says whether there is such a register. */
+/* The decoder that an access is for, as it is now. NULL: the access is over; *good says whether there is such a
+ * register. */
 static rt_enc_t *reached(rt1062_t *m, uint32_t offset, uint32_t size, bool *good) {
     const uint32_t unit = offset / SPACING;
     *good = size == 2;
@@ -128,8 +130,8 @@ static void expect_pins(rt1062_t *m, uint32_t unit) {
     for (uint32_t phase = 0; phase < 2; phase++) {
         if (rt_xbar_output_pad(m, output_of(unit, phase)) == RT_NO_PAD) {
             rt_finding(m, RT1062_FINDING_PINS,
-                       "ENC%u is read, but no pin reaches its phase %c: check mux, SELECT_INPUT and XBAR1", (unsigned)unit + 1,
-                       phase == 0 ? 'A' : 'B');
+                       "ENC%u is read, but no pin reaches its phase %c: check mux, SELECT_INPUT and XBAR1",
+                       (unsigned)unit + 1, phase == 0 ? 'A' : 'B');
         }
     }
 }

@@ -153,7 +153,8 @@ static bool push_frame(rt1062_t *m, uint32_t return_address, bool with_fp) {
     return stored;
 }
 
-/* The stack shares its memory with the variables below. The program's guard between them is small: large arrays reach over it. */
+/* The stack shares its memory with the variables below. The program's guard between them is small: large arrays reach
+ * over it. */
 static void watch_stack(rt1062_t *m) {
     if (m->stack_end == 0) {
         return;
@@ -205,7 +206,8 @@ static void enter(rt1062_t *m, uint32_t exception, uint32_t return_address) {
     rt_set_reg(m, RT_REG_PC, load_word(m, scs->vtor + 4 * exception));
 }
 
-/* A fault exception that is off, or can't interrupt what runs, becomes a HardFault; within that one the processor locks up. */
+/* A fault exception that is off, or can't interrupt what runs, becomes a HardFault; within that one the processor locks
+ * up. */
 static void take_fault(rt1062_t *m) {
     uint32_t exception = m->s.fault_exception;
     m->s.fault_exception = 0;

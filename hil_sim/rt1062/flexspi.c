@@ -199,7 +199,8 @@ static void trigger(rt1062_t *m) {
         return;
     }
     if ((f->stored[MCR0] & MDIS) != 0 || (f->stored[IPCR1] >> 24 & 7) != 0) {
-        rt_refuse(m, "FlexSPI is given a command while it is disabled, or one of several sequences, which is not modelled");
+        rt_refuse(
+            m, "FlexSPI is given a command while it is disabled, or one of several sequences, which is not modelled");
         return;
     }
     if (f->stored[IPCR0] / 1024 >= f->stored[FLSHA1CR0]) { /* beyond the chip: no such flash [IPCMDERR] */
@@ -213,7 +214,8 @@ static void trigger(rt1062_t *m) {
     try_to_send(m);
 }
 
-/* Writing one to IPTXWE hands the window's first bytes, up to the watermark, to the FIFO (chapter FlexSPI, "Writing data to IP TX FIFO"). */
+/* Writing one to IPTXWE hands the window's first bytes, up to the watermark, to the FIFO (chapter FlexSPI, "Writing
+ * data to IP TX FIFO"). */
 static void push(rt1062_t *m) {
     rt_flexspi_t *f = &m->s.flexspi;
     const uint32_t count = watermark(m, IPTXFCR);
@@ -297,8 +299,8 @@ static bool word_write(rt1062_t *m, uint32_t offset, uint32_t value) {
 }
 
 /*
- * TFDR takes any width; what it does with part of a word is not written down, but the core relies on it: eeprom.c writes its two bytes
- * with one halfword.
+ * TFDR takes any width. What it does with part of a word is not written down, but the core relies on it. Its eeprom.c
+ * writes its two bytes with one halfword.
  */
 static bool flexspi_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {
     if (!clocked(m)) {
@@ -344,8 +346,8 @@ static bool flexspi_read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *
         return size == 4 && word_read(m, offset, value);
     }
     if (offset - RFDR + 1 > m->s.flexspi.rx_count) {
-        rt_finding(m, RT1062_FINDING_FLASH, "FlexSPI's FIFO is read at byte %u while it holds %u", (unsigned)(offset - RFDR),
-                   (unsigned)m->s.flexspi.rx_count);
+        rt_finding(m, RT1062_FINDING_FLASH, "FlexSPI's FIFO is read at byte %u while it holds %u",
+                   (unsigned)(offset - RFDR), (unsigned)m->s.flexspi.rx_count);
     }
     memcpy(value, m->s.flexspi.rx + (offset - RFDR), size);
     return true;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file flexspi.h
- * FlexSPI1, the controller of the flash chip, as eeprom.c of the core uses it: commands from the look-up table, data through the two FIFOs.
- * The memory at 0x60000000 is not read through it but mapped.
+ * FlexSPI1, the controller of the flash chip, as eeprom.c of the core uses it: commands from the look-up table, data
+ * through the two FIFOs. The memory at 0x60000000 is not read through it but mapped.
  */
 #ifndef HIL_SIM_RT1062_FLEXSPI_H
 #define HIL_SIM_RT1062_FLEXSPI_H

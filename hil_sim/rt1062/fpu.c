@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Double-precision instructions, which the chip has and Unicorn's Cortex-M7 has not [V7M A7.5, "Floating-point data-processing
- * instructions"]. Only those with the rounding mode and the flags of a C program: to nearest, no flush to zero.
- * The cumulative exception flags of FPSCR are not set.
+ * Double-precision instructions, which the chip has and Unicorn's Cortex-M7 has not [V7M A7.5, "Floating-point
+ * data-processing instructions"]. Only those with the rounding mode and the flags of a C program: to nearest, no flush
+ * to zero. The cumulative exception flags of FPSCR are not set.
  */
 #include <math.h>
 #include <string.h>
@@ -137,7 +137,10 @@ static uint32_t to_integer(double whole, bool with_sign) {
 
 /* RM of VRINT and VCVT: to nearest with ties away from zero, ties to even, up, down. */
 static double rounded(double value, uint32_t mode) {
-    const double whole = mode == 0 ? round(value) : mode == 1 ? nearbyint(value) : mode == 2 ? ceil(value) : floor(value);
+    const double whole = mode == 0   ? round(value)
+                         : mode == 1 ? nearbyint(value)
+                         : mode == 2 ? ceil(value)
+                                     : floor(value);
     return settled(whole, value, value);
 }
 
@@ -334,7 +337,8 @@ bool rt_fpu_is_double(uint32_t instruction) {
     return (instruction & 0xEF000F10u) == 0xEE000B00u || (instruction & 0xFFBF0FD0u) == 0xEEB70AC0u;
 }
 
-/* The instruction is over: the next one of its IT block [V7M A7.3.2, ITAdvance()], and a context that interrupts must keep. */
+/* The instruction is over: the next one of its IT block [V7M A7.3.2, ITAdvance()], and a context that interrupts must
+ * keep. */
 static void step(rt1062_t *m) {
     const uint32_t xpsr = rt_reg(m, RT_REG_XPSR);
     const uint32_t it = (xpsr >> 10 & 0x3F) << 2 | (xpsr >> 25 & 3);

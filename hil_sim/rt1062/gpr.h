@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file gpr.h
- * IOMUXC_GPR (i.MX RT1060 RM, chapter IOMUXC GPR): GPR6 directions of the crossbar's pads, GPR14, 16, 17 partition of
- * the FlexRAM, GPR26..29 which of two GPIO modules a pad belongs to.
+ * IOMUXC_GPR (i.MX RT1060 RM, chapter IOMUXC GPR): GPR6 directions of the crossbar's pads. GPR14, 16, 17 partition of
+ * the FlexRAM. GPR26..29 which of two GPIO modules a pad belongs to.
  */
 #ifndef HIL_SIM_RT1062_GPR_H
 #define HIL_SIM_RT1062_GPR_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * LPI2C1 as a master: from commands to edges. Durations: RM, chapter LPI2C, "Timing Parameters"; in prescaled clocks,
- * with a latency of (2 + FILTSCL + rise time) / 2^PRESCALE, rounded down, from letting a line go to seeing it high.
- * The lines rise as fast as UM10204 lets them.
+ * LPI2C1 as a master: from commands to edges. Durations: RM, chapter LPI2C, "Timing Parameters". In prescaled clocks,
+ * with a latency of (2 + FILTSCL + rise time) / 2^PRESCALE, rounded down, from letting a line go to seeing it high. The
+ * lines rise as fast as UM10204 lets them.
  */
 #include "i2c_master.h"
 
@@ -75,7 +75,8 @@ static uint64_t pin_low_ps(const rt1062_t *m) {
 
 bool rt_i2c_hears(const rt1062_t *m, uint32_t line) {
     const uint32_t daisy = line == RT_SCL ? RT_DAISY_LPI2C1_SCL : RT_DAISY_LPI2C1_SDA;
-    return rt_pad_is(m, pad_of[line], ALT_LPI2C1) && rt_pad_sion(m, pad_of[line]) && m->s.pads.daisy[daisy] == DAISY_LPI2C1;
+    return rt_pad_is(m, pad_of[line], ALT_LPI2C1) && rt_pad_sion(m, pad_of[line]) &&
+           m->s.pads.daisy[daisy] == DAISY_LPI2C1;
 }
 
 int rt_i2c_drives(const rt1062_t *m, uint32_t pad) {
@@ -100,7 +101,8 @@ void rt_i2c_listen(rt1062_t *m) {
 static void trace(rt1062_t *m) {
     rt_i2c_trace_t *trace = &m->i2c_trace;
     if (trace->count < RT1062_EDGES) {
-        trace->edge[trace->count++] = (rt1062_edge_t){m->s.i2c.at_ps, m->s.pads.level[RT_PAD_SCL], m->s.pads.level[RT_PAD_SDA]};
+        trace->edge[trace->count++] =
+            (rt1062_edge_t){m->s.i2c.at_ps, m->s.pads.level[RT_PAD_SCL], m->s.pads.level[RT_PAD_SDA]};
     }
 }
 
@@ -122,7 +124,8 @@ static void pull(rt1062_t *m, uint32_t line, bool low) {
 /* ------------------------------------------------------------------ commands */
 
 uint32_t rt_i2c_status(const rt_i2c_t *bus) {
-    uint32_t status = bus->flags | (bus->busy ? (uint32_t)RT_MSR_MBF : 0u) | (bus->bus_busy ? (uint32_t)RT_MSR_BBF : 0u);
+    uint32_t status =
+        bus->flags | (bus->busy ? (uint32_t)RT_MSR_MBF : 0u) | (bus->bus_busy ? (uint32_t)RT_MSR_BBF : 0u);
     status |= bus->command_count <= (bus->water & 3) ? RT_MSR_TDF : 0u;
     return status | (bus->received_count > (bus->water >> 16 & 3) ? (uint32_t)RT_MSR_RDF : 0u);
 }
@@ -386,7 +389,8 @@ static void watch_times(rt1062_t *m) {
     }
     const bool both_high = bus->line[RT_SCL] && bus->line[RT_SDA];
     const uint64_t idle_ps = bus_idle_ps(m);
-    if (both_high && bus->at_ps >= bus->changed_ps[RT_SCL] + idle_ps && bus->at_ps >= bus->changed_ps[RT_SDA] + idle_ps) {
+    if (both_high && bus->at_ps >= bus->changed_ps[RT_SCL] + idle_ps &&
+        bus->at_ps >= bus->changed_ps[RT_SDA] + idle_ps) {
         bus->bus_busy = bus->busy;
     }
 }
@@ -434,7 +438,9 @@ static uint64_t rest_clocks(const rt1062_t *m) {
 static uint64_t next_ps(const rt1062_t *m) {
     const rt_i2c_t *bus = &m->s.i2c;
     const bool ready = bus->phase == RT_I2C_IDLE && bus->command_count > 0 && (bus->flags & HALTS) == 0;
-    uint64_t next = bus->end_ps != RT_NEVER ? bus->end_ps + clocks_ps(m, rest_clocks(m)) : ready ? start_ps(m) : RT_NEVER;
+    uint64_t next = bus->end_ps != RT_NEVER ? bus->end_ps + clocks_ps(m, rest_clocks(m))
+                    : ready                 ? start_ps(m)
+                                            : RT_NEVER;
     const uint64_t low_ps = bus->changed_ps[RT_SCL] + pin_low_ps(m);
     if (!bus->line[RT_SCL] && (bus->flags & RT_MSR_PLTF) == 0 && low_ps < next) {
         next = low_ps;

@@ -3,10 +3,10 @@
  * @file lpi2c.h
  * I2C master LPI2C1 (i.MX RT1060 RM, chapter LPI2C) and the two lines of the bus with what hangs on them.
  *
- * The master makes every edge of SCL and SDA at its time, by the register's divisions and the clock that CCM gives it
- * ("Timing Parameters"; with the fastest rise that UM10204 allows), and learns acknowledges, arbitration and clock
- * stretching from the lines' levels. Edges need no deadlines: the bus is played up to now whenever somebody looks at
- * it (rt_i2c_sync). A deadline stands at the end of what the program could see.
+ * The master makes every edge of SCL and SDA at its time, by the register's divisions and the clock that CCM gives it.
+ * See "Timing Parameters"; the rise is the fastest that UM10204 allows. The master learns acknowledges, arbitration and
+ * clock stretching from the lines' levels. Edges need no deadlines: the bus is played up to now whenever somebody looks
+ * at it (rt_i2c_sync). A deadline stands at the end of what the program could see.
  *
  * Not modelled, and refused when asked for: slave mode, high-speed mode, DMA, data match, AUTOSTOP, IGNACK, pin
  * configurations but 2-pin open drain. What the manual leaves open: a STOP command without a START does nothing; a
@@ -85,7 +85,5 @@ void rt_i2c_sync(rt1062_t *m);
 int rt_i2c_drives(const rt1062_t *m, uint32_t pad);
 /* The level of a pad changed; of interest if it is one of the bus. */
 void rt_i2c_line_changed(rt1062_t *m, uint32_t pad);
-/* Time up to which the bus has been played [ns]. */
-uint64_t rt_i2c_time_ns(const rt1062_t *m);
 
 #endif

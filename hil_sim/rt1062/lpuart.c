@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* LPUART6 [RM, chapter LPUART]. What HardwareSerial.cpp of the core does not use (parity, nine bits, inversion, DMA, CTS) is refused. */
+/* LPUART6 [RM, chapter LPUART]. What HardwareSerial.cpp of the core does not use (parity, nine bits, inversion, DMA,
+ * CTS) is refused. */
 #include "lpuart.h"
 
 #include <string.h>
@@ -53,7 +54,8 @@ enum {
 #define CTRL_TE (1u << 19)
 #define CTRL_RE (1u << 18)
 #define CTRL_ILT (1u << 2)
-#define CTRL_MODELLED (CTRL_ORIE | CTRL_TIE | CTRL_TCIE | CTRL_RIE | CTRL_ILIE | CTRL_TE | CTRL_RE | CTRL_ILT | 7u << 24)
+#define CTRL_MODELLED                                                                                                  \
+    (CTRL_ORIE | CTRL_TIE | CTRL_TCIE | CTRL_RIE | CTRL_ILIE | CTRL_TE | CTRL_RE | CTRL_ILT | 7u << 24)
 
 #define DATA_RXEMPT (1u << 12)
 #define DATA_IDLINE (1u << 11) /* the line was idle before */
@@ -97,10 +99,12 @@ static void update_irq(rt1062_t *m) {
     const rt_lpuart_t *u = &m->s.lpuart;
     const uint32_t stat = status(u);
     const uint32_t same_place = STAT_TDRE | STAT_TC | STAT_RDRF | STAT_IDLE;
-    rt_irq_set(m, IRQ_LPUART6, (stat & u->ctrl & same_place) != 0 || ((stat & STAT_OR) != 0 && (u->ctrl & CTRL_ORIE) != 0));
+    rt_irq_set(m, IRQ_LPUART6,
+               (stat & u->ctrl & same_place) != 0 || ((stat & STAT_OR) != 0 && (u->ctrl & CTRL_ORIE) != 0));
 }
 
-/* Time of some bits on the line [ns]: SBR times the oversampling ratio clocks each. 0: the baud rate generator is off. */
+/* Time of some bits on the line [ns]: SBR times the oversampling ratio clocks each. 0: the baud rate generator is off.
+ */
 static uint64_t bits_ns(const rt1062_t *m, uint32_t bits) {
     const uint32_t baud = m->s.lpuart.baud;
     const uint32_t osr = baud >> BAUD_OSR_SHIFT & BAUD_OSR_MASK;
@@ -109,7 +113,8 @@ static uint64_t bits_ns(const rt1062_t *m, uint32_t bits) {
     return hz == 0 ? 0 : (clocks * 1000000000u + hz / 2) / hz;
 }
 
-/* Whether the pads of pins 0 and 1 are connected to it [core, UART6_Hardware]. The daisy of TX is that of its input, for a single wire. */
+/* Whether the pads of pins 0 and 1 are connected to it [core, UART6_Hardware]. The daisy of TX is that of its input,
+ * for a single wire. */
 static bool hears_pad(const rt1062_t *m) {
     return rt_pad_is(m, RT_PAD_UART_RX, ALT_LPUART6) && m->s.pads.daisy[RT_DAISY_LPUART6_RX] == DAISY_RX_PIN_0;
 }
@@ -168,7 +173,8 @@ static void write_data(rt1062_t *m, uint32_t value) {
 
 /* ---- receiving */
 
-/* Bits from a frame's start until the line has been high for a character: counted from after the start bit, or from after the stop bit. */
+/* Bits from a frame's start until the line has been high for a character. Counted from after the start bit, or from
+ * after the stop bit. */
 static uint32_t bits_until_idle(const rt_lpuart_t *u) {
     uint32_t high_since = BITS_PER_FRAME;
     if ((u->ctrl & CTRL_ILT) == 0) {
@@ -257,7 +263,8 @@ static uint32_t read_data(rt_lpuart_t *u) {
 }
 
 static uint32_t fifo_value(const rt_lpuart_t *u) {
-    return u->fifo | FIFO_SIZES | (u->sending.count == 0 ? FIFO_TXEMPT : 0) | (u->received.count == 0 ? FIFO_RXEMPT : 0);
+    return u->fifo | FIFO_SIZES | (u->sending.count == 0 ? FIFO_TXEMPT : 0) |
+           (u->received.count == 0 ? FIFO_RXEMPT : 0);
 }
 
 static bool lpuart_read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value) {
@@ -294,7 +301,8 @@ static bool lpuart_read(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *v
     }
 }
 
-/* Takes effect with the next frame. The manual wants TE and RE to be off; the core's begin() leaves them on when it is called again. */
+/* Takes effect with the next frame. The manual wants TE and RE to be off; the core's begin() leaves them on when it is
+ * called again. */
 static void write_baud(rt1062_t *m, uint32_t value) {
     rt_lpuart_t *u = &m->s.lpuart;
     const uint32_t osr = value >> BAUD_OSR_SHIFT & BAUD_OSR_MASK;

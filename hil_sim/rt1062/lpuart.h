@@ -3,8 +3,8 @@
  * @file lpuart.h
  * LPUART6, Teensyduino's Serial1: 8 data bits, no parity, one stop bit, FIFOs of four, and the line to the radio.
  *
- * What comes from outside is sent at the image's own baud rate. A byte is lost, as on the chip, while the receiver is off, its clock is, the
- * pad is not connected to it, or its FIFO is full.
+ * What comes from outside is sent at the image's own baud rate. A byte is lost, as on the chip, while the receiver or
+ * its clock is off, or its FIFO is full. It is lost, too, while the pad is not connected to the receiver.
  */
 #ifndef HIL_SIM_RT1062_LPUART_H
 #define HIL_SIM_RT1062_LPUART_H
@@ -36,7 +36,8 @@ typedef struct rt_lpuart_t {
     uint8_t frame;
     uint64_t sent_ns;    /* when the frame that leaves has left */
     uint64_t arrived_ns; /* when the one that arrives is there */
-    uint64_t idle_ns;    /* when the line will have been idle for a character; RT_NEVER: it was told, or nothing has come yet */
+    uint64_t
+        idle_ns; /* when the line will have been idle for a character; RT_NEVER: it was told, or nothing has come yet */
     uint8_t line[RT_UART_LINE]; /* on the way to the robot; a ring */
     uint32_t line_begin;
     uint32_t line_count;

@@ -3,13 +3,14 @@
  * @file machine.h
  * Inside the emulated i.MX RT1062: what its parts (processor, interrupt controller, peripherals) need of one another.
  *
- * Time is counted in nanoseconds since power-on. An instruction takes a fixed number of them (rt1062_config_t.instruction_ns); between
- * instructions nothing happens. Peripherals do something when a register is accessed and when a deadline of theirs has come.
+ * Time is counted in nanoseconds since power-on. An instruction takes a fixed number of them
+ * (rt1062_config_t.instruction_ns); between instructions nothing happens. Peripherals do something when a register is
+ * accessed and when a deadline of theirs has come.
  *
  * Everything that changes lives in rt_state_t (no pointers in it) and in the four memories, so a snapshot is a copy.
  *
- * Sources, cited where used: [RM] i.MX RT1060 reference manual (IMXRT1060RM); [V7M] Armv7-M architecture reference manual (DDI 0403);
- * [core] the use that Teensyduino's core makes of a register.
+ * Sources, cited where used: [RM] i.MX RT1060 reference manual (IMXRT1060RM). [V7M] Armv7-M architecture reference
+ * manual (DDI 0403). [core] the use that Teensyduino's core makes of a register.
  */
 #ifndef HIL_SIM_RT1062_MACHINE_H
 #define HIL_SIM_RT1062_MACHINE_H
@@ -103,7 +104,8 @@ typedef struct rt_device_t {
     const char *name;
     uint32_t base;
     uint32_t size;
-    /* Aligned accesses of 1, 2 or 4 bytes; `offset` from base. @return false: there is no such register, or not of this width. */
+    /* Aligned accesses of 1, 2 or 4 bytes; `offset` from base. @return false: there is no such register, or not of this
+     * width. */
     bool (*read)(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value);
     bool (*write)(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value);
     /* After any reset, the cold one included. m->s.reset_flags tells which (RT_RESET_...). NULL: nothing to do. */
@@ -124,7 +126,8 @@ void rt_bus_write(rt1062_t *m, uint32_t address, uint32_t size, uint32_t value);
 
 /* Time now [ns since power-on]; during a register access: of the end of the basic block that makes it. */
 uint64_t rt_now(const rt1062_t *m);
-/* Call rt_event_handlers[event] at `at_ns`, or at once if that is past. One deadline per event: the last call counts. RT_NEVER: not at all. */
+/* Call rt_event_handlers[event] at `at_ns`, or at once if that is past. One deadline per event: the last call counts.
+ * RT_NEVER: not at all. */
 void rt_schedule(rt1062_t *m, rt_event_t event, uint64_t at_ns);
 /* Run the handlers that are due. */
 void rt_events_run(rt1062_t *m);
@@ -157,12 +160,14 @@ void rt_fault_status(rt1062_t *m, uint32_t exception, uint32_t address);
 
 /* May privileged code write to this address of memory? */
 bool rt_may_write(const rt1062_t *m, uint32_t address);
-/* The memory protection unit or the partition of the tightly coupled memory was changed: the run loop applies it before it goes on. */
+/* The memory protection unit or the partition of the tightly coupled memory was changed: the run loop applies it before
+ * it goes on. */
 void rt_protection_changed(rt1062_t *m);
 void rt_protection_apply(rt1062_t *m);
 /* The flash chip began or ended its work: the same for flash memory alone. */
 void rt_flash_protection_changed(rt1062_t *m);
-/* IOMUXC_GPR14, 16, 17 were written: partition of the FlexRAM. @param banks two bits for each of 16 banks of 32 KB, as in GPR17. */
+/* IOMUXC_GPR14, 16, 17 were written: partition of the FlexRAM. @param banks two bits for each of 16 banks of 32 KB, as
+ * in GPR17. */
 void rt_flexram_configured(rt1062_t *m, uint32_t banks);
 
 /* ---- fpu.c */
@@ -178,8 +183,9 @@ bool rt_fpu_double(rt1062_t *m, uint32_t instruction);
 #define XPSR_IT 0x0600FC00u
 
 /*
- * To be called by each hook on memory. Before it calls one, Unicorn looks up what instruction it is at and leaves its IT state behind, as if
- * the basic block ended there; but it goes on, and the next one would begin as part of an IT block.
+ * To be called by each hook on memory. Before it calls one, Unicorn looks up what instruction it is at. It leaves its
+ * IT state behind, as if the basic block ended there. But it goes on, and the next one would begin as part of an IT
+ * block.
  */
 void rt_leave_it_block(rt1062_t *m);
 
@@ -198,8 +204,9 @@ void rt_set_reg(rt1062_t *m, int number, uint32_t value);
 /* Memory behind an address, without rights and side effects. @return NULL if it is not all memory. */
 uint8_t *rt_memory(rt1062_t *m, uint32_t address, uint32_t size);
 /*
- * Leave Unicorn before the next basic block: something changed that the run loop must look at. The rest of the present block is still
- * executed: a handful of instructions, as on the chip, where a write takes its time to reach a peripheral.
+ * Leave Unicorn before the next basic block: something changed that the run loop must look at. The rest of the present
+ * block is still executed: a handful of instructions. So it is on the chip, where a write takes its time to reach a
+ * peripheral.
  */
 void rt_look_up(rt1062_t *m);
 /* End the run for this reason. */
@@ -207,12 +214,14 @@ void rt_stop(rt1062_t *m, rt1062_stop_t stop);
 
 /* ---- faults.c: what the processor or the model objects to */
 
-/* The model can't go on: a register that is not modelled, a state that the chip leaves undefined. The run ends with RT1062_STOP_REFUSED. */
+/* The model can't go on: a register that is not modelled, a state that the chip leaves undefined. The run ends with
+ * RT1062_STOP_REFUSED. */
 #if defined(__GNUC__)
 __attribute__((format(printf, 2, 3)))
 #endif
 void rt_refuse(rt1062_t *m, const char *format, ...);
-/* The processor objects: note it among the findings and let exception `exception` (3 HardFault .. 6 UsageFault) be taken at once. */
+/* The processor objects: note it among the findings and let exception `exception` (3 HardFault .. 6 UsageFault) be
+ * taken at once. */
 #if defined(__GNUC__)
 __attribute__((format(printf, 4, 5)))
 #endif

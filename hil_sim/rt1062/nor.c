@@ -15,7 +15,8 @@ typedef struct nor_time_t {
     uint64_t maximal_ns;
 } nor_time_t;
 
-/* tBP1 and tBP2, first and further bytes; tPP, a page at most; tSE, tBE1, tBE2, tCE [data sheet, AC electrical characteristics]. */
+/* tBP1 and tBP2, first and further bytes; tPP, a page at most; tSE, tBE1, tBE2, tCE [data sheet, AC electrical
+ * characteristics]. */
 static const nor_time_t first_byte = {30000, 50000};
 static const nor_time_t next_byte = {2500, 12000};
 static const nor_time_t whole_page = {400000, 3000000};
@@ -195,7 +196,8 @@ static bool sets_bits(const rt1062_t *m, const rt_nor_command_t *command) {
     return false;
 }
 
-/* Bytes beyond the page's end begin anew at its start; of more than 256 the last ones count [chapter "Page Program"]. */
+/* Bytes beyond the page's end begin anew at its start; of more than 256 the last ones count [chapter "Page Program"].
+ */
 static void page_program(rt1062_t *m, const rt_nor_command_t *command, const char *name) {
     rt_nor_t *nor = &m->s.nor;
     if (command->address % RT_NOR_PAGE + command->out_count > RT_NOR_PAGE) {
@@ -231,7 +233,9 @@ static void answer(rt1062_t *m, const rt_nor_command_t *command) {
     const uint8_t status =
         (uint8_t)((nor->work != RT_NOR_IDLE ? STATUS_BUSY : 0) | (nor->write_enabled ? STATUS_WRITE_ENABLED : 0));
     for (uint32_t i = 0; i < command->in_count; i++) {
-        command->in[i] = command->code == 0x05 ? status : command->code == 0x35 ? STATUS_2_QUAD_ENABLED : jedec_id[i % 3];
+        command->in[i] = command->code == 0x05   ? status
+                         : command->code == 0x35 ? STATUS_2_QUAD_ENABLED
+                                                 : jedec_id[i % 3];
     }
 }
 
@@ -243,9 +247,10 @@ static const nor_instruction_t *understood(rt1062_t *m, const rt_nor_command_t *
         if (memcmp(instructions[i].lanes, command->lanes, sizeof command->lanes) == 0) {
             return &instructions[i];
         }
-        rt_refuse(m, "flash instruction 0x%02X (%s) wants %u, %u and %u lanes for code, address and data, got %u, %u and %u",
-                  command->code, instructions[i].name, instructions[i].lanes[0], instructions[i].lanes[1],
-                  instructions[i].lanes[2], command->lanes[0], command->lanes[1], command->lanes[2]);
+        rt_refuse(
+            m, "flash instruction 0x%02X (%s) wants %u, %u and %u lanes for code, address and data, got %u, %u and %u",
+            command->code, instructions[i].name, instructions[i].lanes[0], instructions[i].lanes[1],
+            instructions[i].lanes[2], command->lanes[0], command->lanes[1], command->lanes[2]);
         return NULL;
     }
     rt_refuse(m, "flash instruction 0x%02X is not modelled", command->code);

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file nor.h
- * The NOR flash chip of a Teensy 4.0: Winbond W25Q16JV, 2 MB (data sheet "W25Q16JV", revision H: chapters "Instructions" and
- * "AC electrical characteristics").
+ * The NOR flash chip of a Teensy 4.0: Winbond W25Q16JV, 2 MB (data sheet "W25Q16JV", revision H: chapters
+ * "Instructions" and "AC electrical characteristics").
  *
- * Programming clears bits and wraps within a page of 256 bytes; erasing sets all bits of a sector or block. Meanwhile the chip is busy:
- * it answers nothing but the status, and whoever reads the memory then is refused. How long that lasts is drawn between the data sheet's
- * typical and maximal times. The contents change when the time is over; a power cut in between leaves some of the bits done.
+ * Programming clears bits and wraps within a page of 256 bytes; erasing sets all bits of a sector or block. Meanwhile
+ * the chip is busy: it answers nothing but the status, and whoever reads the memory then is refused. How long that
+ * lasts is drawn between the data sheet's typical and maximal times. The contents change when the time is over; a power
+ * cut in between leaves some of the bits done.
  */
 #ifndef HIL_SIM_RT1062_NOR_H
 #define HIL_SIM_RT1062_NOR_H
@@ -51,7 +52,8 @@ typedef struct rt_nor_command_t {
 void rt_nor_command(rt1062_t *m, const rt_nor_command_t *command);
 /* The memory can't be read because the chip is at work. */
 bool rt_nor_busy(const rt1062_t *m);
-/* Somebody reads the memory or runs code in it while the chip is at work: a finding, and the end of what the model can say. */
+/* Somebody reads the memory or runs code in it while the chip is at work. That is a finding, and the end of what the
+ * model can say. */
 void rt_nor_read_while_busy(rt1062_t *m, uint32_t address, bool fetch);
 /* The power goes: what is under way stops where it is. */
 void rt_nor_power_lost(rt1062_t *m);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pads.h
- * The chip's pads between its inside and the wires: which function a pad has, who drives it, what level results (i.MX
- * RT1060 RM, chapter IOMUXC; register addresses and reset values as in NXP's device header, alternatives and daisy
- * values as in NXP's fsl_iomuxc.h).
+ * The chip's pads between its inside and the wires: which function a pad has, who drives it, what level results. See
+ * i.MX RT1060 RM, chapter IOMUXC. Register addresses and reset values are as in NXP's device header, alternatives and
+ * daisy values as in NXP's fsl_iomuxc.h.
  *
  * Levels: 0, 1, or RT_FLOATING. Two drivers against one another give a finding, and low wins. An external pull is
  * stronger than the pad's own.

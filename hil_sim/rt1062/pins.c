@@ -120,8 +120,8 @@ static uint16_t motor_steps(rt1062_t *m, uint32_t pad) {
     }
     const double wanted_Hz = m->world->config.motor_pwm_Hz;
     if (fabs(pulses.frequency_Hz - wanted_Hz) > 0.01 * wanted_Hz) {
-        rt_finding(m, RT1062_FINDING_PINS, "a motor's pin has pulses at %.0f Hz; the robot file says %.0f", pulses.frequency_Hz,
-                   wanted_Hz);
+        rt_finding(m, RT1062_FINDING_PINS, "a motor's pin has pulses at %.0f Hz; the robot file says %.0f",
+                   pulses.frequency_Hz, wanted_Hz);
     }
     return (uint16_t)(pulses.share * STEPS + 0.5);
 }

@@ -179,7 +179,8 @@ static bool write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {
     if (!clocked(m)) {
         return true;
     }
-    return offset == MCR ? write_module_control(m, value) : write_channel(m, at / CHANNEL_SIZE, at % CHANNEL_SIZE, value);
+    return offset == MCR ? write_module_control(m, value)
+                         : write_channel(m, at / CHANNEL_SIZE, at % CHANNEL_SIZE, value);
 }
 
 static void reset(rt1062_t *m) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What memory there is and who may do what with it: the partition of the tightly coupled memory and the memory protection unit
- * [V7M B3.5], as rights of Unicorn's pages of 4 KB. Smaller regions are watched access by access.
+ * What memory there is and who may do what with it. That is the partition of the tightly coupled memory and the memory
+ * protection unit [V7M B3.5], as rights of Unicorn's pages of 4 KB. Smaller regions are watched access by access.
  */
 #include "machine.h"
 
@@ -12,8 +12,10 @@ typedef struct memory_t {
     uint32_t size;
 } memory_t;
 
-static const memory_t memories[] = {
-    {RT_ITCM_BASE, RT_ITCM_SIZE}, {RT_DTCM_BASE, RT_DTCM_SIZE}, {RT_OCRAM_BASE, RT_OCRAM_SIZE}, {RT_FLASH_BASE, RT_FLASH_SIZE}};
+static const memory_t memories[] = {{RT_ITCM_BASE, RT_ITCM_SIZE},
+                                    {RT_DTCM_BASE, RT_DTCM_SIZE},
+                                    {RT_OCRAM_BASE, RT_OCRAM_SIZE},
+                                    {RT_FLASH_BASE, RT_FLASH_SIZE}};
 
 static uint32_t region_size_log2(const rt_mpu_region_t *region) {
     return (region->attributes >> 1 & 0x1F) + 1;
@@ -121,7 +123,8 @@ static void guard_small_regions(rt1062_t *m) {
             continue;
         }
         m->api.hook_add(m->engine, &m->guards[m->guard_count++], RT_UC_HOOK_MEM_READ | RT_UC_HOOK_MEM_WRITE,
-                        (rt_callback_t)on_guarded, m, (uint64_t)region->base, (uint64_t)region->base + (1u << bits) - 1);
+                        (rt_callback_t)on_guarded, m, (uint64_t)region->base,
+                        (uint64_t)region->base + (1u << bits) - 1);
     }
 }
 

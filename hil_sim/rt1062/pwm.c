@@ -191,5 +191,7 @@ bool rt_pwm_pulses(const rt1062_t *m, uint32_t pad, rt_pulses_t *pulses) {
     return false;
 }
 
-const rt_device_t rt_flexpwm = {"FlexPWM", 0x403DC000, RT_FLEXPWMS *FLEXPWM_STEP, flexpwm_read, flexpwm_write, flexpwm_reset};
-const rt_device_t rt_quad_timers = {"quad timer", 0x401DC000, 0xC000, quad_timer_read, quad_timer_write, quad_timers_reset};
+const rt_device_t rt_flexpwm = {"FlexPWM",    0x403DC000,    RT_FLEXPWMS *FLEXPWM_STEP,
+                                flexpwm_read, flexpwm_write, flexpwm_reset};
+const rt_device_t rt_quad_timers = {"quad timer",    0x401DC000,       0xC000,
+                                    quad_timer_read, quad_timer_write, quad_timers_reset};

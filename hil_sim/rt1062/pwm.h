@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pwm.h
- * FlexPWM1..4 and quad timers 1..3, as far as pwm.c of the core uses them: what share of its period a pad is high. The pulses
- * themselves are not there, and no interrupt of these timers is.
+ * FlexPWM1..4 and quad timers 1..3, as far as pwm.c of the core uses them: what share of its period a pad is high. The
+ * pulses themselves are not there, and no interrupt of these timers is.
  *
- * FlexPWM (RM, chapter eFlexPWM): values count from LDOK on; output A is high from VAL2 to VAL3, B from VAL4 to VAL5, of INIT..VAL1.
- * Quad timer (RM, chapter Quad Timer): output mode 6, high for CMPLD1 counts and low for 65537 - LOAD.
+ * FlexPWM (RM, chapter eFlexPWM): values count from LDOK on; output A is high from VAL2 to VAL3, B from VAL4 to VAL5,
+ * of INIT..VAL1. Quad timer (RM, chapter Quad Timer): output mode 6, high for CMPLD1 counts and low for 65537 - LOAD.
  */
 #ifndef HIL_SIM_RT1062_PWM_H
 #define HIL_SIM_RT1062_PWM_H

@@ -20,7 +20,8 @@ void rt_register_write(rt1062_t *m, const rt_register_t *entry, uint32_t *kept, 
     const uint32_t reserved = ~(entry->writable | entry->fixed);
     const uint32_t set = value & ~*kept & reserved;
     if (set != 0) {
-        rt_refuse(m, "%s: 0x%08X sets bits 0x%08X, which the model does not know", entry->name, (unsigned)value, (unsigned)set);
+        rt_refuse(m, "%s: 0x%08X sets bits 0x%08X, which the model does not know", entry->name, (unsigned)value,
+                  (unsigned)set);
         return;
     }
     *kept = (*kept & ~entry->writable) | (value & entry->writable);

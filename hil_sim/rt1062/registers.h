@@ -12,7 +12,8 @@ typedef struct rt_register_t {
     uint16_t offset;
     uint32_t reset;    /* after a reset */
     uint32_t writable; /* bits that a write changes */
-    uint32_t fixed;    /* bits that a write may hold at any level without effect: status, flags that the device looks after */
+    uint32_t
+        fixed; /* bits that a write may hold at any level without effect: status, flags that the device looks after */
     const char *name;
 } rt_register_t;
 

@@ -38,7 +38,7 @@ void rt_reset_now(rt1062_t *m, uint32_t flags) {
     for (uint32_t i = 0; i < RT_EVENT_COUNT; i++) {
         m->s.deadline_ns[i] = i == RT_EVENT_FLASH ? m->s.deadline_ns[i] : RT_NEVER;
     }
-    m->s.itcm_size = 128 * 1024; /* as the fuses of a chip out of the box have it (chapter FlexRAM) */
+    m->s.itcm_size = 128 * 1024; /* as the fuses of a new chip have it (chapter FlexRAM) */
     m->s.dtcm_size = 128 * 1024;
     rt_protection_changed(m);
     for (uint32_t i = 0; rt_devices[i] != NULL; i++) {

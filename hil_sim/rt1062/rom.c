@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* i.MX RT1060 RM, chapter System Boot: "FlexSPI NOR configuration block", "Image vector table", "Boot data"; the core's bootdata.c. */
+/* i.MX RT1060 RM, chapter System Boot: "FlexSPI NOR configuration block", "Image vector table", "Boot data"; the core's
+ * bootdata.c. */
 #include "rom.h"
 
 #include <string.h>
@@ -17,9 +18,11 @@ enum {
     IVT_DCD = IVT + 12,
     IVT_BOOT_DATA = IVT + 16,
     IVT_SELF = IVT + 20,
-    /* Header version from which the entry is an address to jump to; up to 0x42 it is a vector table (bootdata.c of old and new cores). */
+    /* Header version from which the entry is an address to jump to. Up to 0x42 it is a vector table (bootdata.c of old
+     * and new cores). */
     VERSION_JUMP = 0x43,
-    /* Up to the jump. No manual gives it; a guess. After a power-on PJRC's own chip (MKL02) lets the processor go first. */
+    /* Up to the jump. No manual gives it; a guess. After a power-on PJRC's own chip (MKL02) lets the processor go
+       first. */
     ROM_ns = 5000000,
     POWER_UP_ns = 50000000,
     /* OCRAM that the ROM uses for itself; usb.c of the core hands it memory above that. */
@@ -36,14 +39,16 @@ static uint32_t word(const rt1062_t *m, uint32_t offset) {
 static bool configuration_ok(rt1062_t *m) {
     if (word(m, 0) != BLOCK_TAG) {
         rt_refuse(m,
-                  "the boot ROM finds no flash configuration block at 0x60000000 (0x%08X instead of FCFB): no program is there",
+                  "the boot ROM finds no flash configuration block at 0x60000000 (0x%08X instead of FCFB): no program "
+                  "is there",
                   (unsigned)word(m, 0));
         return false;
     }
     if (word(m, 4) >> 24 != BLOCK_VERSION || word(m, BLOCK_A1_SIZE) == 0 || (word(m, BLOCK_LUT) >> 10 & 0x3F) != 1) {
-        rt_refuse(
-            m, "the boot ROM can't use the flash configuration block: version 0x%08X, size 0x%X, first read instruction 0x%X",
-            (unsigned)word(m, 4), (unsigned)word(m, BLOCK_A1_SIZE), (unsigned)(word(m, BLOCK_LUT) & 0xFFFF));
+        rt_refuse(m,
+                  "the boot ROM can't use the flash configuration block: version 0x%08X, size 0x%X, first read "
+                  "instruction 0x%X",
+                  (unsigned)word(m, 4), (unsigned)word(m, BLOCK_A1_SIZE), (unsigned)(word(m, BLOCK_LUT) & 0xFFFF));
         return false;
     }
     return true;
@@ -52,7 +57,8 @@ static bool configuration_ok(rt1062_t *m) {
 static bool vector_table_ok(rt1062_t *m) {
     const uint32_t header = word(m, IVT);
     const uint32_t version = header >> 24;
-    const bool header_ok = (header & 0xFF) == IVT_TAG && (header >> 8 & 0xFFFF) == 0x2000 && version >= 0x40 && version <= 0x43;
+    const bool header_ok =
+        (header & 0xFF) == IVT_TAG && (header >> 8 & 0xFFFF) == 0x2000 && version >= 0x40 && version <= 0x43;
     if (!header_ok || word(m, IVT_SELF) != RT_FLASH_BASE + IVT) {
         rt_refuse(m, "the boot ROM finds no image vector table at 0x60001000: header 0x%08X, own address 0x%08X",
                   (unsigned)header, (unsigned)word(m, IVT_SELF));
@@ -91,7 +97,8 @@ static void jump(rt1062_t *m, uint32_t length) {
         entry = word(m, entry - RT_FLASH_BASE + 4);
     }
     if (!inside(entry, length) || (entry & 1) == 0) {
-        rt_refuse(m, "the image's entry 0x%08X is no Thumb code within its %u bytes", (unsigned)entry, (unsigned)length);
+        rt_refuse(m, "the image's entry 0x%08X is no Thumb code within its %u bytes", (unsigned)entry,
+                  (unsigned)length);
         return;
     }
     rt_cpu_reset(m, stack, entry);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* System control space [V7M B3.2]: registers. The rules of exceptions are in exceptions.c, those of memory in protection.c. */
+/* System control space [V7M B3.2]: registers. The rules of exceptions are in exceptions.c, those of memory in
+ * protection.c. */
 #include "devices.h"
 #include "handlers.h"
 
@@ -312,7 +313,8 @@ static bool mpu_write(rt1062_t *m, uint32_t offset, uint32_t value) {
     default:
         scs->mpu[scs->mpu_number].attributes = value;
         if ((value & 1) != 0 && (value >> 8 & 0xFF) != 0 && (value >> 1 & 0x1F) < SMALLEST_DIVIDED) {
-            rt_refuse(m, "MPU_RASR 0x%08X disables an eighth smaller than a page, which is not modelled", (unsigned)value);
+            rt_refuse(m, "MPU_RASR 0x%08X disables an eighth smaller than a page, which is not modelled",
+                      (unsigned)value);
         }
         break;
     }
@@ -389,7 +391,8 @@ static bool scs_write(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t valu
     if (priority_access(m, offset, size, &value, true)) {
         return true;
     }
-    return size == 4 && (systick_write(m, offset, value) || nvic_write(m, offset, value) || scb_write(m, offset, value));
+    return size == 4 &&
+           (systick_write(m, offset, value) || nvic_write(m, offset, value) || scb_write(m, offset, value));
 }
 
 static void scs_reset(rt1062_t *m) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file scs.h
- * System control space of the Cortex-M7 [V7M B3]: interrupt controller, system control block, SysTick, memory protection unit, cycle
- * counter. Register addresses 0xE0000000 to 0xE00FFFFF.
+ * System control space of the Cortex-M7 [V7M B3]: interrupt controller, system control block, SysTick, memory
+ * protection unit, cycle counter. Register addresses 0xE0000000 to 0xE00FFFFF.
  */
 #ifndef HIL_SIM_RT1062_SCS_H
 #define HIL_SIM_RT1062_SCS_H

@@ -118,7 +118,8 @@ static bool reach_background(rt1062_t *m, uint64_t until_ns) {
     return m->s.ipsr == 0 && rt_masks(m) == 0;
 }
 
-rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t arguments[4], uint64_t limit_ns, uint32_t *result) {
+rt1062_stop_t rt1062_call(rt1062_t *m, uint32_t function, const uint32_t arguments[4], uint64_t limit_ns,
+                          uint32_t *result) {
     const uint64_t until_ns = m->s.now_ns + limit_ns;
     if (!reach_background(m, until_ns)) {
         return m->stopping ? m->stop : RT1062_STOP_REFUSED;

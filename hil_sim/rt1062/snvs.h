@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file snvs.h
- * SNVS: the real-time clock. Its low-power part keeps running over any reset but a power-on: a Teensy 4.0 has no battery at VBAT.
+ * SNVS: the real-time clock. Its low-power part keeps running over any reset but a power-on: a Teensy 4.0 has no
+ * battery at VBAT.
  */
 #ifndef HIL_SIM_RT1062_SNVS_H
 #define HIL_SIM_RT1062_SNVS_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file state.h
- * Everything of the machine that changes, memories and processor registers apart: plain data without pointers, copied whole by a snapshot.
- * A peripheral brings a header with its part and a line in rt_state_t.
+ * Everything of the machine that changes, memories and processor registers apart: plain data without pointers, copied
+ * whole by a snapshot. A peripheral brings a header with its part and a line in rt_state_t.
  */
 #ifndef HIL_SIM_RT1062_STATE_H
 #define HIL_SIM_RT1062_STATE_H

@@ -10,7 +10,7 @@ typedef struct symbol_t {
     size_t offset; /* of the function pointer in rt_unicorn_t */
 } symbol_t;
 
-#define FUNCTION(member, name)                                                                                                 \
+#define FUNCTION(member, name)                                                                                         \
     { name, offsetof(rt_unicorn_t, member) }
 static const symbol_t symbols[] = {
     FUNCTION(version, "uc_version"),      FUNCTION(open, "uc_open"),           FUNCTION(close, "uc_close"),

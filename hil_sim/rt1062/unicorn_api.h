@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file unicorn_api.h
- * The few functions of the Unicorn processor emulator (version 2) that the machine calls. The library comes from PyPI's package `unicorn`
- * and is opened at run time, so that nothing of it is needed to build or use the rest.
+ * The few functions of the Unicorn processor emulator (version 2) that the machine calls. The library comes from PyPI's
+ * package `unicorn` and is opened at run time. So nothing of it is needed to build or use the rest.
  */
 #ifndef HIL_SIM_RT1062_UNICORN_API_H
 #define HIL_SIM_RT1062_UNICORN_API_H
@@ -15,7 +15,8 @@ typedef struct rt_uc_engine_t rt_uc_engine_t; /* Unicorn's uc_engine */
 typedef size_t rt_uc_hook_t;
 typedef void (*rt_callback_t)(void); /* any function that Unicorn calls back */
 
-/* Numbers of Unicorn's own headers (unicorn.h, arm.h of version 2). rt_unicorn_open() refuses any other major version. */
+/* Numbers of Unicorn's own headers (unicorn.h, arm.h of version 2). rt_unicorn_open() refuses any other major version.
+ */
 enum {
     RT_UC_MAJOR = 2,
     RT_UC_ARCH_ARM = 1,
@@ -28,7 +29,8 @@ enum {
     RT_UC_PROT_ALL = 7,
     RT_UC_HOOK_INTR = 1 << 0,
     RT_UC_HOOK_BLOCK = 1 << 3,
-    RT_UC_HOOK_INVALID_MEMORY = (1 << 4) | (1 << 5) | (1 << 6) | (1 << 7) | (1 << 8) | (1 << 9), /* unmapped and protected */
+    RT_UC_HOOK_INVALID_MEMORY =
+        (1 << 4) | (1 << 5) | (1 << 6) | (1 << 7) | (1 << 8) | (1 << 9), /* unmapped and protected */
     RT_UC_HOOK_MEM_READ = 1 << 10,
     RT_UC_HOOK_MEM_WRITE = 1 << 11,
     RT_UC_HOOK_INSN_INVALID = 1 << 14,
@@ -72,8 +74,8 @@ typedef struct rt_unicorn_t {
     int (*map_io)(rt_uc_engine_t *engine, uint64_t address, size_t size, rt_callback_t read, void *read_user,
                   rt_callback_t write, void *write_user);
     int (*protect)(rt_uc_engine_t *engine, uint64_t address, size_t size, uint32_t permissions);
-    int (*hook_add)(rt_uc_engine_t *engine, rt_uc_hook_t *hook, int type, rt_callback_t callback, void *user, uint64_t begin,
-                    uint64_t end, ...);
+    int (*hook_add)(rt_uc_engine_t *engine, rt_uc_hook_t *hook, int type, rt_callback_t callback, void *user,
+                    uint64_t begin, uint64_t end, ...);
     int (*hook_delete)(rt_uc_engine_t *engine, rt_uc_hook_t hook);
     int (*reg_read)(rt_uc_engine_t *engine, int number, void *value);
     int (*reg_write)(rt_uc_engine_t *engine, int number, const void *value);
@@ -81,7 +83,8 @@ typedef struct rt_unicorn_t {
     int (*stop)(rt_uc_engine_t *engine);
 } rt_unicorn_t;
 
-/** Open the library at `path`. @return false with `why` filled in: not there, a function missing, another major version. */
+/** Open the library at `path`. @return false with `why` filled in: not there, a function missing, another major
+ * version. */
 bool rt_unicorn_open(rt_unicorn_t *api, const char *path, char *why, size_t why_size);
 
 void rt_unicorn_close(rt_unicorn_t *api);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* USB1: the controller's registers, timers and interrupt [RM, chapter USB], and its transceiver [RM, chapter USB-PHY]. */
+/* USB1: the controller's registers, timers and interrupt [RM, chapter USB], and its transceiver [RM, chapter USB-PHY].
+ */
 #include "usb.h"
 
 #include "clocks.h"
@@ -42,7 +43,7 @@ enum {
 
 #define USBSTS_TI0 (1u << 24)
 #define USBSTS_TI1 (1u << 25)
-#define USBSTS_CLEARED_BY_ONE                                                                                                  \
+#define USBSTS_CLEARED_BY_ONE                                                                                          \
     (RT_USB_UI | RT_USB_PCI | RT_USB_SEI | RT_USB_URI | RT_USB_SRI | RT_USB_SLI | USBSTS_TI0 | USBSTS_TI1)
 #define USBINTR_UEE (1u << 1)
 #define USBINTR_MODELLED (USBSTS_CLEARED_BY_ONE | USBINTR_UEE)
@@ -379,7 +380,8 @@ static void write_endpoint(rt1062_t *m, uint32_t number, uint32_t value) {
     }
     u->toggle &= ~((value & ENDPTCTRL_RXR) != 0 ? 1u << number : 0);
     u->toggle &= ~((value & ENDPTCTRL_TXR) != 0 ? 1u << (number + 16) : 0);
-    u->endpoint[number] = (value & ~(ENDPTCTRL_RXR | ENDPTCTRL_TXR)) | (number == 0 ? ENDPTCTRL_TXE | ENDPTCTRL_RXE : 0);
+    u->endpoint[number] =
+        (value & ~(ENDPTCTRL_RXR | ENDPTCTRL_TXR)) | (number == 0 ? ENDPTCTRL_TXE | ENDPTCTRL_RXE : 0);
     rt_usb_host_look(m);
 }
 

@@ -3,11 +3,13 @@
  * @file usb.h
  * USB1 as a device controller [RM, chapters USB and USB-PHY], and the host at the other end of its cable.
  *
- * The device keeps its queue heads and transfer descriptors in the program's memory; packets take their time on a bus of 480 (or 12) Mbit/s.
- * A transaction that the device would answer with NAK is not shown: it happens as soon as the endpoint is ready.
+ * The device keeps its queue heads and transfer descriptors in the program's memory. Packets take their time on a bus
+ * of 480 (or 12) Mbit/s. A transaction that the device would answer with NAK is not shown: it happens as soon as the
+ * endpoint is ready.
  *
- * The host is as a PC's: it waits 100 ms after a device has shown up, resets it, asks for its descriptors, gives it an address and a
- * configuration, and then is a CDC serial port: while a program holds it open it reads whatever comes, and writes.
+ * The host is as a PC's. It waits 100 ms after a device has shown up, resets it, asks for its descriptors, and gives it
+ * an address and a configuration. Then it is a CDC serial port: while a program holds it open it reads whatever comes,
+ * and writes.
  */
 #ifndef HIL_SIM_RT1062_USB_H
 #define HIL_SIM_RT1062_USB_H
@@ -175,18 +177,23 @@ bool rt_usb_phy_awake(const rt1062_t *m);
 
 /* Fetch the first descriptor of every primed endpoint. */
 void rt_usb_fetch_primed(rt1062_t *m);
-/* The answer that a token to this endpoint would get now. @param in from the device. @param bytes out: that it would send. */
+/* The answer that a token to this endpoint would get now. @param in from the device. @param bytes out: that it would
+ * send. */
 rt_usb_answer_t rt_usb_would(rt1062_t *m, uint8_t address, uint32_t endpoint, bool in, uint32_t *bytes);
 rt_usb_answer_t rt_usb_setup(rt1062_t *m, uint8_t address, const uint8_t packet[8]);
-/* @param toggle the packet's data toggle; one that the device has had already is acknowledged and dropped. Not looked at on endpoint 0. */
-rt_usb_answer_t rt_usb_out(rt1062_t *m, uint8_t address, uint32_t endpoint, bool toggle, const uint8_t *bytes, uint32_t count);
+/* @param toggle the packet's data toggle; one that the device has had already is acknowledged and dropped. Not looked
+ * at on endpoint 0. */
+rt_usb_answer_t rt_usb_out(rt1062_t *m, uint8_t address, uint32_t endpoint, bool toggle, const uint8_t *bytes,
+                           uint32_t count);
 /* @param toggle out. @param bytes room for RT_USB_PACKET. */
-rt_usb_answer_t rt_usb_in(rt1062_t *m, uint8_t address, uint32_t endpoint, bool *toggle, uint8_t *bytes, uint32_t *count);
+rt_usb_answer_t rt_usb_in(rt1062_t *m, uint8_t address, uint32_t endpoint, bool *toggle, uint8_t *bytes,
+                          uint32_t *count);
 
 /* ---- usb_host.c */
 
 void rt_usb_host_step(rt1062_t *m, uint64_t at_ns);
-/* Something may have changed that the host waits for: a device on the cable, a primed endpoint, bytes to send, room for bytes. */
+/* Something may have changed that the host waits for: a device on the cable, a primed endpoint, bytes to send, room for
+ * bytes. */
 void rt_usb_host_look(rt1062_t *m);
 /* The device has let the bus go. */
 void rt_usb_host_lost(rt1062_t *m);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Endpoints of USB1: queue heads and transfer descriptors in the program's memory [RM, chapter USB, device data structures]. */
+/* Endpoints of USB1: queue heads and transfer descriptors in the program's memory [RM, chapter USB, device data
+ * structures]. */
 #include <string.h>
 
 #include "machine.h"
@@ -104,7 +105,8 @@ rt_usb_answer_t rt_usb_would(rt1062_t *m, uint8_t address, uint32_t endpoint, bo
     return RT_USB_ACK;
 }
 
-/* The place of byte `at` of the transfer: the first page pointer has an offset, the others are whole pages. NULL: no memory, refused. */
+/* The place of byte `at` of the transfer: the first page pointer has an offset, the others are whole pages. NULL: no
+ * memory, refused. */
 static uint8_t *byte_at(rt1062_t *m, const uint32_t *descriptor, uint32_t at) {
     const uint32_t offset = descriptor[TD_PAGES] % PAGE + at;
     const uint32_t page = offset / PAGE;
@@ -137,7 +139,8 @@ static bool copy_packet(rt1062_t *m, const uint32_t *head, bool in, uint8_t *pac
     return true;
 }
 
-/* A transfer is over: tell its descriptor, and go on with the next one, which the program may have appended meanwhile. */
+/* A transfer is over: tell its descriptor, and go on with the next one, which the program may have appended meanwhile.
+ */
 static void retire(rt1062_t *m, uint32_t *head, uint32_t bit, bool short_packet) {
     rt_usb_t *u = &m->s.usb;
     uint32_t *descriptor = words_at(m, head[QH_CURRENT], DESCRIPTOR, "transfer descriptor");
@@ -157,7 +160,8 @@ static void retire(rt1062_t *m, uint32_t *head, uint32_t bit, bool short_packet)
     }
 }
 
-/* A packet went over the bus. A transfer ends with a short one, or when all is done and no empty packet is to follow. */
+/* A packet went over the bus. A transfer ends with a short one, or when all is done and no empty packet is to follow.
+ */
 static void packet_done(rt1062_t *m, uint32_t *head, uint32_t bit, bool in, uint32_t count) {
     const uint32_t left = bytes_left(head) - count;
     head[QH_TOKEN] = (head[QH_TOKEN] & ~(TOKEN_TOTAL_MASK << TOKEN_TOTAL_SHIFT)) | left << TOKEN_TOTAL_SHIFT;
@@ -185,7 +189,8 @@ rt_usb_answer_t rt_usb_setup(rt1062_t *m, uint8_t address, const uint8_t packet[
     return RT_USB_ACK;
 }
 
-rt_usb_answer_t rt_usb_out(rt1062_t *m, uint8_t address, uint32_t endpoint, bool toggle, const uint8_t *bytes, uint32_t count) {
+rt_usb_answer_t rt_usb_out(rt1062_t *m, uint8_t address, uint32_t endpoint, bool toggle, const uint8_t *bytes,
+                           uint32_t count) {
     rt_usb_t *u = &m->s.usb;
     const uint32_t bit = bit_of(endpoint, false);
     uint32_t room = 0;
@@ -213,7 +218,8 @@ rt_usb_answer_t rt_usb_out(rt1062_t *m, uint8_t address, uint32_t endpoint, bool
     return RT_USB_ACK;
 }
 
-rt_usb_answer_t rt_usb_in(rt1062_t *m, uint8_t address, uint32_t endpoint, bool *toggle, uint8_t *bytes, uint32_t *count) {
+rt_usb_answer_t rt_usb_in(rt1062_t *m, uint8_t address, uint32_t endpoint, bool *toggle, uint8_t *bytes,
+                          uint32_t *count) {
     rt_usb_t *u = &m->s.usb;
     const uint32_t bit = bit_of(endpoint, true);
     const rt_usb_answer_t answer = rt_usb_would(m, address, endpoint, true, count);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The host at the other end of the USB cable, as far as a CDC serial port needs one [USB 2.0, chapters 7.1.7, 9; CDC PSTN 1.2]. */
+/* The host at the other end of the USB cable, as far as a CDC serial port needs one. See [USB 2.0, chapters 7.1.7, 9;
+ * CDC PSTN 1.2]. */
 #include <string.h>
 
 #include "links.h"
@@ -37,7 +38,8 @@ static const uint64_t RECOVERY_NS = 10000000;
 static const uint64_t GAP_NS = 125000;          /* the host's program asks for its next transfer */
 static const uint64_t RETRY_NS = 5000;          /* until a token that got NAK is sent again */
 static const uint64_t PATIENCE_NS = 5000000000; /* [USB 2.0, 9.2.6.4] */
-/* What a packet's bytes and what is around them (token, synchronisation, handshake, gaps) take [USB 2.0, 5.11.3]: 55 bytes' time. */
+/* What a packet's bytes and what is around them (token, synchronisation, handshake, gaps) take [USB 2.0, 5.11.3]: 55
+ * bytes' time. */
 static const uint64_t AROUND_BYTES = 55;
 static const uint64_t BITS_PER_us[] = {12, 480};
 
@@ -221,8 +223,9 @@ static bool read_configuration(rt_usb_host_t *h) {
             take_endpoint(h, d);
         }
     }
-    return h->bulk_in != 0 && h->bulk_out != 0 && h->bulk_in_packet <= RT_USB_PACKET && h->bulk_out_packet <= RT_USB_PACKET &&
-           h->bulk_in_packet > 0 && h->bulk_out_packet > 0 && h->bulk_in < RT_USB_ENDPOINTS && h->bulk_out < RT_USB_ENDPOINTS;
+    return h->bulk_in != 0 && h->bulk_out != 0 && h->bulk_in_packet <= RT_USB_PACKET &&
+           h->bulk_out_packet <= RT_USB_PACKET && h->bulk_in_packet > 0 && h->bulk_out_packet > 0 &&
+           h->bulk_in < RT_USB_ENDPOINTS && h->bulk_out < RT_USB_ENDPOINTS;
 }
 
 /* @return false: what came makes no sense. */

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* USBPHY1, the transceiver of USB1 [RM, chapter USB-PHY]. Each register has one to set, one to clear and one to toggle bits beside it. */
+/* USBPHY1, the transceiver of USB1 [RM, chapter USB-PHY]. Each register has one to set, one to clear and one to toggle
+ * bits beside it. */
 #include "devices.h"
 #include "machine.h"
 #include "usb.h"

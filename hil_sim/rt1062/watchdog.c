@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * WDOG3 (i.MX RT1060 RM, chapter RTWDOG; bits, reset values and the window of 128 bus clocks: the vendor's SVD file). What that leaves
- * open is as in the manual of the same block in NXP's MWCT101xS (chapter "Watchdog timer"): "Unlocking the watchdog", "Using interrupts to
- * delay resets". Configuring anew does not set the counter back here: neither says that it would.
+ * WDOG3 (i.MX RT1060 RM, chapter RTWDOG; bits, reset values and the window of 128 bus clocks: the vendor's SVD file).
+ * What that leaves open is as in the manual of the same block in NXP's MWCT101xS, chapter "Watchdog timer". There see
+ * "Unlocking the watchdog", "Using interrupts to delay resets". Configuring anew does not set the counter back here:
+ * neither says that it would.
  */
 #include "watchdog.h"
 
@@ -35,7 +36,7 @@ enum {
 #define CS_FLG (1u << 14)
 #define CS_WIN (1u << 15)
 #define CS_RESET 0x2980u
-#define CS_CONFIGURED                                                                                                          \
+#define CS_CONFIGURED                                                                                                  \
     (CS_UPDATE | CS_INT | CS_EN | CS_PRES | CS_CMD32EN | CS_WIN | 0x307u) /* CLK, DBG, WAIT and STOP besides */
 enum { WROTE_CS = 1, WROTE_TOVAL = 2, WROTE_WIN = 4 };
 
@@ -107,8 +108,9 @@ void rt_watchdog_event(rt1062_t *m) {
 static void refresh(rt1062_t *m) {
     rt_watchdog_t *w = &m->s.watchdog;
     if ((w->cs & CS_WIN) != 0 && count_now(m) < w->win) {
-        rt_finding(m, RT1062_FINDING_WATCHDOG, "WDOG3 is refreshed at count %u, before its window opens at %u: it bites",
-                   (unsigned)count_now(m), (unsigned)w->win);
+        rt_finding(m, RT1062_FINDING_WATCHDOG,
+                   "WDOG3 is refreshed at count %u, before its window opens at %u: it bites", (unsigned)count_now(m),
+                   (unsigned)w->win);
         bite(m);
         return;
     }
@@ -276,8 +278,8 @@ static void watchdog_reset(rt1062_t *m) {
 }
 
 /*
- * Out of reset it would bite after 31 ms, and the core never touches it: so the ROM turns it off. Teensy programs unlock it later
- * on, so the ROM sets UPDATE.
+ * Out of reset it would bite after 31 ms, and the core never touches it: so the ROM turns it off. Teensy programs
+ * unlock it later on, so the ROM sets UPDATE.
  */
 void rt_watchdog_after_rom(rt1062_t *m) {
     m->s.watchdog.cs = CS_CMD32EN | CS_RCS | CS_UPDATE | 1u << 8;

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "drivers_gen.h"
 #include "hil_sim/schema.h"
 #include "parts.h"
 #include "spd3.h"
@@ -14,7 +15,8 @@ typedef struct complaint_t {
     uint32_t size;
 } complaint_t;
 
-static hil_result_t refuse(const complaint_t *complaint, const char *name, int32_t index, double value, const char *allowed) {
+static hil_result_t refuse(const complaint_t *complaint, const char *name, int32_t index, double value,
+                           const char *allowed) {
     if (complaint->size > 0) {
         char element[16] = "";
         if (index >= 0) {
@@ -37,7 +39,8 @@ static double element_of(const hil_world_config_t *config, const hil_number_t *n
     return value;
 }
 
-static hil_result_t check_number(const hil_world_config_t *config, const hil_number_t *number, const complaint_t *complaint) {
+static hil_result_t check_number(const hil_world_config_t *config, const hil_number_t *number,
+                                 const complaint_t *complaint) {
     const uint32_t count = number->count == 0 ? config->wheels : number->count;
     for (uint32_t i = 0; i < count; i++) {
         const double value = element_of(config, number, i);
@@ -57,7 +60,8 @@ static hil_result_t check_plant(const hil_world_config_t *config, const complain
     double rolling[6] = {0.0};
     for (uint32_t i = 0; i < config->wheels; i++) {
         const double angle_rad = config->wheel_angle_rad[i];
-        hil_spd3_add(rolling, 1.0, -sin(angle_rad), cos(angle_rad), config->wheel_distance_m[i] / config->wheel_distance_m[0]);
+        hil_spd3_add(rolling, 1.0, -sin(angle_rad), cos(angle_rad),
+                     config->wheel_distance_m[i] / config->wheel_distance_m[0]);
     }
     hil_spd3_t factors;
     hil_spd3_factor(&factors, rolling);
@@ -70,7 +74,8 @@ static hil_result_t check_plant(const hil_world_config_t *config, const complain
     return HIL_OK;
 }
 
-static hil_result_t check_direction(const char *name, const int32_t *direction, uint32_t wheels, const complaint_t *complaint) {
+static hil_result_t check_direction(const char *name, const int32_t *direction, uint32_t wheels,
+                                    const complaint_t *complaint) {
     for (uint32_t i = 0; i < wheels; i++) {
         if (direction[i] == 0) {
             return refuse(complaint, name, (int32_t)i, direction[i], "1 or -1");
@@ -86,7 +91,8 @@ static hil_result_t check_channels(const hil_world_config_t *config, const compl
         const bool first = n % 2 == 0;
         const uint32_t channel = (uint32_t)(first ? config->in1_channel[wheel] : config->in2_channel[wheel]);
         if ((used & 1u << channel) != 0) {
-            return refuse(complaint, first ? "in1_channel" : "in2_channel", (int32_t)wheel, channel, "each channel once");
+            return refuse(complaint, first ? "in1_channel" : "in2_channel", (int32_t)wheel, channel,
+                          "each channel once");
         }
         used |= 1u << channel;
     }
@@ -97,11 +103,14 @@ static hil_result_t check_wiring(const hil_world_config_t *config, const complai
     if (config->i2c_stranger == config->pca9685_address) {
         return refuse(complaint, "i2c_stranger", -1, config->i2c_stranger, "an address that is not the PWM chip's");
     }
+    if (config->driver >= HIL_DRIVER_COUNT) {
+        return refuse(complaint, "driver", -1, config->driver, "a number of hil_driver_t");
+    }
     hil_result_t result = check_direction("encoder_direction", config->encoder_direction, config->wheels, complaint);
     if (result == HIL_OK) {
         result = check_direction("motor_direction", config->motor_direction, config->wheels, complaint);
     }
-    return result == HIL_OK && config->motor_driver == HIL_DRIVER_CHIP ? check_channels(config, complaint) : result;
+    return result == HIL_OK && !HIL_DRIVERS[config->driver].on_pins ? check_channels(config, complaint) : result;
 }
 
 static hil_result_t check_fault(const hil_world_config_t *config, uint32_t index, const complaint_t *complaint) {

@@ -36,7 +36,8 @@ bool hil_drv8871_open(const hil_drv8871_t *bridge) {
 }
 
 /* Share of the period in which the diodes conduct after the drive. `side`: sign of the drive. */
-static hil_real_t diode_share(const hil_drv8871_t *bridge, const hil_winding_t *winding, hil_real_t supply_V, hil_real_t side) {
+static hil_real_t diode_share(const hil_drv8871_t *bridge, const hil_winding_t *winding, hil_real_t supply_V,
+                              hil_real_t side) {
     const hil_real_t tau_s = winding->inductance_H / winding->resistance_ohm;
     const hil_real_t emf_V = side * winding->back_emf_V;
     const hil_real_t on = hil_abs(bridge->drive) * bridge->period_s / tau_s;
@@ -55,10 +56,12 @@ hil_real_t hil_drv8871_mean_V(const hil_drv8871_t *bridge, const hil_winding_t *
     return driven_V - side * share * (supply_V + 2.0 * DIODE_V) + (bridge->coast - share) * winding->back_emf_V;
 }
 
-hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, double time_s, hil_real_t *current_A) {
+hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, double time_s,
+                                 hil_real_t *current_A) {
     const hil_real_t side = hil_copysign(1.0, *current_A);
     const hil_real_t start_A = hil_abs(*current_A);
-    const hil_real_t against_V = supply_V + 2.0 * DIODE_V + side * winding->back_emf_V + winding->resistance_ohm * start_A;
+    const hil_real_t against_V =
+        supply_V + 2.0 * DIODE_V + side * winding->back_emf_V + winding->resistance_ohm * start_A;
     const hil_real_t slope = hil_max(against_V, DIODE_V) / winding->inductance_H;
     const hil_real_t end_A = hil_max(start_A - slope * time_s, 0.0);
     const hil_real_t dying_s = hil_min(start_A / slope, time_s);

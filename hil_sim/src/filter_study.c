@@ -47,9 +47,10 @@ static void finish(const hil_filter_config_t *config, const hil_filter_sums_t *s
 }
 
 static bool in_range(const hil_filter_config_t *config) {
-    return config->steps > 0 && config->step_s > 0.0 && config->step_s <= 1.0 && (config->wheels == 3 || config->wheels == 4) &&
-           config->controlled < HIL_FILTER_COUNT && config->drive <= HIL_FILTER_DRIVE_ESTIMATE &&
-           config->raw <= HIL_FILTER_RAW_OPEN_LOOP && config->fix <= HIL_FILTER_FIX_OWN;
+    return config->steps > 0 && config->step_s > 0.0 && config->step_s <= 1.0 &&
+           (config->wheels == 3 || config->wheels == 4) && config->controlled < HIL_FILTER_COUNT &&
+           config->drive <= HIL_FILTER_DRIVE_ESTIMATE && config->raw <= HIL_FILTER_RAW_OPEN_LOOP &&
+           config->fix <= HIL_FILTER_FIX_OWN;
 }
 
 int32_t hil_filter_study(const hil_filter_config_t *config, const double *reference, const double *rate, uint64_t seed,
@@ -82,8 +83,8 @@ static hil_filter_eight_t *path_of(hil_filter_path_t path) {
 }
 
 /* Up to eight seeds; too few are filled up. @return false if they cannot go together. */
-static bool run_eight(hil_filter_eight_t *eight, const hil_filter_config_t *config, const double *reference, const double *rate,
-                      const uint64_t *seeds, uint32_t count, hil_filter_result_t *results) {
+static bool run_eight(hil_filter_eight_t *eight, const hil_filter_config_t *config, const double *reference,
+                      const double *rate, const uint64_t *seeds, uint32_t count, hil_filter_result_t *results) {
     uint64_t seed[HIL_FILTER_LANES];
     hil_filter_sums_t sums[HIL_FILTER_LANES];
     for (uint32_t i = 0; i < HIL_FILTER_LANES; i++) {
@@ -99,7 +100,8 @@ static bool run_eight(hil_filter_eight_t *eight, const hil_filter_config_t *conf
 }
 
 int32_t hil_filter_study_many(const hil_filter_config_t *config, const double *reference, const double *rate,
-                              const uint64_t *seeds, uint32_t count, hil_filter_path_t path, hil_filter_result_t *results) {
+                              const uint64_t *seeds, uint32_t count, hil_filter_path_t path,
+                              hil_filter_result_t *results) {
     hil_filter_eight_t *eight = path_of(path);
     if (!in_range(config)) {
         return -1;
@@ -110,7 +112,8 @@ int32_t hil_filter_study_many(const hil_filter_config_t *config, const double *r
     for (uint32_t done = 0; done < count;) {
         const uint32_t left = count - done;
         const uint32_t group = left < HIL_FILTER_LANES ? left : HIL_FILTER_LANES;
-        if (eight == NULL || group == 1 || !run_eight(eight, config, reference, rate, seeds + done, group, results + done)) {
+        if (eight == NULL || group == 1 ||
+            !run_eight(eight, config, reference, rate, seeds + done, group, results + done)) {
             for (uint32_t i = done; i < done + group; i++) {
                 if (hil_filter_study(config, reference, rate, seeds[i], &results[i], NULL) != 0) {
                     return -1;

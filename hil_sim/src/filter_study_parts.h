@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file filter_study_parts.h
- * The truth of the filter study, the control core's filters and controller around it, and the sums of a run. Compiled for one run and,
- * with other numbers, for eight at once (hil_sim/lanes).
+ * The truth of the filter study, the control core's filters and controller around it, and the sums of a run. Compiled
+ * for one run and, with other numbers, for eight at once (hil_sim/lanes).
  */
 #ifndef HIL_SIM_FILTER_STUDY_PARTS_H
 #define HIL_SIM_FILTER_STUDY_PARTS_H
@@ -100,8 +100,8 @@ bool hil_filter_begin(hil_filter_run_t *run, const hil_filter_config_t *config, 
                       const omni_uint_t *seed);
 
 /** One step. @param reference, rate of the whole run. @param fix of this step. */
-void hil_filter_step(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference, const double *rate,
-                     uint32_t step, hil_real_t *fix);
+void hil_filter_step(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference,
+                     const double *rate, uint32_t step, hil_real_t *fix);
 
 /** Fill in what `sums` says of the last step. */
 void hil_filter_end(hil_filter_run_t *run);

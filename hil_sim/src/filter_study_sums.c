@@ -48,8 +48,8 @@ bool hil_filter_begin(hil_filter_run_t *run, const hil_filter_config_t *config, 
     return hil_filter_stack_reset(&run->stack, config, reference);
 }
 
-void hil_filter_step(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference, const double *rate,
-                     uint32_t step, hil_real_t *fix) {
+void hil_filter_step(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference,
+                     const double *rate, uint32_t step, hil_real_t *fix) {
     const double *wanted = reference + 3 * (size_t)step;
     hil_filter_control(&run->stack, config, wanted, rate + 3 * (size_t)step);
     hil_filter_truth_motors(&run->truth, config, run->stack.voltage, step);

@@ -2,18 +2,15 @@
 #include "in_process.h"
 #include "omni/bridge.h"
 #include "omni/loop.h"
+#include "take_readings_gen.h"
 
 static omni_pose_t to_pose(const hil_real_t *pose) {
     return (omni_pose_t){(omni_real_t)pose[0], (omni_real_t)pose[1], (omni_real_t)pose[2]};
 }
 
-static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors, uint32_t wheels) {
+static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors) {
     inputs->time_us = sensors->time_us;
-    for (uint32_t i = 0; i < wheels; i++) {
-        inputs->counts[i] = sensors->counts[i];
-    }
-    inputs->counts_valid = sensors->counts_valid;
-    inputs->battery_V = (omni_real_t)sensors->battery_V;
+    take_readings(inputs, sensors);
     const bool failed = sensors->i2c_status != 0;
     inputs->driver_failures = failed ? omni_more_failures(inputs->driver_failures, 1) : 0;
     inputs->events |= sensors->stop_button ? (uint32_t)OMNI_EVENT_ESTOP : 0u;
@@ -48,7 +45,7 @@ static void drive(hil_world_t *world, const omni_outputs_t *outputs) {
 void hil_in_process_tick(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs) {
     hil_sensors_t sensors;
     hil_world_sense(world, &sensors);
-    take_sensors(inputs, &sensors, world->config.wheels);
+    take_sensors(inputs, &sensors);
     omni_robot_tick(robot, inputs, outputs);
     inputs->events = 0;
     enable(world, inputs, outputs);

@@ -3,6 +3,7 @@
 #include <omni/mavlink.h>
 #include <string.h>
 
+#include "fill_readings_gen.h"
 #include "hil_sim/runner.h"
 #include "record.h"
 #include "wire.h"
@@ -46,15 +47,14 @@ static uint32_t fix_frame(hil_lockstep_t *link, mavlink_status_t *status, const 
     return mavlink_msg_to_send_buffer(bytes, &frame);
 }
 
-static uint32_t sensors_frame(hil_lockstep_t *link, mavlink_status_t *status, const hil_sensors_t *sensors, uint8_t *bytes) {
+static uint32_t sensors_frame(hil_lockstep_t *link, mavlink_status_t *status, const hil_sensors_t *sensors,
+                              uint8_t *bytes) {
     mavlink_omni_hil_sensors_t message = {.time_us = sensors->time_us,
                                           .sequence = link->sequence,
-                                          .battery_voltage = (float)sensors->battery_V,
-                                          .counts_valid = sensors->counts_valid,
                                           .i2c_status = sensors->i2c_status,
                                           .i2c_read_length = sensors->i2c_read_length,
                                           .stop_button = sensors->stop_button};
-    memcpy(message.counts, sensors->counts, sizeof message.counts);
+    fill_readings(&message, sensors);
     memcpy(message.i2c_read, sensors->i2c_read, sizeof message.i2c_read);
     mavlink_message_t frame;
     mavlink_msg_omni_hil_sensors_encode_status(link->system_id, link->component_id, status, &frame, &message);
@@ -162,7 +162,8 @@ static hil_result_t read_some(hil_lockstep_t *link, int64_t deadline_us) {
     uint32_t got = 0;
     const uint32_t room = HIL_LOCKSTEP_INPUT - link->input_length;
     omni_patience_t *patience = link->realtime_factor > 0.0 ? NULL : &link->patience;
-    const hil_result_t result = hil_wire_read(link->fd, patience, link->input + link->input_length, room, deadline_us, &got);
+    const hil_result_t result =
+        hil_wire_read(link->fd, patience, link->input + link->input_length, room, deadline_us, &got);
     link->input_length += got;
     return result;
 }
@@ -295,7 +296,8 @@ static hil_result_t tick(hil_lockstep_t *link, hil_world_t *world, hil_record_t 
     return result;
 }
 
-hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record, uint64_t *done) {
+hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record,
+                              uint64_t *done) {
     hil_result_t result = HIL_OK;
     for (*done = 0; *done < ticks && has_room(link); ++*done) {
         if (link->serve_ticks != 0 && link->ticks % link->serve_ticks == 0) {

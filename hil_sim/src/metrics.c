@@ -69,7 +69,8 @@ static void add_path_tick(hil_metrics_t *metrics, const hil_world_t *world, cons
     add_tracking(metrics, metrics->final_error);
     add_estimate(metrics, world, &outputs->pose);
     add_wheels(metrics, world);
-    const omni_real_t scale = hil_select(outputs->wheel_scale < outputs->duty_scale, outputs->wheel_scale, outputs->duty_scale);
+    const omni_real_t scale =
+        hil_select(outputs->wheel_scale < outputs->duty_scale, outputs->wheel_scale, outputs->duty_scale);
     metrics->cut_ticks += hil_select((hil_real_t)scale < 1.0, (hil_real_t)1.0, (hil_real_t)0.0);
     const hil_real_t accepted = (hil_real_t)outputs->fixes_accepted - metrics->fixes_last;
     metrics->nis += accepted * (hil_real_t)outputs->nis;

@@ -43,14 +43,14 @@ typedef struct hil_plant_model_t {
 } hil_plant_model_t;
 
 /** What a plant that goes in substeps does in one. */
-typedef void hil_substep_t(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y,
-                           double step_s);
+typedef void hil_substep_t(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                           hil_motion_t *y, double step_s);
 
 /* plant.c */
 const hil_plant_model_t *hil_plant_model(uint32_t plant);
 /**
- * A tick in substeps of at most 0.25 ms, positions by the midpoint rule. @param fit makes wheels and body fit together before the
- * first one, because imposed slip may have changed since the last step; NULL: they need not.
+ * A tick in substeps of at most 0.25 ms, positions by the midpoint rule. @param fit makes wheels and body fit together
+ * before the first one, because imposed slip may have changed since the last step; NULL: they need not.
  */
 void hil_march(hil_world_t *world, const hil_electrics_t *electrics, double step_s,
                void (*fit)(const hil_world_t *world, hil_motion_t *y), hil_substep_t *substep);
@@ -67,8 +67,12 @@ static inline void hil_plant_reduce(hil_plant_t *plant) {
 
 /* plant_contact.c: wheels on the floor, for plants with a contact or motors */
 /** Before the substeps of a tick. */
-void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const hil_electrics_t *electrics, double step_s);
-void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y);
+void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const hil_electrics_t *electrics,
+                       double step_s);
+void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                         hil_motion_t *y);
+/** A tick of a plant that is nothing but wheels on the floor, with the constants of its hil_plant_t. */
+void hil_contact_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
 
 /* plant_kinematic.c */
 /** Body velocity that fits the wheels' speeds and the imposed slip best, in least squares. */

@@ -4,7 +4,8 @@
 
 #include "parts.h"
 
-void hil_motors_apply_inputs(hil_world_t *world, uint32_t wheel, hil_real_t phase1, hil_real_t phase2, double period_s) {
+void hil_motors_apply_inputs(hil_world_t *world, uint32_t wheel, hil_real_t phase1, hil_real_t phase2,
+                             double period_s) {
     hil_drv8871_inputs(&world->bridge[wheel], world->in1[wheel], phase1, world->in2[wheel], phase2, period_s);
 }
 

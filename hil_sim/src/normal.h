@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file normal.h
- * Philox4x32-10 and standard normals from its words, in single precision by IEEE operations only: the same bits on every machine, in C
- * and in lanes.
+ * Philox4x32-10 and standard normals from its words, in single precision by IEEE operations only. They give the same
+ * bits on every machine, in C and in lanes.
  *
- * Box-Muller: R = sqrt(-2 ln u), normals R cos(a) and R sin(a). u is the middle of one of 2^32 cells of (0, 1), so |normal| <= 6.77;
- * beyond that lie 1.3e-11 of a normal distribution. A normal is within 4e-7 R of the exact one for the same words.
+ * Box-Muller: R = sqrt(-2 ln u), normals R cos(a) and R sin(a). Here u is the middle of one of 2^32 cells of (0, 1), so
+ * |normal| <= 6.77. Beyond that lie 1.3e-11 of a normal distribution. A normal is within 4e-7 R of the exact one for
+ * the same words.
  */
 #ifndef HIL_SIM_NORMAL_H
 #define HIL_SIM_NORMAL_H
@@ -44,7 +45,8 @@ static inline omni_real_t hil_cell_middle(omni_uint_t word) {
 
 /** -ln((word + 1/2) / 2^32), relative error <= 4e-7 all the way to 0 and to 22.9. */
 static inline omni_real_t hil_minus_log(omni_uint_t word) {
-    /* In the uppermost quarter u = 1 - w, and it is w that single precision can tell apart. Elsewhere u = m 2^-k, 3/4 <= m < 3/2. */
+    /* In the uppermost quarter u = 1 - w, and it is w that single precision can tell apart. Elsewhere u = m 2^-k, 3/4
+     * <= m < 3/2. */
     const omni_uint_t mirrored = omni_select(word >= 0xC0000000u, word ^ 0xFFFFFFFFu, word);
     const omni_real_t middle = hil_cell_middle(mirrored);
     const omni_uint_t exponent = (hil_bits(middle) - 0x3EC00000u) >> 23; /* 0x3EC00000: 3/8 */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file numbers.h
- * What C does to the single bits of the core's numbers, for sources that are compiled for one run and for eight runs at once; hil_sim/lanes
- * has its own for eight.
+ * The single bits of the core's numbers, in C. For sources that are compiled for one run and for eight runs at once.
+ * The folder hil_sim/lanes has its own for eight.
  */
 #ifndef HIL_SIM_NUMBERS_H
 #define HIL_SIM_NUMBERS_H

@@ -22,7 +22,8 @@ enum {
 /** Bits of i2c_status. */
 enum { HIL_I2C_NOT_ACKNOWLEDGED = 1, HIL_I2C_BUS_STUCK = 2 };
 
-/** How the electrics act on the motion during a step: V_i = gain_i * supply + offset_i, or a current that the winding can't change. */
+/** How the electrics act on the motion during a step: V_i = gain_i * supply + offset_i, or a current that the winding
+ * can't change. */
 typedef struct hil_electrics_t {
     hil_real_t gain[HIL_MAX_WHEELS];
     hil_real_t offset_V[HIL_MAX_WHEELS];
@@ -79,6 +80,22 @@ static inline hil_real_t hil_fault_value(const hil_world_t *world, uint8_t kind,
     const hil_fault_t *fault = hil_fault_find(world, kind, HIL_MAX_WHEELS);
     return fault != NULL ? (hil_real_t)fault->value : otherwise;
 }
+
+/** What a bridge does, as the levels of IN1 (bit 0) and IN2 (bit 1) that make one with these inputs do it. */
+typedef enum hil_bridge_action_t {
+    HIL_BRIDGE_COAST = 0,
+    HIL_BRIDGE_FORWARD = 1,
+    HIL_BRIDGE_BACKWARD = 2,
+    HIL_BRIDGE_BRAKE = 3
+} hil_bridge_action_t;
+
+/** What a motor driver's bridges do, by its number in hil_driver_t; `motor_drivers` in shared/params.toml. */
+typedef struct hil_driver_rule_t {
+    bool on_pins;      /**< of the processor; otherwise behind the PWM chip, and the rest is of no effect */
+    uint8_t low;       /**< hil_bridge_action_t while both pins are low: coast or brake */
+    uint8_t single[2]; /**< while the first, or the second, is high alone */
+    uint8_t both;      /**< while both are high */
+} hil_driver_rule_t;
 
 /* world_step.c */
 /** Whether the chip takes OE for high. @param drive hil_output_enable_t */

@@ -153,8 +153,8 @@ static void write_register(hil_pca9685_t *chip, uint8_t value) {
     }
 }
 
-/* Touching the PWM registers forgets the interrupted state: any of them if outputs change on STOP, all four of a channel
- * if they change on ACK. */
+/* Touching the PWM registers forgets the interrupted state. Any of them does if outputs change on STOP, all four of a
+ * channel if they change on ACK. */
 static bool forgets_restart(const hil_pca9685_t *chip, uint32_t led_writes) {
     const bool on_ack = (chip->registers[MODE2] & MODE2_OCH) != 0;
     return led_writes >= (on_ack ? (uint32_t)CHANNEL_REGISTERS : 1u);

@@ -4,7 +4,8 @@
 #include "motion.h"
 #include "plants_gen.h"
 
-/* The reference tests allow 1e-3 after a second of full-scale steps of the voltages: 0.33 ms is 4e-3 off where wheels break away. */
+/* The reference tests allow 1e-3 after a second of full-scale steps of the voltages: 0.33 ms is 4e-3 off where wheels
+ * break away. */
 static const double SUBSTEP_MAX_s = 0.25e-3;
 
 const hil_plant_model_t *hil_plant_model(uint32_t plant) {

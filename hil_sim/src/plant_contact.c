@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /* What plants full and slip are made of: rigid body, wheels on the floor and winding currents, in the body frame.
  *
- * Creep on the floor is stiff: thousands per second, and more with a heavier grip. Each substep is one step of the two-stage Rosenbrock
- * W-method of Verwer, Spee, Blom and Hundsdorfer (SIAM J. Sci. Comput. 20, 1999): second order whatever the matrix A, damping stiff modes
- * without iteration:
+ * Creep on the floor is stiff: thousands per second, and more with a heavier grip. Each substep is one step of the
+ * two-stage Rosenbrock W-method of Verwer, Spee, Blom and Hundsdorfer (SIAM J. Sci. Comput. 20, 1999): second order
+ * whatever the matrix A, damping stiff modes without iteration:
+ *
  *     (1 - g h A) k1 = f(y),  (1 - g h A) k2 = f(y + h k1) - 2 k1,  y' = y + 3/2 h k1 + 1/2 h k2,  g = 1 - 1/sqrt 2.
- * A has friction, traction, winding and roller drag. Eliminating current and speed of each wheel leaves three equations of the body,
- * which are solved in newtons: k->v is mass times rate until then.
+ *
+ * A has friction, traction, winding and roller drag. Eliminating current and speed of each wheel leaves three equations
+ * of the body. They are solved in newtons: k->v is mass times rate until then.
  *
  * Everything is unrolled over the n wheels, 3 or 4. */
 #include <string.h>
@@ -32,7 +34,8 @@ typedef struct slopes_t {
     hil_real_t supply_V;
 } slopes_t;
 
-HIL_INLINE void prepare(hil_contact_t *c, const hil_world_t *world, const hil_electrics_t *electrics, double step_s, int n) {
+HIL_INLINE void prepare(hil_contact_t *c, const hil_world_t *world, const hil_electrics_t *electrics, double step_s,
+                        int n) {
     const hil_world_config_t *config = &world->config;
     const hil_plant_t *plant = &world->plant;
     c->h = step_s;
@@ -56,10 +59,12 @@ HIL_INLINE void prepare(hil_contact_t *c, const hil_world_t *world, const hil_el
     c->mass[5] = config->inertia_kg_m2;
 }
 
-HIL_INLINE void wheel_forces(const hil_world_t *world, const hil_contact_t *c, const hil_motion_t *y, slopes_t *slopes, int n) {
+HIL_INLINE void wheel_forces(const hil_world_t *world, const hil_contact_t *c, const hil_motion_t *y, slopes_t *slopes,
+                             int n) {
     const hil_plant_t *plant = &world->plant;
     for (int i = 0; i < n; i++) {
-        const hil_real_t floor_m_s = plant->along_x[i] * y->v[0] + plant->along_y[i] * y->v[1] + plant->arm_m[i] * y->v[2];
+        const hil_real_t floor_m_s =
+            plant->along_x[i] * y->v[0] + plant->along_y[i] * y->v[1] + plant->arm_m[i] * y->v[2];
         const hil_real_t creep_m_s = c->rim_m[i] * y->w[i] - world->slip_speed_m_s[i] - floor_m_s;
         const hil_real_t linear_N = plant->stiffness_N_s_m * creep_m_s;
         const hil_real_t x = linear_N * plant->inverse_limit_N;
@@ -68,7 +73,8 @@ HIL_INLINE void wheel_forces(const hil_world_t *world, const hil_contact_t *c, c
     }
 }
 
-HIL_INLINE hil_real_t supply_V(const hil_world_t *world, const hil_electrics_t *electrics, const hil_motion_t *y, int n) {
+HIL_INLINE hil_real_t supply_V(const hil_world_t *world, const hil_electrics_t *electrics, const hil_motion_t *y,
+                               int n) {
     hil_real_t load_A = electrics->drive[0] * y->i[0];
     for (int i = 1; i < n; i++) {
         load_A += electrics->drive[i] * y->i[i];
@@ -88,11 +94,13 @@ HIL_INLINE void wheel_rates(const hil_world_t *world, const hil_electrics_t *ele
         rate->w[i] = (config->motor_constant_N_m_A * y->i[i] - friction - plant->radius_m[i] * slopes->traction_N[i]) *
                      plant->inverse_motor_inertia;
         const hil_real_t volts = electrics->gain[i] * slopes->supply_V + electrics->offset_V[i];
-        rate->i[i] = c->inductance[i] * (volts - config->motor_resistance_ohm * y->i[i] - config->motor_constant_N_m_A * w);
+        rate->i[i] =
+            c->inductance[i] * (volts - config->motor_resistance_ohm * y->i[i] - config->motor_constant_N_m_A * w);
     }
 }
 
-HIL_INLINE void body_forces(const hil_world_t *world, const hil_motion_t *y, const slopes_t *slopes, hil_real_t *force, int n) {
+HIL_INLINE void body_forces(const hil_world_t *world, const hil_motion_t *y, const slopes_t *slopes, hil_real_t *force,
+                            int n) {
     const hil_plant_t *plant = &world->plant;
     /* The frame turns with the body. */
     const hil_real_t turning = world->config.mass_kg * y->v[2];
@@ -106,15 +114,16 @@ HIL_INLINE void body_forces(const hil_world_t *world, const hil_motion_t *y, con
     }
 }
 
-HIL_INLINE void rates(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c, const hil_motion_t *y,
-                      slopes_t *slopes, hil_motion_t *rate, int n) {
+HIL_INLINE void rates(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
+                      const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate, int n) {
     wheel_forces(world, c, y, slopes, n);
     slopes->supply_V = supply_V(world, electrics, y, n);
     wheel_rates(world, electrics, c, y, slopes, rate, n);
     body_forces(world, y, slopes, rate->v, n);
 }
 
-HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_contact_t *c, const slopes_t *slopes, int n) {
+HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_contact_t *c, const slopes_t *slopes,
+                       int n) {
     const hil_plant_t *plant = &world->plant;
     hil_real_t m[6];
     memcpy(m, c->mass, sizeof m);
@@ -135,7 +144,8 @@ HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_con
 }
 
 /* In: forces on the body, rates of the wheels; out: rates. */
-HIL_INLINE void solve(const solver_t *solver, const hil_contact_t *c, const hil_plant_t *plant, hil_motion_t *k, int n) {
+HIL_INLINE void solve(const solver_t *solver, const hil_contact_t *c, const hil_plant_t *plant, hil_motion_t *k,
+                      int n) {
     hil_real_t force[3] = {k->v[0], k->v[1], k->v[2]};
     for (int i = 0; i < n; i++) {
         k->i[i] *= c->current[i];
@@ -175,8 +185,8 @@ HIL_INLINE void second_stage(const hil_world_config_t *config, const hil_motion_
     }
 }
 
-HIL_INLINE void rosenbrock(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c, hil_motion_t *y,
-                           slopes_t *slopes, int n) {
+HIL_INLINE void rosenbrock(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
+                           hil_motion_t *y, slopes_t *slopes, int n) {
     hil_motion_t k1, k2, stage;
     solver_t solver;
     rates(world, electrics, c, y, slopes, &k1, n);
@@ -190,8 +200,8 @@ HIL_INLINE void rosenbrock(const hil_world_t *world, const hil_electrics_t *elec
     add(y, y, 0.5 * c->h, &k2, n);
 }
 
-HIL_INLINE void contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c, hil_motion_t *y,
-                                int n) {
+HIL_INLINE void contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
+                                hil_motion_t *y, int n) {
     slopes_t slopes;
     rosenbrock(world, electrics, c, y, &slopes, n);
     for (int i = 0; i < n; i++) {
@@ -200,7 +210,8 @@ HIL_INLINE void contact_substep(hil_world_t *world, const hil_electrics_t *elect
     world->supply_V = slopes.supply_V;
 }
 
-void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
+void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const hil_electrics_t *electrics,
+                       double step_s) {
     if (world->config.wheels == 3) {
         prepare(contact, world, electrics, step_s, 3);
     } else {
@@ -208,10 +219,21 @@ void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const h
     }
 }
 
-void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y) {
+void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                         hil_motion_t *y) {
     if (world->config.wheels == 3) {
         contact_substep(world, electrics, contact, y, 3);
     } else {
         contact_substep(world, electrics, contact, y, 4);
     }
+}
+
+static void floor_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                          hil_motion_t *y, double step_s) {
+    (void)step_s;
+    hil_contact_substep(world, electrics, contact, y);
+}
+
+void hil_contact_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
+    hil_march(world, electrics, step_s, NULL, floor_substep);
 }

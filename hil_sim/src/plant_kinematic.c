@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* Rolling with imposed slip (15)-(23): body velocity from the wheels' speeds.
  *
- * Every contact says r w_i (1 - s_i) - u_i = t_i . (v + wz x p_i). Three wheels say it exactly; four contradict each other by what slips,
- * and the velocity in between is the one of least squares. */
+ * Every contact says r w_i (1 - s_i) - u_i = t_i . (v + wz x p_i). Three wheels say it exactly; four contradict each
+ * other by what slips, and the velocity in between is the one of least squares. */
 #include <string.h>
 
 #include "motion.h"

@@ -12,8 +12,8 @@ static void motors_fit(const hil_world_t *world, hil_motion_t *y) {
     hil_rolling_twist(world, y->w, y->v);
 }
 
-static void motors_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y,
-                           double step_s) {
+static void motors_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                           hil_motion_t *y, double step_s) {
     (void)step_s;
     hil_contact_substep(world, electrics, contact, y);
     hil_rolling_twist(world, y->w, y->v);

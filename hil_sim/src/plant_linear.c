@@ -3,8 +3,9 @@
  *
  *     M dv/dt = sum over the wheels of (T_i / r_i) (t_i, d_i) - B v - C sgn(v),   T_i = K (V_i - K w_i) / R
  *     r_i w_i (1 - s_i) - u_i = t_i . (v + wz x p_i)
- * B = diag(B_v, B_vn, B_w), C = diag(C_v, C_vn, C_w); M is the body's plus J / (r_i^2 (1 - s_i)) from each wheel. The same Rosenbrock
- * W-method as in plant_contact.c, with friction and back EMF in A, because Coulomb friction is stiff at rest. */
+ * B = diag(B_v, B_vn, B_w), C = diag(C_v, C_vn, C_w); M is the body's plus J / (r_i^2 (1 - s_i)) from each wheel. The
+ * same Rosenbrock W-method as in plant_contact.c, with friction and back EMF in A, because Coulomb friction is stiff at
+ * rest. */
 #include <string.h>
 
 #include "motion.h"
@@ -58,7 +59,8 @@ static void linear_wheels(const hil_world_t *world, const hil_real_t *v, hil_rea
 }
 
 /* Winding currents without inductance; those that the winding can't change stay. */
-static void currents(const hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *w, hil_real_t *current_A) {
+static void currents(const hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *w,
+                     hil_real_t *current_A) {
     const hil_world_config_t *config = &world->config;
     for (uint32_t i = 0; i < config->wheels; i++) {
         if (electrics->closed[i] > 0.0) {
@@ -89,7 +91,8 @@ static void push_of_wheels(const hil_world_t *world, const hil_electrics_t *elec
     }
 }
 
-static void balance_at(const hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *v, balance_t *balance) {
+static void balance_at(const hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *v,
+                       balance_t *balance) {
     static const int DIAGONAL[3] = {0, 3, 5};
     const hil_world_config_t *config = &world->config;
     const hil_plant_t *plant = &world->plant;
@@ -110,8 +113,8 @@ static void times(const hil_real_t *m, const hil_real_t *x, hil_real_t *y) {
     y[2] = m[2] * x[0] + m[4] * x[1] + m[5] * x[2];
 }
 
-static void linear_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y,
-                           double step_s) {
+static void linear_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                           hil_motion_t *y, double step_s) {
     (void)contact;
     const hil_real_t gh = HIL_ROSENBROCK_GAMMA * step_s;
     balance_t first, second;

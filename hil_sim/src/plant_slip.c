@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Plant slip (6), (7): wheels on the floor as in `full`, without roller drag, Coulomb friction and battery resistance. */
+/* Plant slip (6), (7): wheels on the floor as in `full`, without roller drag, Coulomb friction and battery resistance.
+ */
 #include "motion.h"
 
 static void slip_init(hil_plant_t *plant, const hil_world_config_t *config) {
@@ -13,14 +14,5 @@ static void slip_source(hil_world_t *world, uint32_t source) {
     world->plant.viscous_N_m_s = source == HIL_SOURCE_TORQUE ? 0.0 : world->config.motor_viscous_N_m_s;
 }
 
-static void slip_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact, hil_motion_t *y,
-                         double step_s) {
-    (void)step_s;
-    hil_contact_substep(world, electrics, contact, y);
-}
-
-static void slip_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
-    hil_march(world, electrics, step_s, NULL, slip_substep);
-}
-
-const hil_plant_model_t hil_plant_slip = {.takes_torque = true, .init = slip_init, .source = slip_source, .step = slip_step};
+const hil_plant_model_t hil_plant_slip = {
+    .takes_torque = true, .init = slip_init, .source = slip_source, .step = hil_contact_step};

@@ -12,8 +12,8 @@ static void fail(hil_player_t *p, hil_run_status_t status, int32_t detail) {
     p->detail = detail;
 }
 
-void hil_player_init(hil_player_t *player, const hil_scenario_t *scenario, uint64_t seed, hil_run_t *run, hil_moment_t *moments,
-                     hil_path_t *path) {
+void hil_player_init(hil_player_t *player, const hil_scenario_t *scenario, uint64_t seed, hil_run_t *run,
+                     hil_moment_t *moments, hil_path_t *path) {
     memset(player, 0, sizeof *player);
     player->scenario = scenario;
     player->run = run;
@@ -51,7 +51,7 @@ static void set(hil_player_t *p, const hil_event_t *event) {
 }
 
 static void arm(hil_player_t *p) {
-    const uint32_t faults = omni_robot_arming_faults(&p->run->robot, &p->run->outputs);
+    const uint32_t faults = omni_robot_arming_faults(&p->run->robot);
     if (faults != 0) {
         fail(p, HIL_RUN_ARMING, (int32_t)faults);
     }

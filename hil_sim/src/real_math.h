@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** @file real_math.h  What the world computes with hil_real_t beyond + - * /; in a header because it is in the innermost loop. */
+/** @file real_math.h  What the world computes with hil_real_t beyond + - * /; in a header because it is in the
+ * innermost loop. */
 #ifndef HIL_SIM_REAL_MATH_H
 #define HIL_SIM_REAL_MATH_H
 
@@ -47,8 +48,8 @@ HIL_INLINE hil_real_t hil_floor(hil_real_t x) {
 }
 
 /**
- * Cosine and sine of an angle up to a million radians, to 4e-16: nearest quarter turn in three parts (Cody and Waite), then
- * Taylor's series on -pi/4..pi/4.
+ * Cosine and sine of an angle up to a million radians, to 4e-16. They come from the nearest quarter turn in three parts
+ * (Cody and Waite), then Taylor's series on -pi/4..pi/4.
  */
 HIL_INLINE void hil_cos_sin(hil_real_t angle_rad, hil_real_t *cos_sin) {
     static const double SIN_TAIL[6] = {1.0 / 6227020800.0, -1.0 / 39916800.0, 1.0 / 362880.0,

@@ -5,7 +5,8 @@
 #include <string.h>
 
 hil_sample_t *hil_record_row(hil_record_t *record, const hil_world_t *world) {
-    if (record == NULL || record->count >= record->capacity || record->every == 0 || world->steps % record->every != 0) {
+    if (record == NULL || record->count >= record->capacity || record->every == 0 ||
+        world->steps % record->every != 0) {
         return NULL;
     }
     hil_sample_t *row = &record->samples[record->count++];

@@ -5,7 +5,8 @@
 
 #include "hil_sim/runner.h"
 
-/** Row for this tick with the truth filled in, or NULL if none is due or there is no room. @param record may be NULL. */
+/** Row for this tick with the truth filled in, or NULL if none is due or there is no room. @param record may be NULL.
+ */
 hil_sample_t *hil_record_row(hil_record_t *record, const hil_world_t *world);
 
 /** Add the tick that the robot has just decided, if a row is due. @param record may be NULL. */

@@ -25,18 +25,6 @@ hil_result_t hil_run_init(hil_run_t *run, const hil_world_config_t *world, const
     return HIL_OK;
 }
 
-static const omni_trajectory_t *same_plan(hil_run_t *to, const hil_run_t *from, const omni_trajectory_t *plan) {
-    return plan == NULL ? NULL : &to->plan[plan - from->plan];
-}
-
-void hil_run_copy(hil_run_t *to, const hil_run_t *from) {
-    *to = *from;
-    to->record = NULL;
-    to->robot.config = &to->config[from->robot.config - from->config];
-    to->robot.guide.trajectory = same_plan(to, from, from->robot.guide.trajectory);
-    to->inputs.trajectory = same_plan(to, from, from->inputs.trajectory);
-}
-
 const omni_robot_config_t *hil_run_config(const hil_run_t *run) {
     return &run->config[run->config_used];
 }
@@ -50,7 +38,8 @@ void hil_run_set_config(hil_run_t *run, const omni_robot_config_t *config) {
 omni_result_t hil_run_start_trajectory(hil_run_t *run) {
     const omni_robot_config_t *config = hil_run_config(run);
     omni_trajectory_t *plan = &run->plan[run->plan_used ^ 1u];
-    const omni_result_t result = omni_trajectory_plan(plan, &config->trajectory, &config->kinematics, NULL, &run->outputs.pose);
+    const omni_result_t result =
+        omni_trajectory_plan(plan, &config->trajectory, &config->kinematics, NULL, &run->outputs.pose);
     if (result == OMNI_OK) {
         run->plan_used ^= 1u;
         omni_follow_plan(&run->inputs, plan);
@@ -68,8 +57,8 @@ void hil_run_advance(hil_run_t *run, uint64_t ticks) {
     run->ticks += ticks;
 }
 
-void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
-                        hil_record_t *record) {
+void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs,
+                        uint64_t ticks, hil_record_t *record) {
     for (uint64_t tick = 0; tick < ticks; tick++) {
         hil_in_process_tick(world, robot, inputs, outputs);
         hil_record_tick(record, world, outputs);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Imposed slip: per wheel a random ratio, drawn at evenly spaced knots and linear between, and a random speed, held from draw to draw. */
+/* Imposed slip: per wheel a random ratio, drawn at evenly spaced knots and linear between, and a random speed, held
+ * from draw to draw. */
 #include "hil_sim/random.h"
 #include "parts.h"
 

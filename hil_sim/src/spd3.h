@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** @file spd3.h  Symmetric positive definite systems of three equations; in a header because they are in the innermost loop. */
+/** @file spd3.h  Symmetric positive definite systems of three equations; in a header because they are in the innermost
+ * loop. */
 #ifndef HIL_SIM_SPD3_H
 #define HIL_SIM_SPD3_H
 

@@ -17,8 +17,9 @@ static void keep_larger(double *kept, double value) {
 }
 
 /* The same torques for a tick, but what the protection takes away. */
-static hil_result_t protected_tick(hil_world_t *world, const omni_kinematics_t *k, const omni_direct_torque_config_t *config,
-                                   const omni_twist_t *floor_world, const omni_real_t *asked_N_m, double *given_N_m) {
+static hil_result_t protected_tick(hil_world_t *world, const omni_kinematics_t *k,
+                                   const omni_direct_torque_config_t *config, const omni_twist_t *floor_world,
+                                   const omni_real_t *asked_N_m, double *given_N_m) {
     omni_real_t torque_N_m[OMNI_MAX_WHEELS], wheel_rad_s[OMNI_MAX_WHEELS];
     memcpy(torque_N_m, asked_N_m, sizeof torque_N_m);
     for (uint8_t i = 0; i < k->wheels; i++) {
@@ -44,9 +45,9 @@ static void record_slip(const hil_world_t *world, double *slip_m_s) {
     }
 }
 
-hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *k, const omni_direct_torque_config_t *config,
-                                   const omni_reference_t *reference, const omni_twist_t *floor_world, uint32_t ticks,
-                                   hil_torque_peaks_t *peaks) {
+hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *k,
+                                   const omni_direct_torque_config_t *config, const omni_reference_t *reference,
+                                   const omni_twist_t *floor_world, uint32_t ticks, hil_torque_peaks_t *peaks) {
     const omni_pose_t pose = true_pose(world);
     const omni_twist_t rate = true_twist(world);
     omni_real_t asked_N_m[OMNI_MAX_WHEELS] = {0};

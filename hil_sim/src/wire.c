@@ -16,7 +16,8 @@ int64_t hil_wire_now_us(void) {
 
 void hil_wire_sleep_until(int64_t wall_us) {
     for (int64_t left_us = wall_us - hil_wire_now_us(); left_us > 0; left_us = wall_us - hil_wire_now_us()) {
-        const struct timespec pause = {.tv_sec = (time_t)(left_us / 1000000), .tv_nsec = (long)(left_us % 1000000) * 1000};
+        const struct timespec pause = {.tv_sec = (time_t)(left_us / 1000000),
+                                       .tv_nsec = (long)(left_us % 1000000) * 1000};
         (void)nanosleep(&pause, NULL); /* a signal only makes another round */
     }
 }

@@ -2,6 +2,7 @@
 /* One tick of the world: bridges, step. */
 #include <string.h>
 
+#include "drivers_gen.h"
 #include "parts.h"
 
 enum { PWM_STEPS = 4096 };
@@ -10,7 +11,7 @@ enum { PWM_STEPS = 4096 };
 static const double CHIP_PERIOD_s = 4096.0 * 4.0 / 25e6;
 
 bool hil_has_chip(const hil_world_t *world) {
-    return world->config.motor_driver == HIL_DRIVER_CHIP;
+    return !HIL_DRIVERS[world->config.driver].on_pins;
 }
 
 static double direct_period_s(const hil_world_t *world) {
@@ -22,12 +23,17 @@ static void direct_to_bridges(hil_world_t *world) {
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         world->in1[i] = world->chip.output_enable_high ? 0.0 : world->direct_in1[i];
         world->in2[i] = world->chip.output_enable_high ? 0.0 : world->direct_in2[i];
-        hil_motors_apply_inputs(world, i, 0.0, 0.0, period_s);
+        hil_motors_apply_inputs(world, i, world->direct_phase1[i], world->direct_phase2[i], period_s);
     }
 }
 
+/* Of both inputs of a bridge whose pins are low. */
+static double resting_level(const hil_world_t *world) {
+    return HIL_DRIVERS[world->config.driver].low == HIL_BRIDGE_BRAKE ? 1.0 : 0.0;
+}
+
 void hil_bridges_init(hil_world_t *world) {
-    const hil_real_t level = world->config.motor_driver == HIL_DRIVER_PWM_DIR ? 1.0 : 0.0; /* PWM low brakes */
+    const double level = resting_level(world);
     world->direct = !hil_has_chip(world);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         world->direct_in1[i] = level;
@@ -43,8 +49,8 @@ static void chip_to_bridges(hil_world_t *world) {
         const uint32_t channel2 = (uint32_t)world->config.in2_channel[i];
         world->in1[i] = hil_pca9685_duty(&world->chip, channel1);
         world->in2[i] = hil_pca9685_duty(&world->chip, channel2);
-        hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1), hil_pca9685_phase(&world->chip, channel2),
-                                period_s);
+        hil_motors_apply_inputs(world, i, hil_pca9685_phase(&world->chip, channel1),
+                                hil_pca9685_phase(&world->chip, channel2), period_s);
     }
 }
 
@@ -86,11 +92,34 @@ void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hi
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const hil_real_t in1 = share_of_period(in1_steps[i]);
         const hil_real_t in2 = share_of_period(in2_steps[i]);
-        const hil_real_t rest = world->config.motor_driver == HIL_DRIVER_PWM_DIR ? 1.0 : 0.0; /* PWM low brakes */
+        const hil_real_t rest = resting_level(world);
+        world->direct_phase1[i] = 0.0;
+        world->direct_phase2[i] = 0.0;
         world->direct_in1[i] = hil_select(in1 + in2 <= 0.0, rest, in1);
         world->direct_in2[i] = hil_select(in1 + in2 <= 0.0, rest, in2);
     }
     hil_bridges_follow(world, true);
+}
+
+typedef struct pulse_t {
+    double rises; /* 0..1 */
+    double share;
+} pulse_t;
+
+/* A wheel's two pins rise together. So a period has three parts: both are high, the longer one alone is, none is.
+   Whatever a bridge does in each, its input is high in one piece, around the end of the period too.
+   @param input 0: IN1, 1: IN2. */
+static pulse_t pulse_of(const hil_driver_rule_t *rule, double first, double second, uint32_t input) {
+    const double shorter = first < second ? first : second;
+    const double longer = first < second ? second : first;
+    const bool both = (rule->both >> input & 1) != 0;
+    const bool one = (rule->single[first < second] >> input & 1) != 0;
+    const bool none = (rule->low >> input & 1) != 0;
+    const double share = (both ? shorter : 0.0) + (one ? longer - shorter : 0.0) + (none ? 1.0 - longer : 0.0);
+    if (none && !one) {
+        return (pulse_t){longer < 1.0 ? longer : 0.0, share};
+    }
+    return (pulse_t){both ? 0.0 : shorter, share};
 }
 
 void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps) {
@@ -101,10 +130,13 @@ void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps) {
         const uint16_t *pins = &steps[2 * (size_t)i];
         const double first = pins[0] < PWM_STEPS ? (double)pins[0] / PWM_STEPS : 1.0;
         const double second = pins[1] < PWM_STEPS ? (double)pins[1] / PWM_STEPS : 1.0;
-        const bool backwards = second >= 0.5; /* of a direction pin */
-        const bool with_direction = world->config.motor_driver == HIL_DRIVER_PWM_DIR;
-        world->direct_in1[i] = with_direction ? (backwards ? 1.0 - first : 1.0) : first;
-        world->direct_in2[i] = with_direction ? (backwards ? 1.0 : 1.0 - first) : second;
+        const hil_driver_rule_t *rule = &HIL_DRIVERS[world->config.driver];
+        const pulse_t in1 = pulse_of(rule, first, second, 0);
+        const pulse_t in2 = pulse_of(rule, first, second, 1);
+        world->direct_in1[i] = in1.share;
+        world->direct_in2[i] = in2.share;
+        world->direct_phase1[i] = in1.rises;
+        world->direct_phase2[i] = in2.rises;
     }
     hil_bridges_follow(world, true);
 }
@@ -117,6 +149,8 @@ static void starve_chip(hil_world_t *world) {
     hil_pca9685_reset(&world->chip, (uint8_t)world->config.pca9685_address);
     memset(world->direct_in1, 0, sizeof world->direct_in1);
     memset(world->direct_in2, 0, sizeof world->direct_in2);
+    memset(world->direct_phase1, 0, sizeof world->direct_phase1);
+    memset(world->direct_phase2, 0, sizeof world->direct_phase2);
     hil_bridges_follow(world, world->direct);
 }
 

@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from hil_sim.studies.errors import StudyInputError
 from omni_schema.errors import did_you_mean
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Figure:
 
     def show(self, value: float | None) -> str:
         """Return a value in SI units as it is shown."""
-        if value is None or not np.isfinite(value):
+        if value is None or not math.isfinite(value):
             return "–"
         return f"{value * self.factor:.{self.digits}f}"
 
@@ -84,6 +85,8 @@ class Number:
 
     def of(self, rows: NDArray[Any]) -> float:
         """Return the number for these runs; NaN if any of them has no such figure: it cannot be judged then."""
+        import numpy as np  # here, not above: help and the Tab key read this table
+
         values = rows[self.figure].astype(np.float64)
         if len(values) == 0 or not np.all(np.isfinite(values)):
             return float("nan")
@@ -127,7 +130,7 @@ class Constraint:
     def violation(self, rows: NDArray[Any]) -> float:
         """Return by how much the runs miss the bound: at most 0 if they keep it, infinity if that cannot be said."""
         value = self.number.of(rows)
-        if not np.isfinite(value):
+        if not math.isfinite(value):
             return float("inf")
         return value - self.bound if self.upper else self.bound - value
 
@@ -139,6 +142,6 @@ def parse_constraint(text: str) -> Constraint:
         bound = float(found[3]) if found else float("nan")
     except ValueError:
         bound = float("nan")
-    if found is None or not np.isfinite(bound):
+    if found is None or not math.isfinite(bound):
         raise StudyInputError(f"{text!r} is no constraint", hint='write it like "saturated_share.mean<=0.05"')
     return Constraint(parse_number(found[1]), found[2] == "<=", bound)

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim import core
+from hil_sim.limits import SAMPLERS
 from hil_sim.scenario import Scenario
 from hil_sim.studies import engine
 from hil_sim.studies.errors import StudyError, StudyInputError
@@ -37,7 +38,6 @@ from omniwheel import files, parameter_file
 from omniwheel.errors import MissingPackageError, OmniError
 from omniwheel.plain import finite
 
-SAMPLERS = ("tpe", "cmaes", "random")
 BEST_FILE = "best.toml"
 SUMMARY_FILE = "summary.json"
 TRIALS_FILE = "trials.csv"

@@ -9,13 +9,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from hil_sim import core
-from hil_sim.scenario import MAX_SEED, Scenario
+from hil_sim.limits import MAX_SEED
+from hil_sim.scenario import Scenario
 from hil_sim.studies.engine import RUNS_AT_ONCE
 from hil_sim.studies.errors import StudyInputError
 from hil_sim.studies.store import KEY_BYTES
 
 WORLD_PREFIX = "world."
-DEFAULT_BATCH = 32
 
 
 @dataclass(frozen=True)

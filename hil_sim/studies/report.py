@@ -5,7 +5,6 @@ from omniwheel.moved import moved
 
 _HERE = "hil_sim.studies.tables"
 _SAME = (
-    "REPORT_FILE",
     "SPREAD_HEADINGS",
     "NO_FIGURES",
     "spread_rows",
@@ -15,5 +14,10 @@ _SAME = (
 )
 
 __getattr__ = moved(
-    __name__, {**dict.fromkeys(_SAME, _HERE), "write_montecarlo_report": f"{_HERE}:write_montecarlo_page"}
+    __name__,
+    {
+        **dict.fromkeys(_SAME, _HERE),
+        "REPORT_FILE": f"{_HERE}:PAGE_FILE",
+        "write_montecarlo_report": f"{_HERE}:write_montecarlo_page",
+    },
 )

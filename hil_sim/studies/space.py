@@ -30,7 +30,7 @@ _FORM = "write NAME=LOW:HIGH, NAME=LOW:HIGH:COUNT or NAME=VALUE,VALUE,..."
 class Axis:
     """One quantity and its range, ends included. ``whole``: only whole numbers exist.
 
-    ``values`` are the points on a grid; ``named`` says that they were given one by one, without a range;
+    ``values`` are the points on a grid. ``named`` says that they were given one by one, without a range;
     ``choices`` are the names of a choice's values.
     """
 

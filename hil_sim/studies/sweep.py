@@ -41,6 +41,10 @@ class Plan:
     batch_runs: int
     shown: Number
 
+    def results_folder(self, study: Path) -> Path:
+        """Return where in the study's folder the results go. What was swept names it: sweeps share their runs only."""
+        return study / "-".join(axis.name for axis in self.axes)
+
     def definition(self) -> Definition:
         """Return what the numbers depend on; the points are told apart by the batches' keys."""
         return Definition("sweep", base_definition(self.scenario, self.first_seed, self.batch_runs))
@@ -74,9 +78,18 @@ def run_study(plan: Plan, folder: StudyFolder, pool: Pool, progress: Progress = 
         rows = runner.rows(point, plan.first_seed, plan.runs)
         results.append(PointResult(point, plan.shown.of(rows), summarise(rows)))
     text = json.dumps(finite(document(plan, results)), indent=1, allow_nan=False)
-    files.write_text(folder.path / SUMMARY_FILE, text + "\n")
-    files.write_text(folder.path / TABLE_FILE, table(plan, results))
+    target = plan.results_folder(folder.path)
+    _make(target)
+    files.write_text(target / SUMMARY_FILE, text + "\n")
+    files.write_text(target / TABLE_FILE, table(plan, results))
     return results
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise files.write_error(folder, error) from error
 
 
 def document(plan: Plan, results: Sequence[PointResult]) -> dict[str, Any]:

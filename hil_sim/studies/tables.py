@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tables of studies as rows of text: for the terminal and for report.md alike."""
+"""Tables of studies as rows of text: for the terminal and for the page alike."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hil_sim.studies.figures import FIGURES
 from hil_sim.studies.study_summary import counted
 from omniwheel import files
 
-REPORT_FILE = "report.md"
+PAGE_FILE = "montecarlo.md"
 SPREAD_HEADINGS = ("", "mean", "± 95 %", "sd", "median", "5 %", "95 %", "99 %", "worst")
 
 NO_FIGURES = "none of them drove on a path, so there are no figures"
@@ -56,7 +56,7 @@ def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> st
 
 
 def write_montecarlo_page(summary: dict[str, Any], picture: str, path: Path) -> None:
-    """Write report.md of a Monte Carlo study."""
+    """Write the page of a Monte Carlo study."""
     first, last = summary["seeds"]
     worst = [
         [entry["file"], str(entry["seed"]), FIGURES[summary["worst_by"]].show(entry[summary["worst_by"]])]

@@ -35,14 +35,14 @@ class Commander:
         self._number = 0
         self._receipts = False  # the robot has given one
 
-    def send(self, command: int, *params: float, what: str) -> None:
+    def send(self, command: int, *params: float, what: str, last: tuple[float, float] = (0.0, 0.0)) -> None:
         """Send a COMMAND_LONG and wait for its COMMAND_ACK.
 
-        ``what`` describes it in errors ("to arm"). Raises CommandRefusedError (ArmingRefusedError for arming) or
-        LinkTimeoutError.
+        ``params`` are up to four, ``last`` the sixth and seventh. ``what`` describes it in errors ("to arm"). Raises
+        CommandRefusedError (ArmingRefusedError for arming) or LinkTimeoutError.
         """
         mark = self._texts.mark()
-        ack = self._settled(command, params)
+        ack = self._settled(command, params, last)
         if ack is None:
             raise LinkTimeoutError(f"the robot does not answer the command {what}")
         if ack.result != mavlink.MAV_RESULT_ACCEPTED:
@@ -51,20 +51,20 @@ class Commander:
             refusal = ArmingRefusedError if arming else CommandRefusedError
             raise refusal(what, result, self._texts.reasons_since(mark))
 
-    def _settled(self, command: int, params: tuple[float, ...]) -> Message | None:
+    def _settled(self, command: int, params: tuple[float, ...], last: tuple[float, float]) -> Message | None:
         """Return the acknowledgement; "temporarily rejected", as while it starts up, is tried again for a while."""
         end = self._connection.clock() + BUSY_TIMEOUT_S
         while True:
-            ack = self._acknowledged(command, params)
+            ack = self._acknowledged(command, params, last)
             busy = ack is not None and ack.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
             if not busy or self._connection.clock() >= end:
                 return ack
             self._connection.pump(BUSY_PERIOD_S)
 
-    def _numbered(self, params: tuple[float, ...]) -> tuple[list[float], int]:
+    def _numbered(self, params: tuple[float, ...], last: tuple[float, float]) -> tuple[list[float], int]:
         """Return all seven parameters with the next number in the fifth, and the receipt that answers them."""
         self._number = self._number % _LAST_NUMBER + 1
-        numbered = [*params, *[0.0] * (USED_PARAMS - len(params)), float(self._number), 0.0, 0.0]
+        numbered = [*params, *[0.0] * (USED_PARAMS - len(params)), float(self._number), *last]
         (receipt,) = struct.unpack("<i", struct.pack("<I", zlib.crc32(struct.pack("<7f", *numbered))))
         return numbered, receipt
 
@@ -76,8 +76,8 @@ class Commander:
             return True
         return message.result_param2 == 0 and not self._receipts
 
-    def _acknowledged(self, command: int, params: tuple[float, ...]) -> Message | None:
-        numbered, receipt = self._numbered(params)
+    def _acknowledged(self, command: int, params: tuple[float, ...], last: tuple[float, float]) -> Message | None:
+        numbered, receipt = self._numbered(params, last)
         for confirmation in range(TRIES):
             self._connection.send(
                 mavlink.MAVLink_command_long_message(

@@ -71,6 +71,8 @@ class Connection:
         if self.signer is not None:
             self.signer.attach(self._codec)
         self._listeners: list[Listener] = []
+        self._repeated: Callable[[], None] | None = None
+        self._repeat_s, self._next_repeat_s = 0.0, float("inf")
         self.next_heartbeat_s = clock() if heartbeat else float("inf")
 
     def add_listener(self, listener: Listener) -> Callable[[], None]:
@@ -112,6 +114,25 @@ class Connection:
             self._send_heartbeat()
 
     @contextmanager
+    def repeating(self, action: Callable[[], None], period_s: float) -> Iterator[None]:
+        """Call ``action`` every ``period_s`` while the context lasts, whatever the link is being served for meanwhile.
+
+        Set-points go on so while a command waits for its answer.
+        """
+        before = (self._repeated, self._repeat_s, self._next_repeat_s)
+        self._repeated, self._repeat_s, self._next_repeat_s = action, period_s, self.clock()
+        try:
+            yield
+        finally:
+            self._repeated, self._repeat_s, self._next_repeat_s = before
+
+    def _repeat(self) -> None:
+        now = self.clock()
+        if self._repeated is not None and now >= self._next_repeat_s:
+            self._next_repeat_s = max(self._next_repeat_s + self._repeat_s, now)
+            self._repeated()
+
+    @contextmanager
     def unrecorded(self) -> Iterator[None]:
         """Keep what happens while the context lasts from the recorder."""
         before, self.recorder = self.recorder, None
@@ -124,7 +145,9 @@ class Connection:
         """Send a due heartbeat, read the link once, hand out and return what the robot sent."""
         now = self.clock()
         self.beat()
-        data = self.link.read(max(0.0, min(timeout_s, _POLL_S, self.next_heartbeat_s - now)))
+        self._repeat()
+        due_s = min(self.next_heartbeat_s, self._next_repeat_s) - now
+        data = self.link.read(max(0.0, min(timeout_s, _POLL_S, due_s)))
         return self.feed(data) if data else []
 
     def feed(self, data: bytes) -> list[Message]:

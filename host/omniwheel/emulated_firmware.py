@@ -18,6 +18,7 @@ from omniwheel.link import FileLink, StreamLink
 from omniwheel.parameters import ParameterValue
 from omniwheel.paths import MissingFileError, emulated_firmware_path
 from omniwheel.storage_file import hold_storage
+from omniwheel.tcp_server import listen_hint
 
 COMPILER = "the Arm compiler (Debian: apt-get install gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib)"
 DIRECT = "direct"
@@ -38,13 +39,13 @@ class EmulatedFirmware(FirmwareChild):
     is a serial port there, which does not see clients come and go. So nothing greets a new one, a robot in
     host-in-the-loop stays in it, and a second client waits until the first has gone. The emulator moves its bytes one
     by one. With ``lockstep`` the last link may be ``direct`` instead: whole blocks, many times faster, to this process
-    only (:meth:`open_link`); the processor stands still while it waits for them.
+    only (:meth:`open_link`). The processor stands still while it waits for them.
 
     With ``icount_shift`` every instruction takes 2**shift ns of the emulated time, which then runs as fast as this
-    computer can; without, it is real time. ``watchdog_ms`` 0 switches the watchdog off. With ``crash_resets`` the
+    computer can. Without, it is real time. ``watchdog_ms`` 0 switches the watchdog off. With ``crash_resets`` the
     processor starts again after a crash, as the robot's does, instead of ending. ``injectable`` makes :meth:`crash` and
-    :meth:`hang` work. With ``pins`` a world at the board's pins keeps step with the emulated time (hil_sim.pins);
-    its serial line is the robot's link 1, before ``links``.
+    :meth:`hang` work. With ``pins`` a world at the board's pins keeps step with the emulated time (hil_sim.pins).
+    Its serial line is the robot's link 1, before ``links``.
     Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
     """
 
@@ -251,7 +252,8 @@ def _listen(host: str, port: int) -> socket.socket:
     try:
         listener = socket.create_server((host, port))
     except OSError as error:
-        raise FirmwareStartError(f"cannot listen at {host}:{port}: {error.strerror}") from error
+        said = f"cannot listen at {host}:{port}: {error.strerror}"
+        raise FirmwareStartError(said, hint=listen_hint(error.errno)) from error
     # Connections inherit it; the emulated serial port sends byte by byte, and each must go at once.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener

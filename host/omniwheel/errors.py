@@ -34,9 +34,11 @@
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
     │   └── DataSheetError            a data sheet whose numbers are missing or contradict
+    ├── HistoryError                  a history of parameters, or an entry that it does not have (bad input)
     ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
+    ├── AutotuneError                 a robot could not be tuned; it has its old parameters
     ├── OutputFileError               a file cannot be written: the disk is full or broken; the old one is still there
     │   └── OutputPathError           ... because of its folder, name or permissions  (bad input)
     ├── MissingPackageError           a command needs an optional package that is not installed
@@ -243,10 +245,20 @@ class LogError(OmniError, ValueError):
     exit_code = 2
 
 
+class HistoryError(OmniError, ValueError):
+    """A history of parameters that cannot be read, or an entry that it does not have."""
+
+    exit_code = 2
+
+
 class DatasetError(OmniError, ValueError):
     """Measured data that is no valid dataset: wrong shape, not finite, time that does not rise."""
 
     exit_code = 2
+
+
+class AutotuneError(OmniError):
+    """A robot could not be tuned; it has its old parameters."""
 
 
 class IdentificationError(OmniError):

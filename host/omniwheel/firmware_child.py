@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import tempfile
 import time
@@ -16,6 +18,7 @@ from omniwheel.errors import FirmwareEndedError, FirmwareStartError, LinkLostErr
 from omniwheel.link import FileLink, open_link
 from omniwheel.parameters import ParameterValue, checked_value
 from omniwheel.robots import parameter_table, read_robot
+from omniwheel.tcp_server import listen_hint
 
 READY_TIMEOUT_S = 20.0
 _STOP_TIMEOUT_S = 3.0
@@ -136,6 +139,8 @@ class FirmwareChild(ABC):
 
     def _not_started(self) -> FirmwareStartError:
         *before, last = (self.messages or "nothing on standard error").splitlines()
+        if last.endswith(os.strerror(errno.EADDRINUSE)):
+            before.append(listen_hint(errno.EADDRINUSE))
         return FirmwareStartError(f"the firmware did not start: {last}", hint="\n".join(before))
 
     def stop(self) -> int | None:

@@ -20,10 +20,10 @@ from omniwheel.paths import MissingFileError, firmware_path
 class FirmwareProcess(FirmwareChild):
     """Runs ``omni-firmware`` for one robot; a context manager that always ends it.
 
-    ``robot`` is a packaged name or a path, ``parameters`` are set over it, ``links`` are the firmware's own link
-    specifications (``tcp:127.0.0.1:0`` picks a free port, ``pty`` a pseudo-terminal), ``storage`` is the file of its
-    non-volatile memory (None: it forgets). With ``lockstep`` it ticks only on OMNI_HIL_SENSORS from the start,
-    and looks for them for a moment before it goes to sleep over them, unless it is to be ``asleep``.
+    ``robot`` is a packaged name or a path, and ``parameters`` are set over it. ``links`` are the firmware's own link
+    specifications (``tcp:127.0.0.1:0`` picks a free port, ``pty`` a pseudo-terminal). ``storage`` is the file of its
+    non-volatile memory (None: it forgets). With ``lockstep`` it ticks only on OMNI_HIL_SENSORS from the start.
+    It looks for them for a moment before it goes to sleep over them, unless it is to be ``asleep``.
     ``radio`` is the number of the link that is a radio, as slow as LINK2_BAUD, from 1; 0: none (None: the second,
     unlimited).
     Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.

@@ -15,6 +15,7 @@ class RobotVersion:
     """Firmware version, its first 16 hex digits of the git commit ("" if unknown), and the parameter table it has.
 
     ``dirty`` means built from a changed work tree; ``schema_crc`` is the ``crc`` of its ``omni_schema.ParameterTable``.
+    ``serial_number``: the board's, on a Teensy the one of its USB port; 0 where there is none.
     """
 
     firmware: str
@@ -22,6 +23,7 @@ class RobotVersion:
     dirty: bool
     schema_version: int
     schema_crc: int
+    serial_number: int = 0
 
     def __str__(self) -> str:
         git = f" ({self.git_hash[:8]}{', changed' if self.dirty else ''})" if self.git_hash else ""
@@ -38,4 +40,5 @@ def version_from_message(message: Message) -> RobotVersion:
         dirty=number & 0xFF != _RELEASE,
         schema_version=int(message.middleware_sw_version),
         schema_crc=int(message.os_sw_version),
+        serial_number=int(message.uid),
     )

@@ -13,12 +13,11 @@ from omniwheel.dialect import Message
 from omniwheel.errors import LogError
 from omniwheel.frames import flip
 from omniwheel.identification.sources import from_messages, read_messages
+from omniwheel.limits import LOG_KINDS
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
 from omniwheel.logs.mapping import read_mapping
 from omniwheel.logs.run_folder import load_run
-
-KINDS = "LOG.npz (from omni logs import), LOG.csv with --mapping, a run's folder, or LOG.tlog (from omni record)"
 
 
 def open_log(path: Path, robot: Robot, mapping: Path | None = None, truth: Path | None = None) -> WheelLog:
@@ -26,13 +25,13 @@ def open_log(path: Path, robot: Robot, mapping: Path | None = None, truth: Path 
     if path.is_dir():
         return read_run(path)
     if not path.is_file():
-        raise LogError(f"there is no log {path}", hint=f"a log is {KINDS}")
+        raise LogError(f"there is no log {path}", hint=f"a log is {LOG_KINDS}")
     if path.suffix == ".tlog":
         return read_tlog(path, robot)
     if path.suffix == ".npz":
         return load_log(path)
     if mapping is None:
-        raise LogError(f"{path}: which column is what?", hint=f"give --mapping FILE; a log is {KINDS}")
+        raise LogError(f"{path}: which column is what?", hint=f"give --mapping FILE; a log is {LOG_KINDS}")
     return import_log(path, read_mapping(mapping), truth)[0]
 
 

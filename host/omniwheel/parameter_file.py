@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
-from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_table
+from omni_schema.toml_file import parse_toml, read_toml, refuse_unknown_keys, take_table
 from omniwheel import files
 from omniwheel.errors import ParameterFileError
 
@@ -37,9 +38,14 @@ def _same_float32(text: str, value: float) -> bool:
 
 def write(path: Path | str, values: Mapping[str, float], table: ParameterTable) -> None:
     """Write ``values``; an existing file is replaced only once the new one is whole. Raises OutputFileError."""
+    files.write_text(path, text_of(values, table))
+
+
+def text_of(values: Mapping[str, float], table: ParameterTable) -> str:
+    """Return what a parameter file with these values holds."""
     lines = ["# Parameters of an Omniwheel robot; `omni params load FILE` sets them.", "", "[parameters]"]
     lines += [_line(table.get(name), name, value) for name, value in values.items()]
-    files.write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _line(parameter: Parameter | None, name: str, value: float) -> str:
@@ -53,12 +59,25 @@ def _line(parameter: Parameter | None, name: str, value: float) -> str:
 
 def read(path: Path | str, table: ParameterTable) -> dict[str, float]:
     """Read and check a parameter file. Raises ParameterFileError that names file, key, value and what is allowed."""
-    source = str(path)
     try:
-        document = read_toml(Path(path))
-        refuse_unknown_keys(source, "", document, ("parameters", "preset"))
-        section = take_table(source, "parameters", document.get("parameters"))
-        return {name: table.find(source, name, name).parse(source, name, value) for name, value in section.items()}
+        return _checked(read_toml(Path(path)), str(path), table)
     except SchemaError as error:
-        hint = "`omni params save FILE` writes a file of the right form"
-        raise ParameterFileError(str(error), hint=hint) from error
+        raise _bad_file(error) from error
+
+
+def parse(text: str, source: str, table: ParameterTable) -> dict[str, float]:
+    """Do the same with the text of such a file, which errors call ``source``."""
+    try:
+        return _checked(parse_toml(source, text), source, table)
+    except SchemaError as error:
+        raise _bad_file(error) from error
+
+
+def _checked(document: Mapping[str, Any], source: str, table: ParameterTable) -> dict[str, float]:
+    refuse_unknown_keys(source, "", document, ("parameters", "preset"))
+    section = take_table(source, "parameters", document.get("parameters"))
+    return {name: table.find(source, name, name).parse(source, name, value) for name, value in section.items()}
+
+
+def _bad_file(error: SchemaError) -> ParameterFileError:
+    return ParameterFileError(str(error), hint="`omni params save FILE` writes a file of the right form")

@@ -72,6 +72,8 @@ class Parameters(MutableMapping[str, float]):
         self._names: dict[int, str] = {}
         self._by_name: dict[str, float] = {}
         self._count = 0
+        self.on_change: Callable[[Mapping[str, tuple[float, float]]], None] | None = None
+        """Called with {name: (before, after)} when the robot has confirmed what was set here."""
         connection.add_listener(self._take)
 
     # ---- the mapping
@@ -226,6 +228,17 @@ class Parameters(MutableMapping[str, float]):
             ) from error
 
     def _set(self, name: str, value: float) -> None:
+        before = value if self.on_change is None else self[name]
+        self._set_on_robot(name, value)
+        if before != value:
+            self.report_changes({name: (before, value)})
+
+    def report_changes(self, changes: Mapping[str, tuple[float, float]]) -> None:
+        """Tell :attr:`on_change` of changes {name: (before, after)} that did not come about by setting one here."""
+        if self.on_change is not None:
+            self.on_change(changes)
+
+    def _set_on_robot(self, name: str, value: float) -> None:
         mark = self._texts.mark()
         message = mavlink.MAVLink_param_set_message(
             *self._target(), name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32

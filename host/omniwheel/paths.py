@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
-
-from omniwheel._core import __file__ as _extension
 
 _REINSTALL = "the installation is incomplete; install again with: pip install . (or make setup)"
 
@@ -22,9 +21,10 @@ def _existing(path: Path, what: str) -> Path:
 
 def data_dir() -> Path:
     """Return the folder that holds everything below."""
-    if _extension is None:
-        raise MissingFileError(f"omniwheel._core was not loaded from a file: {_REINSTALL}")
-    return Path(_extension).resolve().parent
+    extension = find_spec("omniwheel._core")
+    if extension is None or extension.origin is None:
+        raise MissingFileError(f"omniwheel._core is not there: {_REINSTALL}")
+    return Path(extension.origin).resolve().parent
 
 
 def firmware_path() -> Path:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Plain data for JSON."""
+"""Plain data for JSON, and numbers for people."""
 
 from __future__ import annotations
 
@@ -14,3 +14,11 @@ def finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [finite(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def shown(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
+    """Return a number times ``factor`` as text; a dash for none, and "<0.1" for what is more than 0 and rounds to 0."""
+    if value is None:
+        return "–"
+    least = 10.0**-digits
+    return f"<{least:.{digits}f}" if 0.0 < value * factor < 0.5 * least else f"{value * factor:.{digits}f}"

@@ -21,7 +21,7 @@ from types import TracebackType
 
 from omniwheel.errors import LinkOpenError
 from omniwheel.link import FileLink
-from omniwheel.tcp_server import TcpServer
+from omniwheel.tcp_server import TcpServer, listen_hint
 
 BITS_PER_BYTE = 10
 SILENT_CHARACTERS = 3
@@ -140,7 +140,8 @@ class RadioBridge:
         try:
             self._server = TcpServer(*address)
         except OSError as error:
-            raise LinkOpenError(f"cannot listen at {address[0]}:{address[1]}: {error.strerror}") from error
+            said = f"cannot listen at {address[0]}:{address[1]}: {error.strerror}"
+            raise LinkOpenError(said, hint=listen_hint(error.errno)) from error
         self.url = self._server.url
 
     def __enter__(self) -> RadioBridge:

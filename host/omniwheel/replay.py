@@ -35,10 +35,10 @@ class Fixes:
 class Replay:
     """What the core estimated, one row per row of the log.
 
-    ``pose`` (n, 3) and its standard deviations ``pose_sd`` (n, 3) in m, m, rad from the pose zero; ``wheel_rad_s``
-    (n, wheels);
-    ``innovation`` (n, wheels) of the wheel filters and its predicted variance, NaN where nothing was measured or the
-    filter is off; ``nis`` (k,) of the fixes that were looked at, with ``nis_degrees`` of freedom each.
+    ``pose`` (n, 3) and its standard deviations ``pose_sd`` (n, 3) in m, m, rad from the pose zero. ``wheel_rad_s``
+    (n, wheels).
+    ``innovation`` (n, wheels) of the wheel filters and its predicted variance: NaN where nothing was measured or the
+    filter is off. ``nis`` (k,) of the fixes that were looked at, with ``nis_degrees`` of freedom each.
     """
 
     time_s: Array

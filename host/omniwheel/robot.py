@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -10,8 +11,9 @@ from contextlib import suppress
 from types import TracebackType
 
 from omni_schema import ParameterTable, load_parameters
+from omniwheel.burst import SIGNALS, Burst, parse_burst
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
-from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count, parameter_names
+from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
@@ -20,38 +22,41 @@ from omniwheel.errors import (
     CommandRefusedError,
     LinkTimeoutError,
     OmniError,
-    SigningKeyError,
     VersionMismatchError,
 )
 from omniwheel.firmware_version import RobotVersion, version_from_message
+from omniwheel.first_contact import await_robot
 from omniwheel.frames import Pose, Twist
-from omniwheel.link import Link, open_link
+from omniwheel.hub.shared_link import open_shared
+from omniwheel.limits import DEFAULT_TIMEOUT_S
+from omniwheel.link import Link
+from omniwheel.log_download import LogDownload, Progress
 from omniwheel.parameters import Parameters, checked_value
 from omniwheel.paths import params_path
 from omniwheel.setpoints import duty_target, finite, pose_fix_message, pose_target, velocity_target
-from omniwheel.signing import Signer, fingerprint, is_signed, setup_message
+from omniwheel.signing import Signer, fingerprint, setup_message
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import SigningStatus, TelemetryT, decode
 from omniwheel.texts import TextLog
 
-DEFAULT_TIMEOUT_S = 5.0
 FORCE = 21196.0
 """Param 2 of the arm/disarm command that MAVLink defines as "do it anyway"."""
 SETPOINT_PERIOD_S = 0.05
+PLACES = {"wheel": 1, "voltage": 2, "pose": 3}
+"""Where :meth:`Robot.excite` can add a signal, and its number in MAV_CMD_OMNI_EXCITE."""
 _DISARM_TIMEOUT_S = 1.0
 _BUFFERED = 10000
 _AS_PARAMETER = -1.0
 _STORE, _RESTORE, _RESET = 1, 0, 2
 _SIGNING_TRIES = 3
 _NO_KEY = "00000000"
-_ROBOT_TYPES_IGNORED = ("MAV_TYPE_GCS", "MAV_TYPE_ONBOARD_CONTROLLER", "MAV_TYPE_ADSB")
 
 
 class Robot:
     """A robot on the other end of a link; get one from :func:`connect` and use it as a context manager.
 
     Nothing runs in the background. Every method that waits serves the link meanwhile (reads, keeps :attr:`status`
-    fresh, sends the 1 Hz heartbeat), and a program that only computes calls :meth:`pump` at least once a second. If it
+    fresh, sends the 1 Hz heartbeat). A program that only computes calls :meth:`pump` at least once a second. If it
     stops doing so, the robot's link-loss stop takes over, which is what one wants of a program that hangs. On leaving
     the context the robot is disarmed if this object armed it.
 
@@ -68,6 +73,8 @@ class Robot:
         self._board = StatusBoard(connection)
         self._armed_here = False
         self._version: RobotVersion | None = None
+        self.on_store: Callable[[], None] | None = None
+        """Called when the robot has stored its parameters."""
 
     # ---- connection
 
@@ -202,20 +209,26 @@ class Robot:
 
     def drive_model(self) -> DriveModel:
         """Return what decides how fast this robot can go, from its parameters; they are read once."""
-        wheels = int(self.parameters["WHEELS"])
-        return model_from_parameters({name: self.parameters[name] for name in parameter_names(wheels)}, {})
+        return model_from_parameters(self.parameters, {})
 
-    def require_velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
+    def require_velocity(
+        self, vx: float, vy: float, wz: float, *, frame: str = "body", duration_s: float | None = None
+    ) -> None:
         """Raise LimitError if the robot cannot follow this velocity; it names the limit and what to do.
 
-        In the world's frame the robot's present heading counts; as long as none has come, any heading will do.
+        In the world's frame the robot's present heading counts; as long as none has come, any heading will do. A robot
+        that turns meanwhile has to be able to follow in every heading on its way: for ``duration_s``, or all around.
         """
         velocity_target(self.connection, Twist(vx, vy, wz), frame)
         if vx == vy == wz == 0.0:
             return  # always possible, and nothing to ask the robot for
+        if frame == "body":
+            check_velocity(self.drive_model(), Twist(vx, vy, wz))
+            return
         tracking = self.status.tracking
-        world_heading = None if tracking is None else tracking.pose.theta
-        check_velocity(self.drive_model(), Twist(vx, vy, wz), 0.0 if frame == "body" else world_heading)
+        heading = None if tracking is None else tracking.pose.theta
+        turned = math.copysign(math.tau, wz) if duration_s is None else wz * duration_s
+        check_velocity(self.drive_model(), Twist(vx, vy, wz), heading, turned if wz else 0.0)
 
     def require_pose(self, x: float, y: float, theta: float) -> None:
         """Raise LimitError for a pose beyond LIM_POS, or a heading that looks like degrees."""
@@ -251,7 +264,7 @@ class Robot:
         Raises LimitError unless there is one duty per wheel; nothing was sent then.
         """
         self.require_duty(duty)
-        self._repeat(lambda: self.set_duty(duty), duration_s)
+        self.repeat(lambda: self.set_duty(duty), duration_s)
         if stop:
             self.set_duty([0.0] * len(duty))
 
@@ -262,17 +275,18 @@ class Robot:
 
         Raises LimitError if the robot cannot follow it (:meth:`require_velocity`); nothing was sent then.
         """
-        self.require_velocity(vx, vy, wz, frame=frame)
-        self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
+        self.require_velocity(vx, vy, wz, frame=frame, duration_s=duration_s)
+        self.repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
         if stop:
             self.set_velocity(0.0, 0.0, 0.0, frame=frame)
 
     def drive_pose(self, x: float, y: float, theta: float, duration_s: float) -> None:
         """Keep asking for one world pose for ``duration_s``. Raises LimitError for one that the robot would refuse."""
         self.require_pose(x, y, theta)
-        self._repeat(lambda: self.set_pose(x, y, theta), duration_s)
+        self.repeat(lambda: self.set_pose(x, y, theta), duration_s)
 
-    def _repeat(self, action: Callable[[], None], duration_s: float) -> None:
+    def repeat(self, action: Callable[[], None], duration_s: float) -> None:
+        """Call one of the ``set_`` methods again and again for ``duration_s``. No limit is checked here."""
         end = self.connection.clock() + finite("duration_s", duration_s)
         while self.connection.clock() < end:
             action()
@@ -308,11 +322,82 @@ class Robot:
         for number, point in enumerate(points):
             self.commands.send(mavlink.MAV_CMD_OMNI_WAYPOINT, float(number), *point, what=f"to set waypoint {number}")
 
+    # ---- what the control tick saw
+
+    def start_burst(
+        self,
+        duration_s: float,
+        signals: Sequence[str] = (),
+        *,
+        every: int = 1,
+        wheels: Sequence[int] = (),
+        wait: bool = False,
+    ) -> None:
+        """Have the robot record signals of its control tick, one sample per ``every`` ticks of 1 ms.
+
+        ``signals`` are names of :data:`omniwheel.burst.SIGNALS`, ``wheels`` count from 0; none: all of them. With
+        ``wait`` the recording begins with the next experiment. A duration of 0 ends a recording early. Raises
+        CommandRefusedError with the robot's reason, such as how much its memory holds.
+        """
+        unknown = [name for name in signals if name not in SIGNALS]
+        if unknown:
+            raise ValueError(f"no signal is called {unknown[0]}; there are {', '.join(SIGNALS)}")
+        mask = float(sum(SIGNALS[name] for name in dict.fromkeys(signals)))
+        chosen = float(sum(1 << wheel for wheel in set(wheels)))
+        numbers = (finite("duration_s", duration_s), float(every), mask, chosen)
+        self.commands.send(
+            mavlink.MAV_CMD_OMNI_BURST, *numbers, what="to record a burst", last=(1.0 if wait else 0.0, 0.0)
+        )
+
+    def fetch_burst(self, timeout_s: float = DEFAULT_TIMEOUT_S, progress: Progress | None = None) -> Burst:
+        """Wait until the recording is over, for ``timeout_s`` at most, and fetch it; what is lost comes again.
+
+        Raises LogError if there is none by then, or what came is no burst.
+        """
+        download = LogDownload(self.connection)
+        return parse_burst(download.fetch(download.await_log(timeout_s), progress))
+
+    def record_burst(
+        self, duration_s: float, signals: Sequence[str] = (), *, every: int = 1, wheels: Sequence[int] = ()
+    ) -> Burst:
+        """Record a burst now, wait for its end and return it; :meth:`start_burst` says what the arguments are."""
+        self.start_burst(duration_s, signals, every=every, wheels=wheels)
+        self.pump(duration_s)
+        return self.fetch_burst()
+
+    def excite(
+        self,
+        place: str,
+        which: int,
+        amplitude: float,
+        duration_s: float,
+        *,
+        from_hz: float = 0.0,
+        to_hz: float = 0.0,
+    ) -> None:
+        """Have the robot add a signal to its own loop, tick by tick; a burst that waits begins with it.
+
+        ``place`` and its unit: "wheel" a wanted wheel speed [rad/s], "voltage" a wheel's voltage [V], "pose" the wanted
+        pose in the world [m, rad]. ``which``: the wheel from 1, 0 all of them alike; of a pose 0 x, 1 y, 2 theta. It is
+        a step, or a sine from ``from_hz`` to ``to_hz``. Only while armed. Raises CommandRefusedError with the robot's
+        reason.
+        """
+        numbers = [finite(name, value) for name, value in (("amplitude", amplitude), ("duration_s", duration_s))]
+        sweep = (finite("from_hz", from_hz), finite("to_hz", to_hz))
+        command = mavlink.MAV_CMD_OMNI_EXCITE
+        self.commands.send(command, float(PLACES[place]), float(which), *numbers, what="to excite a loop", last=sweep)
+
+    def end_excitation(self) -> None:
+        """End an excitation that goes on; nothing happens without one."""
+        self.commands.send(mavlink.MAV_CMD_OMNI_EXCITE, 0.0, what="to end the excitation")
+
     # ---- parameters' storage, reboot, host-in-the-loop
 
     def store(self) -> None:
         """Write the parameters to non-volatile memory; only while disarmed."""
         self._storage(_STORE, "to store the parameters")
+        if self.on_store is not None:
+            self.on_store()
 
     def restore(self) -> None:
         """Read the parameters back from non-volatile memory."""
@@ -366,10 +451,6 @@ class Robot:
         self.commands.send(mavlink.MAV_CMD_OMNI_HIL, 0.0, what="to leave host-in-the-loop")
 
 
-_KEY_HINT = "`omni radio key show` tells the fingerprints of the robot's key (over USB) and of a file's"
-_SIGN_HINT = "give its key with --signing-key FILE or OMNI_SIGNING_KEY; over USB none is needed"
-
-
 def connect(
     url: str | Link,
     *,
@@ -379,52 +460,25 @@ def connect(
     clock: Callable[[], float] = time.monotonic,
     recorder: Recorder | None = None,
     signing_key: bytes | None = None,
+    stop_at_once: bool = False,
 ) -> Robot:
     """Connect to a robot and wait for its heartbeat.
 
-    ``url`` is a link URL (:mod:`omniwheel.link`) or a link of one's own; ``system_id`` picks a robot where several
-    share a link; ``recorder`` gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`). Without
-    ``heartbeat`` the robot does not count this program as a ground station. ``signing_key`` (32 bytes,
-    :mod:`omniwheel.signing`) signs what is sent, as a robot's radio wants it once a key is set. Raises LinkUrlError,
-    LinkOpenError, LinkLostError, LinkTimeoutError, SigningKeyError.
+    ``url`` is a link URL (:mod:`omniwheel.link`) or a link of one's own. A serial port that another program of ours
+    uses is shared with it (docs/guides/hub.md). ``system_id`` picks a robot where several share a link; ``recorder``
+    gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`). Without ``heartbeat`` the robot does
+    not count this program as a ground station. ``signing_key`` (32 bytes, :mod:`omniwheel.signing`) signs what is
+    sent, as a robot's radio wants it once a key is set. With ``stop_at_once`` an emergency stop for every robot that
+    hears it goes out before any heartbeat has come, and again until one has. Raises LinkUrlError, LinkOpenError,
+    LinkLostError, LinkTimeoutError, SigningKeyError.
     """
-    link: Link = open_link(url, timeout_s=timeout_s) if isinstance(url, str) else url
+    link: Link = open_shared(url, timeout_s=timeout_s) if isinstance(url, str) else url
     signer = Signer(signing_key) if signing_key is not None else None
     connection = Connection(link, clock=clock, heartbeat=heartbeat, recorder=recorder, signer=signer)
     try:
         robot = Robot(connection, table=load_parameters(params_path()), timeout_s=timeout_s)
-        _await_robot(connection, system_id, timeout_s)
+        await_robot(connection, system_id, timeout_s, stop_at_once)
     except BaseException:
         connection.close()
         raise
     return robot
-
-
-def _await_robot(connection: Connection, system_id: int | None, timeout_s: float) -> None:
-    found = connection.wait(lambda m: _is_robot(m) and system_id in (None, m.get_srcSystem()), timeout_s)
-    if found is None and connection.wrongly_signed:
-        raise SigningKeyError(f"what comes from {connection.link.url} is signed with another key", hint=_KEY_HINT)
-    if found is None:
-        raise _no_heartbeat(connection, system_id, timeout_s)
-    if connection.signer is None and is_signed(found.get_msgbuf()):
-        raise SigningKeyError(f"the robot at {connection.link.url} wants signed messages", hint=_SIGN_HINT)
-    connection.target_system = found.get_srcSystem()
-    connection.target_component = found.get_srcComponent()
-
-
-def _is_robot(message: Message) -> bool:
-    if message.get_type() != "HEARTBEAT" or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
-        return False
-    return message.type not in [getattr(mavlink, name) for name in _ROBOT_TYPES_IGNORED]
-
-
-def _no_heartbeat(connection: Connection, system_id: int | None, timeout_s: float) -> LinkTimeoutError:
-    url = connection.link.url
-    if connection.rx_bytes == 0:
-        message = f"nothing came from {url} within {timeout_s:g} s"
-        return LinkTimeoutError(message, hint="is the robot switched on, and this the right port?")
-    if connection.rx_bad_bytes * 2 > connection.rx_bytes:
-        message = f"what comes from {url} is not MAVLink 2 ({connection.rx_bytes} bytes in {timeout_s:g} s)"
-        return LinkTimeoutError(message, hint="wrong baud rate, or another device? give the rate as PORT,BAUD")
-    who = "a robot" if system_id is None else f"a robot with system id {system_id}"
-    return LinkTimeoutError(f"{url} speaks MAVLink, but no heartbeat of {who} came within {timeout_s:g} s")

@@ -3,9 +3,16 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 
 _READ_SIZE = 4096
+_IN_USE = "another program listens there, perhaps a firmware that still runs: end it, or choose another port"
+
+
+def listen_hint(number: int | None) -> str:
+    """Return what to do about a port that cannot be listened on, from the error's number; "" if nobody knows."""
+    return _IN_USE if number == errno.EADDRINUSE else ""
 
 
 class TcpServer:

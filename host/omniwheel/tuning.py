@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Experiments with a connected robot and the figures that gains are judged by.
 
-A step experiment asks for a pose a little away (the robot moves its reference there as fast as its limits allow) and
-then for the old one again. A trajectory experiment drives the on-board trajectory. Both look at OMNI_TRACKING: what the
+A step experiment asks for a pose a little away, and then for the old one again. The robot moves its reference there as
+fast as its limits allow. A trajectory experiment drives the on-board trajectory. Both look at OMNI_TRACKING: what the
 robot believes, not what is true.
 """
 
@@ -51,7 +51,7 @@ class Trace:
 class Figures:
     """RMSE of the tracking error (position [m], heading [rad]) and, of a step, how it was answered.
 
-    ``rise_s`` goes from 10 to 90 % of the step, ``overshoot`` is a share of the step, ``settling_s`` is the time
+    ``rise_s`` goes from 10 to 90 % of the step, ``overshoot`` is a share of the step. ``settling_s`` is the time
     after which the answer stays within 5 % of the step; NaN if that never happened or there was no step.
     """
 

@@ -119,19 +119,18 @@ def params_source(table: ParameterTable) -> str:
 
 
 def motor_drivers_header(table: ParameterTable) -> str:
-    """Return ``omni/motor_drivers_gen.h``: the classes behind the values of MOT_DRIVER, and the headers they are in."""
-    names = table["MOT_DRIVER"].values if "MOT_DRIVER" in table else {}
-    classes = {name: "".join(part.capitalize() for part in name.split("_")) for name in names}
+    """Return ``omni/motor_drivers_gen.h``: the classes of the motor drivers, and the headers they are in."""
+    drivers = table.motor_drivers.values()
     lines = [
         NOTICE,
         "#ifndef OMNI_MOTOR_DRIVERS_GEN_H",
         "#define OMNI_MOTOR_DRIVERS_GEN_H",
         "",
-        *(f'#include "app/{name}.h"' for name in names),
+        *(f'#include "app/{driver.name}.h"' for driver in drivers),
         "",
         "/** ROW(class, member, value) for each motor driver. */",
         "#define OMNI_MOTOR_DRIVERS(ROW) \\",
-        " \\\n".join(f"    ROW({classes[name]}, {name}, OMNI_MOT_DRIVER_{name.upper()})" for name in names),
+        " \\\n".join(f"    ROW({row.class_name}, {row.name}, OMNI_MOT_DRIVER_{row.name.upper()})" for row in drivers),
         "",
         "#endif",
         "",

@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from c_readings import write_world_readings
 from c_tables import c_string
+from omni_schema.motor_drivers import MotorDriver
 from omni_schema.world import FaultKind, Quantity, Range, WorldSchema
 
 NOTICE = """\
 /* SPDX-License-Identifier: MIT
- * Written by shared/generate; edit shared/world.toml instead. */
+ * Written by shared/generate; edit shared/world.toml or shared/params.toml instead. */
 """
 
 _MEMBER = {"int": "int32_t", "bool": "bool"}
@@ -23,8 +25,9 @@ def _enumeration(prefix: str, rows: list[tuple[str, int, str]]) -> list[str]:
     return [f"    {prefix}_{name.upper()} = {number}, /**< {doc} */" for name, number, doc in rows]
 
 
-def names_header(world: WorldSchema) -> str:
-    """Return ``hil_sim/world_gen.h``: the plants' and the faults' numbers."""
+def names_header(world: WorldSchema, drivers: Mapping[str, MotorDriver]) -> str:
+    """Return ``hil_sim/world_gen.h``: the plants', the faults' and the motor drivers' numbers."""
+    rows = [(driver.name, driver.number, driver.doc) for driver in drivers.values()]
     plants = [(plant.symbol, plant.number, plant.doc) for plant in world.plants.values()]
     faults = [(fault.name, fault.number, _fault_doc(fault)) for fault in world.faults.values()]
     return "\n".join(
@@ -45,6 +48,12 @@ def names_header(world: WorldSchema) -> str:
             *_enumeration("HIL_FAULT", faults),
             f"    HIL_FAULT_KIND_COUNT = {len(faults) + 1}",
             "} hil_fault_kind_t;",
+            "",
+            "/** What leads to the bridges. */",
+            "typedef enum hil_driver_t {",
+            *_enumeration("HIL_DRIVER", rows),
+            f"    HIL_DRIVER_COUNT = {len(rows)}",
+            "} hil_driver_t;",
             "",
             "#endif",
             "",
@@ -93,6 +102,32 @@ def ranges_source(world: WorldSchema) -> str:
             "",
         ]
     )
+
+
+def drivers_header(drivers: Mapping[str, MotorDriver]) -> str:
+    """Return ``drivers_gen.h``: what each motor driver's bridges do, in the order of their numbers."""
+    return "\n".join(
+        [
+            NOTICE,
+            "#ifndef HIL_SIM_DRIVERS_GEN_H",
+            "#define HIL_SIM_DRIVERS_GEN_H",
+            "",
+            '#include "parts.h"',
+            "",
+            "static const hil_driver_rule_t HIL_DRIVERS[] = {",
+            *(_driver_row(driver) for driver in drivers.values()),
+            "};",
+            "",
+            "#endif",
+            "",
+        ]
+    )
+
+
+def _driver_row(driver: MotorDriver) -> str:
+    low, first, second, both = (f"HIL_BRIDGE_{action.upper()}" for action in driver.bridge)
+    actions = f"{low}, {{{first}, {second}}}, {both}"
+    return f"    {{{str(bool(driver.pins)).lower()}, {actions}}}, /* {driver.name} */"
 
 
 def _number_row(quantity: Quantity) -> str:
@@ -147,12 +182,13 @@ def sources(prefix: str, names: Iterable[str]) -> str:
     return "\n".join([NOTICE, *(f'#include "{prefix}_{name}.c"' for name in names), ""])
 
 
-def write_c_world(world: WorldSchema, out: Path) -> None:
-    """Write the files below ``out``."""
+def write_c_world(world: WorldSchema, drivers: Mapping[str, MotorDriver], out: Path) -> None:
+    """Write the files below ``out``; ``drivers``: the motor drivers by name."""
     files = {
-        out / "include" / "hil_sim" / "world_gen.h": names_header(world),
+        out / "include" / "hil_sim" / "world_gen.h": names_header(world, drivers),
         out / "include" / "hil_sim" / "world_members_gen.h": members(world),
         out / "world" / "world_gen.c": ranges_source(world),
+        out / "world" / "drivers_gen.h": drivers_header(drivers),
         out / "world" / "plants_gen.h": plants_header(world),
         out / "world" / "plant_sources_gen.h": sources("plant", (plant.symbol for plant in world.plants.values())),
         out / "world" / "sensors_gen.h": sensors_header(world),
@@ -161,3 +197,4 @@ def write_c_world(world: WorldSchema, out: Path) -> None:
     for path, text in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
+    write_world_readings(world, out)

@@ -16,6 +16,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
+from c_readings import write_core_readings  # noqa: E402
 from c_tables import write_c_tables  # noqa: E402
 from c_world import write_c_world  # noqa: E402
 from git_version import write_version_header  # noqa: E402
@@ -26,7 +27,9 @@ from wiring_header import write_wiring_header  # noqa: E402
 
 SHARED = HERE.parent
 ROOT = SHARED.parent
+WORLD = SHARED / "world.toml"
 HEADERS = SHARED / "core" / "include" / "omni"
+BOARDS = ROOT / "firmware" / "boards"
 USUAL_PARTS = ("tables", "world", "mavlink-c", "mavlink-python", "version")
 PARTS = (*USUAL_PARTS, "wiring")  # one robot's pins: only for that robot's own board
 
@@ -60,8 +63,10 @@ def generate(out: Path, parts: list[str], robot_files: list[Path], params_path: 
     if "tables" in parts:
         table = load_parameters(params_path)
         write_c_tables(table, load_robots(params_path, robot_files), HEADERS, out)
+        boards = sorted(path.parent.name for path in BOARDS.glob("*/main.cpp"))
+        write_core_readings(load_world(WORLD), boards, out)
     if "world" in parts:
-        write_c_world(load_world(SHARED / "world.toml"), out)
+        write_c_world(load_world(WORLD), load_parameters(params_path).motor_drivers, out)
     if "wiring" in parts:
         write_wiring_header(load_robots(params_path, robot_files), out)
     if "mavlink-c" in parts or "mavlink-python" in parts:

@@ -3,7 +3,7 @@
 
 Our own messages come from ``shared/link/omni.xml``; the standard ones are taken by name (``shared/link/standard.toml``)
 from the XML inside the installed pymavlink. So no definition is copied, and every checksum agrees with the tools that
-people already use.
+people already use. Sensors of ``shared/world.toml`` add their readings to OMNI_HIL_SENSORS.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ import pymavlink
 from pymavlink.generator import mavgen, mavparse
 
 from omni_schema.errors import SchemaError, did_you_mean
+from omni_schema.readings import MESSAGE, add_message_fields
 from omni_schema.toml_file import read_toml, refuse_unknown_keys
+from omni_schema.world import load_world
 from telemetry_source import cpp_header, cpp_reports, python_module
 from telemetry_table import TelemetryTable, load_telemetry
 
@@ -42,7 +44,10 @@ class Definitions:
 
     def read(self, path: Path) -> list[str]:
         """Add what the file defines and return the names of its messages."""
-        root = parse_xml(path)
+        return self.take(path, parse_xml(path))
+
+    def take(self, path: Path, root: ET.Element) -> list[str]:
+        """Add what the document defines and return the names of its messages; ``path`` names it in errors."""
         names = []
         for message in root.iter("message"):
             name = message.attrib["name"]
@@ -73,6 +78,16 @@ def parse_xml(path: Path) -> ET.Element:
         raise SchemaError(str(path), "", f"is not valid XML: {error}") from error
 
 
+def own_document(link_dir: Path) -> ET.Element:
+    """Return our own definitions: ``omni.xml``, and the fields that sensors add to the message of their readings."""
+    root = parse_xml(link_dir / f"{DIALECT}.xml")
+    for message in root.iter("message"):
+        if message.get("name") == MESSAGE:
+            world = load_world(link_dir.parent / "world.toml")
+            add_message_fields(world.source, message, world.readings)
+    return root
+
+
 def standard_xml_dir() -> Path:
     """Return the folder of the installed pymavlink that holds the standard definitions."""
     folder = Path(pymavlink.__file__).parent / "dialects" / "v20"
@@ -92,7 +107,7 @@ def trimmed_dialect(link_dir: Path) -> ET.ElementTree[Any]:
     refuse_unknown_keys(str(listing), "", wanted, ("messages", "enums"))
     for name in wanted["messages"]:
         _require(listing, "messages", name, definitions.messages)
-    ours = definitions.read(link_dir / f"{DIALECT}.xml")
+    ours = definitions.take(link_dir / f"{DIALECT}.xml", own_document(link_dir))
     messages = [definitions.messages[name] for name in [*wanted["messages"], *ours]]
     enums = [*wanted.get("enums", []), *_enums_of(messages), *_enums_defined_in(link_dir)]
     for name in enums:
@@ -170,7 +185,7 @@ def telemetry_table(link_dir: Path) -> TelemetryTable:
 def generate_c(link_dir: Path, out: Path) -> None:
     """Write the trimmed dialect's C headers to ``out/mavlink``; include ``omni/mavlink.h`` from there.
 
-    ``omni/familiar_messages.h`` is what it takes to tell a frame of any other standard message from noise;
+    ``omni/familiar_messages.h`` is what it takes to tell a frame of any other standard message from noise.
     ``omni/telemetry_gen.h`` and ``omni/reports_gen.h`` are what the robot reports by itself.
     """
     telemetry = telemetry_table(link_dir)
@@ -193,7 +208,7 @@ def generate_python(link_dir: Path, out: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in BASE_FILES:
         shutil.copyfile(standard_xml_dir() / name, folder / name)
-    root = parse_xml(link_dir / f"{DIALECT}.xml")
+    root = own_document(link_dir)
     for include in root.findall("include"):
         root.remove(include)
     include = ET.Element("include")

@@ -52,7 +52,7 @@ def cpp_reports(table: TelemetryTable) -> str:
 def _cpp_function(report: Report, table: TelemetryTable) -> str:
     lower = report.name.lower()
     priority = "Priority::reply" if report.reply else "priority"
-    lines = [f"static bool report_{lower}(const Shared &shared, Link &link, Priority priority, bool asked) {{"]
+    lines = [f"static bool report_{lower}(const ReportSources &sources, Link &link, Priority priority, bool asked) {{"]
     lines.append("    static_cast<void>(priority), static_cast<void>(asked);")
     used = _sources_of([field.source for field in report.fields], table)
     lines += [f"    const auto &{name} = {text};" for name, text in table.sources.items() if name in used]

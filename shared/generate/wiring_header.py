@@ -33,6 +33,8 @@ constexpr float battery_divider = {divider}; ///< V of the battery per V at batt
 constexpr uint8_t light_pin = {light};
 /// omni_mot_driver: what the robot file says drives the motors.
 constexpr uint8_t motor_driver = {motor_driver};
+constexpr bool motors_on_pins = {on_pins}; ///< not behind a chip
+constexpr bool motor_pwm[2] = {{{pwm}}};  ///< which of a wheel's two pins need PWM
 /// A motor driver on the processor's own pins: first and second pin of each wheel; 255: none.
 constexpr uint8_t motor_pins[wheels][2] = {{{motor_pins}}};
 constexpr uint32_t motor_pwm_Hz = {motor_pwm};
@@ -61,6 +63,8 @@ def wiring_header(robot: Robot) -> str:
         divider=float_literal(as_float32(board.battery_divider)),
         light=board.light_pin,
         motor_driver=int(robot.parameter_values()["MOT_DRIVER"]),
+        on_pins=str(bool(board.motor_driver.pins)).lower(),
+        pwm=_joined(str(pin).lower() for pin in board.motor_driver.pwm),
         motor_pins=_joined(f"{{{a}, {b}}}" for a, b in board.motor_pins or no_pins),
         motor_pwm=board.motor_pwm_Hz,
         i2c_speed=board.i2c_speed_Hz,

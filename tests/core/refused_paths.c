@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Plans whose numbers fit no integer, most of them refused: built with a sanitizer, a conversion that overflows ends this. */
+/* Plans whose numbers fit no integer, most of them refused: built with a sanitizer, a conversion that overflows ends
+ * this. */
 #include <stdio.h>
 
 #include "omni/omni.h"
@@ -19,7 +20,8 @@ static const omni_trajectory_config_t possible = {
 };
 
 static int is_refused(const char *what, float voltage_limit_V, omni_pose_t at, omni_pose_t to) {
-    const omni_kinematics_config_t layout = {3, {0.05f, 0.05f, 0.05f}, {0.26f, 0.26f, 0.26f}, {0.0f, 2.0943951f, 4.1887902f}};
+    const omni_kinematics_config_t layout = {
+        3, {0.05f, 0.05f, 0.05f}, {0.26f, 0.26f, 0.26f}, {0.0f, 2.0943951f, 4.1887902f}};
     const omni_waypoints_t points = {2, {to, {0.1f, 0.0f, 0.0f}}};
     omni_trajectory_config_t config = possible;
     omni_kinematics_t k;
@@ -33,7 +35,8 @@ static int is_refused(const char *what, float voltage_limit_V, omni_pose_t at, o
 
 /* Within the range of TRJ_LAPS, but no nanosecond long: the robot stays where it is. */
 static int rests(void) {
-    const omni_kinematics_config_t layout = {3, {0.05f, 0.05f, 0.05f}, {0.26f, 0.26f, 0.26f}, {0.0f, 2.0943951f, 4.1887902f}};
+    const omni_kinematics_config_t layout = {
+        3, {0.05f, 0.05f, 0.05f}, {0.26f, 0.26f, 0.26f}, {0.0f, 2.0943951f, 4.1887902f}};
     const omni_pose_t origin = {0.0f, 0.0f, 0.0f};
     omni_trajectory_config_t config = possible;
     omni_kinematics_t k;

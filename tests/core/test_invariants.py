@@ -6,6 +6,7 @@ from __future__ import annotations
 import shlex
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,19 @@ int main(void) {
     return outputs.drive ? 3 : 0;
 }
 """
+
+
+def test_the_core_that_the_tests_drive_checks_them() -> None:
+    words = """
+from tests.core.test_robot import Bench, lib
+bench = Bench()
+bench.tick()
+bench.robot.supervisor.state = 77
+bench.tick(lib.OMNI_EVENT_DISARM)
+"""
+    done = subprocess.run([sys.executable, "-c", words], cwd=ROOT, capture_output=True, text=True, check=False)
+    trapped = done.returncode in (-signal.SIGILL, -signal.SIGTRAP, -signal.SIGABRT)
+    assert trapped or "DEADLYSIGNAL" in done.stderr, done.stderr  # the sanitizers say it in their own way
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,20 @@ def test_an_estimate_that_is_no_number_stops_the_motors(member: str, bad: float)
     assert silent(out)
 
 
+@pytest.mark.parametrize("supply_V", [1001.0, 1e15, -1e15, 3e38, math.inf, math.nan])
+def test_a_supply_that_nothing_has_stops_the_motors_and_leaves_the_estimate_a_number(supply_V: float) -> None:
+    bench = Bench()
+    bench.arm()
+    bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.1, 0.0, 0.0))
+    assert not silent(bench.tick(count=20))
+    bench.inputs.battery_V = supply_V
+    out = bench.tick()
+    assert out.faults & lib.OMNI_FAULT_NOT_FINITE
+    assert silent(out)
+    assert abs(out.pose.x) + abs(out.pose.y) < 1.0
+    assert all(sd < 1.0 for sd in out.pose_sd)
+
+
 @pytest.mark.parametrize("which", ["pose", "reference", "rate"])
 @pytest.mark.parametrize("member", range(3))
 def test_the_original_law_gives_nothing_for_any_input_that_is_no_number(which: str, member: int) -> None:

@@ -21,6 +21,7 @@ ARRIVES = {
     "LIM_V": ("limits.speed_m_s", 0.75),
     "LIM_W": ("limits.turn_rad_s", 1.25),
     "LIM_A": ("limits.acceleration_m_s2", 1.5),
+    "LIM_WHEEL": ("direct_torque.wheel_limit_rad_s", 12.5),
     "TRJ_MARGIN": ("limits.reference_share", 0.625),
     "SAFE_ERR_XY": ("limits.error_m", 0.5),
     "SAFE_ERR_TH": ("limits.error_rad", 0.75),
@@ -45,6 +46,16 @@ def test_a_plan_asks_for_the_voltage_that_the_motor_needs() -> None:
     k, r, b = (bench.values[p] for p in (lib.OMNI_PARAM_MOT_K, lib.OMNI_PARAM_MOT_R, lib.OMNI_PARAM_MOT_B))
     assert bench.plan.peak_wheel_rad_s > 0.5
     assert bench.plan.peak_voltage_V == pytest.approx((k + r * b / k) * bench.plan.peak_wheel_rad_s, rel=1e-4)
+
+
+def test_the_wheel_filter_moves_what_it_is_told_and_the_feed_forward_does_not() -> None:
+    """KF_J is the inertia of the filter's model alone; 0 leaves it to MOT_J."""
+    plain, floor = Bench().configure(MOT_J=0.01), Bench().configure(MOT_J=0.01, KF_J=0.025)
+    heavy = Bench().configure(MOT_J=0.025)
+    model = [[list(row) for row in config.motor_kf.model.a] for config in (plain, floor, heavy)]
+    assert model[1] == model[2] != model[0]
+    assert floor.wheel_speed.ff_acceleration_V_s2 == plain.wheel_speed.ff_acceleration_V_s2
+    assert Bench().configure(MOT_J=0.01, KF_J=0.0).motor_kf.model.a[1][1] == plain.motor_kf.model.a[1][1]
 
 
 def test_every_value_out_of_its_range_is_refused_and_named() -> None:

@@ -343,6 +343,22 @@ def test_short_ramp_is_paid_for_by_slowing_down() -> None:
     assert np.abs(3.62 * wheels + 0.3 * changes).max() <= 12.0 * 1.003
 
 
+@pytest.mark.parametrize(
+    ("at", "limits"),
+    [((1.5, 1.0, 0.0), (0.3, 5.0)), ((0.5, 0.0, 2.0), (5.0, 0.4)), ((-0.5, 0.3, -1.0), (0.2, 0.2))],
+    ids=["translating", "turning", "both"],
+)
+def test_a_lead_in_accelerates_as_much_as_it_may(at: tuple[float, float, float], limits: tuple[float, float]) -> None:
+    """On quick wheels acceleration is what limits it; without limits it is as short as it was."""
+    quick = {"wheel_limit_rad_s": 100.0, "voltage_limit_V": 100.0, "ff_speed_V_s": 0.3, "ff_acceleration_V_s2": 1e-3}
+    plan = Plan({**quick, "lead_in_m_s2": limits[0], "lead_in_rad_s2": limits[1]}, at=at)
+    _, _, accelerations, phases = plan.sample(np.linspace(0, plan.c.lead_in_s * 1e6 - 1.0, 2000))
+    assert np.all(phases == lib.OMNI_PHASE_LEAD_IN)
+    shares = np.hypot(accelerations[:, 0], accelerations[:, 1]) / limits[0], np.abs(accelerations[:, 2]) / limits[1]
+    assert max(share.max() for share in shares) == pytest.approx(1.0, rel=0.01)
+    assert Plan(quick, at=at).c.lead_in_s < 0.7 * plan.c.lead_in_s
+
+
 def test_lead_in_ends_at_the_start_at_rest() -> None:
     plan = Plan({}, at=(-1.0, 0.7, 2.0))
     lead_us = int(plan.c.lead_in_s * 1e6)

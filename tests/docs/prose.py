@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Can people read it? ``python -m tests.docs.prose [--write]``, part of ``make lint``.
 
-Looks at README, CONTRIBUTING and docs, at docstrings and help texts of Python, at comments of headers and at the
-parameters' texts. Wrong are sentences of 25 words or more, words that only insiders use, and other words for what the
-glossary has a word for. In pages, lines of more than 120 characters are wrong, too.
+Looks at README, CONTRIBUTING and docs, at docstrings, comments and help texts of Python, at comments of C and C++, and
+at the parameters' texts. Wrong are sentences of 25 words or more, words that only insiders use, and other words for
+what the glossary has a word for. In pages, lines of more than 120 characters are wrong, too.
 
 What was there before the check is listed in prose.toml, as a number per file. The numbers can only shrink: more is an
 error, and so is a number that is higher than what is there. ``--write`` lowers them; it never raises one.

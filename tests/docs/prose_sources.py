@@ -1,32 +1,34 @@
 # SPDX-License-Identifier: MIT
-"""What people read: pages, docstrings and help texts of Python, comments of headers, texts of the tables."""
+"""What people read: pages; docstrings, comments and help texts of Python; comments of C and C++; texts of tables."""
 
 from __future__ import annotations
 
 import ast
+import inspect
+import io
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from omni_schema.toml_file import read_toml
+from tests.docs.prose_c import c_code
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = ("docs/reference/generated/", "docs/report/results.md")
 PYTHON = ("host/omniwheel", "hil_sim", "omni_reproduce", "bench", "shared/generate")
-HEADERS = ("shared/core/include", "hil_sim/include", "firmware/app")
 TABLES = ("shared/params.toml", "shared/world.toml")
 
-_BLOCK = re.compile(r"/\*\*<?(.*?)\*/", re.DOTALL)
-_LINES = re.compile(r"(?:^[ \t]*///<?.*\n)+", re.MULTILINE)
-_TRAILING = re.compile(r"\S[^\n]*?///<[ \t]*(.*)$", re.MULTILINE)
-_TAG = re.compile(r"@(?:param\s+\S+|return\b)")
+_TABLE = re.compile(r"^=+  =+$.*?^=+  =+$", re.MULTILINE | re.DOTALL)
+"""A table in a docstring: its cells are no sentences."""
+_FOR_TOOLS = re.compile(r"# (?:SPDX|noqa|type:|fmt:|ruff:|pragma)")
 _HELP = ("help", "epilog", "short_help")
 
 
 def pages() -> dict[str, str]:
     """Return the pages that people write, by name."""
-    files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "shared/core/README.md"]
+    files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", ROOT / "shared/core/README.md"]
     found = {_name(page): page.read_text(encoding="utf-8") for page in [*files, *sorted((ROOT / "docs").rglob("*.md"))]}
     return {name: text for name, text in found.items() if not name.startswith(GENERATED)}
 
@@ -34,46 +36,42 @@ def pages() -> dict[str, str]:
 def code() -> dict[str, str]:
     """Return what the sources say to people, by the file's name: paragraphs of Markdown."""
     python = [path for folder in PYTHON for path in sorted((ROOT / folder).rglob("*.py"))]
-    headers = [path for folder in HEADERS for path in sorted((ROOT / folder).rglob("*.h"))]
     found = {_name(path): python_text(path.read_text(encoding="utf-8")) for path in python}
-    found |= {_name(path): header_text(path.read_text(encoding="utf-8")) for path in headers}
+    found |= c_code()
     found |= {name: table_text(read_toml(ROOT / name)) for name in TABLES if (ROOT / name).is_file()}
     return found
 
 
 def python_text(source: str) -> str:
-    """Return the docstrings of what is public, and the help texts of commands and options."""
-    return "\n\n".join(_python_parts(ast.parse(source)))
+    """Return docstrings, also those below a name, help texts of commands and options, and comments."""
+    parts = "\n\n".join((*_python_parts(ast.parse(source)), *_comments(source)))
+    return _TABLE.sub("", parts)
+
+
+def _comments(source: str) -> Iterator[str]:
+    """Return the comments; lines below each other are one. What is said to tools is none."""
+    block: list[str] = []
+    row = 0
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type != tokenize.COMMENT or _FOR_TOOLS.match(token.string):
+            continue
+        alone = not token.line[: token.start[1]].strip()
+        if block and not (alone and token.start[0] == row + 1):
+            yield " ".join(block)
+            block = []
+        block.append(token.string.lstrip("# "))
+        row = token.start[0] if alone else -1
+    yield " ".join(block)
 
 
 def _python_parts(tree: ast.AST) -> Iterator[str]:
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            docstring = ast.get_docstring(node)
-            if docstring and not getattr(node, "name", "").startswith("_"):
-                yield docstring
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield inspect.cleandoc(node.value.value)
         elif isinstance(node, ast.Call):
             for word in node.keywords:
                 if word.arg in _HELP and isinstance(word.value, ast.Constant) and isinstance(word.value.value, str):
                     yield word.value.value
-
-
-def header_text(source: str) -> str:
-    """Return the comments that document a header, without its laws: indented lines behind an empty one."""
-    blocks = [re.sub(r"^[ \t]*\*[ \t]?", "", match[1], flags=re.MULTILINE) for match in _BLOCK.finditer(source)]
-    blocks += [re.sub(r"^[ \t]*///<?[ \t]?", "", match[0], flags=re.MULTILINE) for match in _LINES.finditer(source)]
-    blocks += [match[1] for match in _TRAILING.finditer(source)]
-    texts = [re.sub(r"@file \S+", "", _without_laws(block)) for block in blocks]
-    return "\n\n".join("\n\n".join(_TAG.split(text)) for text in texts)
-
-
-def _without_laws(block: str) -> str:
-    kept: list[str] = []
-    law = True
-    for line in block.splitlines():
-        law = not line.strip() or (law and line.startswith("  "))
-        kept.append("" if law else line.strip())
-    return "\n".join(kept)
 
 
 def table_text(table: Any) -> str:

@@ -12,6 +12,7 @@ import pytest
 from omni_schema.toml_file import read_toml
 from tests.docs import prose
 from tests.docs import prose_sources as sources
+from tests.docs.prose_c import c_text
 
 LONG = " ".join(["word"] * 25) + "."
 SHORT = " ".join(["word"] * 24) + "."
@@ -77,13 +78,24 @@ def shown(a=Option("--a", help="{LONG}")):
     """
 def _hidden():
     """{LONG}"""
+    # noqa: {LONG}
+    x = 1  # {LONG}
+    # {LONG[:49]}
+    # {LONG[50:]}
+Y = 2
+"""{LONG}"""
 '''
     text = sources.python_text(source)
     assert text.startswith("Module.")
-    assert prose.long_sentences(text) == [LONG, LONG]
+    assert prose.long_sentences(text) == [LONG] * 6
 
 
-def test_comments_of_headers_are_read_without_their_laws() -> None:
+def test_a_table_in_a_docstring_has_no_sentences() -> None:
+    table = f'"""Module.\n\n====  ====\n{LONG}  b\n====  ====\n\n{LONG}\n"""\n'
+    assert prose.long_sentences(sources.python_text(table)) == [LONG]
+
+
+def test_comments_of_c_are_read_without_their_laws() -> None:
     source = f"""/**
  * @file a.h
  * First.
@@ -98,9 +110,18 @@ int a; /**< {LONG} */
 /// word
 /// {SHORT}
 int b; ///< {LONG}
+/// Another one.
 /* {LONG} */
+const char *c = "// {LONG} /* {LONG} */"; // {LONG}
+/*@ proof: {LONG} */
+/*
+ * The law is
+ *   a = {LONG}
+ */
 """
-    assert prose.long_sentences(sources.header_text(source)).count(LONG) == 4
+    text = c_text(f"/* SPDX-License-Identifier: MIT */\n{source}")
+    assert prose.long_sentences(text) == [LONG] * 6
+    assert "SPDX" not in text
 
 
 def test_the_texts_of_a_table_are_read() -> None:
@@ -111,6 +132,7 @@ def test_the_texts_of_a_table_are_read() -> None:
 def test_the_sources_are_found() -> None:
     names = set(sources.code())
     assert {"host/omniwheel/robot.py", "shared/core/include/omni/ismc.h", "shared/params.toml"} <= names
+    assert {"shared/core/src/robot/robot.c", "firmware/boards/teensy40/i2c.cpp", "hil_sim/lanes/lanes.hpp"} <= names
 
 
 def test_writing_never_raises_a_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

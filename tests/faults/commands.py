@@ -19,22 +19,17 @@ import numpy as np
 from hil_sim.hil import run_hil
 from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess
+from omniwheel.autotune.gains import WheelGains
+from omniwheel.autotune.wheel_loop import Margins
+from omniwheel.burst import Burst
+from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel
+from omniwheel.experiments.session import Claims
+from omniwheel.identification.estimate import Estimate
+from omniwheel.identification.model import FLOOR
+from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.tuning import Figures, Trace
 from tests.host.logs import synthetic
-
-QUICK = """
-[scenario]
-name = "quick"
-description = "The demo's path for half a second"
-extends = "demo"
-duration_s = 0.5
-[[event]]
-at_s = 0.05
-command = "trajectory_start"
-[[event]]
-at_s = 0.05
-command = "arm"
-"""
+from tests.quick_scenario import QUICK
 
 
 @dataclass(frozen=True)
@@ -76,8 +71,6 @@ def _patched(**replacements: Any) -> Iterator[None]:
 
 def _identified(*_: Any, **__: Any) -> Any:
     """Write the nominal robot's file instead of an identified one's: by the same way, in a moment."""
-    from omniwheel.identification.robot_file import write_robot_file
-
     with patch("omniwheel.identification.robot_file.changes", lambda _: {}):
         return write_robot_file(None, *_[1:])  # type: ignore[arg-type]
 
@@ -86,11 +79,11 @@ def _telemetry() -> Any:
     fit = SimpleNamespace(fit=1.0, rmse_rad_s=0.0)
     found = SimpleNamespace(motors=None, diagnostics=fit, validation=1.0, remarks=())
     return _patched(
-        omniwheel__cli__identify__identify_robot=lambda *_, **__: found,
-        omniwheel__cli__identify__write_robot_file=_identified,
+        omniwheel__identification__pipeline__identify_robot=lambda *_, **__: found,
+        omniwheel__identification__robot_file__write_robot_file=_identified,
         omniwheel__cli__identify___table=lambda *_: "",
         omniwheel__cli__identify___as_dict=lambda *_: {},
-        omniwheel__cli__identify__read_dataset=lambda *_: None,
+        omniwheel__identification__sources__read_dataset=lambda *_: None,
     )
 
 
@@ -99,18 +92,40 @@ def _live() -> Iterator[None]:
     def excite(robot: Any, *_: Any) -> None:
         robot.pump(0.3)
 
-    with _telemetry(), _patched(omniwheel__cli__identify__excite=excite):
+    with _telemetry(), _patched(omniwheel__identification__live__excite=excite):
         yield
 
 
-def _both(*_: Any) -> Any:
+def _rounds(*_: Any) -> Any:
     trace = Trace(np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
-    return (trace, trace), (Figures(0.0, 0.0), Figures(0.0, 0.0))
+    return [[(trace, Figures(0.0, 0.0))]] * 2
+
+
+def _tuned(*_: Any) -> Any:
+    """Return what autotune says of a robot that it left as it was."""
+    values = dict.fromkeys(("WS_P", "WS_I"), 1.0)
+    gains = WheelGains(1.0, 1.0, Margins(3.0, 1.0, 0.6), 0.1, 5.0)
+    fit = SimpleNamespace(estimate=Estimate(FLOOR, np.ones(5), np.eye(5), 50.0), fit=0.9)
+    design = SimpleNamespace(fit=fit, values=values, before=gains, after=gains, position=gains.margins)
+    traces = {"before": [_rounds()[0][0][0]], "after": [_rounds()[0][0][0]]}
+    return SimpleNamespace(old=values, new=values, design=design, verdicts=[], traces=traces, kept=False)
+
+
+def _shown(*_: Any) -> Outcome:
+    """Return what an experiment says of a robot that did nothing."""
+    burst = Burst(np.zeros(2), {"duty": np.zeros((2, 1))}, {"duty": ("",)}, (0,), 0.0, 1e-3, 1, (1, 1), True)
+    line = Line("nothing", np.zeros(2), np.zeros(2))
+    panel = Panel("duty", "time [s]", "", [line])
+    return Outcome("wheel-step", Claims(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), {}, [Figure("a", "a", "", 1.0)], [panel], burst)
+
+
+def _short_experiment() -> Any:
+    return _patched(omniwheel__experiments__wheel_step=_shown)
 
 
 def _no_checks() -> Any:
     return _patched(
-        omniwheel__cli__check_image__run_checks=lambda *_, **__: [], omniwheel__cli__check_image__outcome_page=_page
+        hil_sim__image_check__run__run_checks=lambda *_, **__: [], hil_sim__image_check__run__outcome_page=_page
     )
 
 
@@ -119,14 +134,14 @@ def _page(*_: Any) -> str:
 
 
 def _no_bring_up() -> Any:
-    return _patched(omniwheel__cli__bringup__bring_up=lambda *_, **__: iter(()))
+    return _patched(omniwheel__bringup__sequence__bring_up=lambda *_, **__: iter(()))
 
 
 def _short_demo() -> Any:
     def run(*arguments: Any, **options: Any) -> Any:
         return replace(run_hil(*arguments, **options), done=True)
 
-    return _patched(omniwheel__cli__run_output__load_scenario=_quick, omniwheel__cli__demo__run_hil=run)
+    return _patched(hil_sim__scenario__load_scenario=_quick, hil_sim__hil__run_hil=run)
 
 
 def _quick(_name: str, _robot: str | None = None) -> Any:
@@ -158,13 +173,18 @@ CASES = {
     "tune": Case(
         "tune --set WS_P=6 --size 0.02 --duration 0.2 --revert --out {disk}/t.png --link {link}",
         links=True,
-        during=lambda: _patched(omniwheel__cli__tune___both=_both),
+        during=lambda: _patched(omniwheel__tuning_rounds__run_rounds=_rounds),
+    ),
+    "autotune": Case(
+        "autotune --out {disk} --link {link}",
+        links=True,
+        during=lambda: _patched(omniwheel__autotune__procedure__autotune=_tuned),
     ),
     "plot": Case("plot {inputs}/run --out {disk}/plot.png"),
     "reproduce": Case("reproduce diagrams --out {disk}", step=4),
     "record": Case("record {disk}/r.tlog --duration 0.3 --link {link}", links=True),
     "replay": Case("replay {inputs}/run1.npz --robot {inputs}/robot.toml --csv {disk}/r.csv --plot {disk}/r.png"),
-    "check-image": Case("check-image {inputs}/none.elf --report {disk}/report.md", during=_no_checks),
+    "check-image": Case("check-image {inputs}/none.elf --out {disk}/page.md", during=_no_checks),
     "params save": Case("params save {disk}/p.toml --link {link}", links=True),
     "drive velocity": Case("drive velocity 0 0 0 --duration 0.1 --out {disk} --link {link}", links=True, step=5),
     "host-control pose": Case(
@@ -174,26 +194,27 @@ CASES = {
     "radio key new": Case("radio key new {disk}/robot.key"),
     "logs import": Case("logs import {inputs}/run1.csv --mapping {inputs}/mapping.toml --out {disk}/l.npz"),
     "robots new": Case(
-        "robots new mine --motor pololu_37d_30 --wheel-diameter 96mm --wheel-distance 160mm --mass 4 --folder {disk}"
+        "robots new mine --motor pololu_37d_30 --wheel-diameter 96mm --wheel-distance 160mm --mass 4 --out {disk}"
     ),
     "robots check": Case("robots check three_wheel --plot {disk}/s.png"),
     "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
-    "bringup all": Case("bringup all --yes --folder {disk} --link {link}", links=True, during=_no_bring_up),
+    "bringup all": Case("bringup all --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
+    "experiment wheel-step": Case(
+        "experiment wheel-step --out {disk} --link {link}", links=True, step=10, during=_short_experiment
+    ),
     "identify logs": Case(
         "identify logs {inputs}/run1.npz {inputs}/run2.npz --turn {inputs}/run2.npz --lifted "
-        "{inputs}/run2.npz --robot {inputs}/robot.toml --out {disk}/i.toml --report {disk}",
+        "{inputs}/run2.npz --robot {inputs}/robot.toml --out {disk}/i.toml --page {disk}",
         step=3,
     ),
-    "identify telemetry": Case(
-        "identify telemetry {inputs}/quick.toml --name found --folder {disk}", during=_telemetry
-    ),
+    "identify telemetry": Case("identify telemetry {inputs}/quick.toml --name found --out {disk}", during=_telemetry),
     "identify live": Case(
-        "identify live --name found --folder {disk} --log {disk}/i.tlog --link {link}",
+        "identify live --name found --out {disk} --log {disk}/i.tlog --link {link}",
         links=True,
         during=_live,
     ),
     "identify simulate": Case(
-        "identify simulate three_wheel --duration 4 --name found --folder {disk}",
+        "identify simulate three_wheel --duration 4 --name found --out {disk}",
         during=_telemetry,
     ),
 }
@@ -202,16 +223,20 @@ STORED_BY_FIRMWARE = ("sitl", "emulate")
 """Commands whose ``--storage`` a firmware writes: tests/firmware/test_storage_file.py."""
 
 WRITE_NOTHING = (
-    "soak", "bench", "monitor", "flash", "doctor", "params list", "params get", "params set", "params load",
-    "params presets", "params diff", "params reset", "runs compare", "runs name", "runs delete",
+    "soak", "bench", "monitor", "studio", "flash", "doctor", "params list", "params get", "params set", "params load",
+    "params presets", "params diff", "params reset", "params history", "params undo",
+    "runs compare", "runs name", "runs delete",
     "host-control motor", "mocap bridge", "radio key set", "radio key remove", "radio key show",
     "logs show", "logs align", "robots show", "robots motors", "bringup link", "bringup i2c", "bringup encoders",
     "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
+    "link",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
 
 SAME_AS = {
     "host-control trajectory": "host-control pose",
+    **{f"experiment {name}": "experiment wheel-step" for name in ("wheel-chirp", "position-step", "position-sweep")},
+    "experiment disturbance": "experiment wheel-step",
     **dict.fromkeys(("drive pose", "drive trajectory", "drive duty", "drive keys"), "drive velocity"),
     **{f"drive {name}": name for name in ("host-control pose", "host-control trajectory", "host-control motor")},
 }

@@ -3,7 +3,7 @@
 ///
 /// Calls that change something at or below the folder $FAIL_UNDER are counted: open for writing, write, pwrite, fsync,
 /// rename, link, mkdir, ftruncate. The call number $FAIL_AT (from 1) fails with errno $FAIL_WITH; with $FAIL_STAYS=1 so
-/// do all later ones. $FAIL_SHORT=1: the first write to fail takes half of its bytes, and the next that writes fails.
+/// do all later ones. With $FAIL_SHORT=1 the first write to fail takes half of its bytes. The next that writes fails.
 /// Programs that load this set the same by fail_arm(). Removing a file and reading never fail, and a full disk lets
 /// files be cut off.
 #define _GNU_SOURCE
@@ -101,10 +101,10 @@ static int fails(const char *name) {
     return 1;
 }
 
-#define REAL(type, name, ...)                                                                                                  \
-    static type (*real)(__VA_ARGS__);                                                                                          \
-    if (real == NULL) {                                                                                                        \
-        real = (type(*)(__VA_ARGS__))dlsym(RTLD_NEXT, name);                                                                   \
+#define REAL(type, name, ...)                                                                                          \
+    static type (*real)(__VA_ARGS__);                                                                                  \
+    if (real == NULL) {                                                                                                \
+        real = (type(*)(__VA_ARGS__))dlsym(RTLD_NEXT, name);                                                           \
     }
 
 static int opens(int folder, const char *path, int flags, mode_t mode) {
@@ -116,13 +116,13 @@ static int opens(int folder, const char *path, int flags, mode_t mode) {
     return real(folder, path, flags, mode);
 }
 
-#define OPEN(name)                                                                                                             \
-    int name(const char *path, int flags, ...) {                                                                               \
-        va_list more;                                                                                                          \
-        va_start(more, flags);                                                                                                 \
-        const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? (mode_t)va_arg(more, int) : 0;                              \
-        va_end(more);                                                                                                          \
-        return opens(AT_FDCWD, path, flags, mode);                                                                             \
+#define OPEN(name)                                                                                                     \
+    int name(const char *path, int flags, ...) {                                                                       \
+        va_list more;                                                                                                  \
+        va_start(more, flags);                                                                                         \
+        const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? (mode_t)va_arg(more, int) : 0;                      \
+        va_end(more);                                                                                                  \
+        return opens(AT_FDCWD, path, flags, mode);                                                                     \
     }
 OPEN(open)
 OPEN(open64)
@@ -166,19 +166,19 @@ ssize_t writev(int fd, const struct iovec *parts, int count) {
     return allowed("writev", fd, 1) < 0 ? -1 : real(fd, parts, count);
 }
 
-#define OF_FD(name, arguments, names, types)                                                                                   \
-    int name arguments {                                                                                                       \
-        REAL(int, #name, types)                                                                                                \
-        return ours_fd(fd) && fails(#name) ? -1 : real names;                                                                  \
+#define OF_FD(name, arguments, names, types)                                                                           \
+    int name arguments {                                                                                               \
+        REAL(int, #name, types)                                                                                        \
+        return ours_fd(fd) && fails(#name) ? -1 : real names;                                                          \
     }
 #define TYPES(...) __VA_ARGS__
 OF_FD(fsync, (int fd), (fd), TYPES(int))
 OF_FD(fdatasync, (int fd), (fd), TYPES(int))
 /// Cutting a file off works on a full disk.
-#define CUTS(name, offset)                                                                                                     \
-    int name(int fd, offset length) {                                                                                          \
-        REAL(int, #name, int, offset)                                                                                          \
-        return with == EIO && ours_fd(fd) && fails(#name) ? -1 : real(fd, length);                                             \
+#define CUTS(name, offset)                                                                                             \
+    int name(int fd, offset length) {                                                                                  \
+        REAL(int, #name, int, offset)                                                                                  \
+        return with == EIO && ours_fd(fd) && fails(#name) ? -1 : real(fd, length);                                     \
     }
 CUTS(ftruncate, off_t)
 CUTS(ftruncate64, off64_t)

@@ -47,7 +47,7 @@ def library(trapping: bool = False) -> ctypes.CDLL:
     loaded.robot_storage.restype = ctypes.POINTER(ctypes.c_uint8)
     for name in ("robot_size", "robot_take", "robot_unread", "robot_storage_written"):
         getattr(loaded, name).restype = ctypes.c_size_t
-    for name in ("robot_driven", "robot_enabled", "robot_has_duty", "robot_reboot_wanted"):
+    for name in ("robot_driven", "robot_enabled", "robot_has_duty", "robot_pins_high", "robot_reboot_wanted"):
         getattr(loaded, name).restype = ctypes.c_bool
     return loaded
 
@@ -231,6 +231,25 @@ class FakeRobot:
         """Let the power fail after so many more bytes, or reading fail."""
         left = _FOREVER if writes_left is None else writes_left
         self._c.robot_storage_fate(self._robot, ctypes.c_size_t(left), unreadable)
+
+    def crash_lines(self, *lines: bytes) -> None:
+        """Decide what the board says of a crash, in two lines at most, from the next reset on."""
+        first, second = [*(ctypes.c_char_p(line) for line in lines), None, None][:2]
+        self._kept = first, second
+        self._c.robot_crash_lines(self._robot, first, second)
+
+    def bus_busy(self, polls: int = 0, refusals: int = 0) -> int:
+        """Keep the bus busy; return how often it was to be freed before."""
+        return int(self._c.robot_bus_busy(self._robot, polls, refusals))
+
+    def pins(self, *, lost: bool = False) -> None:
+        """Give the board motor pins from the next reset on; ``lost``: their timers lose their settings in each tick."""
+        self._c.robot_pins(self._robot, lost)
+
+    @property
+    def pins_high(self) -> bool:
+        """Whether a motor pin is high for a part of the period."""
+        return bool(self._c.robot_pins_high(self._robot))
 
     def ask(self, port: int, request: bytes) -> int | None:
         """Send a command and return the result of its acknowledgement, without a tick."""

@@ -13,13 +13,15 @@ struct Port final : omni::SerialPort {
     uint8_t bytes[omni::Link::buffer_size] = {}; ///< of the last flush
     uint32_t connection = 1;
     size_t read(uint8_t *, size_t) override { return 0; }
-    size_t write_space() override { return room; }
+    size_t write_space() override { return room - written; }
     bool write(const uint8_t *data, size_t length) override {
         std::memcpy(bytes + written, data, length);
         written += length;
         return true;
     }
     uint32_t session() override { return connection; }
+    bool modem = false;
+    bool has_baud() override { return modem; }
 };
 
 Port port;
@@ -32,6 +34,13 @@ extern "C" {
 void link_connect(uint32_t session) {
     port.connection = session;
     link.attach(&port);
+}
+
+/// A serial line with a modem, which may carry a frame now.
+void link_modem() {
+    port.modem = true;
+    link.set_budget(1e6f);
+    link.refill(1'000'000);
 }
 
 void link_receive() {

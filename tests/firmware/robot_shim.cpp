@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
-// extern "C" access to the whole firmware on a board of fakes: simulated time, four serial ports, a PWM chip, wheels that turn as
-// they are driven. All of it is plain memory, so that a moment can be kept and gone back to.
+// extern "C" access to the whole firmware on a board of fakes. It has simulated time, four serial ports, a PWM chip,
+// wheels that turn as they are driven. All of it is plain memory, so that a moment can be kept and gone back to.
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <new>
 #include <optional>
+#include <utility>
 
 #include "app/app.h"
 #include "chip.h"
@@ -36,23 +38,43 @@ struct Wheels final : omni::Encoders {
 struct TestBus final : omni::I2cBus {
     fuzz::Chip chip;
     bool busy = false;
-    bool dead = false; ///< nobody acknowledges
+    uint32_t busy_polls = 0; ///< for which it stays busy
+    uint32_t refusals = 0;   ///< batches that it does not take
     uint8_t answer[omni::I2cTransaction::max_read] = {};
+    uint32_t recoveries = 0;
     bool submit(const omni::I2cTransaction *batch, size_t count) override {
-        for (size_t i = 0; i < count && !dead; ++i) {
+        if (refusals > 0) {
+            --refusals;
+            return false;
+        }
+        for (size_t i = 0; i < count; ++i) {
             chip.transact(batch[i].address, batch[i].write, batch[i].write_length, answer, batch[i].read_length);
         }
         busy = true;
         return true;
     }
     omni::I2cStatus poll(uint8_t *read) override {
+        if (busy && busy_polls > 0) {
+            --busy_polls;
+            return omni::I2cStatus::busy;
+        }
         std::memcpy(read, answer, sizeof answer);
         const bool done = busy;
         busy = false;
-        const omni::I2cStatus outcome = dead ? omni::I2cStatus::nack : omni::I2cStatus::done;
-        return done ? outcome : omni::I2cStatus::idle;
+        return done ? omni::I2cStatus::done : omni::I2cStatus::idle;
     }
-    void recover() override {}
+    void recover() override { ++recoveries; }
+};
+
+/// Motor pins of every kind of bridge.
+struct TestPins final : omni::MotorPins {
+    bool lost = false; ///< the timers lose their settings in every tick
+    omni::MotorPinSteps steps[OMNI_MAX_WHEELS];
+    bool serves_driver(uint8_t) override { return true; }
+    bool set_steps(const omni::MotorPinSteps *wanted, size_t wheels) override {
+        std::copy(wanted, wanted + wheels, steps);
+        return !lost;
+    }
 };
 
 struct TestPin final : omni::OutputEnable {
@@ -90,6 +112,8 @@ struct TestPort final : omni::SerialPort {
         return true;
     }
     uint32_t session() override { return connection; }
+    bool radio = false;
+    bool is_radio() override { return radio; }
 };
 
 struct TestStorage final : omni::Storage {
@@ -115,7 +139,8 @@ struct TestWatchdog final : omni::Watchdog {
     omni::ResetCause cause = omni::ResetCause::power_on;
     void feed() override {}
     omni::ResetCause reset_cause() override { return cause; }
-    const char *crash_line(size_t) override { return nullptr; }
+    const char *lines[3] = {}; ///< what the fault handler has kept
+    const char *crash_line(size_t number) override { return lines[number]; }
     void reset() override {}
 };
 
@@ -135,6 +160,9 @@ struct TestRobot {
     TestPort ports[all_ports];
     TestStorage storage;
     TestWatchdog watchdog;
+    TestPins pins;
+    bool has_pins = false;
+    alignas(8) uint8_t burst_memory[4096];
     omni::Board board;
     std::optional<omni::App> app;
     fuzz::Chip hil_chip;
@@ -154,16 +182,20 @@ struct TestRobot {
 void TestRobot::boot() {
     board = omni::Board{};
     board.clock = &clock;
+    board.burst_memory = burst_memory;
+    board.burst_bytes = sizeof burst_memory;
     board.encoders = &wheels;
     board.i2c = &bus;
     board.output_enable = &pin;
     board.stop_button = &button;
     board.storage = &storage;
     board.watchdog = &watchdog;
+    board.motor_pins = has_pins ? &pins : nullptr;
     board.robot_values = omni_builtin_robots[omni_builtin_robot_find("three_wheel")].values;
     board.battery_V = full_battery;
     for (size_t i = 0; i < all_ports; ++i) {
         board.ports[i] = &ports[i];
+        ports[i].radio = i == 1;
         ports[i].in_length = ports[i].out_length = 0;
     }
     board.port_count = all_ports;
@@ -315,7 +347,8 @@ void robot_hil_restart(TestRobot *robot) {
 
 /// Some motor gets voltage. @param hil of the simulated robot.
 bool robot_driven(const TestRobot *robot, bool hil) {
-    return hil ? robot->driven(robot->hil_chip, robot->hil_enabled == 1) : robot->driven(robot->bus.chip, robot->pin.on);
+    return hil ? robot->driven(robot->hil_chip, robot->hil_enabled == 1)
+               : robot->driven(robot->bus.chip, robot->pin.on);
 }
 
 /// The output-enable pin lets the chip's outputs through.
@@ -338,8 +371,29 @@ void robot_port(TestRobot *robot, size_t port, size_t piece, uint32_t connection
     robot->ports[port].connection = connection;
 }
 
-void robot_bus_dead(TestRobot *robot, bool dead) {
-    robot->bus.dead = dead;
+/// The bus stays busy for so many polls, and refuses so many batches. @return how often it was to be freed before.
+uint32_t robot_bus_busy(TestRobot *robot, uint32_t polls, uint32_t refusals) {
+    robot->bus.busy_polls = polls;
+    robot->bus.refusals = refusals;
+    return std::exchange(robot->bus.recoveries, 0u);
+}
+
+/// What the board says of the crash before the next reset: two lines.
+void robot_crash_lines(TestRobot *robot, const char *first, const char *second) {
+    robot->watchdog.lines[0] = first;
+    robot->watchdog.lines[1] = second;
+}
+
+/// From the next reset on the board has motor pins. @param lost their timers lose their settings in every tick.
+void robot_pins(TestRobot *robot, bool lost) {
+    robot->has_pins = true;
+    robot->pins.lost = lost;
+}
+
+/// Some motor pin is high for a part of the period.
+bool robot_pins_high(const TestRobot *robot) {
+    return std::any_of(std::begin(robot->pins.steps), std::end(robot->pins.steps),
+                       [](const omni::MotorPinSteps &it) { return it.first != 0 || it.second != 0; });
 }
 
 /// Press the stop button, or cut its wire. @param hil the simulated robot's.

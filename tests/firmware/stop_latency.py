@@ -54,6 +54,13 @@ TEST_PIN = command(mav.MAV_CMD_OMNI_OE_TEST, 0.5, 0.0)
 STOPS = {"emergency stop": EMERGENCY, "termination": TERMINATE, "disarm": DISARM}
 
 
+BURST = command(mav.MAV_CMD_OMNI_BURST, 0.02, 1.0)
+"""It is recorded in that many ticks, and is complete before the motors have stayed off long enough."""
+EXCITE = command(mav.MAV_CMD_OMNI_EXCITE, 1.0, 1.0, 1.0, 60.0)
+"""A minute of a wheel's wanted speed."""
+LOG_DATA = frame("log_request_data", 1, 1, 0, 0, 0xFFFFFFFF)
+
+
 def _pose(number: int) -> bytes:
     return frame("vicon_position_estimate", 0, 1e-6 * (number + 1), 0, 0, 0, 0, 0)
 
@@ -80,6 +87,8 @@ BEFORE: dict[str, Callable[[int], bytes]] = {
     "gains": lambda number: frame("param_set", 1, 1, b"ISMC_LAM_XY", 5.0 + number % 7, 9),
     "parameter lists": lambda _: frame("param_request_list", 1, 1),
     "unknown commands": lambda _: command(31000),
+    "bursts": lambda number: BURST if number % 2 == 0 else LOG_DATA,
+    "excitations": lambda number: command(mav.MAV_CMD_OMNI_EXCITE, 1.0 + number % 3, 1.0, 0.1, 60.0, number),
     "refused commands": lambda _: command(mav.MAV_CMD_OMNI_SET_POSE, 1e9),
     "noise": lambda number: bytes([0xFE, 0xFD, number % 256, 0x00, 0x55]),
 }
@@ -110,6 +119,29 @@ def _commanded_by_radio(robot: FakeRobot) -> None:
     robot.driving(RADIO)
 
 
+def _recording(robot: FakeRobot) -> None:
+    robot.driving()
+    assert robot.ask(USB, command(mav.MAV_CMD_OMNI_BURST, 0.06, 2.0)) == mav.MAV_RESULT_ACCEPTED
+    robot.tick()
+
+
+def _sending_a_log(robot: FakeRobot) -> None:
+    robot.driving()
+    assert robot.ask(USB, BURST) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(40)
+    for port in range(PORTS):
+        robot.send(port, LOG_DATA)
+    robot.pass_once()
+    robot.look()
+    assert all(any(message.get_type() == "LOG_DATA" for message in said) for said in robot.said)
+
+
+def _excited(robot: FakeRobot, setpoint: bytes | None, excitation: bytes) -> None:
+    _drive(setpoint)(robot)
+    assert robot.ask(USB, excitation) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(2)
+
+
 MOMENTS: dict[str, Callable[[FakeRobot], None]] = {
     "holding": _drive(None),
     "velocity": _drive(velocity(0.1)),
@@ -119,6 +151,13 @@ MOMENTS: dict[str, Callable[[FakeRobot], None]] = {
     "trajectory": _trajectory,
     "arming in the same tick": _just_arming,
     "the radio in command": _commanded_by_radio,
+    "recording": _recording,
+    "sending a log": _sending_a_log,
+    "excited wheel": lambda robot: _excited(robot, velocity(0.0), EXCITE),
+    "pushed wheel": lambda robot: _excited(
+        robot, velocity(0.0), command(mav.MAV_CMD_OMNI_EXCITE, 2.0, 1.0, 2.0, 60.0, 0.0, 1.0, 50.0)
+    ),
+    "excited pose": lambda robot: _excited(robot, None, command(mav.MAV_CMD_OMNI_EXCITE, 3.0, 0.0, 0.002, 60.0)),
 }
 
 

@@ -60,6 +60,7 @@ LOADS: dict[str, bytes] = {
     "saves": SAVE * 8,
     "parameter lists": LIST * 8,
     "missions and logs": MISSIONS_AND_LOGS * 4,
+    "bursts and their download": (stop_latency.BURST + stop_latency.LOG_DATA) * 4,
     "all of it, telemetry at 1 kHz": _EVERYTHING_OFTEN + LIST + SAVE + MISSIONS_AND_LOGS * 2,
 }
 """What is asked for on each of the other links."""

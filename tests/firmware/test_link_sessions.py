@@ -36,6 +36,18 @@ def test_a_new_connection_does_not_get_the_rest_of_the_old_ones_frame(link: ctyp
     assert link.link_flush(1000) > 8
 
 
+def test_a_modem_gets_whole_frames_as_soon_as_they_fit(link: ctypes.CDLL) -> None:
+    """It makes a packet of what comes without a pause."""
+    link.link_connect(1)
+    link.link_receive()
+    link.link_modem()
+    assert link.link_send()
+    assert link.link_send()
+    length = len(mav.MAVLink_heartbeat_message(0, 0, 0, 0, 0, 0).pack(mav.MAVLink(None)))
+    for room, goes in ((length - 1, 0), (length, length), (length - 1, 0), (2 * length, length), (length, 0)):
+        assert link.link_flush(room) == goes
+
+
 def test_a_link_that_takes_nothing_keeps_the_answers_to_stops_and_gives_up_the_newest_of_the_rest(
     link: ctypes.CDLL,
 ) -> None:

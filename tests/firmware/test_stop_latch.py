@@ -228,6 +228,26 @@ def test_a_release_in_one_tick_with_a_stop_is_not_accepted(robot: FakeRobot) -> 
     assert robot.state() == DISARMED
 
 
+def test_arming_right_behind_a_release_is_to_be_tried_again(robot: FakeRobot) -> None:
+    """The release is answered before a tick has done it: "estop" would be a wrong reason, and a lasting one."""
+    robot.ready()
+    assert robot.ask(USB, EMERGENCY) == ACCEPTED
+    robot.tick(3)
+    assert robot.ask(USB, RELEASE) == ACCEPTED
+    assert robot.ask(USB, ARM) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    robot.tick(1)
+    assert robot.ask(USB, ARM) == ACCEPTED
+    robot.tick(3)
+    assert robot.state() == ARMED
+    assert robot.ask(USB, EMERGENCY) == ACCEPTED
+    robot.tick(5)
+    assert robot.ask(USB, ARM) == mav.MAV_RESULT_DENIED
+    assert robot.ask(USB, RELEASE) == ACCEPTED
+    assert robot.ask(USB, EMERGENCY) == ACCEPTED
+    robot.tick(3)
+    assert robot.ask(USB, ARM) == mav.MAV_RESULT_DENIED, "a stop behind the release wins"
+
+
 def stop_and_release(robot: FakeRobot, times: int) -> None:
     """Stop and release so often; each is stored."""
     for _ in range(times):

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file action.h  An input as a list of whole actions, and mutations that keep it one: what a search changes is what is done, on
-/// which link and in which order, never half of it.
+/// @file action.h  An input as a list of whole actions, and mutations that keep it one. What a search changes is what
+/// is done, on which link and in which order, never half of it.
 #pragma once
 
 #include <cstddef>

@@ -14,8 +14,9 @@ void print_figures() {
                 "\"driving_ticks\": %llu, \"stops\": %llu, \"stops_in_motion\": %llu}\n",
                 static_cast<unsigned long long>(counted.executions), static_cast<unsigned long long>(counted.bytes),
                 static_cast<unsigned long long>(counted.frames), static_cast<unsigned long long>(counted.ticks),
-                static_cast<unsigned long long>(counted.armed_ticks), static_cast<unsigned long long>(counted.driving_ticks),
-                static_cast<unsigned long long>(counted.stops), static_cast<unsigned long long>(counted.stops_in_motion));
+                static_cast<unsigned long long>(counted.armed_ticks),
+                static_cast<unsigned long long>(counted.driving_ticks), static_cast<unsigned long long>(counted.stops),
+                static_cast<unsigned long long>(counted.stops_in_motion));
     std::fflush(stdout);
 }
 

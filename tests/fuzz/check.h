@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file check.h  What every fuzzer uses to report: a broken promise ends the process, figures are printed when it ends well.
+/// @file check.h  What every fuzzer uses to report: a broken promise ends the process, figures are printed when it ends
+/// well.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-/// @file edges.cpp  Which edges of the program a seeded run took: Clang's counters (-fsanitize=fuzzer-no-link), without libFuzzer.
-/// With FUZZ_EDGES=FILE a line per edge is written at exit: address in the program's file, then 1 if it was taken.
+/// @file edges.cpp  Which edges of the program a seeded run took: Clang's counters (-fsanitize=fuzzer-no-link), without
+/// libFuzzer. With FUZZ_EDGES=FILE a line per edge is written at exit: address in the program's file, then 1 if it was
+/// taken.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>

@@ -45,8 +45,8 @@ Bytes frame_of(uint32_t id, const Message &message, const Form &form = {}) {
     return frame;
 }
 
-/// Put a right signature into the place that `is_signed` left, as https://mavlink.io/en/guide/message_signing.html has it, with
-/// MAVLink's own SHA-256. @param key 32 bytes. @param time [10 us since 2015], above that of the frame before.
+/// Put a right signature into the place that `is_signed` left, as https://mavlink.io/en/guide/message_signing.html has
+/// it, with MAVLink's own SHA-256. @param key 32 bytes. @param time [10 us since 2015], above that of the frame before.
 void sign(Bytes *frame, const uint8_t *key, uint64_t time, uint8_t link_id = 1);
 
 /// A frame that stands somewhere in a stream.
@@ -76,8 +76,8 @@ Message as(const Found &frame) {
     return message;
 }
 
-/// What stands at this place of a stream: nothing (no start byte, an unknown flag or message, no length of it), or a frame and in
-/// which state it is; `foreign` is a whole one of a standard message that the robot does not speak.
+/// What stands at this place of a stream. Nothing: no start byte, an unknown flag or message, no length of it. Or a
+/// frame and in which state it is. `foreign` is a whole one of a standard message that the robot does not speak.
 Found frame_at(const uint8_t *stream, size_t size, size_t begin);
 
 /// Whether these bytes hold, anywhere, a whole valid frame that asks to arm. A superset of what any parser may see.

@@ -28,6 +28,8 @@ BUILDS = {"sanitizers": BUILD, "nothing": ROOT / "build" / "fuzz-plain", "covera
 """What the fuzzers can be built with, and where: see OMNI_FUZZ_WITH."""
 PROGRAMS = BUILD / "tests" / "fuzz"
 FINDINGS = BUILD / "findings"
+ROBOT_WITH_MOTOR_PINS = ROOT / "shared" / "robots" / "examples" / "three_wheel_pins.toml"
+"""Built in besides the others, so that motors hang on the processor's own pins, too."""
 ROBOT_FILE = "robot_file"
 TARGETS = ("app", "sequence", "parser", "params_file", "store", ROBOT_FILE)
 SHARES = {"app": 0.5, "sequence": 0.5, "parser": 0.5, "params_file": 0.1, "store": 0.5, ROBOT_FILE: 1.0}
@@ -52,6 +54,7 @@ def build(targets: Sequence[str] = ("fuzzers",), built_with: str = "sanitizers")
     tools = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
     options = ["OMNI_PYTHON=OFF", "OMNI_FUZZ=ON", f"OMNI_FUZZ_WITH={built_with}", f"Python_EXECUTABLE={sys.executable}"]
+    options.append(f"OMNI_ROBOTS={ROBOT_WITH_MOTOR_PINS}")
     compilers = ["CMAKE_C_COMPILER=clang", "CMAKE_CXX_COMPILER=clang++"]
     settings = [f"-D{option}" for option in (*options, *compilers)]
     configure = ["cmake", "-S", str(ROOT), "-B", str(folder), "-G", "Ninja", *settings]

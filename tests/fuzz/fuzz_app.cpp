@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file fuzz_app.cpp  The whole firmware on fakes: frames of every message with mutated fields, damaged, cut and joined ones,
-/// raw bytes, reconnections, interleaved links, ticks in between.
+/// @file fuzz_app.cpp  The whole firmware on fakes. It gets frames of every message with mutated fields, damaged, cut
+/// and joined ones, raw bytes, reconnections, interleaved links, ticks in between.
 #include <algorithm>
 #include <cstring>
 
@@ -38,7 +38,7 @@ private:
         setup.lockstep = (bits & 1) != 0;
         setup.only_nonsense = (bits & 6) == 6;
         setup.may_arm = setup.only_nonsense || (bits & 8) != 0;
-        setup.robot = bits >> 4 & 1;
+        setup.robot = static_cast<uint8_t>((bits >> 4 & 1) | (bits >> 6 & 2));
         setup.ports = static_cast<uint8_t>(1 + (bits >> 5) % omni::Board::max_ports);
         return setup;
     }
@@ -113,7 +113,8 @@ private:
             bytes.resize(script_.below(bytes.size()));
         } else if (how % 16 == 13) { // one within another
             const Bytes other = frame();
-            bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(script_.below(bytes.size())), other.begin(), other.end());
+            bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(script_.below(bytes.size())), other.begin(),
+                         other.end());
         }
         robot_.send(port(), bytes);
         if (how % 2 == 0) {

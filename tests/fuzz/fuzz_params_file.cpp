@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file fuzz_params_file.cpp  The --params file of the PC firmware: any bytes give a robot that can be configured, or exit code 2.
+/// @file fuzz_params_file.cpp  The --params file of the PC firmware, and any words behind it. They give a robot that
+/// can be configured, or exit code 2.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -9,10 +10,12 @@
 #include <cstring>
 #include <iterator>
 #include <string>
+#include <vector>
 
 #include "app/core.h"
 #include "boards/posix/options.h"
 #include "check.h"
+#include "messages.h"
 #include "script.h"
 
 namespace fuzz {
@@ -23,7 +26,7 @@ constexpr const char *values[] = {"0",    "1",     "-1",   "3",  "4",  "nan",   
 
 /// A parameter and mostly a value within its range.
 std::string line_of(Script &script) {
-    const omni_param_info_t &info = omni_param_table[script.below(OMNI_PARAM_COUNT)];
+    const omni_param_info_t &info = omni_param_table[parameter_for(script.number<uint16_t>())];
     const float share = static_cast<float>(script.byte()) / 255.0f;
     const float value = info.minimum + share * (info.maximum - info.minimum);
     const float shown = info.kind == OMNI_PARAM_INT ? std::floor(value) : value;
@@ -47,6 +50,22 @@ std::string text_of(Script &script) {
     return text;
 }
 
+constexpr const char *words[] = {
+    "--robot",   "four_wheel", "three_wheel_pins", "--lockstep", "--asleep", "--link", "udp:127.0.0.1:1",
+    "--storage", "/dev/null",  "--params",         "--radio",    "0",        "4",      "9"};
+
+/// Mostly nothing more, sometimes a few words that may be options and their values.
+std::vector<std::string> words_of(Script &script) {
+    std::vector<std::string> chosen(script.one_in(4) ? 1 + script.below(12) : 0);
+    for (std::string &word : chosen) {
+        word = words[script.below(std::size(words))];
+        if (script.one_in(16)) {
+            word += static_cast<char>(script.byte());
+        }
+    }
+    return chosen;
+}
+
 /// A file without a name on any disk.
 int file_with(const std::string &text) {
     static const int fd = memfd_create("params", 0);
@@ -60,19 +79,22 @@ void silence_complaints() {
     static_cast<void>(silent);
 }
 
-void run(const std::string &text) {
+void run(const std::string &text, const std::vector<std::string> &more) {
     static omni::Options options;
     options = omni::Options{};
     char path[64];
     std::snprintf(path, sizeof path, "/proc/self/fd/%d", file_with(text));
-    char program[] = "omni-firmware";
-    char option[] = "--params";
-    char *arguments[] = {program, option, path, nullptr};
+    std::vector<std::string> line = {"omni-firmware", "--params", path};
+    line.insert(line.end(), more.begin(), more.end());
+    std::vector<char *> arguments;
+    for (std::string &word : line) {
+        arguments.push_back(word.data());
+    }
     int exit_code = -1;
-    const bool good = omni::parse_options(3, arguments, &options, &exit_code);
+    const bool good = omni::parse_options(static_cast<int>(arguments.size()), arguments.data(), &options, &exit_code);
     figures().bytes += text.size();
     if (!good) {
-        check(exit_code == 2, "a bad file is a mistake of the user's", exit_code);
+        check(exit_code == 2, "a bad file or word is a mistake of the user's", exit_code);
         return;
     }
     ++figures().frames;
@@ -93,10 +115,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     ++fuzz::figures().executions;
     fuzz::silence_complaints();
     if (script.below(4) == 0) {
-        fuzz::run(std::string(reinterpret_cast<const char *>(data), size));
+        fuzz::run(std::string(reinterpret_cast<const char *>(data), size), {});
     } else {
         while (!script.ended()) {
-            fuzz::run(fuzz::text_of(script));
+            const std::string text = fuzz::text_of(script);
+            fuzz::run(text, fuzz::words_of(script));
         }
     }
     return 0;

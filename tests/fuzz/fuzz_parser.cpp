@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-/// @file fuzz_parser.cpp  The frame parser beside two others: MAVLink's own C parser on clean streams, and a search of every
-/// byte on damaged ones. Nothing but valid frames is found, no whole valid frame is lost unless it is the payload of another one, and
-/// a stop is handed over with its last byte, whatever came before it.
+/// @file fuzz_parser.cpp  The frame parser beside two others: MAVLink's own C parser on clean streams, and a search of
+/// every byte on damaged ones. Nothing but valid frames is found, no whole valid frame is lost unless it is the payload
+/// of another one. A stop is handed over with its last byte, whatever came before it.
 #include <algorithm>
 #include <cstring>
 
@@ -152,7 +152,8 @@ Bytes damaged_stream(Script &script) {
             script.bytes(piece.data(), piece.size());
         } else if (how == 4) {
             const Bytes inner = random_frame(script);
-            piece.insert(piece.begin() + static_cast<std::ptrdiff_t>(script.below(piece.size())), inner.begin(), inner.end());
+            piece.insert(piece.begin() + static_cast<std::ptrdiff_t>(script.below(piece.size())), inner.begin(),
+                         inner.end());
         }
         stream.insert(stream.end(), piece.begin(), piece.end());
     }
@@ -225,7 +226,8 @@ void damaged(Script &script) {
     check_stops(stream, parsed);
     const Stream expected = frames_in(stream);
     const size_t shorter = std::min(ours.size(), expected.size());
-    const auto same = std::mismatch(ours.begin(), ours.begin() + static_cast<std::ptrdiff_t>(shorter), expected.begin());
+    const auto same =
+        std::mismatch(ours.begin(), ours.begin() + static_cast<std::ptrdiff_t>(shorter), expected.begin());
     const auto first = static_cast<size_t>(same.first - ours.begin());
     check(first == shorter && ours.size() >= expected.size(), "no whole valid frame is lost", static_cast<long>(first));
     check(ours.size() == expected.size(), "nothing is found that is not there", static_cast<long>(first));

@@ -20,7 +20,8 @@ extern "C" size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t cap
     return fuzz::mutate_actions(data, size, capacity, seed);
 }
 
-extern "C" size_t LLVMFuzzerCustomCrossOver(const uint8_t *first, size_t first_size, const uint8_t *second, size_t second_size,
-                                            uint8_t *out, size_t capacity, unsigned seed) {
-    return fuzz::cross_actions(fuzz::actions_of(first, first_size), fuzz::actions_of(second, second_size), out, capacity, seed);
+extern "C" size_t LLVMFuzzerCustomCrossOver(const uint8_t *first, size_t first_size, const uint8_t *second,
+                                            size_t second_size, uint8_t *out, size_t capacity, unsigned seed) {
+    return fuzz::cross_actions(fuzz::actions_of(first, first_size), fuzz::actions_of(second, second_size), out,
+                               capacity, seed);
 }

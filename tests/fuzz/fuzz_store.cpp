@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: MIT
-/// @file fuzz_store.cpp  The parameter memory with any content, also with checksums that are right: nothing is read or written
-/// outside of it, foreign and damaged sets change nothing, a set that was stored comes back, and a robot that boots from it rests.
+/// @file fuzz_store.cpp  The parameter memory with any content, also with checksums that are right. Nothing is read or
+/// written outside of it. Foreign and damaged sets change nothing. A set that was stored comes back. A robot that boots
+/// from it rests.
 #include <cstring>
 
 #include "app/core.h"
 #include "app/param_store.h"
 #include "app/storage_layout.h"
 #include "check.h"
+#include "messages.h"
 #include "robot.h"
 
 namespace fuzz {
@@ -28,8 +30,9 @@ void put32(uint8_t *at, uint32_t value) {
 }
 
 size_t slot_size(const FakeStorage &storage) {
-    return storage.used > omni::storage_tail ? std::min((storage.used - omni::storage_tail) / 2, omni::ParamStore::max_slot)
-                                             : 0;
+    return storage.used > omni::storage_tail
+               ? std::min((storage.used - omni::storage_tail) / 2, omni::ParamStore::max_slot)
+               : 0;
 }
 
 /// A slot as the firmware writes it, with entries of the script's choice.
@@ -49,7 +52,7 @@ void forge(FakeStorage *storage, size_t slot, Script &script) {
     put32(at + 12, script.one_in(16) ? script.number<uint32_t>() : static_cast<uint32_t>(count));
     for (size_t i = 0; i < count; ++i) {
         uint8_t *entry = at + 16 + 6 * i;
-        const auto index = static_cast<uint16_t>(script.below(OMNI_PARAM_COUNT));
+        const auto index = static_cast<uint16_t>(parameter_for(script.number<uint16_t>()));
         const uint16_t known = by_index ? index : omni_param_table[index].storage_key;
         const uint16_t key = script.one_in(16) ? script.number<uint16_t>() : known;
         const float value = script.one_in(2) ? script.number<float>() : omni_param_table[index].maximum;
@@ -88,7 +91,7 @@ void store_alone(FakeStorage *storage, Script &script) {
     omni_real_t changed[OMNI_PARAM_COUNT];
     std::memcpy(changed, robot, sizeof changed);
     for (size_t i = script.below(20); i > 0; --i) {
-        const size_t index = script.below(OMNI_PARAM_COUNT);
+        const size_t index = parameter_for(script.number<uint16_t>());
         changed[index] = omni_param_table[index].maximum;
     }
     storage->writes_left = script.one_in(4) ? script.below(400) : SIZE_MAX;
@@ -98,7 +101,8 @@ void store_alone(FakeStorage *storage, Script &script) {
     std::memcpy(back, robot, sizeof back);
     const omni::StoreResult loaded = store.load(back);
     if (saved == omni::StoreResult::ok) {
-        check(loaded == omni::StoreResult::ok && std::memcmp(back, changed, sizeof back) == 0, "what is stored comes back");
+        check(loaded == omni::StoreResult::ok && std::memcmp(back, changed, sizeof back) == 0,
+              "what is stored comes back");
     } else {
         check(!whole || saved == omni::StoreResult::full || storage->used < 80 + omni::storage_tail,
               "a memory that works takes the set", static_cast<long>(saved));

@@ -40,13 +40,14 @@ constexpr uint32_t listened_to[] = {
     MAVLINK_MSG_ID_LOG_REQUEST_LIST,
     MAVLINK_MSG_ID_LOG_REQUEST_DATA,
     MAVLINK_MSG_ID_LOG_ERASE,
+    MAVLINK_MSG_ID_LOG_REQUEST_END,
     // From here on whole numbers move the robot: no nonsense.
     MAVLINK_MSG_ID_OMNI_HIL_SENSORS,
     MAVLINK_MSG_ID_MANUAL_CONTROL,
     MAVLINK_MSG_ID_OMNI_POSE_FIX,
     MAVLINK_MSG_ID_SET_MODE,
 };
-constexpr size_t without_whole_numbers = 27;
+constexpr size_t without_whole_numbers = 28;
 
 constexpr uint16_t commands[] = {
     MAV_CMD_COMPONENT_ARM_DISARM,
@@ -63,6 +64,8 @@ constexpr uint16_t commands[] = {
     MAV_CMD_DO_FLIGHTTERMINATION,
     MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
     MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+    MAV_CMD_OMNI_BURST,
+    MAV_CMD_OMNI_EXCITE,
 };
 
 constexpr float nan = std::numeric_limits<float>::quiet_NaN();
@@ -115,7 +118,7 @@ void fill_fields(uint8_t *payload, uint32_t id, Script &script, bool only_nonsen
 
 void fill_param_set(uint8_t *payload, Script &script, bool only_nonsense) {
     mavlink_param_set_t message{};
-    const omni_param_info_t &info = omni_param_table[script.below(OMNI_PARAM_COUNT)];
+    const omni_param_info_t &info = omni_param_table[parameter_for(script.number<uint16_t>())];
     const float share = static_cast<float>(script.byte()) / 255.0f;
     const float values[] = {info.minimum + share * (info.maximum - info.minimum),
                             std::floor(info.minimum + share * (info.maximum - info.minimum)),
@@ -138,9 +141,10 @@ void fill_command(uint8_t *payload, Script &script, const Manners &manners) {
     constexpr size_t at_number = offsetof(mavlink_command_long_t, command);
     static_assert(at_number == offsetof(mavlink_command_int_t, command), "the number stands at the same place");
     constexpr uint16_t first_of_ours = 60110;
-    uint16_t command = commands[script.below(std::size(commands))];
+    uint16_t command = commands[script.entry(std::size(commands), [](size_t i) { return commands[i]; })];
     if (script.one_in(8)) {
-        command = script.one_in(4) ? script.number<uint16_t>() : static_cast<uint16_t>(first_of_ours + script.below(20));
+        command =
+            script.one_in(4) ? script.number<uint16_t>() : static_cast<uint16_t>(first_of_ours + script.below(20));
     }
     put(payload, at_number, command);
     if (command == MAV_CMD_COMPONENT_ARM_DISARM && !manners.may_arm) {
@@ -167,7 +171,7 @@ const mavlink_msg_entry_t &pick_message(Script &script, const Manners &manners) 
         return entry_number(script.byte());
     }
     const size_t count = manners.only_nonsense ? without_whole_numbers : std::size(listened_to);
-    return *entry_of(listened_to[script.below(count)]);
+    return *entry_of(listened_to[script.entry(count, [](size_t i) { return listened_to[i]; })]);
 }
 
 void fill_payload(uint8_t *payload, const mavlink_msg_entry_t &entry, Script &script, const Manners &manners) {
@@ -182,6 +186,10 @@ void fill_payload(uint8_t *payload, const mavlink_msg_entry_t &entry, Script &sc
         fill_param_set(payload, script, manners.only_nonsense);
     }
     address(payload, entry, script);
+}
+
+size_t parameter_for(uint32_t draw) {
+    return entry_for(draw, OMNI_PARAM_COUNT, [](size_t i) { return omni_param_table[i].storage_key; });
 }
 
 Bytes command_long(uint16_t command, float param1, float param2) {

@@ -4,11 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 
 #include "check.h"
 
 namespace fuzz {
 namespace {
+
+/// More robots may be built in; fuzz.py builds in the one with motor pins.
+constexpr const char *robots[] = {"fast_three_wheel", "four_wheel", "three_wheel_pins", "three_wheel"};
 
 float battery_now = 12.0f;
 
@@ -68,6 +72,21 @@ omni::I2cStatus FakeBus::poll(uint8_t *read) {
     return foreign_ && fate == omni::I2cStatus::done ? omni::I2cStatus::nack : fate;
 }
 
+bool FakeMotorPins::set_steps(const omni::MotorPinSteps *to, size_t wheels) {
+    check(wheels <= OMNI_MAX_WHEELS, "there are so many wheels", static_cast<long>(wheels));
+    for (size_t i = 0; i < wheels; ++i) {
+        check(to[i].first <= OMNI_PWM_STEPS && to[i].second <= OMNI_PWM_STEPS,
+              "no pin is high for longer than a period", static_cast<long>(i));
+        steps[i] = to[i];
+    }
+    return works;
+}
+
+bool FakeMotorPins::all_off() const {
+    return std::all_of(steps, steps + OMNI_MAX_WHEELS,
+                       [](const omni::MotorPinSteps &wheel) { return wheel.first == 0 && wheel.second == 0; });
+}
+
 size_t FakePort::read(uint8_t *data, size_t capacity) {
     if (connection == 0) {
         return 0;
@@ -104,7 +123,8 @@ bool FakeStorage::write(size_t offset, const uint8_t *data, size_t length) {
 }
 
 const char *FakeWatchdog::crash_line(size_t number) {
-    return cause == omni::ResetCause::crash && number < 2 ? "a line of fifty characters that the fault handler kept" : nullptr;
+    return cause == omni::ResetCause::crash && number < 2 ? "a line of fifty characters that the fault handler kept"
+                                                          : nullptr;
 }
 
 Robot::Robot(const Setup &how, Script &script) : setup(how) {
@@ -129,16 +149,24 @@ void Robot::boot() {
     ++boots;
     board_ = omni::Board{};
     board_.clock = &clock;
+    board_.burst_memory = burst_memory_;
+    board_.burst_bytes = sizeof burst_memory_;
     board_.encoders = &encoders;
     board_.i2c = &bus;
     board_.output_enable = &pin;
     board_.storage = &storage;
     board_.watchdog = &watchdog;
-    board_.robot_values = omni_builtin_robots[setup.robot % omni_builtin_robot_count].values;
+    const int32_t number = omni_builtin_robot_find(robots[setup.robot % std::size(robots)]);
+    check(number >= 0, "the robot is built in", setup.robot);
+    board_.robot_values = omni_builtin_robots[number].values;
+    motor_pins.driver = static_cast<uint8_t>(board_.robot_values[OMNI_PARAM_MOT_DRIVER]);
+    motor_pins.restart();
+    board_.motor_pins = motor_pins.driver == OMNI_MOT_DRIVER_PCA9685 ? nullptr : &motor_pins;
     board_.battery_V = battery_V;
     for (size_t i = 0; i < setup.ports; ++i) {
         ports[i].out.clear(); // a reboot may cut a frame
         board_.ports[i] = &ports[i];
+        ports[i].radio = i == 1;
     }
     board_.port_count = setup.ports;
     clock.us = 0;
@@ -165,12 +193,13 @@ void Robot::send(size_t port, const Bytes &bytes) {
 void Robot::tick() {
     clock.us += OMNI_TICK_US;
     clock.ns += 1'000'000;
+    motor_pins.works = bus.fate == omni::I2cStatus::done;
     app_->tick();
     ++figures().ticks;
     ++timer_ticks;
-    check_motors(bus.chip, "no motor is driven by the timer's tick");
-    figures().armed_ticks += bus.chip.all_off() ? 0 : 1;
-    figures().driving_ticks += drives(bus.chip) ? 1 : 0;
+    check_motors(bench(), "no motor is driven by the timer's tick");
+    figures().armed_ticks += bench().all_off() ? 0 : 1;
+    figures().driving_ticks += drives(bench()) ? 1 : 0;
 }
 
 void Robot::background() {
@@ -185,7 +214,7 @@ void Robot::background() {
             break;
         }
     }
-    check_motors(bus.chip, "no motor is driven by the background");
+    check_motors(bench(), "no motor is driven by the background");
     if (app_->reboot_wanted()) {
         watchdog.cause = omni::ResetCause::software;
         boot();
@@ -201,24 +230,27 @@ void Robot::connect_anew(size_t port, bool gone) {
 }
 
 /// Motors rest unless a valid command asked to arm, and in any case when everything said was nonsense.
-void Robot::check_motors(const Chip &chip, const char *promise) {
+void Robot::check_motors(const Motors &motors, const char *promise) {
     if (!setup.may_arm && !arming_asked_) {
-        check(chip.all_off(), promise);
-        check(!pin.is_on || chip.all_off(), promise);
+        check(motors.all_off(), promise);
     }
-    check(!setup.only_nonsense || !drives(chip), "nonsense drives no motor");
+    check(!setup.only_nonsense || !drives(motors), "nonsense drives no motor");
 }
 
-int Robot::drive_of(const Chip &chip, size_t wheel) const {
+int Robot::drive_of(const Motors &motors, size_t wheel) const {
     const omni_real_t *values = board_.robot_values;
+    const omni::MotorPinSteps &steps = motors.pins.steps[wheel];
+    if (motor_pins.driver == OMNI_MOT_DRIVER_IN1_IN2) {
+        return steps.first - steps.second;
+    }
     const auto in1 = static_cast<size_t>(values[OMNI_PARAM_W1_IN1_CH + wheel]);
     const auto in2 = static_cast<size_t>(values[OMNI_PARAM_W1_IN2_CH + wheel]);
-    return static_cast<int>(chip.high_steps(in1)) - static_cast<int>(chip.high_steps(in2));
+    return static_cast<int>(motors.chip.high_steps(in1)) - static_cast<int>(motors.chip.high_steps(in2));
 }
 
-bool Robot::drives(const Chip &chip) const {
+bool Robot::drives(const Motors &motors) const {
     for (size_t i = 0; i < static_cast<size_t>(board_.robot_values[OMNI_PARAM_WHEELS]); ++i) {
-        if (drive_of(chip, i) != 0) {
+        if (drive_of(motors, i) != 0) {
             return true;
         }
     }
@@ -226,19 +258,20 @@ bool Robot::drives(const Chip &chip) const {
 }
 
 bool Robot::bench_moves() const {
-    return !bus.chip.all_off() && (!pin.is_wired || pin.is_on);
+    return !motor_pins.all_off() || (!bus.chip.all_off() && (!pin.is_wired || pin.is_on));
 }
 
 bool Robot::world_moves() const {
-    return hil_power_ && !hil_chip_.all_off();
+    return !hil_pins_.all_off() || (hil_power_ && !hil_chip_.all_off());
 }
 
 void Robot::turn_wheels(int counts) {
-    const Chip &chip = setup.lockstep || hosted ? hil_chip_ : bus.chip;
+    const Motors motors = setup.lockstep || hosted ? world() : bench();
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        const int drive = drive_of(chip, i);
+        const int drive = drive_of(motors, i);
         const int by = drive > 0 ? counts : drive < 0 ? -counts : 0;
-        encoders.counts[i] = static_cast<int32_t>(static_cast<uint32_t>(encoders.counts[i]) + static_cast<uint32_t>(by));
+        encoders.counts[i] =
+            static_cast<int32_t>(static_cast<uint32_t>(encoders.counts[i]) + static_cast<uint32_t>(by));
     }
 }
 
@@ -264,7 +297,8 @@ void Robot::look(size_t port) {
         if (frame.kind == Found::Kind::incomplete) {
             break;
         }
-        check(frame.kind == Found::Kind::valid, "the robot sends valid frames and nothing else", static_cast<long>(frame.id));
+        check(frame.kind == Found::Kind::valid, "the robot sends valid frames and nothing else",
+              static_cast<long>(frame.id));
         take_frame(port, frame);
         at += frame.length;
     }
@@ -311,12 +345,15 @@ void Robot::take_actuators(const Found &frame) {
         hil_chip_.transact(message.i2c[at], message.i2c + at + 2, written, hil_read_, read);
         at += 3 + written;
     }
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        hil_pins_.steps[i] = {message.motor_pins[2 * i], message.motor_pins[2 * i + 1]};
+    }
     hil_power_ = message.output_enable == 1;
     ++host_ticks;
     ++figures().ticks;
-    figures().armed_ticks += hil_chip_.all_off() ? 0 : 1;
-    figures().driving_ticks += drives(hil_chip_) ? 1 : 0;
-    check_motors(hil_chip_, "no motor is driven by the host's tick");
+    figures().armed_ticks += world().all_off() ? 0 : 1;
+    figures().driving_ticks += drives(world()) ? 1 : 0;
+    check_motors(world(), "no motor is driven by the host's tick");
     if (listener != nullptr) {
         listener->host_ticked();
     }

@@ -2,6 +2,7 @@
 /// @file robot.h  The firmware on a board made of fakes at the chip's pins, and what must hold whatever reaches it.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -48,6 +49,19 @@ struct FakePin final : omni::OutputEnable {
     void set(bool on) override { is_on = on; }
 };
 
+/// Two PWM pins per motor, and the bridges of one kind behind them. The robot on the bench has them if its wiring says
+/// so.
+struct FakeMotorPins final : omni::MotorPins {
+    uint8_t driver = OMNI_MOT_DRIVER_PCA9685; ///< omni_mot_driver
+    bool works = true;                        ///< false: the timers lose their settings in every tick
+    omni::MotorPinSteps steps[OMNI_MAX_WHEELS];
+    bool serves_driver(uint8_t asked) override { return asked == driver; }
+    bool set_steps(const omni::MotorPinSteps *to, size_t wheels) override;
+    /// All are low, as after a reset.
+    void restart() { std::fill(steps, steps + OMNI_MAX_WHEELS, omni::MotorPinSteps{}); }
+    bool all_off() const;
+};
+
 struct FakePort final : omni::SerialPort {
     Bytes in;  ///< still to be read by the robot
     Bytes out; ///< sent by the robot and not yet looked at
@@ -59,6 +73,8 @@ struct FakePort final : omni::SerialPort {
     size_t write_space() override { return connection != 0 ? space : 0; }
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return connection; }
+    bool radio = false;
+    bool is_radio() override { return radio; }
 };
 
 struct FakeStorage final : omni::Storage {
@@ -93,9 +109,10 @@ protected:
 /// How a run is set up.
 struct Setup {
     bool lockstep = false;
-    bool may_arm = false;       ///< the script may send valid arm commands
-    bool only_nonsense = false; ///< every floating-point field is NaN or infinite, wheels stand still: nothing may be driven
-    uint8_t robot = 0;          ///< number of the built-in robot
+    bool may_arm = false; ///< the script may send valid arm commands
+    bool only_nonsense =
+        false;         ///< every floating-point field is NaN or infinite, wheels stand still: nothing may be driven
+    uint8_t robot = 0; ///< number in robot.cpp's list
     uint8_t ports = 1;
 };
 
@@ -108,6 +125,7 @@ public:
     FakeEncoders encoders;
     FakeBus bus;
     FakePin pin;
+    FakeMotorPins motor_pins;
     FakePort ports[omni::Board::max_ports];
     FakeStorage storage;
     FakeWatchdog watchdog;
@@ -128,7 +146,8 @@ public:
     /// A correct OMNI_HIL_SENSORS for the next tick of the host's clock.
     Bytes hil_sensors(const Form &form = {});
 
-    /// Some bridge of the bench is switched on: the chip says so, and the output-enable pin (where it is wired) lets it.
+    /// Some bridge of the bench is switched on: the chip says so, and the output-enable pin (where it is wired) lets
+    /// it. Or the motor pins say so, which nothing stands behind.
     bool bench_moves() const;
     /// The same of the host's world, as of the last OMNI_HIL_ACTUATORS.
     bool world_moves() const;
@@ -145,15 +164,25 @@ private:
     void look(size_t port);
     void take_frame(size_t port, const Found &frame);
     void take_actuators(const Found &frame);
-    void check_motors(const Chip &chip, const char *promise);
-    bool drives(const Chip &chip) const;
+    /// What a world's motors hang on.
+    struct Motors {
+        const Chip &chip;
+        const FakeMotorPins &pins;
+        bool all_off() const { return chip.all_off() && pins.all_off(); }
+    };
+    Motors bench() const { return {bus.chip, motor_pins}; }
+    Motors world() const { return {hil_chip_, hil_pins_}; }
+    void check_motors(const Motors &motors, const char *promise);
+    bool drives(const Motors &motors) const;
     /// Of the bridge: full forward is 4096.
-    int drive_of(const Chip &chip, size_t wheel) const;
+    int drive_of(const Motors &motors, size_t wheel) const;
     void note_arming(size_t port, const Bytes &bytes);
 
+    alignas(8) uint8_t burst_memory_[4096];
     omni::Board board_;
     std::optional<omni::App> app_;
     Chip hil_chip_;
+    FakeMotorPins hil_pins_;
     bool hil_power_ = false;
     uint8_t hil_read_[8] = {};
     uint32_t hil_sequence_ = 0;

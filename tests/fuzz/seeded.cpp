@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-/// @file seeded.cpp  A driver without feedback that does the same everywhere: inputs from a seeded generator, and mutations of a
-/// few that were kept.
+/// @file seeded.cpp  A driver without feedback that does the same everywhere: inputs from a seeded generator, and
+/// mutations of a few that were kept.
 ///
-/// usage: PROGRAM SEED BYTES, until the code under test was handed so many bytes; PROGRAM SEED BLOCK COUNT LONGEST, COUNT inputs of
-/// at most LONGEST bytes, the BLOCK-th such lot of this seed (a lot depends on nothing before it); or PROGRAM FILE... to run stored
-/// inputs. An input that takes longer than ten seconds (or FUZZ_HANG_S) ends the process by SIGALRM. What ends the process
-/// is left in the file named by FUZZ_LAST.
+/// Usage: PROGRAM SEED BYTES, until the code under test was handed so many bytes. PROGRAM SEED BLOCK COUNT LONGEST:
+/// COUNT inputs of at most LONGEST bytes, the BLOCK-th such lot of this seed. A lot depends on nothing before it.
+/// PROGRAM FILE... runs stored inputs. An input that takes longer than ten seconds (or FUZZ_HANG_S) ends the process by
+/// SIGALRM. What ends the process is left in the file named by FUZZ_LAST.
 #include <fcntl.h>
 #include <sys/time.h>
 #include <unistd.h>
@@ -22,7 +22,8 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 /// A target that changes its inputs itself has this.
-extern "C" __attribute__((weak)) size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t capacity, unsigned seed);
+extern "C" __attribute__((weak)) size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t capacity,
+                                                                unsigned seed);
 extern "C" __attribute__((weak)) void __sanitizer_set_death_callback(void (*callback)());
 
 namespace {
@@ -38,7 +39,8 @@ volatile uint64_t runs = 0;
 
 void keep_last() {
     const Input *input = running;
-    const int file = last_path != nullptr && input != nullptr ? open(last_path, O_WRONLY | O_CREAT | O_TRUNC, 0644) : -1;
+    const int file =
+        last_path != nullptr && input != nullptr ? open(last_path, O_WRONLY | O_CREAT | O_TRUNC, 0644) : -1;
     if (file >= 0) {
         const ssize_t written = write(file, input->data(), input->size());
         static_cast<void>(written);
@@ -133,7 +135,8 @@ private:
         input_ = anew ? Input{} : kept_[random_.below(kept_.size())];
         const size_t size = input_.size();
         input_.resize(std::max(longest_, size));
-        input_.resize(LLVMFuzzerCustomMutator(input_.data(), size, input_.size(), static_cast<unsigned>(random_.next())));
+        input_.resize(
+            LLVMFuzzerCustomMutator(input_.data(), size, input_.size(), static_cast<unsigned>(random_.next())));
     }
 
     fuzz::Generator random_;

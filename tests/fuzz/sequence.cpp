@@ -23,7 +23,7 @@ Setup Sequence::setup_of(const Action &setup) {
     Setup how;
     how.lockstep = (setup.a & 1) != 0;
     how.may_arm = true;
-    how.robot = setup.a >> 2 & 1;
+    how.robot = setup.a >> 2 & 3;
     how.ports = static_cast<uint8_t>(2 + setup.b % 3);
     return how;
 }
@@ -112,8 +112,8 @@ void Sequence::background() {
     }
 }
 
-/// A robot that was armed takes up half a day ahead of its clock, so that it takes no recording of that drive. Until its next
-/// frame over the radio a station cannot know that, and what it has signed before is as good as a recording.
+/// A robot that was armed takes up half a day ahead of its clock, so that it takes no recording of that drive. Until
+/// its next frame over the radio a station cannot know that, and what it has signed before is as good as a recording.
 void Sequence::started_anew() {
     boots_ = robot_.boots;
     knows_the_time_ = false;
@@ -130,7 +130,8 @@ void Sequence::heard(size_t port, const Found &frame) {
     if (port == radio) {
         const uint64_t time = is_signed(frame) ? signing_time(frame, signing_key) : 0;
         signing_time_ = std::max(signing_time_, time);
-        knows_the_time_ = !is_signed(frame) || time != 0; // a robot that cannot read its key hears nobody, nor can it be heard
+        knows_the_time_ =
+            !is_signed(frame) || time != 0; // a robot that cannot read its key hears nobody, nor can it be heard
     }
     if (!is_clogged(port) || frame.id != MAVLINK_MSG_ID_HEARTBEAT) {
         oracle_.heard(port, frame);
@@ -262,7 +263,8 @@ void Sequence::estop(const Action &action) {
     if (action.a % 3 == 0) {
         command(action, MAV_CMD_DO_FLIGHTTERMINATION, 1.0f, 0.0f);
     } else {
-        const float other = action.x == 0 ? __builtin_nanf("") : static_cast<float>(action.x); // what is no release stops
+        const float other =
+            action.x == 0 ? __builtin_nanf("") : static_cast<float>(action.x); // what is no release stops
         command(action, MAV_CMD_OMNI_ESTOP, action.a % 3 == 1 ? 1.0f : other, 0.0f);
     }
 }
@@ -299,7 +301,7 @@ void Sequence::clog(size_t link, bool clogged) {
 }
 
 void Sequence::power_cut(const Action &) {
-    robot_.bus.chip.power_up();
+    robot_.bus.chip.power_up(); // the motor pins are low after every reset
     robot_.watchdog.cause = omni::ResetCause::power_on;
     robot_.boot();
     started_anew();

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file sequence.h  Plays a list of actions (action.h) on the firmware and asks the oracle of stops after every tick.
 ///
-/// Of an action, `link` says where (modulo the links there are; its top bit: the frame waits and goes out joined with the next one
-/// of that link), `a` and `b` choose variants, `n` and `x` are amounts. The first action's `a` sets the run up: bit 0 lockstep,
-/// bit 1 no output-enable pin, bit 2 the other robot; its `b` how many links beyond two.
+/// An action: `link` says where, modulo the links there are. With its top bit the frame waits, and goes out joined with
+/// the next one of that link. `a` and `b` choose variants, `n` and `x` are amounts. The first action's `a` sets the run
+/// up: bit 0 lockstep, bit 1 no output-enable pin, bits 2 and 3 the robot. Its `b` says how many links beyond two.
 #pragma once
 
 #include "action.h"
@@ -61,9 +61,11 @@ private:
     size_t link_of(const Action &action) const { return (action.link & 0x7F) % robot_.setup.ports; }
     /// How frames look on this link at the moment.
     Form form_on(size_t link) const;
-    /// A command with a receipt of its own; what it means is worked out from it. A stop among them is promised its effect.
+    /// A command with a receipt of its own; what it means is worked out from it. A stop among them is promised its
+    /// effect.
     void command(const Action &action, uint16_t number, float first, float second);
-    /// A stop that the robot may take for a recording: it has started anew, and the station has not heard it say its time since.
+    /// A stop that the robot may take for a recording. It has started anew, and the station has not heard it say its
+    /// time since.
     bool may_be_a_recording(size_t link) const { return signs_ && link == radio && !knows_the_time_; }
     void sign_on(size_t link, Bytes *frame);
     void started_anew();

@@ -76,7 +76,7 @@ void Sequence::heartbeat(const Action &action) {
 }
 
 void Sequence::parameter(const Action &action) {
-    const omni_param_info_t &info = omni_param_table[action.n % OMNI_PARAM_COUNT];
+    const omni_param_info_t &info = omni_param_table[parameter_for(action.n)];
     const float between = info.minimum + (info.maximum - info.minimum) * static_cast<float>(action.b) / 255.0f;
     const float values[] = {info.minimum, info.maximum, info.initial, between, std::floor(between), share(action.x)};
     mavlink_param_set_t message{};

@@ -19,7 +19,8 @@ void StopOracle::stop(bool latching) {
 }
 
 void StopOracle::forget_acks(size_t link) {
-    acks_.erase(std::remove_if(acks_.begin(), acks_.end(), [link](const Ack &ack) { return ack.link == link; }), acks_.end());
+    acks_.erase(std::remove_if(acks_.begin(), acks_.end(), [link](const Ack &ack) { return ack.link == link; }),
+                acks_.end());
 }
 
 void StopOracle::rebooted(bool latch_kept) {
@@ -58,8 +59,9 @@ void StopOracle::heard(size_t link, const Found &frame) {
         check(!settled || !latched_ || !left, "an emergency stop stays until it is released", message.system_status);
     } else if (frame.id == MAVLINK_MSG_ID_COMMAND_ACK) {
         const auto message = as<mavlink_command_ack_t>(frame);
-        const auto ack = std::find_if(acks_.begin(), acks_.end(),
-                                      [&](const Ack &one) { return one.link == link && one.receipt == message.result_param2; });
+        const auto ack = std::find_if(acks_.begin(), acks_.end(), [&](const Ack &one) {
+            return one.link == link && one.receipt == message.result_param2;
+        });
         if (ack != acks_.end()) {
             check(message.result == MAV_RESULT_ACCEPTED, "no stop is refused (result)", message.result);
             acks_.erase(ack);

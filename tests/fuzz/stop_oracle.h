@@ -2,9 +2,11 @@
 /// @file stop_oracle.h  What must hold about stops, whatever else is said on whichever link: docs/reference/safety.md
 /// as a model of four numbers. It knows only what reached the robot, never what the robot thinks of it.
 ///
-/// - Within two ticks of a complete stop (disarm or emergency stop) no motor gets volts, and none does until somebody arms.
+/// - Within two ticks of a complete stop (disarm or emergency stop) no motor gets volts, and none does until somebody
+/// arms.
 /// - A robot that nobody armed since its last start moves nothing.
-/// - An emergency stop is left by a release alone: arming does not count before, leaving host-in-the-loop or a reboot neither.
+/// - An emergency stop is left by a release alone: arming does not count before, leaving host-in-the-loop or a reboot
+/// neither.
 /// - A stop is acknowledged as accepted on the link it came from.
 #pragma once
 
@@ -34,14 +36,16 @@ public:
     /// The robot has started anew. @param latch_kept its memory worked, so that it knows about an emergency stop.
     void rebooted(bool latch_kept);
 
-    /// The latest stop has surely been done and written down: a power cut does not undo it. A silent host in the loop delays it.
+    /// The latest stop has surely been done and written down: a power cut does not undo it. A silent host in the loop
+    /// delays it.
     bool settled() const { return host_ticks_ > ticks_to_rest || bench_ticks_ > ticks_to_settle; }
 
     void bench_ticked(bool moves);
     void host_ticked(bool moves);
     /// A frame that the robot sent.
     void heard(size_t link, const Found &frame);
-    /// A pass of the background in which the robot read all that waited. @param deaf a bit per link that takes nothing from it.
+    /// A pass of the background in which the robot read all that waited. @param deaf a bit per link that takes nothing
+    /// from it.
     void pass(unsigned deaf);
 
     bool stopped() const { return !may_move_; }

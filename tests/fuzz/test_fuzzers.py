@@ -85,6 +85,34 @@ def test_a_signed_stop_that_the_robot_may_not_take_for_a_recording_is_answered(
     assert json.loads(done.stdout)["stops"] >= 1
 
 
+DRAWS = r"""
+#include <cstdio>
+#include "script.h"
+int main() {
+    const unsigned numbers[] = {
+        400, 176, 20, 23, 60110, 60118, 66, 84, 11, 511, 4, 8, 111, 117, 119, 12, 76, 75, 69, 0};
+    for (size_t count = 19; count <= 20; ++count) {
+        for (uint32_t draw = 0; draw < 65536; ++draw) {
+            std::printf("%u ", numbers[fuzz::entry_for(draw, count, [&](size_t i) { return numbers[i]; })]);
+        }
+        std::puts("");
+    }
+}
+"""
+
+
+def test_a_new_message_leaves_what_the_kept_inputs_mean(tmp_path: Path) -> None:
+    source, program = tmp_path / "draws.cpp", tmp_path / "draws"
+    source.write_text(DRAWS)
+    subprocess.run(["c++", "-std=c++17", f"-I{fuzz.ROOT}/tests/fuzz", source, "-o", program], check=True)
+    before, after = (line.split() for line in run([str(program)]).stdout.splitlines())
+    changed = [new for old, new in zip(before, after, strict=True) if old != new]
+    assert set(changed) == {"0"}  # what changed went to the new one
+    counts = [after.count(number) for number in set(after)]
+    assert len(counts) == 20
+    assert 0.7 * 65536 / 20 < min(counts) <= max(counts) < 1.3 * 65536 / 20
+
+
 PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a bound that is not checked": (
         "app",
@@ -102,16 +130,16 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     ),
     "a command that arms although another was meant": (
         "app",
-        "firmware/app/commands.cpp",
+        "firmware/app/arming.cpp",
         "if (wanted == 1.0f) {",
         "if (wanted > 0.5f) {",
         "no motor is driven",
     ),
     "a disarm that is left out while nothing drives yet": (
         "sequence",
-        "firmware/app/commands.cpp",
-        "    shared_.control.stop(event);",
-        "    if (shared_.latest.outputs.drive) {\n        shared_.control.stop(event);\n    }",
+        "firmware/app/arming.cpp",
+        "    control_.stop(event);",
+        "    if (robot_.latest().outputs.drive) {\n        control_.stop(event);\n    }",
         "zero volts within two ticks",
     ),
     "an emergency stop that another host in the loop forgets": (
@@ -131,16 +159,16 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a stop without an answer": (
         "sequence",
         "firmware/app/commands.cpp",
-        "    shared_.links[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
+        "    links_[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
         "    if (command.id != cmd_terminate)\n"
-        "        shared_.links[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
+        "        links_[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
         "every stop is acknowledged",
     ),
     "a stop that is said to be refused": (
         "sequence",
-        "firmware/app/commands.cpp",
-        "shared_.stopping = reports_until_known;\n    return MAV_RESULT_ACCEPTED;",
-        "shared_.stopping = reports_until_known;\n    return queued(!shared_.hil);",
+        "firmware/app/arming.cpp",
+        "robot_.expect_stop();\n    return MAV_RESULT_ACCEPTED;",
+        "robot_.expect_stop();\n    return robot_.hil() ? MAV_RESULT_TEMPORARILY_REJECTED : MAV_RESULT_ACCEPTED;",
         "no stop is refused",
     ),
     "a stop that waits for the end of half a frame": (
@@ -154,7 +182,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
         "sequence",
         "firmware/app/app.cpp",
         "!by_us && channel.admits(frame)) {",
-        "!by_us && channel.admits(frame) && !(shared_.hil && frame.is_signed)) {",
+        "!by_us && channel.admits(frame) && !(robot_.hil() && frame.is_signed)) {",
         "every stop is acknowledged",
     ),
     "a station that follows the robot's clock and is taken for a recording": (
@@ -188,8 +216,8 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a memory that is read beyond its end": (
         "store",
         "firmware/app/param_store.cpp",
-        "|| count > (slot_size() - header_length - crc_length) / entry_length",
-        "",
+        "count > (slot_size() - header_length - crc_length) / entry_length",
+        "false",
         "param_store.cpp",
     ),
 }

@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from c_world import members, names_header, ranges_source
-from omni_schema import SchemaError
+from c_world import drivers_header, members, names_header, ranges_source
+from omni_schema import SchemaError, load_parameters
 from omni_schema.world import load_world, parse_world
 
 PATH = Path(__file__).resolve().parents[2] / "shared" / "world.toml"
+DRIVERS = load_parameters(PATH.with_name("params.toml")).motor_drivers
 NUMBER = {"kind": "real", "unit": "m", "min": 0.0, "max": 2.0, "default": 1.0, "doc": "a length"}
 SMALL: dict[str, Any] = {
     "schema_version": 1,
@@ -39,7 +40,7 @@ def test_the_packaged_file_says_something_of_every_row() -> None:
 
 def test_every_row_reaches_the_c_sources() -> None:
     world = load_world(PATH)
-    names, fields, ranges = names_header(world), members(world), ranges_source(world)
+    names, fields, ranges = names_header(world, DRIVERS), members(world), ranges_source(world)
     for quantity in world.numbers.values():
         assert f" {quantity.field}" in fields
         assert (f'"{quantity.field}"' in ranges) == (quantity.kind != "bool")
@@ -48,6 +49,9 @@ def test_every_row_reaches_the_c_sources() -> None:
     for fault in world.faults.values():
         assert f"HIL_FAULT_{fault.name.upper()} = {fault.number}," in names
         assert f'"{fault.name}"' in ranges
+    for driver in DRIVERS.values():
+        assert f"HIL_DRIVER_{driver.name.upper()} = {driver.number}," in names
+        assert f"/* {driver.name} */" in drivers_header(DRIVERS)
 
 
 def test_what_it_decides_is_one_number_for_all_runs() -> None:

@@ -25,8 +25,9 @@ from hil_sim.batch import (
     run_batches,
     statistics_of,
 )
+from hil_sim.limits import MAX_SEED
 from hil_sim.runs import run_in_process
-from hil_sim.scenario import MAX_SEED, Event, Scenario, load_scenario
+from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.statistics import Statistics, merged
 from omni_schema import SchemaError
 from omniwheel.errors import CoreError

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from hil_sim import core
 from hil_sim.c_events import TICKS_PER_S
 from hil_sim.core import CoreError
+from hil_sim.limits import MAX_DURATION_S
 from hil_sim.record import Record
 from hil_sim.runs import new_world, run_in_process
-from hil_sim.scenario import MAX_DURATION_S, Event, Scenario, load_scenario, scenario_names
+from hil_sim.scenario import Event, Scenario, load_scenario, scenario_names
 from hil_sim.timeline import Played, RunError, play
 from omniwheel._core import ffi, lib
 
@@ -76,7 +77,7 @@ class PythonLoop:
         return core.path_ticks(self._config, share)
 
     def _command(self, command: str) -> None:
-        if command == "arm" and lib.omni_robot_arming_faults(self._robot, self._outputs):
+        if command == "arm" and lib.omni_robot_arming_faults(self._robot):
             raise RunError("refused")
         if command == "trajectory_start":
             self._plan = core.plan_trajectory(self._config, ffi.addressof(self._outputs, "pose"))

@@ -13,7 +13,7 @@ import pytest
 
 from hil_sim.batch import run_batch
 from hil_sim.c_scenario import drawn_world, scenario_world
-from hil_sim.dispersion import QUANTITIES, Dispersion, dispersion_document, parse_dispersion
+from hil_sim.dispersion import QUANTITIES, Dispersion, parse_dispersion
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.schema import WORLD_NUMBERS
@@ -104,7 +104,7 @@ def test_every_number_of_the_world_that_can_differ_is_there() -> None:
 
 def test_entries_survive_being_written() -> None:
     entries = load_scenario("tolerances").dispersion
-    assert parse_dispersion("x", dispersion_document(entries)) == entries
+    assert parse_dispersion("x", {entry.quantity: entry.document() for entry in entries}) == entries
     assert len(entries) == 14
 
 

@@ -84,7 +84,7 @@ def test_pins_are_of_no_effect_on_a_robot_with_the_chip() -> None:
     assert chip.c.twist[2] == 0.0
 
 
-@pytest.mark.parametrize(("field", "value"), [("motor_driver", 3), ("motor_pwm_Hz", 0), ("motor_pwm_Hz", 1e6)])
+@pytest.mark.parametrize(("field", "value"), [("driver", 3), ("motor_pwm_Hz", 0), ("motor_pwm_Hz", 1e6)])
 def test_a_nonsense_driver_is_refused(field: str, value: float) -> None:
     config = world_config(robot())
     setattr(config, field, value)

@@ -98,21 +98,6 @@ def test_a_run_that_never_drives_has_no_numbers_but_its_faults() -> None:
     assert found.faults & lib.OMNI_FAULT_BATTERY
 
 
-def test_a_copy_goes_on_like_the_original() -> None:
-    one, other = CRun("comparison"), CRun("no_slip")
-    one.start()
-    lib.hil_run_advance(one.c, 700)
-    assert lib.hil_run_start_trajectory(one.c) == lib.OMNI_OK
-    lib.hil_run_copy(other.c, one.c)
-    for run in (one, other):
-        lib.hil_run_advance(run.c, 1)
-        lib.hil_run_set_config(run.c, lib.hil_run_config(run.c))
-        lib.hil_run_advance(run.c, 800)
-    assert state(one) == state(other)
-    assert other.c.robot.config == ffi.addressof(other.c.config[1])
-    assert other.c.robot.guide.trajectory == ffi.addressof(other.c.plan[other.c.plan_used])
-
-
 def test_measuring_changes_nothing() -> None:
     run = CRun("comparison")
     run.start()

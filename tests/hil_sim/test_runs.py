@@ -18,13 +18,13 @@ from hil_sim.hil import EPOCH_US, run_hil
 from hil_sim.run_picture import HEIGHT_PX, WIDTH_PX, draw_run
 from hil_sim.runs import Run, faults_seen, run_in_process, run_seeds
 from hil_sim.scenario import Event, Scenario, load_scenario
-from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, new_run_folder, save_run, summarize
+from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, save_run, summarize
 from hil_sim.timeline import RunError
 from hil_sim.world import PLANTS
 from omniwheel import FirmwareProcess, connect
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ArmingRefusedError, LinkError, ParameterRefusedError
-from omniwheel.logs.run_folder import load_run
+from omniwheel.logs.run_folder import load_run, new_run_folder
 
 SHORT_S = 6.0
 ARMED, ESTOP = 2, 4
@@ -261,8 +261,7 @@ def test_parameters_that_the_core_refuses_are_named() -> None:
 
 
 def test_run_folders_are_never_shared(tmp_path: Path) -> None:
-    scenario = load_scenario("demo")
-    names = [new_run_folder(tmp_path / "runs", scenario).name for _ in range(3)]
+    names = [new_run_folder(tmp_path / "runs", "demo-seed1").name for _ in range(3)]
     assert names == ["demo-seed1", "demo-seed1-2", "demo-seed1-3"]
 
 
@@ -274,7 +273,7 @@ def test_a_stored_run_can_be_drawn_again(name: str, tmp_path: Path) -> None:
     stored, samples = load_run(tmp_path)
     assert stored == json.loads(json.dumps(summary))
     np.testing.assert_array_equal(samples, done.record[::10])
-    draw_run(stored, samples, tmp_path / "report.png")
-    header = (tmp_path / "report.png").read_bytes()[:24]
+    draw_run(stored, samples, tmp_path / "run.png")
+    header = (tmp_path / "run.png").read_bytes()[:24]
     assert header[:8] == b"\x89PNG\r\n\x1a\n"
     assert (int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")) == (WIDTH_PX, HEIGHT_PX)

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from hil_sim.faults import Fault
+from hil_sim.limits import MAX_SEED
 from hil_sim.runs import new_world
-from hil_sim.scenario import MAX_SEED, Event, load_scenario, parse_scenario, scenario_names
+from hil_sim.scenario import Event, load_scenario, parse_scenario, scenario_names
 from omni_schema import SchemaError
 from omniwheel.errors import RobotFileError
 from omniwheel.robots import find_robot_file

@@ -7,8 +7,10 @@ a real thing (a Teensy, a radio, a camera system, a cluster, an emulated process
 
 from __future__ import annotations
 
+import os
 import shlex
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -30,9 +32,11 @@ from hil_sim.sitl import Sitl, start_sitl
 from omniwheel import FirmwareProcess, Robot
 from omniwheel.bringup import Assumed
 from omniwheel.cli import app
+from omniwheel.cli.common import keep_history
 from omniwheel.signing import new_key_file
-from tests.faults.commands import CASES, QUICK
+from tests.faults.commands import CASES
 from tests.host.logs import synthetic
+from tests.quick_scenario import QUICK
 
 STEP_TICKS = 10
 PATIENCE_S = 60.0
@@ -78,9 +82,10 @@ def robot(scenario: str = "sitl", end_s: float = PATIENCE_S) -> Iterator[None]:
             link.end_s = end_s
             return real(link, clock=link.clock_s, **options)
 
-        names = ("omniwheel.robot.connect", "omniwheel.cli.stop.connect", "omniwheel.cli.bringup.connect")
         urls = ("omniwheel.cli.common.link_url", "omniwheel.cli.stop.link_url", "omniwheel.cli.bringup.link_url")
-        everywhere = dict.fromkeys(names, connect) | {name: lambda link: link or "simulated" for name in urls}
+        everywhere: dict[str, Any] = {"omniwheel.robot.connect": connect} | {
+            name: lambda link: link or "simulated" for name in urls
+        }
         with patched({name: value for name, value in everywhere.items() if there(name)}):
             yield
 
@@ -144,6 +149,25 @@ def soon_over() -> Iterator[None]:
 
 
 @contextmanager
+def soon_unplugged() -> Iterator[None]:
+    """A hub that would serve until Ctrl-C ends after a moment; the radio's port is not there."""
+
+    def end(_: object) -> None:
+        raise KeyboardInterrupt
+
+    replaced = {"omniwheel.hub.server.HubServer.serve": end, "omniwheel.cli.link.link_url": lambda _: "nowhere"}
+    with patched(replaced):
+        yield
+
+
+@contextmanager
+def no_page() -> Iterator[None]:
+    """Nobody opens the studio's page, which tests/studio do: its server ends at once."""
+    with patch("uvicorn.Server.run", lambda *_, **__: None):
+        yield
+
+
+@contextmanager
 def no_emulator() -> Iterator[None]:
     """The firmware as a process stands in for the emulated one."""
 
@@ -161,9 +185,9 @@ def no_emulator() -> Iterator[None]:
         soon_over(),
         patched(
             {
-                "omniwheel.cli.emulate.start_sitl": in_process,
-                "omniwheel.cli.emulate.EmulatedFirmware": FirmwareProcess,
-                "omniwheel.cli.emulate.ImageFirmware": image,
+                "hil_sim.sitl.start_sitl": in_process,
+                "omniwheel.emulated_firmware.EmulatedFirmware": FirmwareProcess,
+                "hil_sim.image_firmware.ImageFirmware": image,
                 "omniwheel.cli.emulate._wait_for_end": end,
             }
         ),
@@ -176,32 +200,27 @@ def _short(_name: str, _robot: str | None = None) -> Any:
 
 
 @contextmanager
-def short_runs() -> Iterator[None]:
-    """Half a second of the demo, on the firmware as a process."""
+def short_runs(**as_if: Any) -> Iterator[None]:
+    """Half a second of the demo, on the firmware as a process; ``as_if`` replaces what the run says of itself."""
 
     def run(*arguments: Any, **options: Any) -> Any:
-        return run_hil(*arguments, **{**options, "emulated": False, "image": None})
+        return replace(run_hil(*arguments, **{**options, "emulated": False, "image": None}), **as_if)
 
-    def done(*arguments: Any, **options: Any) -> Any:
-        return replace(run(*arguments, **options), done=True)
-
-    hil = {"omniwheel.cli.run_output.load_scenario": _short, "omniwheel.cli.hil.run_hil": run}
-    demo = {"omniwheel.cli.run_output.load_scenario": _short, "omniwheel.cli.demo.run_hil": done}
-    with patched({**hil, **demo}):
+    with patched({"hil_sim.scenario.load_scenario": _short, "hil_sim.hil.run_hil": run}):
         yield
 
 
 @contextmanager
 def short_simulation() -> Iterator[None]:
     """The same in this process."""
-    with patch("omniwheel.cli.run_output.load_scenario", _short):
+    with patch("hil_sim.scenario.load_scenario", _short):
         yield
 
 
 @contextmanager
 def one_loop() -> Iterator[None]:
     """The benchmark measures its first loop."""
-    with patch("omniwheel.cli.bench.loops", lambda seconds: dict(list(loops(seconds).items())[:1])):
+    with patch("hil_sim.loop_speed.loops", lambda seconds: dict(list(loops(seconds).items())[:1])):
         yield
 
 
@@ -209,7 +228,7 @@ def one_loop() -> Iterator[None]:
 def no_soak() -> Iterator[None]:
     """Minutes on an emulated processor are the matter of tests/soak."""
     result = SimpleNamespace(as_dict=dict, failures=())
-    with patch("omniwheel.cli.soak.run_soak", lambda *_: result):
+    with patch("hil_sim.soak.run_soak", lambda *_: result):
         yield
 
 
@@ -227,6 +246,17 @@ def no_build() -> Iterator[None]:
 
 def _program(kind: Any, image: Any, what: object, **_: Any) -> Any:
     return kind(image, str(what), "")
+
+
+@contextmanager
+def changed() -> Iterator[None]:
+    """The robot of :func:`robot`, whose parameters were changed three times before."""
+    with robot(), tempfile.TemporaryDirectory() as state, patch.dict(os.environ, {"OMNI_STATE_DIR": state}):
+        with omniwheel.robot.connect("simulated") as before:
+            for value in (5.0, 6.0, 7.0):
+                keep_history(before)
+                before.parameters["ISMC_LAM_XY"] = value
+        yield
 
 
 @contextmanager
@@ -262,7 +292,7 @@ class Rule:
 
 
 STUDY = "--runs 8 --workers 1 --batch 8 --duration 0.3"
-STAND_IN = ("--port", "--source", "--pwm-min")
+STAND_IN = ("--link", "--source", "--pwm-min")
 RULES = (
     Rule("drive keys", leave=LINK, during=pressed_keys),
     Rule("drive pose", leave=LINK, during=robot, codes=(0, 1)),
@@ -273,14 +303,20 @@ RULES = (
     Rule("mocap bridge --source recorded", "--duration 0.3", LINK, real_time_robot),
     Rule("mocap bridge", "--source simulated --duration 0.3", LINK, real_time_robot),
     Rule("mocap record", "--source simulated --duration 0.3", new="*.csv"),
+    Rule("link", "--listen tcp:127.0.0.1:0", ("--listen",), soon_unplugged),
     Rule("radio key new", new="robot.key"),
     Rule("host-control motor", "--duration 0.1", during=no_radio),
     Rule("host-control", "--simulate --duration 20", STAND_IN, codes=(0, 1)),
     Rule("params save", leave=LINK, during=robot, new="mine.toml"),
     Rule("params diff", leave=LINK, during=robot, codes=(0, 1)),
     Rule("params presets"),
+    Rule("params undo", leave=LINK, during=changed),
     Rule("tune --experiment trajectory", leave=LINK, during=tried),
+    Rule("tune --set WS_P=2", "--duration 2 --size 0.1 --rounds 2", LINK, robot),
     Rule("tune", "--duration 2 --size 0.1", LINK, robot),
+    Rule("autotune", "--legs 4 --rounds 2", LINK, partial(robot, end_s=900.0), new="mine.toml"),
+    Rule("experiment wheel-chirp --wheel 1", leave=LINK, during=partial(robot, "stand")),
+    Rule("experiment", leave=LINK, during=robot),
     Rule("identify logs", new="identified.toml"),
     Rule("identify telemetry", during=CASES["identify telemetry"].during, new="identified.toml mine.toml"),
     Rule("identify live --duration 20", leave=LINK, during=live, new="identified.toml drive.tlog"),
@@ -289,8 +325,9 @@ RULES = (
     Rule(
         "identify simulate", "--duration 4", during=CASES["identify simulate"].during, new="identified.toml found.toml"
     ),
-    Rule("demo", "--no-compare", during=short_runs),
+    Rule("demo", "--no-compare", during=partial(short_runs, done=True)),
     Rule("sitl", "--port 0", during=soon_over),
+    Rule("studio", "--no-browser --port 0", during=no_page),
     Rule("emulate", "--port 0", during=no_emulator),
     Rule("hil", leave=LINK, during=short_runs, codes=(0, 1)),
     Rule("sim", during=short_simulation, codes=(0, 1)),

@@ -47,6 +47,8 @@ def test_a_robot_or_a_check_that_is_none_comes_with_those_there_are(
     assert "a file is named with its ending: mine.toml" in refused(image, "--robot", "mine", code=2)
 
 
-def test_a_line_of_the_list_is_one_check() -> None:
+def test_each_check_of_the_list_begins_a_line_with_its_whole_name() -> None:
+    """What it does goes on below, indented, where the terminal is narrow."""
     listed = CliRunner().invoke(app, ["check-image", "--list"], env={"COLUMNS": "40"}).stdout.splitlines()
-    assert [line.split()[0] for line in listed] == [check.name for check in all_checks()]
+    begun = [line.split()[0] for line in listed if not line.startswith(" ")]
+    assert begun == [check.name for check in all_checks()]

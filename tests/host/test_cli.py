@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -255,6 +256,26 @@ def test_keys_need_a_terminal() -> None:
     assert "terminal" in result.stderr
 
 
+def test_a_robot_that_cannot_be_simulated_is_told_so(robot_file: Path) -> None:
+    """A real robot needs no [simulation]; the commands that do end without a traceback."""
+    text = robot_file.read_text()
+    robot_file.write_text(re.sub(r"(?m)^mass_kg.*\n", "", text))
+    (warning,) = [text for text in run_json("robots", "check", str(robot_file))["warnings"] if "simulated" in text]
+    assert "simulation.mass_kg" in warning
+    for words in (("sim", "demo"), ("hil", "demo"), ("sitl",)):
+        result = run(*words, "--robot", str(robot_file), code=2)
+        assert "Traceback" not in result.stderr
+        assert "simulation.mass_kg" in result.stderr
+        assert "hint: add simulation.mass_kg" in result.stderr
+
+
+def test_what_the_core_refuses_is_not_fine(robot_file: Path) -> None:
+    text = robot_file.read_text()
+    robot_file.write_text(re.sub(r"(?ms)(^\[motor\].*?^direction = )\[.*?\]", r"\1[1, 1, 0]", text))
+    assert "W3_MOT_DIR" in run("robots", "check", str(robot_file), code=2).stderr
+    assert "motor_direction[2]" in run("sim", "demo", "--robot", str(robot_file), code=2).stderr
+
+
 def test_robots_are_listed_shown_and_checked(robot_file: Path) -> None:
     listed = {robot["name"] for robot in run_json("robots")["robots"]}
     assert listed == {"fast_three_wheel", "four_wheel", "three_wheel"}
@@ -273,11 +294,11 @@ def test_wiring_that_only_the_teensys_build_refuses_is_told_before(robot_file: P
 
 
 def test_a_new_robot_file_is_a_copy_under_another_name(tmp_path: Path) -> None:
-    file = Path(run_json("robots", "new", "mine", "--from", "four_wheel", "--folder", str(tmp_path))["file"])
+    file = Path(run_json("robots", "new", "mine", "--from", "four_wheel", "--out", str(tmp_path))["file"])
     assert run_json("robots", "show", str(file))["name"] == "mine"
     assert run_json("robots", "show", str(file))["wheels"] == 4
-    assert run_json("robots", "new", "other", "--folder", str(tmp_path))["warnings"] == []
-    assert "exists already" in run("robots", "new", "mine", "--folder", str(tmp_path), code=2).stderr
+    assert run_json("robots", "new", "other", "--out", str(tmp_path))["warnings"] == []
+    assert "exists already" in run("robots", "new", "mine", "--out", str(tmp_path), code=2).stderr
     assert "cannot be a robot's name" in run("robots", "new", "My Robot", code=2).stderr
 
 
@@ -352,7 +373,7 @@ def test_reproduce_says_what_an_experiment_found(tmp_path: Path, monkeypatch: py
     assert (row["experiment"], row["published"], row["ours"], row["seeds"]) == ("controllers", 0.002, 0.001, 3)
     shown = run("reproduce", "controllers", "--out", str(tmp_path)).stdout
     assert all(text in shown for text in ("x RMSE [m]", "0.00200", "0.00100 ± 0.00001", "0.50", "[1] Because."))
-    assert "Because." in (tmp_path / "reproduce-2" / "report.html").read_text(encoding="utf-8")
+    assert "Because." in (tmp_path / "reproduce-2" / "reproduction.html").read_text(encoding="utf-8")
 
 
 def test_stop_is_latched_until_it_is_released(url: str) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -37,10 +38,17 @@ def test_an_example_does_its_work(line: str, files: Path, tmp_path: Path, monkey
             path.unlink()
     monkeypatch.chdir(folder)
     with rule.during():
-        result = CliRunner().invoke(app, words_of(line, rule), input=rule.answers, env={"COLUMNS": "200"})
+        result = CliRunner().invoke(app, words_of(line, rule), input=rule.answers, env={"COLUMNS": "80"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     assert result.exit_code in rule.codes, (words_of(line, rule), result.output)
     assert "Traceback" not in result.output
+    rows = [] if "--json" in line else [text for text in result.stdout.splitlines() if is_row(text)]
+    assert not [row for row in rows if len(row) > 80]
+
+
+def is_row(text: str) -> bool:
+    """Return whether a line is a row of a table: a sentence may be as long as it is."""
+    return re.search(r"\S {2,}\S", text) is not None or "─" in text
 
 
 def test_every_rule_is_for_an_example() -> None:

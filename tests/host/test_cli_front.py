@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
+import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import pytest
@@ -19,11 +21,24 @@ from typer.testing import CliRunner
 
 from omniwheel.cli import app
 from omniwheel.cli.command_table import TABLE
+from omniwheel.cli.common import BAD_INPUT
 from omniwheel.cli.negative_numbers import _arguments_last
 
 ROOT_COMMAND: Any = typer.main.get_command(app)
-HEAVY = {"numpy", "pymavlink", "matplotlib", "scipy", "serial", "hil_sim", "omni_reproduce", "optuna", "unicorn"}
+DRAWING = {"pydantic", "pygments", "markdown_it"}
+"""What typer imports for a page of its own, or for a value. Without arguments ``omni`` shows such a page."""
+HEAVY = DRAWING | {
+    *("numpy", "pymavlink", "matplotlib", "scipy", "serial", "hil_sim", "omni_reproduce", "optuna", "unicorn"),
+}
 """Packages that take long to import. Help and completion need none of them."""
+LIGHT = {
+    *("hil_sim", "hil_sim.limits", "hil_sim.schema", "hil_sim.studies", "hil_sim.studies.errors"),
+    *("hil_sim.studies.figures", "hil_sim.image_check", "hil_sim.image_check.check"),
+    *("omni_reproduce", "omni_reproduce.experiment", "omni_reproduce.registry"),
+}
+"""Modules of heavy packages of our own that hold bounds and names for help pages, and import nothing heavy."""
+PORTS = ("--link ", "--radio ", "--port ")
+"""Options whose values are ports."""
 NAMES = [entry.name for entry in TABLE]
 
 
@@ -69,9 +84,7 @@ def completed(line: str) -> list[str]:
     """Return what the Tab key offers at the end of a line in bash."""
     words = line.split(" ")
     environment = {"_OMNI_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
-    imported, output = imported_by(**environment)
-    assert "matplotlib" not in imported
-    return output.split()
+    return imported_by(**environment)[1].split()
 
 
 def test_the_help_page_names_every_command_in_its_group() -> None:
@@ -87,7 +100,40 @@ def test_help_and_version_import_nothing_heavy(words: list[str]) -> None:
     imported, output = imported_by(*words)
     assert output
     assert "omniwheel" in imported
-    assert not imported & HEAVY
+    assert not imported & (HEAVY if words else HEAVY - DRAWING)
+
+
+def places() -> Iterator[str]:
+    """Yield a line for every place where Tab can be pressed: names of commands and options, arguments, values."""
+    for words, command in ALL:
+        line = " ".join(("omni", *words, ""))
+        yield line
+        yield f"{line}--"
+        for option in (p for p in command.params if p.param_type_name == "option" and not p.is_flag):
+            yield f"{line}{option.opts[0]} "
+
+
+def heavy_by_line(lines: list[str], light: Collection[str] = LIGHT) -> dict[str, list[str]]:
+    """Return the lines whose completion imports something heavy, each with what it is the first to import."""
+    program = (
+        "import contextlib, io, json, os, sys\n"
+        "from omniwheel.cli import main\n"
+        "seen, found = set(), {}\n"
+        "for line in json.load(sys.stdin):\n"
+        "    words = {'COMP_WORDS': line, 'COMP_CWORD': str(line.count(' '))}\n"
+        "    os.environ.update(words, _OMNI_COMPLETE='complete_bash')\n"
+        "    sys.argv = ['omni']\n"
+        "    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n"
+        "        main()\n"
+        f"    new = {{name for name in sys.modules if name.split('.')[0] in {HEAVY!r}}} - {set(light)!r} - seen\n"
+        "    if new: found[line] = sorted(new)\n"
+        "    seen |= new\n"
+        "print(json.dumps(found))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], input=json.dumps(lines), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, list[str]] = json.loads(done.stdout)
+    return found
 
 
 def test_completing_a_command_imports_nothing_heavy() -> None:
@@ -95,6 +141,42 @@ def test_completing_a_command_imports_nothing_heavy() -> None:
     imported, output = imported_by(**environment)
     assert sorted(output.split()) == ["monitor", "montecarlo"]
     assert not imported & HEAVY
+
+
+def test_completing_a_command_draws_nothing_and_reads_no_schema() -> None:
+    """Rich is slow to import, and so is what reads robots and parameters."""
+    imported, _ = imported_by(_OMNI_COMPLETE="complete_bash", COMP_WORDS="omni mon", COMP_CWORD="1")
+    assert not imported & {"rich", "omni_schema"}
+
+
+def test_the_tab_key_leaves_words_alone_and_a_command_does_not() -> None:
+    """A number that is none is no reason to offer nothing; the command itself refuses it."""
+    assert completed("omni sim --seed many four_w") == ["four_wheel"]
+    refused = CliRunner().invoke(app, ["sim", "four_wheel", "--seed", "many"])
+    assert refused.exit_code == BAD_INPUT
+    assert "valid integer" in re.sub(r"\s+", " ", refused.output)
+
+
+def test_the_front_page_shows_each_option_with_its_help() -> None:
+    text = re.sub(r"[\s│]+", " ", CliRunner().invoke(app, ["--help"], env={"COLUMNS": "80"}).output)
+    for option in ROOT_COMMAND.params:
+        assert f"{option.opts[0]} " in text
+        assert option.help in text
+    assert "[env var: OMNI_SIGNING_KEY]" in text
+
+
+def test_the_tab_key_imports_nothing_heavy_anywhere() -> None:
+    """Ports come from pyserial, which is little and knows every system; all else is read from files."""
+    lines = [line for line in places() if not line.endswith(PORTS)]
+    assert len(lines) > 400
+    assert heavy_by_line(lines) == {}
+    ports = [line for line in places() if line.endswith(PORTS)]
+    assert {name.split(".")[0] for names in heavy_by_line(ports).values() for name in names} <= {"serial"}
+
+
+def test_a_heavy_import_behind_the_tab_key_is_found() -> None:
+    """Without LIGHT, the bounds that the help page of a scenario's seed shows are one."""
+    assert "hil_sim.limits" in heavy_by_line(["omni sim "], light=set())["omni sim "]
 
 
 @pytest.mark.parametrize(
@@ -186,3 +268,82 @@ def test_a_time_is_always_called_duration() -> None:
         for option in command.params:
             if {"--for", "--seconds"} & set(option.opts):
                 assert option.opts[0] == "--duration", words
+
+
+@pytest.mark.parametrize("module", ["typer", "omniwheel.cli", "omniwheel.cli.sim", "hil_sim", "numpy"])
+def test_ctrl_c_while_modules_load_shows_no_traceback(module: str) -> None:
+    program = (
+        "import sys\n"
+        "class CtrlC:\n"
+        "    @staticmethod\n"
+        "    def find_spec(name, path=None, target=None):\n"
+        f"        if name == {module!r}: raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, CtrlC)\n"
+        "sys.argv = ['omni', 'sim', 'demo']\n"
+        "from omniwheel.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    assert "interrupted" in done.stderr
+
+
+STYLES = re.compile(r"(?<!\\)\[/?(?:bold|cyan|dim|green|red|yellow)?\]")
+
+
+def bracketed(source: str) -> set[str]:
+    """Return every text in brackets that a reader of this help shall see; what only sets a style is none."""
+    return set(re.findall(r"\[[^\[\]]*\]?", STYLES.sub("", source).replace("\\[", "[")))
+
+
+@pytest.mark.parametrize("words", [words for words, _ in ALL], ids=lambda words: " ".join(("omni", *words)))
+def test_no_bracket_of_a_help_text_is_taken_for_markup(words: tuple[str, ...]) -> None:
+    command = dict(ALL)[words]
+    sources = [command.help, command.epilog, *(getattr(p, "help", "") for p in command.params if not p.hidden)]
+    shown = CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "1000"}).output
+    missing = {text for source in sources for text in bracketed(source or "") if text not in shown}
+    assert not missing, "a bracket needs a backslash before it"
+
+
+def test_a_bracket_that_was_lost_is_found() -> None:
+    assert bracketed("How far [m or rad]. [bold]Examples[/] \\[default: 3]") == {"[m or rad]", "[default: 3]"}
+
+
+@pytest.mark.parametrize("words", [["robots", "list"], ["sim", "demo"], ["monitor", "--link", "tcp:127.0.0.1:1"]])
+@pytest.mark.parametrize("stale", ["omniwheel._core", "omni_schema"])
+def test_an_old_build_is_one_sentence(words: list[str], stale: str) -> None:
+    """The module is there and lacks every name that is asked of it, as one of an older version may."""
+    program = (
+        "import importlib.util, sys, types\n"
+        f"module = types.ModuleType({stale!r})\n"
+        "module.__path__ = []\n"
+        f"module.__spec__ = importlib.util.find_spec({stale!r})\n"
+        "sys.modules[module.__name__] = module\n"
+        f"sys.argv = ['omni', *{words!r}]\n"
+        "from omniwheel.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    assert done.returncode == 1, done.stderr
+    assert "make setup" in done.stderr
+
+
+def test_a_function_that_the_compiled_module_lacks_is_an_old_build() -> None:
+    from omniwheel._core import lib
+    from omniwheel.stale_build import stale_build
+
+    with pytest.raises(AttributeError) as caught:
+        lib.omni_of_a_later_version  # noqa: B018
+    assert "omni_of_a_later_version" in (stale_build(caught.value) or "")
+    assert stale_build(AttributeError("'int' object has no attribute 'x'")) is None
+    assert stale_build(ImportError("No module named 'optuna'", name="optuna")) is None
+
+
+@pytest.mark.parametrize("command", ["sitl", "emulate"])
+def test_a_port_in_use_gets_a_hint(command: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        result = CliRunner().invoke(app, [command, "--link", f"tcp:127.0.0.1:{taken.getsockname()[1]}"])
+    assert result.exit_code == 1
+    assert "choose another port" in " ".join(result.stderr.split())

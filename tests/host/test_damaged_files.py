@@ -149,7 +149,7 @@ def test_a_run_of_which_only_the_frame_is_right_cannot_be_plotted(originals: Pat
     result = CliRunner().invoke(app, ["plot", str(tmp_path)])
     assert result.exit_code == 2
     assert "holds another kind of run" in result.output
-    assert not (tmp_path / "report.png").exists()
+    assert not (tmp_path / "run.png").exists()
 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 0.0])

@@ -38,22 +38,22 @@ def test_a_drive_is_kept_listed_compared_plotted_renamed_and_deleted(sitl: str, 
         assert omni("params", "set", f"ISMC_LAM_XY={gain}", "--link", sitl).returncode == 0
         driven = omni("drive", "pose", "0", "0.05" if gain == "4" else "0", "0", "--link", sitl, "--out", runs)
         assert driven.returncode == 0, driven.stderr
-        assert "report.png" in driven.stderr
+        assert "run.png" in driven.stderr
     first = json.loads((runs / "drive-pose" / "drive.json").read_text())
     assert (first["asked"], first["end"], first["stops"]) == ("pose 0 0.05 0", "done", [])
     assert first["numbers"]["way_m"] == pytest.approx(0.05, abs=0.02)
     assert {"armed", "state armed"} <= {event["what"] for event in first["events"]}
     assert {path.name for path in (runs / "drive-pose").iterdir()} == {
-        "drive.json", "parameters.toml", "report.png", "telemetry.tlog",
+        "drive.json", "parameters.toml", "run.png", "telemetry.tlog",
     }  # fmt: skip
     output = run("runs", "--folder", runs, "--json")[1]
     assert [entry["name"] for entry in json.loads(output)["runs"]] == ["drive-pose", "drive-pose-2"]
     assert "0.05" in run("runs", "--folder", runs, "--find", "0.05")[1]
     compared = json.loads(run("runs", "compare", "drive-pose", "drive-pose-2", "--folder", runs, "--json")[1])
     assert compared["parameters"] == {"ISMC_LAM_XY": [4.0, 12.0]}
-    (runs / "drive-pose" / "report.png").unlink()
+    (runs / "drive-pose" / "run.png").unlink()
     assert run("plot", runs / "drive-pose")[0] == 0
-    assert (runs / "drive-pose" / "report.png").is_file()
+    assert (runs / "drive-pose" / "run.png").is_file()
     assert run("plot", runs / "drive-pose" / "telemetry.tlog", "--out", tmp_path / "x.png")[0] == 0
     assert run("runs", "name", "drive-pose", "before", "--folder", runs)[0] == 0
     assert run("runs", "name", "before", "drive-pose-2", "--folder", runs)[0] == 2

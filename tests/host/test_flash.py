@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from hil_sim.image_check.run import Outcome
 from omniwheel import FirmwareProcess
-from omniwheel.cli import app, image_check
+from omniwheel.cli import app
 from omniwheel.cli import flash as command
 from omniwheel.errors import FlashError, LinkOpenError
 from omniwheel.flashing import boards, loader, running, source
@@ -80,7 +80,7 @@ class Bench:
         monkeypatch.setattr(loader, "LEAVE_S", 0.0)
         monkeypatch.setattr(command, "build", self._build)
         monkeypatch.setattr(
-            image_check, "run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
+            "hil_sim.image_check.run.run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
         )
 
     def program(self, name: str, exit_code: int) -> None:
@@ -283,7 +283,7 @@ def test_a_port_that_cannot_be_opened_is_named(bench: Bench, monkeypatch: pytest
 def test_an_upload_ends_with_the_version_that_the_board_says(
     bench: Bench, board: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command, "enter_bootloader", lambda _: True)
+    monkeypatch.setattr(loader, "enter_bootloader", lambda _: True)
     bench.ports = [teensy(board)]
     with connect(board) as robot:
         bench.git_hash = robot.version.git_hash
@@ -299,7 +299,7 @@ def test_an_upload_ends_with_the_version_that_the_board_says(
 def test_a_released_file_is_uploaded_without_building(
     bench: Bench, board: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command, "enter_bootloader", lambda _: True)
+    monkeypatch.setattr(loader, "enter_bootloader", lambda _: True)
     bench.ports = [teensy(board)]
     result = flash(str(bench.hex))
     assert result.exit_code == 0, result.output
@@ -473,7 +473,7 @@ def test_an_image_that_fails_its_check_is_not_uploaded(bench: Bench, monkeypatch
             done(outcome)
         return outcomes
 
-    monkeypatch.setattr(image_check, "run_checks", run_checks)
+    monkeypatch.setattr("hil_sim.image_check.run.run_checks", run_checks)
     result = flash()
     assert result.exit_code == 1
     assert "1 of its checks: stops" in result.stderr

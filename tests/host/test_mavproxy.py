@@ -15,6 +15,7 @@ from types import TracebackType
 
 import pytest
 
+from omniwheel.burst import parse_burst
 from omniwheel.robots import parameter_table
 
 PROGRAM = Path(sys.executable).parent / "mavproxy.py"
@@ -103,3 +104,19 @@ def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy)
     proxy.enter("disarm")
     proxy.expect("DISARMED")
     assert "fence breach" not in proxy.output
+
+
+@pytest.mark.mavproxy
+def test_mavproxy_lists_and_downloads_a_burst(proxy: MavProxy, sitl: str, tmp_path: Path) -> None:
+    proxy.expect(r"Received \d+ parameters")
+    proxy.enter("long 60118 0.2 1 32 0 0 0 0")
+    proxy.expect(r"command : 60118, result : 0")
+    while True:
+        proxy.enter("log list")
+        if proxy.expect(r"No logs|numLogs 1 ").group() != "No logs":
+            break
+        assert proxy.has_patience, "the burst was not finished"
+    proxy.enter("log download 0 burst.bin")
+    proxy.expect("Finished downloading")
+    burst = parse_burst((tmp_path / "burst.bin").read_bytes())
+    assert burst["pose"].shape == (200, 3)

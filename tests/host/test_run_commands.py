@@ -63,6 +63,21 @@ def test_tune_keeps_what_it_is_told_to_keep(patient: str, tmp_path: Path) -> Non
     assert parameter(patient, "WS_P") == 5.0
 
 
+def test_tune_tries_several_in_rounds_and_judges_each(patient: str, tmp_path: Path) -> None:
+    before = parameter(patient, "ISMC_LAM_XY")
+    words = ("--set", "ISMC_LAM_XY=4", "--candidate", f"ISMC_LAM_XY={before:g} WS_P=4", "--rounds", 3)
+    told = omni_json("tune", "--link", patient, *words, *STEP, "--out", tmp_path / "tune.png")
+    assert told["rounds"] == 3
+    assert [list(entry["new"]) for entry in told["candidates"]] == [["ISMC_LAM_XY"], ["ISMC_LAM_XY", "WS_P"]]
+    assert told["kept"] is False
+    for entry in told["candidates"]:
+        for verdict in entry["verdicts"]:
+            assert verdict["rounds"] <= 3
+            assert ("inside the noise" in verdict["text"]) is not verdict["shows"]
+    assert parameter(patient, "ISMC_LAM_XY") == before
+    omni("tune", "--link", patient, *words, *STEP, "--keep", "--out", tmp_path / "t.png", code=2)
+
+
 @pytest.mark.parametrize("setting", ["WS_P=nan", "WS_P=1e9", "WSP=4", "WS_P", "WHEELS=3.5"])
 def test_tune_refuses_bad_values_before_anything_moves(sitl: str, tmp_path: Path, setting: str) -> None:
     omni("tune", "--link", sitl, "--set", setting, "--revert", "--out", tmp_path / "tune.png", code=2)
@@ -92,9 +107,9 @@ def test_sim_leaves_a_run_that_plot_draws_again(tmp_path: Path) -> None:
     assert told["seed"] == 4
     assert told["way"] == "in-process"
     (run,) = tmp_path.iterdir()
-    (run / "report.png").unlink()
+    (run / "run.png").unlink()
     omni("plot", run)
-    assert (run / "report.png").stat().st_size > 10_000
+    assert (run / "run.png").stat().st_size > 10_000
 
 
 def test_sim_over_seeds_gives_mean_and_deviation() -> None:

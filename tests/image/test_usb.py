@@ -48,7 +48,7 @@ def number(machine: Machine, symbol: str, form: str = "B") -> int:
 
 
 def plug(machine: Machine, *, full_speed: bool = False) -> None:
-    machine.usb_full_speed(full_speed)
+    lib.rt1062_usb_full_speed(machine._c, full_speed)
     machine.usb_cable(True)
     machine.run(0.3)
     assert machine.usb_ready

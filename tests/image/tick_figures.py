@@ -23,7 +23,14 @@ SAMPLE = 7
 """Every so many ticks are looked at in order: a number that meets all ticks between two fixes, which come every 20."""
 _RESTART = "_ZN4omni11ControlLoop7restartEv"
 _CASES = "case_count"
-APP_SOURCES = ("control_loop.cpp", "i2c_scan.cpp", "pca9685.cpp", "pwm_pins.cpp", "robot_setup.cpp")
+APP_SOURCES = (
+    "burst_recorder.cpp",
+    "control_loop.cpp",
+    "i2c_scan.cpp",
+    "pca9685.cpp",
+    "pwm_pins.cpp",
+    "robot_setup.cpp",
+)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The memory table of docs/guides/teensy.md: measures a built image, and compares with or writes what the page says.
+"""The memory table of docs/concepts/teensy.md: measures a built image, and compares with or writes what the page says.
 
 usage: python -m tests.image_build.memory_page [--write] [--environment three_wheel]
 
@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT / "firmware" / "boards" / "teensy40" / "platformio")
 
 from memory_budget import KB, STACK_AT_LEAST, Usage, rows  # noqa: E402
 
-PAGE = ROOT / "docs" / "guides" / "teensy.md"
+PAGE = ROOT / "docs" / "concepts" / "teensy.md"
 BLOCK = "memory"
 COMMAND = "make firmware-memory ARGS=--write"
 _WHAT = {

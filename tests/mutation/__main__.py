@@ -2,20 +2,23 @@
 """Changes the core and the firmware in one small way after another and asks whether a test notices.
 
 usage: python -m tests.mutation [--count N] [--seed N] [--area core|app] [--file NAME] [--function NAME] [--jobs N]
-                                [--quick] [--floor PERCENT] [--so-far] [--write] [--list] [--verbose]
+                                [--longest SECONDS] [--quick] [--floor PERCENT] [--so-far] [--recheck] [--old-map]
+                                [--write] [--list] [--verbose]
 
 The sample is the same for the same seed; what has been found is kept in build/mutation/results.jsonl, so that an
-interrupted run goes on. Survivors are printed as entries for tests/mutation/survivors.toml, where each is judged.
+interrupted run goes on. A kill is carried over from older sources if the mutant's function reads as it did and the
+test that killed still exists; --recheck tries those again, too, with that test first. --old-map spares the measurement
+of which test reaches what after a change: a function that is new gets the tests of its file, or all. Survivors are
+printed as entries for tests/mutation/survivors.toml, where each is judged. --longest 400 tries them with more of the
+tests that reach them first: what every test reaches gets only the cheapest ones otherwise.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import shutil
 import subprocess
 import sys
+import textwrap
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,95 +30,60 @@ from queue import Queue
 from typing import Any
 
 from tests.mutation import records
-from tests.mutation.builds import OUT, Area, Builder, BuildError, areas, prepare_site, python, run
+from tests.mutation.builds import OUT, Area, Builder, BuildError, areas, prepare_site, run
 from tests.mutation.golden import Golden
 from tests.mutation.operators import Mutant, chosen
-from tests.mutation.reach import Reach, digest
+from tests.mutation.process import Runner
+from tests.mutation.reach import LONGEST_S, Reach, digest
 from tests.mutation.records import GOLDEN, KILLED, REFUSED, SAME, SURVIVED, Result, Results
 from tests.native import ROOT
 
 RESULTS = OUT / "results.jsonl"
 PAGE = ROOT / "docs" / "checks" / "testing.md"
 AREAS = ("core", "app")
-SILENT_S = 150.0
-"""A test that says nothing for so long hangs. Only for what waits: what computes is stopped by its processor time."""
 SLOW_S = 1800.0
-"""The same for the unchanged program, when tests compile the firmware for the first time."""
+"""Longest silence of the unchanged program, when tests compile the firmware for the first time."""
 FIRST = 12
 """Tests that are run before the files of all others are even loaded."""
 MARKS = ("<!-- mutation: begin -->", "<!-- mutation: end -->")
 
 
-class Runner:
-    """The process that runs tests in forks of itself."""
-
-    def __init__(self, area: Area, folder: Path) -> None:
-        program, environment = python()
-        self._folder = folder
-        self._process = subprocess.Popen(
-            [program, "-m", "tests.mutation.runner", "own" if area.name == "core" else "all", *area.tests],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=ROOT,
-            env={**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", **environment},
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._in, self._out = self._process.stdin, self._process.stdout
-        if self._out.readline() != "ready\n":
-            raise BuildError("the process that runs the tests does not start")
-
-    def verdict(
-        self, costs_s: dict[str, float], environment: dict[str, str], library: str, silent_s: float = SILENT_S
-    ) -> dict[str, str]:
-        """Return the test that failed and how."""
-        folder = self._folder / "tmp"
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        environment = {**environment, "TMPDIR": str(folder)}
-        job = {"costs_s": costs_s, "environment": environment, "library": library, "folder": str(folder / "pytest")}
-        job["silent_s"] = silent_s
-        self._in.write(json.dumps(job) + "\n")
-        self._in.flush()
-        if not (line := self._out.readline()):
-            raise BuildError("the process that runs the tests has ended: see its words above")
-        answer: dict[str, str] = json.loads(line)
-        return answer
-
-    def close(self) -> None:
-        """End it."""
-        self._in.close()
-        self._process.wait()
+Verdict = tuple[Mutant, Result, bool]
+"""The last part tells whether the result is carried over from other sources."""
 
 
 class Bench:
     """Tries mutants of one area, one at a time."""
 
-    def __init__(self, area: Area, reach: Reach, functions: Mapping[str, frozenset[str]]) -> None:
+    def __init__(
+        self, area: Area, reach: Reach, functions: Mapping[str, frozenset[str]], longest_s: float = LONGEST_S
+    ) -> None:
         self._builder = Builder(area)
+        self._longest_s = longest_s
         self._area, self._reach, self._functions = area, reach, functions
         self._runner = Runner(area, self._builder.folder)
         self._golden = Golden(self._builder.folder / "golden") if area.name == "core" else None
         self._killers: dict[str, list[str]] = defaultdict(list)
+        self._costs_s = {test: seconds for test, seconds, _ in reach.tests()}
         self._try_original()
 
     def close(self) -> None:
         """End the tests' process."""
         self._runner.close()
 
-    def result(self, mutant: Mutant, digests: tuple[str, str]) -> Result:
-        """Try one."""
+    def result(self, mutant: Mutant, digests: tuple[str, str], killer: str) -> Result:
+        """Try one; ``killer``: the test that killed it the last time comes first."""
         source, tests = digests
         compiled = self._builder.try_mutant(mutant)
         if compiled.refused:
             return Result(mutant.key, REFUSED, source, "", how=compiled.refused)
         if compiled.same or compiled.product is None:
             return Result(mutant.key, SAME, source, "")
-        costs_s = self._order(mutant, self._reach.chosen(mutant, self._functions[mutant.file]))
+        costs_s = self._order(mutant, self._reach.chosen(mutant, self._functions[mutant.file], self._longest_s))
         environment = self._builder.test_environment(mutant, compiled.product)
         library = str(compiled.product) if self._area.name == "core" else ""
-        answer = self._first_failure(costs_s, environment, library)
+        known = {killer: self._costs_s[killer]} if killer in self._costs_s else {}
+        answer = self._first_failure(known, costs_s, environment, library)
         if answer["test"]:
             self._killers[mutant.function].insert(0, answer["test"])
             file = answer["test"].split("::")[0]
@@ -137,10 +105,12 @@ class Bench:
         if answer["test"]:
             raise BuildError(f"{answer['test']}: {answer['how']} on the unchanged program; run make setup, make test")
 
-    def _first_failure(self, costs_s: dict[str, float], environment: dict[str, str], library: str) -> dict[str, str]:
-        """Run the tests; the first ones alone, because loading the files of all takes longer than those few."""
-        tests = list(costs_s.items())
-        for part in (tests[:FIRST], tests[FIRST:]):
+    def _first_failure(
+        self, known: dict[str, float], costs_s: dict[str, float], environment: dict[str, str], library: str
+    ) -> dict[str, str]:
+        """Run the known killer and then the tests, the first ones alone: loading all files takes longer than those."""
+        tests = [(test, seconds) for test, seconds in costs_s.items() if test not in known]
+        for part in (list(known.items()), tests[:FIRST], tests[FIRST:]):
             if part and (answer := self._runner.verdict(dict(part), environment, library))["test"]:
                 return answer
         return {"test": "", "how": ""}
@@ -152,20 +122,23 @@ class Bench:
 
 
 def try_all(
-    area: Area, everything: Sequence[Mutant], mutants: Sequence[Mutant], results: Results, jobs: int
-) -> Iterator[tuple[Mutant, Result]]:
+    area: Area, everything: Sequence[Mutant], mutants: Sequence[Mutant], results: Results, options: Any
+) -> Iterator[Verdict]:
     """Yield each of ``mutants``, some of ``everything`` in the area, with its result, known or found now."""
     reach = Reach(area)
-    reach.update()
-    tests = digest(reach.test_files)
+    if not options.old_map:
+        reach.update()
+    tests, names = digest(reach.test_files), reach.names()
     sources = {mutant.file: digest([ROOT / mutant.file]) for mutant in mutants}
     todo = []
     for mutant in mutants:
-        known = results.get(mutant.key, sources[mutant.file], tests, reach.digest_of(results.killer(mutant.key)))
-        if known is None:
-            todo.append(mutant)
+        test_file = reach.digest_of(results.killer(mutant.key).split("::")[0])
+        if known := results.get(mutant.key, sources[mutant.file], tests, test_file, options.longest):
+            yield mutant, known, False
+        elif not options.recheck and (known := results.carried(mutant, names)):
+            yield mutant, known, True
         else:
-            yield mutant, known
+            todo.append(mutant)
     if not todo:
         return
     todo.sort(key=lambda mutant: mutant.file.endswith(".h"))  # headers are compiled many times: those last
@@ -173,22 +146,43 @@ def try_all(
     for mutant in everything:
         functions[mutant.file] |= {mutant.symbol} - {""}
     benches: Queue[Bench] = Queue()
-    for _ in range(jobs):
-        benches.put(Bench(area, reach, functions))
+    for _ in range(options.jobs):
+        benches.put(Bench(area, reach, functions, options.longest))
+    state = commit()
 
     def attempt(mutant: Mutant) -> tuple[Mutant, Result]:
         bench = benches.get()
         try:
-            return mutant, bench.result(mutant, (sources[mutant.file], tests))
+            result = bench.result(mutant, (sources[mutant.file], tests), results.killer(mutant.key))
+            return mutant, replace(result, text=mutant.text, commit=state, longest_s=options.longest)
         finally:
             benches.put(bench)
 
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(options.jobs) as pool:
         for mutant, result in pool.map(attempt, todo):
             results.add(result)
-            yield mutant, result
-    for _ in range(jobs):
+            yield mutant, result, False
+    for _ in range(options.jobs):
         benches.get().close()
+
+
+def commit() -> str:
+    """Return the commit, and whether the work tree differs from it."""
+    command = ["git", "describe", "--always", "--dirty", "--exclude", "*"]
+    return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def known_so_far(everything: Mapping[str, Area], sample: Sequence[Mutant], results: Results) -> list[Verdict]:
+    """Return what is known of a sample without running anything."""
+    names = frozenset(chain(*(Reach(area).names() for area in everything.values())))
+    found: list[Verdict] = []
+    for mutant in sample:
+        result = results.found(mutant.key, digest([ROOT / mutant.file]))
+        if result and (result.outcome != KILLED or result.by in names):
+            found.append((mutant, result, False))
+        elif result := results.carried(mutant, names):
+            found.append((mutant, result, True))
+    return found
 
 
 def main() -> int:
@@ -208,20 +202,19 @@ def main() -> int:
         return 0
     results, judged = Results(RESULTS), records.read_judgements()
     if options.so_far:
-        found = ((m, results.found(m.key, digest([ROOT / m.file]))) for m in sample)
-        known = [(mutant, result) for mutant, result in found if result is not None]
-        return _tell(known, len(sample), judged, options, 0.0)
+        return _tell(known_so_far(everything, sample, results), len(sample), judged, options, 0.0)
     prepare_site()
-    pairs: list[tuple[Mutant, Result]] = []
+    verdicts: list[Verdict] = []
     begin = time.monotonic()
     for name, area in everything.items():
         part = [mutant for mutant in sample if ROOT / mutant.file in set(area.folder.rglob("*"))]
-        for mutant, result in try_all(area, mutants[name], part, results, options.jobs) if part else ():
-            pairs.append((mutant, result))
+        for verdict in try_all(area, mutants[name], part, results, options) if part else ():
+            verdicts.append(verdict)
             if options.verbose:
+                mutant, result, _ = verdict
                 sys.stdout.write(f"{result.outcome}: {_words(mutant)} {result.by} {result.how}\n")
                 sys.stdout.flush()
-    return _tell(pairs, len(sample), judged, options, time.monotonic() - begin)
+    return _tell(verdicts, len(sample), judged, options, time.monotonic() - begin)
 
 
 def _asked_for(mutant: Mutant, options: Any) -> bool:
@@ -235,13 +228,13 @@ def _words(mutant: Mutant) -> str:
     return f"{place} {mutant.function}, {mutant.operator}: {mutant.was} => {mutant.becomes}"
 
 
-def _tell(
-    pairs: Sequence[tuple[Mutant, Result]], wanted: int, judged: dict[str, Any], options: Any, seconds: float
-) -> int:
+def _tell(verdicts: Sequence[Verdict], wanted: int, judged: dict[str, Any], options: Any, seconds: float) -> int:
+    pairs = [(mutant, result) for mutant, result, _ in verdicts]
     open_survivors = [m for m, r in pairs if r.outcome in (SURVIVED, GOLDEN) and m.key not in judged]
     for mutant in open_survivors:
         sys.stdout.write(f"\n# {_words(mutant)}\n{records.survivor_text(mutant)}\n")
-    tables = records.report(pairs, judged)
+    origins = records.origins(pairs, {mutant.key for mutant, _, carried in verdicts if carried})
+    tables = f"{textwrap.fill(origins, 118)}\n\n{records.report(pairs, judged)}"
     sys.stdout.write(f"\n{tables}\n\n{len(open_survivors)} survivors are not judged yet; {seconds:.0f} s\n")
     if options.write:
         words = " ".join(word for word in sys.argv[1:] if word not in ("--write", "--verbose"))
@@ -268,8 +261,13 @@ def _options() -> Any:
     parser.add_argument("--function", action="append", help="only mutants of this function")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time [%(default)s]")
     parser.add_argument("--floor", type=float, default=0.0, help="percent that must be killed [%(default)s]")
+    parser.add_argument(
+        "--longest", type=float, default=LONGEST_S, help="processor time of a mutant's tests together [%(default)s]"
+    )
     parser.add_argument("--quick", action="store_true", help="only with the tests of the area's own folder")
     parser.add_argument("--so-far", action="store_true", help="run nothing, tell of those that have been run")
+    parser.add_argument("--old-map", action="store_true", help="choose tests by the last measurement, however old")
+    parser.add_argument("--recheck", action="store_true", help="carry no kill over from other sources")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/testing.md")
     parser.add_argument("--list", action="store_true", help="only say which mutants are in the sample")
     parser.add_argument("--verbose", action="store_true", help="say what became of each")

@@ -8,6 +8,7 @@ mutant of the core is one compiler run and one small link. A mutant of the firmw
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import json
 import os
 import shlex
@@ -137,8 +138,9 @@ class Builder:
         cache = shutil.which("ccache") or ""
         changed = {"OMNI_FIRMWARE": str(product), "CXX": str(COMPILER), "CC": f"{cache} cc".strip()}
         if mutant is not None:
-            app = self.folder / "changed" / "app"
-            shutil.rmtree(app, ignore_errors=True)
+            shutil.rmtree(self.folder / "changed", ignore_errors=True)
+            # A folder of its own: in a known one ccache does not look whether a header has come that hides another.
+            app = self.folder / "changed" / hashlib.sha256(mutant.key.encode()).hexdigest()[:16] / "app"
             place = app / (ROOT / mutant.file).relative_to(self.area.folder)
             place.parent.mkdir(parents=True)
             place.write_bytes(self._changed(mutant))

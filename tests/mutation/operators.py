@@ -68,7 +68,7 @@ class Mutant:
     file: str
     function: str
     symbol: str
-    """How the linker calls the function; empty at file scope."""
+    """How the linker calls the function, of a template a pattern with stars; empty at file scope."""
     operator: str
     start: int
     end: int
@@ -78,6 +78,8 @@ class Mutant:
     becomes: str
     number: int = 0
     """Tells mutants apart that read the same."""
+    text: str = ""
+    """Digest of the text around it: of its function, or of the whole file if it is in none."""
 
     @property
     def key(self) -> str:
@@ -88,6 +90,11 @@ class Mutant:
     def apply(self, source: bytes) -> bytes:
         """Return the changed source."""
         return source[: self.start] + self.new.encode() + source[self.end :]
+
+
+def text_digest(text: bytes) -> str:
+    """Return a short name of a text that does not depend on how its lines are broken."""
+    return hashlib.sha256(b" ".join(text.split())).hexdigest()[:16]
 
 
 def resource_dir() -> list[str]:
@@ -153,6 +160,8 @@ class _Reader:
         self.text = b""
         self.function = FILE_SCOPE
         self.symbol = ""
+        self.around = ""
+        """Digest of the function's text; empty at file scope."""
         self.cpp = False
         self.void = False
         """The function has no result."""
@@ -182,7 +191,10 @@ class _Reader:
         becomes = " ".join((before + new.encode() + behind).decode().split())
         file = self.path.relative_to(self.root).as_posix()
         if was != becomes:
-            self.found.append(Mutant(file, self.function, self.symbol, operator, start, end, new, was, becomes))
+            text = self.around or text_digest(self.text)
+            self.found.append(
+                Mutant(file, self.function, self.symbol, operator, start, end, new, was, becomes, text=text)
+            )
 
 
 def _visit_declaration(cursor: Any, reader: _Reader) -> None:
@@ -200,7 +212,7 @@ def _visit_declaration(cursor: Any, reader: _Reader) -> None:
     elif cursor.kind in FUNCTIONS and cursor.is_definition():
         _visit_function(cursor, reader)
     elif cursor.kind in (CursorKind.VAR_DECL, CursorKind.ENUM_DECL):
-        reader.function, reader.symbol = FILE_SCOPE, ""
+        reader.function, reader.symbol, reader.around = FILE_SCOPE, "", ""
         for child in cursor.get_children():
             _visit(child, reader)
 
@@ -210,13 +222,23 @@ def _visit_function(cursor: Any, reader: _Reader) -> None:
     reader.void = cursor.result_type.kind == TypeKind.VOID
     parent = cursor.semantic_parent
     scope = f"{parent.spelling}::" if parent is not None and parent.kind.name in ("CLASS_DECL", "STRUCT_DECL") else ""
-    reader.function, reader.symbol = scope + cursor.spelling, cursor.mangled_name
+    reader.function, reader.symbol = scope + cursor.spelling, cursor.mangled_name or _pattern(cursor)
+    start, end = reader.span(cursor)
+    reader.around = text_digest(reader.text[start:end])
     for child in cursor.get_children():
         if child.kind == CursorKind.COMPOUND_STMT:
             _add_early_return(cursor, child, reader)
             _visit(child, reader)
         elif cursor.kind == CursorKind.CONSTRUCTOR and child.kind.is_expression():
             _visit(child, reader)
+
+
+def _pattern(function: Any) -> str:
+    """Return what the linker's names of a template's function look like: *8Snapshot*6update*."""
+    parent = function.semantic_parent
+    names = [parent.spelling] if parent is not None and parent.kind == CursorKind.CLASS_TEMPLATE else []
+    names += [function.spelling] if function.kind != CursorKind.CONSTRUCTOR else []
+    return f"*{'*'.join(f'{len(name)}{name}' for name in names)}*"
 
 
 def _add_early_return(function: Any, body: Any, reader: _Reader) -> None:

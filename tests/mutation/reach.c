@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Preloaded into programs that are compiled with -finstrument-functions: appends each function's first call to the file
- * $OMNI_REACH/calls, as the binary's path and the function's place in it. What has been called is forgotten whenever the
- * number in $OMNI_REACH/test changes, so every test gets a list of its own, also from processes that go on.
+ * Preloaded into programs that are compiled with -finstrument-functions. It appends each function's first call to the
+ * file $OMNI_REACH/calls, as the binary's path and the function's place in it. What has been called is forgotten
+ * whenever the number in $OMNI_REACH/test changes. So every test gets a list of its own, also from processes that go
+ * on.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -66,8 +67,8 @@ QUIET void __cyg_profile_func_enter(void *function, void *from) {
     }
     known[place] = function;
     char line[4200];
-    const int length =
-        snprintf(line, sizeof line, "%lx %s\n", (unsigned long)((char *)function - (char *)info.dli_fbase), info.dli_fname);
+    const int length = snprintf(line, sizeof line, "%lx %s\n",
+                                (unsigned long)((char *)function - (char *)info.dli_fbase), info.dli_fname);
     if (write(calls, line, (size_t)length) != length) {
         give_up("calls");
     }

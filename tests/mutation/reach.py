@@ -7,6 +7,7 @@ usage: python -m tests.mutation.reach OUT FILE... ; runs in the environment that
 from __future__ import annotations
 
 import ctypes
+import fnmatch
 import hashlib
 import json
 import os
@@ -14,18 +15,19 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests import native
 from tests.mutation.builds import OUT, Area, Builder, BuildError, python, run
 from tests.mutation.operators import FILE_SCOPE, Mutant
 from tests.native import ROOT
 
 LONGEST_S = 15.0
-"""Processor time that the tests of a mutant may take together."""
+"""Processor time that the tests of a mutant usually may take together, building libraries left out."""
 INSTRUMENTED = (
     *("-O1", "-fno-ipa-sra", "-fno-ipa-cp", "-finstrument-functions"),
     "-finstrument-functions-exclude-file-list=/usr/,/mavlink/",
@@ -63,29 +65,43 @@ class Reach:
     def tests(self) -> Iterator[tuple[str, float, frozenset[str]]]:
         """Yield each test with its seconds and the functions that it reaches."""
         for file in self.test_files:
-            entry = self._map["files"][file.relative_to(ROOT).as_posix()]
+            entry = self._map["files"].get(file.relative_to(ROOT).as_posix(), {"tests": {}})
             for test, (seconds, functions) in entry["tests"].items():
                 yield test, seconds, frozenset(functions)
 
-    def digest_of(self, file: str) -> str:
-        """Return what tells whether a file of tests has changed."""
-        return str(self._map["files"].get(file, {}).get("digest", ""))
+    def names(self) -> frozenset[str]:
+        """Return the names of all tests that passed when they were last measured, and whose files still exist."""
+        files = {path.relative_to(ROOT).as_posix() for path in self.test_files}
+        return frozenset(test for file in files for test in self._map["files"].get(file, {}).get("tests", ()))
 
-    def chosen(self, mutant: Mutant, neighbours: frozenset[str]) -> dict[str, float]:
+    def digest_of(self, file: str) -> str:
+        """Return what tells whether a file of tests has changed; empty if there is none of this name."""
+        path = ROOT / file
+        return digest([path, *helpers(path)]) if path in self.test_files else ""
+
+    def chosen(self, mutant: Mutant, neighbours: frozenset[str], longest_s: float = LONGEST_S) -> dict[str, float]:
         """Return the tests for a mutant with their seconds, those first that are cheap and about little else.
 
         ``neighbours`` are the functions of its file: they count if nothing reaches the function itself, as with
-        constants and with what is computed by the compiler.
+        constants and with what is computed by the compiler. A file without functions is everybody's.
         """
-        reaching = [entry for entry in self.tests() if mutant.symbol in entry[2]]
+        reaching = [entry for entry in self.tests() if reached(mutant.symbol, entry[2])]
         if not reaching or mutant.function == FILE_SCOPE:
-            reaching = [entry for entry in self.tests() if neighbours & entry[2]]
+            reaching = [entry for entry in self.tests() if any(reached(symbol, entry[2]) for symbol in neighbours)]
+        reaching = reaching or list(self.tests())
         reaching.sort(key=lambda entry: (entry[1] + 0.02) * (20 + len(entry[2])))
         result: dict[str, float] = {}
         for test, seconds, _ in reaching:
-            if sum(result.values()) + seconds <= LONGEST_S:
+            if sum(result.values()) + seconds <= longest_s:
                 result[test] = seconds
         return result
+
+
+def reached(symbol: str, functions: frozenset[str]) -> bool:
+    """Return whether a function, or of a template any that its pattern stands for, is among those that a test calls."""
+    if "*" in symbol:
+        return bool(fnmatch.filter(functions, symbol))
+    return symbol in functions
 
 
 def digest(paths: Sequence[Path]) -> str:
@@ -133,7 +149,11 @@ def measure(area: Area, files: Sequence[str]) -> dict[str, dict[str, tuple[float
 
 
 class Recorder:
-    """Notes each passing test's seconds and what it called."""
+    """Notes each passing test's seconds and what it called.
+
+    The time in which a test builds a library is left out. The first test that needs one would seem too long for any
+    mutant, and the others free.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -141,13 +161,27 @@ class Recorder:
         self._begin_s = 0.0
         self._failed: set[str] = set()
         self._symbols: dict[str, dict[int, str]] = {}
+        self._building_s = 0.0
         self.found: dict[str, tuple[float, list[str]]] = {}
+
+    def watched(self, build: Callable[..., Path]) -> Callable[..., Path]:
+        """Return ``build`` with its time left out."""
+
+        def built(*arguments: Any, **options: Any) -> Path:
+            begin_s = processor_s()
+            try:
+                return build(*arguments, **options)
+            finally:
+                self._building_s += processor_s() - begin_s
+
+        return built
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         self._number += 1
         with (self._folder / "test").open("r+b") as file:
             file.write(self._number.to_bytes(4, "little"))
         os.truncate(self._folder / "calls", 0)
+        self._building_s = 0.0
         self._begin_s = processor_s()
 
     def pytest_runtest_logreport(self, report: Any) -> None:
@@ -155,7 +189,7 @@ class Recorder:
             self._failed.add(report.nodeid)
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:
-        seconds = processor_s() - self._begin_s
+        seconds = processor_s() - self._begin_s - self._building_s
         calls = set((self._folder / "calls").read_text(encoding="utf-8").splitlines())
         if nodeid not in self._failed:
             self.found[nodeid] = (round(seconds, 4), sorted({self._symbol(call) for call in calls} - {""}))
@@ -178,6 +212,7 @@ def main(out: str, files: Sequence[str]) -> None:
     if os.environ["OMNI_LIBRARY"]:
         ctypes.CDLL(os.environ["OMNI_LIBRARY"], ctypes.RTLD_GLOBAL)
     recorder = Recorder(Path(os.environ["OMNI_REACH"]))
+    native.build_library = recorder.watched(native.build_library)
     options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=line", "-k", "not emulated"]
     pytest.main([*options, *files], plugins=[recorder])
     Path(out).write_text(json.dumps(recorder.found), encoding="utf-8")

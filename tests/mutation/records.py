@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -22,12 +22,17 @@ JUDGEMENTS = Path(__file__).with_name("survivors.toml")
 EQUIVALENT, MISSING = "equivalent", "missing"
 KILLED, SURVIVED, GOLDEN, REFUSED, SAME = "killed", "survived", "golden", "does not compile", "same object code"
 """``golden``: no test of a property or against a reference fails, but the recorded bits of the parity program do."""
+FOLDERS = ("firmware/app", "shared/core/src")
 COUNTED = (KILLED, GOLDEN, SURVIVED)
 
 
 @dataclass(frozen=True)
 class Result:
-    """One mutant's fate; ``source`` and ``tests`` are digests of what it was found with."""
+    """One mutant's fate; ``source``, ``tests`` and ``text`` are digests of what it was found with.
+
+    ``text`` is the mutant's own: of the function around it. ``commit`` names the sources as Git does. ``longest_s`` is
+    the processor time that its tests were allowed.
+    """
 
     key: str
     outcome: str
@@ -35,6 +40,9 @@ class Result:
     tests: str
     by: str = ""
     how: str = ""
+    text: str = ""
+    commit: str = ""
+    longest_s: float = 15.0
 
 
 class Results:
@@ -51,20 +59,32 @@ class Results:
                     continue  # the last line of a run that was killed
                 self._known[result.key] = result
 
-    def get(self, key: str, source: str, tests: str, test_file: str = "") -> Result | None:
+    def get(self, key: str, source: str, tests: str, test_file: str = "", longest_s: float = 0.0) -> Result | None:
         """Return a mutant's result if it still holds.
 
         A kill holds as long as the mutated file and the file of the test that killed are what they were
-        (``test_file`` is that file's digest now); a survival as long as no test has changed.
+        (``test_file`` is that file's digest now); a survival as long as no test has changed, if its tests were allowed
+        ``longest_s``.
         """
         result = self._known.get(key)
         if result is None or result.source != source:
             return None
         if result.outcome in (SURVIVED, GOLDEN):
-            return result if result.tests == tests else None
+            return result if result.tests == tests and result.longest_s >= longest_s else None
         if result.outcome == KILLED:
             return result if result.tests == test_file else None
         return result
+
+    def carried(self, mutant: Mutant, tests: Collection[str]) -> Result | None:
+        """Return the kill of an older run, if the mutant's function reads as it did and the test still exists.
+
+        ``tests`` are the names of all tests there are now. What the function calls, and what the test does, may have
+        changed since: whoever counts such kills says how many they are. A survivor is never carried over.
+        """
+        result = self._known.get(mutant.key)
+        if result is None or result.outcome != KILLED or not result.text:
+            return None
+        return result if result.text == mutant.text and result.by in tests else None
 
     def found(self, key: str, source: str) -> Result | None:
         """Return a mutant's last result, whatever tests there are now: a survivor is one until it is tried again."""
@@ -72,9 +92,9 @@ class Results:
         return result if result is not None and result.source == source else None
 
     def killer(self, key: str) -> str:
-        """Return the file of tests that killed a mutant the last time, or nothing."""
+        """Return the test that killed a mutant the last time, or nothing."""
         result = self._known.get(key)
-        return result.by.split("::")[0] if result is not None else ""
+        return result.by if result is not None else ""
 
     def add(self, result: Result) -> None:
         """Keep a result."""
@@ -169,10 +189,25 @@ def table(rows: Sequence[tuple[str, Score]]) -> str:
 
 def report(pairs: Sequence[tuple[Mutant, Result]], judged: dict[str, Judgement]) -> str:
     """Return the tables by area and by operator."""
-    folders = sorted({mutant.file.rsplit("/", 1)[0] for mutant, _ in pairs})
-    rows = [(f"`{f}`", score([p for p in pairs if p[0].file.startswith(f + "/")], judged)) for f in folders]
+    rows = [(f"`{f}`", score([p for p in pairs if p[0].file.startswith(f + "/")], judged)) for f in FOLDERS]
     by_operator = [(name, score([p for p in pairs if p[0].operator == name], judged)) for name in OPERATORS]
     return "\n\n".join((table([*rows, ("**all**", score(pairs, judged))]), table(by_operator)))
+
+
+def origins(pairs: Sequence[tuple[Mutant, Result]], carried: Collection[str]) -> str:
+    """Return a sentence that says how many verdicts are of the sources as they are, and from which commits the others.
+
+    ``carried`` are the keys of those that :meth:`Results.carried` gave.
+    """
+    older = Counter(result.commit or "unknown" for mutant, result in pairs if mutant.key in carried)
+    text = f"{len(pairs) - sum(older.values())} verdicts are of the sources as they are."
+    if not older:
+        return text
+    names = ", ".join(f"{count} from {commit}" for commit, count in older.most_common())
+    return (
+        f"{text} {sum(older.values())} kills are carried over ({names}): "
+        "the function reads as it did, and the test that killed still exists."
+    )
 
 
 def survivor_text(mutant: Mutant) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.mutation.operators import OPERATORS, Mutant, chosen, find_mutants
+from tests.mutation.reach import reached
 
 CHOICE = "#define omni_select(condition, a, b) ((condition) ? (a) : (b))\n"
 C = """
@@ -98,3 +99,23 @@ def test_lines_that_read_the_same_are_told_apart(tmp_path: Path) -> None:
 def test_a_source_that_does_not_compile_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"bad\.c"):
         mutants_of(tmp_path, "bad.c", "int f(void) { return x; }\n")
+
+
+def test_a_mutant_knows_its_functions_text_and_nothing_of_the_neighbours(tmp_path: Path) -> None:
+    def texts(source: str) -> set[str]:
+        return {mutant.text for mutant in mutants_of(tmp_path, "limited.c", source) if mutant.function == "limited"}
+
+    before = texts(C)
+    assert len(before) == 1
+    assert texts(f"/* More. */{C}int another(int a) {{ return a + 1; }}\n") == before
+    assert texts(C.replace("if (steps >= 3 &&", "if (steps >= 3\n        &&")) == before
+    assert texts(C.replace("further(steps, 7)", "further(steps, 8)")) != before
+
+
+def test_a_function_of_a_template_is_known_by_what_its_names_look_like(tmp_path: Path) -> None:
+    text = "namespace omni {\ntemplate <class T> struct Box {\n    T twice(T a) { return a + a; }\n};\n}\n"
+    (mutant,) = [mutant for mutant in mutants_of(tmp_path, "box.cpp", text) if mutant.operator == "arithmetic"]
+    assert reached(mutant.symbol, frozenset({"_ZN4omni3BoxIiE5twiceEi", "main"}))
+    assert not reached(mutant.symbol, frozenset({"_ZN4omni3BoxIiE6thriceEi", "_ZN4omni4Cage5twiceEi"}))
+    assert reached("main", frozenset({"main"}))
+    assert not reached("main", frozenset({"_Z6domainv"}))

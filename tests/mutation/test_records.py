@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from tests.mutation.records import (
     Judgement,
     Result,
     Results,
+    origins,
     read_judgements,
     report,
     score,
@@ -43,16 +45,40 @@ def test_results_hold_until_what_they_depend_on_changes(tmp_path: Path) -> None:
     with path.open("a") as file:
         file.write('{"key": "cut off')
     again = Results(path)
-    assert again.killer("k") == "tests/a.py"
+    assert again.killer("k") == "tests/a.py::test"
     assert again.get("k", "source", "other tests", "file") is not None
     assert again.get("k", "source", "tests", "other file") is None
     assert again.get("s", "source", "tests") is not None
     assert again.get("s", "source", "other tests") is None
+    assert again.get("s", "source", "tests", longest_s=400.0) is None
     assert again.get("n", "source", "other tests") is not None
     assert again.get("n", "other source", "tests") is None
     assert again.found("s", "source") is not None
     assert again.found("s", "other source") is None
     assert again.found("nobody", "source") is None
+
+
+def test_a_kill_is_carried_over_while_its_function_and_its_test_are_there(tmp_path: Path) -> None:
+    path = tmp_path / "results.jsonl"
+    here, survivor, old = (replace(mutant(number), text="as it was") for number in range(3))
+    Results(path).add(Result(here.key, KILLED, "s", "t", "tests/a.py::test", "failed", here.text, "866d76d"))
+    Results(path).add(Result(survivor.key, SURVIVED, "s", "t", text=survivor.text, commit="866d76d"))
+    Results(path).add(Result(old.key, KILLED, "s", "t", "tests/a.py::test", "failed"))
+    again = Results(path)
+    assert again.carried(here, {"tests/a.py::test"}) is not None
+    assert again.carried(here, {"tests/a.py::another"}) is None
+    assert again.carried(replace(here, text="another"), {"tests/a.py::test"}) is None
+    assert again.carried(survivor, {"tests/a.py::test", ""}) is None
+    assert again.carried(replace(old, text=""), {"tests/a.py::test"}) is None
+
+
+def test_the_report_says_from_which_commits_kills_are() -> None:
+    pairs = [(mutant(n), Result(mutant(n).key, KILLED, "", "", commit=f"c{n // 2}")) for n in range(4)]
+    assert origins(pairs, set()) == "4 verdicts are of the sources as they are."
+    words = origins(pairs, {pair[0].key for pair in pairs[1:]})
+    assert words.startswith(
+        "1 verdicts are of the sources as they are. 3 kills are carried over (2 from c1, 1 from c0)"
+    )
 
 
 def test_only_what_differs_counts_and_recorded_bits_do_not_kill() -> None:
@@ -66,7 +92,7 @@ def test_only_what_differs_counts_and_recorded_bits_do_not_kill() -> None:
     assert (figures.counted, figures.equivalent) == (6, 1)
     assert figures.killed_percent == pytest.approx(50.0)
     assert figures.killed_percent_of_different == pytest.approx(60.0)
-    assert "| `shared/core/src/control` | 8 | 1 | 1 | 6 | 3 | 1 | 2 | 1 | 50.0 % | 60.0 % |" in report(
+    assert "| `shared/core/src` | 8 | 1 | 1 | 6 | 3 | 1 | 2 | 1 | 50.0 % | 60.0 % |" in report(
         pairs, {last.key: judgement}
     )
 

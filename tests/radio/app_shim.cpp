@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file app_shim.cpp  The whole firmware on a board made of memory, in simulated time: port 1 is USB, the last one a serial line with a
-/// baud rate: the radio; the storage has a Teensy's size and counts what wears it.
+/// @file app_shim.cpp  The whole firmware on a board made of memory, in simulated time. Port 1 is USB, the last one a
+/// serial line with a baud rate: the radio. The storage has a Teensy's size and counts what wears it.
 #include <algorithm>
 #include <cstring>
 #include <deque>
@@ -84,6 +84,8 @@ struct FakePort final : SerialPort {
         return true;
     }
     uint32_t session() override { return connection; }
+    bool radio = false;
+    bool is_radio() override { return radio; }
     bool has_baud() override { return paced; }
     void set_baud(uint32_t bits_s) override { baud = bits_s; }
     /// One tick of the line: ten bits are a byte.
@@ -142,6 +144,7 @@ struct Robot {
     std::optional<App> app;
     bool lockstep = false;
     uint32_t radio = 1; ///< port
+    alignas(8) uint8_t burst_memory[64 * 1024];
 
     void boot() {
         clock.time_us = 0;
@@ -157,6 +160,8 @@ Robot *robot_new(const uint8_t *image, int lockstep, uint32_t radio) {
     auto *robot = new Robot;
     Board &board = robot->board;
     board.clock = &robot->clock;
+    board.burst_memory = robot->burst_memory;
+    board.burst_bytes = sizeof robot->burst_memory;
     board.encoders = &robot->encoders;
     board.i2c = &robot->bus;
     board.output_enable = &robot->output_enable;
@@ -166,7 +171,7 @@ Robot *robot_new(const uint8_t *image, int lockstep, uint32_t radio) {
     for (size_t i = 0; i < board.port_count; ++i) {
         board.ports[i] = &robot->ports[i];
     }
-    board.radios = static_cast<uint8_t>(1u << radio);
+    robot->ports[radio].radio = true;
     robot->radio = radio;
     board.robot_values = omni_builtin_robots[omni_builtin_robot_find("three_wheel")].values;
     robot->ports[radio].paced = true;

@@ -20,6 +20,8 @@ TABLE = load_parameters(params_path())
 BY_INDEX, BY_NAME = b"OMP2", b"OMP3"
 TODAY = 0x51CF0BAF
 """CRC of the table of the last firmware that stored by index."""
+OLDER = (0x6357FBE0, 0xA2825F89, 0xAAEABBE3)
+"""CRCs of the tables before, whose first indices mean the same."""
 OLD_ORDER = 0x04403996
 """CRC-32 of the names of that table, in their order."""
 STORE = mavlink.MAV_CMD_PREFLIGHT_STORAGE
@@ -99,11 +101,12 @@ def test_many_values_that_do_not_fit_are_counted_after_the_first_few() -> None:
     assert "14 more stored values left out" in texts
 
 
-def test_a_set_stored_by_index_is_read_by_the_old_order() -> None:
+@pytest.mark.parametrize("schema", [TODAY, *OLDER])
+def test_a_set_stored_by_index_is_read_by_the_old_order(schema: int) -> None:
     """Firmwares of before stored indices; their tables began as today's does."""
     names = ("ISMC_LAM_XY", "LIM_V")
     entries = [(TABLE[name].index, value) for name, value in zip(names, (7.0, 0.25), strict=True)]
-    assert started(memory(entries, BY_INDEX, TODAY), *names) == ([7.0, 0.25], [])
+    assert started(memory(entries, BY_INDEX, schema), *names) == ([7.0, 0.25], [])
 
 
 def test_a_set_by_index_of_an_unknown_table_is_not_used_and_said() -> None:

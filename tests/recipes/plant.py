@@ -3,38 +3,13 @@
 
 from __future__ import annotations
 
+from tests.recipes.drive import drive, scenario
 from tests.recipes.recipe import Scratch
-
-SCENARIO = """
-[scenario]
-name = "recipe"
-description = "a circle on the new plant"
-robot = "three_wheel"
-seed = 1
-duration_s = 8.0
-
-[parameters]
-TRJ_TYPE = "circle"
-TRJ_SIZE = 0.3
-TRJ_PERIOD = 10.0
-EKF_MODE = "odometry"
-
-[world]
-plant = "smooth"
-
-[[event]]
-at_s = 0.5
-command = "trajectory_start"
-
-[[event]]
-at_s = 0.5
-command = "arm"
-"""
 
 
 def check(copy: Scratch) -> None:
     """Drive on it."""
-    run = copy.drive(SCENARIO)
+    run = drive(copy, scenario(more='[world]\nplant = "smooth"'))
     assert run["faults"] == []
     assert run["farthest_m"] > 0.2
     assert run["rmse_m"] < 0.005

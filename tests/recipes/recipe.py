@@ -12,7 +12,6 @@ Everything else on the page is for the reader.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -22,7 +21,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "how-to-add"
@@ -33,25 +31,6 @@ _CREATE = re.compile(r"Create `([^`]+)`:$")
 _BELOW = re.compile(r"In `([^`]+)`, add below the line that begins with `([^`]+)`:$")
 _REPLACE = re.compile(r"[Ii]n `([^`]+)`, put `([^`]+)` in place of `([^`]+)`")
 _CODE = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-_DRIVE = """
-import json, sys
-sys.meta_path = [finder for finder in sys.meta_path if "Editable" not in type(finder).__name__
-                 and "ScikitBuild" not in type(finder).__name__]
-sys.path.insert(0, sys.argv[1])
-from pathlib import Path
-import numpy as np
-from hil_sim.metrics import tracking_rmse
-from hil_sim.runs import faults_seen, run_in_process
-from hil_sim.scenario import load_scenario
-import omniwheel._core
-assert Path(omniwheel._core.__file__).is_relative_to(sys.argv[1]), omniwheel._core.__file__
-run = run_in_process(load_scenario(sys.argv[2]))
-rmse = tracking_rmse(run.record)
-faults, warnings = faults_seen(run)
-truth = run.record["truth"]
-way = float(np.hypot(*(truth - truth[0])[:, :2].T).max())
-print(json.dumps({"rmse_m": float(rmse.position_m), "farthest_m": way, "faults": faults, "done": run.done}))
-"""
 
 
 class RecipeError(Exception):
@@ -121,7 +100,7 @@ class Scratch:
     def __init__(self, root: Path) -> None:
         """Copy the work tree, with what is not committed yet, to the new folder ``root``."""
         self.root = root
-        listed = _call(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], ROOT)
+        listed = call(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], ROOT)
         for name in filter(None, listed.split("\0")):
             if (ROOT / name).is_file():
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -154,14 +133,15 @@ class Scratch:
         plain = ["-DCMAKE_BUILD_TYPE=None", "-DCMAKE_C_FLAGS=-O0", "-DCMAKE_CXX_FLAGS=-O0", "-DOMNI_LANES_AVX2=OFF"]
         plain += ["-G", "Ninja"] if shutil.which("ninja", path=search) else []
         folders = ["-S", str(self.root), "-B", str(build), f"-DPython_EXECUTABLE={sys.executable}"]
-        _call(["cmake", *folders, *plain], self.root, environment)
-        _call(["cmake", "--build", str(build), "--parallel", "2", "--target", *targets], self.root, environment)
+        call(["cmake", *folders, *plain], self.root, environment)
+        call(["cmake", "--build", str(build), "--parallel", "2", "--target", *targets], self.root, environment)
         return build
 
     def packages(self) -> Path:
-        """Build the Python extension and return a folder with this copy's packages around it."""
-        build, site = self.build("_core"), self.root / "build" / "site"
+        """Build extension and firmware, once, and return a folder with this copy's packages around them."""
+        site = self.root / "build" / "site"
         if not site.exists():
+            build = self.build("_core", "omni_firmware")
             shutil.copytree(self.root / "host" / "omniwheel", site / "omniwheel")
             shared = self.root / "shared"
             for schema in shared.glob("*.toml"):
@@ -170,26 +150,17 @@ class Scratch:
                 shutil.copyfile(written, site / "omniwheel" / written.name)
             for name in ("robots", "presets"):
                 shutil.copytree(shared / name, site / "omniwheel" / name)
+            (site / "omniwheel" / "dialects").symlink_to(build / "generated" / "dialects")
+            (site / "omniwheel" / "bin").symlink_to(build / "firmware")
             (site / "hil_sim").symlink_to(self.root / "hil_sim")
             (site / "omni_schema").symlink_to(shared / "generate" / "omni_schema")
             extension = next((build / "host" / "native").glob("_core*.*so"))
             shutil.copyfile(extension, site / "omniwheel" / extension.name)
         return site
 
-    def drive(self, scenario: str) -> Mapping[str, Any]:
-        """Run a scenario in the simulated world with this copy, and say what came of it.
 
-        ``rmse_m`` on the path, ``farthest_m`` from where it stood, ``faults`` since arming, ``done``: the path is over.
-        """
-        path = self.root / "build" / "recipe.toml"
-        site = self.packages()
-        path.write_text(scenario, encoding="utf-8")
-        words = _call([sys.executable, "-c", _DRIVE, str(site), str(path)], self.root)
-        result: Mapping[str, Any] = json.loads(words.splitlines()[-1])
-        return result
-
-
-def _call(command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> str:
+def call(command: Sequence[str], folder: Path, environment: Mapping[str, str] | None = None) -> str:
+    """Run a command in a folder and return its output. RecipeError with the tool's words if it fails."""
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
     if done.returncode != 0:
         raise RecipeError(f"{' '.join(command[:6])} ...\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")

@@ -11,10 +11,19 @@ from pathlib import Path
 
 import pytest
 
-from tests.recipes import controller, message, parameter, plant, sensor, trajectory
+from tests.recipes import board, controller, message, motor_driver, parameter, plant, sensor, trajectory
 from tests.recipes.recipe import PAGES, Edit, Scratch, read_page
 
-FILES = {"parameter": 2, "message": 2, "controller": 3, "trajectory": 3, "plant": 3, "sensor": 5}
+FILES = {
+    "parameter": 2,
+    "message": 2,
+    "controller": 3,
+    "trajectory": 3,
+    "plant": 3,
+    "sensor": 5,
+    "motor-driver": 2,
+    "board": 2,
+}
 """How many files, docs and tests apart, an extension may cost at most."""
 CHECKS: dict[str, Callable[[Scratch], None]] = {
     "parameter": parameter.check,
@@ -23,6 +32,8 @@ CHECKS: dict[str, Callable[[Scratch], None]] = {
     "trajectory": trajectory.check,
     "plant": plant.check,
     "sensor": sensor.check,
+    "motor-driver": motor_driver.check,
+    "board": board.check,
 }
 
 
@@ -40,6 +51,8 @@ def test_each_page_costs_few_files_and_what_they_add_works(tmp_path: Path) -> No
         copy.follow(edits)
         touched = {edit.path for edit in edits if not edit.path.startswith(("docs/", "tests/"))}
         assert 0 < len(touched) <= most, (page, touched)
+        if page == "board":
+            assert len({Path(path).parent for path in touched}) == 1, touched
     assert set(copy.touched()) == {
         edit.path for page in FILES for edit in steps(page) if not edit.path.startswith(("docs/", "tests/"))
     }

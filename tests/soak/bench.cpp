@@ -139,7 +139,8 @@ void Bench::disarm(size_t link) {
     compare_from_ = UINT64_MAX;
     command(link, MAV_CMD_COMPONENT_ARM_DISARM, 0.0f);
     run(0.1);
-    check(station.state == MAV_STATE_STANDBY, "the robot is disarmed 0.1 s after it was asked to (MAV_STATE)", station.state);
+    check(station.state == MAV_STATE_STANDBY, "the robot is disarmed 0.1 s after it was asked to (MAV_STATE)",
+          station.state);
 }
 
 void Bench::jump(uint64_t us) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file bench.h  The firmware, the simulated world at its pins and a ground station, a millisecond at a time in this process.
+/// @file bench.h  The firmware, the simulated world at its pins and a ground station, a millisecond at a time in this
+/// process.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +32,8 @@ public:
     void run(double seconds);
     /// Send a command and wait until it was accepted.
     void command(size_t link, uint16_t number, float first = 0.0f, float second = 0.0f, float third = 0.0f);
-    /// Pose, trajectory, arm: over the link that is in command from then on. Waits until the robot says that it is armed.
+    /// Pose, trajectory, arm: over the link that is in command from then on. Waits until the robot says that it is
+    /// armed.
     void start(size_t link);
     void disarm(size_t link);
     /// Clock and stopwatch on by so much, as if the robot had rested for so long.

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 /// @file soak.cpp  Days on end. usage: soak hours WORLD PARAMETERS STATE ROBOT | soak jumps WORLD PARAMETERS DAYS ROBOT
 ///
-/// `hours` does the next simulated hour: it goes on from STATE (a file; begun anew if it is not there), prints one line of JSON and
-/// writes STATE back. `jumps` lets the robot's clock cross every wrap of 32 bits in so many days, and drives across each of them.
-/// WORLD holds a hil_world_config_t, PARAMETERS lines of NAME VALUE, ROBOT is a built-in robot's name: tests/soak/soak.py writes them.
+/// `hours` does the next simulated hour. It goes on from STATE (a file; begun anew if it is not there), prints one line
+/// of JSON and writes STATE back. `jumps` lets the robot's clock cross every wrap of 32 bits in so many days, and
+/// drives across each of them. WORLD holds a hil_world_config_t, PARAMETERS lines of NAME VALUE, ROBOT is a built-in
+/// robot's name: tests/soak/soak.py writes them.
 #include <malloc.h>
 
 #include <algorithm>
@@ -130,16 +131,17 @@ size_t heap_in_use() {
 
 void print_hour(const Bench &bench, uint64_t hour, uint64_t calendar_begin) {
     const Station &said = bench.station;
-    std::printf("{\"hour\": %llu, \"ticks\": %llu, \"distance_m\": %.3f, \"error_m_max\": %.6f, \"frames_usb\": %llu, "
-                "\"frames_radio\": %llu, \"heartbeats_usb\": %llu, \"parameters\": %llu, \"acknowledged\": %llu, "
-                "\"overruns\": %u, \"i2c_errors\": %u, \"rx_errors\": %u, \"signing_refused\": %u, \"signing_ahead_ms\": %.1f, "
-                "\"heap\": %zu, \"calendar_s\": %.1f}\n",
-                static_cast<unsigned long long>(hour), static_cast<unsigned long long>(bench.ticks()), bench.distance_m(),
-                bench.error_m_max, static_cast<unsigned long long>(said.frames[usb]),
-                static_cast<unsigned long long>(said.frames[radio]), static_cast<unsigned long long>(said.heartbeats[usb]),
-                static_cast<unsigned long long>(said.parameters), static_cast<unsigned long long>(said.acknowledged),
-                said.status.overruns, said.status.i2c_errors, said.status.rx_errors, said.health.signing_refused,
-                said.signing_ahead_ms, heap_in_use(), static_cast<double>(said.signing_time() - calendar_begin) * 1e-5);
+    std::printf(
+        "{\"hour\": %llu, \"ticks\": %llu, \"distance_m\": %.3f, \"error_m_max\": %.6f, \"frames_usb\": %llu, "
+        "\"frames_radio\": %llu, \"heartbeats_usb\": %llu, \"parameters\": %llu, \"acknowledged\": %llu, "
+        "\"overruns\": %u, \"i2c_errors\": %u, \"rx_errors\": %u, \"signing_refused\": %u, \"signing_ahead_ms\": %.1f, "
+        "\"heap\": %zu, \"calendar_s\": %.1f}\n",
+        static_cast<unsigned long long>(hour), static_cast<unsigned long long>(bench.ticks()), bench.distance_m(),
+        bench.error_m_max, static_cast<unsigned long long>(said.frames[usb]),
+        static_cast<unsigned long long>(said.frames[radio]), static_cast<unsigned long long>(said.heartbeats[usb]),
+        static_cast<unsigned long long>(said.parameters), static_cast<unsigned long long>(said.acknowledged),
+        said.status.overruns, said.status.i2c_errors, said.status.rx_errors, said.health.signing_refused,
+        said.signing_ahead_ms, heap_in_use(), static_cast<double>(said.signing_time() - calendar_begin) * 1e-5);
 }
 
 void hour(const char *world, const Values &values, const char *path, uint8_t robot) {
@@ -195,7 +197,8 @@ void fall_silent(Bench &bench, double most_s) {
     bench.station.expect_stop(true);
     bench.beats = false;
     bench.run(most_s);
-    check(bench.station.state == MAV_STATE_CRITICAL, "silence stops the robot across a wrap (MAV_STATE)", bench.station.state);
+    check(bench.station.state == MAV_STATE_CRITICAL, "silence stops the robot across a wrap (MAV_STATE)",
+          bench.station.state);
     bench.beats = true;
     bench.disarm(usb);
     bench.station.expect_stop(false);
@@ -255,7 +258,8 @@ int main(int argc, char **argv) {
         return 0;
     }
     if (mode == "jumps") {
-        soak::jumps(argv[2], soak::read_values(argv[3]), std::strtoull(argv[4], nullptr, 10), soak::robot_number(argv[5]));
+        soak::jumps(argv[2], soak::read_values(argv[3]), std::strtoull(argv[4], nullptr, 10),
+                    soak::robot_number(argv[5]));
         return 0;
     }
     std::fprintf(stderr, "usage: %s hours WORLD PARAMETERS STATE ROBOT | jumps WORLD PARAMETERS DAYS ROBOT\n", argv[0]);

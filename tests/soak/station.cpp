@@ -135,7 +135,8 @@ void Station::heard(size_t port, const Found &frame) {
         break;
     case MAVLINK_MSG_ID_OMNI_SIGNING:
         signing_ahead_ms =
-            1e-3 * static_cast<double>(static_cast<int64_t>(as<mavlink_omni_signing_t>(frame).time - signing_time_ * 10));
+            1e-3 *
+            static_cast<double>(static_cast<int64_t>(as<mavlink_omni_signing_t>(frame).time - signing_time_ * 10));
         break;
     case MAVLINK_MSG_ID_OMNI_TRACKING:
         tracking = as<mavlink_omni_tracking_t>(frame);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file station.h  A ground station on two links of a robot in this process: USB, and a radio where everything is signed.
+/// @file station.h  A ground station on two links of a robot in this process: USB, and a radio where everything is
+/// signed.
 #pragma once
 
 #include <cstddef>

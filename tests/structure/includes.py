@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""C and C++ include in one direction only: `python -m tests.structure.includes` names what does not.
+"""C and C++ include in one direction only, without circles: `python -m tests.structure.includes` names what does not.
 
 The tables below are the rule. A folder may include what is in it, what its row lists, and headers of the system.
 """
@@ -12,6 +12,8 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from tests.structure.circles import circle, part_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SUFFIXES = (".c", ".h", ".cpp", ".hpp", ".ino")
@@ -41,6 +43,9 @@ GENERATED = {
     "omni/params_gen.h": "generated/tables",
     "omni/modules_gen.h": "generated/tables",
     "omni/motor_drivers_gen.h": "generated/tables",
+    "omni/input_readings_gen.h": "generated/tables",
+    "omni/tick_readings_gen.h": "generated/tables",
+    "omni/board_readings_gen.h": "generated/tables",
     "omni/wiring_gen.h": "generated/wiring",
     "omni/version_gen.h": "generated/link",
     "omni/mavlink.h": "generated/link",
@@ -50,11 +55,15 @@ GENERATED = {
     "lanes_layout_gen.h": "generated/lanes",
     "lanes_sources_gen.h": "generated/lanes",
     "hil_sim/world_gen.h": "generated/world",
+    "drivers_gen.h": "generated/world",
     "plants_gen.h": "generated/world",
     "sensors_gen.h": "generated/world",
     "sensor_sources_gen.h": "generated/world",
     "plant_sources_gen.h": "generated/world",
     "hil_sim/world_members_gen.h": "generated/world",
+    "hil_sim/sensor_members_gen.h": "generated/world",
+    "take_readings_gen.h": "generated/world",
+    "fill_readings_gen.h": "generated/world",
 }
 """Headers that the build writes, and what they are counted among."""
 
@@ -64,10 +73,8 @@ AREAS: Mapping[str, tuple[str, ...]] = {
     "shared/link": (),
     "firmware/app": (CORE_API, "generated/link", "generated/tables"),
     "firmware/boards/common": ("firmware/app", CORE_API, "generated/link"),
-    "firmware/boards/mps2_an500": _BOARD,
+    **{f"firmware/boards/{main.parent.name}": _BOARD for main in (ROOT / "firmware/boards").glob("*/main.cpp")},
     "firmware/boards/mps2_an500/base": (),  # the processor's own package: other programs of the tests stand on it, too
-    "firmware/boards/posix": _BOARD,
-    "firmware/boards/teensy40": _BOARD,
     "hil_sim/include": (CORE_API, "shared/link", "generated/world"),
     "hil_sim/src": ("hil_sim/include", CORE_API, "shared/link", "generated/link", "generated/world"),
     "hil_sim/rt1062": ("hil_sim/include",),  # models of peripherals share nothing with the drivers that they test
@@ -191,10 +198,26 @@ def _reached(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
     return found
 
 
+def circles(root: Path, found: Iterable[Include]) -> list[str]:
+    """Return a sentence for a circle of parts (a source and its headers), of the core's rooms, and of areas."""
+    files = [(include.file, include.target) for include in found if area_of(include.target)]
+    core = [pair for pair in files if {area_of(name) for name in pair} == {"shared/core"}]
+    rooms = [(room_of(root, own), room_of(root, other)) for own, other in core]
+    graphs = {
+        "files": files,
+        "parts": [(part_of(own), part_of(other)) for own, other in files],
+        "rooms": [pair for pair in rooms if all(pair)],
+        "areas": [(area_of(own), area_of(other)) for own, other in files],
+    }
+    rounds = {what: circle(pairs) for what, pairs in graphs.items()}
+    return [f"{what} that include each other: {' -> '.join(names)}" for what, names in rounds.items() if names]
+
+
 def check(root: Path = ROOT) -> list[str]:
-    """Return a sentence for every include in a wrong direction. Raises IncludeError."""
+    """Return a sentence for every include in a wrong direction, and for circles. Raises IncludeError."""
     found = list(includes(root))
     sentences = [f"{i.file}:{i.line}: includes {i.name}: {why}" for i in found if (why := wrong(root, i))]
+    sentences += circles(root, found)
     edges: dict[str, set[str]] = {}
     for include in found:
         edges.setdefault(include.file, set()).add(include.target)

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from tests.structure.circles import TOGETHER, Together, circle
 from tests.structure.includes import AREAS, CORE, ROOMS, ROOT, IncludeError, area_of, check, includes, sources
 
 MATH, ESTIMATION = "shared/core/src/math/math.c", "shared/core/src/estimation/motor_kf.c"
@@ -72,6 +74,42 @@ def test_an_include_in_the_wrong_direction_is_named(copy: Path, name: str) -> No
     assert any(sentence.startswith(file) and words in sentence for sentence in sentences), sentences
 
 
+CIRCLES = {
+    "files": ("firmware/app/mavlink_frame.h", '"app/codec.h"', "files that include each other"),
+    "parts, each through its source": ("firmware/app/stops.cpp", '"app/codec.h"', "parts that include each other"),
+    "rooms": ("shared/core/src/motor/motor.c", '"omni/trajectory.h"', "rooms that include each other"),
+    "areas": ("firmware/app/app.cpp", '"boards/common/option_loop.h"', "areas that include each other"),
+}
+
+
+@pytest.mark.parametrize("what", CIRCLES)
+def test_a_circle_is_named(copy: Path, what: str) -> None:
+    file, header, words = CIRCLES[what]
+    path = copy / file
+    original = path.read_text(encoding="utf-8")
+    path.write_text(f"{original}#include {header}\n", encoding="utf-8")
+    try:
+        sentences = check(copy)
+    finally:
+        path.write_text(original, encoding="utf-8")
+    assert any(sentence.startswith(words) for sentence in sentences), sentences
+
+
+def test_a_circle_is_told_in_the_order_of_its_includes() -> None:
+    assert circle([("a", "b"), ("b", "c"), ("a", "c"), ("a", "a")]) == []
+    assert circle([("x", "a"), ("a", "b"), ("b", "c"), ("c", "a")]) in (
+        ["a", "b", "c", "a"],
+        ["b", "c", "a", "b"],
+        ["c", "a", "b", "c"],
+    )
+
+
+@pytest.mark.parametrize("entry", TOGETHER, ids=lambda entry: f"{entry.folder}/{entry.part}")
+def test_files_that_are_one_part_would_be_a_circle_else(entry: Together, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.structure.circles.TOGETHER", tuple(other for other in TOGETHER if other != entry))
+    assert any("parts that include each other" in sentence for sentence in check())
+
+
 def test_a_header_that_is_nowhere_is_an_error(copy: Path) -> None:
     path = copy / "firmware/app/more.h"
     path.write_text('#include "app/nowhere.h"\n', encoding="utf-8")
@@ -100,6 +138,21 @@ def test_no_two_sources_of_the_core_have_one_name() -> None:
     # Object files of some checks lie side by side in one folder.
     names = Counter(path.name for path in (ROOT / CORE).rglob("*.c"))
     assert [name for name, count in names.items() if count > 1] == []
+
+
+WRITES_TELEMETRY = re.compile(r"(outputs->[\w\[\]]+ = |mem(cpy|set)\(&?outputs->)(?!.*outputs->)")
+
+
+def test_nothing_of_the_core_reads_the_telemetry_back() -> None:
+    lines = [
+        line.strip()
+        for path in sorted((ROOT / CORE).rglob("*.[ch]"))
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if "outputs->" in line or "const omni_outputs_t" in line
+    ]
+    assert len(lines) > 20
+    found = [line for line in lines if not WRITES_TELEMETRY.match(re.sub(r"sizeof outputs->\w+", "", line))]
+    assert found == []
 
 
 def test_the_page_of_the_design_has_the_rooms_of_the_check() -> None:

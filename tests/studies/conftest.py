@@ -11,20 +11,7 @@ import pytest
 from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.studies.plan import Batch
 from hil_sim.studies.pools import Done, LocalPool
-
-QUICK = """
-[scenario]
-name = "quick"
-description = "The demo's path for half a second"
-extends = "demo"
-duration_s = 0.5
-[[event]]
-at_s = 0.05
-command = "trajectory_start"
-[[event]]
-at_s = 0.05
-command = "arm"
-"""
+from tests.quick_scenario import QUICK
 
 
 class InterruptedPool(LocalPool):

@@ -47,7 +47,7 @@ def test_montecarlo_leaves_numbers_picture_report_and_runs_to_repeat(quick_file:
     assert told["figures"]["position_m"]["runs"] == 24
     assert (out / "spread.png").stat().st_size > 10_000
     worst = told["worst"][0]
-    assert worst["file"] in (out / "report.md").read_text()
+    assert worst["file"] in (out / "montecarlo.md").read_text()
     again = omni_json("sim", out / worst["file"], "--out", tmp_path / "again")
     assert again["seed"] == worst["seed"]
     assert again["world"]["plant"] == "slip"
@@ -65,7 +65,7 @@ def test_sweep_and_optimize_from_the_command_line(quick_file: Path, tmp_path: Pa
     common = (quick_file, "--runs", 8, "--batch", 8)
     told = omni_json("sweep", *common, "--param", "world.slip_max=0:0.2:2", "--out", tmp_path / "sweep")
     assert [point["values"]["world.slip_max"] for point in told["points"]] == [0.0, 0.2]
-    assert (tmp_path / "sweep" / "sweep.png").stat().st_size > 10_000
+    assert (tmp_path / "sweep" / "world.slip_max" / "sweep.png").stat().st_size > 10_000
     search = ("--param", "ISMC_LAM_XY=1:30:log", "--trials", 3, "--constraint", "completed.mean>=0")
     text = omni("optimize", *common, *search, "--out", tmp_path / "optimize").stdout
     assert "fresh seeds 9 to 16" in text
@@ -78,7 +78,7 @@ def test_a_study_without_a_path_says_so(tmp_path: Path) -> None:
     text = omni("montecarlo", "hands", "--duration", 1, "--runs", 8, "--out", tmp_path / "study").stdout
     assert "none of them drove on a path" in text
     assert "median" not in text
-    assert "None of them drove on a path" in (tmp_path / "study" / "report.md").read_text()
+    assert "None of them drove on a path" in (tmp_path / "study" / "montecarlo.md").read_text()
 
 
 def test_help_says_what_is_used_without_an_option() -> None:

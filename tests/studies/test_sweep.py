@@ -32,7 +32,7 @@ def test_points_differ_by_their_settings_alone(quick: Scenario, tmp_path: Path) 
     (alone,) = do(make(quick, "world.slip_max=0.4", "ISMC_LAM_XY=8"), tmp_path / "b", LocalPool(1))
     assert results[3].summary == alone.summary
     assert len({result.shown for result in results}) == 4
-    with (tmp_path / "a" / "points.csv").open() as file:
+    with (plan.results_folder(tmp_path / "a") / "points.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [float(line["position_m.mean"]) for line in table] == [result.shown for result in results]
     assert [float(line["world.slip_max"]) for line in table] == [0.0, 0.0, 0.4, 0.4]
@@ -47,7 +47,17 @@ def test_interrupted_and_longer_sweeps_end_alike(
     do(plan, tmp_path / "cut", LocalPool(2))
     do(plan, tmp_path / "whole", LocalPool(1))
     for name in ("points.csv", "summary.json"):
-        assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        cut, whole = (plan.results_folder(tmp_path / study) / name for study in ("cut", "whole"))
+        assert cut.read_bytes() == whole.read_bytes()
+
+
+def test_another_sweep_in_the_same_study_leaves_the_first_ones_results(quick: Scenario, tmp_path: Path) -> None:
+    first, second = make(quick, "ISMC_LAM_XY=2:20:2"), make(quick, "WS_P=1,2")
+    do(first, tmp_path / "study", LocalPool(1))
+    kept = (first.results_folder(tmp_path / "study") / "points.csv").read_bytes()
+    do(second, tmp_path / "study", LocalPool(1))
+    assert (first.results_folder(tmp_path / "study") / "points.csv").read_bytes() == kept
+    assert b"WS_P" in (second.results_folder(tmp_path / "study") / "points.csv").read_bytes()
 
 
 def test_a_point_that_the_core_refuses_is_marked(quick: Scenario, tmp_path: Path) -> None:
@@ -55,5 +65,5 @@ def test_a_point_that_the_core_refuses_is_marked(quick: Scenario, tmp_path: Path
     results = do(plan, tmp_path / "study", LocalPool(1))
     assert [bool(result.refusal) for result in results] == [False, True, True]
     assert results[0].summary is not None
-    with (tmp_path / "study" / "points.csv").open() as file:
+    with (plan.results_folder(tmp_path / "study") / "points.csv").open() as file:
         assert [bool(line["refused"]) for line in csv.DictReader(file)] == [False, True, True]

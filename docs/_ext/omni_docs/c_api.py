@@ -14,7 +14,20 @@ from typing import Any
 
 from clang.cindex import CursorKind, Index, TranslationUnit
 
+from hil_sim.schema import WORLD
 from omni_docs.markdown import escaped, page
+
+
+def reading_members() -> str:
+    """Return the members of omni_inputs_t that the build makes of the sensors' readings."""
+    lines = []
+    for reading in WORLD.readings:
+        kind, count = {"real": "omni_real_t", "int": "omni_int_t"}[reading.kind], f"[{reading.count}]"
+        lines.append(f"{kind} {reading.name}{count if reading.count else ''}; /**< {reading.meaning} */")
+        if reading.valid:
+            lines.append(f"uint8_t {reading.valid}; /**< {reading.valid_meaning} */")
+    return "\n".join(lines) + "\n"
+
 
 _STUBS = {
     "stdbool.h": "#define bool _Bool\n",
@@ -25,10 +38,12 @@ _STUBS = {
         for kind, bits in (("char", 8), ("short", 16), ("int", 32), ("long long", 64))
     ),
     "string.h": "",
+    "omni/input_readings_gen.h": reading_members(),
     "omni/params_gen.h": "enum { OMNI_PARAM_COUNT = 1 };\n",
     "omni/modules_gen.h": '#include "omni/direct_torque.h"\n#include "omni/ismc.h"\n'
     "#define OMNI_CTL_MODE_CONFIG_MEMBERS\n#define OMNI_CTL_MODE_STATE_MEMBERS\n",
 }
+_STUB_FILES = {f"/stubs/{name}": f"#pragma once\n{body}" for name, body in _STUBS.items()}
 _HEAD = re.compile(r"/\*\*\s*\n \* @file (\S+)\s*\n(.*?)\*/", re.DOTALL)
 
 
@@ -66,7 +81,9 @@ def _block(kind: str, signature: str, body: str, depth: int) -> str:
 def _fields(cursor: Any, text: bytes) -> Iterator[str]:
     for field in cursor.get_children():
         if field.kind == CursorKind.FIELD_DECL and not field.is_anonymous():
-            yield _block("member", _declaration(field, text), _prose(field.raw_comment), 1)
+            where = _STUB_FILES.get(str(field.location.file))
+            declaration = _declaration(field, text if where is None else where.encode())
+            yield _block("member", declaration, _prose(field.raw_comment), 1)
 
 
 def _enumerators(cursor: Any, text: bytes) -> Iterator[str]:
@@ -97,11 +114,10 @@ def _part(cursor: Any, text: bytes) -> str:
 def header_page(header: Path, include: Path, index: Index) -> str:
     """Return the page of one header."""
     text = header.read_bytes()
-    stubs = [(f"/stubs/{name}", f"#pragma once\n{body}") for name, body in _STUBS.items()]
     unit = index.parse(
         str(header),
         ["-x", "c", "-std=c99", "-nostdinc", f"-I{include}", "-I/stubs"],
-        stubs,
+        list(_STUB_FILES.items()),
         TranslationUnit.PARSE_SKIP_FUNCTION_BODIES,
     )
     broken = [found.spelling for found in unit.diagnostics if found.severity >= 3]

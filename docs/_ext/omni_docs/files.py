@@ -66,6 +66,15 @@ def _number_rows(only: Callable[[Quantity], bool]) -> list[list[str]]:
     ]
 
 
+def _sensor_rows() -> list[list[str]]:
+    rows = []
+    for sensor in WORLD.sensors.values():
+        reading = sensor.reading
+        told = [reading.name, reading.unit, reading.valid] if reading else ["", "", ""]
+        rows.append([code(sensor.name), *map(code, told), escaped(sensor.doc)])
+    return rows
+
+
 def _scenario_page() -> str:
     about = inspect.getdoc(scenario) or ""
     spread = inspect.getdoc(dispersion) or ""
@@ -83,7 +92,9 @@ def _scenario_page() -> str:
         "`plant` of `[world]` is one of these. Equation numbers are the report's.",
         table(["Plant", "Meaning"], [[code(plant.name), escaped(plant.doc)] for plant in WORLD.plants.values()]),
         "## Sensors",
-        table(["Sensor", "Meaning"], [[code(sensor.name), escaped(sensor.doc)] for sensor in WORLD.sensors.values()]),
+        "What a sensor tells the robot in each tick is its reading, a member of `omni_inputs_t`. "
+        "Those without one reach it in another way.",
+        table(["Sensor", "Reading", "Unit", "Valid", "Meaning"], _sensor_rows()),
         "## Faults",
         "`kind` of a `[[fault]]` is one of these.",
         table(

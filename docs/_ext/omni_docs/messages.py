@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from omni_docs.markdown import code, escaped, page, table
+from omni_schema.readings import MESSAGE, add_message_fields
 from omni_schema.toml_file import read_toml
+from omni_schema.world import load_world
 
 _RATES = {
     "always": "once a second",
@@ -70,6 +72,10 @@ def pages(root: Path) -> dict[str, str]:
     """Return the page by its name."""
     link = root / "shared" / "link"
     document = ET.parse(link / "omni.xml").getroot()
+    world = load_world(root / "shared" / "world.toml")
+    for message in document.iter("message"):
+        if message.get("name") == MESSAGE:
+            add_message_fields(world.source, message, world.readings)
     enums = list(document.iter("enum"))
     telemetry = read_toml(link / "telemetry.toml")["messages"]
     parts = [

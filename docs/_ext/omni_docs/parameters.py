@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from omni_docs.markdown import code, escaped, page, table
-from omni_schema import Parameter, load_parameters
+from omni_schema import Parameter, ParameterTable, load_parameters
 
 _SECTION = re.compile(r"^# -{8,} (.+)$")
 _ENTRY = re.compile(r'^"?([A-Z][A-Z0-9_{}n]*)"? = \{')
@@ -56,6 +56,22 @@ def _row(written: str, parameter: Parameter) -> list[str]:
     ]
 
 
+_DRIVER_HEAD = ["Name", "Number", "What leads to each motor", "Pins per wheel", "Stopped, it"]
+
+
+def _driver_rows(known: ParameterTable) -> list[list[str]]:
+    return [
+        [
+            code(driver.name),
+            str(driver.number),
+            escaped(driver.doc),
+            ", ".join(driver.pins),
+            f"{driver.bridge[0]}s",
+        ]
+        for driver in known.motor_drivers.values()
+    ]
+
+
 def pages(root: Path) -> dict[str, str]:
     """Return the page by its name."""
     source = root / "shared" / "params.toml"
@@ -69,4 +85,5 @@ def pages(root: Path) -> dict[str, str]:
     for title, names in sections(source.read_text(encoding="utf-8")).items():
         rows = [_row(written, known[_first(written)]) for written in names]
         parts += [f"## {escaped(title[0].upper() + title[1:])}", table(head, rows)]
+    parts += ["Motor drivers, by their name in the robot file:", table(_DRIVER_HEAD, _driver_rows(known))]
     return {"parameters.md": page(*parts)}

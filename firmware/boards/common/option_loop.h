@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file option_loop.h  The command line of a firmware program: a row per option, and the loop over the words. What is wrong is said on
-/// standard error.
+/// @file option_loop.h  The command line of a firmware program: a row per option, and the loop over the words. What is
+/// wrong is said on standard error.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,8 @@ struct CommonOptions {
     omni_real_t values[OMNI_PARAM_COUNT] = {}; ///< the robot's own parameters
 };
 
-/// One option: a flag without a value, or what is done with the value. @return of `take`: false after saying what is wrong.
+/// One option: a flag without a value, or what is done with the value. @return of `take`: false after saying what is
+/// wrong.
 template <class Options>
 struct OptionRow {
     const char *name;
@@ -50,8 +51,10 @@ inline bool answer(const char *name, const char *help, const char *what) {
     return false;
 }
 
-/// Takes all words; the caller looks whether the options fit each other, and then `check_robot`. @param rows the program's own.
-/// @return true: go on; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been explained).
+/// Takes all words; the caller looks whether the options fit each other, and then `check_robot`. @param rows the
+/// program's own.
+/// @return true: go on; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been
+/// explained).
 template <class Options, size_t N>
 bool parse_words(int argc, char **argv, const char *help, const char *what, const OptionRow<Options> (&rows)[N],
                  Options *options, int *exit_code) {

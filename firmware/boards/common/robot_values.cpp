@@ -53,8 +53,8 @@ bool take_line(const char *path, int number, char *line, omni_real_t *values) {
     const omni_param_info_t &info = omni_param_table[index];
     if (end == text || *end != '\0' || omni_param_check(index, value, false) != OMNI_OK) {
         const char *kind = info.kind == OMNI_PARAM_INT ? "a whole number" : "a number";
-        std::fprintf(stderr, "omni-firmware: %s:%d: %s = '%s': %s from %g to %g is needed%s%s\n", path, number, info.name, text,
-                     kind, static_cast<double>(info.minimum), static_cast<double>(info.maximum),
+        std::fprintf(stderr, "omni-firmware: %s:%d: %s = '%s': %s from %g to %g is needed%s%s\n", path, number,
+                     info.name, text, kind, static_cast<double>(info.minimum), static_cast<double>(info.maximum),
                      *info.unit != '\0' ? ", in " : "", info.unit);
         return false;
     }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file robot_values.h  A robot's own parameters for boards that get them at start. What is wrong is said on standard error.
+/// @file robot_values.h  A robot's own parameters for boards that get them at start. What is wrong is said on standard
+/// error.
 #pragma once
 
 #include "app/core.h"
@@ -8,7 +9,8 @@ namespace omni {
 
 constexpr const char *default_robot = "three_wheel";
 
-/// Take a built-in robot's values. @param values OMNI_PARAM_COUNT entries. @return false after naming the robots there are.
+/// Take a built-in robot's values. @param values OMNI_PARAM_COUNT entries. @return false after naming the robots there
+/// are.
 bool use_robot(const char *name, omni_real_t *values);
 /// Read NAME=VALUE lines over `values`. @return false after naming file, line, key and what is allowed.
 bool use_params_file(const char *path, omni_real_t *values);

@@ -8,7 +8,8 @@
 
 namespace omni {
 
-bool ConsolePort::open() {
+bool ConsolePort::open(bool radio) {
+    is_radio_ = radio;
     in_ = an500::semihosting_open_console(true);
     out_ = an500::semihosting_open_console(false);
     return in_ >= 0 && out_ >= 0;

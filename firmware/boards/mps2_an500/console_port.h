@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file console_port.h  A MAVLink link over the emulator's standard input and output: whole blocks at a time, for lockstep.
+/// @file console_port.h  A MAVLink link over the emulator's standard input and output: whole blocks at a time, for
+/// lockstep.
 ///
 /// An emulated serial port costs the emulator's main loop a round per byte; this link, one call per direction.
 #pragma once
@@ -13,8 +14,8 @@ namespace omni {
 
 class ConsolePort final : public SerialPort {
 public:
-    /// @return false if the emulator has no console.
-    bool open();
+    /// @param radio it stands for a radio. @return false if the emulator has no console.
+    bool open(bool radio);
     /// Until bytes come; the whole machine stands still. Ends the emulator when the other end has gone.
     void wait();
     bool waiting() const { return taken_ < filled_; }
@@ -25,6 +26,7 @@ public:
     bool write(const uint8_t *data, size_t length) override;
     /// It does not see who is at the other end.
     uint32_t session() override { return 1; }
+    bool is_radio() override { return is_radio_; }
 
 private:
     static constexpr size_t most_ = 8192;
@@ -33,6 +35,7 @@ private:
     size_t filled_ = 0;
     size_t taken_ = 0;
     bool sent_ = false;
+    bool is_radio_ = false;
     uint8_t bytes_[1024] = {};
 };
 

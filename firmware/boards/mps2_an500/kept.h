@@ -9,7 +9,8 @@
 
 namespace omni {
 
-/// Once after each start. @param first what to say if there was no reset, only power. @return why the processor started.
+/// Once after each start. @param first what to say if there was no reset, only power. @return why the processor
+/// started.
 ResetCause begin_kept(ResetCause first);
 /// Say why the reset that follows happens.
 void keep_cause(ResetCause cause);

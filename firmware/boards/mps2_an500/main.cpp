@@ -32,6 +32,8 @@ constexpr uint32_t idle_us = 250'000;
 /// The last words before a reboot are waited for this long.
 constexpr uint64_t farewell_us = 200'000;
 
+alignas(8) uint8_t burst_memory[usual_burst_bytes];
+
 class Machine {
 public:
     bool open(int argc, char **argv, int *exit_code);
@@ -88,7 +90,7 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
         board_.ports[i] = &uarts[i];
     }
     if (options_.console_link) {
-        if (!console_.open()) {
+        if (!console_.open(uart_count == 1)) {
             return false;
         }
         board_.ports[uart_count] = &console_;
@@ -101,6 +103,8 @@ bool Machine::open(int argc, char **argv, int *exit_code) {
     board_.storage = &storage_;
     board_.watchdog = &watchdog_;
     board_.robot_values = options_.values;
+    board_.burst_memory = burst_memory;
+    board_.burst_bytes = sizeof burst_memory;
     return !options_.pins || open_pins();
 }
 
@@ -110,12 +114,12 @@ bool Machine::open_pins() {
         board_.ports[i] = board_.ports[i - 1];
     }
     board_.ports[0] = &pins_.wire;
-    board_.radios = static_cast<uint8_t>(board_.radios << 1);
     board_.encoders = &pins_;
     board_.output_enable = &pins_;
     board_.stop_button = &pins_;
     board_.i2c = &pins_.bus;
     board_.battery_V = supply_V;
+    board_.use_mps2_an500();
     pins_.start(clock_);
     return pins_.connect();
 }
@@ -243,14 +247,14 @@ void uart4_rx_handler() {
     omni::machine.on_inject();
 }
 
-#define OMNI_UART_HANDLERS(number)                                                                                             \
-    void uart##number##_rx_handler() {                                                                                         \
-        omni::machine.uarts[number].on_receive();                                                                              \
-        omni::machine.woken = true;                                                                                            \
-    }                                                                                                                          \
-    void uart##number##_tx_handler() {                                                                                         \
-        omni::machine.uarts[number].on_transmit();                                                                             \
-        omni::machine.woken = true;                                                                                            \
+#define OMNI_UART_HANDLERS(number)                                                                                     \
+    void uart##number##_rx_handler() {                                                                                 \
+        omni::machine.uarts[number].on_receive();                                                                      \
+        omni::machine.woken = true;                                                                                    \
+    }                                                                                                                  \
+    void uart##number##_tx_handler() {                                                                                 \
+        omni::machine.uarts[number].on_transmit();                                                                     \
+        omni::machine.woken = true;                                                                                    \
     }
 OMNI_UART_HANDLERS(0)
 OMNI_UART_HANDLERS(1)

@@ -16,7 +16,8 @@ constexpr const char *help =
     "usage: omni-firmware [--robot NAME | --params FILE] [--links N] [--storage FILE] [--lockstep] ...\n"
     "\n"
     "The robot's firmware on an emulated Cortex-M7. `omni emulate` runs it; by hand:\n"
-    "qemu-system-arm -M mps2-an500 -kernel omni-firmware-mps2.elf -display none -monitor none -serial tcp::5760,server=on\n"
+    "qemu-system-arm -M mps2-an500 -kernel omni-firmware-mps2.elf -display none -monitor none -serial "
+    "tcp::5760,server=on\n"
     "    -semihosting-config enable=on,target=native,arg=omni-firmware,arg=--robot,arg=three_wheel\n"
     "\n"
     "  --robot NAME     built-in robot: its geometry, motors and gains (default: three_wheel)\n"
@@ -71,7 +72,8 @@ bool use_reset_cause(const char *text, Options *options) {
         }
     }
     std::fprintf(
-        stderr, "omni-firmware: --reset-cause '%s': power_on, watchdog, software, crash or over_temperature is needed\n", text);
+        stderr,
+        "omni-firmware: --reset-cause '%s': power_on, watchdog, software, crash or over_temperature is needed\n", text);
     return false;
 }
 

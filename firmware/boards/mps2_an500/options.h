@@ -22,7 +22,8 @@ struct Options : CommonOptions {
     ResetCause reset_cause = ResetCause::power_on;
 };
 
-/// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been explained).
+/// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been
+/// explained).
 bool parse_options(int argc, char **argv, Options *options, int *exit_code);
 
 } // namespace omni

@@ -12,7 +12,8 @@ namespace omni {
 /// The free-running timer made 64 bits wide: exact as long as somebody looks at least every 171 s.
 class TimerClock final : public Clock {
 public:
-    /// @param catch_up robot time moves on only by set(): a host that was busy lets the guest's time jump, which no robot's does.
+    /// @param catch_up robot time moves on only by set(): a host that was busy lets the guest's time jump, which no
+    /// robot's does.
     void start(bool catch_up);
     uint64_t now_us() override { return catch_up_ ? set_us_ : elapsed_us(); }
     uint64_t stopwatch_ns() override;

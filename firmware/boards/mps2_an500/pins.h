@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-/// @file pins.h  The world at the board's pins: encoders, I2C, supply, stop button and one serial line, simulated by the host.
+/// @file pins.h  The world at the board's pins: encoders, I2C, supply, stop button and one serial line, simulated by
+/// the host.
 ///
-/// At each tick what the pins did goes out and what they see comes in, while the emulated time stands still. So the firmware runs
-/// on the emulated processor's own timing, and the world in step with it.
+/// At each tick what the pins did goes out and what they see comes in, while the emulated time stands still. So the
+/// firmware runs on the emulated processor's own timing, and the world in step with it.
 #pragma once
 
 #include <cstddef>

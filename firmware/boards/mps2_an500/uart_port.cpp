@@ -14,6 +14,7 @@ constexpr uint32_t divider = an500::clock_Hz / 115200;
 
 void UartPort::open(size_t number) {
     uart_ = &an500::uart(number);
+    is_radio_ = number == 1;
     receive_interrupt_ = an500::uart_interrupt[number];
     uart_->divider = divider;
     uart_->control = an500::uart_tx_enable | an500::uart_rx_enable | an500::uart_rx_interrupt;

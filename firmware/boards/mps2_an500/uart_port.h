@@ -41,13 +41,14 @@ private:
 
 class UartPort final : public SerialPort {
 public:
-    /// @param number of the serial port.
+    /// @param number of the serial port. A radio is on the second one.
     void open(size_t number);
     size_t read(uint8_t *data, size_t capacity) override;
     size_t write_space() override { return out_.free(); }
     bool write(const uint8_t *data, size_t length) override;
     /// A serial port does not see who is at the other end.
     uint32_t session() override { return 1; }
+    bool is_radio() override { return is_radio_; }
 
     /// Received bytes wait.
     bool waiting() const { return in_.used() > 0; }
@@ -61,6 +62,7 @@ private:
     void send_from_background();
 
     an500::Uart *uart_ = nullptr;
+    bool is_radio_ = false;
     uint32_t receive_interrupt_ = 0;
     Ring<4096> in_;
     Ring<8192> out_;

@@ -40,6 +40,8 @@ constexpr int idle_ms = 250;
 /// Waits in lockstep after which new clients and what waits to be sent are looked after, however fast the host is.
 constexpr uint32_t waits_per_service = 64;
 
+alignas(8) uint8_t burst_memory[usual_burst_bytes];
+
 class Process {
 public:
     explicit Process(const Options &options) : options_(options) {}
@@ -106,8 +108,11 @@ bool Process::open() {
         if (port == nullptr || !port->open(address)) {
             return false;
         }
-        if (options_.radio_line && (options_.radios >> i & 1) != 0) {
-            port->set_has_baud();
+        if ((options_.radios >> i & 1) != 0) {
+            port->set_radio();
+            if (options_.radio_line) {
+                port->set_has_baud();
+            }
         }
         ports_[i] = port;
         board_.ports[i] = port;
@@ -120,7 +125,9 @@ bool Process::open() {
     board_.storage = &storage_;
     board_.watchdog = &watchdog_;
     board_.robot_values = options_.values;
-    board_.radios = options_.radios;
+    board_.use_posix();
+    board_.burst_memory = burst_memory;
+    board_.burst_bytes = sizeof burst_memory;
     return true;
 }
 

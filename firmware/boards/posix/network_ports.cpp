@@ -63,7 +63,8 @@ unsigned local_port(int fd) {
     socklen_t length = sizeof where;
     getsockname(fd, reinterpret_cast<sockaddr *>(&where), &length);
     const bool v6 = where.ss_family == AF_INET6;
-    return ntohs(v6 ? reinterpret_cast<sockaddr_in6 *>(&where)->sin6_port : reinterpret_cast<sockaddr_in *>(&where)->sin_port);
+    return ntohs(v6 ? reinterpret_cast<sockaddr_in6 *>(&where)->sin6_port
+                    : reinterpret_cast<sockaddr_in *>(&where)->sin_port);
 }
 
 } // namespace

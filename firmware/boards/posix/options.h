@@ -18,7 +18,8 @@ struct Options : CommonOptions {
     bool radio_line = false;     ///< the radio was asked for: its line has a baud rate
 };
 
-/// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been explained).
+/// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been
+/// explained).
 bool parse_options(int argc, char **argv, Options *options, int *exit_code);
 
 } // namespace omni

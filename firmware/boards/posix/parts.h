@@ -10,8 +10,8 @@
 
 namespace omni {
 
-/// Robot time that main() moves on tick by tick, so that a PC that was busy for a while runs the missed ticks at their due
-/// times instead of seeing time jump.
+/// Robot time that main() moves on tick by tick. So a PC that was busy for a while runs the missed ticks at their due
+/// times; time does not jump.
 class PosixClock final : public Clock {
 public:
     uint64_t now_us() override { return now_us_; }
@@ -22,8 +22,8 @@ private:
     uint64_t now_us_ = 0;
 };
 
-/// Non-volatile memory in a file, or in memory only. Every write goes to the disk before it counts: a whole new file beside
-/// the old one, which then takes its place. One that fails leaves what was there before, in the file as well.
+/// Non-volatile memory in a file, or in memory only. Every write goes to the disk before it counts: a whole new file
+/// beside the old one, which then takes its place. One that fails leaves what was there before, in the file as well.
 class FileStorage final : public Storage {
 public:
     /// @param path nullptr: forgotten at the end. @return false after saying why on standard error: no such folder, or

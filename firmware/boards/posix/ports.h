@@ -31,10 +31,13 @@ public:
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override { return session_; }
     bool has_baud() override { return has_baud_; }
+    bool is_radio() override { return is_radio_; }
     /// Bytes read since the start.
     uint64_t received() const { return received_; }
     /// Behind this port is a modem; the program keeps to its baud rate.
     void set_has_baud() { has_baud_ = true; }
+    /// Others reach this port through the air.
+    void set_radio() { is_radio_ = true; }
 
 protected:
     ~PosixPort() = default;
@@ -47,6 +50,7 @@ protected:
     char url_[192] = {};
     int fd_ = -1; ///< connection
     bool has_baud_ = false;
+    bool is_radio_ = false;
     uint32_t session_ = 0;
     uint32_t sessions_ = 0;
     uint64_t received_ = 0;

@@ -8,8 +8,8 @@
 
 namespace omni {
 
-/// Extends a 32-bit cycle counter, which wraps every 7.16 s at 600 MHz, to 64-bit time. It must be told the counter at least once
-/// per wrap: the tick does so every millisecond.
+/// Extends a 32-bit cycle counter, which wraps every 7.16 s at 600 MHz, to 64-bit time. It must be told the counter at
+/// least once per wrap: the tick does so every millisecond.
 class CycleTime {
 public:
     /// @param cycles_per_us processor clock [MHz]. @param cycles the counter now: time starts at 0 here.

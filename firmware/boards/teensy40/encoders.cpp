@@ -10,7 +10,8 @@ extern "C" void xbar_connect(unsigned int input, unsigned int output);
 namespace omni {
 namespace {
 
-constexpr uint32_t pad_input = IOMUXC_PAD_HYS | IOMUXC_PAD_PKE | IOMUXC_PAD_PUE | IOMUXC_PAD_PUS(1); ///< 47 kohm pull-up
+constexpr uint32_t pad_input =
+    IOMUXC_PAD_HYS | IOMUXC_PAD_PKE | IOMUXC_PAD_PUE | IOMUXC_PAD_PUS(1); ///< 47 kohm pull-up
 constexpr uint32_t mux_gpio = 5;
 /// Six equal samples, 25 periods of the 150 MHz bus clock apart: pulses below 1 us are noise.
 constexpr uint16_t filter_1_us = (3 << 8) | 25;
@@ -166,8 +167,8 @@ void Teensy40Encoders::mask(const Watched &watched, bool masked) {
     }
 }
 
-// Flags are cleared before the levels are read: an edge in between interrupts again and finds nothing new. The read of the same
-// port also makes sure that the flag is down before this interrupt ends.
+// Flags are cleared before the levels are read: an edge in between interrupts again and finds nothing new. The read of
+// the same port also makes sure that the flag is down before this interrupt ends.
 void Teensy40Encoders::pins_changed() {
     for (uint8_t i = 0; i < watched_count_; ++i) {
         Watched &watched = watched_[i];

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: MIT
-/// @file encoders.h  Wheel encoders on a Teensy 4.0: hardware decoders where the pins reach one, pin-change interrupts elsewhere.
+/// @file encoders.h  Wheel encoders on a Teensy 4.0: hardware decoders where the pins reach one, pin-change interrupts
+/// elsewhere.
 ///
-/// Load of the interrupts: 25 rad/s at 10000 counts per revolution are 40 k edges per second and wheel. One interrupt is about
-/// 60 instructions with one such wheel and 90 with four; make tick-cycles estimates the cycles (docs/checks/performance.md).
+/// Load of the interrupts: 25 rad/s at 10000 counts per revolution are 40 k edges per second and wheel. One interrupt
+/// is about 60 instructions with one such wheel and 90 with four; make tick-cycles estimates the cycles
+/// (docs/checks/performance.md).
 ///
-/// Noise on a pin (a loose wire beside a motor's) may bring millions of edges per second, and they come before everything else. So an
-/// encoder gets no more than `edge_limit` interrupts per tick: beyond, its pins stay silent until the next read(), which calls its
-/// count untrusted and counts an error. Four wheels at the limit take some 0.2 ms of each tick.
+/// Noise on a pin (a loose wire beside a motor's) may bring millions of edges per second, and they come before
+/// everything else. So an encoder gets no more than `edge_limit` interrupts per tick. Beyond, its pins stay silent
+/// until the next read(), which calls its count untrusted and counts an error. Four wheels at the limit take some 0.2
+/// ms of each tick.
 #pragma once
 
 #include <core_pins.h>

@@ -30,8 +30,8 @@ public:
         }
     }
 
-    /// Go on from the present levels after edges that nobody saw: the count stays, one error is counted. Not while update() may
-    /// interrupt.
+    /// Go on from the present levels after edges that nobody saw: the count stays, one error is counted. Not while
+    /// update() may interrupt.
     void resume(uint8_t levels) {
         levels_ = levels;
         errors_ = errors_ + 1;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file encoders_wiring.h  Which decoder counts which wheel's encoder: settled at compile time.
 ///
-/// The processor has four quadrature decoders (ENC1..4), which see a pin only through crossbar XBAR1 (i.MX RT1060 reference
-/// manual, chapters "External Signals and Pin Multiplexing" and "Inter-Peripheral Crossbar Switch A"). Pins 0 and 5 share one
-/// of the crossbar's inputs. Every other pin is counted by pin-change interrupts.
+/// The processor has four quadrature decoders (ENC1..4). They see a pin only through crossbar XBAR1 (i.MX RT1060
+/// reference manual, chapters "External Signals and Pin Multiplexing" and "Inter-Peripheral Crossbar Switch A"). Pins 0
+/// and 5 share one of the crossbar's inputs. Every other pin is counted by pin-change interrupts.
 ///
 /// The same rules in Python, for `omni robots check`: shared/generate/omni_schema/encoder_plan.py.
 #pragma once
@@ -23,8 +23,9 @@ struct XbarPin {
     uint8_t daisy; ///< value of the input's SELECT_INPUT register
 };
 
-constexpr XbarPin xbar_pins[] = {{0, 17, 1, 1}, {1, 16, 1, 0}, {2, 6, 3, 0},   {3, 7, 3, 0},   {4, 8, 3, 0},   {5, 17, 3, 0},
-                                 {7, 15, 1, 1}, {8, 14, 1, 1}, {30, 23, 1, 0}, {31, 22, 1, 0}, {32, 10, 1, 0}, {33, 9, 3, 0}};
+constexpr XbarPin xbar_pins[] = {{0, 17, 1, 1},  {1, 16, 1, 0},  {2, 6, 3, 0},   {3, 7, 3, 0},
+                                 {4, 8, 3, 0},   {5, 17, 3, 0},  {7, 15, 1, 1},  {8, 14, 1, 1},
+                                 {30, 23, 1, 0}, {31, 22, 1, 0}, {32, 10, 1, 0}, {33, 9, 3, 0}};
 
 /// @return the pin's way into the crossbar, or nullptr if it has none.
 constexpr const XbarPin *find_xbar_pin(uint8_t pin) {
@@ -94,7 +95,8 @@ constexpr EncoderPlan plan_encoders(const uint8_t (&pins)[wheels][2], const Deco
                 continue;
             }
             const bool missing = pins[i][0] == encoder_no_pin || pins[i][1] == encoder_no_pin;
-            const EncoderProblem problem = missing ? EncoderProblem::no_pins : hardware_problem(plan, pins[i][0], pins[i][1]);
+            const EncoderProblem problem =
+                missing ? EncoderProblem::no_pins : hardware_problem(plan, pins[i][0], pins[i][1]);
             plan.wheel[i].pin_a = pins[i][0];
             plan.wheel[i].pin_b = pins[i][1];
             if (problem == EncoderProblem::none && turn != Decoder::interrupt) {

@@ -6,9 +6,10 @@ extern "C" {
 static uint32_t nothing;
 volatile uint32_t *omni_fault_register = &nothing;
 uint32_t omni_fault_mask = 0;
-omni_fault_write_t omni_fault_writes[OMNI_FAULT_WRITES] = {
-    {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0},
-    {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}};
+omni_fault_write_t omni_fault_writes[OMNI_FAULT_WRITES] = {{&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0},
+                                                           {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0},
+                                                           {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0},
+                                                           {&nothing, 0}, {&nothing, 0}, {&nothing, 0}, {&nothing, 0}};
 
 /// Leaves stack and link register as the processor set them: the next handler looks there for the cause.
 __attribute__((naked)) void omni_on_fault() {

@@ -16,8 +16,8 @@ constexpr int first_interrupt = 16;
 
 } // namespace
 
-// Teensyduino has pointed every vector at its handler at start-up, but for the few that somebody asked for since. The temperature
-// sensor's panic is one of those; its function does nothing but call that handler.
+// Teensyduino has pointed every vector at its handler at start-up, but for the few that somebody asked for since. The
+// temperature sensor's panic is one of those; its function does nothing but call that handler.
 void set_on_fault(volatile uint32_t *register_address, uint32_t mask) {
     omni_fault_register = register_address;
     omni_fault_mask = mask;

@@ -187,7 +187,8 @@ bool FlashLog::append(size_t offset, size_t length) {
     std::memcpy(bytes, &record, sizeof bytes);
     const size_t at = end_;
     end_ = Flash::sector_size; // until it has worked
-    if (!programmed(bank_, at, bytes, sizeof bytes) || !programmed(bank_, at + record_header, image_ + offset, length)) {
+    if (!programmed(bank_, at, bytes, sizeof bytes) ||
+        !programmed(bank_, at + record_header, image_ + offset, length)) {
         return false;
     }
     end_ = at + needed;

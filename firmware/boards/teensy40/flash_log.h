@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT
-/// @file flash_log.h  Non-volatile bytes as a log in flash memory: each write is done wholly or not at all, at whatever moment
-/// power fails.
+/// @file flash_log.h  Non-volatile bytes as a log in flash memory: each write is done wholly or not at all, at whatever
+/// moment power fails.
 ///
-/// Teensyduino's EEPROM emulation cannot promise that: it spreads neighbouring bytes over its sectors and holds a sector's bytes
-/// in RAM while it erases it, so that one power cut can take both slots of a parameter store. Here the memory is a ring of
-/// sectors, each a bank of its own:
+/// Teensyduino's EEPROM emulation cannot promise that. It spreads neighbouring bytes over its sectors, and holds a
+/// sector's bytes in RAM while it erases it. So one power cut can take both slots of a parameter store. Here the memory
+/// is a ring of sectors, each a bank of its own:
 ///
 ///     0     header: magic, sequence, CRC-32 of the image, CRC-32 of the header; written last
 ///     16    image of all bytes when the bank was begun
 ///     2064  records: offset, length, CRC-32 of both and the data, data padded to 4 bytes
 ///
-/// A write appends a record of what changes. When the bank is full, the next sector becomes the bank; the old one stays until
-/// it is erased at some later start. The bank with the highest sequence counts. A sector is erased in advance at start, when
-/// the ticks do not run yet; while they run it happens only if the ring was used up since.
+/// A write appends a record of what changes. When the bank is full, the next sector becomes the bank; the old one stays
+/// until it is erased at some later start. The bank with the highest sequence counts. A sector is erased in advance at
+/// start, when the ticks do not run yet. While they run it happens only if the ring was used up since.
 #pragma once
 
 #include <cstddef>
@@ -47,7 +47,8 @@ public:
     size_t size() override { return capacity; }
     bool read(size_t offset, uint8_t *data, size_t length) override;
     bool write(size_t offset, const uint8_t *data, size_t length) override;
-    /// No bank is valid, yet the sectors are not blank: a supply too low to read, a first write cut short, or another program's.
+    /// No bank is valid, yet the sectors are not blank: a supply too low to read, a first write cut short, or another
+    /// program's.
     bool doubtful() override { return doubtful_; }
     /// Erases since begin(): each kept interrupts off for up to 400 ms.
     uint32_t late_erases() const { return late_erases_; }

@@ -12,8 +12,8 @@ constexpr uint8_t sda_pin = 18;
 constexpr uint8_t scl_pin = 19;
 constexpr uint32_t mux_master = 3 | 0x10; ///< LPI2C1, input path forced on
 constexpr uint32_t mux_gpio = 5 | 0x10;
-constexpr uint32_t pad_open_drain = IOMUXC_PAD_ODE | IOMUXC_PAD_HYS | IOMUXC_PAD_PKE | IOMUXC_PAD_PUE | IOMUXC_PAD_PUS(3) |
-                                    IOMUXC_PAD_DSE(2); ///< 22 kohm pull-up
+constexpr uint32_t pad_open_drain = IOMUXC_PAD_ODE | IOMUXC_PAD_HYS | IOMUXC_PAD_PKE | IOMUXC_PAD_PUE |
+                                    IOMUXC_PAD_PUS(3) | IOMUXC_PAD_DSE(2); ///< 22 kohm pull-up
 constexpr uint32_t half_clock_us = 5;
 constexpr size_t fifo_size = 4;
 constexpr size_t refill_below = 2; ///< words left: two bytes of time until the clock would have to be stretched
@@ -52,8 +52,8 @@ void Teensy40I2c::configure() {
     IMXRT_LPI2C1.MCR = 0;
     IMXRT_LPI2C1.MCFGR0 = 0;
     IMXRT_LPI2C1.MCFGR1 = LPI2C_MCFGR1_PRESCALE(timing_.prescale);
-    IMXRT_LPI2C1.MCFGR2 =
-        LPI2C_MCFGR2_FILTSDA(timing_.filter) | LPI2C_MCFGR2_FILTSCL(timing_.filter) | LPI2C_MCFGR2_BUSIDLE(timing_.bus_idle);
+    IMXRT_LPI2C1.MCFGR2 = LPI2C_MCFGR2_FILTSDA(timing_.filter) | LPI2C_MCFGR2_FILTSCL(timing_.filter) |
+                          LPI2C_MCFGR2_BUSIDLE(timing_.bus_idle);
     IMXRT_LPI2C1.MCFGR3 = 0; // no pin-low time-out: poll() watches the time of the whole batch
     IMXRT_LPI2C1.MCCR0 = LPI2C_MCCR0_CLKLO(timing_.clk_low) | LPI2C_MCCR0_CLKHI(timing_.clk_high) |
                          LPI2C_MCCR0_SETHOLD(timing_.set_hold) | LPI2C_MCCR0_DATAVD(timing_.data_valid);

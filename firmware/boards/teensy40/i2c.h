@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 /// @file i2c.h  Asynchronous I2C master on LPI2C1 (SDA pin 18, SCL pin 19) of a Teensy 4.0.
 ///
-/// submit() turns a batch into the words of the master's command FIFO; an interrupt refills its four places, some ten times for
-/// an update of three motors. Nothing waits: if an interrupt comes late, the master stretches SCL. A batch that takes too long is
-/// given up by poll(), from the tick. recover() frees the bus by a 100 kHz timer while the program goes on.
+/// submit() turns a batch into the words of the master's command FIFO. An interrupt refills its four places, some ten
+/// times for an update of three motors. Nothing waits: if an interrupt comes late, the master stretches SCL. A batch
+/// that takes too long is given up by poll(), from the tick. The bus is freed by recover(), the bus by a 100 kHz timer
+/// while the program goes on.
 #pragma once
 
 #include <core_pins.h>
@@ -37,13 +38,14 @@ class Teensy40I2c final : public I2cBus {
 public:
     static constexpr size_t max_batch = 9;
 
-    explicit Teensy40I2c(uint32_t speed_Hz = wiring::i2c_speed_Hz) : mode_(i2c_mode(speed_Hz)), timing_(i2c_timing(mode_)) {}
+    explicit Teensy40I2c(uint32_t speed_Hz = wiring::i2c_speed_Hz)
+        : mode_(i2c_mode(speed_Hz)), timing_(i2c_timing(mode_)) {}
 
     /// Set up clock, pins and interrupt.
     void begin();
     /// Also false for an empty batch, one of more than max_batch transactions, and while the bus is being freed.
     bool submit(const I2cTransaction *batch, size_t count) override;
-    /// A batch longer than twice its time on the wire plus 0.5 ms is given up as stuck; so is one that lost the bus.
+    /// A batch longer than twice its time on the wire plus 0.5 ms is given up as stuck. So is one that lost the bus.
     I2cStatus poll(uint8_t *read) override;
     uint32_t patience_us() override { return allowed_us_; }
     void recover() override;

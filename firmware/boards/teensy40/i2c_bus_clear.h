@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 /// @file i2c_bus_clear.h  Frees an I2C bus whose SDA somebody holds low (NXP UM10204, 3.1.16), one step per half clock.
 ///
-/// Clocks only as long as SDA is low, at most nine: a chip that was being written to must not get bits it would take for data.
-/// Then a STOP ends whatever it thought was going on.
+/// Clocks only as long as SDA is low, at most nine. A chip that was being written to must not get bits it would take
+/// for data. Then a STOP ends whatever it thought was going on.
 #pragma once
 
 #include <cstdint>

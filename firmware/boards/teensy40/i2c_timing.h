@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file i2c_timing.h  Clock divisions of the LPI2C master, and how long a batch takes on the wire.
 ///
-/// Formulas: i.MX RT1060 reference manual, LPI2C, "Timing Parameters"; limits: NXP UM10204, table 10. The master counts a high
-/// period only from when it sees SCL high, so a slow edge stretches the clock: f_SCL is met with the fastest edge, the
-/// set-up times with the slowest one that the specification allows.
+/// Formulas: i.MX RT1060 reference manual, LPI2C, "Timing Parameters"; limits: NXP UM10204, table 10. The master counts
+/// a high period only from when it sees SCL high, so a slow edge stretches the clock. So f_SCL is met with the fastest
+/// edge, the set-up times with the slowest one that the specification allows.
 #pragma once
 
 #include <cstdint>
@@ -54,8 +54,8 @@ constexpr const I2cMode &i2c_mode(uint32_t speed_Hz) {
     return *found;
 }
 
-/// Prescaled clocks until the master sees that a line it let go is high. An RC edge takes 0.91 of its 30 % to 70 % rise time
-/// to the input's threshold.
+/// Prescaled clocks until the master sees that a line it let go is high. An RC edge takes 0.91 of its 30 % to 70 % rise
+/// time to the input's threshold.
 constexpr uint32_t i2c_latency(uint32_t prescale, uint32_t filter, uint32_t rise_ns) {
     const uint32_t rise_clocks = rise_ns * 91 / 100 * (i2c_clock_Hz / 1'000'000) / 1000;
     return (2 + filter + rise_clocks) >> prescale;
@@ -85,7 +85,8 @@ constexpr I2cTiming i2c_timing(const I2cMode &mode) {
     return timing;
 }
 
-/// Time on the wire [ns]. @param bytes with their acknowledge bits. @param starts repeated ones too; one STOP ends it all.
+/// Time on the wire [ns]. @param bytes with their acknowledge bits. @param starts repeated ones too; one STOP ends it
+/// all.
 constexpr uint64_t i2c_batch_ns(const I2cTiming &timing, uint32_t rise_ns, uint32_t bytes, uint32_t starts) {
     const uint64_t latency = i2c_latency(timing.prescale, timing.filter, rise_ns);
     const uint64_t low = timing.clk_low + 1;

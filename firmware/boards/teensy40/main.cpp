@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file main.cpp  The firmware on a Teensy 4.0: puts the parts together, ticks by a timer interrupt, serves the links in loop().
+/// @file main.cpp  The firmware on a Teensy 4.0: puts the parts together, ticks by a timer interrupt, serves the links
+/// in loop().
 #include <Arduino.h>
 #include <IntervalTimer.h>
 
@@ -22,6 +23,9 @@
 
 namespace omni {
 namespace {
+
+/// In RAM2: ITCM and DTCM are for what the tick needs at once.
+alignas(8) DMAMEM uint8_t burst_memory[usual_burst_bytes];
 
 constexpr bool battery_wired = wiring::battery_pin >= 0;
 constexpr uint32_t radio_baud = 9600; ///< until the stored LINK2_BAUD is known
@@ -73,7 +77,14 @@ float battery_V() {
     return machine().battery_V();
 }
 
-/// The loop sees the I2C interrupt no more than the tick does: half-way. Without a chip begin() has stopped them already.
+/// As the USB port tells it (Teensyduino's usb_desc.c): what is burnt into the chip, small numbers times ten.
+uint64_t serial_number() {
+    const uint32_t burnt = HW_OCOTP_MAC0 & 0xFFFFFF;
+    return burnt < 10'000'000 ? burnt * 10 : burnt;
+}
+
+/// The loop sees the I2C interrupt no more than the tick does: half-way. Without a chip begin() has stopped them
+/// already.
 void Teensy40::stop_motors() {
     if (Teensy40MotorPins::wired()) {
         return;
@@ -86,7 +97,8 @@ void Teensy40::stop_motors() {
     }
 }
 
-/// Motors first: erasing flash memory may take seconds. Everything that may take long comes before the watchdog is started.
+/// Motors first: erasing flash memory may take seconds. Everything that may take long comes before the watchdog is
+/// started.
 Board Teensy40::begin() {
     output_enable_.begin();
     motor_pins_.begin();
@@ -116,9 +128,13 @@ Board Teensy40::begin() {
     board.port_count = 2;
     board.storage = &storage_;
     board.watchdog = &watchdog_;
+    board.serial_number = serial_number();
     board.robot_values = omni_builtin_robots[0].values;
     board.battery_V = battery_wired ? omni::battery_V : nullptr;
     board.memory_free = memory_free;
+    board.use_teensy40();
+    board.burst_memory = burst_memory;
+    board.burst_bytes = sizeof burst_memory;
     return board;
 }
 

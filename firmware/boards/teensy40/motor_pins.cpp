@@ -10,17 +10,18 @@
 namespace omni {
 namespace {
 
-constexpr bool has_pins = wiring::motor_driver == OMNI_MOT_DRIVER_IN1_IN2 || wiring::motor_driver == OMNI_MOT_DRIVER_PWM_DIR;
+constexpr bool has_pins = wiring::motors_on_pins;
 constexpr MotorPinsProblem problem =
-    has_pins ? motor_pins_problem(wiring::motor_pins, wiring::encoder_pins, wiring::motor_driver == OMNI_MOT_DRIVER_IN1_IN2)
-             : MotorPinsProblem::none;
+    has_pins ? motor_pins_problem(wiring::motor_pins, wiring::encoder_pins, wiring::motor_pwm) : MotorPinsProblem::none;
 
 static_assert(problem != MotorPinsProblem::no_pins,
               "robot file: give wiring.motor_pins, two Teensy pins for every wheel's motor");
-static_assert(problem != MotorPinsProblem::no_pwm,
-              "robot file: wiring.motor_pins needs pins with PWM: 2 to 15, 22, 23, 28, 29, 33; move the wire to one of them");
-static_assert(problem != MotorPinsProblem::used_twice,
-              "robot file: a pin of wiring.motor_pins is used twice, or by an encoder; move one of the two to a free pin");
+static_assert(
+    problem != MotorPinsProblem::no_pwm,
+    "robot file: wiring.motor_pins needs pins with PWM: 2 to 15, 22, 23, 28, 29, 33; move the wire to one of them");
+static_assert(
+    problem != MotorPinsProblem::used_twice,
+    "robot file: a pin of wiring.motor_pins is used twice, or by an encoder; move one of the two to a free pin");
 
 constexpr unsigned resolution_bits = 12;
 constexpr uint16_t full = 1u << resolution_bits;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file motor_pins.h  PWM for the motors on pins of a Teensy 4.0: FlexPWM or a quad timer, whichever the pin has.
 ///
-/// A pin that is low or high for the whole period is an ordinary output: no timer can then let a pulse through. In a reset the pads
-/// become inputs that keep their last level weakly, so every wire needs a resistor to ground (docs/guides/robot-file.md).
+/// A pin that is low or high for the whole period is an ordinary output: no timer can then let a pulse through. In a
+/// reset the pads become inputs that keep their last level weakly, so every wire needs a resistor to ground
+/// (docs/guides/robot-file.md).
 #pragma once
 
 #include <cstddef>

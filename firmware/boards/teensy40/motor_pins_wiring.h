@@ -19,8 +19,8 @@ enum class MotorPinsProblem : uint8_t {
 
 constexpr uint8_t motor_no_pin = 0xFF;
 
-/// FlexPWM's outputs A and B or a quad timer reach the pin (i.MX RT1060 reference manual, "External Signals and Pin Multiplexing";
-/// the table is in pwm.c of the Teensy core).
+/// FlexPWM's outputs A and B or a quad timer reach the pin. See the i.MX RT1060 reference manual, "External Signals and
+/// Pin Multiplexing"; the table is in pwm.c of the Teensy core.
 constexpr bool has_pwm(uint8_t pin) {
     constexpr uint8_t others[] = {22, 23, 28, 29, 33};
     bool found = pin >= 2 && pin <= 15;
@@ -30,16 +30,16 @@ constexpr bool has_pwm(uint8_t pin) {
     return found;
 }
 
-/// @param pins two per wheel. @param both both need PWM, not the first alone.
+/// @param pins two per wheel. @param pwm which of the two need PWM.
 template <size_t wheels>
 constexpr MotorPinsProblem motor_pins_problem(const uint8_t (&pins)[wheels][2], const uint8_t (&encoders)[wheels][2],
-                                              bool both) {
+                                              const bool (&pwm)[2]) {
     for (size_t i = 0; i < 2 * wheels; ++i) {
         const uint8_t pin = pins[i / 2][i % 2];
         if (pin == motor_no_pin) {
             return MotorPinsProblem::no_pins;
         }
-        if ((both || i % 2 == 0) && !has_pwm(pin)) {
+        if (pwm[i % 2] && !has_pwm(pin)) {
             return MotorPinsProblem::no_pwm;
         }
         for (size_t j = 0; j < 2 * wheels; ++j) {

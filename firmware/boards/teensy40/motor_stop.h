@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-/// @file motor_stop.h  Switches the motors off by the bus alone where no control loop runs: at start-up and before the bootloader.
+/// @file motor_stop.h  Switches the motors off by the bus alone where no control loop runs: at start-up and before the
+/// bootloader.
 ///
-/// The PWM chip goes on with what it was told last while the processor restarts. Where its output-enable pin is not wired this is the
-/// only thing that stops a motor.
+/// The PWM chip goes on with what it was told last while the processor restarts. Where its output-enable pin is not
+/// wired this is the only thing that stops a motor.
 #pragma once
 
 #include "app/board.h"
@@ -11,8 +12,8 @@ namespace omni {
 
 class MotorStop {
 public:
-    /// Look at the bus and, if it is free, send ALL_LED_OFF; a stuck bus is freed. Never waits. With the tick's priority, or
-    /// interrupts locked.
+    /// Look at the bus and, if it is free, send ALL_LED_OFF; a stuck bus is freed. Never waits. With the tick's
+    /// priority, or interrupts locked.
     /// @return true if the chip has acknowledged since the last true.
     bool step(I2cBus &bus);
 

@@ -21,7 +21,8 @@ private:
     bool released_ = false;
 };
 
-/// Open reads high: by the pad's pull-up of 22 kOhm, with hysteresis (i.MX RT1060 reference manual, IOMUXC, SW_PAD_CTL_PAD).
+/// Open reads high: by the pad's pull-up of 22 kOhm, with hysteresis (i.MX RT1060 reference manual, IOMUXC,
+/// SW_PAD_CTL_PAD).
 class Teensy40StopButton final : public StopButton {
 public:
     static bool wired();

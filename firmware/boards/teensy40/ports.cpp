@@ -29,9 +29,9 @@ uint32_t UsbPort::session() {
     return open ? sessions_ : 0;
 }
 
-/// Teensyduino sends a part-filled buffer 75 us after the last write, by a timer. If that comes while write_space() or write() runs it
-/// does nothing and is not started again: the bytes would wait for the next write, and a host in the loop that waits for them for ever.
-/// Not while its interrupt could send the same buffer.
+/// Teensyduino sends a part-filled buffer 75 us after the last write, by a timer. If that comes while write_space() or
+/// write() runs it does nothing and is not started again. The bytes would wait for the next write, and a host in the
+/// loop that waits for them for ever. Not while its interrupt could send the same buffer.
 void UsbPort::send_rest() {
     if (written_) {
         written_ = false;

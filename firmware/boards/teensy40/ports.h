@@ -9,19 +9,19 @@
 
 namespace omni {
 
-/// USB serial port. A connection lasts as long as a program on the other side holds the port open (DTR) and the bus is awake:
-/// Teensyduino does not notice a pulled cable, but the bus falls silent and the port takes that for suspend.
+/// USB serial port. A connection lasts as long as a program on the other side holds the port open (DTR) and the bus is
+/// awake. Teensyduino does not notice a pulled cable. But the bus falls silent and the port takes that for suspend.
 class UsbPort final : public SerialPort {
 public:
-    /// Discards what comes while nobody is connected, so that the next one does not execute a leftover. Sees to it that what was
-    /// written before leaves.
+    /// Discards what comes while nobody is connected, so that the next one does not execute a leftover. Sees to it that
+    /// what was written before leaves.
     size_t read(uint8_t *data, size_t capacity) override;
     /// Whole free buffers only: Teensyduino's write would wait up to 120 ms for more. 0 while nobody is connected.
     size_t write_space() override;
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override;
-    /// The uploader's baud rate: Teensyduino jumps to the bootloader 10 ms (at 12 Mbit/s 80 ms) later, whatever the motors do.
-    /// From any context.
+    /// The uploader's baud rate: Teensyduino jumps to the bootloader 10 ms (at 12 Mbit/s 80 ms) later, whatever the
+    /// motors do. From any context.
     bool upload_asked() const;
 
 private:
@@ -43,6 +43,7 @@ public:
     /// Done in a later read(), when what was written before has left; until then nothing new is taken.
     void set_baud(uint32_t baud) override { wanted_baud_ = baud; }
     bool has_baud() override { return true; }
+    bool is_radio() override { return true; }
 
 private:
     void follow_baud();

@@ -18,14 +18,15 @@ namespace {
 constexpr uint32_t base = 0x601F0000; ///< Teensy 4.0: the last 64 KB but one sector of the 2 MB chip
 /// The chip programs within pages of 256 bytes; less at once keeps interrupts off for less.
 constexpr size_t program_unit = 32;
-/// What the core copies into the flash controller's registers at a time. They are Device memory, where its copy of 3 bytes, or of 7
-/// from an aligned address, stores a halfword at an odd address: the processor faults. Copies of 8 bytes store words only.
+/// What the core copies into the flash controller's registers at a time. They are Device memory. There its copy of 3
+/// bytes, or of 7 from an aligned address, stores a halfword at an odd address. The processor faults. Copies of 8 bytes
+/// store words only.
 constexpr size_t copy_unit = 8;
 static_assert(program_unit % copy_unit == 0);
 /// Before an erase: longer than any batch of the I2C bus takes, or is given.
 constexpr uint32_t bus_patience_ms = 20;
-/// Before each 32 bytes: an update at 400 kHz ends within this. A slower bus hardly notices 0.4 ms without interrupts, and 66 such
-/// waits in a row must not starve the watchdog.
+/// Before each 32 bytes: an update at 400 kHz ends within this. A slower bus hardly notices 0.4 ms without interrupts,
+/// and 66 such waits in a row must not starve the watchdog.
 constexpr uint32_t bus_patience_short_ms = 1;
 
 const uint8_t *memory_of(size_t sector, size_t offset) {
@@ -38,7 +39,8 @@ void Teensy40Flash::read(size_t sector, size_t offset, uint8_t *data, size_t len
     std::memcpy(data, memory_of(sector, offset), length);
 }
 
-/// Whole copy units around the bytes; what is beside them is programmed to ones, which changes nothing in NOR flash.
+/// Whole copy units around the bytes; what is beside them is programmed to ones, which changes nothing in NOR flash. So
+/// units of ones alone are left out. The first stop of an empty memory is kept at once, not behind 2 KB of nothing.
 void Teensy40Flash::program(size_t sector, size_t offset, const uint8_t *data, size_t length) {
     while (length > 0) {
         const size_t before = offset % copy_unit;
@@ -48,9 +50,11 @@ void Teensy40Flash::program(size_t sector, size_t offset, const uint8_t *data, s
         alignas(copy_unit) uint8_t bytes[program_unit];
         std::memset(bytes, 0xFF, sizeof bytes);
         std::memcpy(bytes + before, data, count);
-        wait_for_bus(bus_patience_short_ms);
-        // The address is a number for the flash controller; nothing is written through the pointer.
-        eepromemu_flash_write(const_cast<uint8_t *>(memory_of(sector, begin)), bytes, static_cast<uint32_t>(whole));
+        if (std::any_of(bytes, bytes + whole, [](uint8_t byte) { return byte != 0xFF; })) {
+            wait_for_bus(bus_patience_short_ms);
+            // The address is a number for the flash controller; nothing is written through the pointer.
+            eepromemu_flash_write(const_cast<uint8_t *>(memory_of(sector, begin)), bytes, static_cast<uint32_t>(whole));
+        }
         offset += count;
         data += count;
         length -= count;

@@ -11,15 +11,17 @@
 
 namespace omni {
 
-/// Any length may be programmed anywhere: the driver pads to the units that the core's copy routine is safe with, with ones,
-/// which leave NOR flash as it is.
+/// Any length may be programmed anywhere. The driver pads to the units that the core's copy routine is safe with, with
+/// ones, which leave NOR flash as it is.
 ///
-/// Interrupts are off while the chip works: up to 0.4 ms for each 32 bytes that are programmed (the tick starts late), 45 to
-/// 400 ms for an erase (ticks are lost, and the edges of encoders that interrupts count).
+/// Interrupts are off while the chip works. That is up to 0.4 ms for each 32 bytes that are programmed; the tick starts
+/// late. It is 45 to 400 ms for an erase; ticks are lost, and the edges of encoders that interrupts count.
 class Teensy40Flash final : public Flash {
 public:
-    /// @param bus whose update is let end first: it may be the one that stops the motors, and needs interrupts. nullptr: none.
-    explicit Teensy40Flash(Teensy40Watchdog &watchdog, const Teensy40I2c *bus = nullptr) : watchdog_(watchdog), bus_(bus) {}
+    /// @param bus whose update is let end first: it may be the one that stops the motors, and needs interrupts.
+    /// nullptr: none.
+    explicit Teensy40Flash(Teensy40Watchdog &watchdog, const Teensy40I2c *bus = nullptr)
+        : watchdog_(watchdog), bus_(bus) {}
     /// From now on erasing must not look like a hang.
     void watched() { watched_ = true; }
 

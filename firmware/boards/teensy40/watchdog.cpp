@@ -33,8 +33,8 @@ struct ResetSource {
     const char *line;
 };
 
-/// SYSRESETREQ without our mark is the loader's way to start the program after an upload. A processor that locked up does not
-/// leave that flag: lock-ups reset nothing (SRC_SCR.lockup_rst is 0 from reset on) until the watchdog does.
+/// SYSRESETREQ without our mark is the loader's way to start the program after an upload. A processor that locked up
+/// does not leave that flag: lock-ups reset nothing (SRC_SCR.lockup_rst is 0 from reset on) until the watchdog does.
 constexpr ResetSource sources[] = {
     {SRC_SRSR_WDOG3_RST_B | SRC_SRSR_WDOG_RST_B, ResetCause::watchdog, nullptr},
     {SRC_SRSR_TEMPSENSE_RST_B, ResetCause::over_temperature, nullptr},
@@ -168,8 +168,8 @@ void Teensy40Watchdog::configure(uint32_t time_out_ms) {
         for (int i = 0; i < unlock_patience && (WDOG3_CS & WDOG_CS_ULK) == 0; ++i) {}
         WDOG3_TOVAL = counts;
         WDOG3_WIN = 0;
-        WDOG3_CS =
-            static_cast<uint32_t>(WDOG_CS_FLG | WDOG_CS_CMD32EN | WDOG_CS_CLK(low_power_clock) | WDOG_CS_UPDATE | WDOG_CS_EN);
+        WDOG3_CS = static_cast<uint32_t>(WDOG_CS_FLG | WDOG_CS_CMD32EN | WDOG_CS_CLK(low_power_clock) | WDOG_CS_UPDATE |
+                                         WDOG_CS_EN);
     }
     wait_for_crossing([] { return (WDOG3_CS & WDOG_CS_RCS) != 0; });
     started_ = true;

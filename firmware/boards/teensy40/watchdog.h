@@ -11,8 +11,8 @@
 
 namespace omni {
 
-/// Says whether the tick and the background both live: the background asks, and hears yes only if a tick ran since it was last
-/// told yes.
+/// Says whether the tick and the background both live. The background asks, and hears yes only if a tick ran since it
+/// was last told yes.
 class AliveGate {
 public:
     void tick() { ticks_.fetch_add(1, std::memory_order_relaxed); }

@@ -13,9 +13,10 @@
 enum { HIL_BLOCK = 8 /**< runs that go along together */ };
 
 /**
- * Run the seeds first_seed ... first_seed + count - 1, HIL_BLOCK at a time. Takes about 0.2 MB while it works. A run that ends with a
- * status other than HIL_RUN_OK has NaN for its figures, 0 for `completed`.
- * @param rows out, `count` rows in the order of their seeds. @param cancel looked at every HIL_LOOK_TICKS; not 0: stop. May be NULL.
+ * Run the seeds first_seed ... first_seed + count - 1, HIL_BLOCK at a time. Takes about 0.2 MB while it works. A run
+ * that ends with a status other than HIL_RUN_OK has NaN for its figures, 0 for `completed`.
+ * @param rows out, `count` rows in the order of their seeds. @param cancel looked at every HIL_LOOK_TICKS; not 0: stop.
+ * May be NULL.
  * @return rows that are there: `count` unless it was cancelled; -1: out of memory.
  */
 int64_t hil_batch_run(const hil_scenario_t *scenario, uint64_t first_seed, uint32_t count, hil_figures_t *rows,

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file drv8871.h
- * Mean behaviour of a DRV8871 H-bridge over one PWM period. Truth table (IN1 IN2): 00 coast, 10 forward, 01 reverse, 11 brake.
+ * Mean behaviour of a DRV8871 H-bridge over one PWM period. Truth table (IN1 IN2): 00 coast, 10 forward, 01 reverse, 11
+ * brake.
  *
  * While a side drives or brakes, the winding sees +supply, -supply or 0, so the mean voltage is linear in the shares
  * (drive-brake). While both inputs are low the winding is open. Its current returns through the body diodes into the
@@ -43,8 +44,10 @@ bool hil_drv8871_open(const hil_drv8871_t *bridge);
 hil_real_t hil_drv8871_mean_V(const hil_drv8871_t *bridge, const hil_winding_t *winding, hil_real_t supply_V);
 
 /**
- * Let the current of an open winding die for `time_s`. @param current_A in and out. @return mean current [A] over that time.
+ * Let the current of an open winding die for `time_s`. @param current_A in and out. @return mean current [A] over that
+ * time.
  */
-hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, double time_s, hil_real_t *current_A);
+hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, double time_s,
+                                 hil_real_t *current_A);
 
 #endif

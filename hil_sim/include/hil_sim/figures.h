@@ -9,8 +9,8 @@
 #include "hil_sim/metrics.h"
 
 /**
- * Tracking (truth - reference), estimate (estimate - truth) and effort are those of the path: armed, phase PATH; NaN if there was no
- * such tick. Everything before `completed` says which run this is.
+ * Tracking (truth - reference), estimate (estimate - truth) and effort are those of the path: armed, phase PATH; NaN if
+ * there was no such tick. Everything before `completed` says which run this is.
  */
 typedef struct hil_figures_t {
     uint64_t seed;
@@ -30,15 +30,16 @@ typedef struct hil_figures_t {
     double estimate_y_m;        /**< likewise */
     double estimate_theta_rad;  /**< likewise */
     double estimate_position_m; /**< sqrt(estimate_x_m^2 + estimate_y_m^2) */
-    double nis;                 /**< mean normalised innovation squared of the accepted fixes; 3 if the filter is right */
-    double peak_wheel_rad_s;    /**< fastest true wheel speed */
-    double peak_duty;           /**< largest duty, 0..1 */
-    double rms_duty;            /**< root mean square of all wheels' duties */
-    double saturated_share;     /**< share of the ticks in which wheel speeds or voltages were cut */
-    double chatter;             /**< mean change of a duty from tick to tick over the mean duty, both absolute */
+    double nis;              /**< mean normalised innovation squared of the accepted fixes; 3 if the filter is right */
+    double peak_wheel_rad_s; /**< fastest true wheel speed */
+    double peak_duty;        /**< largest duty, 0..1 */
+    double rms_duty;         /**< root mean square of all wheels' duties */
+    double saturated_share;  /**< share of the ticks in which wheel speeds or voltages were cut */
+    double chatter;          /**< mean change of a duty from tick to tick over the mean duty, both absolute */
 } hil_figures_t;
 
-/** Fill in what the metrics say; seed, ticks and status are left alone. `completed` is 0 unless the path's end was reached. */
+/** Fill in what the metrics say; seed, ticks and status are left alone. `completed` is 0 unless the path's end was
+ * reached. */
 void hil_figures_of(hil_figures_t *figures, const hil_metrics_t *metrics, uint32_t wheels);
 
 #endif

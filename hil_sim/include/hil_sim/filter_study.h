@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file filter_study.h
- * The four filter combinations of the report's Tables 5 and 7 (eq. 45-81) on one simulated robot: truth and noise are this
- * file's own, in double precision; controller and filters are the control core's.
+ * The four filter combinations of the report's Tables 5 and 7 (eq. 45-81) on one simulated robot: truth and noise are
+ * this file's own, in double precision; controller and filters are the control core's.
  *
- * One step of length T: ISMC on one estimate -> voltage per wheel (the wanted wheel speed, one volt per rad/s, as the
- * report feeds its motors) -> motors with noise -> measured wheel speeds, filtered or not -> pose with noise -> pose
- * fix -> four estimates. Wheels sit evenly spaced and drive without slip. A run is a pure function of its
- * configuration and seed. Whether it goes alone or with seven others, and on what processor, cannot be seen in its
- * bits.
+ * One step of length T: ISMC on one estimate -> voltage per wheel -> motors with noise -> measured wheel speeds,
+ * filtered or not -> pose with noise. A pose fix and four estimates follow. The voltage is the wanted wheel speed, one
+ * volt per rad/s, as the report feeds its motors. Wheels sit evenly spaced and drive without slip. A run is a pure
+ * function of its configuration and seed. Whether it goes alone or with seven others, and on what processor, cannot be
+ * seen in its bits.
  */
 #ifndef HIL_SIM_FILTER_STUDY_H
 #define HIL_SIM_FILTER_STUDY_H
@@ -58,7 +58,8 @@ typedef struct hil_filter_config_t {
     double pose_q[2];      /**< true variances per step of x, y [m^2] and theta [rad^2] */
     double fix_r[2];       /**< true variances of a fix of x, y [m^2] and theta [rad^2]; also what the EKF believes */
     double kf_q[2];        /**< what the motor filters believe of motor_q; of motor_r they know the truth */
-    double ekf_q[2][2];    /**< variances per step that the EKF believes, x, y and theta: [0] without, [1] with motor filters */
+    double ekf_q[2][2];    /**< variances per step that the EKF believes, x, y and theta: [0] without, [1] with motor
+                              filters */
     double ismc_lambda[3]; /**< 1/s */
     double ismc_k[3];      /**< m/s, m/s, rad/s */
     uint32_t controlled;   /**< hil_filter_t whose estimate the controller gets */
@@ -70,7 +71,7 @@ typedef struct hil_filter_config_t {
 /** What came of one run. Axes are x [m], y [m], theta [rad]; errors are estimate - truth. */
 typedef struct hil_filter_result_t {
     double rmse[HIL_FILTER_COUNT][3];
-    double closer[HIL_FILTER_COUNT];         /**< share of the steps whose estimate is closer to the origin than the truth */
+    double closer[HIL_FILTER_COUNT]; /**< share of the steps whose estimate is closer to the origin than the truth */
     double final_error[HIL_FILTER_COUNT][3]; /**< after the last step */
     double final_p[2][3][3];                 /**< the covariances of the EKFs then: without, with motor filters */
     double nis[2];      /**< normalised innovation squared of the EKFs, mean over the steps: 3 degrees of freedom */
@@ -78,7 +79,8 @@ typedef struct hil_filter_result_t {
     double tracking[3]; /**< RMS of truth - reference */
 } hil_filter_result_t;
 
-/** One step in full; arrays per wheel have four entries. All at the end of the step but the voltage, which acts during it. */
+/** One step in full; arrays per wheel have four entries. All at the end of the step but the voltage, which acts during
+ * it. */
 typedef struct hil_filter_sample_t {
     double truth[3];
     double estimate[HIL_FILTER_COUNT][3]; /**< theta in [-pi, pi) */
@@ -104,7 +106,8 @@ int32_t hil_filter_study(const hil_filter_config_t *config, const double *refere
 typedef enum hil_filter_path_t {
     HIL_FILTER_PATH_BEST = 0, /**< the fastest of the others on this processor */
     HIL_FILTER_PATH_SINGLE,   /**< one by one */
-    HIL_FILTER_PATH_BASELINE, /**< eight at a time, with the instructions that every processor of this architecture has */
+    HIL_FILTER_PATH_BASELINE, /**< eight at a time, with the instructions that every processor of this architecture has
+                               */
     HIL_FILTER_PATH_AVX2      /**< eight at a time with AVX2 */
 } hil_filter_path_t;
 
@@ -115,6 +118,7 @@ typedef enum hil_filter_path_t {
  * @return 0, -1 for a setting outside its ranges, -2 if the processor cannot do this path.
  */
 int32_t hil_filter_study_many(const hil_filter_config_t *config, const double *reference, const double *rate,
-                              const uint64_t *seeds, uint32_t count, hil_filter_path_t path, hil_filter_result_t *results);
+                              const uint64_t *seeds, uint32_t count, hil_filter_path_t path,
+                              hil_filter_result_t *results);
 
 #endif

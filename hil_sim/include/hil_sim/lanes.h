@@ -9,10 +9,10 @@
 #include "hil_sim/run.h"
 
 /**
- * As hil_run_advance for each of eight runs, bit for bit. They share one flow of control; where their data would part it, each goes on
- * by itself for some ticks. Fewer than eight: the first again and again after the last.
- * @return `ticks`; 0, nothing done, if at the start the runs differ in more than numbers (states, faults, wheels, times ...), or
- * record, or there is no memory.
+ * As hil_run_advance for each of eight runs, bit for bit. They share one flow of control; where their data would part
+ * it, each goes on by itself for some ticks. Fewer than eight: the first again and again after the last.
+ * @return `ticks`; 0, nothing done, if the runs differ at the start in more than numbers (states, faults, wheels, times
+ * ...), record, or find no memory.
  */
 uint64_t hil_lanes_advance(hil_run_t *const runs[8], uint64_t ticks);
 
@@ -26,7 +26,8 @@ typedef struct hil_lanes_stats_t {
     uint64_t refused;  /**< times that they could not be */
 } hil_lanes_stats_t;
 
-/** What to use: HIL_LANES_BEST of this processor unless said otherwise, for tests and benchmarks; of the whole process. */
+/** What to use: HIL_LANES_BEST of this processor unless said otherwise, for tests and benchmarks; of the whole process.
+ */
 typedef enum hil_lanes_level_t {
     HIL_LANES_NONE = 0, /**< hil_lanes_advance does nothing */
     HIL_LANES_BASELINE, /**< what every processor of this kind has */

@@ -13,8 +13,8 @@
 #include "omni/robot.h"
 
 /**
- * Sums over the ticks on the path (armed, phase PATH), unless said otherwise. Errors: truth - reference, estimate - truth; headings
- * to the nearest whole turn.
+ * Sums over the ticks on the path (armed, phase PATH), unless said otherwise. Errors: truth - reference, estimate -
+ * truth; headings to the nearest whole turn.
  */
 typedef struct hil_metrics_t {
     hil_real_t tracking_square[3]; /**< squares of x, y [m^2], theta [rad^2] */

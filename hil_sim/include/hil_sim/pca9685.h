@@ -28,15 +28,16 @@ typedef enum hil_pca9685_talk_t {
 typedef struct hil_pca9685_t {
     uint8_t address; /**< 7 bit */
     uint8_t registers[256];
-    uint8_t pointer;                           /**< register the next byte goes to */
-    bool output_enable_high;                   /**< level of the OE pin: high switches the outputs to what MODE2.OUTNE says */
+    uint8_t pointer;         /**< register the next byte goes to */
+    bool output_enable_high; /**< level of the OE pin: high switches the outputs to what MODE2.OUTNE says */
     uint8_t outputs[HIL_PCA9685_OUTPUT_BYTES]; /**< LED0_ON_L .. LED15_OFF_H as the outputs follow them */
     uint8_t talk;                              /**< hil_pca9685_talk_t */
     uint32_t led_writes;                       /**< PWM registers written since START */
-    uint32_t ignored_writes;                   /**< writes to read-only or locked registers (PRESCALE while awake), TestMode */
+    uint32_t ignored_writes; /**< writes to read-only or locked registers (PRESCALE while awake), TestMode */
 } hil_pca9685_t;
 
-/** Power-up state: asleep, every channel full off. The OE pin keeps its level. `*chip` must be initialised, to zero at first. */
+/** Power-up state: asleep, every channel full off. The OE pin keeps its level. `*chip` must be initialised, to zero at
+ * first. */
 void hil_pca9685_reset(hil_pca9685_t *chip, uint8_t address);
 
 /** START or repeated START and an address byte. @param address 7 bit. @return true if acknowledged. */
@@ -48,15 +49,18 @@ uint8_t hil_pca9685_get(hil_pca9685_t *chip);
 /** STOP. */
 void hil_pca9685_stop(hil_pca9685_t *chip);
 
-/** One write with START and STOP: the register, then its bytes; no bytes at all: the address alone is acknowledged. @return true if acknowledged (own address, ALLCALL while enabled, or the general call: its address and the software reset's 0x06). */
+/** One write with START and STOP: the register, then its bytes; no bytes at all: the address alone is acknowledged.
+ * @return true if acknowledged (own address, ALLCALL while enabled, or the general call: its address and the software
+ * reset's 0x06). */
 bool hil_pca9685_write(hil_pca9685_t *chip, uint8_t address, const uint8_t *data, uint32_t length);
 
 /** One read with START and STOP, from the register pointer on. @return true if acknowledged. */
 bool hil_pca9685_read(hil_pca9685_t *chip, uint8_t address, uint8_t *data, uint32_t length);
 
 /**
- * Share of the period a channel is high, 0..1; 0 while asleep or while an interrupted PWM waits for RESTART. Channel outside 0..15: 0. With OE
- * high MODE2.OUTNE decides: 0, or 1 (OUTNE 01 with totem-pole outputs); high impedance reads 0, as an H-bridge's pull-down makes it.
+ * Share of the period a channel is high, 0..1; 0 while asleep or while an interrupted PWM waits for RESTART. Channel
+ * outside 0..15: 0. With OE high MODE2.OUTNE decides: 0, or 1 (OUTNE 01 with totem-pole outputs); high impedance reads
+ * 0, as an H-bridge's pull-down makes it.
  */
 double hil_pca9685_duty(const hil_pca9685_t *chip, uint32_t channel);
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file player.h
- * A scenario as C needs it, and how it is played on a run in this process. What its timeline says is done to robot and world.
+ * A scenario as C needs it, and how it is played on a run in this process. What its timeline says is done to robot and
+ * world.
  */
 #ifndef HIL_SIM_PLAYER_H
 #define HIL_SIM_PLAYER_H
@@ -42,7 +43,8 @@ typedef enum hil_run_status_t {
     HIL_RUN_STATUS_COUNT
 } hil_run_status_t;
 
-/** The bare path of a configuration, planned from its own start; kept from run to run because planning takes a while. */
+/** The bare path of a configuration, planned from its own start; kept from run to run because planning takes a while.
+ */
 typedef struct hil_path_t {
     bool known;
     omni_trajectory_config_t config;
@@ -67,8 +69,8 @@ typedef struct hil_player_t {
  * Begin. A run that cannot is over at once; its status says why.
  * @param moments room for the scenario's event_count. @param path one per thread, zero at first.
  */
-void hil_player_init(hil_player_t *player, const hil_scenario_t *scenario, uint64_t seed, hil_run_t *run, hil_moment_t *moments,
-                     hil_path_t *path);
+void hil_player_init(hil_player_t *player, const hil_scenario_t *scenario, uint64_t seed, hil_run_t *run,
+                     hil_moment_t *moments, hil_path_t *path);
 
 /** Do what is due. @return ticks that the run is to be advanced by before hil_player_look; 0: the run is over. */
 uint64_t hil_player_due(hil_player_t *player);
@@ -82,7 +84,8 @@ bool hil_player_play(hil_player_t *player, uint64_t ticks);
 /** Tick at which the run will probably end; UINT64_MAX: not known yet. */
 uint64_t hil_player_expected_end(const hil_player_t *player);
 
-/** Ticks from the path's start until `share` of it is driven, lead-in left out. @return UINT64_MAX: the path has no end. */
+/** Ticks from the path's start until `share` of it is driven, lead-in left out. @return UINT64_MAX: the path has no
+ * end. */
 uint64_t hil_path_ticks(hil_path_t *path, const omni_robot_config_t *config, double share);
 
 #endif

@@ -2,7 +2,7 @@
 /**
  * @file real.h
  * The numbers that the world is computed in. What is compiled a second time for eight runs at once (lanes) uses these
- * types for everything that may differ between runs, and hil_select where data decide. Everything else is one value
+ * types for everything that may differ between runs. Where data decide it uses hil_select. Everything else is one value
  * for all of them.
  */
 #ifndef HIL_SIM_REAL_H

@@ -12,8 +12,8 @@
 #include "omni/robot.h"
 
 /**
- * Must stay where it is: robot and inputs point into it. `config` and `plan` have two places each, because the robot may look at
- * the old one until its next tick.
+ * Must stay where it is: robot and inputs point into it. `config` and `plan` have two places each, because the robot
+ * may look at the old one until its next tick.
  */
 typedef struct hil_run_t {
     hil_world_t world;
@@ -30,14 +30,11 @@ typedef struct hil_run_t {
 } hil_run_t;
 
 /**
- * Start at time zero without a record. @param robot is copied. @param why out, text of at most `why_size` bytes naming the field of
- * the world that is refused.
+ * Start at time zero without a record. @param robot is copied. @param why out, text of at most `why_size` bytes naming
+ * the field of the world that is refused.
  */
 hil_result_t hil_run_init(hil_run_t *run, const hil_world_config_t *world, const omni_robot_config_t *robot, char *why,
                           uint32_t why_size);
-
-/** The same run once more in another place, without the record. */
-void hil_run_copy(hil_run_t *to, const hil_run_t *from);
 
 /** The configuration in use. */
 const omni_robot_config_t *hil_run_config(const hil_run_t *run);
@@ -45,7 +42,8 @@ const omni_robot_config_t *hil_run_config(const hil_run_t *run);
 /** Hand over another configuration; it is copied. */
 void hil_run_set_config(hil_run_t *run, const omni_robot_config_t *config);
 
-/** Plan the configured trajectory from the estimated pose and follow it from the next tick on. @return OMNI_OK, or nothing changed. */
+/** Plan the configured trajectory from the estimated pose and follow it from the next tick on. @return OMNI_OK, or
+ * nothing changed. */
 omni_result_t hil_run_start_trajectory(hil_run_t *run);
 
 /** Run ticks as hil_run_in_process does, and measure them. */

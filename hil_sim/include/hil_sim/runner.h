@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file runner.h
- * Two ways to close the loop around the world: omni_robot_tick in this process, and the real firmware over a byte link in
- * lockstep. Both fill the same samples.
+ * Two ways to close the loop around the world: omni_robot_tick in this process, and the real firmware over a byte link
+ * in lockstep. Both fill the same samples.
  */
 #ifndef HIL_SIM_RUNNER_H
 #define HIL_SIM_RUNNER_H
@@ -50,8 +50,8 @@ void hil_milestones_of(hil_milestones_t *milestones, const hil_sample_t *samples
  * tick. Its heartbeat and set-point time stamps follow the clock unless the world's link is silent. I2C faults count
  * as driver failures. Numbers for wheels the robot doesn't have are 0. @param record may be NULL.
  */
-void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs, uint64_t ticks,
-                        hil_record_t *record);
+void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs,
+                        uint64_t ticks, hil_record_t *record);
 
 /** Per wheel the value of largest magnitude, with its sign; the slip speed is rim minus floor, after each tick. */
 typedef struct hil_torque_peaks_t {
@@ -60,22 +60,23 @@ typedef struct hil_torque_peaks_t {
 } hil_torque_peaks_t;
 
 /**
- * For studies of direct torque control: one period of the law with ideal torques and perfect knowledge of pose and twist. The law is
- * evaluated once, its torques are held for `ticks` ticks of OMNI_TICK_US, and omni_direct_torque_protect acts in each.
+ * For studies of direct torque control: one period of the law with ideal torques and perfect knowledge of pose and
+ * twist. The law is evaluated once, its torques are held for `ticks` ticks of OMNI_TICK_US, and
+ * omni_direct_torque_protect acts in each.
  * @param floor_world twist that the protection takes for the floor's; NULL: the true one. @param peaks out.
  * @return HIL_ERR_CONFIG if the plant takes no torques or the wheels of `k` are not the world's.
  */
-hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *k, const omni_direct_torque_config_t *config,
-                                   const omni_reference_t *reference, const omni_twist_t *floor_world, uint32_t ticks,
-                                   hil_torque_peaks_t *peaks);
+hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *k,
+                                   const omni_direct_torque_config_t *config, const omni_reference_t *reference,
+                                   const omni_twist_t *floor_world, uint32_t ticks, hil_torque_peaks_t *peaks);
 
 enum { HIL_LOCKSTEP_RX = 65536, HIL_LOCKSTEP_INPUT = 4096, HIL_LOCKSTEP_SKIPPED = 16 };
 
 /**
  * One end of a lockstep link. The caller may change what is not marked as this end's own between runs.
  *
- * Frames. OMNI_* messages carry world x, y, theta as they are. VICON_POSITION_ESTIMATE is NED like all of standard MAVLink: world x is
- * North, world y West, z up, hence x_ned = x, y_ned = -y, yaw_ned = -theta.
+ * Frames. OMNI_* messages carry world x, y, theta as they are. VICON_POSITION_ESTIMATE is NED like all of standard
+ * MAVLink: world x is North, world y West, z up, hence x_ned = x, y_ned = -y, yaw_ned = -theta.
  */
 typedef struct hil_lockstep_t {
     int32_t fd;        /**< open, connected; stays the caller's */
@@ -84,11 +85,12 @@ typedef struct hil_lockstep_t {
     uint32_t sequence; /**< of the next tick; own */
     uint64_t ticks;    /**< run so far, the simulated clock; own */
     omni_patience_t
-        patience;     /**< how answers are waited for: looks = false is always asleep, as is a run with a realtime_factor */
-    bool send_fixes;  /**< pose fixes go out as VICON_POSITION_ESTIMATE */
-    double timeout_s; /**< wall time to wait for an answer */
+        patience; /**< how answers are waited for: looks = false is always asleep, as is a run with a realtime_factor */
+    bool send_fixes;             /**< pose fixes go out as VICON_POSITION_ESTIMATE */
+    double timeout_s;            /**< wall time to wait for an answer */
     double realtime_factor;      /**< 0: as fast as it goes; 1: real time */
-    uint8_t rx[HIL_LOCKSTEP_RX]; /**< every other frame the robot sent, whole, for the caller to take: set both lengths to 0 */
+    uint8_t rx[HIL_LOCKSTEP_RX]; /**< every other frame the robot sent, whole, for the caller to take: set both lengths
+                                    to 0 */
     uint32_t rx_length;
     uint32_t rx_served;                     /**< of rx: what hil_lockstep_serve() has seen */
     uint32_t serve_ticks;                   /**< hil_lockstep_serve() before every tick divisible by this; 0: never */
@@ -113,19 +115,21 @@ typedef struct hil_lockstep_t {
 void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint8_t component_id);
 
 /**
- * Run up to `ticks` ticks of OMNI_TICK_US in lockstep: sense, send OMNI_HIL_SENSORS (and a due pose fix before it),
- * wait for OMNI_HIL_ACTUATORS of the same sequence, apply its I2C bytes, step. Frames of other messages are collected
- * in `rx`. The run returns early when `rx` is three quarters full or `log` has no room for what may come. The answer
- * must be the last frame of a tick. While the link is silent (fault), due fixes are lost.
+ * Run up to `ticks` ticks of OMNI_TICK_US in lockstep. Each: sense, send OMNI_HIL_SENSORS (and a due pose fix before
+ * it), wait for OMNI_HIL_ACTUATORS of the same sequence, apply its I2C bytes, step. Frames of other messages are
+ * collected in `rx`. The run returns early when `rx` is three quarters full or `log` has no room for what may come. The
+ * answer must be the last frame of a tick. While the link is silent (fault), due fixes are lost.
  * @param record may be NULL. @param done out: ticks run, also on failure.
- * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, or HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not parse): the world
- * then stands before the failed tick's step.
+ * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, or HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not
+ * parse). The world then stands before the failed tick's step.
  */
-hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record, uint64_t *done);
+hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record,
+                              uint64_t *done);
 
 /**
- * Look after the frames collected since the last time: append them to `log` as a telemetry log's records (8 bytes of time,
- * big-endian: log_epoch_us and the simulated time now; then the frame), and take those that are `skipped` out of `rx`.
+ * Look after the frames collected since the last time. Append them to `log` as a telemetry log's records. Each has 8
+ * bytes of time, big-endian (log_epoch_us and the simulated time now), then the frame. Take those that are `skipped`
+ * out of `rx`.
  */
 void hil_lockstep_serve(hil_lockstep_t *link);
 

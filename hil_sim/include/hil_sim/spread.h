@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file spread.h
- * What many values come to, one at a time: mean and variance (Welford 1962, merged as Chan et al. 1979) and extremes. Only IEEE
- * operations in a fixed order: the same values in the same order and pieces give the same bits on every machine.
+ * What many values come to, one at a time: mean and variance (Welford 1962, merged as Chan et al. 1979) and extremes.
+ * Only IEEE operations in a fixed order: the same values in the same order and pieces give the same bits on every
+ * machine.
  */
 #ifndef HIL_SIM_SPREAD_H
 #define HIL_SIM_SPREAD_H

@@ -5,9 +5,9 @@
  * over a link (timeline.py). The timeline says what is to be done next, whoever closes the loop does it and asks
  * again.
  *
- * A run is cut into pieces: to the next event, to the end, or to the next multiple of HIL_LOOK_TICKS. After each piece the timeline is
- * shown the run's milestones: whether the robot is on its path, done, or has stopped. Only then it finds out: an event at a share
- * of the path is never applied before the first look that sees the path.
+ * A run is cut into pieces: to the next event, to the end, or to the next multiple of HIL_LOOK_TICKS. After each piece
+ * the timeline is shown the run's milestones: whether the robot is on its path, done, or has stopped. Only then it
+ * finds out: an event at a share of the path is never applied before the first look that sees the path.
  */
 #ifndef HIL_SIM_TIMELINE_H
 #define HIL_SIM_TIMELINE_H
@@ -106,7 +106,8 @@ void hil_timeline_locate(hil_timeline_t *timeline, uint64_t ticks);
 /** Look at what the ticks of HIL_STEP_RUN brought. */
 void hil_timeline_look(hil_timeline_t *timeline, const hil_milestones_t *milestones);
 
-/** Tick at which the run will probably end; UINT64_MAX: not known yet. @param path_ticks of the whole path; UINT64_MAX: without end. */
+/** Tick at which the run will probably end; UINT64_MAX: not known yet. @param path_ticks of the whole path; UINT64_MAX:
+ * without end. */
 uint64_t hil_timeline_expected_end(const hil_timeline_t *timeline, uint64_t path_ticks);
 
 #endif

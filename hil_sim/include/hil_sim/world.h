@@ -6,15 +6,20 @@
  * cross products, a traction force per wheel. Nothing comes from the controller's matrices, so that an error there
  * shows here.
  *
- * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely along p_i.
- *   creep_i = r w_i (1 - s_i) - u_i - t_i . (v + wz x p_i)  s_i: imposed slip ratio, u_i: imposed slip speed; encoders see neither
+ * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely
+ * along p_i.
+ *
+ *   creep_i = r w_i (1 - s_i) - u_i - t_i . (v + wz x p_i)
  *   F_i = C creep_i / sqrt(1 + (C creep_i / (mu N))^2)       limited smoothly to mu N, N = m g / n
  *   J w_i' = K i_i - b w_i - T_c w_i / sqrt(w_i^2 + w_0^2) - r F_i     w_0 = 0.01 rad/s
  *   L i_i' = V_i - R i_i - K w_i                             the bridge decides V_i or open circuit
  *   m v' = sum (F_i t_i - roller drag across t_i);   I wz' = sum d_i F_i
  *   V_supply = V_battery - R_battery sum (drive_i i_i)
+ *
+ * s_i is an imposed slip ratio, u_i an imposed slip speed; encoders see neither.
+ *
  * That is the plant `full`. The report's models are plants too (shared/world.toml). They leave out what the report
- * leaves out. Everything else of the world (sensors, faults, bridges) stays the same. See
+ * leaves out. Everything else of the world (sensors, faults, bridges) stays the same.
  * docs/concepts/derivations/slip_space.md derives them.
  */
 #ifndef HIL_SIM_WORLD_H
@@ -45,14 +50,6 @@ typedef enum hil_result_t {
     HIL_ERR_PROTOCOL /**< the robot answered something else than asked */
 } hil_result_t;
 
-/** What stands between the processor and the bridges. */
-typedef enum hil_motor_driver_t {
-    HIL_DRIVER_CHIP = 0, /**< a PCA9685 on the I2C bus */
-    HIL_DRIVER_IN1_IN2,  /**< two PWM pins of the processor per motor, IN1 and IN2 of the bridge; nothing is on the bus */
-    HIL_DRIVER_PWM_DIR,  /**< a PWM and a direction pin per motor, to bridges that brake while PWM is low */
-    HIL_DRIVER_COUNT
-} hil_motor_driver_t;
-
 /** What drives the wheels. */
 typedef enum hil_source_t {
     HIL_SOURCE_BRIDGES = 0, /**< battery, bridges, motors */
@@ -76,6 +73,7 @@ typedef struct hil_fault_t {
 typedef struct hil_world_config_t {
     uint32_t wheels; /**< 3 or 4 */
     uint32_t plant;  /**< hil_plant_kind_t */
+    uint32_t driver; /**< what leads to the bridges: hil_driver_t */
 #include "hil_sim/world_members_gen.h"
     hil_seed_t seed;
     uint32_t fault_count;
@@ -89,12 +87,10 @@ typedef struct hil_fix_t {
     hil_flag_t lost;    /**< it never arrives: a place in the queue only */
 } hil_fix_t;
 
-/** What the robot's electronics see of the world at one tick. */
+/** What the robot's electronics see of the world at one tick. Its readings come from [sensors] of shared/world.toml. */
 typedef struct hil_sensors_t {
     uint64_t time_us;
-    hil_int_t counts[HIL_MAX_WHEELS];
-    uint8_t counts_valid; /**< bit per wheel */
-    hil_real_t battery_V;
+#include "hil_sim/sensor_members_gen.h"
     uint8_t i2c_status; /**< bit 0: not acknowledged, bit 1: bus stuck (of the last tick's transactions) */
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
@@ -166,6 +162,8 @@ typedef struct hil_world_t {
     bool direct;                           /**< the bridges follow hil_world_bridge instead of the chip */
     hil_real_t direct_in1[HIL_MAX_WHEELS]; /**< share of the period that it asked for, as far as the bus carried it */
     hil_real_t direct_in2[HIL_MAX_WHEELS];
+    hil_real_t direct_phase1[HIL_MAX_WHEELS]; /**< where in the period they rise, 0..1 */
+    hil_real_t direct_phase2[HIL_MAX_WHEELS];
     uint8_t i2c_status;
     uint8_t i2c_read_length;
     uint8_t i2c_read[HIL_MAX_I2C_READ];
@@ -186,7 +184,8 @@ void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors);
 void hil_world_counts(const hil_world_t *world, hil_int_t *counts);
 
 /**
- * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read), all or none.
+ * Apply one tick's I2C transactions, coded as in OMNI_HIL_ACTUATORS (address, count written, bytes, count to read), all
+ * or none.
  * @return HIL_ERR_PROTOCOL if the bytes do not parse; the bridges then keep what they have.
  */
 hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length);
@@ -203,14 +202,17 @@ uint8_t hil_world_i2c_get(hil_world_t *world);
 void hil_world_i2c_stop(hil_world_t *world);
 
 /**
- * Set the bridge inputs directly, in PWM steps 0..4096 per wheel, instead of through the chip (in-process runs): at the chip's 1526 Hz
- * or at motor_pwm_Hz. I2C faults act as on the chip, if there is one: the bridges keep what they have and the next i2c_status says so.
+ * Set the bridge inputs directly, in PWM steps 0..4096 per wheel, instead of through the chip (in-process runs). They
+ * switch at the chip's 1526 Hz or at motor_pwm_Hz. I2C faults act as on the chip, if there is one: the bridges keep
+ * what they have and the next i2c_status says so. How a driver on the processor's pins makes the two of a duty is not
+ * simulated here; hil_world_motor_pins() has that. Both 0 is off: the bridges do what they do with their pins low.
  */
 void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps);
 
 /**
- * Set the processor's motor pins. @param steps high time of the first and second pin of each wheel, 0..4096 steps of a period of
- * 1 / motor_pwm_Hz; 2 * HIL_MAX_WHEELS entries. Of no effect on a robot whose motors hang on the PWM chip.
+ * Set the processor's motor pins. @param steps high time of the first and second pin of each wheel, 0..4096 steps of a
+ * period of 1 / motor_pwm_Hz; 2 * HIL_MAX_WHEELS entries. Both pins of a wheel rise together. What its bridge makes of
+ * them, `motor_drivers` in shared/params.toml says. Of no effect on a robot whose motors hang on the PWM chip.
  */
 void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps);
 
@@ -225,18 +227,21 @@ typedef enum hil_output_enable_t {
 } hil_output_enable_t;
 
 /**
- * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Released after hil_world_init.
- * Of no effect on a robot whose pin is not wired. @param drive hil_output_enable_t; other values count as on.
+ * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Released after
+ * hil_world_init. Of no effect on a robot whose pin is not wired. @param drive hil_output_enable_t; other values count
+ * as on.
  */
 void hil_world_output_enable(hil_world_t *world, uint8_t drive);
 
 /**
- * For studies: give the wheels these speeds [rad/s], one per wheel, in place of bridges and motors until the bridges are set again.
+ * For studies: give the wheels these speeds [rad/s], one per wheel, in place of bridges and motors until the bridges
+ * are set again.
  * @return HIL_ERR_CONFIG, nothing changed, if one is not finite or the plant is not kinematic.
  */
 hil_result_t hil_world_drive_speed(hil_world_t *world, const double *wheel_rad_s);
 
-/** The same with ideal voltage sources [V] at the windings, positive: counter-clockwise; no battery, no limit. On every plant. */
+/** The same with ideal voltage sources [V] at the windings, positive: counter-clockwise; no battery, no limit. On every
+ * plant. */
 hil_result_t hil_world_drive_voltage(hil_world_t *world, const double *volts);
 
 /** The same with torques [N m] at the wheels in place of the motors' K i. On the plants full, slip and linear. */

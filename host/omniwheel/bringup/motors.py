@@ -19,9 +19,9 @@ from omniwheel.bringup.bench import (
 )
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
+from omniwheel.limits import MOTORS_DUTY
 from omniwheel.robot import Robot
 
-DUTY = 0.2
 SETTLE_S = 0.3
 RUN_S = 1.0
 REST_S = 0.4
@@ -47,7 +47,7 @@ class Turn:
     time_s: float
 
 
-def check_motors(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
+def check_motors(robot: Robot, person: Person, *, duty: float = MOTORS_DUTY) -> Result:
     """Drive one motor after the other both ways at ``duty`` and judge what the encoders saw. Needs a stand."""
     require(person, STAND)
     layout = layout_of(robot)

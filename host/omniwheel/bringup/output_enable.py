@@ -15,11 +15,9 @@ from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.dialect import mavlink
 from omniwheel.errors import CommandRefusedError, OmniError
+from omniwheel.limits import OUTPUT_ENABLE_DUTY
 from omniwheel.robot import Robot
 
-DUTY = 0.15
-LARGEST_DUTY = 0.3
-"""The firmware refuses the test above."""
 TRIAL_S = 1.5
 REST_LIMIT_S = 1.0
 """From the moment the pin goes off until the last count; the rest of the trial shows that it stays so."""
@@ -45,7 +43,9 @@ BY_HAND = (
 )
 
 
-def check_output_enable(robot: Robot, person: Person, *, duty: float = DUTY, file: RobotFile | None = None) -> Result:
+def check_output_enable(
+    robot: Robot, person: Person, *, duty: float = OUTPUT_ENABLE_DUTY, file: RobotFile | None = None
+) -> Result:
     """Turn the wheels slowly and stop them by the pin, then by its pull-up. Needs a stand.
 
     A robot whose ``file`` or firmware has no such pin passes, with a word on what that means.

@@ -10,17 +10,15 @@ from dataclasses import dataclass
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.byte_budget import BITS_PER_BYTE, ByteBudget
 from omniwheel.dialect import Message, mavlink
+from omniwheel.limits import RADIO_BAUD, RADIO_LOSS_LIMIT, RADIO_ROUND_TRIP_LIMIT_S
 from omniwheel.robot import Robot
 
-BAUD = 9600
 SHARE = 0.3
 """Of the link's bytes each way that the pings may use."""
 PING_BYTES = 26
 RATE_HZ = 10.0
 ANSWER_TIMEOUT_S = 1.5
 """A ping that took longer is lost."""
-LOSS_LIMIT = 0.05
-ROUND_TRIP_LIMIT_S = 0.5
 _SEQUENCE_WRAP = 256
 
 
@@ -52,7 +50,7 @@ class RadioWindow:
 class RadioProbe:
     """Pings a robot and listens."""
 
-    def __init__(self, robot: Robot, baud: int = BAUD) -> None:
+    def __init__(self, robot: Robot, baud: int = RADIO_BAUD) -> None:
         self._connection = robot.connection
         bytes_s = SHARE * baud / BITS_PER_BYTE
         self._budget = ByteBudget(bytes_s, max(2.0 * PING_BYTES, 0.2 * bytes_s), self._connection.clock)
@@ -118,7 +116,7 @@ class RadioProbe:
                 self._trips_s.setdefault(message.seq, trip_s)
 
 
-def watch_radio(robot: Robot, *, baud: int = BAUD, period_s: float = 2.0) -> Iterator[RadioWindow]:
+def watch_radio(robot: Robot, *, baud: int = RADIO_BAUD, period_s: float = 2.0) -> Iterator[RadioWindow]:
     """Yield a window every ``period_s`` (and the wait for its last answers), without end: for a walk out of range."""
     probe = RadioProbe(robot, baud)
     try:
@@ -132,9 +130,9 @@ def check_radio(
     robot: Robot,
     *,
     duration_s: float = 10.0,
-    baud: int = BAUD,
-    loss_limit: float = LOSS_LIMIT,
-    round_trip_limit_s: float = ROUND_TRIP_LIMIT_S,
+    baud: int = RADIO_BAUD,
+    loss_limit: float = RADIO_LOSS_LIMIT,
+    round_trip_limit_s: float = RADIO_ROUND_TRIP_LIMIT_S,
 ) -> Result:
     """Measure round trips and losses of the link that the robot is connected over."""
     probe = RadioProbe(robot, baud)

@@ -13,10 +13,11 @@ from omniwheel.bringup.link import check_link
 from omniwheel.bringup.motors import check_motors
 from omniwheel.bringup.output_enable import check_output_enable
 from omniwheel.bringup.person import Person
-from omniwheel.bringup.radio import BAUD, check_radio
+from omniwheel.bringup.radio import check_radio
 from omniwheel.bringup.result import Result
 from omniwheel.bringup.stop_button import check_stop_button
 from omniwheel.bringup.stops import check_stops
+from omniwheel.limits import RADIO_BAUD
 from omniwheel.robot import Robot
 
 
@@ -26,7 +27,7 @@ def bring_up(
     *,
     file: RobotFile | None = None,
     radio: Robot | None = None,
-    baud: int = BAUD,
+    baud: int = RADIO_BAUD,
     keep_going: bool = False,
 ) -> Iterator[Result]:
     """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it."""

@@ -14,6 +14,7 @@ from omniwheel.capability.speeds import (
     Bound,
     acceleration_bounds,
     direction,
+    directions,
     limit_speed,
     motor_speed,
     top_speed,
@@ -71,7 +72,7 @@ def _speed_rows(model: DriveModel, speeds: tuple[Bound, ...]) -> list[Row]:
     forward, sideways = top_speed(model, 0.0), top_speed(model, math.pi / 2.0)
     slowest = min(speeds, key=lambda bound: bound.value)
     turn = top_turn_rate(model)
-    could = min(motor_speed(model, direction(2.0 * math.pi * k / DIRECTIONS)) for k in range(DIRECTIONS))
+    could = min(motor_speed(model, along) for along in directions(DIRECTIONS))
     return [
         Row("speed_forward", "top speed forward", forward.value, "m/s", forward.cause),
         Row("speed_sideways", "top speed sideways", sideways.value, "m/s", sideways.cause),

@@ -5,7 +5,7 @@ Motor, seen at the wheel (gear included)::
 
     torque at the wheel = K (V - K w) / R - b w - T_c sign(w)            [N m]
 
-K: motor constant [N m/A, V s/rad], R: resistance [ohm], b: viscous friction [N m s], T_c: dry friction [N m],
+K: motor constant [N m/A, V s/rad], R: resistance [ohm], b: viscous friction [N m s]. T_c: dry friction [N m],
 V: voltage [V], w: wheel speed [rad/s]. This is design arithmetic for people; the robot itself does not run it.
 """
 
@@ -30,8 +30,9 @@ WORLD_DEFAULTS = {"coulomb_friction_N_m": 0.0, "friction_coefficient": 0.6, "rol
 class DriveModel:
     """One robot. Arrays have one entry, or one row, per wheel.
 
-    ``rows``: floor speed of a wheel's contact along its driving direction per body motion (vx, vy [m/s], wz [rad/s]),
-    shape (wheels, 3): -sin a, cos a, l. ``axle``: the same along the axle, where the rollers roll: cos a, sin a, 0.
+    ``rows``: floor speed of a wheel's contact along its driving direction per body motion (vx, vy [m/s], wz [rad/s]).
+    Its shape is (wheels, 3): -sin a, cos a, l. ``axle``: the same along the axle, where the rollers roll: cos a, sin a,
+    0.
     """
 
     wheels: int

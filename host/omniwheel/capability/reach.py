@@ -13,31 +13,30 @@ from collections.abc import Sequence
 import numpy as np
 
 from omniwheel.capability.drive_model import Array, DriveModel
-from omniwheel.capability.speeds import MOTORS, Bound, direction, limit_speed, motor_speed, speed_bounds
+from omniwheel.capability.speeds import MOTORS, TURNING, Bound, directions, limit_speed, motor_speed, speed_bounds
 from omniwheel.errors import LimitError
 from omniwheel.frames import Pose, Twist
 
-PARAMETERS = (
-    "WHEELS", "WHEEL_RADIUS", "WHEEL_DIST", "ENC_CPR", "MOT_J", "MOT_B", "MOT_K", "MOT_R", "BAT_V_NOM", "MASS",
-    "INERTIA", "LIM_WHEEL", "LIM_DUTY", "LIM_V", "LIM_W", "LIM_A", "LIM_POS", "TRJ_MARGIN",
-)  # fmt: skip
-"""What a robot must tell for these checks; for each wheel WHEEL_PARAMETERS besides."""
-WHEEL_PARAMETERS = ("W{n}_ANGLE", "W{n}_RSCALE")
-
 _ROUNDING = 1.0 + 1e-4
 _DIRECTIONS = 36
+_TURNED_STEP = math.radians(2.0)
+"""Headings between two that were tried: what the robot reaches differs by less than 0.1 % over half of this."""
 SETTLING_S = 3.0
 """The reference closes in on a pose at 3 per second: so long from 1 m to a tenth of a millimetre."""
 
 
-def check_velocity(model: DriveModel, twist: Twist, heading_rad: float | None = 0.0) -> None:
+def check_velocity(model: DriveModel, twist: Twist, heading_rad: float | None = 0.0, turned_rad: float = 0.0) -> None:
     """Raise LimitError if the robot cannot follow a velocity.
 
     ``heading_rad``: the robot's heading in the frame of the twist; 0 for the body's frame, None if it is not known. A
     velocity is then refused only if no heading could follow it.
+    ``turned_rad``: how far the robot turns in that frame while it follows. All headings on the way have to be possible.
     """
     heading = _best_heading(model, twist) if heading_rad is None else heading_rad
-    body = _turned(twist, -heading)
+    turned = max(-math.tau, min(math.tau, turned_rad))
+    steps = math.ceil(abs(turned) / _TURNED_STEP)
+    bodies = [_turned(twist, -(heading + turned * k / max(1, steps))) for k in range(steps + 1)]
+    body = min(bodies, key=lambda asked: _least(model, asked).value)
     bound = _least(model, body)
     if bound.value * _ROUNDING < 1.0:
         raise _refusal(model, twist, bound, body)
@@ -119,20 +118,13 @@ def travel_time_s(model: DriveModel, here: Pose, there: Pose, share: float) -> f
     """Return about how long the robot takes to a pose: it drives at ``share`` of LIM_WHEEL (TRJ_MARGIN) at most."""
     way = math.hypot(there.x - here.x, there.y - here.y)
     turn = abs(math.remainder(there.theta - here.theta, math.tau))
-    speeds = [
-        _slowest(speed_bounds(model, direction(2.0 * math.pi * k / _DIRECTIONS)), share) for k in range(_DIRECTIONS)
-    ]
-    turning = _slowest(speed_bounds(model, np.array([0.0, 0.0, 1.0])), share)
+    speeds = [_slowest(speed_bounds(model, along), share) for along in directions(_DIRECTIONS)]
+    turning = _slowest(speed_bounds(model, TURNING), share)
     return way / min(speeds) + turn / turning + SETTLING_S
 
 
 def _slowest(bounds: Sequence[Bound], share: float) -> float:
     return min(bound.value * (share if bound.cause == "LIM_WHEEL" else 1.0) for bound in bounds)
-
-
-def parameter_names(wheels: int) -> list[str]:
-    """Return the names of all parameters that these checks read, for a robot of so many wheels."""
-    return [*PARAMETERS, *(name.format(n=n) for n in range(1, wheels + 1) for name in WHEEL_PARAMETERS)]
 
 
 def check_wheel_count(duty: Sequence[float], wheels: int) -> None:

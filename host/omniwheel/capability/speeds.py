@@ -32,6 +32,11 @@ def direction(angle_rad: float) -> Array:
     return np.array([np.cos(angle_rad), np.sin(angle_rad), 0.0])
 
 
+def directions(count: int) -> list[Array]:
+    """Return ``count`` directions of driving, evenly spread, counter-clockwise from forward."""
+    return [direction(2.0 * np.pi * k / count) for k in range(count)]
+
+
 TURNING: Array = np.array([0.0, 0.0, 1.0])
 """Turning on the spot, counter-clockwise."""
 

@@ -3,13 +3,11 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from omniwheel.cli.common import console
 from omniwheel.cli.group import OmniGroup
 from omniwheel.default_key import set_default_key
 
@@ -25,6 +23,10 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version  # it takes long to import
+
+        from omniwheel.cli.common import console
+
         console.print(f"omniwheel {version('omniwheel')}")
         raise typer.Exit
 

@@ -3,27 +3,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from hil_sim.loop_speed import Loop, LoopTime, loops
-from hil_sim.speed import machine
 from omniwheel.cli.common import JsonOption, console, error_console, examples, print_json
+from omniwheel.cli.options import simulated_time_option
+
+if TYPE_CHECKING:
+    from hil_sim.loop_speed import Loop, LoopTime
 
 EXAMPLES = examples("omni bench", "omni bench --seconds 60 --json")
 TICK_S = 1e-3
 
 
 def bench(
-    seconds: Annotated[
-        float, typer.Option("--duration", "-d", "--seconds", min=1.0, max=600.0, help="Simulated time of each run.")
-    ] = 20.0,
+    seconds: Annotated[float, simulated_time_option(1.0, 600.0)] = 20.0,
     repeat: Annotated[int, typer.Option("--repeat", min=1, max=20, help="Runs of each kind; the fastest counts.")] = 3,
     json_wanted: JsonOption = False,
 ) -> None:
     """Measure how much faster than real time the simulations are, with the demo's scenario."""
+    from hil_sim.loop_speed import loops
+    from hil_sim.speed import machine
+
     found = loops(seconds)
     fastest: dict[str, LoopTime] = {}
     with error_console.status("") as status:

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import select
 import sys
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
 from omniwheel.cli.common import error_console
 from omniwheel.errors import OmniError
-from omniwheel.robot import Robot
+
+if TYPE_CHECKING:
+    from omniwheel.robot import Robot
 
 _PERIOD_S = 0.05
 _YES, _NO = ("y", "yes"), ("n", "no")

@@ -7,17 +7,21 @@ from collections.abc import Callable
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
+from rich.table import Table
 
 from hil_sim.image_check.check import CI, NIGHTLY, SHORT
-from hil_sim.image_check.run import Outcome, all_checks, outcome_page, run_checks
 from omniwheel import files
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
+from omniwheel.cli.options import ListOption, OwnSeedOption, page_option
 from omniwheel.errors import OmniError
+
+if TYPE_CHECKING:
+    from hil_sim.image_check.run import Outcome
 
 EXAMPLES = examples(
     "omni check-image .pio/build/three_wheel/firmware.elf",
@@ -51,23 +55,24 @@ def check_image(
     ] = "three_wheel",
     depth: Annotated[Depth, typer.Option("--depth", help="short: before an upload. nightly: all of it.")] = Depth.ci,
     only: Annotated[list[str] | None, typer.Option("--only", metavar="CHECK", help="These checks; see --list.")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of everything that is drawn at random.")] = 1,
+    seed: OwnSeedOption = 1,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Checks that run at the same time.")] = 2,
-    report_file: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE.md", help="Write the report there, too.")
-    ] = None,
-    list_wanted: Annotated[bool, typer.Option("--list", help="Name the checks and end.")] = False,
+    page_file: Annotated[Path | None, page_option("FILE.md")] = None,
+    list_wanted: ListOption = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a firmware image on an emulated Teensy 4.0 with the robot at its pins, and check what it does.
 
-    Exit code 1 if a check fails. This is a model of the chip; the report says what it leaves out.
+    Exit code 1 if a check fails. This is a model of the chip; its page says what it leaves out.
     """
+    from hil_sim.image_check.run import all_checks, outcome_page, run_checks
+
     if list_wanted:
-        checks = all_checks()
-        width = max(len(check.name) for check in checks)
-        for check in checks:
-            console.print(f"{check.name:{width}} {check.what} ({', '.join(check.depths)})", soft_wrap=True)
+        table = Table.grid(padding=(0, 2, 0, 0))
+        table.add_column(no_wrap=True)
+        for check in all_checks():
+            table.add_row(check.name, escape(f"{check.what} ({', '.join(check.depths)})"))
+        console.print(table)
         return
     if image is None:
         raise typer.BadParameter("which image? `make firmware` links .pio/build/three_wheel/firmware.elf")
@@ -82,13 +87,13 @@ def check_image(
     failed = [outcome for outcome in outcomes if not outcome.passed]
     page = partial(outcome_page, image, robot, depth.value, seed, outcomes)
     if json_wanted:
-        _write(report_file, page)
+        _write(page_file, page)
         print_json({"image": str(image), "robot": robot, "seed": seed, "checks": [o.as_dict() for o in outcomes]})
     else:
         verdict = f"checks: {len(outcomes) - len(failed)} passed, {len(failed)} failed"
         console.print(f"{verdict}, on a model of the chip: no silicon was tested (seed {seed})")
         console.print(f"{sum(outcome.cpu_s for outcome in outcomes):.1f} s of processor time")
-        _write(report_file, page)  # last: on a full disk, too, the checks have been told
+        _write(page_file, page)  # last: on a full disk, too, the checks have been told
     if failed:
         raise typer.Exit(1)
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import typer
 
+from omniwheel.cli.completion import take_words_as_they_are
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -36,21 +38,25 @@ def load(entry: Entry) -> Any:
     else:
         parent.add_typer(module.app, name=entry.name)
     parent.callback()(lambda: None)  # or a single command would take the group's place
-    return typer.main.get_group(parent).commands[entry.name]
+    return take_words_as_they_are(typer.main.get_group(parent).commands[entry.name])
 
 
 DRIVE, TUNE, SIMULATE = "Drive a robot", "Tune a robot", "Simulate a robot"
-STUDY, BUILD, REPORT = "Study many runs", "Build and check a robot", "Record, replay and report"
+STUDY, BUILD, RECORD = "Study many runs", "Build and check a robot", "Record, replay and compare"
 
 TABLE = (
     Entry("drive", DRIVE, "Move the robot, by numbers or by keys", "drive"),
     Entry("stop", DRIVE, "Emergency stop, and its release", "stop", "stop"),
     Entry("monitor", DRIVE, "Show state, pose, wheels and faults", "monitor", "monitor"),
     Entry("mocap", DRIVE, "Send motion-capture poses to a robot, or record them", "mocap"),
+    Entry("link", DRIVE, "Let several programs use one port at once", "link", "link"),
     Entry("radio", DRIVE, "The radio's signing key", "radio"),
     Entry("host-control", DRIVE, "Drive the original four-wheel robot from this computer", "host_control"),
+    Entry("studio", TUNE, "See, drive and tune a robot in the browser", "studio", "studio"),
     Entry("params", TUNE, "Read, set, save and compare parameters", "params"),
     Entry("tune", TUNE, "Try other gains, compare, keep them or go back", "tune", "tune"),
+    Entry("autotune", TUNE, "Measure the robot and choose its gains from that", "autotune", "autotune"),
+    Entry("experiment", TUNE, "See how a loop answers, beside the model", "experiment"),
     Entry("identify", TUNE, "Find a robot's parameters from how it moves", "identify"),
     Entry("demo", SIMULATE, "See a simulated robot drive with its real firmware", "demo", "demo"),
     Entry("sitl", SIMULATE, "Run the firmware and a world here, in real time", "sitl", "sitl"),
@@ -67,14 +73,47 @@ TABLE = (
     Entry("check-image", BUILD, "Run a firmware image on an emulated Teensy", "check_image", "check_image"),
     Entry("bringup", BUILD, "Check a new robot step by step", "bringup"),
     Entry("doctor", BUILD, "Check the installation and list serial ports", "doctor", "doctor"),
-    Entry("record", REPORT, "Record every message of a link", "record", "record"),
-    Entry("replay", REPORT, "Feed a log through the robot's own estimator", "replay", "replay_command"),
-    Entry("logs", REPORT, "Import, look at and align logs of any robot", "logs"),
-    Entry("plot", REPORT, "Draw a finished run, or any telemetry log", "plot", "plot"),
-    Entry("runs", REPORT, "List, compare, name and delete runs", "runs"),
-    Entry("reproduce", REPORT, "Repeat the research report's experiments", "reproduce", "reproduce"),
+    Entry("record", RECORD, "Record every message of a link", "record", "record"),
+    Entry("replay", RECORD, "Feed a log through the robot's own estimator", "replay", "replay_command"),
+    Entry("logs", RECORD, "Import, look at and align logs of any robot", "logs"),
+    Entry("plot", RECORD, "Draw a finished run, or any telemetry log", "plot", "plot"),
+    Entry("runs", RECORD, "List, compare, name and delete runs", "runs"),
+    Entry("reproduce", RECORD, "Repeat the research report's experiments", "reproduce", "reproduce"),
 )
 """In the order of ``omni --help``."""
 
 OLD_NAMES = {"legacy": "host-control"}
 """Names that commands had until the latest release: they still work, and say what to type instead."""
+
+
+@dataclass(frozen=True)
+class OldOption:
+    """An option's name until the latest release. It still works in ``command``, and says what to type instead.
+
+    ``factor`` is by what its number is multiplied for the new option, where the unit has changed.
+    """
+
+    command: str
+    old: str
+    new: str
+    factor: float = 1.0
+
+
+OLD_OPTIONS = (
+    OldOption("robots new", "--folder", "--out"),
+    OldOption("identify telemetry", "--folder", "--out"),
+    OldOption("identify live", "--folder", "--out"),
+    OldOption("identify simulate", "--folder", "--out"),
+    OldOption("identify logs", "--report", "--page"),
+    OldOption("bringup all", "--folder", "--out"),
+    OldOption("check-image", "--report", "--out"),
+    OldOption("tune", "--out", "--plot"),
+    OldOption("soak", "--minutes", "--duration", 60.0),
+    OldOption("drive velocity", "--world", "--world-frame"),
+    *(
+        OldOption(command, old, new)
+        for command in ("host-control", "drive --host-control", "drive --legacy")
+        for old, new in (("--port", "--link"), ("--param", "--set"), ("-p", "--set"))
+    ),
+)
+"""What is said is what is typed: the main result goes to --out, a picture beside it to --plot, a robot is at --link."""

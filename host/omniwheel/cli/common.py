@@ -7,25 +7,32 @@ Importing this costs little, so that ``omni --help`` is quick: what connects is 
 from __future__ import annotations
 
 import json
+import shlex
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
 from omniwheel.cli import completion
-from omniwheel.errors import CommandRefusedError, LinkUrlError, VersionMismatchError
+from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
 from omniwheel.plain import finite
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from omniwheel.connection import Recorder
     from omniwheel.dialect import Message
+    from omniwheel.history import ChangeRecorder
     from omniwheel.robot import Robot
+
+    console: Console
+    error_console: Console
 
 BAD_INPUT = 2
 FAILED = 1
@@ -34,8 +41,19 @@ JSON_WANTED = "omniwheel.json"
 WARNING_SEVERITY = 4
 """MAVLink's severities: this one and lower numbers want somebody's attention."""
 
-console = Console(highlight=False)
-error_console = Console(stderr=True, highlight=False)
+
+@cache
+def _console(*, stderr: bool) -> Console:
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False)
+
+
+def __getattr__(name: str) -> Any:
+    """Make ``console`` and ``error_console`` when somebody asks for them: the Tab key needs none, and rich is slow."""
+    if name not in ("console", "error_console"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _console(stderr=name == "error_console")
 
 
 def _note_json(ctx: typer.Context, wanted: bool) -> bool:
@@ -57,6 +75,9 @@ LinkOption = Annotated[
     ),
 ]
 TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for answers.")]
+WhyOption = Annotated[
+    str, typer.Option("--why", metavar="TEXT", help="Why, for `omni params history`.", show_default=False)
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", callback=_note_json, help="Print one JSON object on standard output and nothing else.")
 ]
@@ -64,6 +85,8 @@ JsonOption = Annotated[
 
 def examples(*lines: str) -> str:
     """Return the epilog that shows ``lines`` as examples under a command's help."""
+    from rich.markup import escape
+
     return "[bold]Examples[/]\n\n" + "\n\n".join(f"  [cyan]{escape(line)}[/]" for line in lines)
 
 
@@ -78,7 +101,7 @@ def print_json(value: Any, *, one_line: bool = False) -> None:
 def note(text: str, *, quiet: bool = False) -> None:
     """Print a line for the user on standard error, so that it never mixes with results."""
     if not quiet:
-        error_console.print(text)
+        _console(stderr=True).print(text)
 
 
 def link_url(link: str | None) -> str:
@@ -99,25 +122,56 @@ def open_robot(
 ) -> Robot:
     """Connect to the robot that the options name; warn if its parameters are another version's.
 
-    With ``texts``, every status text of the robot appears on standard error as it comes.
+    With ``texts``, every status text of the robot appears on standard error as it comes. Changes of parameters go into
+    the robot's history, unless the caller makes a recorder of its own (:func:`keep_history`).
     """
-    from omniwheel.robot import DEFAULT_TIMEOUT_S, connect
+    from omniwheel.limits import DEFAULT_TIMEOUT_S
+    from omniwheel.robot import connect
 
     timeout_s = DEFAULT_TIMEOUT_S if timeout_s is None else timeout_s
     robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder)
+    say_if_shared(robot)
     if texts:
         robot.connection.add_listener(_show_text)
     try:
         robot.require_same_parameters()
     except (VersionMismatchError, CommandRefusedError) as error:
-        note(f"[yellow]warning:[/] {escape(str(error))}")
+        _warn(str(error))
     except BaseException:
         robot.close()
         raise
+    keep_history(robot)
     return robot
 
 
+def keep_history(robot: Robot, why: str = "") -> ChangeRecorder:
+    """Write every change of the robot's parameters into its history from now on, with ``why``."""
+    from omniwheel.history import ChangeRecorder, history_of
+
+    def warn(error: OmniError) -> None:
+        _warn(f"the change is not in the history: {error}")
+
+    return ChangeRecorder(robot, history_of(robot), shlex.join(["omni", *sys.argv[1:]]), why, warn)
+
+
+def say_if_shared(robot: Robot) -> None:
+    """Say that the robot's port is shared with other programs, if it is."""
+    notice = getattr(robot.connection.link, "notice", "")
+    if notice:
+        from rich.markup import escape
+
+        _console(stderr=True).print(f"[dim]{escape(notice)}[/]", soft_wrap=True)
+
+
+def _warn(text: str) -> None:
+    from rich.markup import escape
+
+    note(f"[yellow]warning:[/] {escape(text)}")
+
+
 def _show_text(message: Message) -> None:
+    from rich.markup import escape
+
     from omniwheel.telemetry import StatusText, decode
 
     text = decode(StatusText, message)

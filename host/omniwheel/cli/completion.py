@@ -8,10 +8,14 @@ read files and import nothing heavy. Whatever goes wrong, they offer nothing: a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from omni_schema import ParameterTable, load_parameters
 from omniwheel.paths import params_path, presets_dir, robots_dir
+
+if TYPE_CHECKING:
+    from omni_schema import ParameterTable
 
 Completer = Callable[[str], list[str]]
 
@@ -31,13 +35,22 @@ def _stems(folder: Path) -> list[str]:
 
 
 def _table() -> ParameterTable:
+    from omni_schema import load_parameters
+
     return load_parameters(params_path())
 
 
-def _scenarios() -> list[str]:
-    import hil_sim
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    package = find_spec("hil_sim")
+    folders = (package.submodule_search_locations or ()) if package is not None else ()
+    return [name for folder in folders for name in _stems(Path(folder) / "scenarios")]
 
-    return _stems(Path(hil_sim.__path__[0]) / "scenarios")
+
+def _experiments() -> list[str]:
+    from omni_reproduce.registry import targets
+
+    return targets()
 
 
 def _ports() -> list[str]:
@@ -62,6 +75,31 @@ def _values(parameter: str) -> Iterable[str]:
 parameters = _offered(_table)
 robots = _offered(lambda: _stems(robots_dir()))
 presets = _offered(lambda: _stems(presets_dir()))
-scenarios = _offered(_scenarios)
+scenarios = _offered(scenario_names)
 trajectories = _offered(lambda: _table()["TRJ_TYPE"].values)
+experiments = _offered(_experiments)
 ports = _offered(_ports)
+
+
+def take_words_as_they_are(command: Any) -> Any:
+    """Return a command, or a group, whose options and arguments stay words while the Tab key is answered.
+
+    Otherwise typer would make a number or a path of each with pydantic, which takes longer than all the rest.
+    """
+    parameters_of = command.get_params
+
+    def get_params(ctx: Any) -> Any:
+        found = parameters_of(ctx)
+        for parameter in found if ctx.resilient_parsing else ():
+            _keep_words(parameter)
+        return found
+
+    command.get_params = get_params
+    for name in getattr(command, "commands", ()):
+        take_words_as_they_are(command.commands[name])
+    return command
+
+
+def _keep_words(parameter: Any) -> None:
+    convert = parameter.process_value
+    parameter.process_value = lambda ctx, value: value if ctx.resilient_parsing else convert(ctx, value)

@@ -3,22 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hil_sim.hil import run_hil
-from hil_sim.runs import run_in_process
-from hil_sim.scenario import Scenario
-from hil_sim.summary import summarize
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, note
+from omniwheel.cli.options import DEFAULT_OUT, OutOption
 from omniwheel.cli.run_output import (
-    DEFAULT_OUT,
     EmulatedOption,
     ImageOption,
-    OutOption,
     PlantOption,
     PresetOption,
     RobotOption,
@@ -33,17 +29,43 @@ from omniwheel.cli.run_output import (
     tried,
 )
 
+if TYPE_CHECKING:
+    from hil_sim.scenario import Scenario
+
 EXAMPLES = examples(
     "omni demo",
-    "omni demo --robot fast_three_wheel",
+    "omni demo --slow",
     "omni demo --seed 7 --out /tmp/runs",
     "omni demo --emulated",
     "omni demo --json | jq .rmse",
 )
-COMPARED = ("original_law", "no_slip")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the demo shows: a scenario, and those beside it with the heading of their column and what they are."""
+
+    scenario: str
+    compared: tuple[tuple[str, str], ...]
+    explained: str
+
+
+FAST = Shown(
+    "fast",
+    (("fast_no_fixes", "no pose fixes"), ("fast_no_slip", "no slip")),
+    "no pose fixes: the same world on dead reckoning alone; no slip: the same without slip",
+)
+SLOW = Shown(
+    "demo",
+    (("original_law", "original law"), ("no_slip", "no slip")),
+    "original law: the same world under the robot's first firmware; no slip: on dead reckoning alone",
+)
 
 
 def demo(
+    slow: Annotated[
+        bool, typer.Option("--slow", help="The report's robot instead of the fast one: 0.15 m/s, scenario demo.")
+    ] = False,
     seed: SeedOption = None,
     robot: RobotOption = None,
     settings: SetOption = None,
@@ -52,20 +74,26 @@ def demo(
     out: OutOption = DEFAULT_OUT,
     compare: Annotated[
         bool,
-        typer.Option("--compare/--no-compare", help="Also run the robot's original control law, and without slip."),
+        typer.Option("--compare/--no-compare", help="Also run the same path in two other ways."),
     ] = True,
     emulated: EmulatedOption = False,
     image: ImageOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Drive a simulated robot with its real firmware: start it as a process, put it host-in-the-loop over MAVLink,
-    arm, track an eight-petal rose while rotating, change a gain half-way, disarm; then compare.
+    """Drive a fast simulated robot with its real firmware, which runs as a process, host-in-the-loop over MAVLink.
 
-    Leaves a folder with telemetry.tlog, summary.json and report.png. Exit code 1 if the path was not driven to its end.
-    """  # noqa: D205
+    It arms, tracks an eight-petal rose at up to 1.1 m/s while rotating, changes a gain half-way and disarms. Then it
+    compares.
+
+    Leaves a folder with telemetry.tlog, summary.json and run.png. Exit code 1 if the path was not driven to its end.
+    """
+    from hil_sim.hil import run_hil
+    from hil_sim.summary import summarize
+
     if emulated and image is not None:
         raise typer.BadParameter("--emulated and --image are two firmwares: give one of them")
-    scenario = scenario_of("demo", robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
+    shown = SLOW if slow else FAST
+    scenario = scenario_of(shown.scenario, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
     with run_folder(out, scenario) as folder:
         note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
         with run_progress("firmware in the loop", json_wanted) as progress:
@@ -74,14 +102,17 @@ def demo(
             )
         summary = summarize(run)
         summary["comparison"] = (
-            {name: _compared(name, scenario, robot, json_wanted) for name in COMPARED} if compare else {}
+            {name: _compared(name, scenario, robot, json_wanted) for name, _ in shown.compared} if compare else {}
         )
-        store(run, summary, folder, partial(_print, summary, folder), as_json=json_wanted, trouble=trouble)
+        store(run, summary, folder, partial(_print, summary, folder, shown), as_json=json_wanted, trouble=trouble)
     if not run.done:
         raise typer.Exit(FAILED)
 
 
 def _compared(name: str, shown: Scenario, robot: str | None, quiet: bool) -> dict[str, Any]:
+    from hil_sim.runs import run_in_process
+    from hil_sim.summary import summarize
+
     scenario = scenario_of(name, robot=robot, plant=shown.plant)
     with run_progress(name.replace("_", " "), quiet) as progress:
         summary = summarize(run_in_process(scenario, shown.seed, progress))
@@ -89,21 +120,22 @@ def _compared(name: str, shown: Scenario, robot: str | None, quiet: bool) -> dic
     return {key: summary[key] for key in kept}
 
 
-def _print(summary: dict[str, Any], folder: Path) -> None:
-    change = summary["change"]
+def _print(summary: dict[str, Any], folder: Path, shown: Shown) -> None:
+    change, compared = summary["change"], summary["comparison"]
     columns = []
     if change is not None:
         columns += [("before", change["rmse_before"], None), ("after", change["rmse_after"], None)]
     columns.append(("all", summary["rmse"], summary["effort"]))
-    headings = {"original_law": "original law", "no_slip": "no slip"}
-    columns += [(headings[name], entry["rmse"], entry["effort"]) for name, entry in summary["comparison"].items()]
+    columns += [
+        (heading, compared[name]["rmse"], compared[name]["effort"]) for name, heading in shown.compared if compared
+    ]
     console.print(comparison_table(f"Eight-petal rose, {summary['robot']}, {summary['controller'].upper()}", columns))
-    if summary["comparison"]:
-        console.print("original law: the same world under the robot's first firmware; no slip: on dead reckoning alone")
-    for entry in summary["comparison"].values():
+    if compared:
+        console.print(shown.explained)
+    for entry in compared.values():
         if not entry["completed"]:
             console.print(f"[yellow]{entry['description']}: stopped before the end ({', '.join(entry['faults'])})[/]")
     print_facts(summary)
     if not summary["completed"]:
         console.print("[bold red]the path was not driven to its end[/]")
-    console.print(f"\n[bold]{folder}[/]: report.png, summary.json, telemetry.tlog")
+    console.print(f"\n[bold]{folder}[/]: run.png, summary.json, telemetry.tlog")

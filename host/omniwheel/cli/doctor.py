@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 from rich.markup import escape
@@ -19,9 +20,10 @@ from rich.table import Table
 from omniwheel import __version__
 from omniwheel.cli.common import JsonOption, console, examples, print_json
 from omniwheel.paths import MissingFileError, firmware_path
-from omniwheel.ports import Port, serial_ports
 from omniwheel.robots import robot_names
-from omniwheel.usb_access import SERIAL_GROUPS, missing_group, refused_ports, teensy_rule
+
+if TYPE_CHECKING:
+    from omniwheel.ports import Port
 
 EXAMPLES = examples("omni doctor", "omni doctor --json")
 _PYTHON = (3, 10)
@@ -56,6 +58,8 @@ class Finding:
 
 def doctor(as_json: JsonOption = False) -> None:
     """Check the installation, list serial ports and tools. Exit code 1: something required is missing."""
+    from omniwheel.ports import serial_ports
+
     ports = serial_ports()
     findings = [*_required(), *_extras(), *_tools(), *_access(ports)]
     healthy = all(finding.ok is not False for finding in findings)
@@ -145,6 +149,8 @@ def _tool(program: str, name: str, purpose: str) -> Finding:
 
 def _access(ports: Sequence[Port]) -> list[Finding]:
     """What Linux wants to be told before a Teensy may be used; never a reason to call the installation broken."""
+    from omniwheel.usb_access import SERIAL_GROUPS, missing_group, refused_ports, teensy_rule
+
     if sys.platform != "linux":
         return []
     rule = teensy_rule()
@@ -173,6 +179,8 @@ def _findings_table(findings: list[Finding]) -> Table:
 
 
 def _ports_text() -> str:
+    from omniwheel.ports import serial_ports
+
     ports = serial_ports()
     if not ports:
         return "[dim]· no serial ports; is the robot's USB cable plugged in?[/]"

@@ -8,36 +8,34 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from omniwheel.capability.reach import SETTLING_S, travel_time_s
 from omniwheel.cli import completion, host_control
 from omniwheel.cli.common import (
-    JsonOption,
     LinkOption,
     TimeoutOption,
     console,
     examples,
     note,
-    open_robot,
     print_json,
     signals_interrupt,
 )
 from omniwheel.cli.keyboard import KEYS_HELP, KeyDriver, raw_keys
 from omniwheel.cli.negative_numbers import NumberCommand
+from omniwheel.cli.options import DEFAULT_OUT, OutOption, stop_after_option, takes
 from omniwheel.cli.progress import Waiting
-from omniwheel.drive_log import DriveLog
+from omniwheel.cli.robot_options import DriveOptions, LogOption
 from omniwheel.errors import LimitError, OmniError, SetpointError
 from omniwheel.frames import Pose
-from omniwheel.parameters import checked_value
-from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
+from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.robots import parameter_table
-from omniwheel.setpoints import check_duty, finite
-from omniwheel.telemetry import Tracking
+
+if TYPE_CHECKING:
+    from omniwheel.robot import Robot
+    from omniwheel.telemetry import Tracking
 
 HOST_CONTROL = ("--host-control", "--legacy")
 """The option, and its old name for one more release."""
@@ -66,11 +64,6 @@ _SETTLED_RAD = 0.02
 DurationOption = Annotated[
     float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="How long to drive.")
 ]
-OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the drive's folder is made.")]
-LogOption = Annotated[
-    bool, typer.Option("--log/--no-log", help="Keep telemetry, parameters and a picture of the drive.")
-]
-DEFAULT_OUT = Path("runs")
 SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="Speed of the arrow keys \\[m/s].")]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
@@ -85,31 +78,25 @@ _ANGLE = re.compile(r"([-+0-9.eE]+|[-+]?inf|nan)\s*(deg|°|rad|)")
 
 
 @contextmanager
-def _armed(
-    link: str | None,
-    timeout_s: float,
-    quiet: bool,
-    check: Callable[[Robot], object] = lambda _: None,
-    *,
-    keep: Path | None = None,
-    asked: str = "",
-) -> Iterator[Robot]:
+def _armed(wanted: DriveOptions, asked: str, check: Callable[[Robot], object] = lambda _: None) -> Iterator[Robot]:
     """Connect, let ``check`` refuse what the robot cannot follow, then arm; disarm whatever happens.
 
-    ``keep`` is where the drive's folder is made, None for none; ``asked`` says in words what is driven.
+    ``asked`` says in words what is driven.
     """
+    from omniwheel.drive_log import DriveLog
+
     with ExitStack() as stack:
         stack.enter_context(signals_interrupt())
-        log = None
-        if keep is not None:
-            log = stack.enter_context(DriveLog(keep, "drive-" + asked.partition(" ")[0], asked))
+        log, quiet = None, wanted.as_json
+        if wanted.log:
+            log = stack.enter_context(DriveLog(wanted.out, "drive-" + asked.partition(" ")[0], asked))
         recorder = None if log is None else log.write
-        robot = stack.enter_context(open_robot(link, timeout_s=timeout_s, recorder=recorder))
+        robot = stack.enter_context(wanted.open(recorder))
         check(robot)
         if log is not None:
             stack.callback(log.leaving)
             log.connected(robot)
-            stack.callback(note, f"[bold]{log.folder}[/]: report.png, drive.json, telemetry.tlog", quiet=quiet)
+            stack.callback(note, f"[bold]{log.folder}[/]: run.png, drive.json, telemetry.tlog", quiet=quiet)
         try:
             robot.arm()
             note("armed; Ctrl-C stops and disarms", quiet=quiet)
@@ -128,17 +115,19 @@ def _check_still_armed(robot: Robot) -> None:
         raise StoppedError(f"the robot stopped itself ({robot.status.state}): {faults or 'no fault named'}", hint=hint)
 
 
-def _drive_in_slices(robot: Robot, duration_s: float, step: Any, quiet: bool) -> None:
-    """Call ``step(seconds)`` until ``duration_s`` has passed, checking in between that the robot still drives."""
+def _drive_in_slices(robot: Robot, duration_s: float, ask: Callable[[], None], quiet: bool) -> None:
+    """Repeat a set-point until ``duration_s`` has passed, checking in between that the robot still drives."""
     start = robot.connection.clock()
     with Waiting("driving", duration_s, quiet=quiet) as waiting:
         while (left := start + duration_s - robot.connection.clock()) > 0.0:
-            step(min(_SLICE_S, left))
+            robot.repeat(ask, min(_SLICE_S, left))
             _check_still_armed(robot)
             waiting.at(robot.connection.clock() - start)
 
 
 def _result(robot: Robot, as_json: bool, **more: Any) -> None:
+    from omniwheel.telemetry import Tracking
+
     pose = robot.wait_for(Tracking).pose
     if as_json:
         print_json({"pose": pose._asdict(), **more})
@@ -152,44 +141,47 @@ def _result(robot: Robot, as_json: bool, **more: Any) -> None:
     cls=NumberCommand,
     epilog=examples("omni drive velocity 0.1 0 0 --duration 2", "omni drive velocity 0 -0.05 0.3"),
 )
+@takes(DriveOptions)
 def velocity(
     vx: Annotated[float, typer.Argument(help="Forward \\[m/s].")],
     vy: Annotated[float, typer.Argument(help="To the left \\[m/s].")],
     wz: Annotated[float, typer.Argument(help="Counter-clockwise \\[rad/s].")],
     duration: DurationOption = 1.0,
     world: Annotated[
-        bool, typer.Option("--world", help="Velocities in the world frame instead of the body's.")
+        bool, typer.Option("--world-frame", help="Velocities in the world frame instead of the body's.")
     ] = False,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    out: OutOption = DEFAULT_OUT,
-    log: LogOption = True,
-    as_json: JsonOption = False,
+    *,
+    wanted: DriveOptions,
 ) -> None:
     """Drive with a constant velocity for a while.
 
     A velocity that the robot cannot follow is refused before it arms; exit code 2.
     """
+    from omniwheel.setpoints import finite
+
     frame = "world" if world else "body"
     for name, value in (("vx", vx), ("vy", vy), ("wz", wz)):
         finite(name, value)
-    keep, asked = (out if log else None), f"velocity {vx:g} {vy:g} {wz:g}{' world' if world else ''} for {duration:g} s"
-    check = partial(_require_velocity, vx=vx, vy=vy, wz=wz, frame=frame)
-    with _armed(link, timeout, as_json, check, keep=keep, asked=asked) as robot:
-        action = partial(robot.drive_velocity, vx, vy, wz, frame=frame, stop=False)
-        _drive_in_slices(robot, duration, action, as_json)
+    asked = f"velocity {vx:g} {vy:g} {wz:g}{' world' if world else ''} for {duration:g} s"
+    check = partial(_require_velocity, vx=vx, vy=vy, wz=wz, frame=frame, duration_s=duration)
+    with _armed(wanted, asked, check) as robot:
+        _drive_in_slices(robot, duration, lambda: robot.set_velocity(vx, vy, wz, frame=frame), wanted.as_json)
         robot.drive_velocity(0.0, 0.0, 0.0, _SLICE_S)
-        _result(robot, as_json)
+        _result(robot, wanted.as_json)
 
 
-def _require_velocity(robot: Robot, vx: float, vy: float, wz: float, frame: str) -> None:
+def _require_velocity(robot: Robot, vx: float, vy: float, wz: float, frame: str, duration_s: float) -> None:
+    from omniwheel.telemetry import Tracking
+
     if frame == "world":
         robot.wait_for(Tracking)  # the heading decides which wheels have to be fast
-    robot.require_velocity(vx, vy, wz, frame=frame)
+    robot.require_velocity(vx, vy, wz, frame=frame, duration_s=duration_s)
 
 
 def _angle(text: str) -> float:
     """Read an angle: radians, or degrees with their unit."""
+    from omniwheel.setpoints import finite
+
     match = _ANGLE.fullmatch(text.strip())
     try:
         value = finite("theta", float(match.group(1))) if match else None
@@ -201,6 +193,7 @@ def _angle(text: str) -> float:
 
 
 @app.command("pose", cls=NumberCommand, epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose -0.5 0 -90deg"))
+@takes(DriveOptions)
 def pose(
     x: Annotated[float, typer.Argument(help="World x \\[m].")],
     y: Annotated[float, typer.Argument(help="World y \\[m].")],
@@ -217,33 +210,31 @@ def pose(
             help="Give up after this time. Default: half as long again as the way should take.",
         ),
     ] = None,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    out: OutOption = DEFAULT_OUT,
-    log: LogOption = True,
-    as_json: JsonOption = False,
+    *,
+    wanted: DriveOptions,
 ) -> None:
     """Drive to a world pose; ends early once the robot is there.
 
     Exit code 1: not there in time. Exit code 2: a pose that the robot cannot reach, or not in this time.
     """
+    from omniwheel.setpoints import finite
+
     goal = Pose(finite("x", x), finite("y", y), _angle(theta))
-    allowed_s = duration
+    allowed: list[float] = []  # [s], one entry: found out before the robot arms
 
     def plan(robot: Robot) -> None:
-        nonlocal allowed_s
-        allowed_s = _allowed_time(robot, goal, duration, as_json)
+        allowed.append(_allowed_time(robot, goal, duration, wanted.as_json))
 
-    keep = out if log else None
-    with _armed(link, timeout, as_json, plan, keep=keep, asked=f"pose {x:g} {y:g} {theta}") as robot:
+    with _armed(wanted, f"pose {x:g} {y:g} {theta}", plan) as robot:
+        (allowed_s,) = allowed
         start = robot.connection.clock()
-        with Waiting("driving", allowed_s or 0.0, quiet=as_json) as waiting:
-            while (passed := robot.connection.clock() - start) < (allowed_s or 0.0) and not _is_at(robot, goal):
-                robot.drive_pose(*goal, _SLICE_S)
+        with Waiting("driving", allowed_s, quiet=wanted.as_json) as waiting:
+            while (passed := robot.connection.clock() - start) < allowed_s and not _is_at(robot, goal):
+                robot.repeat(lambda: robot.set_pose(*goal), _SLICE_S)
                 _check_still_armed(robot)
                 waiting.at(passed)
         arrived = _is_at(robot, goal)
-        _result(robot, as_json, arrived=arrived)
+        _result(robot, wanted.as_json, arrived=arrived)
         way, turn = _distance(robot, goal)
     if not arrived:
         note(f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {allowed_s:.3g} s; a longer --duration may help")
@@ -252,6 +243,9 @@ def pose(
 
 def _allowed_time(robot: Robot, goal: Pose, duration_s: float | None, quiet: bool) -> float:
     """Return how long the robot may take; refuse a pose out of reach, or a time in which no way leads there."""
+    from omniwheel.capability.reach import SETTLING_S, travel_time_s
+    from omniwheel.telemetry import Tracking
+
     robot.require_pose(*goal)
     here = robot.wait_for(Tracking).pose
     needed_s = travel_time_s(robot.drive_model(), here, goal, robot.parameters["TRJ_MARGIN"])
@@ -282,35 +276,36 @@ def _is_at(robot: Robot, goal: Pose) -> bool:
 
 
 @app.command("trajectory", epilog=examples("omni drive trajectory rose", "omni drive trajectory circle --laps 2"))
+@takes(DriveOptions)
 def trajectory(
     type_name: Annotated[
         str,
         typer.Argument(
-            metavar="TYPE", help="hold, line, circle, rose, report, random, ...", autocompletion=completion.trajectories
+            metavar="TYPE",
+            help="A value of TRJ_TYPE: rose, circle, ...; `omni params list TRJ_TYPE` shows all.",
+            autocompletion=completion.trajectories,
         ),
     ],
     laps: Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")] = None,
-    duration: Annotated[
-        float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="Stop then at the latest.")
-    ] = math.inf,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    out: OutOption = DEFAULT_OUT,
-    log: LogOption = True,
-    as_json: JsonOption = False,
+    duration: Annotated[float, stop_after_option(0.0)] = math.inf,
+    *,
+    wanted: DriveOptions,
 ) -> None:
     """Follow the on-board trajectory that the TRJ_* parameters describe, until it is done."""
+    from omniwheel.parameters import checked_value
+
     checked_value(parameter_table(), "TRJ_TYPE", type_name)
-    keep = out if log else None
-    with _armed(link, timeout, as_json, keep=keep, asked=f"trajectory {type_name}") as robot:
+    with _armed(wanted, f"trajectory {type_name}") as robot:
         robot.start_trajectory(type_name, laps)
-        tracking = _until_done(robot, duration, as_json)
+        tracking = _until_done(robot, duration, wanted.as_json)
         robot.stop_trajectory()
-        _result(robot, as_json, phase=tracking.phase)
+        _result(robot, wanted.as_json, phase=tracking.phase)
 
 
 def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
     """Return the robot's last words of a path: it is done, or its time is over."""
+    from omniwheel.telemetry import Tracking
+
     start = robot.connection.clock()
     started = False
     with Waiting("on the path", math.inf, quiet=quiet) as waiting:
@@ -327,22 +322,22 @@ def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
 @app.command(
     "duty", cls=NumberCommand, epilog=examples("omni drive duty 0.2 0.2 0.2 --duration 2", "omni drive duty -0.3 0 0")
 )
+@takes(DriveOptions)
 def duty(
     duties: Annotated[list[float], typer.Argument(metavar="DUTY...", help="-1..1 per wheel, + counter-clockwise.")],
     duration: DurationOption = 1.0,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    out: OutOption = DEFAULT_OUT,
-    log: LogOption = True,
-    as_json: JsonOption = False,
+    *,
+    wanted: DriveOptions,
 ) -> None:
     """Put constant duties on the motors, open loop, for a while: bring-up and identification. Lift the wheels first."""
+    from omniwheel.setpoints import check_duty
+
     check_duty(duties)
-    keep, asked = (out if log else None), f"duty {' '.join(f'{value:g}' for value in duties)} for {duration:g} s"
-    with _armed(link, timeout, as_json, lambda r: r.require_duty(duties), keep=keep, asked=asked) as robot:
-        _drive_in_slices(robot, duration, partial(robot.drive_duty, duties, stop=False), as_json)
+    asked = f"duty {' '.join(f'{value:g}' for value in duties)} for {duration:g} s"
+    with _armed(wanted, asked, lambda r: r.require_duty(duties)) as robot:
+        _drive_in_slices(robot, duration, lambda: robot.set_duty(duties), wanted.as_json)
         robot.drive_duty([0.0] * len(duties), _SLICE_S)
-        _result(robot, as_json)
+        _result(robot, wanted.as_json)
 
 
 @app.command("keys", epilog=examples("omni drive keys", "omni drive keys --speed 0.15 --turn 0.5"))
@@ -355,13 +350,17 @@ def keys(
     log: LogOption = True,
 ) -> None:
     """Drive with the keyboard."""
-    keep, check = (out if log else None), partial(_require_keys, speed=speed, turn=turn)
-    with raw_keys() as read_key, _armed(link, timeout, False, check, keep=keep, asked="keys") as robot:
+    from omniwheel.robot import SETPOINT_PERIOD_S
+
+    wanted = DriveOptions(link, timeout, out=out, log=log)
+    check = partial(_require_keys, speed=speed, turn=turn)
+    with raw_keys() as read_key, _armed(wanted, "keys", check) as robot:
         note(KEYS_HELP)
         driver = KeyDriver(speed, turn)
         while driver.take(read_key(), robot.connection.clock()):
             twist = driver.twist(robot.connection.clock())
-            robot.drive_velocity(*twist, duration_s=0.05, stop=False)
+            robot.set_velocity(*twist)
+            robot.pump(SETPOINT_PERIOD_S)
             _check_still_armed(robot)
 
 

@@ -6,28 +6,25 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from hil_sim.image_firmware import ImageFirmware
-from hil_sim.scenario import Scenario, load_scenario
-from hil_sim.sitl import start_sitl
 from omniwheel.cli.common import JsonOption, examples, signals_interrupt
-from omniwheel.cli.run_output import ImageOption, SeedOption
+from omniwheel.cli.options import HostOption, ListenPortOption
+from omniwheel.cli.run_output import ImageOption, RobotOption, SeedOption
 from omniwheel.cli.sitl import (
-    HostOption,
     LinksOption,
-    PortOption,
-    RobotOption,
     ScenarioNameArgument,
     StorageOption,
     WorldRobotOption,
     announce,
 )
-from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.errors import FirmwareEndedError
-from omniwheel.firmware_child import FirmwareChild
+
+if TYPE_CHECKING:
+    from hil_sim.scenario import Scenario
+    from omniwheel.firmware_child import FirmwareChild
 
 EXAMPLES = examples(
     "omni emulate                                # a robot in a simulated world, as omni sitl",
@@ -45,7 +42,7 @@ def emulate(
     scenario_name: ScenarioNameArgument = "sitl",
     robot: RobotOption = None,
     world_robot: WorldRobotOption = None,
-    port: PortOption = 5760,
+    port: ListenPortOption = 5760,
     host: HostOption = "127.0.0.1",
     link: LinksOption = None,
     storage: StorageOption = None,
@@ -66,9 +63,12 @@ def emulate(
     """Run the firmware on an emulated Cortex-M7 (QEMU), in real time, until Ctrl-C: connect to it as to a robot.
 
     A link is a serial port of the board: a second client waits until the first has gone.
-    With --image it is the image for a Teensy, on an emulated one (Unicorn): the world is at its pins, its own
-    parameters hold, and links are its connectors: usb=LINK (also without a name) and uart=LINK.
+    With --image it is the image for a Teensy, on an emulated one (Unicorn). The world is at its pins, and its
+    own parameters hold. Links are its connectors: usb=LINK (also without a name) and uart=LINK.
     """
+    from hil_sim.scenario import load_scenario
+    from hil_sim.sitl import start_sitl
+
     if lockstep and world and image is None:
         raise typer.BadParameter("--lockstep needs --no-world: the world drives the ticks itself")
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
@@ -106,6 +106,8 @@ def _image(
     lockstep: bool,
     json_wanted: bool,
 ) -> NoReturn:
+    from hil_sim.image_firmware import ImageFirmware
+
     with ImageFirmware(
         image,
         scenario.robot.source,
@@ -130,6 +132,8 @@ def _wait_for_end(firmware: FirmwareChild) -> NoReturn:
 def _bare(
     links: Sequence[str], name: str, storage: Path | None, lockstep: bool, json_wanted: bool, values: dict[str, float]
 ) -> NoReturn:
+    from omniwheel.emulated_firmware import EmulatedFirmware
+
     with EmulatedFirmware(links=links, lockstep=lockstep, storage=storage, parameters=values) as firmware:
         announce(firmware.urls, name, "No world: its wheels stand still", json_wanted)
         _wait_for_end(firmware)

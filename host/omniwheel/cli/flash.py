@@ -7,30 +7,21 @@ import shlex
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 
-from hil_sim.image_check.check import SHORT
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.cli.image_check import check_image
 from omniwheel.errors import FlashError
-from omniwheel.flashing.boards import Board, choose_board
 from omniwheel.flashing.hex_file import HexImage, read_hex
-from omniwheel.flashing.loader import (
-    CUT_SHORT,
-    HOW_TO_GET_IT,
-    PROGRAM,
-    enter_bootloader,
-    find_loader,
-    loader_command,
-    require_loader,
-    run_loader,
-)
-from omniwheel.flashing.running import Flashed, wait_for_firmware
 from omniwheel.flashing.source import build
+
+if TYPE_CHECKING:
+    from omniwheel.flashing.boards import Board
+    from omniwheel.flashing.running import Flashed
 
 EXAMPLES = examples(
     "omni flash                         # the three-wheel robot's firmware onto the one Teensy",
@@ -62,7 +53,7 @@ def flash(
             "--robot",
             "-r",
             metavar="NAME|FILE",
-            help="Whose wiring and values are built in. [three_wheel]",
+            help="Whose wiring and values are built in. \\[three_wheel]",
             autocompletion=completion.robots,
         ),
     ] = None,
@@ -83,6 +74,9 @@ def flash(
     Builds in a source checkout; a FILE.hex is uploaded from anywhere. The firmware switches the motors off when the
     upload begins.
     """
+    from omniwheel.flashing.boards import choose_board
+    from omniwheel.flashing.loader import require_loader
+
     if file is not None and (robot or build_only):
         raise typer.BadParameter("a FILE.hex is uploaded as it is: --robot and --build-only are for building")
     uploads = not build_only and not dry_run
@@ -111,6 +105,8 @@ def _from_file(file: Path) -> Program:
 
 
 def _built(robot: str, *, check: bool) -> Program:
+    from hil_sim.image_check.check import SHORT
+
     made = build(robot)
     image = read_hex(made.hex)
     if check:
@@ -120,6 +116,9 @@ def _built(robot: str, *, check: bool) -> Program:
 
 def _dry_run(program: Program, port: str | None, blank: bool) -> dict[str, Any]:
     """Say what an upload would do now; a board or a loader that is missing is a sentence, no error."""
+    from omniwheel.flashing.boards import choose_board
+    from omniwheel.flashing.loader import HOW_TO_GET_IT, PROGRAM, find_loader, loader_command
+
     loader = find_loader()
     command = loader_command(loader or PROGRAM, program.image.path)
     try:
@@ -146,6 +145,9 @@ def _dry_run(program: Program, port: str | None, blank: bool) -> dict[str, Any]:
 
 
 def _upload(program: Program, board: Board, loader: str) -> Flashed:
+    from omniwheel.flashing.loader import CUT_SHORT, enter_bootloader, run_loader
+    from omniwheel.flashing.running import wait_for_firmware
+
     began_s = time.monotonic()
     left = enter_bootloader(board)
     if not left or board.port is None:

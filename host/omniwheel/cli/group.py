@@ -9,15 +9,17 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 import typer
-from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
-from omni_schema import SchemaError
 from omniwheel.cli.command_table import OLD_NAMES, TABLE, Entry, load
-from omniwheel.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, error_console, print_json
+from omniwheel.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, note, print_json
+from omniwheel.cli.completion import take_words_as_they_are
+from omniwheel.cli.front_page import print_front_page
+from omniwheel.cli.old_options import with_new_names
 from omniwheel.errors import OmniError
 from omniwheel.files import write_error
 from omniwheel.paths import MissingFileError
+from omniwheel.stale_build import HINT, stale_build
 
 _SIGNING_KEY = "--signing-key"
 _ENTRIES = {entry.name: entry for entry in TABLE}
@@ -30,6 +32,10 @@ class OmniGroup(TyperGroup):
     """
 
     _listing = False
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        take_words_as_they_are(self)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names in the order of the table."""
@@ -53,7 +59,7 @@ class OmniGroup(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help page."""
         with self._lists():
-            super().format_help(ctx, formatter)
+            print_front_page(self, ctx)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> Any:
         """Return the commands and options that begin so."""
@@ -66,7 +72,11 @@ class OmniGroup(TyperGroup):
             return super().invoke(ctx)
         except OmniError as error:
             raise _reported(ctx, error, error.hint, error.exit_code) from error
-        except SchemaError as error:
+        except ValueError as error:
+            from omni_schema.errors import SchemaError
+
+            if not isinstance(error, SchemaError):
+                raise
             raise _reported(ctx, error, "correct the file and try again", BAD_INPUT) from error
         except MissingFileError as error:
             raise _reported(ctx, error, "", FAILED) from error
@@ -74,8 +84,13 @@ class OmniGroup(TyperGroup):
             if error.errno == errno.EPIPE:  # whoever read it has seen enough
                 raise
             raise _reported(ctx, _of_the_system(error), write_error("", error).hint, FAILED) from error
+        except (ImportError, AttributeError) as error:
+            said = stale_build(error)
+            if said is None:
+                raise
+            raise _reported(ctx, OmniError(said), HINT, FAILED) from error
         except KeyboardInterrupt:
-            error_console.print("interrupted", style="yellow")
+            note("[yellow]interrupted[/]")
             raise typer.Exit(INTERRUPTED) from None
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -86,8 +101,9 @@ class OmniGroup(TyperGroup):
         """Find the command, by its old name, too."""
         new = OLD_NAMES.get(args[0])
         if new is not None:
-            error_console.print(f"omni {args[0]} is now omni {new}; the old name goes away with the next release")
-        return super().resolve_command(ctx, [new or args[0], *args[1:]])
+            note(f"omni {args[0]} is now omni {new}; the old name goes away with the next release")
+        words = with_new_names([new or args[0], *args[1:]], note)
+        return super().resolve_command(ctx, words)
 
 
 def _line_of(entry: Entry) -> TyperCommand:
@@ -109,6 +125,10 @@ def _signing_key_first(args: list[str]) -> list[str]:
 
 
 def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -> typer.Exit:
+    from rich.markup import escape
+
+    from omniwheel.cli.common import error_console
+
     error_console.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
     if hint:
         error_console.print(f"[dim]hint:[/] {escape(hint)}", soft_wrap=True)

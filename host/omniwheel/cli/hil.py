@@ -8,13 +8,11 @@ from typing import Annotated
 
 import typer
 
-from hil_sim.hil import run_hil
 from omniwheel.cli.common import JsonOption, examples, note
+from omniwheel.cli.options import DEFAULT_OUT, OutOption
 from omniwheel.cli.run_output import (
-    DEFAULT_OUT,
     EmulatedOption,
     ImageOption,
-    OutOption,
     PlantOption,
     PresetOption,
     RobotOption,
@@ -56,6 +54,8 @@ def hil(
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
+    from hil_sim.hil import run_hil
+
     if sum((emulated, image is not None, link is not None)) > 1:
         raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
     scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)

@@ -9,15 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from hil_sim.scenario import MAX_SEED
 from omni_schema import Robot
 from omniwheel.cli import completion
 from omniwheel.cli.common import (
@@ -31,15 +28,21 @@ from omniwheel.cli.common import (
     writable_path,
 )
 from omniwheel.cli.negative_numbers import NumberCommand
+from omniwheel.cli.options import ASSIGNMENTS, PLOT, XBEE, BaudOption, OwnSeedOption, stop_after_option, takes
 from omniwheel.errors import LinkUrlError, MocapSourceError, SetpointError
 from omniwheel.frames import Pose
-from omniwheel.host_control.controller import PERIOD_S, HostController, HostControlSettings, host_control_values
-from omniwheel.host_control.loop import SETTLE_S, Goal, HostControlLoop, HostControlRun
-from omniwheel.host_control.pwm_line import DEFAULT_BAUD, FULL_PWM, MOTORS, STOP_LINES, PwmRadio
-from omniwheel.link import Link, open_link, parse_url
-from omniwheel.mocap.source import MocapSource
-from omniwheel.mocap.streams import open_source
+from omniwheel.limits import HOST_CONTROL_DELAY_S, HOST_CONTROL_FULL_PWM, HOST_CONTROL_MOTORS, RADIO_BAUD
 from omniwheel.robots import read_robot
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from omniwheel.host_control.controller import HostControlSettings
+    from omniwheel.host_control.loop import Goal, HostControlRun
+    from omniwheel.host_control.pwm_line import PwmRadio
+    from omniwheel.link import Link
+    from omniwheel.mocap.source import MocapSource
 
 app = typer.Typer(
     help="Drive the original four-wheel robot: the controller runs here, the robot gets pwm1,pwm2,pwm3,pwm4*.",
@@ -54,24 +57,16 @@ RobotOption = Annotated[
     ),
 ]
 SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and cameras are simulated; no hardware.")]
-PortOption = Annotated[
-    str | None, typer.Option("--port", metavar="URL", help="The XBee: /dev/ttyUSB0, COM3 or tcp:HOST:PORT.")
-]
-BaudOption = Annotated[int, typer.Option("--baud", min=1200, help="Baud rate of the XBee.")]
+PortOption = Annotated[str | None, XBEE]
 SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="Poses: vicon:HOST/OBJECT.")]
-ParamOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", "--param", "-p", metavar="NAME=VALUE", help="Change a parameter; repeatable."),
-]
+ParamOption = Annotated[list[str] | None, ASSIGNMENTS]
 PwmMinOption = Annotated[int, typer.Option("--pwm-min", help="PWM below which the wheels stand; compensated.")]
 FullSpeedOption = Annotated[
     float | None, typer.Option("--full-speed", help="Wheel speed at PWM 255 \\[rad/s]. \\[default: the robot file's]")
 ]
 DelayOption = Annotated[float, typer.Option("--delay", help="From sending PWM until the wheels follow \\[s].")]
-DurationOption = Annotated[
-    float, typer.Option("--duration", "-d", "--for", min=0.1, metavar="S", help="Stop then at the latest.")
-]
-PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw path, errors and PWM.")]
+DurationOption = Annotated[float, stop_after_option(0.1)]
+PlotOption = Annotated[Path | None, PLOT]
 StartOption = Annotated[
     tuple[float, float, float],
     typer.Option("--start", help="Where the simulated robot stands: x, y \\[m], theta \\[rad]."),
@@ -79,26 +74,34 @@ StartOption = Annotated[
 DeadBandOption = Annotated[
     float, typer.Option("--dead-band", min=0.0, max=250.0, help="PWM up to which the simulated wheels stand.")
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the simulation.")]
 
 
 @dataclass(frozen=True)
 class _Wanted:
     """The options of a run."""
 
-    robot: str
-    simulate: bool
-    port: str | None
-    baud: int
-    source: str | None
-    param: list[str] | None
-    settings: HostControlSettings
-    plot: Path | None
-    start: tuple[float, float, float]
-    dead_band: float
-    seed: int
-    duration_s: float
-    as_json: bool
+    duration: DurationOption
+    start: StartOption
+    robot: RobotOption = "four_wheel"
+    simulate: SimulateOption = False
+    port: PortOption = None
+    baud: BaudOption = RADIO_BAUD
+    source: SourceOption = None
+    param: ParamOption = None
+    pwm_min: PwmMinOption = 0
+    full_speed: FullSpeedOption = None
+    delay: DelayOption = HOST_CONTROL_DELAY_S
+    plot: PlotOption = None
+    dead_band: DeadBandOption = 0.0
+    seed: OwnSeedOption = 1
+    as_json: JsonOption = False
+
+    @property
+    def settings(self) -> HostControlSettings:
+        """What the controller is told of the robot."""
+        from omniwheel.host_control.controller import HostControlSettings
+
+        return HostControlSettings(self.full_speed, self.pwm_min, self.delay)
 
 
 @app.command(
@@ -106,9 +109,10 @@ class _Wanted:
     cls=NumberCommand,
     epilog=examples(
         "omni host-control pose 0 0 0 --simulate --start 1.2 -0.8 1",
-        "omni host-control pose 0 0 0 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot --pwm-min 60",
+        "omni host-control pose 0 0 0 --link /dev/ttyUSB0 --source vicon:192.168.1.10/robot --pwm-min 60",
     ),
 )
+@takes(_Wanted, duration=60.0, start=(1.2, -0.8, 1.0))
 def pose(
     x: Annotated[float, typer.Argument(help="World x \\[m].")],
     y: Annotated[float, typer.Argument(help="World y \\[m].")],
@@ -116,30 +120,15 @@ def pose(
     tolerance: Annotated[
         float, typer.Option("--tolerance", min=0.0, help="End once this close for a second \\[m]; 0: hold the pose.")
     ] = 0.01,
-    robot: RobotOption = "four_wheel",
-    simulate: SimulateOption = False,
-    port: PortOption = None,
-    baud: BaudOption = DEFAULT_BAUD,
-    source: SourceOption = None,
-    param: ParamOption = None,
-    pwm_min: PwmMinOption = 0,
-    full_speed: FullSpeedOption = None,
-    delay: DelayOption = HostControlSettings.delay_s,
-    duration: DurationOption = 60.0,
-    plot: PlotOption = None,
-    start: StartOption = (1.2, -0.8, 1.0),
-    dead_band: DeadBandOption = 0.0,
-    seed: SeedOption = 1,
-    as_json: JsonOption = False,
+    *,
+    wanted: _Wanted,
 ) -> None:
     """Go to a world pose and stay there. Exit code 1: not there in time."""
-    settings = HostControlSettings(full_speed, pwm_min, delay)
-    wanted = _Wanted(
-        robot, simulate, port, baud, source, param, settings, plot, start, dead_band, seed, duration, as_json
-    )
+    from omniwheel.host_control.loop import Goal
+
     run = _run(wanted, Goal(Pose(x, y, theta), tolerance), {})
     if not run.done and tolerance > 0.0:
-        note(f"not within {tolerance * 1e3:g} mm after {duration:g} s")
+        note(f"not within {tolerance * 1e3:g} mm after {wanted.duration:g} s")
         raise typer.Exit(1)
 
 
@@ -147,35 +136,21 @@ def pose(
     "trajectory",
     epilog=examples(
         "omni host-control trajectory rose --simulate",
-        "omni host-control trajectory circle -p TRJ_SIZE=0.3 --port /dev/ttyUSB0 --source vicon:192.168.1.10/robot",
+        "omni host-control trajectory circle --set TRJ_SIZE=0.3 --link /dev/ttyUSB0 --source vicon:192.168.1.10/robot",
     ),
 )
+@takes(_Wanted, duration=600.0, start=(0.5, 0.0, 0.0))
 def trajectory(
-    type_name: Annotated[str, typer.Argument(metavar="TYPE", help="line, circle, rose, report, random")] = "rose",
-    robot: RobotOption = "four_wheel",
-    simulate: SimulateOption = False,
-    port: PortOption = None,
-    baud: BaudOption = DEFAULT_BAUD,
-    source: SourceOption = None,
-    param: ParamOption = None,
-    pwm_min: PwmMinOption = 0,
-    full_speed: FullSpeedOption = None,
-    delay: DelayOption = HostControlSettings.delay_s,
-    duration: DurationOption = 600.0,
-    plot: PlotOption = None,
-    start: StartOption = (0.5, 0.0, 0.0),
-    dead_band: DeadBandOption = 0.0,
-    seed: SeedOption = 1,
-    as_json: JsonOption = False,
+    type_name: Annotated[str, typer.Argument(metavar="TYPE", help="A value of TRJ_TYPE: rose, circle, ...")] = "rose",
+    *,
+    wanted: _Wanted,
 ) -> None:
     """Follow the path that the TRJ_* parameters describe. Exit code 1: not driven to its end."""
-    settings = HostControlSettings(full_speed, pwm_min, delay)
-    wanted = _Wanted(
-        robot, simulate, port, baud, source, param, settings, plot, start, dead_band, seed, duration, as_json
-    )
+    from omniwheel.host_control.loop import Goal
+
     run = _run(wanted, Goal(), {"TRJ_TYPE": type_name})
     if not run.done:
-        note(f"the path is not finished after {duration:g} s")
+        note(f"the path is not finished after {wanted.duration:g} s")
         raise typer.Exit(1)
 
 
@@ -183,19 +158,22 @@ def trajectory(
     "motor",
     cls=NumberCommand,
     epilog=examples(
-        "omni host-control motor 1 120 --port /dev/ttyUSB0", "omni host-control motor 3 -80 --port COM3 --duration 2"
+        "omni host-control motor 1 120 --link /dev/ttyUSB0", "omni host-control motor 3 -80 --link COM3 --duration 2"
     ),
 )
 def motor(
-    number: Annotated[int, typer.Argument(min=1, max=MOTORS, help="Which motor: its place in the line.")],
-    pwm: Annotated[int, typer.Argument(min=-FULL_PWM, max=FULL_PWM, help="PWM.")],
-    port: Annotated[str, typer.Option("--port", metavar="URL", help="The XBee: /dev/ttyUSB0, COM3, tcp:HOST:PORT.")],
-    baud: BaudOption = DEFAULT_BAUD,
+    number: Annotated[int, typer.Argument(min=1, max=HOST_CONTROL_MOTORS, help="Which motor: its place in the line.")],
+    pwm: Annotated[int, typer.Argument(min=-HOST_CONTROL_FULL_PWM, max=HOST_CONTROL_FULL_PWM, help="PWM.")],
+    port: Annotated[str, XBEE],
+    baud: BaudOption = RADIO_BAUD,
     duration: Annotated[
         float, typer.Option("--duration", "-d", "--for", min=0.1, max=60.0, metavar="S", help="How long.")
     ] = 1.0,
 ) -> None:
     """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
+    from omniwheel.host_control.controller import PERIOD_S
+    from omniwheel.host_control.pwm_line import MOTORS, STOP_LINES, PwmRadio
+
     line = tuple(pwm if place == number else 0 for place in range(1, MOTORS + 1))
     with signals_interrupt(), _radio_link(port, baud) as link:
         radio = PwmRadio(link, time.monotonic, baud=baud)
@@ -214,6 +192,12 @@ def motor(
 
 
 def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> HostControlRun:
+    import numpy as np
+
+    from omniwheel.host_control.controller import HostController, host_control_values
+    from omniwheel.host_control.loop import HostControlLoop
+    from omniwheel.host_control.pwm_line import PwmRadio
+
     if wanted.plot is not None:
         writable_path(wanted.plot, "--plot")
     for name, place in (("--start", wanted.start), ("the pose", goal.pose or ())):
@@ -227,7 +211,7 @@ def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> HostCo
         radio = PwmRadio(link, source.clock, baud=wanted.baud)
         loop = HostControlLoop(controller, source, radio, goal)
         note("driving; Ctrl-C stops the robot", quiet=wanted.as_json)
-        run = loop.run(wanted.duration_s, watch)
+        run = loop.run(wanted.duration, watch)
         seconds = source.clock() - run.started_s
     record, true_poses = run.record(), np.array(truth) if truth else None
     _show(run, radio, seconds, record, true_poses, wanted, goal.pose is None)
@@ -242,11 +226,13 @@ def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> HostCo
 @contextmanager
 def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple[MocapSource, Link, Any]]:
     """Open poses and radio, real or simulated, and what is called at each step."""
+    from omniwheel.mocap.streams import open_source
+
     if wanted.simulate:
         yield _simulation(wanted, robot, truth)
         return
     if not wanted.port:
-        raise LinkUrlError("which radio? --port is missing", hint="e.g. --port /dev/ttyUSB0; --simulate needs none")
+        raise LinkUrlError("which radio? --link is missing", hint="e.g. --link /dev/ttyUSB0; --simulate needs none")
     kind = (wanted.source or "").partition(":")[0]
     if kind != "vicon":
         what = f"--source {wanted.source} does not see the robot" if wanted.source else "--source is missing"
@@ -264,6 +250,8 @@ def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple
 @contextmanager
 def _radio_link(port: str, baud: int) -> Iterator[Link]:
     """Open the radio; ``baud`` is for serial ports that do not name theirs."""
+    from omniwheel.link import open_link, parse_url
+
     plain_serial = parse_url(port).kind == "serial" and "," not in port
     link = open_link(f"{port},{baud}" if plain_serial else port)
     try:
@@ -292,6 +280,11 @@ def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapS
 
 def _rms(error: NDArray[np.float64], moving: bool) -> dict[str, float]:
     """RMS of a pose error: of a path after its first quarter, of a pose over the last second. m, m, rad."""
+    import numpy as np
+
+    from omniwheel.host_control.controller import PERIOD_S
+    from omniwheel.host_control.loop import SETTLE_S
+
     first = int(_SETTLED_FROM * len(error)) if moving else max(0, len(error) - round(SETTLE_S / PERIOD_S))
     turn = np.arctan2(np.sin(error[:, 2]), np.cos(error[:, 2]))
     x, y, theta = np.sqrt(np.mean(np.square(np.column_stack([error[:, :2], turn])[first:]), axis=0))

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from hil_sim.known_robot import SimulatedRobot
 from omni_schema import Robot as RobotFile
 from omniwheel.cli import identify_logs
 from omniwheel.cli.common import (
@@ -26,18 +25,16 @@ from omniwheel.cli.common import (
     signals_interrupt,
     writable_path,
 )
-from omniwheel.identification import excitation
-from omniwheel.identification.dataset import Dataset
-from omniwheel.identification.live import excite
-from omniwheel.identification.model import layout_of
-from omniwheel.identification.motor_steps import MotorSteps, identify_motors
-from omniwheel.identification.physical import Known
-from omniwheel.identification.pipeline import Identification, identify_robot
-from omniwheel.identification.robot_file import write_robot_file
-from omniwheel.identification.sources import read_dataset
-from omniwheel.robot import DEFAULT_TIMEOUT_S
+from omniwheel.cli.options import NameOption, OwnSeedOption, RobotFolderOption
+from omniwheel.limits import DEFAULT_TIMEOUT_S, EXCITATION_S
 from omniwheel.robots import free_robot_path, read_robot
 from omniwheel.tlog import TlogWriter
+
+if TYPE_CHECKING:
+    from omniwheel.identification.dataset import Dataset
+    from omniwheel.identification.motor_steps import MotorSteps
+    from omniwheel.identification.physical import Known
+    from omniwheel.identification.pipeline import Identification
 
 app = typer.Typer(
     help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True
@@ -80,8 +77,9 @@ ValidateOption = Annotated[
     list[Path] | None,
     typer.Option("--validate", metavar="LOG", help="A log to predict, not to fit; repeatable.", show_default=False),
 ]
-NameOption = Annotated[str, typer.Option("--name", metavar="NAME", help="Name of the new robot: NAME.toml.")]
-FolderOption = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where to write NAME.toml.")]
+PartDurationOption = Annotated[
+    float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
+]
 
 
 @app.command(
@@ -100,10 +98,12 @@ def telemetry(
     resistance: ResistanceOption = None,
     motor_constant: ConstantOption = None,
     name: NameOption = "identified",
-    folder: FolderOption = Path(),
+    folder: RobotFolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
     """Identify from telemetry logs: those of `omni identify live --log`, or others with OMNI_SAMPLE at 50 Hz."""
+    from omniwheel.identification.pipeline import identify_robot
+
     base = read_robot(robot)
     found = identify_robot(
         base,
@@ -126,9 +126,7 @@ def telemetry(
 def live(
     robot: RobotOption = "three_wheel",
     link: LinkOption = None,
-    duration: Annotated[
-        float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
-    ] = excitation.DURATION_S,
+    duration: PartDurationOption = EXCITATION_S,
     on_stand: Annotated[
         bool, typer.Option("--on-stand", help="Wheels off the floor: step the motors and only write the --log.")
     ] = False,
@@ -140,11 +138,17 @@ def live(
     resistance: ResistanceOption = None,
     motor_constant: ConstantOption = None,
     name: NameOption = "identified",
-    folder: FolderOption = Path(),
+    folder: RobotFolderOption = Path(),
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
     """Drive circles and spins both ways (Appendix D) with open-loop duty, record, identify. The robot needs room."""
+    from omniwheel.identification import excitation
+    from omniwheel.identification.live import excite
+    from omniwheel.identification.model import layout_of
+    from omniwheel.identification.motor_steps import identify_motors
+    from omniwheel.identification.pipeline import identify_robot
+
     base = read_robot(robot)
     if on_stand and log is None:
         raise typer.BadParameter("--on-stand needs --log OUT.tlog")
@@ -177,17 +181,18 @@ def live(
 )
 def simulate(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="Robot or file to vary.")] = "three_wheel",
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, max=2**31, help="Decides the true parameters and all noise.")
-    ] = 1,
-    duration: Annotated[
-        float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
-    ] = excitation.DURATION_S,
+    seed: OwnSeedOption = 1,
+    duration: PartDurationOption = EXCITATION_S,
     name: NameOption = "identified",
-    folder: FolderOption = Path(),
+    folder: RobotFolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
     """Try it without a robot: identify a simulated one with parameters drawn by chance, and compare with the truth."""
+    from hil_sim.known_robot import SimulatedRobot
+    from omniwheel.identification import excitation
+    from omniwheel.identification.model import layout_of
+    from omniwheel.identification.pipeline import identify_robot
+
     base = read_robot(robot)
     free_robot_path(name, folder)
     simulated = SimulatedRobot.random(base, seed)
@@ -203,6 +208,8 @@ def simulate(
 
 
 def _read(path: Path, base: RobotFile) -> Dataset:
+    from omniwheel.identification.sources import read_dataset
+
     return read_dataset(path, base.parameter_values())
 
 
@@ -210,6 +217,8 @@ def _known(
     base: RobotFile, mass: float | None, resistance: float | None, constant: float | None, stand: Path | None
 ) -> Known:
     """Return what is given, the robot file's numbers for the rest; with a stand, the motor constant is found."""
+    from omniwheel.identification.physical import Known
+
     if constant is None and stand is None:
         constant = float(base.motor["constant_N_m_A"])
     return Known(
@@ -256,6 +265,8 @@ def _finish(
     as_json: bool,
     truth: dict[str, float] | None = None,
 ) -> None:
+    from omniwheel.identification.robot_file import write_robot_file
+
     if as_json:
         print_json(_as_dict(found, write_robot_file(found, name, template, folder), truth))
         return

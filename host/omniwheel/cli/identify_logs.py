@@ -10,15 +10,15 @@ import typer
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.log_options import RobotOption
+from omniwheel.cli.old_options import with_old_key
 from omniwheel.files import write_text
-from omniwheel.logs.log import load_log
 from omniwheel.robots import read_robot
 
 EXAMPLES = examples(
     "omni identify logs run1.npz run2.npz run3.npz --robot nominal.toml --out identified.toml",
     "omni identify logs run?.npz --turn spin1.npz --lifted motor1.npz --robot nominal.toml --out identified.toml",
 )
-REPORT_FILE, PICTURE_FILE = "identification.md", "identification.png"
+PAGE_FILE, PICTURE_FILE = "identification.md", "identification.png"
 
 
 def identify_logs(
@@ -32,24 +32,26 @@ def identify_logs(
     lifted: Annotated[
         list[Path] | None, typer.Option("--lifted", metavar="LOG.npz", help="A log with the wheels in the air.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="DIR", help="Where the report goes. \\[default: beside --out]")
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="DIR", help="Where the page about it goes. \\[default: beside --out]"),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Identify effective radius per wheel and direction, wheel distance and motor curves from foreign logs.
 
     Every run is also dead-reckoned with what the other runs say: that is the figure to trust. Writes the robot file,
-    its calibration beside it, and a report that says what can be trusted.
+    its calibration beside it, and a page that says what can be trusted.
     """
     from omniwheel.identification.log_page import KINDS, study_data, study_page
     from omniwheel.identification.log_plot import draw_study
     from omniwheel.identification.log_robot_file import write_robot_file
     from omniwheel.identification.log_study import identify_from_logs
+    from omniwheel.logs.log import load_log
 
-    folder = report if report is not None else out.parent
+    folder = page if page is not None else out.parent
     if not folder.is_dir():
-        raise typer.BadParameter(f"{folder}: the report needs a folder that exists")
+        raise typer.BadParameter(f"{folder}: the page needs a folder that exists")
     writable_path(out, "the robot file")
     nominal = read_robot(robot)
     runs = [load_log(path) for path in logs]
@@ -59,15 +61,15 @@ def identify_logs(
     )
     robot_file, calibration = write_robot_file(study.whole, robot, out)
     draw_study(study, runs, folder / PICTURE_FILE)
-    write_text(folder / REPORT_FILE, study_page(study, nominal, runs, PICTURE_FILE))
+    write_text(folder / PAGE_FILE, study_page(study, nominal, runs, PICTURE_FILE))
     files = {
         "robot": str(robot_file),
         "calibration": str(calibration),
-        "report": str(folder / REPORT_FILE),
+        "page": str(folder / PAGE_FILE),
         "picture": str(folder / PICTURE_FILE),
     }
     if as_json:
-        print_json({**study_data(study, nominal), "files": files})
+        print_json({**study_data(study, nominal), "files": with_old_key(files, "page")})
         return
     for kind in KINDS:
         console.print(f"{kind.replace('_', ' '):24} {1e3 * study.median_m(kind):6.0f} mm RMS in the median")

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil_sim.image_check.run import outcome_page, run_checks
 from omniwheel.cli.check_image import say_outcome
 from omniwheel.errors import FlashError, MissingPackageError
 
@@ -15,6 +14,8 @@ def check_image(image: Path, robot: str, *, depth: str, without: str = "") -> st
 
     ``without`` says how to do without the check, if that is possible.
     """
+    from hil_sim.image_check.run import outcome_page, run_checks
+
     try:
         outcomes = run_checks(image, robot, depth=depth, done=say_outcome)
     except MissingPackageError as error:

@@ -4,21 +4,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omni_schema import Robot
-from omniwheel.log_sources import KINDS
-from omniwheel.logs.calibration import Calibration, calibration_path, load_calibration
+from omniwheel.limits import LOG_KINDS
 from omniwheel.robots import find_robot_file, read_robot
 
-LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{KINDS}.")]
+if TYPE_CHECKING:
+    from omniwheel.logs.calibration import Calibration
+
+LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{LOG_KINDS}.")]
 RobotOption = Annotated[str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot's name or file.")]
-MappingOption = Annotated[
-    Path | None,
-    typer.Option("--mapping", metavar="FILE", help="Which column of a CSV file is what.", show_default=False),
-]
+MAPPING = typer.Option("--mapping", metavar="FILE", help="Which column of a CSV file is what.", show_default=False)
+MappingOption = Annotated[Path | None, MAPPING]
 TruthOption = Annotated[
     Path | None, typer.Option("--truth", metavar="FILE", help="Ground truth of the run.", show_default=False)
 ]
@@ -35,6 +35,8 @@ def robot_and_calibration(
     name: str, calibration: Path | None, no_calibration: bool
 ) -> tuple[Robot, Calibration | None, Path | None]:
     """Return the robot, its calibration and where that was read from."""
+    from omniwheel.logs.calibration import calibration_path, load_calibration
+
     robot = read_robot(name)
     if no_calibration and calibration is not None:
         raise typer.BadParameter("--calibration and --no-calibration exclude each other")

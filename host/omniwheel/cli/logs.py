@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.log_options import (
+    MAPPING,
     CalibrationOption,
     LogArgument,
     MappingOption,
@@ -20,12 +20,11 @@ from omniwheel.cli.log_options import (
     TruthOption,
     robot_and_calibration,
 )
-from omniwheel.log_sources import open_log
-from omniwheel.logs.alignment import SEARCH_S, align
-from omniwheel.logs.importer import import_log
-from omniwheel.logs.log import WheelLog, load_log, save_log
+from omniwheel.limits import ALIGN_WITHIN_S
 from omniwheel.logs.mapping import read_mapping
-from omniwheel.replay import replay
+
+if TYPE_CHECKING:
+    from omniwheel.logs.log import WheelLog
 
 app = typer.Typer(help="Import, look at and align logs of any robot.", no_args_is_help=True)
 
@@ -35,12 +34,15 @@ _MAPPING = "--mapping omni_reproduce/real_three_wheel/mapping.toml"
 @app.command("import", epilog=examples(f"omni logs import run1.csv {_MAPPING} --truth truth1.csv --out run1.npz"))
 def import_command(
     log: Annotated[Path, typer.Argument(metavar="LOG.csv", help="A CSV file with a header line.")],
-    mapping: Annotated[Path, typer.Option("--mapping", metavar="FILE", help="Which column is what.")],
+    mapping: Annotated[Path, MAPPING],
     out: Annotated[Path, typer.Option("--out", metavar="LOG.npz", help="Where to write the imported log.")],
     truth: TruthOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Read a foreign log with its column mapping, recover counts, reject spikes, unwrap the heading."""
+    from omniwheel.logs.importer import import_log
+    from omniwheel.logs.log import save_log
+
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
     writable_path(out, "the imported log")
@@ -62,6 +64,8 @@ def show(
     log: Annotated[Path, typer.Argument(metavar="LOG.npz", help="An imported log.")], as_json: JsonOption = False
 ) -> None:
     """Show what an imported log holds."""
+    from omniwheel.logs.log import load_log
+
     facts = _facts(load_log(log))
     if as_json:
         print_json(facts)
@@ -80,11 +84,19 @@ def align_command(
     no_calibration: NoCalibrationOption = False,
     search: Annotated[
         float | None,
-        typer.Option("--search", min=0.0, max=60.0, metavar="S", help=f"Largest offset. \\[default: {SEARCH_S:g}]"),
+        typer.Option(
+            "--search", min=0.0, max=60.0, metavar="S", help=f"Largest offset. \\[default: {ALIGN_WITHIN_S:g}]"
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find clock offset, rotation, shift and mirroring between a log's dead-reckoned path and its truth."""
+    import numpy as np
+
+    from omniwheel.log_sources import open_log
+    from omniwheel.logs.alignment import align
+    from omniwheel.replay import replay
+
     model, used, _ = robot_and_calibration(robot, calibration, no_calibration)
     run_log = open_log(log, model, mapping, truth)
     run = replay(run_log, model, used)
@@ -103,6 +115,8 @@ def align_command(
 
 
 def _facts(log: WheelLog) -> dict[str, Any]:
+    import numpy as np
+
     return {
         "name": log.name,
         "duration_s": round(float(log.time_s[-1] - log.time_s[0]), 6),

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,11 +20,19 @@ from omniwheel.cli.common import (
     print_json,
     writable_path,
 )
-from omniwheel.mocap.bridge import MESSAGES, Bridge, BridgeCounts, BridgeSettings
-from omniwheel.mocap.recorded import RecordingWriter
-from omniwheel.mocap.source import MocapSource
-from omniwheel.mocap.streams import open_source
-from omniwheel.robot import DEFAULT_TIMEOUT_S
+from omniwheel.cli.options import ForceOption, OwnSeedOption
+from omniwheel.limits import (
+    DEFAULT_TIMEOUT_S,
+    MOCAP_BUDGET_BYTES_S,
+    MOCAP_MAX_AGE_S,
+    MOCAP_MESSAGES,
+    MOCAP_RATE_HZ,
+)
+
+if TYPE_CHECKING:
+    from omniwheel.mocap.bridge import BridgeCounts
+    from omniwheel.mocap.recorded import RecordingWriter
+    from omniwheel.mocap.source import MocapSource
 
 app = typer.Typer(help="Send motion-capture poses to a robot, or record them.", no_args_is_help=True)
 _SLICE_S = 0.25
@@ -51,22 +59,25 @@ DurationOption = Annotated[
 def bridge(
     source: SourceOption,
     message: Annotated[
-        str, typer.Option("--as", metavar="KIND", help=f"Message to send: {' or '.join(MESSAGES)}.")
-    ] = BridgeSettings.message,
-    rate: Annotated[float, typer.Option("--rate", help="Most fixes per second.")] = BridgeSettings.rate_Hz,
+        str, typer.Option("--as", metavar="KIND", help=f"Message to send: {' or '.join(MOCAP_MESSAGES)}.")
+    ] = MOCAP_MESSAGES[0],
+    rate: Annotated[float, typer.Option("--rate", help="Most fixes per second.")] = MOCAP_RATE_HZ,
     budget: Annotated[
         float, typer.Option("--budget", help="Bytes per second the bridge may send; the default is half of 9600 baud.")
-    ] = BridgeSettings.budget_bytes_s,
+    ] = MOCAP_BUDGET_BYTES_S,
     max_age: Annotated[
         float, typer.Option("--max-age", help="Poses older than this are not sent \\[s].")
-    ] = BridgeSettings.max_age_s,
+    ] = MOCAP_MAX_AGE_S,
     duration: DurationOption = math.inf,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulated stream.")] = 1,
+    seed: OwnSeedOption = 1,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
     """Send poses to a robot as pose fixes, stamped in its own time, within the radio's budget."""
+    from omniwheel.mocap.bridge import Bridge, BridgeSettings
+    from omniwheel.mocap.streams import open_source
+
     settings = BridgeSettings(message, rate, budget, max_age)
     url = link_url(link)
     stream = open_source(source, seed=seed, timeout_s=timeout)
@@ -115,12 +126,15 @@ def record(
     out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="One pose per line.")],
     source: SourceOption,
     duration: DurationOption = math.inf,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulated stream.")] = 1,
+    force: ForceOption = False,
+    seed: OwnSeedOption = 1,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
     """Record a stream of poses; --source recorded:FILE replays it."""
+    from omniwheel.mocap.recorded import RecordingWriter
+    from omniwheel.mocap.streams import open_source
+
     writable_path(out, "record")
     if out.exists() and not force:
         raise typer.BadParameter(f"{out} exists already; choose another name or give --force")

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Group, RenderableType
@@ -14,15 +14,26 @@ from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
 
-from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, open_robot, print_json
-from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
-from omniwheel.status import RobotStatus
+from omniwheel.cli.common import (
+    WARNING_SEVERITY,
+    JsonOption,
+    LinkOption,
+    TimeoutOption,
+    console,
+    examples,
+    open_robot,
+    print_json,
+)
+from omniwheel.limits import DEFAULT_TIMEOUT_S
+
+if TYPE_CHECKING:
+    from omniwheel.robot import Robot
+    from omniwheel.status import RobotStatus
 
 EXAMPLES = examples("omni monitor --link tcp:127.0.0.1:5760", "omni monitor --once --json")
 _REFRESH_S = 0.1
 _SILENT_S = 2.5
 _STATE_STYLES = {"armed": "bold green", "disarmed": "cyan", "failsafe": "bold red", "estop": "bold red"}
-_WARNING_SEVERITY = 4
 _SHOWN_TEXTS = 4
 
 
@@ -135,6 +146,6 @@ def _loop_line(status: RobotStatus) -> str:
 def _texts(robot: Robot) -> str:
     lines = []
     for text in robot.texts.all[-_SHOWN_TEXTS:]:
-        style = "yellow" if text.severity <= _WARNING_SEVERITY else "dim"
+        style = "yellow" if text.severity <= WARNING_SEVERITY else "dim"
         lines.append(f"[{style}]{escape(text.text)}[/]")
     return "\n".join(lines)

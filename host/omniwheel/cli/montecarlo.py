@@ -4,30 +4,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil_sim.studies import montecarlo as study
+from hil_sim.limits import DEFAULT_BATCH
 from hil_sim.studies.figures import FIGURES, known_figure
-from hil_sim.studies.plan import DEFAULT_BATCH
-from omniwheel.cli.common import JsonOption, console, examples, note, print_json
-from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, SetOption, scenario_help
+from omniwheel.cli.common import console, examples, note, print_json
+from omniwheel.cli.options import takes
+from omniwheel.cli.run_output import ScenarioArgument, scenario_help
 from omniwheel.cli.study_output import (
-    BatchOption,
-    ClusterOption,
-    DurationOption,
-    FreshOption,
-    StudyOutOption,
+    StudyOptions,
     StudyProgress,
-    WorkersOption,
     print_end,
     print_table,
     study_folder,
     study_pool,
     study_progress,
-    study_scenario,
 )
+
+if TYPE_CHECKING:
+    from hil_sim.studies import montecarlo as study
 
 EXAMPLES = examples(
     "omni montecarlo demo --runs 1000",
@@ -36,46 +33,39 @@ EXAMPLES = examples(
 )
 
 
+@takes(StudyOptions, runs=1000, batch=DEFAULT_BATCH)
 def montecarlo(
     scenario_name: ScenarioArgument = "demo",
-    runs: Annotated[int, typer.Option("--runs", help="How many seeds.")] = 1000,
-    seed: SeedOption = None,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    batch: BatchOption = DEFAULT_BATCH,
     worst: Annotated[int, typer.Option("--worst", min=0, max=1000, help="How many of the worst runs to keep.")] = 5,
     worst_by: Annotated[
         str, typer.Option("--worst-by", metavar="FIGURE", help=f"What makes a run bad: {', '.join(FIGURES)}.")
     ] = "position_m",
-    settings: SetOption = None,
-    duration: DurationOption = None,
-    plant: PlantOption = None,
-    preset: PresetOption = None,
-    out: StudyOutOption = None,
-    fresh: FreshOption = False,
-    json_wanted: JsonOption = False,
+    *,
+    wanted: StudyOptions,
 ) -> None:
     """Run a scenario with very many seeds: what to expect, how sure that is, and the worst runs to look at again.
 
     The numbers depend on the scenario and its seeds alone, not on workers, cluster or interruptions. Interrupted, the
     same command goes on; with a larger --runs it adds to what is there.
     """
-    scenario = study_scenario(scenario_name, plant, preset, settings, duration)
+    from hil_sim.studies import montecarlo as study
+
+    scenario = wanted.scenario(scenario_name)
     known_figure(worst_by)
     if worst_by not in FIGURES:
         raise typer.BadParameter(f"--worst-by {worst_by}: choose one of {', '.join(FIGURES)}")
-    first_seed = scenario.seed if seed is None else seed
-    plan = study.Plan(scenario, runs, first_seed, batch, worst, worst_by)
-    path = study_folder(out, scenario, "montecarlo")
-    note(scenario.description, quiet=json_wanted)
+    first_seed = wanted.first_seed(scenario)
+    plan = study.Plan(scenario, wanted.runs, first_seed, wanted.batch, worst, worst_by)
+    path = study_folder(wanted.out, scenario, "montecarlo")
+    note(scenario.description, quiet=wanted.json_wanted)
     with (
-        study_pool(workers, cluster) as pool,
-        study.open_study(plan, path, fresh=fresh) as folder,
-        study_progress(scenario.name, runs, path, json_wanted) as progress,
+        study_pool(wanted.workers, wanted.cluster) as pool,
+        study.open_study(plan, path, fresh=wanted.fresh) as folder,
+        study_progress(scenario.name, wanted.runs, path, wanted.json_wanted) as progress,
     ):
         outcome = study.run_study(plan, folder, pool, progress)
         _draw(plan, outcome, folder.path)
-    if json_wanted:
+    if wanted.json_wanted:
         print_json({**outcome.summary, "folder": str(path)})
     else:
         _print(outcome, progress, str(path))
@@ -85,11 +75,12 @@ montecarlo.__doc__ = f"{montecarlo.__doc__}\n\n    {scenario_help()}\n    "
 
 
 def _draw(plan: study.Plan, outcome: study.Outcome, path: Path) -> None:
+    from hil_sim.studies import montecarlo as study
     from hil_sim.studies.montecarlo_picture import draw_montecarlo  # here, not above: matplotlib takes a second
-    from hil_sim.studies.tables import REPORT_FILE, write_montecarlo_page
+    from hil_sim.studies.tables import PAGE_FILE, write_montecarlo_page
 
     draw_montecarlo(plan, outcome, path / study.PICTURE_FILE)
-    write_montecarlo_page(outcome.summary, study.PICTURE_FILE, path / REPORT_FILE)
+    write_montecarlo_page(outcome.summary, study.PICTURE_FILE, path / PAGE_FILE)
 
 
 def _print(outcome: study.Outcome, progress: StudyProgress, folder: str) -> None:

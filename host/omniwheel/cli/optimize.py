@@ -3,30 +3,27 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil_sim.studies import optimize as study
-from hil_sim.studies.figures import FIGURES, parse_constraint, parse_number
-from hil_sim.studies.space import parse_axes
+from hil_sim.limits import SAMPLERS
+from hil_sim.studies.figures import FIGURES
 from omniwheel import parameter_file
-from omniwheel.cli.common import JsonOption, console, examples, note, print_json
-from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, SetOption, scenario_help
+from omniwheel.cli.common import console, examples, note, print_json
+from omniwheel.cli.options import takes
+from omniwheel.cli.run_output import ScenarioArgument, scenario_help
 from omniwheel.cli.study_output import (
-    BatchOption,
-    ClusterOption,
-    DurationOption,
-    FreshOption,
-    StudyOutOption,
+    StudyOptions,
     StudyProgress,
-    WorkersOption,
     print_table,
     study_folder,
     study_pool,
     study_progress,
-    study_scenario,
 )
+
+if TYPE_CHECKING:
+    from hil_sim.studies import optimize as study
 
 EXAMPLES = examples(
     "omni optimize no_slip --param ISMC_LAM_XY=1:30:log --param ISMC_LAM_TH=1:30:log --trials 50 --runs 16",
@@ -36,6 +33,7 @@ BATCH = 8
 """Runs of a batch: small, because the next trial has to wait for all of this one's."""
 
 
+@takes(StudyOptions, runs=16, batch=BATCH)
 def optimize(
     scenario_name: ScenarioArgument,
     param: Annotated[
@@ -66,51 +64,45 @@ def optimize(
         ),
     ] = None,
     trials: Annotated[int, typer.Option("--trials", min=1, max=100_000, help="Parameter sets to try.")] = 100,
-    runs: Annotated[int, typer.Option("--runs", help="Runs of each, the same seeds every time.")] = 16,
     sampler: Annotated[
-        str, typer.Option("--sampler", metavar="|".join(study.SAMPLERS), help="How the next set is chosen.")
+        str, typer.Option("--sampler", metavar="|".join(SAMPLERS), help="How the next set is chosen.")
     ] = "tpe",
-    seed: SeedOption = None,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    batch: BatchOption = BATCH,
-    settings: SetOption = None,
-    duration: DurationOption = None,
-    plant: PlantOption = None,
-    preset: PresetOption = None,
-    out: StudyOutOption = None,
-    fresh: FreshOption = False,
-    json_wanted: JsonOption = False,
+    *,
+    wanted: StudyOptions,
 ) -> None:
     """Search the parameters that make a number of many runs smallest; check them on seeds that the search never saw.
 
     Writes best.toml, a parameter file for --preset and for omni params load; no robot is touched. A parameter set that
     the control core refuses counts as one that breaks a constraint. Interrupted, the same command goes on.
     """
-    scenario = study_scenario(scenario_name, plant, preset, settings, duration)
+    from hil_sim.studies import optimize as study
+    from hil_sim.studies.figures import parse_constraint, parse_number
+    from hil_sim.studies.space import parse_axes
+
+    scenario = wanted.scenario(scenario_name)
     plan = study.Plan(
         scenario=scenario,
         axes=parse_axes(param, scenario.robot.table),
         minimise=parse_number(minimise),
         constraints=tuple(parse_constraint(text) for text in constraint or ()),
         trials=trials,
-        runs=runs,
-        first_seed=scenario.seed if seed is None else seed,
-        batch_runs=batch,
+        runs=wanted.runs,
+        first_seed=wanted.first_seed(scenario),
+        batch_runs=wanted.batch,
         sampler=sampler,
     )
-    path = study_folder(out, scenario, "optimize")
-    note(scenario.description, quiet=json_wanted)
+    path = study_folder(wanted.out, scenario, "optimize")
+    note(scenario.description, quiet=wanted.json_wanted)
     with (
-        study_pool(workers, cluster) as pool,
-        study.open_study(plan, path, fresh=fresh) as folder,
-        study_progress(scenario.name, (trials + 2) * runs, path, json_wanted) as progress,
+        study_pool(wanted.workers, wanted.cluster) as pool,
+        study.open_study(plan, path, fresh=wanted.fresh) as folder,
+        study_progress(scenario.name, (trials + 2) * wanted.runs, path, wanted.json_wanted) as progress,
     ):
         outcome = study.run_study(plan, folder, pool, progress, _teller(plan, progress))
         from hil_sim.studies.optimize_picture import draw_history  # here, not above: matplotlib takes a second
 
         draw_history(plan, outcome, path / study.PICTURE_FILE)
-    if json_wanted:
+    if wanted.json_wanted:
         print_json({**study.document(plan, outcome), "folder": str(path)})
     else:
         _print(plan, outcome, progress, str(path))
@@ -130,6 +122,8 @@ def _teller(plan: study.Plan, progress: StudyProgress) -> study.Told:
 
 
 def _print(plan: study.Plan, outcome: study.Outcome, progress: StudyProgress, folder: str) -> None:
+    from hil_sim.studies import optimize as study
+
     before, after = outcome.before, outcome.after
     table = plan.scenario.robot.table
     rows = [

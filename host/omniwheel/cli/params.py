@@ -3,42 +3,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
+from rich.padding import Padding
 from rich.progress import Progress
 from rich.table import Table
 
 from omni_schema import Parameter, ParameterTable
 from omniwheel import parameter_file
-from omniwheel.cli import completion
+from omniwheel.cli import completion, params_history
 from omniwheel.cli.common import (
     JsonOption,
-    LinkOption,
-    TimeoutOption,
+    WhyOption,
     console,
     error_console,
     examples,
+    keep_history,
     note,
-    open_robot,
     parse_assignments,
     print_json,
     writable_path,
 )
+from omniwheel.cli.options import takes
+from omniwheel.cli.params_output import StoreOption, keep_over_restart, print_changes
+from omniwheel.cli.robot_options import RobotOptions
 from omniwheel.errors import UnknownParameterError
 from omniwheel.parameter_file import format_value, shortest
-from omniwheel.parameters import Parameters, checked_value
 from omniwheel.presets import Preset, find_parameter_file, preset_names, read_preset
-from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
 from omniwheel.robots import is_robot_file, parameter_table, read_robot, robot_names
+
+if TYPE_CHECKING:
+    from omniwheel.parameters import Parameters
+    from omniwheel.robot import Robot
 
 app = typer.Typer(help="Read, set, save and compare the robot's parameters.", no_args_is_help=True)
 
-Changes = Mapping[str, tuple[float, float]]
-StoreOption = Annotated[bool, typer.Option("--store", help="Keep the change over a restart (only while disarmed).")]
+app.command("history", epilog=params_history.HISTORY_EXAMPLES)(params_history.history)
+app.command("undo", epilog=params_history.UNDO_EXAMPLES)(params_history.undo)
 _LINK = "--link tcp:127.0.0.1:5760"
 
 
@@ -66,15 +71,15 @@ def _description(info: Parameter) -> dict[str, Any]:
 
 
 def _row(parameters: Parameters, name: str, value: float) -> list[str]:
+    """Return name, value, unit, what is allowed, default, meaning; a value that is not the default is bold."""
     info = parameters.info(name)
     if info is None:
         return [name, format_value(None, value), "", "", "", "unknown to this version of omniwheel"]
     allowed = ", ".join(info.values) or f"{info.minimum:.7g} … {info.maximum:.7g}"
     shown = format_value(info, value)
-    changed = value != info.default
     return [
         name,
-        f"[bold]{shown}[/]" if changed else shown,
+        f"[bold]{shown}[/]" if value != info.default else shown,
         escape(info.unit),
         allowed,
         format_value(info, info.default),
@@ -82,60 +87,54 @@ def _row(parameters: Parameters, name: str, value: float) -> list[str]:
     ]
 
 
-def _table(parameters: Parameters, values: Mapping[str, float]) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
+def _print_short(rows: Sequence[Sequence[str]]) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False, collapse_padding=True)
     for title, style in (("name", "cyan"), ("value", ""), ("unit", "dim"), ("allowed", "dim"), ("default", "dim")):
-        table.add_column(title, style=style, no_wrap=title in ("name", "value"))
-    table.add_column("meaning", overflow="fold")
-    for name, value in values.items():
-        table.add_row(*_row(parameters, name, value))
-    return table
+        table.add_column(title, style=style, no_wrap=title != "allowed")
+    for row in rows:
+        table.add_row(*row[:5])
+    console.print(table)
 
 
-def _print_changes(parameters: Parameters, changes: Changes, before: str, after: str, as_json: bool) -> None:
-    if as_json:
-        print_json({name: {before: shortest(old), after: shortest(new)} for name, (old, new) in changes.items()})
-        return
-    if not changes:
-        console.print("no difference")
-    for name, (old, new) in changes.items():
-        info = parameters.info(name)
-        console.print(f"[cyan]{name}[/]  {format_value(info, old)} → [bold]{format_value(info, new)}[/]")
+def _print_long(rows: Sequence[Sequence[str]]) -> None:
+    for name, value, unit, allowed, default, meaning in rows:
+        console.print(f"[cyan]{name}[/] = {value} {unit}".rstrip())
+        if allowed:
+            console.print(Padding(f"[dim]allowed: {allowed}; default: {default}[/]", (0, 0, 0, 4)))
+        console.print(Padding(meaning, (0, 0, 0, 4)))
 
 
-def _keep(robot: Robot, wanted: bool, quiet: bool) -> None:
-    if wanted:
-        robot.store()
-        note("stored", quiet=quiet)
-
-
-@app.command("list", epilog=examples(f"omni params list {_LINK}", "omni params list ISMC", "omni params list --json"))
+@app.command(
+    "list", epilog=examples(f"omni params list {_LINK}", "omni params list ISMC --long", "omni params list --json")
+)
+@takes(RobotOptions)
 def list_parameters(
     filter_text: Annotated[str, typer.Argument(metavar="[TEXT]", help="Only names that contain this.")] = "",
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    as_json: JsonOption = False,
+    long: Annotated[bool, typer.Option("--long", help="Also what each one means.")] = False,
+    *,
+    wanted: RobotOptions,
 ) -> None:
-    """Show parameters with unit, range, default and meaning; values that differ from the default are bold."""
-    with open_robot(link, timeout_s=timeout) as robot:
-        values = {n: v for n, v in _download(robot, as_json).items() if filter_text.upper() in n}
-        if as_json:
+    """Show parameters with unit, range and default; values that differ from the default are bold."""
+    with wanted.open() as robot:
+        values = {n: v for n, v in _download(robot, wanted.as_json).items() if filter_text.upper() in n}
+        if wanted.as_json:
             print_json({name: _described(robot.parameters, name, value) for name, value in values.items()})
         else:
-            console.print(_table(robot.parameters, values))
+            rows = [_row(robot.parameters, name, value) for name, value in values.items()]
+            (_print_long if long else _print_short)(rows)
 
 
 @app.command("get", epilog=examples("omni params get ISMC_LAM_XY", "omni params get WHEELS TRJ_TYPE --json"))
+@takes(RobotOptions)
 def get(
     names: Annotated[list[str], typer.Argument(help="Parameter names.", autocompletion=completion.parameters)],
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    as_json: JsonOption = False,
+    *,
+    wanted: RobotOptions,
 ) -> None:
     """Read parameters from the robot."""
-    with open_robot(link, timeout_s=timeout) as robot:
+    with wanted.open() as robot:
         values = {name.upper(): robot.parameters[name.upper()] for name in names}
-        if as_json:
+        if wanted.as_json:
             print_json({name: shortest(value) for name, value in values.items()})
             return
         for name, value in values.items():
@@ -145,48 +144,53 @@ def get(
 @app.command(
     "set", epilog=examples("omni params set ISMC_LAM_XY=15 ISMC_LAM_TH=15", "omni params set CTL_MODE=pid --store")
 )
+@takes(RobotOptions)
 def set_parameters(
     assignments: Annotated[
         list[str],
         typer.Argument(metavar="NAME=VALUE...", help="All are set, or none.", autocompletion=completion.assignments),
     ],
     store: StoreOption = False,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    as_json: JsonOption = False,
+    why: WhyOption = "",
+    *,
+    wanted: RobotOptions,
 ) -> None:
     """Set parameters and wait until the robot has confirmed each. Exit code 1: refused, nothing changed."""
+    from omniwheel.parameters import checked_value
+
     values = parse_assignments(assignments)
     table = parameter_table()
     for name, value in values.items():
         checked_value(table, name, value)
-    with open_robot(link, timeout_s=timeout) as robot:
+    with wanted.open() as robot:
+        keep_history(robot, why)
         old = {name: robot.parameters[name] for name in values}
         robot.parameters.set_many(values)
-        _keep(robot, store, as_json)
+        keep_over_restart(robot, store, wanted.as_json)
         changes = {name: (old[name], robot.parameters[name]) for name in values}
-        _print_changes(robot.parameters, changes, "before", "after", as_json)
+        print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 
 @app.command("save", epilog=examples("omni params save mine.toml", f"omni params save mine.toml {_LINK}"))
+@takes(RobotOptions)
 def save(
     file: Annotated[Path, typer.Argument(help="TOML file to write.")],
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    as_json: JsonOption = False,
+    *,
+    wanted: RobotOptions,
 ) -> None:
     """Save all parameters as a commented TOML file."""
     writable_path(file, "save")
-    with open_robot(link, timeout_s=timeout) as robot:
-        values = _download(robot, as_json)
+    with wanted.open() as robot:
+        values = _download(robot, wanted.as_json)
         robot.parameters.save(file)
-    if as_json:
+    if wanted.as_json:
         print_json({"file": str(file), "parameters": len(values)})
     else:
         console.print(f"{len(values)} parameters saved to {file}")
 
 
 @app.command("load", epilog=examples("omni params load mine.toml --store", "omni params load report_torque"))
+@takes(RobotOptions)
 def load(
     file: Annotated[
         str,
@@ -197,18 +201,19 @@ def load(
         ),
     ],
     store: StoreOption = False,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    as_json: JsonOption = False,
+    why: WhyOption = "",
+    *,
+    wanted: RobotOptions,
 ) -> None:
     """Set the parameters of a file or preset, all or none, and show what changed."""
     path = find_parameter_file(file)
     parameter_file.read(path, parameter_table())
-    with open_robot(link, timeout_s=timeout) as robot:
-        _download(robot, as_json)
+    with wanted.open() as robot:
+        keep_history(robot, why)
+        _download(robot, wanted.as_json)
         changes = robot.parameters.load(path)
-        _keep(robot, store, as_json)
-        _print_changes(robot.parameters, changes, "before", "after", as_json)
+        keep_over_restart(robot, store, wanted.as_json)
+        print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 
 @app.command("presets", epilog=examples("omni params presets", "omni params presets report_ismc --json"))
@@ -224,7 +229,8 @@ def presets(
         return
     shown = Table(box=None, header_style="bold", pad_edge=False)
     for title in ("parameter", "value", "unit", "meaning") if name else ("preset", "description", "from"):
-        shown.add_column(title, style="cyan" if title in ("preset", "parameter") else "")
+        first = title in ("preset", "parameter")
+        shown.add_column(title, style="cyan" if first else "", no_wrap=first)
     for preset in chosen:
         if name is None:
             shown.add_row(preset.name, escape(preset.description), escape(preset.source))
@@ -253,6 +259,7 @@ def _compared(name: str | None, table: ParameterTable) -> tuple[Mapping[str, flo
 
 
 @app.command("diff", epilog=examples("omni params diff three_wheel", "omni params diff mine.toml", "omni params diff"))
+@takes(RobotOptions)
 def diff(
     file: Annotated[
         str | None,
@@ -262,9 +269,8 @@ def diff(
             autocompletion=completion.robots,
         ),
     ] = None,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    as_json: JsonOption = False,
+    *,
+    wanted: RobotOptions,
 ) -> None:
     """Show where the robot differs from its robot file, another file, or the defaults (robot → file).
 
@@ -272,34 +278,38 @@ def diff(
     it with its robot file to see what was tuned. Exit code 1: it differs.
     """
     other, what = _compared(file, parameter_table())
-    note(f"compared with {what}", quiet=as_json)
-    with open_robot(link, timeout_s=timeout) as robot:
-        _download(robot, as_json)
+    note(f"compared with {what}", quiet=wanted.as_json)
+    with wanted.open() as robot:
+        _download(robot, wanted.as_json)
         changes = robot.parameters.diff(other)
-        _print_changes(robot.parameters, changes, "robot", "file" if file else "default", as_json)
+        print_changes(robot.parameters, changes, "robot", "file" if file else "default", wanted.as_json)
     if changes:
         raise typer.Exit(1)
 
 
 @app.command("reset", epilog=examples("omni params reset --store", "omni params reset ISMC_LAM_XY"))
+@takes(RobotOptions)
 def reset(
     names: Annotated[list[str] | None, typer.Argument(help="Only these, to the defaults of params.toml.")] = None,
     store: StoreOption = False,
-    link: LinkOption = None,
-    timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
-    as_json: JsonOption = False,
+    why: WhyOption = "",
+    *,
+    wanted: RobotOptions,
 ) -> None:
     """Set all parameters back to the robot's own file, or the named ones to their defaults."""
-    with open_robot(link, timeout_s=timeout) as robot:
-        before = _download(robot, as_json)
+    with wanted.open() as robot:
+        keep_history(robot, why)
+        before = _download(robot, wanted.as_json)
         if names:
             robot.parameters.set_many({name: _default(robot, name) for name in map(str.upper, names)})
         else:
             robot.reset_parameters()
-        after = _download(robot, as_json)
-        _keep(robot, store, as_json)
+        after = _download(robot, wanted.as_json)
         changes = {name: (before[name], after[name]) for name in after if before.get(name) != after[name]}
-        _print_changes(robot.parameters, changes, "before", "after", as_json)
+        if not names:
+            robot.parameters.report_changes(changes)
+        keep_over_restart(robot, store, wanted.as_json)
+        print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 
 def _default(robot: Robot, name: str) -> float:

@@ -8,14 +8,10 @@ from typing import Annotated
 
 import typer
 
-from hil_sim.summary import REPORT_FILE
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.old_options import with_old_key
 from omniwheel.cli.run_output import RunFolderError
-from omniwheel.drive_log import draw_telemetry, read_record
-from omniwheel.drive_log.folder import DRIVE_FILE, TLOG_FILE
-from omniwheel.drive_log.picture import in_words
 from omniwheel.errors import OmniError
-from omniwheel.logs.run_folder import load_run
 
 EXAMPLES = examples(
     "omni plot runs/demo-seed1", "omni plot runs/demo-seed1 --out demo.png", "omni plot drive.tlog --out drive.png"
@@ -25,7 +21,8 @@ EXAMPLES = examples(
 def plot(
     run: Annotated[Path, typer.Argument(metavar="RUN|FILE.tlog", help="A run's folder, or a telemetry log.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: report.png of the run]")
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: run.png in the run's folder]"),
     ] = None,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -33,6 +30,10 @@ def plot(
 
     A log of any program with our robot's messages will do: omni record, omni drive, MAVProxy.
     """
+    from hil_sim.summary import PICTURE_FILE
+    from omniwheel.drive_log.folder import DRIVE_FILE, TLOG_FILE
+    from omniwheel.logs.run_folder import load_run
+
     log = run / TLOG_FILE if run.is_dir() and (run / DRIVE_FILE).is_file() else run
     if log.suffix == ".tlog":
         _plot_log(log, out, json_wanted)
@@ -42,7 +43,7 @@ def plot(
     except (OSError, ValueError, KeyError) as error:
         hint = "give the folder of a run, as printed by omni demo, hil and sim"
         raise RunFolderError(f"{run} is not a run: {error}", hint=hint) from error
-    target = writable_path(out, "the picture") if out is not None else run / REPORT_FILE
+    target = writable_path(out, "the picture") if out is not None else run / PICTURE_FILE
     from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import
 
     try:
@@ -52,17 +53,23 @@ def plot(
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
         raise RunFolderError(f"{run} holds another kind of run: {error!r}", hint="run it again") from error
     if json_wanted:
-        print_json({"report": str(target)})
+        print_json(with_old_key({"picture": str(target)}, "picture"))
     else:
         console.print(str(target))
 
 
 def _plot_log(log: Path, out: Path | None, json_wanted: bool) -> None:
+    from hil_sim.summary import PICTURE_FILE
+    from omniwheel.drive_log import draw_telemetry, read_record
+    from omniwheel.drive_log.folder import TLOG_FILE
+    from omniwheel.drive_log.picture import in_words
+
     record = read_record(log)
-    beside = log.with_name(REPORT_FILE) if log.name == TLOG_FILE else log.with_suffix(".png")
+    beside = log.with_name(PICTURE_FILE) if log.name == TLOG_FILE else log.with_suffix(".png")
     target = beside if out is None else writable_path(out, "the picture")
     draw_telemetry(record, log.stem if log.name != TLOG_FILE else log.parent.name, target)
     if json_wanted:
-        print_json({"report": str(target), "numbers": record.numbers(), "events": len(record.events)})
+        document = {"picture": str(target), "numbers": record.numbers(), "events": len(record.events)}
+        print_json(with_old_key(document, "picture"))
     else:
         console.print(f"{target}: {in_words(record.numbers())}")

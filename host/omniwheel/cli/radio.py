@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniwheel import signing
 from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, open_robot, print_json
-from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot
-from omniwheel.telemetry import SigningStatus
+from omniwheel.limits import DEFAULT_TIMEOUT_S
+
+if TYPE_CHECKING:
+    from omniwheel.robot import Robot
+    from omniwheel.telemetry import SigningStatus
 
 app = typer.Typer(help="The robot's radio: its signing key.", no_args_is_help=True)
 key_app = typer.Typer(
@@ -32,6 +34,8 @@ _STATES = {
 @key_app.command("new", epilog=examples("omni radio key new ~/robot.key"))
 def new(file: FileArgument, as_json: JsonOption = False) -> None:
     """Make a random key and write it to a new file."""
+    from omniwheel import signing
+
     key = signing.new_key_file(file)
     if as_json:
         print_json({"file": str(file), "fingerprint": signing.fingerprint(key)})
@@ -44,6 +48,8 @@ def set_key(
     file: FileArgument, link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, as_json: JsonOption = False
 ) -> None:
     """Give the robot this key, over USB and while it is disarmed. From then on its radio wants signed frames."""
+    from omniwheel import signing
+
     key = signing.read_key_file(file)
     with open_robot(link, timeout_s=timeout) as robot:
         robot.setup_signing(key)
@@ -68,6 +74,8 @@ def show(
     as_json: JsonOption = False,
 ) -> None:
     """Show the fingerprint of the robot's key and what its radio has refused, or the fingerprint of a file's key."""
+    from omniwheel import signing
+
     if file is not None:
         mark = signing.fingerprint(signing.read_key_file(file))
         if as_json:

@@ -19,8 +19,9 @@ from omniwheel.cli.common import (
     print_json,
     writable_path,
 )
+from omniwheel.cli.options import ForceOption
 from omniwheel.errors import LinkLostError, OmniError, OutputFileError
-from omniwheel.robot import DEFAULT_TIMEOUT_S
+from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.tlog import TlogWriter
 
 EXAMPLES = examples("omni record run.tlog", "omni record run.tlog --duration 60 --link tcp:127.0.0.1:5760")
@@ -32,7 +33,7 @@ def record(
     duration: Annotated[
         float, typer.Option("--duration", "-d", min=0.0, metavar="S", help="Default: until Ctrl-C.", show_default=False)
     ] = math.inf,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    force: ForceOption = False,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,

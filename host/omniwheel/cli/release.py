@@ -13,7 +13,6 @@ import hashlib
 import sys
 from pathlib import Path
 
-from hil_sim.image_check.check import CI, DEPTHS
 from omniwheel import __version__
 from omniwheel.cli.common import console, error_console
 from omniwheel.cli.image_check import check_image
@@ -65,6 +64,8 @@ def _robot_files(out: Path, robot: str, made: Build, depth: str) -> list[Path]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code."""
+    from hil_sim.image_check.check import CI, DEPTHS
+
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--out", type=Path, default=source_dir() / "dist")
     parser.add_argument("--changed", action="store_true", help="release a work tree that was not committed")

@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from omniwheel import files
@@ -20,10 +19,12 @@ from omniwheel.cli.log_options import (
     TruthOption,
     robot_and_calibration,
 )
-from omniwheel.log_sources import open_log
-from omniwheel.logs.alignment import Alignment, align, truth_at
-from omniwheel.logs.log import WheelLog
-from omniwheel.replay import Replay, fixes_from_truth, replay
+from omniwheel.cli.options import PLOT
+
+if TYPE_CHECKING:
+    from omniwheel.logs.alignment import Alignment
+    from omniwheel.logs.log import WheelLog
+    from omniwheel.replay import Replay
 
 EXAMPLES = examples(
     "omni replay run1.npz --robot identified.toml",
@@ -48,7 +49,7 @@ def replay_command(
     fix_sd: Annotated[
         float, typer.Option("--fix-sd", min=0.0, max=10.0, metavar="M", help="Their standard deviation; 0: EKF_R_XY.")
     ] = 0.0,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw estimate and truth.")] = None,
+    plot: Annotated[Path | None, PLOT] = None,
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Write estimate and truth.")] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -58,6 +59,10 @@ def replay_command(
     truth, aligned to the dead-reckoned path, also comes in as pose fixes. The mean NIS then says whether the noise
     figures are right.
     """
+    from omniwheel.log_sources import open_log
+    from omniwheel.logs.alignment import align
+    from omniwheel.replay import fixes_from_truth, replay
+
     for path, what in ((plot, "the picture"), (csv, "the table")):
         if path is not None:
             writable_path(path, what)
@@ -92,6 +97,10 @@ def replay_command(
 
 
 def _facts(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Alignment | None) -> dict[str, Any]:
+    import numpy as np
+
+    from omniwheel.logs.alignment import truth_at
+
     x, y, theta = (float(value) for value in run.pose[-1])
     facts: dict[str, Any] = {"log": log.name, "rows": len(log.time_s), "end_pose": [x, y, theta]}
     if aligned is not None:
@@ -141,6 +150,10 @@ def _print(facts: dict[str, Any]) -> None:
 
 
 def _write_csv(path: Path, log: WheelLog, run: Replay, aligned: Alignment | None) -> None:
+    import numpy as np
+
+    from omniwheel.logs.alignment import truth_at
+
     truth = np.full((len(log.time_s), 2), np.nan)
     if aligned is not None:
         truth = aligned.to_robot(truth_at(log.require_truth(), log.time_s + aligned.offset_s))

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich import box
@@ -14,41 +14,49 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from omni_reproduce import page, study
-from omni_reproduce.experiment import Context, worker_pool
-from omni_reproduce.numbers import NOTHING
-from omni_reproduce.registry import Experiment, select, targets
 from omniwheel import __version__
+from omniwheel.cli import completion
 from omniwheel.cli.common import FAILED, JsonOption, console, error_console, examples, print_json
-from omniwheel.cli.run_output import DEFAULT_OUT, RunFolderError
+from omniwheel.cli.options import DEFAULT_OUT, ListOption, OutOption
+from omniwheel.cli.run_output import RunFolderError
 from omniwheel.plain import finite
+
+if TYPE_CHECKING:
+    from omni_reproduce import study
+    from omni_reproduce.registry import Experiment
 
 EXAMPLES = examples(
     "omni reproduce --quick", "omni reproduce", "omni reproduce table2 fig13", "omni reproduce table7 --seeds 5000"
 )
 MAX_SEEDS = 100_000
-_COLUMNS = range(3, len(page.HEADINGS))
-"""The columns of a row that are left out of the table if no row fills them."""
 
 
 def reproduce(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[TABLE|FIGURE|EXPERIMENT]...", help="What to reproduce; everything by default."),
+        typer.Argument(
+            metavar="[TABLE|FIGURE|EXPERIMENT]...",
+            help="What to reproduce (--list); everything by default.",
+            autocompletion=completion.experiments,
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer seeds: everything in about a minute.")] = False,
     seeds: Annotated[
         int | None, typer.Option("--seeds", min=2, max=MAX_SEEDS, help="Seeds of every experiment that draws any.")
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="Say what can be reproduced, and do nothing.")] = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the results' folder is made.")] = DEFAULT_OUT,
+    listed: ListOption = False,
+    out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the report's experiments on the control core and put the results beside the published ones.
 
     Prints a table per experiment: published figure, ours (mean and standard deviation over the seeds), theoretical
-    limit, and what explains a difference. Writes the figures and a page, report.html, to put beside the report.
+    limit, and what explains a difference. Writes the figures and a page, reproduction.html, to put beside the report.
     """
+    from omni_reproduce import page, study
+    from omni_reproduce.experiment import Context, worker_pool
+    from omni_reproduce.registry import select
+
     chosen = select(names or [])
     if listed:
         _print_list(chosen)
@@ -68,9 +76,6 @@ def reproduce(
         console.print(f"\n[bold]{folder / page.HTML_FILE}[/]", soft_wrap=True)
     if any(outcome.error for outcome in outcomes):
         raise typer.Exit(FAILED)
-
-
-reproduce.__doc__ = f"{reproduce.__doc__}\n\n    What there is: {', '.join(targets())}.\n    "
 
 
 def _new_folder(out: Path) -> Path:
@@ -119,10 +124,17 @@ def _print_list(chosen: Sequence[Experiment]) -> None:
 
 
 def _print(outcome: study.Outcome) -> None:
+    from omni_reproduce import page
+    from omni_reproduce.numbers import NOTHING
+
     rows = outcome.result.rows
     marks, texts = page.footnotes(rows)
     entries = [page.cells(row, mark) for row, mark in zip(rows, marks, strict=True)]
-    shown = [column for column in _COLUMNS if any(entry[column] not in ("", NOTHING) for entry in entries)]
+    shown = [
+        column
+        for column in range(3, len(page.HEADINGS))
+        if any(entry[column] not in ("", NOTHING) for entry in entries)
+    ]
     title = f"{outcome.experiment.name}: {outcome.experiment.title} ({outcome.seconds:.1f} s)"
     console.print(f"\n[bold]{escape(title)}[/]", soft_wrap=True)
     table = Table(box=box.SIMPLE_HEAD)

@@ -3,24 +3,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 from omni_schema import Robot
-from omniwheel.capability import Card, card, drive_model, problems
-from omniwheel.capability import warnings as doubts
-from omniwheel.capability.picture import draw_speeds
 from omniwheel.cli import completion, robots_new
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
+from omniwheel.cli.robots_new import print_warnings, warnings_of
+from omniwheel.core_config import robot_config
 from omniwheel.errors import RobotFileError
 from omniwheel.parameter_file import format_value
 from omniwheel.robots import read_robot, robot_names
 from omniwheel.wiring import WiringPlan, connections, plan_wiring, write_wiring
+
+if TYPE_CHECKING:
+    from omniwheel.capability import Card
 
 app = typer.Typer(help="List, show, check and start robot files.", invoke_without_command=True)
 
@@ -83,11 +84,15 @@ def check(
 
     Warns of what is possible but unwise. Exit code 2: something in it is wrong, and the message says what is allowed.
     """
+    from omniwheel.capability import card, drive_model, problems
+    from omniwheel.capability.picture import draw_speeds
+
     robot = read_robot(name)
     model = drive_model(robot)
     _refuse(robot, problems(model))
+    robot_config(robot.parameter_values(), robot.table, 0)
     shown = card(model)
-    warnings = [*plan_wiring(robot).warnings, *doubts(model)]
+    warnings = [*warnings_of(robot, model), *_not_simulated(robot)]
     if plot is not None:
         draw_speeds(model, robot.name, _png(plot))
     if as_json:
@@ -95,9 +100,20 @@ def check(
         return
     console.print(f"{name}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
     _print_card(shown)
-    _print_warnings(warnings)
+    print_warnings(warnings)
     if plot is not None:
         note(f"{plot} written")
+
+
+def _not_simulated(robot: Robot) -> list[str]:
+    """Return why no simulated world can be made for this robot; a real one needs none."""
+    from hil_sim.world import World, WorldError, world_config  # here, not above: the other commands need no world
+
+    try:
+        World(world_config(robot))
+    except WorldError as error:
+        return [f"It cannot be simulated: {error}. For omni sim, sitl and hil {error.hint or 'correct it'}."]
+    return []
 
 
 def _refuse(robot: Robot, found: list[str]) -> None:
@@ -165,9 +181,4 @@ def _print_wiring(plan: WiringPlan) -> None:
     for connection in connections(plan):
         table.add_row(escape(connection.start), escape(connection.end), escape(connection.mind))
     console.print(table)
-    _print_warnings(plan.warnings)
-
-
-def _print_warnings(warnings: Iterable[str]) -> None:
-    for warning in warnings:
-        console.print(f"[bold red]![/] {escape(warning)}")
+    print_warnings(plan.warnings)

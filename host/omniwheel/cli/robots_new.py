@@ -5,22 +5,25 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from omniwheel.capability import drive_model
-from omniwheel.capability import warnings as doubts
+from omni_schema import Robot
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, print_json
-from omniwheel.datasheet import GearMotor, RobotAnswers, catalogue, find_motor, write_designed_robot
-from omniwheel.datasheet.units import length_m, torque_N_m
+from omniwheel.cli.options import RobotFolderOption
 from omniwheel.errors import DataSheetError
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot
 from omniwheel.wiring import plan_wiring
+
+if TYPE_CHECKING:
+    from omniwheel.capability import DriveModel
+    from omniwheel.datasheet import GearMotor
 
 EXAMPLES = examples(
     "omni robots new mine --from three_wheel",
@@ -41,7 +44,7 @@ def new(
     template: Annotated[
         str | None, typer.Option("--from", help="Robot to copy.", autocompletion=completion.robots, show_default=False)
     ] = None,
-    folder: Annotated[Path, typer.Option("--folder", help="Where to write NAME.toml.")] = Path(),
+    folder: RobotFolderOption = Path(),
     ask: Annotated[bool, typer.Option("--ask", help="Ask for every number that is not given.")] = False,
     motor: Annotated[str | None, _option("--motor", "A motor of `omni robots motors`.", _SHEET, "NAME")] = None,
     voltage: Annotated[float | None, _option("--voltage", "Rated voltage \\[V].", _SHEET, "V")] = None,
@@ -79,6 +82,9 @@ def new(
 
     From data-sheet numbers, motor constants and limits are derived, and every line says where its number came from.
     """
+    from omniwheel.datasheet import RobotAnswers, find_motor, write_designed_robot
+    from omniwheel.datasheet.units import length_m
+
     sheet = (motor, voltage, no_load_rpm, stall_torque, stall_current, no_load_current, gear, encoder_lines)
     body = (wheel_diameter, wheel_distance, mass, supply)
     designed = ask or any(value is not None for value in (*sheet, *body))
@@ -149,6 +155,9 @@ class _Form:
         encoder_lines: float | None,
     ) -> GearMotor:
         """Return the motor of a data sheet."""
+        from omniwheel.datasheet import GearMotor
+        from omniwheel.datasheet.units import torque_N_m
+
         return GearMotor(
             voltage_V=self.number(voltage, "--voltage", "Rated voltage [V]"),
             no_load_rad_s=self.number(no_load_rpm, "--no-load-rpm", "Speed without load [rpm]") * math.pi / 30.0,
@@ -161,18 +170,34 @@ class _Form:
 
 
 def _say(target: Path, what: str, as_json: bool) -> None:
+    from omniwheel.capability import drive_model
+
     robot = read_robot(target)
-    warnings = [*plan_wiring(robot).warnings, *doubts(drive_model(robot))]
+    warnings = warnings_of(robot, drive_model(robot))
     if as_json:
         print_json({"file": str(target), "is": what, "warnings": warnings})
         return
     console.print(f"{target} written, {what}. Then: omni robots check {target}")
+    print_warnings(warnings)
+
+
+def warnings_of(robot: Robot, model: DriveModel) -> list[str]:
+    """Return what is possible but unwise about a robot: its wiring, then its numbers."""
+    from omniwheel.capability import warnings as doubts
+
+    return [*plan_wiring(robot).warnings, *doubts(model)]
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Print warnings about a robot file, a line each."""
     for warning in warnings:
         console.print(f"[bold red]![/] {escape(warning)}")
 
 
 def motors(as_json: JsonOption = False) -> None:
     """List the gear motors whose data sheets come with omniwheel, for `omni robots new --motor`."""
+    from omniwheel.datasheet import catalogue
+
     known = catalogue().values()
     if as_json:
         print_json(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
@@ -15,20 +15,20 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from hil_sim import timeline
-from hil_sim.hil import AfterRunError
-from hil_sim.runs import Run
-from hil_sim.scenario import MAX_SEED, Scenario, load_scenario, scenario_names
-from hil_sim.studies.errors import StudyInputError
-from hil_sim.studies.plan import WORLD_PREFIX
-from hil_sim.studies.space import parse_axes
-from hil_sim.summary import REPORT_FILE, new_run_folder, save_run, summarize
-from hil_sim.world import PLANTS
+from hil_sim.limits import MAX_SEED
+from hil_sim.schema import WORLD
 from omni_schema.errors import did_you_mean
 from omniwheel.cli import completion
 from omniwheel.cli.common import console, error_console, print_json
 from omniwheel.errors import OmniError, OutputFileError
+from omniwheel.plain import shown
 from omniwheel.presets import read_preset
+
+if TYPE_CHECKING:
+    from hil_sim import timeline
+    from hil_sim.hil import AfterRunError
+    from hil_sim.runs import Run
+    from hil_sim.scenario import Scenario
 
 ScenarioArgument = Annotated[
     str,
@@ -53,6 +53,9 @@ ImageOption = Annotated[
 SeedOption = Annotated[
     int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. \\[default: the scenario's]")
 ]
+
+
+PLANTS = tuple(WORLD.plants)
 
 
 def _known_plant(name: str | None) -> str | None:
@@ -85,7 +88,7 @@ RobotOption = Annotated[
         "--robot",
         "-r",
         metavar="NAME|FILE",
-        help="Robot to drive instead of the scenario's.",
+        help="The robot. \\[default: the scenario's]",
         show_default=False,
         autocompletion=completion.robots,
     ),
@@ -96,8 +99,6 @@ SetOption = Annotated[
         "--set", metavar="NAME=VALUE", help="A parameter, or world.NAME a number of the world.", show_default=False
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the run's folder is made.")]
-DEFAULT_OUT = Path("runs")
 
 Figures = Mapping[str, Any]
 _MM, _MRAD = 1e3, 1e3
@@ -111,7 +112,7 @@ class RunFolderError(OmniError):
 
 def scenario_help() -> str:
     """Return the line that names the scenarios of the package."""
-    return f"Scenarios: {', '.join(scenario_names())}."
+    return f"Scenarios: {', '.join(completion.scenario_names())}."
 
 
 @contextmanager
@@ -142,12 +143,18 @@ def scenario_of(
     settings: Sequence[str] | None = None,
 ) -> Scenario:
     """Return the scenario that the options describe; a preset goes over the scenario's parameters, --set over both."""
+    from hil_sim.scenario import load_scenario
+
     scenario = load_scenario(name, robot).with_seed(seed).with_plant(plant)
     return apply_settings(apply_preset(scenario, preset), settings)
 
 
 def apply_settings(scenario: Scenario, settings: Sequence[str] | None) -> Scenario:
     """Return the scenario with NAME=VALUE words over its parameters, world.NAME=VALUE over its world."""
+    from hil_sim.studies.errors import StudyInputError
+    from hil_sim.studies.plan import WORLD_PREFIX
+    from hil_sim.studies.space import parse_axes
+
     if not settings:
         return scenario
     for word in settings:
@@ -171,11 +178,12 @@ def apply_preset(scenario: Scenario, name: str | None) -> Scenario:
 @contextmanager
 def run_folder(out: Path, scenario: Scenario) -> Iterator[Path]:
     """Make a new run folder; RunFolderError says why it cannot be made. An error that leaves it empty takes it away."""
+    from omniwheel.logs.run_folder import new_run_folder
+
     try:
-        folder = new_run_folder(out, scenario)
-    except OSError as error:
-        hint = "choose another folder with --out"
-        raise RunFolderError(f"cannot make a run folder in {out}: {error.strerror or error}", hint=hint) from error
+        folder = new_run_folder(out, f"{scenario.name}-seed{scenario.seed}")
+    except OutputFileError as error:
+        raise RunFolderError(f"no run folder: {error}", hint="choose another folder with --out") from error
     try:
         yield folder
     except BaseException:
@@ -186,6 +194,8 @@ def run_folder(out: Path, scenario: Scenario) -> Iterator[Path]:
 
 def tried(run: Callable[[], Run]) -> tuple[Run, AfterRunError | None]:
     """Return a run, and what went wrong after its end: to be raised once the run is stored and shown."""
+    from hil_sim.hil import AfterRunError
+
     try:
         return run(), None
     except AfterRunError as error:
@@ -203,14 +213,16 @@ def store(
 ) -> None:
     """Write the run's files, then ``show`` it, or print it as JSON.
 
-    A run that cannot be stored is shown all the same, before the OutputFileError; so is one with ``trouble`` after its
+    A run that cannot be stored is shown all the same, before the OutputFileError. So is one with ``trouble`` after its
     end, which is raised then.
     """
+    from hil_sim.summary import PICTURE_FILE, save_run
+
     try:
         save_run(run, summary, folder)
         from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import
 
-        draw_run(summary, run.record, folder / REPORT_FILE)
+        draw_run(summary, run.record, folder / PICTURE_FILE)
     except OutputFileError:
         if not as_json:
             show()
@@ -225,16 +237,10 @@ def store(
 
 def store_and_print(run: Run, folder: Path, *, as_json: bool, trouble: OmniError | None = None) -> None:
     """Summarise a run, store it and print its table. Raises OutputFileError, or ``trouble`` afterwards."""
+    from hil_sim.summary import summarize
+
     summary = summarize(run)
     store(run, summary, folder, partial(print_run, summary, folder), as_json=as_json, trouble=trouble)
-
-
-def _cell(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
-    if value is None:
-        return "–"
-    shown = f"{value * factor:.{digits}f}"
-    least = 10.0**-digits
-    return f"<{least:.{digits}f}" if 0.0 < value * factor < 0.5 * least else shown
 
 
 def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures | None]]) -> Table:
@@ -251,7 +257,7 @@ def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures |
     )
     for name, key, factor in accuracy:
         style = "bold" if key in ("position_m", "theta_rad") else None
-        table.add_row(escape(name), *(_cell(rmse[key], factor) for _, rmse, _ in columns), style=style)
+        table.add_row(escape(name), *(shown(rmse[key], factor) for _, rmse, _ in columns), style=style)
     effort = (
         ("peak wheel speed [rad/s]", "peak_wheel_rad_s", 1.0, 2),
         ("time at a limit [%]", "saturated_share", 100.0, 1),
@@ -259,7 +265,7 @@ def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures |
     )
     for name, key, factor, digits in effort:
         table.add_row(
-            escape(name), *("" if figures is None else _cell(figures[key], factor, digits) for _, _, figures in columns)
+            escape(name), *("" if figures is None else shown(figures[key], factor, digits) for _, _, figures in columns)
         )
     return table
 

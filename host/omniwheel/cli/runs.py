@@ -5,25 +5,19 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
 
 from omniwheel.cli.common import JsonOption, console, examples, print_json
-from omniwheel.drive_log.listing import (
-    UNITS,
-    RunEntry,
-    compare,
-    delete_run,
-    different_parameters,
-    find_run,
-    list_runs,
-    rename_run,
-)
 from omniwheel.parameter_file import format_value
 from omniwheel.robots import parameter_table
+
+if TYPE_CHECKING:
+    from omniwheel.drive_log.listing import RunEntry
 
 app = typer.Typer(help="List, compare, name and delete the folders of drives and runs.", invoke_without_command=True)
 
@@ -41,6 +35,8 @@ def runs(
     as_json: JsonOption = False,
 ) -> None:
     """List the runs in a folder, oldest first, or work with them."""
+    from omniwheel.drive_log.listing import UNITS, list_runs
+
     if ctx.invoked_subcommand is not None:
         return
     entries = list_runs(folder, find)
@@ -50,18 +46,23 @@ def runs(
     if not entries:
         console.print(f"no runs in {folder}")
         return
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    units = {key: (title, factor) for key, title, factor in UNITS}
-    for title in ("run", "asked", "end", *(units[key][0] for key in _SHOWN)):
-        table.add_column(escape(title), style="cyan" if title == "run" else "", overflow="fold")
     for entry in entries:
-        numbers = [_cell(entry.numbers.get(key), units[key][1]) for key in _SHOWN]
-        table.add_row(entry.name, escape(entry.asked), escape(entry.end), *numbers)
-    console.print(table)
+        console.print(f"[cyan]{escape(entry.name)}[/]", soft_wrap=True)  # a name is copied: it stays in one piece
+        known = [(key, title, factor) for key, title, factor in UNITS if key in _SHOWN]
+        numbers = [(title, entry.numbers.get(key), factor) for key, title, factor in known]
+        facts = [_fact(title, value * factor) for title, value, factor in numbers if value is not None]
+        told = "; ".join(text for text in (entry.asked, entry.end, ", ".join(facts)) if text)
+        console.print(Padding(escape(told), (0, 0, 0, 4)))
 
 
 def _document(entry: RunEntry) -> dict[str, Any]:
     return {**asdict(entry), "folder": str(entry.folder), "name": entry.name}
+
+
+def _fact(title: str, value: float) -> str:
+    """Return a number with its name and unit, from a heading like "duration [s]"."""
+    name, _, unit = title.removesuffix("]").partition(" [")
+    return f"{name} {value:.3g} {unit}".rstrip()
 
 
 def _cell(value: float | None, factor: float = 1.0) -> str:
@@ -73,6 +74,8 @@ def compare_runs(
     one: RunArgument, other: RunArgument, folder: FolderOption = DEFAULT_FOLDER, as_json: JsonOption = False
 ) -> None:
     """Show two runs beside each other, with the parameters that differ."""
+    from omniwheel.drive_log.listing import compare, different_parameters, find_run
+
     first, second = find_run(folder, one), find_run(folder, other)
     rows, parameters = compare(first, second), different_parameters(first, second)
     if as_json:
@@ -80,10 +83,12 @@ def compare_runs(
         print_json({"runs": [first.name, second.name], "numbers": numbers, "parameters": parameters})
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("", first.name, second.name):
-        table.add_column(title, justify="left" if not title else "right")
+    for title in ("", "A", "B"):
+        table.add_column(title, justify="right" if title else "left", no_wrap=True)
     for title, a, b in rows:
         table.add_row(escape(title), _cell(a), _cell(b))
+    for letter, run in (("A", first), ("B", second)):
+        console.print(f"{letter}: [cyan]{escape(run.name)}[/]", soft_wrap=True)
     known = parameter_table()
     for name, (a, b) in parameters.items():
         table.add_row(f"[cyan]{name}[/]", format_value(known.get(name), a), format_value(known.get(name), b))
@@ -98,6 +103,8 @@ def name_run(
     as_json: JsonOption = False,
 ) -> None:
     """Give a run another name."""
+    from omniwheel.drive_log.listing import find_run, rename_run
+
     target = rename_run(find_run(folder, run), name)
     if as_json:
         print_json({"folder": str(target)})
@@ -113,6 +120,8 @@ def delete(
     as_json: JsonOption = False,
 ) -> None:
     """Delete a run with all its files."""
+    from omniwheel.drive_log.listing import delete_run, find_run
+
     entry = find_run(folder, run)
     if not yes and not typer.confirm(f"delete {entry.folder} ({entry.asked})?", err=True):
         raise typer.Exit(1)

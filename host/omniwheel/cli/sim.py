@@ -5,20 +5,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from hil_sim.batch import FIGURES, STATUSES, BatchResult, run_batches
-from hil_sim.runs import run_in_process
-from hil_sim.scenario import Scenario
-from hil_sim.statistics import Statistics, merged
 from omniwheel.cli.common import JsonOption, console, error_console, examples, note, print_json
+from omniwheel.cli.options import DEFAULT_OUT, OutOption
 from omniwheel.cli.run_output import (
-    DEFAULT_OUT,
-    OutOption,
     PlantOption,
     PresetOption,
     RobotOption,
@@ -32,6 +27,11 @@ from omniwheel.cli.run_output import (
     store_and_print,
 )
 from omniwheel.plain import finite
+
+if TYPE_CHECKING:
+    from hil_sim.batch import BatchResult
+    from hil_sim.scenario import Scenario
+    from hil_sim.statistics import Statistics
 
 EXAMPLES = examples(
     "omni sim",
@@ -52,8 +52,6 @@ ROWS = (
     ("chatter index", "chatter", 1.0, 4),
     ("driven to the end", "completed", 1.0, 2),
 )
-OK = STATUSES[0]
-_COLUMNS = ("seed", *(figure.name for figure in FIGURES))
 
 
 def sim(
@@ -73,6 +71,8 @@ def sim(
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario in this process: the same world and the same control core, without firmware and link."""
+    from hil_sim.runs import run_in_process
+
     scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
     if seeds > 1:
         _many(scenario, seeds, json_wanted)
@@ -88,6 +88,10 @@ sim.__doc__ = f"{sim.__doc__}\n\n{scenario_help()}"
 
 
 def _many(scenario: Scenario, seeds: int, json_wanted: bool) -> None:
+    from hil_sim.batch import STATUSES, run_batches
+    from hil_sim.runs import run_in_process
+    from hil_sim.statistics import merged
+
     chosen = range(scenario.seed, scenario.seed + seeds)
     parts: list[BatchResult] = []
     start = time.perf_counter()
@@ -97,7 +101,8 @@ def _many(scenario: Scenario, seeds: int, json_wanted: bool) -> None:
             progress(float(sum(len(done.rows) for done in parts)), float(seeds))
     wall_s = time.perf_counter() - start
     statistics = merged(part.statistics for part in parts)
-    if OK not in statistics.statuses:
+    ok = STATUSES[0]
+    if ok not in statistics.statuses:
         run_in_process(scenario)  # raises, and knows the words
     factor = statistics.ticks * 1e-3 / wall_s
     if json_wanted:
@@ -105,15 +110,18 @@ def _many(scenario: Scenario, seeds: int, json_wanted: bool) -> None:
     else:
         console.print(_spread_table(scenario, chosen, statistics, factor))
         for status, count in statistics.statuses.items():
-            if status != OK:
+            if status != ok:
                 console.print(f"[yellow]{count} of {seeds} runs: {escape(status)}[/]")
 
 
 def _as_json(
     scenario: Scenario, seeds: range, parts: Sequence[BatchResult], statistics: Statistics, factor: float
 ) -> dict[str, Any]:
+    from hil_sim.batch import FIGURES
+
+    columns = ("seed", *(figure.name for figure in FIGURES))
     spreads = {name: {"mean": spread.mean, "sd": spread.sd} for name, spread in statistics.spreads.items()}
-    runs = [{name: row[name].item() for name in _COLUMNS} for part in parts for row in part.rows]
+    runs = [{name: row[name].item() for name in columns} for part in parts for row in part.rows]
     return {
         "scenario": scenario.name,
         "seeds": list(seeds),

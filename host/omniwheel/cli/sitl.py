@@ -3,18 +3,23 @@
 
 from __future__ import annotations
 
+import _thread
+import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil_sim.scenario import load_scenario
-from hil_sim.sitl import SimulatedRadio, start_sitl
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
-from omniwheel.cli.run_output import SeedOption
-from omniwheel.radio_model import RadioSettings
+from omniwheel.cli.options import HostOption, ListenPortOption
+from omniwheel.cli.run_output import RobotOption, SeedOption
+
+if TYPE_CHECKING:
+    from hil_sim.sitl import SimulatedRadio
+    from omniwheel.radio_model import RadioSettings
 
 EXAMPLES = examples(
     "omni sitl",
@@ -35,16 +40,6 @@ ScenarioNameArgument = Annotated[
         autocompletion=completion.scenarios,
     ),
 ]
-RobotOption = Annotated[
-    str | None,
-    typer.Option(
-        "--robot",
-        "-r",
-        metavar="NAME|FILE",
-        help="The robot. \\[default: the scenario's]",
-        autocompletion=completion.robots,
-    ),
-]
 WorldRobotOption = Annotated[
     str | None,
     typer.Option(
@@ -54,8 +49,6 @@ WorldRobotOption = Annotated[
         autocompletion=completion.robots,
     ),
 ]
-PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")]
-HostOption = Annotated[str, typer.Option("--host", help="Address to listen on.")]
 LinksOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -71,7 +64,7 @@ def sitl(
     scenario_name: ScenarioNameArgument = "sitl",
     robot: RobotOption = None,
     world_robot: WorldRobotOption = None,
-    port: PortOption = 5760,
+    port: ListenPortOption = 5760,
     host: HostOption = "127.0.0.1",
     link: LinksOption = None,
     storage: StorageOption = None,
@@ -91,27 +84,44 @@ def sitl(
         float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
     ] = 0.02,
     seed: SeedOption = None,
+    end_with_stdin: Annotated[
+        bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
+    ] = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the firmware as a process in a simulated world, in real time, until Ctrl-C: connect to it as to a robot.
 
     A TCP port serves one client at a time; give --link more than once for several.
     """
+    from hil_sim.scenario import load_scenario
+    from hil_sim.sitl import start_sitl
+    from omniwheel.radio_model import RadioSettings
+
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     try:
         with signals_interrupt(), start_sitl(scenario, links, storage=storage, radio=simulated) as running:
             announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
+            if end_with_stdin:
+                threading.Thread(target=_interrupt_at_end_of_input, daemon=True).start()
             while True:
                 running.advance()
     except KeyboardInterrupt:
         return
 
 
+def _interrupt_at_end_of_input() -> None:
+    while sys.stdin.buffer.read(4096):
+        pass
+    _thread.interrupt_main()
+
+
 def _simulated_radio(
     baud: int | None, settings: RadioSettings, host: str, seed: int, links: list[str] | None
 ) -> SimulatedRadio | None:
+    from hil_sim.sitl import SimulatedRadio
+
     if baud is None:
         return None
     if baud not in _PROFILES:

@@ -7,13 +7,12 @@ from typing import Annotated
 
 import typer
 
-from hil_sim.scenario import load_scenario
-from hil_sim.soak import run_soak
 from omniwheel.cli import completion
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, print_json
+from omniwheel.cli.options import simulated_time_option
 from omniwheel.cli.run_output import SeedOption, run_progress, scenario_help
 
-EXAMPLES = examples("omni soak --minutes 1", "omni soak --minutes 60 --json", "omni soak four_wheel")
+EXAMPLES = examples("omni soak --duration 60", "omni soak --duration 3600 --json", "omni soak four_wheel")
 
 
 def soak(
@@ -25,7 +24,7 @@ def soak(
             autocompletion=completion.scenarios,
         ),
     ] = "demo",
-    minutes: Annotated[float, typer.Option("--minutes", min=0.1, help="Simulated time.")] = 1.0,
+    duration: Annotated[float, simulated_time_option(6.0, 1e6)] = 60.0,
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -33,9 +32,12 @@ def soak(
 
     Exit code 1 if a tick was missed, the clock drifted, bytes piled up or got lost, or the robot stopped.
     """
+    from hil_sim.scenario import load_scenario
+    from hil_sim.soak import run_soak
+
     scenario = load_scenario(scenario_name).with_seed(seed)
     with run_progress(scenario.name, json_wanted) as progress:
-        result = run_soak(scenario, minutes, progress)
+        result = run_soak(scenario, duration / 60.0, progress)
     if json_wanted:
         print_json(result.as_dict())
     else:

@@ -7,15 +7,33 @@ from typing import Annotated
 
 import typer
 
-from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, link_url, print_json
-from omniwheel.robot import DEFAULT_TIMEOUT_S, connect
+from omniwheel.cli.common import (
+    JsonOption,
+    LinkOption,
+    TimeoutOption,
+    console,
+    examples,
+    link_url,
+    print_json,
+    say_if_shared,
+)
+from omniwheel.limits import DEFAULT_TIMEOUT_S
 
-EXAMPLES = examples("omni stop", "omni stop --release --link tcp:127.0.0.1:5760")
+EXAMPLES = examples("omni stop", "omni stop --disarm", "omni stop --release --link tcp:127.0.0.1:5760")
+
+_SAID = {
+    "stopped": "stopped; release it with: omni stop --release",
+    "released": "released: the robot is disarmed",
+    "disarmed": "disarmed",
+}
 
 
 def stop(
     release: Annotated[
         bool, typer.Option("--release", help="Release the emergency stop instead. The robot is then disarmed.")
+    ] = False,
+    disarm: Annotated[
+        bool, typer.Option("--disarm", help="Only disarm: motors off, no stop to release. Ends a failsafe, too.")
     ] = False,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
@@ -23,15 +41,23 @@ def stop(
 ) -> None:
     """Stop the robot at once: an emergency stop. It outlives a restart and leaves only by --release.
 
-    Exit code 1: the robot did not confirm it. A button that cuts the motors' supply works without a computer.
+    It is said before the robot is heard, to every robot that hears it, and again until one confirms it. Exit code 1:
+    none did. A button that cuts the motors' supply works without a computer.
     """
-    with connect(link_url(link), timeout_s=timeout) as robot:
-        if release:
+    from omniwheel.robot import connect
+
+    if release and disarm:
+        raise typer.BadParameter("--release and --disarm exclude each other")
+    with connect(link_url(link), timeout_s=timeout, stop_at_once=not (release or disarm)) as robot:
+        if disarm:
+            robot.disarm()
+        elif release:
             robot.estop_clear()
         else:
             robot.estop()
-        state = "released" if release else "stopped"
+        say_if_shared(robot)
+    state = "disarmed" if disarm else "released" if release else "stopped"
     if as_json:
         print_json({"state": state})
     else:
-        console.print("released: the robot is disarmed" if release else "stopped; release it with: omni stop --release")
+        console.print(_SAID[state])

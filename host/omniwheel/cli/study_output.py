@@ -6,23 +6,26 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from hil_sim.scenario import MAX_DURATION_S, Scenario
-from hil_sim.studies.pools import LocalPool, Pool
-from omniwheel.cli.common import INTERRUPTED, console, error_console, signals_interrupt
-from omniwheel.cli.run_output import DEFAULT_OUT, scenario_of
+from hil_sim.limits import MAX_DURATION_S
+from omniwheel.cli.common import INTERRUPTED, JsonOption, console, error_console, signals_interrupt
+from omniwheel.cli.options import DEFAULT_OUT
+from omniwheel.cli.run_output import PlantOption, PresetOption, SeedOption, SetOption, scenario_of
+
+if TYPE_CHECKING:
+    from hil_sim.scenario import Scenario
+    from hil_sim.studies.pools import Pool
 
 MAX_WORKERS = 1024
-_WIDEST = 300
 WorkersOption = Annotated[
     int | None,
     typer.Option(
@@ -37,6 +40,9 @@ ClusterOption = Annotated[
         help="Let the workers of this Dask scheduler do it: tcp://host:8786.",
         show_default=False,
     ),
+]
+RunsOption = Annotated[
+    int, typer.Option("--runs", help="Runs, each with a seed of its own; at every point or trial the same seeds.")
 ]
 BatchOption = Annotated[int, typer.Option("--batch", help="Runs that are done, kept and repeated together: 8, 16, ...")]
 DurationOption = Annotated[
@@ -60,11 +66,31 @@ StudyOutOption = Annotated[
 ]
 
 
-def study_scenario(
-    name: str, plant: str | None, preset: str | None, settings: Sequence[str] | None, duration_s: float | None
-) -> Scenario:
-    """Return the scenario that the options describe."""
-    return scenario_of(name, plant=plant, preset=preset, settings=settings).with_duration(duration_s)
+@dataclass(frozen=True)
+class StudyOptions:
+    """The options that all studies have, for ``takes``: how much to run, of what, where, by whom."""
+
+    runs: RunsOption
+    batch: BatchOption
+    seed: SeedOption = None
+    workers: WorkersOption = None
+    cluster: ClusterOption = None
+    settings: SetOption = None
+    duration: DurationOption = None
+    plant: PlantOption = None
+    preset: PresetOption = None
+    out: StudyOutOption = None
+    fresh: FreshOption = False
+    json_wanted: JsonOption = False
+
+    def scenario(self, name: str) -> Scenario:
+        """Return the scenario that the options make of the one called so."""
+        changed = scenario_of(name, plant=self.plant, preset=self.preset, settings=self.settings)
+        return changed.with_duration(self.duration)
+
+    def first_seed(self, scenario: Scenario) -> int:
+        """Return the seed of the first run."""
+        return scenario.seed if self.seed is None else self.seed
 
 
 def study_folder(out: Path | None, scenario: Scenario, command: str) -> Path:
@@ -75,6 +101,8 @@ def study_folder(out: Path | None, scenario: Scenario, command: str) -> Path:
 @contextmanager
 def study_pool(workers: int | None, cluster: str | None) -> Iterator[Pool]:
     """Give the pool that the options describe. To be opened before the study: ``--fresh`` forgets nothing in vain."""
+    from hil_sim.studies.pools import LocalPool
+
     if workers is not None and cluster is not None:
         raise typer.BadParameter("--workers is for this computer; a cluster has its own")
     pool: Pool = LocalPool(workers)
@@ -152,18 +180,37 @@ def study_progress(title: str, total: int, folder: Path, quiet: bool) -> Iterato
     raise typer.Exit(INTERRUPTED)
 
 
-def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table, numbers to the right; one that is wider than the terminal keeps its digits."""
-    table = Table(
-        title=escape(title), title_style="bold", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1)
-    )
-    for number, heading in enumerate(headings):
-        table.add_column(escape(heading), justify="right" if number else "left", no_wrap=True)
-    for row in rows:
-        table.add_row(*(escape(str(cell)) for cell in row))
-    wide = Console(file=console.file, width=_WIDEST, highlight=False)
-    wide.width = max(console.width, wide.measure(table).maximum)
-    wide.print(table)
+def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[Any]], keys: int = 1) -> None:
+    """Print a table, numbers to the right; columns that do not fit beside each other go into further tables below.
+
+    The first ``keys`` columns say what a row is about: they stand in each table, as far as half the width holds them.
+    """
+    widths = [max(len(str(cell)) for cell in column) + 1 for column in zip(headings, *rows, strict=True)]
+    for number, part in enumerate(_fitting(widths, console.width - 2, keys)):
+        table = Table(
+            title=None if number else escape(title),
+            title_style="bold",
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            padding=(0, 0, 0, 1),
+        )
+        for column in part:
+            table.add_column(escape(headings[column]), justify="right" if column else "left", no_wrap=True)
+        for row in rows:
+            table.add_row(*(escape(str(row[column])) for column in part))
+        console.print(table)
+
+
+def _fitting(widths: Sequence[int], room: int, keys: int) -> list[list[int]]:
+    """Return the columns of each table: the keys stand in all of them, and what fits beside them."""
+    while keys > 1 and 2 * sum(widths[:keys]) > room:
+        keys -= 1
+    parts: list[list[int]] = [list(range(keys))]
+    for column in range(keys, len(widths)):
+        if len(parts[-1]) > keys and sum(widths[shown] for shown in parts[-1]) + widths[column] > room:
+            parts.append(list(range(keys)))
+        parts[-1].append(column)
+    return parts
 
 
 def print_end(progress: StudyProgress, folder: str) -> None:

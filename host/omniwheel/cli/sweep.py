@@ -3,32 +3,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hil_sim.scenario import Scenario
-from hil_sim.studies import sweep as study
-from hil_sim.studies.figures import FIGURES, parse_number
-from hil_sim.studies.plan import DEFAULT_BATCH, Point
-from hil_sim.studies.space import Axis, grid, parse_axes, sobol
-from omniwheel.cli.common import JsonOption, console, examples, note, print_json
-from omniwheel.cli.run_output import PlantOption, PresetOption, ScenarioArgument, SeedOption, SetOption, scenario_help
+from hil_sim.limits import DEFAULT_BATCH
+from omniwheel.cli.common import console, examples, note, print_json
+from omniwheel.cli.options import takes
+from omniwheel.cli.run_output import ScenarioArgument, scenario_help
 from omniwheel.cli.study_output import (
-    BatchOption,
-    ClusterOption,
-    DurationOption,
-    FreshOption,
-    StudyOutOption,
+    StudyOptions,
     StudyProgress,
-    WorkersOption,
     print_end,
     print_table,
     study_folder,
     study_pool,
     study_progress,
-    study_scenario,
 )
+
+if TYPE_CHECKING:
+    from hil_sim.scenario import Scenario
+    from hil_sim.studies import sweep as study
+    from hil_sim.studies.plan import Point
+    from hil_sim.studies.space import Axis
 
 EXAMPLES = examples(
     "omni sweep demo --param world.slip_max=0:0.3:7 --runs 64",
@@ -41,13 +38,14 @@ ParamOption = Annotated[
         "--param",
         metavar="NAME=LOW:HIGH[:N]",
         help="A parameter, or world.NAME a number of the world: a range, on a grid with the number of points, "
-        "or values a,b,c. :log spaces them by ratio. Repeat for more.",
+        "or values a,b,c. With :log they are spaced by ratio. Repeat for more.",
         show_default=False,
     ),
 ]
 _SHOWN_ROWS = 40
 
 
+@takes(StudyOptions, runs=32, batch=DEFAULT_BATCH)
 def sweep(
     scenario_name: ScenarioArgument,
     param: ParamOption,
@@ -56,58 +54,60 @@ def sweep(
         int | None,
         typer.Option("--sobol", min=1, metavar="N", help="N points that fill the ranges evenly.", show_default=False),
     ] = None,
-    runs: Annotated[int, typer.Option("--runs", help="Runs at each point, the same seeds everywhere.")] = 32,
     show: Annotated[
         str, typer.Option("--show", metavar="FIGURE[.STATISTIC]", help="What table and picture show first.")
     ] = "position_m.mean",
-    seed: SeedOption = None,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    batch: BatchOption = DEFAULT_BATCH,
-    settings: SetOption = None,
-    duration: DurationOption = None,
-    plant: PlantOption = None,
-    preset: PresetOption = None,
-    out: StudyOutOption = None,
-    fresh: FreshOption = False,
-    json_wanted: JsonOption = False,
+    *,
+    wanted: StudyOptions,
 ) -> None:
     """Run a scenario at many settings of its parameters or of its world, with the same seeds at each.
 
     A point that the control core refuses is marked and left out. Interrupted, the same command goes on.
     """
+    from hil_sim.studies import sweep as study
+    from hil_sim.studies.figures import parse_number
+    from hil_sim.studies.space import parse_axes
+
     if on_grid and sobol_count is not None:
         raise typer.BadParameter("--grid and --sobol exclude each other")
-    scenario = study_scenario(scenario_name, plant, preset, settings, duration)
+    scenario = wanted.scenario(scenario_name)
     axes = parse_axes(param, scenario.robot.table)
-    first_seed = scenario.seed if seed is None else seed
+    first_seed = wanted.first_seed(scenario)
     points = _points(axes, scenario, sobol_count, first_seed)
-    plan = study.Plan(scenario, axes, points, runs, first_seed, batch, parse_number(show))
-    path = study_folder(out, scenario, "sweep")
-    note(scenario.description, quiet=json_wanted)
+    plan = study.Plan(scenario, axes, points, wanted.runs, first_seed, wanted.batch, parse_number(show))
+    path = study_folder(wanted.out, scenario, "sweep")
+    note(scenario.description, quiet=wanted.json_wanted)
     with (
-        study_pool(workers, cluster) as pool,
-        study.open_study(plan, path, fresh=fresh) as folder,
-        study_progress(f"{scenario.name}, {len(points)} points", len(points) * runs, path, json_wanted) as progress,
+        study_pool(wanted.workers, wanted.cluster) as pool,
+        study.open_study(plan, path, fresh=wanted.fresh) as folder,
+        study_progress(
+            f"{scenario.name}, {len(points)} points", len(points) * wanted.runs, path, wanted.json_wanted
+        ) as progress,
     ):
         results = study.run_study(plan, folder, pool, progress)
         from hil_sim.studies.sweep_picture import draw_sweep  # here, not above: matplotlib takes a second to import
 
-        draw_sweep(plan, results, path / study.PICTURE_FILE)
-    if json_wanted:
-        print_json({**study.document(plan, results), "folder": str(path)})
+        results_in = plan.results_folder(path)
+        draw_sweep(plan, results, results_in / study.PICTURE_FILE)
+    if wanted.json_wanted:
+        print_json({**study.document(plan, results), "folder": str(results_in)})
     else:
-        _print(plan, results, progress, str(path))
+        _print(plan, results, progress, str(results_in))
 
 
 sweep.__doc__ = f"{sweep.__doc__}\n\n    {scenario_help()}\n    "
 
 
 def _points(axes: list[Axis], scenario: Scenario, sobol_count: int | None, seed: int) -> list[Point]:
+    from hil_sim.studies.space import grid, sobol
+
     return grid(axes, scenario) if sobol_count is None else sobol(axes, scenario, sobol_count, seed)
 
 
 def _print(plan: study.Plan, results: list[study.PointResult], progress: StudyProgress, folder: str) -> None:
+    from hil_sim.studies import sweep as study
+    from hil_sim.studies.figures import FIGURES
+
     means = [name for name in ("position_m", "theta_rad") if str(plan.shown) != f"{name}.mean"]
     unit = FIGURES[plan.shown.figure].unit if plan.shown.figure in FIGURES else ""
     shown = f"{plan.shown} [{unit}]" if unit and plan.shown.statistic == "mean" else str(plan.shown)
@@ -117,7 +117,7 @@ def _print(plan: study.Plan, results: list[study.PointResult], progress: StudyPr
     for result in results[:_SHOWN_ROWS]:
         values = [axis.show(result.point.values[axis.name]) for axis in plan.axes]
         rows.append([*values, *_cells(plan, result, means)])
-    print_table(f"{plan.scenario.name}: {len(results)} points × {plan.runs} runs", headings, rows)
+    print_table(f"{plan.scenario.name}: {len(results)} points × {plan.runs} runs", headings, rows, len(axes))
     if len(results) > _SHOWN_ROWS:
         console.print(f"... and {len(results) - _SHOWN_ROWS} more points in {study.TABLE_FILE}")
     print_end(progress, folder)
@@ -134,6 +134,8 @@ def _cells(plan: study.Plan, result: study.PointResult, means: list[str]) -> lis
 
 def _mean(name: str, figures: dict[str, Any]) -> str:
     """A mean with its 95 % interval."""
+    from hil_sim.studies.figures import FIGURES
+
     entry, figure = figures[name], FIGURES[name]
     interval = entry["mean_95"]
     half = "" if interval is None else f" ± {figure.show(0.5 * (interval[1] - interval[0]))}"

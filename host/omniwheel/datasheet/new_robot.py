@@ -7,9 +7,10 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from omni_schema import Robot
 from omniwheel import files
 from omniwheel.capability import DriveModel, drive_model
-from omniwheel.capability.speeds import TURNING, direction, limit_speed, motor_speed, top_acceleration
+from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed, top_acceleration
 from omniwheel.datasheet.motor import (
     DRY_SHARE,
     ELECTRICAL_S,
@@ -20,13 +21,15 @@ from omniwheel.datasheet.motor import (
     motor_model,
 )
 from omniwheel.errors import DataSheetError, OmniError, RobotFileError
-from omniwheel.robot_text import Changes, edited, section_text, written
+from omniwheel.robot_text import Changes, Value, edited, section_text, written
 from omniwheel.robots import find_robot_file, free_robot_path, read_robot
 
 WHEEL_SHARE = 0.85
 """LIM_WHEEL by what a loaded wheel reaches: the rest is for the control and for an emptier battery."""
 ACCELERATION_SHARE = 0.5
 """LIM_A by what motors and floor allow at half the speed."""
+SLIP_SHARE = 0.1
+"""ISMC_K_XY and ISMC_K_TH by the speed limits: a switching gain that covers wheels which slip by so much."""
 DIRECTIONS = 36
 DEFAULT_LINES = 2500.0
 TEMPLATES = {3: "three_wheel", 4: "four_wheel"}
@@ -55,8 +58,9 @@ def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path
     text = robot_file_text(name, answers)
     try:
         files.create(path, text.encode("utf-8"))
-        limits = derived_limits(drive_model(read_robot(path)))
-        files.write_text(path, edited(text, limits))
+        limited = edited(text, derived_limits(drive_model(read_robot(path))))
+        files.write_text(path, limited)
+        files.write_text(path, edited(limited, derived_gains(read_robot(path))))
         read_robot(path)
     except FileExistsError:
         raise RobotFileError(f"{path} exists already", hint="choose another name") from None
@@ -145,13 +149,13 @@ def _world(answers: RobotAnswers, model: MotorModel) -> Changes:
 
 def derived_limits(model: DriveModel) -> Changes:
     """Return the limits that follow from motors and floor; see WHEEL_SHARE and ACCELERATION_SHARE."""
-    angles = [2.0 * math.pi * k / DIRECTIONS for k in range(DIRECTIONS)]
-    loaded = min(motor_speed(model, direction(a)) / limit_speed(model, direction(a)) for a in angles)
+    ways = directions(DIRECTIONS)
+    loaded = min(motor_speed(model, way) / limit_speed(model, way) for way in ways)
     wheel = WHEEL_SHARE * loaded * model.wheel_limit_rad_s
     share = wheel / model.wheel_limit_rad_s
-    speed = min(limit_speed(model, direction(a)) for a in angles) * share
+    speed = min(limit_speed(model, way) for way in ways) * share
     turn = limit_speed(model, TURNING) * share
-    acceleration = min(top_acceleration(model, direction(a), 0.5 * speed).value for a in angles)
+    acceleration = min(top_acceleration(model, way, 0.5 * speed).value for way in ways)
     return {
         "parameters.LIM_WHEEL": (wheel, f"rad/s: {WHEEL_SHARE:.0%} of what a loaded wheel reaches"),
         "parameters.LIM_V": (speed, "m/s: that wheel speed, in the slowest direction"),
@@ -161,3 +165,24 @@ def derived_limits(model: DriveModel) -> Changes:
             f"m/s^2: {ACCELERATION_SHARE:.0%} of what motors and floor allow at half that speed",
         ),
     }
+
+
+def derived_gains(robot: Robot) -> Changes:
+    """Return the switching gains that its limits need, and what the wheel filter must know of the body.
+
+    The boundary layers grow with the gains, so that their slope stays. A wheel moves its share
+    of the robot. A filter that does not know it has wrong speeds whenever the robot accelerates.
+    """
+    values, table = robot.parameter_values(), robot.table
+    gains: dict[str, tuple[Value, str]] = {}
+    for axis, limit, gain_unit, layer_unit in (("XY", "LIM_V", "m/s", "m"), ("TH", "LIM_W", "rad/s", "rad")):
+        gain = SLIP_SHARE * values[limit]
+        slope = table[f"ISMC_K_{axis}"].default / table[f"ISMC_PHI_{axis}"].default
+        gains[f"parameters.ISMC_K_{axis}"] = (gain, f"{gain_unit}: covers a slip of {SLIP_SHARE:.0%} at {limit}")
+        gains[f"parameters.ISMC_PHI_{axis}"] = (gain / slope, f"{layer_unit}: as steep as by default")
+    body = 2.0 * values["MASS"] * values["WHEEL_RADIUS"] ** 2 / values["WHEELS"]
+    gains["parameters.KF_J"] = (
+        values["MOT_J"] + body,
+        "kg.m^2: motor, gear and wheel, and the wheel's share of the mass when the robot translates",
+    )
+    return gains

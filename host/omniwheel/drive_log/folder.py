@@ -15,10 +15,11 @@ from omniwheel.drive_log.picture import draw_telemetry
 from omniwheel.drive_log.record import TelemetryRecord, read_record
 from omniwheel.errors import LogError, OmniError, OutputFileError
 from omniwheel.link import parse_url
+from omniwheel.logs.run_folder import new_run_folder
 from omniwheel.robot import Robot
 from omniwheel.tlog import TlogWriter
 
-DRIVE_FILE, TLOG_FILE, PICTURE_FILE = "drive.json", "telemetry.tlog", "report.png"
+DRIVE_FILE, TLOG_FILE, PICTURE_FILE = "drive.json", "telemetry.tlog", "run.png"
 BEFORE_FILE, AFTER_FILE = "parameters.toml", "parameters_after.toml"
 SLOW_BAUD = 57_600
 """Below this, reading all parameters would hold the drive up for many seconds: those that are known are kept."""
@@ -29,13 +30,13 @@ WATCHED, WATCHED_HZ = ("OMNI_TRACKING", "OMNI_WHEELS"), 50.0
 class DriveLog:
     """Keeps one drive: made before the robot is connected, told of it, finished on leaving the context.
 
-    The folder holds telemetry.tlog, parameters.toml (and parameters_after.toml if they changed), report.png, and
+    The folder holds telemetry.tlog, parameters.toml (and parameters_after.toml if they changed), run.png, and
     drive.json with what was asked, how it ended, events and numbers. An error of the disk never keeps a robot from
     being disarmed: it is raised at the end.
     """
 
     def __init__(self, root: Path, name: str, asked: str) -> None:
-        self.folder = _new_folder(root, name)
+        self.folder = new_run_folder(root, name)
         self._asked = asked
         self._writer = TlogWriter(self.folder / TLOG_FILE)
         self._began = datetime.now(timezone.utc)
@@ -53,7 +54,7 @@ class DriveLog:
     def connected(self, robot: Robot) -> None:
         """Keep the robot's parameters as they are before it moves."""
         self._robot = robot
-        slow = _is_slow(robot)
+        slow = is_slow(robot.url)
         self._before = dict(robot.parameters.known) if slow else robot.parameters.download()
         for name in () if slow else WATCHED:
             robot.set_message_interval(name, WATCHED_HZ)
@@ -62,38 +63,39 @@ class DriveLog:
     def leaving(self) -> None:
         """Give the link its own rates back, before it is closed."""
         robot = self._robot
-        if robot is not None and not _is_slow(robot):
+        if robot is not None and not is_slow(robot.url):
             with suppress(OmniError):
                 for name in WATCHED:
                     robot.set_message_interval(name, None)
 
-    def finish(self, end: str) -> TelemetryRecord | None:
-        """Write what became of the drive; ``end`` is "done" or what went wrong. Return what was recorded."""
+    def _finish(self, robot: Robot, end: str) -> None:
+        """Write what became of the drive; ``end`` is "done" or what went wrong."""
         self._writer.close()
         record = _recorded(self.folder / TLOG_FILE)
-        robot = self._robot
-        after = {} if robot is None else {name: robot.parameters[name] for name in self._before}
-        if robot is not None and after != self._before:
+        after = {name: robot.parameters[name] for name in self._before}
+        if after != self._before:
             parameter_file.write(self.folder / AFTER_FILE, after, robot.table)
-        files.write_json(self.folder / DRIVE_FILE, self._document(end, record, after))
+        files.write_json(self.folder / DRIVE_FILE, self._document(robot, end, record, after))
         if record is not None:
             draw_telemetry(record, self._asked, self.folder / PICTURE_FILE)
         if self._trouble is not None:
             raise self._trouble
-        return record
 
-    def _document(self, end: str, record: TelemetryRecord | None, after: Mapping[str, float]) -> dict[str, Any]:
-        changed = {name: [value, after[name]] for name, value in self._before.items() if after.get(name) != value}
+    def _document(
+        self, robot: Robot, end: str, record: TelemetryRecord | None, after: Mapping[str, float]
+    ) -> dict[str, Any]:
         return {
             "kind": "drive",
             "asked": self._asked,
             "began": self._began.isoformat(timespec="seconds"),
             "end": end,
-            "link": "" if self._robot is None else self._robot.url,
+            "link": robot.url,
             "numbers": {} if record is None else record.numbers(),
             "stops": [] if record is None else list(record.stops),
             "events": [] if record is None else [{"time_s": time, "what": what} for time, what in record.events],
-            "parameters_changed": changed if self._robot is not None else {},
+            "parameters_changed": {
+                name: [value, after[name]] for name, value in self._before.items() if after[name] != value
+            },
             "frames": self._writer.frames,
             "omniwheel": __version__,
         }
@@ -110,14 +112,15 @@ class DriveLog:
                 self._writer.close()
                 _remove_if_empty(self.folder)
             else:
-                self.finish("interrupted" if isinstance(error, KeyboardInterrupt) else end)
+                self._finish(self._robot, "interrupted" if isinstance(error, KeyboardInterrupt) else end)
         except OmniError:
             if error is None:  # else that is what has to be heard of
                 raise
 
 
-def _is_slow(robot: Robot) -> bool:
-    address = parse_url(robot.url)
+def is_slow(url: str) -> bool:
+    """Say whether a link is a radio whose telemetry should stay as it is."""
+    address = parse_url(url)
     return address.kind == "serial" and address.number < SLOW_BAUD
 
 
@@ -126,19 +129,6 @@ def _recorded(path: Path) -> TelemetryRecord | None:
         return read_record(path)
     except LogError:
         return None
-
-
-def _new_folder(root: Path, name: str) -> Path:
-    for number in range(1, 100_000):
-        folder = root / (name if number == 1 else f"{name}-{number}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise files.write_error(folder, error) from error
-        return folder
-    raise OutputFileError(f"{root} is full of drives called {name}", hint="remove some: omni runs")
 
 
 def _remove_if_empty(folder: Path) -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Looks at a .hex file before it is uploaded: whole, undamaged, and a program for a Teensy 4.0.
 
-The boot ROM of an i.MX RT1062 reads a FlexSPI configuration block at the start of flash and an image vector table 4 KB
-behind it. That points to the boot data with the image's length (reference manual, chapter 9, "System Boot").
+The boot ROM of an i.MX RT1062 reads a FlexSPI configuration block at the start of flash. 4 KB behind it, it reads an
+image vector table. That points to the boot data with the image's length (reference manual, chapter 9, "System Boot").
 """
 
 from __future__ import annotations

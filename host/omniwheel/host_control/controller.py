@@ -21,6 +21,7 @@ from omniwheel.core_config import plan_trajectory, robot_config
 from omniwheel.errors import CoreError, ParameterRangeError
 from omniwheel.frames import Pose, Twist
 from omniwheel.host_control.pwm_line import FULL_PWM, MOTORS, STOP, PwmLine
+from omniwheel.limits import HOST_CONTROL_DELAY_S
 from omniwheel.mocap.source import MocapPose
 from omniwheel.parameters import ParameterValue, checked_value
 from omniwheel.robots import parameter_table
@@ -28,7 +29,6 @@ from omniwheel.robots import parameter_table
 PERIOD_S = 0.02
 PREDICTIONS = 4
 """Filter steps per control step, so that a slot of the filter's history is one control step."""
-_CONTROLLERS = ("ismc", "p", "pd", "pid")
 _START_US = 1_000_000
 _DEFAULTS = Path(__file__).with_name("host_control.toml")
 
@@ -37,14 +37,14 @@ _DEFAULTS = Path(__file__).with_name("host_control.toml")
 class HostControlSettings:
     """The robot's electronics as the host has to assume them.
 
-    ``full_speed_rad_s`` is a wheel's speed at PWM 255 (None: from the robot file's motor and supply), ``pwm_min`` the
-    PWM below which the wheels stand (0..254; 0: no compensation), ``delay_s`` the time from sending a line until the
-    wheels follow.
+    ``full_speed_rad_s`` is a wheel's speed at PWM 255 (None: from the robot file's motor and supply). ``pwm_min`` is
+    the PWM below which the wheels stand (0..254; 0: no compensation). ``delay_s`` is the time from sending a line until
+    the wheels follow.
     """
 
     full_speed_rad_s: float | None = None
     pwm_min: int = 0
-    delay_s: float = 0.03
+    delay_s: float = HOST_CONTROL_DELAY_S
 
     def __post_init__(self) -> None:
         speed = self.full_speed_rad_s
@@ -84,8 +84,8 @@ def share_of(pwm: int, pwm_min: int) -> float:
 class Command:
     """What one step decided.
 
-    PWM per motor, wanted wheel speeds [rad/s], the factor they were cut by (1: not at all), estimated pose, reference,
-    pose error [m, m, rad].
+    PWM per motor, wanted wheel speeds [rad/s], and the factor they were cut by (1: not at all). Then estimated pose,
+    reference and pose error [m, m, rad].
     """
 
     pwm: PwmLine
@@ -102,9 +102,7 @@ class _Core:
 
     config: Any
     ekf: Any = field(default_factory=lambda: ffi.new("omni_pose_ekf_state_t *"))
-    ismc: Any = field(default_factory=lambda: ffi.new("omni_ismc_state_t *"))
-    fl: Any = field(default_factory=lambda: ffi.new("omni_fl_state_t *"))
-    terms: Any = field(default_factory=lambda: ffi.new("omni_control_terms_t *"))
+    control: Any = field(default_factory=lambda: ffi.new("omni_control_state_t *"))
     wheels: Any = field(default_factory=lambda: ffi.new("omni_real_t[]", MOTORS))
     delta: Any = field(default_factory=lambda: ffi.new("omni_real_t[]", MOTORS))
 
@@ -125,8 +123,9 @@ class HostController:
         table = parameter_table()
         self.values = dict(values)
         self.settings = settings
-        self._core = _Core(robot_config(values, table, 0))
-        self._controller = self._checked_controller(robot)
+        every = round(PERIOD_S / (lib.OMNI_TICK_US * 1e-6))
+        self._core = _Core(robot_config({**values, "CTL_PERIOD": float(every)}, table, 0))
+        self._check_controller(robot)
         self._retime()
         limits = self._core.config.limits
         no_load = limits.supply_nominal_V / lib.omni_motor_speed_gain(ffi.addressof(self._core.config, "motor"))
@@ -141,15 +140,15 @@ class HostController:
         self._saturated = False
         self.last_fix_s = -math.inf
 
-    def _checked_controller(self, robot: Robot) -> str:
+    def _check_controller(self, robot: Robot) -> None:
         names = parameter_table()["CTL_MODE"].values or {}
-        name = next((name for name, number in names.items() if number == self.values["CTL_MODE"]), "?")
-        if name not in _CONTROLLERS:
+        allowed = [name for name, mode in names.items() if lib.omni_controller_demand(mode) == lib.OMNI_DEMAND_TWIST]
+        name = next((name for name, mode in names.items() if mode == self._core.config.controller), "?")
+        if name not in allowed:
             raise ParameterRangeError(
                 f"CTL_MODE = {name} cannot run on the host for {robot.name}: it needs encoders",
-                hint=f"allowed are {', '.join(_CONTROLLERS)}",
+                hint=f"allowed are {', '.join(allowed)}",
             )
-        return name
 
     def _retime(self) -> None:
         """The core derives its configuration for 1 kHz; noise densities keep their meaning at the longer step."""
@@ -159,7 +158,6 @@ class HostController:
         ekf.q_xy, ekf.q_theta, ekf.q_slip = ekf.q_xy * ratio, ekf.q_theta * ratio, ekf.q_slip * ratio
         ekf.step_s = PERIOD_S / PREDICTIONS
         ekf.r_null = 0.0  # commanded speeds are no measurement of slip
-        config.ismc.step_s = config.fl.step_s = PERIOD_S
 
     # ---- poses in
 
@@ -243,38 +241,30 @@ class HostController:
         """
         self._predict_until(now_s)
         here = self.pose
-        twist = self._control(here, reference, rate)
-        config, wheels = self._core.config, self._core.wheels
-        body = ffi.new("omni_twist_t *", lib.omni_twist_to_body(twist, here.theta))
+        self._control(here, reference, rate)
+        config, wheels, demand = self._core.config, self._core.wheels, self._core.control.demand
+        body = ffi.addressof(demand, "twist")
         lib.omni_kinematics_inverse(ffi.addressof(config, "kinematics"), body, ffi.NULL, wheels)
         scale = float(lib.omni_saturate_direction(wheels, MOTORS, self.wheel_limit_rad_s))
         self._saturated = scale < 1.0
         self._last_pose = here
         speeds = (wheels[0], wheels[1], wheels[2], wheels[3])
-        error = tuple(self._core.terms.error)
+        error = tuple(demand.terms.error)
         return Command(self._pwm(speeds), speeds, scale, here, reference, (error[0], error[1], error[2]))
 
     def rest(self) -> None:
         """Forget what only makes sense while driving: integrals and the last step's pose."""
-        lib.omni_ismc_reset(self._core.ismc)
-        lib.omni_fl_reset(self._core.fl)
+        lib.omni_controllers_reset(self._core.control)
         self._last_pose = None
         self._saturated = False
 
-    def _control(self, here: Pose, reference: Pose, rate: Twist) -> Any:
-        config, core = self._core.config, self._core
-        pose, goal = ffi.new("omni_pose_t *", tuple(here)), ffi.new("omni_pose_t *", tuple(reference))
-        goal_rate = ffi.new("omni_twist_t *", tuple(rate))
-        if self._controller == "ismc":
-            twist = lib.omni_ismc_step(
-                core.ismc, ffi.addressof(config, "ismc"), pose, goal, goal_rate, self._saturated, core.terms
-            )
-        else:
-            measured = ffi.new("omni_twist_t *", tuple(self._measured_rate(here)))
-            twist = lib.omni_fl_step(
-                core.fl, ffi.addressof(config, "fl"), pose, measured, goal, goal_rate, self._saturated, core.terms
-            )
-        return ffi.new("omni_twist_t *", twist)
+    def _control(self, here: Pose, reference: Pose, rate: Twist) -> None:
+        """Step the controller: what it asks for is in ``control.demand``."""
+        core = self._core
+        pose = ffi.new("omni_pose_t *", tuple(here))
+        measured = ffi.new("omni_twist_t *", tuple(self._measured_rate(here)))
+        goal = ffi.new("omni_reference_t *", {"pose": tuple(reference), "rate": tuple(rate)})
+        lib.omni_controller_step(core.control, core.config, pose, measured, goal, self._saturated)
 
     def _measured_rate(self, here: Pose) -> Twist:
         """World twist by differencing the estimates of two steps, as the report's PD and PID did with the poses."""

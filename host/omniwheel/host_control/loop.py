@@ -34,7 +34,7 @@ _LATE_S = 2.0 * PERIOD_S
 class Goal:
     """Where to: a world ``pose`` to go to and hold, or with None the path of the TRJ_* parameters.
 
-    The loop ends by itself once a path is done, or once the pose has been within ``tolerance_m`` and
+    The loop ends by itself once a path is done. It also ends once the pose has been within ``tolerance_m`` and
     ``tolerance_rad`` for a second (0: never).
     """
 
@@ -47,8 +47,9 @@ class Goal:
 class HostControlRun:
     """What came of a run.
 
-    ``samples`` has a row for each step that drove: time since the start [s], estimate, reference and error (3 each: m,
-    m, rad), PWM (4). ``pauses`` counts the times that the fixes stayed away, ``late`` the steps that came too late.
+    ``samples`` has a row for each step that drove: time since the start [s], estimate, reference, error, PWM (4). The
+    three poses have 3 numbers each: m, m, rad. ``pauses`` counts the times that the fixes stayed away, ``late`` the
+    steps that came too late.
     """
 
     done: bool = False

@@ -3,7 +3,7 @@
 
 A line has 8 to 20 bytes. 9600 baud carry 960 bytes per second: 50 lines of 20 bytes, 1000 bytes per second, do not fit.
 What did not fit would wait in the modem and make every later line older. So the radio is given no more than it can
-carry. A line that repeats the last one is skipped, and while the wire is busy a newer line takes the place of the one
+carry. A line that repeats the last one is skipped. While the wire is busy, a newer line takes the place of the one
 that could not go. Four full-length numbers then go out 43 times per second (six steps of seven), the usual shorter ones
 at every step.
 """
@@ -13,13 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from omniwheel.byte_budget import BITS_PER_BYTE, ByteBudget
+from omniwheel.limits import HOST_CONTROL_FULL_PWM, HOST_CONTROL_MOTORS, RADIO_BAUD
 from omniwheel.link import Link
 
-FULL_PWM = 255
-MOTORS = 4
+FULL_PWM = HOST_CONTROL_FULL_PWM
+MOTORS = HOST_CONTROL_MOTORS
 END = b"*"
 MAX_LINE_BYTES = MOTORS * len(f"-{FULL_PWM}") + MOTORS - 1 + len(END)
-DEFAULT_BAUD = 9600
+DEFAULT_BAUD = RADIO_BAUD
 USABLE_SHARE = 0.95
 """Of the baud rate: the modem's clock and ours differ, and a full wire drains no backlog."""
 BACKLOG_BYTES = 9

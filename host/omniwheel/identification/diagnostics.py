@@ -23,9 +23,9 @@ COLOURED = 0.2
 class Diagnostics:
     """What is known of a fit.
 
-    ``fit`` is the share of the speeds' variation explained, ``rmse_rad_s`` the residual, ``correlation`` that of
-    neighbouring residuals, ``whiteness_p`` of the Ljung-Box test (small: not white), ``condition`` that of the
-    parameters' correlation (large: some trade against each other), ``saturated_share`` of moving rows at full duty.
+    ``fit`` is the share of the speeds' variation explained, and ``rmse_rad_s`` the residual. ``correlation`` is that of
+    neighbouring residuals. ``whiteness_p`` is of the Ljung-Box test (small: not white). ``condition`` is that of the
+    parameters' correlation (large: some trade against each other). ``saturated_share`` is of moving rows at full duty.
     """
 
     fit: float

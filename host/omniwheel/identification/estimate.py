@@ -67,8 +67,8 @@ class Estimate:
 def clustered_covariance(jacobian: Array, residual: Array, cluster: NDArray[np.int64]) -> tuple[Array, float]:
     """Return the covariance (p, p) of a least-squares estimate and its degrees of freedom.
 
-    Rows of ``jacobian`` (rows, p) and ``residual`` (rows,) that share a number in ``cluster`` (rows,) may be
-    correlated in any way, in time and between wheels; clusters are taken as independent (Liang and Zeger's sandwich
+    ``jacobian`` is (rows, p), ``residual`` and ``cluster`` are (rows,). Rows that share a number in ``cluster`` may be
+    correlated in any way, in time and between wheels. Clusters are taken as independent (Liang and Zeger's sandwich
     with the factor B / (B - p)).
     """
     scale = np.linalg.norm(jacobian, axis=0)

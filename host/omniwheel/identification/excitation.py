@@ -11,10 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from omniwheel.limits import EXCITATION_S
+
 Array = NDArray[np.float64]
 
 PERIOD_S = 0.02
-DURATION_S = 40.0
+DURATION_S = EXCITATION_S
 CIRCLE_DUTY = 160.0 / 255.0
 SPIN_DUTY = 150.0 / 255.0
 LAP_S = 10.0

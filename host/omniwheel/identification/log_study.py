@@ -41,8 +41,8 @@ class Scored:
     """One run, dead-reckoned in several ways.
 
     With the ``nominal`` geometry; with what was ``identified`` from all runs; with what the other runs say
-    (``held_out``), that also without the heading (one radius for all) and without the counts (what the duty alone
-    tells).
+    (``held_out``). The last is also there without the heading (one radius for all), and without the counts (what the
+    duty alone tells).
     ``nis_mean`` of the truth used as fixes, with ``nis_degrees`` degrees of freedom each.
     """
 

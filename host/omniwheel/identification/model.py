@@ -6,9 +6,9 @@ Motor (24)-(27) with the winding at rest, n wheels that roll without slip, and t
     on a stand, per wheel:   a w' = V - e w - u_c sgn(w)
     on the floor, per axis:  a_k q_k' = (1/g_k) sum_i c_ik (V_i - u_c sgn(w_i)) - e_k q_k,   w = C q
 
-q = (vx / r, vy / r, l wz / r) [rad/s] is the body's velocity in wheel units, c_i = (-sin alpha_i, cos alpha_i, 1) the
-wheel's row, g = (n/2, n/2, n). What (V, w) alone can show, and what it is made of (derivation:
-docs/concepts/derivations/identification.md)::
+The body's velocity in wheel units is q = (vx / r, vy / r, l wz / r) [rad/s]. The wheel's row is
+c_i = (-sin alpha_i, cos alpha_i, 1), and g = (n/2, n/2, n). What (V, w) alone can show, and what it is made of
+(derivation: docs/concepts/derivations/identification.md)::
 
     e       = K + R b / K                           speed gain         [V s/rad]
     u_c     = R T_c / K                             Coulomb voltage    [V]

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Odometry of a robot from runs beside a ground truth whose clock, frame and scale are its own.
 
-With the heading measured, the path is linear in the effective radius of each wheel and direction: x(t) = sum_j r_j
-g_j(t), g_j the path that wheel j's turning in one direction would add at r_j = 1 m. Clock offset, rotation and shift of
-each run are found by alignment, then the radii by least squares over all runs. Radii are drawn towards their mean where
-the runs do not excite them. This goes on in turn until nothing changes. The wheel distance follows from the measured
-heading and the wheels' common turning.
+With the heading measured, the path is linear in the effective radius of each wheel and direction:
+x(t) = sum_j r_j g_j(t). In it, g_j is the path that wheel j's turning in one direction would add at r_j = 1 m. Clock
+offset, rotation and shift of each run are found by alignment, then the radii by least squares over all runs. Radii are
+drawn towards their mean where the runs do not excite them. This goes on in turn until nothing changes. The wheel
+distance follows from the measured heading and the wheels' common turning.
 
 The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are right
 for the path on a measured heading. As a heading of their own they are not, so that without one a single common radius
@@ -156,7 +156,7 @@ def _with(robot: Robot, **values: float) -> Robot:
 
 
 def _with_motor(robot: Robot, fit: CurveFit) -> Robot:
-    """Robot whose motor has the curve's mean slope and lag, R and L assumed: only K (b = 0) and R J show in a speed."""
+    """Robot whose motor has the curve's mean slope and lag. R and L are assumed: only K (b = 0) and R J show."""
     curve = fit.curve
     slope = float(np.mean((curve.forward_duty_per_rad_s, curve.reverse_duty_per_rad_s)))
     constant = slope * robot.parameter_values()["BAT_V_NOM"]
@@ -232,8 +232,8 @@ def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse
 
     Raises LogError if the two contradict each other.
 
-    From the counts (the filtered speeds where a count is no good): in turns the load is another one than in the runs
-    that the filter's motor model comes from. A ratio of sums over the windows in which the robot did turn, so that
+    From the counts (the filtered speeds where a count is no good). In turns the load is another one than in the runs
+    that the filter's motor model comes from. It is a ratio of sums over the windows in which the robot did turn. So
     the noise of the counts averages out instead of shrinking the slope.
     """
     wheels, heading = 0.0, 0.0

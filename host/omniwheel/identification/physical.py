@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """From volts and seconds to kilograms and newtons, with a scale, an ohm-meter, and a stand or the motor's constant.
 
-Voltage and speed alone never show K and R apart. With R (ohm-meter), L (data sheet) and the mass m (scale), the
-inertia that the floor adds to translation gives g = K / R = 2 m r^2 / (n (a_xy - a_stand)); a known K gives g without
+Voltage and speed alone never show K and R apart. R comes from an ohm-meter, L from the
+data sheet and the mass m from a scale. Then the inertia that the floor adds to translation gives
+g = K / R = 2 m r^2 / (n (a_xy - a_stand)). A known K gives g without
 a stand. Then::
 
     K = g R    b = g (e - K)    T_c = g u_c    J = g (a_stand - L (e - K) / R)    I = g n l^2 / r^2 (a_theta - a_stand)

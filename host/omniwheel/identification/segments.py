@@ -31,7 +31,7 @@ GAP = 1.5
 class Segments:
     """Segments (s) of the same number of rows: voltages, targets and weights are (s, rows, wheels).
 
-    ``dt_s`` (s, rows) length of each row, ``instrument_V`` the duty times one constant supply: it moves as the voltage
+    ``dt_s`` (s, rows) length of each row. ``instrument_V`` the duty times one constant supply: it moves as the voltage
     does and has none of its noise. ``target_rad_s`` measured speeds, means over rows or at rows' ends. ``start_rad_s``
     (s, axes) velocities at the start, ``time_s`` (s, rows), ``cluster`` (s,) which second of which run.
     """

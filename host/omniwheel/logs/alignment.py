@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniwheel.errors import LogError
+from omniwheel.limits import ALIGN_WITHIN_S
 from omniwheel.logs.log import Array, Truth
 
-SEARCH_S = 5.0
-"""Clock offsets up to this are tried [s]."""
 LEAST_OVERLAP = 0.8
 """Share of the path that must lie within the truth's time."""
 MIRROR_MARGIN = 0.8
@@ -29,8 +28,8 @@ _COARSE_ROWS = 150
 class Alignment:
     """truth(t + offset_s) = rotation (mirrored path(t)) + shift.
 
-    ``rms_m`` is the distance left between the two and ``overlap`` the share of the path within the truth's time;
-    ``offset_low_s``, ``offset_high_s`` enclose the offsets whose RMS is within 5 % of the best; ``scale`` is the
+    ``rms_m`` is the distance left between the two and ``overlap`` the share of the path within the truth's time.
+    ``offset_low_s``, ``offset_high_s`` enclose the offsets whose RMS is within 5 % of the best. ``scale`` is the
     factor on the path that would fit best.
     """
 
@@ -58,10 +57,10 @@ def align(
 ) -> Alignment:
     """Align a path (n, 2) at ``time_s`` (n,) with the truth; ``mirrored`` None: find out. Raises LogError.
 
-    Clock offsets up to ``search_s`` are tried: None takes SEARCH_S, or 0 where the truth's clock is the robot's.
+    Clock offsets up to ``search_s`` are tried: None takes ALIGN_WITHIN_S, or 0 where the truth's clock is the robot's.
     """
     if search_s is None:
-        search_s = 0.0 if truth.same_clock else SEARCH_S
+        search_s = 0.0 if truth.same_clock else ALIGN_WITHIN_S
     if mirrored is None:
         plain, mirror = (align(time_s, xy, truth, search_s=search_s, mirrored=flip) for flip in (False, True))
         return mirror if mirror.rms_m < MIRROR_MARGIN * plain.rms_m else plain

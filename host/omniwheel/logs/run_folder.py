@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The folder that a simulated run leaves: what the files in it are called, and how they are read."""
+"""The folder that a run leaves: how it is made, what the files of a simulated run are called, and how they are read."""
 
 from __future__ import annotations
 
@@ -9,10 +9,29 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from omniwheel import files
+from omniwheel.errors import OutputFileError
 from omniwheel.npz_file import read_npz
 
 SUMMARY_FILE = "summary.json"
 RECORD_FILE = "record.npz"
+
+
+def new_run_folder(root: Path, name: str) -> Path:
+    """Create and return a folder ``name`` below ``root``, or name-2, name-3...: an existing one is never touched.
+
+    Raises OutputFileError.
+    """
+    for number in range(1, 100_000):
+        folder = root / (name if number == 1 else f"{name}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise files.write_error(folder, error) from error
+        return folder
+    raise OutputFileError(f"{root} is full of runs called {name}", hint="remove some: omni runs")
 
 
 def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:

@@ -15,8 +15,8 @@ _SD_PER_MAD = 1.4826  # standard deviation per median absolute deviation of a no
 def reject_spikes(log: WheelLog, spikes: Spikes) -> tuple[Mask, tuple[float, ...]]:
     """Return which counts are no spikes (n, wheels) and the noise of the good ones per wheel [counts per period].
 
-    A count is a spike if it is further from the median of its window than ``threshold`` robust standard deviations
-    (one count at least: quantisation must not be rejected), or faster than ``max_rad_s``.
+    A count is a spike if it is further from the median of its window than ``threshold`` robust standard
+    deviations, or faster than ``max_rad_s``. The distance is one count at least: quantisation must not be rejected.
     """
     rate = log.counts / np.maximum(np.round(log.step_s / log.period_s), 1.0)[:, None]
     half = max(1, round(spikes.window_s / log.period_s))

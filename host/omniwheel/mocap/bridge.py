@@ -14,23 +14,30 @@ import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
-from omniwheel.byte_budget import BITS_PER_BYTE, ByteBudget, MeteredLink
+from omniwheel.byte_budget import ByteBudget, MeteredLink
 from omniwheel.dialect import Message
 from omniwheel.errors import LinkTimeoutError, SetpointError
 from omniwheel.frames import Pose
-from omniwheel.link import Link, open_link
+from omniwheel.hub.shared_link import open_shared
+from omniwheel.limits import (
+    DEFAULT_TIMEOUT_S,
+    MOCAP_BUDGET_BYTES_S,
+    MOCAP_MAX_AGE_S,
+    MOCAP_MESSAGES,
+    MOCAP_RATE_HZ,
+)
+from omniwheel.link import Link
 from omniwheel.mocap.source import MocapPose, MocapSource, newest
 from omniwheel.moved import moved
-from omniwheel.robot import DEFAULT_TIMEOUT_S, Robot, connect
+from omniwheel.robot import Robot, connect
 from omniwheel.setpoints import compact_fix_message, pose_fix_message
 from omniwheel.timesync import TimeSync
 
-MESSAGES: dict[str, Callable[[Pose, int], Message]] = {"compact": compact_fix_message, "vicon": pose_fix_message}
+MESSAGES: dict[str, Callable[[Pose, int], Message]] = dict(
+    zip(MOCAP_MESSAGES, (compact_fix_message, pose_fix_message), strict=True)
+)
 FRAME_BYTES = {"compact": 22, "vicon": 48}
 """Largest frame of each kind without signature [bytes]."""
-RADIO_BAUD = 9600
-RADIO_SHARE = 0.5
-"""Share of a radio that fixes may take; commands and telemetry need the rest."""
 OVERHEAD_BYTES = 64
 """What may go out at once beside a fix: a TIMESYNC request and a command."""
 _POLL_S = 0.01
@@ -40,14 +47,14 @@ _POLL_S = 0.01
 class BridgeSettings:
     """How to send.
 
-    ``message`` is "compact" or "vicon", ``rate_Hz`` the most fixes sent per second, ``budget_bytes_s`` what all bytes
-    of the bridge together may take (default: half of a 9600-baud radio), ``max_age_s`` the oldest pose sent.
+    ``message`` is "compact" or "vicon", and ``rate_Hz`` the most fixes sent per second. ``budget_bytes_s`` is what all
+    bytes of the bridge together may take (default: half of a 9600-baud radio). ``max_age_s`` is the oldest pose sent.
     """
 
     message: str = "compact"
-    rate_Hz: float = 20.0
-    budget_bytes_s: float = RADIO_SHARE * RADIO_BAUD / BITS_PER_BYTE
-    max_age_s: float = 0.2
+    rate_Hz: float = MOCAP_RATE_HZ
+    budget_bytes_s: float = MOCAP_BUDGET_BYTES_S
+    max_age_s: float = MOCAP_MAX_AGE_S
 
     def __post_init__(self) -> None:
         if self.message not in MESSAGES:
@@ -112,7 +119,7 @@ class Bridge:
         self._clock = clock
         self._frame_bytes = FRAME_BYTES[settings.message]
         self._budget = ByteBudget(settings.budget_bytes_s, self._frame_bytes + OVERHEAD_BYTES, clock)
-        base = open_link(link, timeout_s=timeout_s) if isinstance(link, str) else link
+        base = open_shared(link, timeout_s=timeout_s) if isinstance(link, str) else link
         self._link = MeteredLink(base, self._budget)
         self.robot: Robot = connect(self._link, timeout_s=timeout_s, heartbeat=False, clock=clock)
         self._sync = TimeSync(self.robot.connection)

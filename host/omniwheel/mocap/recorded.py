@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Recorded streams: a CSV file with one pose per line, written by ``omni mocap record`` and replayed as it was.
 
-Columns, in this order and with this header: ``taken_s, arrived_s`` (seconds on one clock of the recording, any
-origin), ``frame`` (the stream's frame number), ``x_m, y_m, theta_rad`` (world, theta counter-clockwise). Lines are in
-the order of arrival.
+The header names the columns, in this order: ``taken_s``, ``arrived_s``, ``frame``, ``x_m``, ``y_m``, ``theta_rad``.
+Both times are seconds on one clock of the recording, of any origin. The frame is the stream's number of it, and theta
+counts counter-clockwise. Lines are in the order of arrival.
 """
 
 from __future__ import annotations

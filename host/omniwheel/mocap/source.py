@@ -9,14 +9,12 @@ from typing import Protocol
 from omniwheel.frames import Pose
 from omniwheel.moved import moved
 
-DEFAULT_TIMEOUT_S = 5.0
-
 
 @dataclass(frozen=True)
 class MocapPose:
     """One measured world pose: x, y [m], theta [rad, -pi..pi, counter-clockwise].
 
-    ``taken_s`` is when the cameras saw it and ``arrived_s`` when this computer had it, both on the source's clock;
+    ``taken_s`` is when the cameras saw it and ``arrived_s`` when this computer had it, both on the source's clock.
     ``frame`` is the stream's own number of the frame.
     """
 

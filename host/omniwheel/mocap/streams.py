@@ -13,9 +13,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from omniwheel.errors import MocapSourceError
+from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.mocap.recorded import RecordedSource
 from omniwheel.mocap.simulated import SimulatedSource
-from omniwheel.mocap.source import DEFAULT_TIMEOUT_S, MocapSource
+from omniwheel.mocap.source import MocapSource
 from omniwheel.mocap.vicon import ViconSource
 
 ALLOWED = "allowed are vicon:HOST/OBJECT, recorded:FILE, simulated"

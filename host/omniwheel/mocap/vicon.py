@@ -20,7 +20,8 @@ from typing import Any
 
 from omniwheel.errors import MocapError, MocapLibraryError, MocapLostError, MocapSourceError
 from omniwheel.frames import Pose
-from omniwheel.mocap.source import DEFAULT_TIMEOUT_S, MocapPose
+from omniwheel.limits import DEFAULT_TIMEOUT_S
+from omniwheel.mocap.source import MocapPose
 
 LIBRARY = "pyvicon_datastream"
 RETRY_S = 1.0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The few sums behind the wiring advice, each with its source.
 
-Sources: NXP PCA9685 data sheet rev. 4, table "Static characteristics" (address inputs, OE, EXTCLK); TI DRV8871 data
-sheet SLVSCY9B, sections 6.3 and 7.3.3; PJRC's page on the Teensy 4.0 (supply, pin current, 3.3 V pin).
+Sources: NXP PCA9685 data sheet rev. 4, table "Static characteristics" (address inputs, OE, EXTCLK). TI DRV8871 data
+sheet SLVSCY9B, sections 6.3 and 7.3.3. PJRC's page on the Teensy 4.0 (supply, pin current, 3.3 V pin).
 """
 
 from __future__ import annotations
@@ -41,11 +41,6 @@ def oe_level_V(pull_up_ohm: float, pull_down_ohm: float | None = BOARD_PULL_DOWN
     if pull_down_ohm is None:
         return LOGIC_V
     return LOGIC_V * pull_down_ohm / (pull_up_ohm + pull_down_ohm)
-
-
-def largest_oe_pull_up_ohm(pull_down_ohm: float = BOARD_PULL_DOWN_OHM) -> float:
-    """Return the largest pull-up that still reaches OE_OFF_V against a pull-down."""
-    return pull_down_ohm * (LOGIC_V / OE_OFF_V - 1.0)
 
 
 def oe_sink_A(pull_up_ohm: float) -> float:

@@ -9,12 +9,13 @@ from math import pi
 
 from omni_schema import EncoderPlan, Robot, plan_encoders
 from omni_schema.encoder_plan import INTERRUPTS_PER_S
-from omni_schema.wiring import CHIP_DRIVER
 from omniwheel.wiring.electrics import BRIDGE_SUPPLY_V, LOGIC_V
 
 ON_BOARD_LIGHT = 13
 RADIO_RX, RADIO_TX = 0, 1
 SDA, SCL = 18, 19
+BRIDGE_INPUTS = ("IN1", "IN2")
+"""Of the bridges behind a PWM chip."""
 
 NO_OE = (
     "OE is not wired: only the I2C bus can stop a motor. If somebody presses the Teensy's button, the motors go on "
@@ -45,7 +46,10 @@ class WheelWiring:
 
 @dataclass(frozen=True)
 class WiringPlan:
-    """All that the table and the drawing show. Pins are the Teensy's; None where nothing is wired."""
+    """All that the table and the drawing show. Pins are the Teensy's; None where nothing is wired.
+
+    ``motor_inputs``: names of the two inputs of a motor's bridge.
+    """
 
     name: str
     wheels: tuple[WheelWiring, ...]
@@ -57,18 +61,13 @@ class WiringPlan:
     i2c_speed_Hz: int
     supply_V: float
     stall_A: float
-    motor_driver: str
+    motor_inputs: tuple[str, str]
     warnings: tuple[str, ...]
 
     @property
     def chip(self) -> bool:
         """Whether a PWM chip drives the bridges."""
         return self.wheels[0].motor_pins is None
-
-    @property
-    def motor_inputs(self) -> tuple[str, str]:
-        """Names of the two inputs of a motor's bridge."""
-        return ("PWM", "DIR") if self.motor_driver == "pwm_dir" else ("IN1", "IN2")
 
     @property
     def encoders(self) -> bool:
@@ -95,6 +94,7 @@ def plan_wiring(robot: Robot) -> WiringPlan:
         for n in range(1, robot.wheels + 1)
     )
     supply_V = values["BAT_V_NOM"]
+    first, second = board.motor_driver.pins or BRIDGE_INPUTS
     return WiringPlan(
         name=robot.name,
         wheels=wheels,
@@ -106,7 +106,7 @@ def plan_wiring(robot: Robot) -> WiringPlan:
         i2c_speed_Hz=board.i2c_speed_Hz,
         supply_V=supply_V,
         stall_A=supply_V / values["MOT_R"],
-        motor_driver=str(robot.wiring.get("motor_driver", CHIP_DRIVER)),
+        motor_inputs=(first, second),
         warnings=tuple(_warnings(robot, wheels, supply_V)),
     )
 

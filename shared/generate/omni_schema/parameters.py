@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_schema.errors import SchemaError, did_you_mean
+from omni_schema.motor_drivers import MOTOR_DRIVERS, MotorDriver, parse_motor_drivers
 from omni_schema.toml_file import (
     read_toml,
     refuse_unknown_keys,
@@ -126,13 +127,15 @@ class ParameterTable(Mapping[str, Parameter]):
     """All parameters in wire order, looked up by name.
 
     ``crc`` is a CRC-32 over everything that decides whether two programs mean the same table. It changes with names,
-    order, kinds, ranges, defaults and enum values, not with documentation.
+    order, kinds, ranges, defaults and enum values, not with documentation. ``motor_drivers`` by name, in the order of
+    their numbers.
     """
 
     source: str
     schema_version: int
     parameters: tuple[Parameter, ...]
     crc: int
+    motor_drivers: Mapping[str, MotorDriver] = field(default_factory=dict)
     _by_name: Mapping[str, Parameter] = field(repr=False, compare=False, default_factory=dict)
 
     def __getitem__(self, name: str) -> Parameter:
@@ -165,16 +168,19 @@ def load_parameters(path: Path | str) -> ParameterTable:
 def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable:
     """Build the table from a parsed document; ``source`` names it in errors.
 
-    Raises SchemaError, also where a new name has the storage key of another one or of a retired one: a stored value of
+    Raises SchemaError, also where a new name has the storage key of another one or of a retired one. A stored value of
     that one would be taken for a value of the new parameter.
     """
     version = document.get("schema_version")
     if isinstance(version, bool) or not isinstance(version, int) or not 0 < version < 2**31:
         raise SchemaError(source, "schema_version", f"is {version!r}; a whole number above 0 is needed")
+    drivers = parse_motor_drivers(source, document)
     parameters: list[Parameter] = []
     for name, value in document.items():
-        if name not in ("schema_version", RETIRED):
+        if name not in ("schema_version", RETIRED, MOTOR_DRIVERS):
             entry = take_table(source, name, value)
+            if entry.get("values") == MOTOR_DRIVERS:
+                entry = {**entry, "values": {driver.name: driver.number for driver in drivers.values()}}
             parameters += _expand(source, name, entry, len(parameters))
     by_name = {parameter.name: parameter for parameter in parameters}
     if len(by_name) != len(parameters):
@@ -182,7 +188,7 @@ def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable
         twice = next(name for name in names if names.count(name) > 1)
         raise SchemaError(source, twice, "is defined twice once the per-wheel names are expanded")
     _refuse_same_storage_keys(source, _retired(source, document.get(RETIRED, [])), by_name)
-    return ParameterTable(source, version, tuple(parameters), _crc(version, parameters), by_name)
+    return ParameterTable(source, version, tuple(parameters), _crc(version, parameters), drivers, by_name)
 
 
 def _retired(source: str, value: object) -> list[str]:

@@ -86,7 +86,7 @@ def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str)
         motor=sections["motor"],
         wiring=sections["wiring"],
         simulation=_simulation(source, sections["simulation"]),
-        board=parse_board_wiring(source, sections["wiring"], wheels),
+        board=parse_board_wiring(source, sections["wiring"], wheels, table.motor_drivers),
         overrides=overrides,
         table=table,
     )

@@ -23,18 +23,25 @@ _LARGEST = 2**64
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse the TOML file at ``path``; raise SchemaError if it cannot be read or is not TOML."""
     try:
-        document: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise SchemaError(str(path), "", "no such file; check the path") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SchemaError(str(path), "", f"cannot be read as UTF-8 text: {error}") from error
+    return parse_toml(str(path), text)
+
+
+def parse_toml(source: str, text: str) -> dict[str, Any]:
+    """Parse TOML that errors say is ``source``'s; raise SchemaError if it is not TOML."""
+    try:
+        document: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise SchemaError(str(path), "", f"is not valid TOML: {error}") from error
+        raise SchemaError(source, "", f"is not valid TOML: {error}") from error
     except ValueError as error:  # a number of more digits than Python reads
-        raise SchemaError(str(path), "", f"cannot be read: {error}") from error
+        raise SchemaError(source, "", f"cannot be read: {error}") from error
     except RecursionError:
-        raise SchemaError(str(path), "", "cannot be read: its tables or lists are nested too deep") from None
-    _refuse_monsters(str(path), "", document, 0)
+        raise SchemaError(source, "", "cannot be read: its tables or lists are nested too deep") from None
+    _refuse_monsters(source, "", document, 0)
     return document
 
 

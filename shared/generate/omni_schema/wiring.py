@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omni_schema.errors import SchemaError
+from omni_schema.motor_drivers import MotorDriver
 from omni_schema.toml_file import take_number
 
 ENCODER_PINS_KEY = "wiring.encoder_pins"
@@ -34,8 +35,8 @@ PWM_PINS = (*range(2, 16), 22, 23, 28, 29, 33)
 """Pins that outputs A and B of FlexPWM or a quad timer reach, but for those of an SD card."""
 CHIP_DRIVER = "pca9685"
 CHIP_KEYS = ("in1_channel", "in2_channel")
-PIN_DRIVERS = {"in1_in2": "[IN1, IN2]", "pwm_dir": "[PWM, DIR]"}
-"""Motor drivers on the processor's pins, and what the two pins of a wheel are."""
+CHIP = MotorDriver(0, CHIP_DRIVER, "PWM chip")
+"""What drives the motors of a robot file that says nothing about it."""
 DEFAULT_MOTOR_PWM_HZ = 20_000
 MOTOR_PWM_HZ = range(1_000, 100_001)
 """Slower, the current breaks off between pulses; faster, a period has less than 1500 steps and the bridges get hot."""
@@ -47,8 +48,8 @@ class BoardWiring:
     """What is connected to which Teensy 4.0 pin; None where nothing is.
 
     ``encoder_pins``: (A, B) per wheel, empty if the file gives none. ``encoder_decoder``: one of DECODERS per wheel.
-    ``battery_divider``: battery voltage per volt at ``battery_pin``. ``motor_pins``: (IN1, IN2) or (PWM, DIR) per wheel
-    for a motor driver on the processor's own pins, else empty.
+    ``battery_divider``: battery voltage per volt at ``battery_pin``. ``motor_pins``: two per wheel, as
+    ``motor_driver.pins`` names them, for a driver on the processor's own pins; else empty.
     """
 
     encoder_pins: tuple[tuple[int, int], ...]
@@ -61,10 +62,17 @@ class BoardWiring:
     i2c_speed_Hz: int
     motor_pins: tuple[tuple[int, int], ...] = ()
     motor_pwm_Hz: int = DEFAULT_MOTOR_PWM_HZ
+    motor_driver: MotorDriver = CHIP
 
 
-def parse_board_wiring(source: str, section: Mapping[str, Any], wheels: int) -> BoardWiring:
-    """Check the pin keys of the section ``wiring``; raise SchemaError for a pin that cannot be or is used twice."""
+def parse_board_wiring(
+    source: str, section: Mapping[str, Any], wheels: int, drivers: Mapping[str, MotorDriver]
+) -> BoardWiring:
+    """Check the pin keys of the section ``wiring``; raise SchemaError for a pin that cannot be or is used twice.
+
+    ``drivers`` are those there are; that the file names one of them is checked with its parameter, ``MOT_DRIVER``.
+    """
+    driver = drivers.get(str(section.get("motor_driver", CHIP_DRIVER)), CHIP)
     wiring = BoardWiring(
         encoder_pins=_encoder_pins(source, section, wheels),
         encoder_decoder=_encoder_decoder(source, section, wheels),
@@ -74,8 +82,9 @@ def parse_board_wiring(source: str, section: Mapping[str, Any], wheels: int) -> 
         battery_divider=_battery_divider(source, section),
         light_pin=_pin(source, "wiring.light_pin", section.get("light_pin", DEFAULT_LIGHT_PIN)),
         i2c_speed_Hz=_i2c_speed(source, section),
-        motor_pins=_motor_pins(source, section, wheels),
+        motor_pins=_motor_pins(source, section, wheels, driver, drivers),
         motor_pwm_Hz=_motor_pwm(source, section),
+        motor_driver=driver,
     )
     _refuse_shared_pins(source, wiring)
     return wiring
@@ -149,36 +158,35 @@ def _i2c_speed(source: str, section: Mapping[str, Any]) -> int:
     return speed
 
 
-def _driver(section: Mapping[str, Any]) -> str:
-    return str(section.get("motor_driver", CHIP_DRIVER))
-
-
-def _motor_pins(source: str, section: Mapping[str, Any], wheels: int) -> tuple[tuple[int, int], ...]:
-    key, driver = "wiring.motor_pins", _driver(section)
-    if driver not in PIN_DRIVERS:
+def _motor_pins(
+    source: str, section: Mapping[str, Any], wheels: int, driver: MotorDriver, drivers: Mapping[str, MotorDriver]
+) -> tuple[tuple[int, int], ...]:
+    key = "wiring.motor_pins"
+    if not driver.pins:
+        others = " and ".join(other.name for other in drivers.values() if other.pins)
         for leaf in ("motor_pins", "motor_pwm_Hz"):
             if leaf in section:
-                problem = f"is given, but motor_driver is {driver!r}; it is for {' and '.join(PIN_DRIVERS)}"
+                problem = f"is given, but motor_driver is {driver.name!r}; it is for {others}"
                 raise SchemaError(source, f"wiring.{leaf}", problem)
         return ()
     for leaf in CHIP_KEYS:
         if leaf in section:
-            problem = f"is a channel of the PCA9685, but motor_driver is {driver!r}; remove it and give motor_pins"
+            problem = f"is a channel of the PCA9685, but motor_driver is {driver.name!r}; remove it and give motor_pins"
             raise SchemaError(source, f"wiring.{leaf}", problem)
     given = section.get("motor_pins")
     if not isinstance(given, list) or len(given) != wheels:
         what = "is missing" if given is None else f"is {given!r}"
-        problem = f"{what}; a list of {wheels} pairs {PIN_DRIVERS[driver]} is needed, one per wheel"
+        problem = f"{what}; a list of {wheels} pairs [{', '.join(driver.pins)}] is needed, one per wheel"
         raise SchemaError(source, key, problem)
     return tuple(_motor_pair(source, f"{key}[{wheel}]", pair, driver) for wheel, pair in enumerate(given))
 
 
-def _motor_pair(source: str, key: str, pair: object, driver: str) -> tuple[int, int]:
+def _motor_pair(source: str, key: str, pair: object, driver: MotorDriver) -> tuple[int, int]:
     if not isinstance(pair, list) or len(pair) != 2:
-        raise SchemaError(source, key, f"is {pair!r}; two pin numbers {PIN_DRIVERS[driver]} are needed")
+        raise SchemaError(source, key, f"is {pair!r}; two pin numbers [{', '.join(driver.pins)}] are needed")
     first, second = (_pin(source, f"{key}[{place}]", pin) for place, pin in enumerate(pair))
-    for place, pin in enumerate((first, second) if driver == "in1_in2" else (first,)):
-        if pin not in PWM_PINS:
+    for place, (pin, pwm) in enumerate(zip((first, second), driver.pwm, strict=True)):
+        if pwm and pin not in PWM_PINS:
             allowed = ", ".join(map(str, PWM_PINS))
             raise SchemaError(
                 source, f"{key}[{place}]", f"is {pin}, which has no PWM on a Teensy 4.0; these have: {allowed}"

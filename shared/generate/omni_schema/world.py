@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from omni_schema.errors import SchemaError, did_you_mean
+from omni_schema.readings import Reading, parse_reading, refuse_equal_names
 from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
 
 KINDS = ("real", "int", "bool")
@@ -111,10 +112,11 @@ class Plant:
 
 @dataclass(frozen=True)
 class Sensor:
-    """What the robot's electronics measure."""
+    """What the robot's electronics measure. ``reading``: how it reaches the robot, None for a way of its own."""
 
     name: str
     doc: str
+    reading: Reading | None
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,11 @@ class WorldSchema:
     sensors: Mapping[str, Sensor]
     faults: Mapping[str, FaultKind]
 
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """What sensors tell the robot in each tick, in the order of their rows."""
+        return tuple(sensor.reading for sensor in self.sensors.values() if sensor.reading is not None)
+
 
 def load_world(path: Path | str) -> WorldSchema:
     """Read ``world.toml``; raise SchemaError if anything in it is wrong."""
@@ -156,7 +163,9 @@ def parse_world(document: Mapping[str, Any], source: str) -> WorldSchema:
     plants = _rows(source, "plants", document, _PLANT, lambda number, name, row: _plant(source, number, name, row))
     faults = _rows(source, "faults", document, _WORD, lambda number, name, row: _fault(source, number, name, row))
     sensors = _rows(source, "sensors", document, _WORD, lambda _, name, row: _sensor(source, name, row))
-    return WorldSchema(source, numbers, plants, sensors, faults)
+    world = WorldSchema(source, numbers, plants, sensors, faults)
+    refuse_equal_names(source, world.readings)
+    return world
 
 
 def _rows(
@@ -258,8 +267,8 @@ def _plant(source: str, number: int, name: str, row: dict[str, Any]) -> Plant:
 
 
 def _sensor(source: str, name: str, row: dict[str, Any]) -> Sensor:
-    refuse_unknown_keys(source, f"sensors.{name}.", row, ("doc",))
-    return Sensor(name, take_text(source, f"sensors.{name}.doc", row.get("doc")))
+    doc = take_text(source, f"sensors.{name}.doc", row.get("doc"))
+    return Sensor(name, doc, parse_reading(source, name, row, doc))
 
 
 def _fault(source: str, number: int, name: str, row: dict[str, Any]) -> FaultKind:

@@ -32,6 +32,7 @@ _RESULTS: dict[str, type] = {
     "board_now_us": ctypes.c_uint64,
     "battery_sample": ctypes.c_float,
     "board_battery_V": ctypes.c_float,
+    "board_serial_number": ctypes.c_uint64,
     "fake_journal": ctypes.c_char_p,
     "watchdog_line": ctypes.c_char_p,
     "flash_bytes": ctypes.POINTER(ctypes.c_uint8),
@@ -70,6 +71,7 @@ def system_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         *(generated_dir() / "src").glob("*_gen.c"),
         FAKES / "fake_teensy.cpp",
+        FAKES / "fake_ports.cpp",
         FAKES / "fake_flash.cpp",
         HERE / "system_shim.cpp",
     ]

@@ -221,7 +221,8 @@ bool driver_tick(uint64_t now_us, const float *duty) {
     return tick_driver(wiring, now_us, duty != nullptr ? duty : still, duty != nullptr);
 }
 
-/// The same for four wheels on channels of which no two are neighbours: the longest batch that there is. A quarter voltage.
+/// The same for four wheels on channels of which no two are neighbours: the longest batch that there is. A quarter
+/// voltage.
 bool driver_tick_scattered(uint64_t now_us) {
     static const Wiring wiring{4, {0, 4, 8, 12}, {2, 6, 10, 14}};
     static const float duty[OMNI_MAX_WHEELS] = {0.25f, 0.25f, 0.25f, 0.25f};
@@ -262,4 +263,5 @@ uint64_t batch_ns(uint32_t speed_Hz, uint32_t rise_ns, uint32_t bytes, uint32_t 
 }
 }
 
-static_assert(i2c_batch_ns(i2c_timing(i2c_mode(1'000'000)), 120, 30, 3) <= 300'000, "an update takes too long at 1 MHz");
+static_assert(i2c_batch_ns(i2c_timing(i2c_mode(1'000'000)), 120, 30, 3) <= 300'000,
+              "an update takes too long at 1 MHz");

@@ -210,6 +210,9 @@ bool board_storage_fill(uint8_t value) {
 size_t board_ports() {
     return app_board.port_count;
 }
+uint64_t board_serial_number() {
+    return app_board.serial_number;
+}
 float board_battery_V() {
     return app_board.battery_V();
 }

@@ -34,7 +34,8 @@ def root(tmp_path: Path) -> Path:
     skip = shutil.ignore_patterns("__pycache__")
     for name in ("link", "generate", "robots", "core"):
         shutil.copytree(ROOT / "shared" / name, tmp_path / "shared" / name, ignore=skip)
-    shutil.copy(ROOT / "shared" / "params.toml", tmp_path / "shared" / "params.toml")
+    for name in ("params.toml", "world.toml"):
+        shutil.copy(ROOT / "shared" / name, tmp_path / "shared" / name)
     return tmp_path
 
 
@@ -53,6 +54,7 @@ def test_a_folder_beside_the_dialect_is_no_file_to_read(root: Path, robot: Path)
     "name",
     [
         "params.toml",
+        "world.toml",
         "robots/three_wheel.toml",
         "link/omni.xml",
         "link/standard.toml",

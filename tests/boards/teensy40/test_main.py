@@ -112,6 +112,13 @@ def test_the_watchdog_is_fed_only_while_timer_and_loop_both_live(chip: ctypes.CD
     assert chip.fake_feeds() == before + 5
 
 
+@pytest.mark.parametrize(("burnt", "told"), [(0x04E5A0B1, 15048881), (0x04012345, 745650), (0x00989680, 10_000_000)])
+def test_the_serial_number_is_the_usb_ports(chip: ctypes.CDLL, burnt: int, told: int) -> None:
+    chip.fake_burnt_address(burnt)
+    chip.main_setup()
+    assert chip.board_serial_number() == told
+
+
 def test_the_application_gets_two_ports_a_battery_and_the_pins(chip: ctypes.CDLL) -> None:
     chip.main_setup()
     assert chip.board_ports() == 2

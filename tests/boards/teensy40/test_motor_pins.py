@@ -95,9 +95,10 @@ def test_a_wiring_that_cannot_be_does_not_compile_and_says_why(
 ) -> None:
     folder = write_wiring_header(tmp_path, EXAMPLE) / "omni"
     header = folder / "wiring_gen.h"
-    number = {"in1_in2": 1, "pwm_dir": 2}[driver]
     text = header.read_text(encoding="utf-8")
-    text = text.replace("motor_driver = 1", f"motor_driver = {number}")
+    if driver == "pwm_dir":
+        text = text.replace("motor_pwm[2] = {true, true}", "motor_pwm[2] = {true, false}")
+        assert "{true, false}" in text
     text = text.replace("{{10, 11}, {14, 15}, {22, 23}}", f"{{{motors}}}")
     header.write_text(text.replace("{{3, 2}, {7, 8}, {5, 4}}", f"{{{encoders}}}"), encoding="utf-8")
     sources = [BOARD / "motor_pins.cpp", HERE / "motor_pins_shim.cpp"]

@@ -121,6 +121,15 @@ def test_only_bytes_that_change_are_written(chip: ctypes.CDLL, store: Store) -> 
     assert read_all(chip) == bytes(data)
 
 
+def test_the_first_bytes_of_an_empty_memory_are_kept_without_writing_its_ones(chip: ctypes.CDLL, store: Store) -> None:
+    chip.flash_reset(0xFF)
+    store.boot()
+    assert chip.storage_write(1000, b"stop", 4)
+    assert chip.flash_steps() == 16 + 8  # two bytes each: the 32 around the new ones, and the bank's header
+    store.boot()
+    assert read_all(chip) == (b"\xff" * 1000 + b"stop").ljust(2048, b"\xff")
+
+
 def test_programming_any_length_anywhere_is_what_the_flash_controller_can_take(chip: ctypes.CDLL, store: Store) -> None:
     """The core's copy into the controller's registers faults if it stores a halfword at an odd address."""
     rng = random.Random(3)
@@ -369,6 +378,7 @@ def test_a_power_cut_at_any_word_of_a_write_leaves_all_or_nothing_of_it(chip: ct
 def test_a_power_cut_at_any_step_of_a_save_that_begins_a_bank(store: Store, dirty: int | None) -> None:
     new = store.few(12)
     seed = 0
+    write_all(store.chip, seed)  # where nothing was ever written there is nothing to program
     assert store.save(store.few(seed)) == OK
     while steps_of_save(store, new) < WORDS_OF_IMAGE:
         seed += 1

@@ -18,7 +18,7 @@ from omni_schema import BoardWiring, plan_encoders
 from omni_schema.encoder_plan import INTERRUPTS_PER_S, NO_PINS, NO_WAY_IN, SHARED_INPUT
 from omni_schema.wiring import DECODERS, LAST_PIN
 from tests.boards.teensy40.chip import BOARD, HERE, build, write_wiring_header
-from tests.native import ROOT
+from tests.native import ROOT, generated_dir
 
 BY_INTERRUPT = NOT_GIVEN = 0xFF
 FINE, PINS_MISSING, UNREACHABLE, INPUT_TWICE = range(4)
@@ -150,7 +150,7 @@ def compile_plan(tmp_path: Path, **wiring: str) -> subprocess.CompletedProcess[s
     lines[at:at] = [f"{key} = {value}" for key, value in wiring.items() if value]
     robot = tmp_path / "robot.toml"
     robot.write_text("\n".join(lines), encoding="utf-8")
-    ours = [ROOT / "firmware", ROOT / "shared" / "core" / "include"]
+    ours = [ROOT / "firmware", ROOT / "shared" / "core" / "include", generated_dir() / "include"]
     includes = [HERE / "fakes_io", write_wiring_header(tmp_path, robot), *ours]
     command = ["c++", "-std=c++17", "-fsyntax-only", *(f"-I{i}" for i in includes), str(BOARD / "encoders_robot.cpp")]
     return subprocess.run(command, capture_output=True, text=True, check=False)

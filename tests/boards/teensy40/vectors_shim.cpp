@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The vector table as Teensyduino's start-up leaves it, and what becomes of it. The handlers are never run here: they are names.
+// The vector table as Teensyduino's start-up leaves it, and what becomes of it. The handlers are never run here: they
+// are names.
 #include <Arduino.h>
 
 #include <initializer_list>

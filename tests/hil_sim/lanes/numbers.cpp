@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Every operation of lanes.hpp against the scalar operation, lane by lane and bit by bit. A NaN is a NaN: which one is the compiler's
-// choice of operand order.
+// Every operation of lanes.hpp against the scalar operation, lane by lane and bit by bit. A NaN is a NaN: which one is
+// the compiler's choice of operand order.
 #include <cstdio>
 
 #include "lanes.hpp"
@@ -49,7 +49,8 @@ struct tally {
     void check(const char *name, T lane, T scalar) {
         if (!same_bits(lane, scalar)) {
             ++wrong;
-            std::fprintf(stderr, "%s: %.9g instead of %.9g\n", name, static_cast<double>(lane), static_cast<double>(scalar));
+            std::fprintf(stderr, "%s: %.9g instead of %.9g\n", name, static_cast<double>(lane),
+                         static_cast<double>(scalar));
         }
     }
     void check(const char *name, bool lane, bool scalar) {
@@ -168,7 +169,8 @@ int lanes_condition(unsigned bits) {
     return answer != wide || parted != parted_wide ? -1 : static_cast<int>(answer) | static_cast<int>(parted) << 1;
 }
 
-/** A cast to a scalar, with another value in one lane (or in none: -1). @return the value, + 100 if the lanes parted. */
+/** A cast to a scalar, with another value in one lane (or in none: -1). @return the value, + 100 if the lanes parted.
+ */
 int lanes_cast(int other_lane) {
     real_t x = 3.75f;
     if (other_lane >= 0) {

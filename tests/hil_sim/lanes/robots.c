@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The parity program's scene drives one robot; eight more get its inputs with noise of their own and parameters a little apart, and tick
- * twice: each for itself, and together in lanes. What the two say must be the same bits. Where the lanes part, they are filled again from
- * the single robots.
+ * The parity program's scene drives one robot. Eight more get its inputs with noise of their own, and parameters a
+ * little apart. They tick twice: each for itself, and together in lanes. What the two say must be the same bits. Where
+ * the lanes part, they are filled again from the single robots.
  */
 /* -Domni_robot_tick=lanes_scene_tick is for scene.c. */
 #undef omni_robot_tick
@@ -146,8 +146,8 @@ static uint32_t differences(const char *name, int lane, const void *a, const voi
         memcpy(&q, (const char *)b + i, sizeof q);
         if (p != q && !(is_nan(p) && is_nan(q))) {
             if (bench.tally.wrong + wrong < 20) {
-                (void)fprintf(stderr, "tick %u lane %d %s + %u: %08x alone, %08x in lanes\n", bench.tally.ticks, lane, name,
-                              (unsigned)i, p, q);
+                (void)fprintf(stderr, "tick %u lane %d %s + %u: %08x alone, %08x in lanes\n", bench.tally.ticks, lane,
+                              name, (unsigned)i, p, q);
             }
             ++wrong;
         }
@@ -169,7 +169,8 @@ static void compare(void) {
     hil_lanes_unpack(&bench.core->outputs, bench.lanes_outputs, outputs);
     for (int lane = 0; lane < HIL_LANES; ++lane) {
         bench.robots_again[lane].guide.trajectory = plans != NULL ? plans->plan[lane] : NULL;
-        bench.tally.wrong += differences("robot", lane, &bench.robots[lane], &bench.robots_again[lane], sizeof(omni_robot_t));
+        bench.tally.wrong +=
+            differences("robot", lane, &bench.robots[lane], &bench.robots_again[lane], sizeof(omni_robot_t));
         bench.tally.wrong +=
             differences("outputs", lane, &bench.outputs[lane], &bench.outputs_again[lane], sizeof(omni_outputs_t));
     }
@@ -240,7 +241,8 @@ void lanes_scene_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_out
 }
 
 static void *room(size_t bytes) {
-    return aligned_alloc(HIL_LANES_ALIGNMENT, (bytes + HIL_LANES_ALIGNMENT - 1) / HIL_LANES_ALIGNMENT * HIL_LANES_ALIGNMENT);
+    return aligned_alloc(HIL_LANES_ALIGNMENT,
+                         (bytes + HIL_LANES_ALIGNMENT - 1) / HIL_LANES_ALIGNMENT * HIL_LANES_ALIGNMENT);
 }
 
 /** Run a seeded scene. @param level 0: what every processor has, 1: the best of this one. */

@@ -69,7 +69,7 @@ def test_nobody_at_the_terminal_moves_nothing(stand: str) -> None:
 
 
 def test_all_ends_at_the_first_failure_and_leaves_a_report(stand: str, tmp_path: Path) -> None:
-    run("all", "--robot", "four_wheel", "--yes", "--folder", str(tmp_path), "--link", stand, code=1)
+    run("all", "--robot", "four_wheel", "--yes", "--out", str(tmp_path), "--link", stand, code=1)
     report = json.loads((tmp_path / "bringup.json").read_text(encoding="utf-8"))
     assert [check["check"] for check in report["checks"]] == ["link"]
     assert not report["ok"]

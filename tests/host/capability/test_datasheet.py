@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from omniwheel.cli import app
 from omniwheel.datasheet import GearMotor, RobotAnswers, catalogue, find_motor, motor_model, write_designed_robot
 from omniwheel.datasheet.units import length_m, torque_N_m
 from omniwheel.errors import DataSheetError, RobotFileError
-from omniwheel.robots import read_robot
+from omniwheel.robots import read_robot, robot_names
 
 runner = CliRunner()
 BODY = ["--wheel-diameter", "96mm", "--wheel-distance", "160mm", "--mass", "4"]
@@ -116,7 +117,7 @@ def test_what_is_no_quantity_is_refused(text: str) -> None:
 
 
 def run(tmp_path: Path, *words: str, answers: str = "") -> tuple[int, str]:
-    result = runner.invoke(app, ["robots", "new", "mine", "--folder", str(tmp_path), *words], input=answers)
+    result = runner.invoke(app, ["robots", "new", "mine", "--out", str(tmp_path), *words], input=answers)
     return (2 if isinstance(result.exception, RobotFileError) else result.exit_code), result.output + str(
         result.exception
     )
@@ -128,6 +129,16 @@ def test_new_takes_data_sheet_numbers(tmp_path: Path) -> None:
     assert code == 0, output
     assert json.loads(output[: output.rindex("}") + 1])["warnings"] == []
     assert read_robot(tmp_path / "mine.toml").encoder["counts_per_revolution"] == 1920
+
+
+@pytest.mark.parametrize("words", [("--from", name) for name in robot_names()] + [("--motor", "pololu_37d_30", *BODY)])
+def test_comments_on_the_wires_hold_for_any_robot(tmp_path: Path, words: tuple[str, ...]) -> None:
+    """A new file begins as a copy: what was done to another robot once is not true of this one."""
+    code, output = run(tmp_path, *words)
+    assert code == 0, output
+    _, _, wiring = (tmp_path / "mine.toml").read_text(encoding="utf-8").partition("[wiring]")
+    comments = re.findall(r"#(.*)", wiring.partition("\n[")[0])
+    assert not [text for text in comments if re.search(r"\b(moved|first build|was|were|our|ours)\b", text)]
 
 
 def test_new_asks_for_what_is_missing(tmp_path: Path) -> None:

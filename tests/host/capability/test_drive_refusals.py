@@ -20,6 +20,7 @@ from omniwheel.cli.keyboard import KeyDriver, _Keys, split_keys
 from omniwheel.errors import LimitError
 from omniwheel.frames import Pose, Twist
 from omniwheel.robots import read_robot
+from omniwheel.telemetry import Tracking
 
 OMNI = str(Path(sys.executable).with_name("omni"))
 
@@ -97,6 +98,26 @@ def test_in_the_worlds_frame_the_heading_decides(heading: float) -> None:
         check_velocity(model, fast, heading + math.pi / 2)
     with pytest.raises(LimitError):
         check_velocity(model, Twist(0.18, 0.0, 0.0), None)
+
+
+def test_a_robot_that_turns_has_to_follow_in_every_heading_on_its_way() -> None:
+    model = drive_model(read_robot("three_wheel"))
+    sideways = Twist(0.0, -0.15, 0.1)  # forward a quarter turn later, where the wheels are faster
+    check_velocity(model, sideways, 0.0)
+    check_velocity(model, sideways, 0.0, turned_rad=0.05)
+    with pytest.raises(LimitError, match="LIM_WHEEL"):
+        check_velocity(model, sideways, 0.0, turned_rad=math.pi / 2)
+
+
+def test_the_api_asks_for_every_heading_of_a_turning_drive(firmware: FirmwareProcess) -> None:
+    with connect(firmware.urls[0]) as robot:
+        robot.wait_for(Tracking)
+        robot.require_velocity(0.0, -0.15, 0.1)
+        robot.require_velocity(0.0, -0.15, 0.1, frame="world", duration_s=0.5)
+        with pytest.raises(LimitError, match="LIM_WHEEL"):
+            robot.require_velocity(0.0, -0.15, 0.1, frame="world", duration_s=16.0)
+        with pytest.raises(LimitError, match="LIM_WHEEL"):
+            robot.require_velocity(0.0, -0.15, 0.1, frame="world")
 
 
 def test_a_pose_is_reached_within_the_time_that_was_told(sitl: str) -> None:

@@ -284,11 +284,11 @@ def test_the_command_follows_a_path_and_says_when_it_did_not_finish() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "--port is missing"),
-        (["--port", "/dev/null"], "--source is missing"),
-        (["--port", "/dev/null", "--source", "simulated"], "does not see the robot"),
+        ([], "--link is missing"),
+        (["--link", "/dev/null"], "--source is missing"),
+        (["--link", "/dev/null", "--source", "simulated"], "does not see the robot"),
         (["--simulate", "--robot", "three_wheel"], "3 wheels"),
-        (["--simulate", "-p", "CTL_MODE=original"], "needs encoders"),
+        (["--simulate", "--set", "CTL_MODE=original"], "needs encoders"),
         (["--simulate", "--pwm-min", "300"], "0 to 254"),
     ],
 )

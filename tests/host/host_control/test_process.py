@@ -45,7 +45,7 @@ def read_until(robot: int, enough: int, silent_s: float = WAIT_S) -> bytes:
 
 def test_one_motor_turns_for_its_time() -> None:
     with serial_line() as (robot, port):
-        result = CliRunner().invoke(app, ["host-control", "motor", "--port", port, "--for", "0.3", "--", "3", "-80"])
+        result = CliRunner().invoke(app, ["host-control", "motor", "--link", port, "--for", "0.3", "--", "3", "-80"])
         data = read_until(robot, 10_000, silent_s=0.2)
     assert result.exit_code == 0, result.output
     lines = [parse_line(line + b"*") for line in data.split(b"*")[:-1]]
@@ -56,7 +56,7 @@ def test_one_motor_turns_for_its_time() -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_the_robot_stopped(number: signal.Signals) -> None:
-    words = ["host-control", "pose", "0", "0", "0", "--source", "vicon:vicon.local/robot", "--port"]
+    words = ["host-control", "pose", "0", "0", "0", "--source", "vicon:vicon.local/robot", "--link"]
     environment = {**os.environ, "PYTHONPATH": str(FAKE), "FAKE_VICON": "still"}
     with serial_line() as (robot, port):
         command = [sys.executable, "-c", "from omniwheel.cli import main; main()", *words, port]

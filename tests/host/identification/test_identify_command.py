@@ -46,7 +46,7 @@ def test_a_file_is_edited_in_place() -> None:
 
 
 def test_a_simulated_robot_becomes_a_robot_file(tmp_path: Path) -> None:
-    told = omni("identify", "simulate", "--seed", 5, "--duration", 14, "--name", "mine", "--folder", tmp_path, "--json")
+    told = omni("identify", "simulate", "--seed", 5, "--duration", 14, "--name", "mine", "--out", tmp_path, "--json")
     assert sum(entry["inside"] for entry in told["parameters"].values()) >= 0.8 * len(told["parameters"])
     assert told["validation"] > 0.99
     omni("robots", "check", told["file"])
@@ -58,7 +58,7 @@ def test_a_simulated_robot_becomes_a_robot_file(tmp_path: Path) -> None:
         told["parameters"]["wheel_distance_m"]["truth"], rel=2e-3
     )
     assert len(robot.geometry["wheel_radius_scale"]) == 3
-    again = omni("identify", "simulate", "--duration", 14, "--name", "mine", "--folder", tmp_path, code=2)
+    again = omni("identify", "simulate", "--duration", 14, "--name", "mine", "--out", tmp_path, code=2)
     assert "exists already" in again.output
 
 
@@ -70,11 +70,11 @@ def test_bad_input_is_told_before_anything_moves(tmp_path: Path) -> None:
     # No link is opened: an hour's drive must not be lost, nor replace what was kept.
     (tmp_path / "kept.tlog").write_bytes(b"kept")
     (tmp_path / "kept.toml").write_bytes(b"kept")
-    link = ("--link", "tcp:127.0.0.1:1", "--folder", tmp_path)
+    link = ("--link", "tcp:127.0.0.1:1", "--out", tmp_path)
     assert "exists already" in omni("identify", "live", *link, "--log", tmp_path / "kept.tlog", code=2).output
     assert "exists already" in omni("identify", "live", *link, "--name", "kept", code=2).output
     assert "cannot be a robot's name" in omni("identify", "live", *link, "--name", "Not a name", code=2).output
-    assert "cannot write" in omni("identify", "simulate", "--folder", tmp_path / "absent", code=2).output
+    assert "cannot write" in omni("identify", "simulate", "--out", tmp_path / "absent", code=2).output
     assert (tmp_path / "kept.tlog").read_bytes() == b"kept"
 
 
@@ -82,7 +82,7 @@ def test_bad_input_is_told_before_anything_moves(tmp_path: Path) -> None:
 def test_a_live_robot_is_driven_and_identified(sitl: str, tmp_path: Path) -> None:
     """The world of `omni sitl` lets wheels slip by 0..10 %: motors feel a little less mass than the robot weighs."""
     log = tmp_path / "drive.tlog"
-    given = ("--robot", "three_wheel", "--folder", tmp_path, "--json")
+    given = ("--robot", "three_wheel", "--out", tmp_path, "--json")
     told = omni("identify", "live", "--link", sitl, "--duration", 6, "--log", log, "--name", "live", *given)
     found = {name: entry["value"] for name, entry in told["parameters"].items()}
     motor = read_robot("three_wheel").motor

@@ -58,7 +58,7 @@ def test_identified_on_some_runs_replays_another(imported: Path, files: Path, tm
         "--lifted", imported / "run2.npz", "--robot", files / "robot.toml", "--out", out,
     )  # fmt: skip
     assert read_robot(out).parameter_values()["WHEEL_DIST"] == pytest.approx(0.12, rel=0.05)
-    report = Path(told["files"]["report"]).read_text(encoding="utf-8")
+    report = Path(told["files"]["page"]).read_text(encoding="utf-8")
     assert "## What can be trusted" in report
     assert Path(told["files"]["picture"]).read_bytes().startswith(b"\x89PNG")
     plot, table = tmp_path / "run3.png", tmp_path / "run3.csv"

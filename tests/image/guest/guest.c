@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file guest.c
- * What a guest program needs of a C library's system: a console and a little memory. The host sees what is printed by watching
- * `guest_said`, and calls `guest_run`.
+ * What a guest program needs of a C library's system: a console and a little memory. The host sees what is printed by
+ * watching `guest_said`, and calls `guest_run`.
  */
 #include <stdio.h>
 #include <sys/stat.h>

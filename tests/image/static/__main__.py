@@ -22,7 +22,7 @@ from tests.image.static.running import interrupts, running, used_stack, work
 from tests.image.static.whole import Whole, heap_functions, whole_stack
 from tests.parity.budget_page import replace_block
 
-PAGE = ROOT / "docs" / "guides" / "teensy.md"
+PAGE = ROOT / "docs" / "concepts" / "teensy.md"
 BLOCK = "stack"
 PAGE_ROBOT = "three_wheel"
 STACK_BUDGET = 8192

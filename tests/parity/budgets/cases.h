@@ -21,6 +21,7 @@ struct Case {
     uint32_t fix_age;    ///< ticks
     Setting settings[max_settings];
     size_t settings_used;
+    bool burst = false; ///< everything is being recorded meanwhile
 };
 
 extern const Case cases[];

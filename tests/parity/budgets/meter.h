@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file meter.h  Counts instructions on QEMU's mps2-an500. Run QEMU with -icount shift=10: then an instruction takes 1024 ns of the
-/// machine's time, 25.6 periods of the 25 MHz that its timers count, so that the count is exact.
+/// @file meter.h  Counts instructions on QEMU's mps2-an500. Run QEMU with -icount shift=10: then an instruction takes
+/// 1024 ns of the machine's time. These are 25.6 periods of the 25 MHz that its timers count, so the count is exact.
 #pragma once
 
 #include <cstdint>

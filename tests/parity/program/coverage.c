@@ -7,8 +7,8 @@
 #include "omni/safety.h"
 
 static const char *const kinds[COVERAGE_KINDS] = {"hold", "pose", "velocity body", "velocity world", "path", "duty"};
-static const char *const controllers[COVERAGE_CONTROLLERS] = {"none", "ismc", "p", "pd", "pid", "original", "torque"};
 #define NAME(NUMBER, name) #name,
+static const char *const controllers[COVERAGE_CONTROLLERS] = {OMNI_CTL_MODE_ROWS(NAME)};
 static const char *const paths[COVERAGE_PATHS] = {OMNI_TRJ_TYPE_ROWS(NAME)};
 #undef NAME
 static const char *const rotations[COVERAGE_ROTATIONS] = {"fixed", "spin", "sine", "tangent"};
@@ -18,7 +18,8 @@ static const char *const pose_filters[] = {"odometry", "pose", "slip"};
 static const char *const switchings[] = {"sign", "boundary", "super-twisting"};
 
 /* Bits that a tick can raise: OMNI_FAULT_CONFIG is the firmware's. */
-static const uint32_t reachable = ((uint32_t)OMNI_FAULT_STOP_MASK | (uint32_t)OMNI_WARN_MASK) & ~(uint32_t)OMNI_FAULT_CONFIG;
+static const uint32_t reachable =
+    ((uint32_t)OMNI_FAULT_STOP_MASK | (uint32_t)OMNI_WARN_MASK) & ~(uint32_t)OMNI_FAULT_CONFIG;
 
 static void note_bits(uint32_t *counts, uint32_t bits) {
     for (int bit = 0; bit < COVERAGE_BITS; ++bit) {
@@ -56,9 +57,12 @@ void coverage_note(coverage_t *coverage, const scene_t *scene) {
     }
     coverage->fixes_used +=
         scene->inputs.has_fix && scene->robot.estimator.pose_ekf.last_fix_us == scene->now_us && used > 0 ? 1u : 0u;
-    coverage->fixes_refused += scene->inputs.has_fix && scene->robot.estimator.pose_ekf.last_fix_us != scene->now_us ? 1u : 0u;
+    coverage->fixes_refused +=
+        scene->inputs.has_fix && scene->robot.estimator.pose_ekf.last_fix_us != scene->now_us ? 1u : 0u;
     coverage->restarts +=
-        scene->robot.estimator.pose_ekf.restarts > 0 && scene->robot.estimator.pose_ekf.last_fix_us == scene->now_us ? 1u : 0u;
+        scene->robot.estimator.pose_ekf.restarts > 0 && scene->robot.estimator.pose_ekf.last_fix_us == scene->now_us
+            ? 1u
+            : 0u;
     if (out->state == OMNI_STATE_ARMED) {
         note_armed(coverage, scene);
     }
@@ -98,7 +102,8 @@ bool coverage_report(const coverage_t *coverage, const scene_t *scene, uint32_t 
     for (int i = 0; i < COVERAGE_STATES; ++i) {
         /* INIT lasts less than a tick. */
         const uint32_t wanted = i == OMNI_STATE_INIT ? 0 : least;
-        reached = line("state", omni_safety_state_name((omni_safety_state_t)i), "", coverage->state[i], wanted) && reached;
+        reached =
+            line("state", omni_safety_state_name((omni_safety_state_t)i), "", coverage->state[i], wanted) && reached;
     }
     for (int kind = 0; kind < COVERAGE_KINDS; ++kind) {
         for (int i = 0; i < COVERAGE_CONTROLLERS; ++i) {
@@ -115,10 +120,12 @@ bool coverage_report(const coverage_t *coverage, const scene_t *scene, uint32_t 
     reached = lines("wheel filter", wheel_filters, coverage->wheel_filter, 3, least) && reached;
     reached = lines("pose filter", pose_filters, coverage->pose_filter, 3, least) && reached;
     reached = lines("switching", switchings, coverage->switching, 3, least) && reached;
-    const char *const other[] = {"three wheels",  "four wheels",   "between control steps", "cut",          "fixes used",
-                                 "fixes refused", "pose restarts", "changes while armed",   "sets refused", "plans refused"};
-    const uint32_t figures[] = {coverage->wheels[3],    coverage->wheels[4],     coverage->held,     coverage->cut,
-                                coverage->fixes_used,   coverage->fixes_refused, coverage->restarts, scene->changes_while_armed,
-                                scene->configs_refused, scene->plans_refused};
+    const char *const other[] = {"three wheels", "four wheels",   "between control steps", "cut",
+                                 "fixes used",   "fixes refused", "pose restarts",         "changes while armed",
+                                 "sets refused", "plans refused"};
+    const uint32_t figures[] = {coverage->wheels[3], coverage->wheels[4],        coverage->held,
+                                coverage->cut,       coverage->fixes_used,       coverage->fixes_refused,
+                                coverage->restarts,  scene->changes_while_armed, scene->configs_refused,
+                                scene->plans_refused};
     return lines("other", other, figures, sizeof figures / sizeof figures[0], least < 1 ? least : 1) && reached;
 }

@@ -15,9 +15,9 @@ typedef struct field_t {
     bool real;
 } field_t;
 
-#define REALS(name)                                                                                                            \
+#define REALS(name)                                                                                                    \
     { #name, offsetof(omni_outputs_t, name), 4, sizeof(((omni_outputs_t *)0)->name) / 4, true }
-#define WHOLE(name)                                                                                                            \
+#define WHOLE(name)                                                                                                    \
     { #name, offsetof(omni_outputs_t, name), sizeof(((omni_outputs_t *)0)->name), 1, false }
 
 static const field_t fields[] = {
@@ -48,6 +48,13 @@ static const field_t fields[] = {
     REALS(slip_residual_m_s),
     REALS(wheel_scale),
     REALS(duty_scale),
+    REALS(velocity_scale),
+    WHOLE(velocity_limits),
+    WHOLE(stop.wheel),
+    REALS(stop.voltage_V),
+    REALS(stop.wheel_rad_s),
+    REALS(stop.supply_V),
+    REALS(stop.error),
     REALS(supply_V),
     REALS(nis),
     WHOLE(fixes_accepted),
@@ -56,8 +63,8 @@ static const field_t fields[] = {
 
 enum {
     FIELDS = sizeof fields / sizeof fields[0],
-    /* After config_sequence 2, after fixes_refused 4. */
-    PADDING = 6
+    /* After config_sequence 2, after stop.wheel 3. */
+    PADDING = 5
 };
 
 bool digest_is_complete(void) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** @file digest.h  Every field of omni_outputs_t by name: for a hash over its bits, a dump of its bits, and the promise of finite
- *  numbers. */
+/** @file digest.h  Every field of omni_outputs_t by name: for a hash over its bits, a dump of its bits, and the promise
+ * of finite numbers. */
 #ifndef PARITY_DIGEST_H
 #define PARITY_DIGEST_H
 

@@ -13,8 +13,8 @@ typedef enum draw_style_t {
     DRAW_ANYWHERE /**< some of them anywhere in their range, its ends included */
 } draw_style_t;
 
-/** Fill `values` for a robot: OMNI_PARAM_COUNT. The modules in use and a lively path are drawn too; `number` makes sure that each
- *  gets its turn. The set may still be refused as a whole. */
+/** Fill `values` for a robot: OMNI_PARAM_COUNT. The modules in use and a lively path are drawn too; `number` makes sure
+ * that each gets its turn. The set may still be refused as a whole. */
 void draw_parameters(random_t *random, uint32_t number, draw_style_t style, omni_real_t *values);
 
 /** Change up to three parameters that are not locked while armed. */

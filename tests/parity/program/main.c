@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file main.c
- * The parity program: runs the control tick over seeded, varied input and prints a hash over the bits of all its outputs, every 10 000
- * ticks. Two builds of the core agree if they print the same.
+ * The parity program. It runs the control tick over seeded, varied input. It prints a hash over the bits of all its
+ * outputs, every 10 000 ticks. Two builds of the core agree if they print the same.
  *
  *   parity [--ticks N] [--seed S] [--dump FROM TO] [--least N]
  *
- * --dump prints every output's bits from tick FROM to before tick TO. --least: ticks that everything has to be reached in.
- * Exit code 1: something was not reached, or an output was not finite; 2: wrong use.
+ * --dump prints every output's bits from tick FROM to before tick TO. --least: ticks that everything has to be reached
+ * in. Exit code 1: something was not reached, or an output was not finite; 2: wrong use.
  */
 #include <inttypes.h>
 #include <stdio.h>

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** @file random.h  Seeded random numbers (splitmix64) that are the same on every machine: integers and exact float steps only. */
+/** @file random.h  Seeded random numbers (splitmix64) that are the same on every machine: integers and exact float
+ * steps only. */
 #ifndef PARITY_RANDOM_H
 #define PARITY_RANDOM_H
 

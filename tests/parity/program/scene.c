@@ -201,7 +201,8 @@ static void see_pose(scene_t *scene) {
         fix->pose.theta = not_finite(random);
     }
     if (hit(scene, SCENE_FIX_TIME)) {
-        fix->time_us += random_below(random, 2) ? (uint64_t)random_u32(random) : (uint64_t)0 - random_below(random, 1000000);
+        fix->time_us +=
+            random_below(random, 2) ? (uint64_t)random_u32(random) : (uint64_t)0 - random_below(random, 1000000);
     }
 }
 

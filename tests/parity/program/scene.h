@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file scene.h
- * A seeded stream of episodes that drives omni_robot_tick through everything it can do: robots, parameters, controllers, estimators,
- * paths, set-points, events, and everything that can go wrong around it.
+ * A seeded stream of episodes that drives omni_robot_tick through everything it can do. It covers robots, parameters,
+ * controllers, estimators, paths, set-points, events, and everything that can go wrong around it.
  */
 #ifndef PARITY_SCENE_H
 #define PARITY_SCENE_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file world.h
- * Just enough of a robot to close the loop: first-order motors without slip, so that the estimators see plausible motion. It is no
- * model of anything; hil_sim is. All its numbers are the same on every machine.
+ * Just enough of a robot to close the loop: first-order motors without slip, so that the estimators see plausible
+ * motion. It is no model of anything; hil_sim is. All its numbers are the same on every machine.
  */
 #ifndef PARITY_WORLD_H
 #define PARITY_WORLD_H

@@ -1,11 +1,15 @@
 /* SPDX-License-Identifier: MIT */
-/* Any numbers as parameters, NaN and infinities too: a set is refused, or makes a configuration that the tick can rely on. */
+/* Any numbers as parameters, NaN and infinities too: a set is refused, or makes a configuration that the tick can rely
+ * on. */
 #include "any.h"
 
 void proof_config(void) {
     omni_robot_config_t config;
     omni_real_t values[OMNI_PARAM_COUNT];
     int32_t bad;
+    omni_uint_t type;
+    ANYTHING(type);
+    (void)omni_trajectory_needs_waypoints(type);
     ANYTHING(values);
     const omni_result_t result = omni_robot_config(&config, values, &bad);
     /*@ check bad_index: -1 <= bad < OMNI_PARAM_COUNT; */

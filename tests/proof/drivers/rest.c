@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Functions of the core that the tick and the planner do not call: studies, the host and the firmware's background do. */
+/* Functions of the core that the tick and the planner do not call: studies, the host and the firmware's background do.
+ */
 #include "any.h"
 
 static omni_kinematics_t kinematics;
@@ -69,7 +70,30 @@ static void numbers(void) {
     (void)omni_atan2f(any_real(), any_real());
 }
 
+/* On the host. What asks for no twist is not stepped. */
+static void controllers(void) {
+    static omni_robot_config_t config;
+    static omni_control_state_t control;
+    omni_pose_t pose;
+    omni_twist_t rate;
+    omni_reference_t reference;
+    for (int mode = 0; mode <= OMNI_CTL_MODE_COUNT; ++mode) {
+        ANYTHING(config);
+        ANYTHING(control);
+        ANYTHING(pose);
+        ANYTHING(rate);
+        ANYTHING(reference);
+        config.controller = (uint8_t)mode;
+        const omni_result_t result = omni_controller_step(&control, &config, &pose, &rate, &reference, any_bool());
+        const uint8_t demand = omni_controller_demand((uint8_t)mode);
+        /*@ check stepped: result == OMNI_OK <==> demand == OMNI_DEMAND_TWIST; */
+        omni_controllers_reset(&control);
+        /*@ check in_time: control.ticks == 0; */
+    }
+}
+
 void proof_rest(void) {
+    controllers();
     parameters();
     filter();
     curve();

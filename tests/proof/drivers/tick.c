@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * One tick from any state of the robot with any inputs. That the state after it is one of those again makes it hold for every tick.
+ * One tick from any state of the robot with any inputs. That the state after it is one of those again makes it hold for
+ * every tick.
  */
 #include "any.h"
-
-enum { LARGEST_DELTA = 1000003 };
 
 static omni_robot_config_t config;
 static omni_robot_t robot;
@@ -34,9 +33,11 @@ static void make_state(void) {
     robot.estimator.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
     robot.supervisor.state = (omni_safety_state_t)Frama_C_interval(0, OMNI_STATE_COUNT - 1);
     robot.control.tracking = any_bool();
-    robot.control.original.tick = (uint16_t)Frama_C_interval(0, config.original.period_ticks - 1);
+    const int last_tick = config.original.period_ticks - 1;
+    const omni_int_t most_counts = last_tick * OMNI_ORIGINAL_LARGEST_DELTA; /* proof original */
+    robot.control.original.tick = (uint16_t)Frama_C_interval(0, last_tick);
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        robot.control.original.moved_counts[i] = Frama_C_interval(-19 * LARGEST_DELTA, 19 * LARGEST_DELTA); /* proof original */
+        robot.control.original.moved_counts[i] = Frama_C_interval(-most_counts, most_counts);
     }
     robot.control.original.next = (uint8_t)Frama_C_interval(0, OMNI_ORIGINAL_WINDOW - 1);
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
@@ -46,6 +47,7 @@ static void make_state(void) {
     robot.applied.saturated = any_bool();
     robot.margin.uncovered = any_bool();
     robot.applied.off_track = any_bool();
+    robot.exciter.begun = any_bool();
 }
 
 /* What make_state takes for granted holds again. */
@@ -95,8 +97,8 @@ void proof_start(void) {
             check_state();
             omni_robot_set_config(&robot, &config);
             check_state();
-            outputs.faults = (omni_uint_t)Frama_C_unsigned_int_interval(0, UINT32_MAX);
-            (void)omni_robot_arming_faults(&robot, &outputs);
+            robot.supervisor.faults = (omni_uint_t)Frama_C_unsigned_int_interval(0, UINT32_MAX);
+            (void)omni_robot_arming_faults(&robot);
         }
     }
 }

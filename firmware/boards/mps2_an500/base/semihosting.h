@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file semihosting.h  The debugger's services (Arm "Semihosting for AArch32 and AArch64"), here QEMU's: files, console, exit.
+/// @file semihosting.h  The debugger's services (Arm "Semihosting for AArch32 and AArch64"), here QEMU's: files,
+/// console, exit.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +27,8 @@ int semihosting_errno();
 void semihosting_print(const char *text);
 /// From now on print to the end of this file. @return false if it cannot be opened.
 bool semihosting_print_to(const char *path);
-/// Handle of the console, for bytes (QEMU: standard input or output). Reading waits for the first one. @return -1 on failure.
+/// Handle of the console, for bytes (QEMU: standard input or output). Reading waits for the first one. @return -1 on
+/// failure.
 int semihosting_open_console(bool for_reading);
 /// Get the command line, words separated by blanks. @return false if it does not fit.
 bool semihosting_command_line(char *text, size_t capacity);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file startup.cpp  From reset to main(): vectors, stack paint, FPU, memory protection, .data, .bss, constructors, arguments.
+/// @file startup.cpp  From reset to main(): vectors, stack paint, FPU, memory protection, .data, .bss, constructors,
+/// arguments.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -46,12 +47,12 @@ using Handler = void (*)();
 constexpr Handler none = an500_fault_entry;
 
 [[gnu::section(".vectors"), gnu::used]] const Handler an500_vectors[16 + 32] = {
-    reinterpret_cast<Handler>(an500_stack_top), an500_reset, nmi_handler, none, none, none, none, none, none, none, none, none,
-    none, none, none, systick_handler,
+    reinterpret_cast<Handler>(an500_stack_top), an500_reset, nmi_handler, none, none, none, none, none, none, none,
+    none, none, none, none, none, systick_handler,
     // interrupts 0 to 31
-    uart0_rx_handler, uart0_tx_handler, uart1_rx_handler, uart1_tx_handler, uart2_rx_handler, uart2_tx_handler, none, none,
-    timer0_handler, none, none, none, none, none, none, none, none, none, uart3_rx_handler, uart3_tx_handler, uart4_rx_handler,
-    none, none, none, none, none, none, none, none, none, none, none};
+    uart0_rx_handler, uart0_tx_handler, uart1_rx_handler, uart1_tx_handler, uart2_rx_handler, uart2_tx_handler, none,
+    none, timer0_handler, none, none, none, none, none, none, none, none, none, uart3_rx_handler, uart3_tx_handler,
+    uart4_rx_handler, none, none, none, none, none, none, none, none, none, none, none};
 
 /// Paints the stack: in assembly, because C may use it.
 [[gnu::naked]] void an500_reset() {
@@ -65,7 +66,8 @@ constexpr Handler none = an500_fault_entry;
                  "b .");
 }
 
-/// Only one stack is used, so the pushed registers are at its top; if there was room for them: faults have a stack of their own.
+/// Only one stack is used, so the pushed registers are at its top, if there was room for them. Faults have a stack of
+/// their own.
 [[gnu::naked]] void an500_fault_entry() noexcept {
     asm volatile("mov r0, sp\n\t"
                  "mrs r1, ipsr\n\t"

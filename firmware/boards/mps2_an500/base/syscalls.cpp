@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 /// @file syscalls.cpp  What newlib's stdio asks of a system: console and files by semihosting, memory for its buffers.
 ///
-/// stdio is for start and end of a program (options, reports, tests); the firmware's own code uses neither it nor a heap.
+/// stdio is for start and end of a program (options, reports, tests); the firmware's own code uses neither it nor a
+/// heap.
 #include <sys/stat.h>
 #include <sys/types.h>
 
@@ -50,7 +51,8 @@ int failed() {
 extern "C" {
 
 int _open(const char *path, int flags, int) {
-    const an500::OpenMode mode = (flags & O_ACCMODE) == O_RDONLY ? an500::OpenMode::read : an500::OpenMode::read_write_new;
+    const an500::OpenMode mode =
+        (flags & O_ACCMODE) == O_RDONLY ? an500::OpenMode::read : an500::OpenMode::read_write_new;
     const int handle = an500::semihosting_open(path, mode);
     return handle < 0 ? failed() : handle + first_file;
 }

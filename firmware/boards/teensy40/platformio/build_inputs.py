@@ -42,7 +42,8 @@ def generator_inputs(root: Path, robot: Path) -> list[Path]:
     shared = root / "shared"
     link = [path for path in (shared / "link").rglob("*") if path.is_file()]
     headers = (shared / "core" / "include" / "omni").glob("*.h")  # controllers and paths are looked up there
-    return sorted([robot, shared / "params.toml", *link, *headers, *(shared / "generate").rglob("*.py")])
+    schemas = [shared / "params.toml", shared / "world.toml"]
+    return sorted([robot, *schemas, *link, *headers, *(shared / "generate").rglob("*.py")])
 
 
 def fingerprint(root: Path, robot: Path) -> str:

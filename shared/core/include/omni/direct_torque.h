@@ -34,35 +34,38 @@ typedef struct omni_direct_torque_config_t {
     omni_real_t kp[OMNI_AXES];       /**< 1/s^2 */
     omni_real_t kd[OMNI_AXES];       /**< 1/s */
     omni_real_t torque_limit_N_m;    /**< tau_max per wheel [report eq. 30]; 0: none */
-    omni_real_t grip;                /**< friction coefficient that may be used, all wheels equally loaded; 0: no bound */
-    omni_real_t slip_limit_m_s;      /**< slip speed at which outward torque is gone, see protect; 0: not watched */
-    omni_real_t wheel_limit_rad_s;   /**< wheel speed at which outward torque is gone; 0: not watched */
-    omni_real_t step_s;              /**< > 0: period of omni_direct_torque_protect */
+    omni_real_t grip;              /**< friction coefficient that may be used, all wheels equally loaded; 0: no bound */
+    omni_real_t slip_limit_m_s;    /**< slip speed at which outward torque is gone, see protect; 0: not watched */
+    omni_real_t wheel_limit_rad_s; /**< wheel speed at which outward torque is gone; 0: not watched */
+    omni_real_t step_s;            /**< > 0: period of omni_direct_torque_protect */
 } omni_direct_torque_config_t;
 
 /**
  * Torques for the wanted motion. Acceleration is cut, direction kept, to what the floor takes (grip); torques likewise
  * to torque_limit [report eq. 30].
  * @param rate measured world twist. @param torque_N_m out, per wheel, at the wheel, beyond the motor's own friction.
- * @param terms out: `error` is xi - xi_d as everywhere, `equivalent` xi''_d + K_p e and `switching` K_d e', in m/s^2 and rad/s^2.
+ * @param terms out: `error` is xi - xi_d as everywhere, `equivalent` xi''_d + K_p e and `switching` K_d e', in m/s^2
+ * and rad/s^2.
  * @return share of the wanted torque that the limits left, 0..1; 0 with all torques 0 if an input isn't finite.
  */
 omni_real_t omni_direct_torque_step(const omni_direct_torque_config_t *config, const omni_kinematics_t *k,
-                                    const omni_pose_t *pose, const omni_twist_t *rate, const omni_reference_t *reference,
-                                    omni_real_t *torque_N_m, omni_control_terms_t *terms);
+                                    const omni_pose_t *pose, const omni_twist_t *rate,
+                                    const omni_reference_t *reference, omni_real_t *torque_N_m,
+                                    omni_control_terms_t *terms);
 
 /**
  * Runaway protection, at least as often as wheel speeds are measured. Rim speed minus floor speed of wheel i is its
  * slip speed. Torque that raises it fades from full at half of slip_limit to none at slip_limit. Beyond, torque_limit
  * permitting, the wheel is braked at the rate that halves the excess per step. The wheel_limit works likewise over
  * its last tenth.
- * @param floor_body body twist of the robot over the floor as known without the wheels (a pose sensor). Wheel odometry will
- *        not do: it follows the wheels. Without such knowledge give the reference's twist: the limit then bounds how fast
+ * @param floor_body body twist of the robot over the floor as known without the wheels (a pose sensor). Wheel odometry
+ * will not do: it follows the wheels. Without such knowledge give the reference's twist: the limit then bounds how fast
  *        an error may be worked off.
  * @param torque_N_m in and out.
  * @return smallest factor applied, 1: nothing cut, 0: a wheel was let go or braked.
  */
 omni_real_t omni_direct_torque_protect(const omni_direct_torque_config_t *config, const omni_kinematics_t *k,
-                                       const omni_twist_t *floor_body, const omni_real_t *wheel_rad_s, omni_real_t *torque_N_m);
+                                       const omni_twist_t *floor_body, const omni_real_t *wheel_rad_s,
+                                       omni_real_t *torque_N_m);
 
 #endif

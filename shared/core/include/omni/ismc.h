@@ -45,7 +45,8 @@ typedef struct omni_control_terms_t {
     omni_real_t integral[OMNI_AXES];
     omni_real_t surface[OMNI_AXES];    /**< s (ISMC), else 0 */
     omni_real_t equivalent[OMNI_AXES]; /**< continuous part of the wanted world twist (direct torque: acceleration) */
-    omni_real_t switching[OMNI_AXES];  /**< switching (ISMC), integral + derivative (PID), derivative (direct torque) part */
+    omni_real_t
+        switching[OMNI_AXES]; /**< switching (ISMC), integral + derivative (PID), derivative (direct torque) part */
 } omni_control_terms_t;
 
 void omni_ismc_reset(omni_ismc_state_t *state);
@@ -59,9 +60,11 @@ omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *
                             omni_control_terms_t *terms);
 
 /**
- * Margin of the gain condition [report eq. 44] per axis: k - |B+ (v_s - v_s_hat)|; positive means the switching gain covers the slip error.
+ * Margin of the gain condition [report eq. 44] per axis: k - |B+ (v_s - v_s_hat)|; positive means the switching gain
+ * covers the slip error.
  * @param b_pinv_slip_error world twist B+ (v_s - v_s_hat).
  */
-void omni_ismc_gain_margin(const omni_ismc_config_t *config, const omni_twist_t *b_pinv_slip_error, omni_real_t *margin);
+void omni_ismc_gain_margin(const omni_ismc_config_t *config, const omni_twist_t *b_pinv_slip_error,
+                           omni_real_t *margin);
 
 #endif

@@ -38,7 +38,7 @@ typedef struct omni_kinematics_t {
 /**
  * Compute the matrices. Unused wheel slots are zeroed.
  * @return OMNI_ERR_NOT_FINITE, OMNI_ERR_RANGE (wheel count, radius, distance, angle), OMNI_ERR_SINGULAR (wheels that
- *         cannot produce every motion, e.g. all at one bearing); the matrices are then all zero.
+ *         cannot produce every motion, such as all at one bearing). The matrices are then all zero.
  */
 omni_result_t omni_kinematics_init(omni_kinematics_t *k, const omni_kinematics_config_t *config);
 

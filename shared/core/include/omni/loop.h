@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file loop.h
- * What every loop around omni_robot_tick() does in the same way: the firmware's, and the simulator's without a firmware.
+ * What every loop around omni_robot_tick() does in the same way: the firmware's, and the simulator's without a
+ * firmware.
  *
  * Why: these rules decide whether a motor has power. So they stand here once, and each loop calls them.
  */
@@ -12,8 +13,8 @@
 
 /**
  * Whether the motors get power after this tick.
- * A motor driver that does not answer now may still hold what it was told before the last stop. So power is not switched
- * on over it; a drive that is under way goes on until the core stops it (SAFE_I2C_N).
+ * A motor driver that does not answer now may still hold what it was told before the last stop. So power is not
+ * switched on over it; a drive that is under way goes on until the core stops it (SAFE_I2C_N).
  * @param drive omni_outputs_t.drive. @param was_on the last tick's answer. @param failures of the driver in a row.
  */
 bool omni_motor_power(bool drive, bool was_on, uint16_t failures);

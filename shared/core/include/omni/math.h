@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file math.h
- * The few functions the core needs instead of libm. They use IEEE-exact operations only (+ - * / sqrt, integer conversion),
- * so x86-64 and Cortex-M7 give the same bits.
+ * The few functions the core needs instead of libm. They use IEEE-exact operations only (+ - * / sqrt, integer
+ * conversion), so x86-64 and Cortex-M7 give the same bits.
  */
 #ifndef OMNI_MATH_H
 #define OMNI_MATH_H
@@ -13,16 +13,16 @@
 #define OMNI_PI_F 3.14159265358979323846f
 
 /**
- * Sine and cosine together. @param angle [rad], |angle| <= 1e6: error <= 2e-7 absolute. Beyond that range neighbouring floats
- * are too far apart for an angle, and the result is that of angle 0. A NaN or an infinity gives NaN in both.
+ * Sine and cosine together. @param angle [rad], |angle| <= 1e6: error <= 2e-7 absolute. Beyond that range neighbouring
+ * floats are too far apart for an angle, and the result is that of angle 0. A NaN or an infinity gives NaN in both.
  */
 void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine);
 
 /** Four-quadrant arc tangent [rad], -pi..pi, absolute error <= 5e-7; (0, 0) gives 0; a NaN or an infinity gives NaN. */
 omni_real_t omni_atan2f(omni_real_t y, omni_real_t x);
 
-/** Angle wrapped into [-pi, pi), error <= 5e-7 absolute. @param angle [rad], |angle| <= 1e6; beyond 0. A NaN or an infinity gives
- *  NaN. */
+/** Angle wrapped into [-pi, pi), error <= 5e-7 absolute. @param angle [rad], |angle| <= 1e6; beyond 0. A NaN or an
+ * infinity gives NaN. */
 omni_real_t omni_wrap_pi(omni_real_t angle);
 
 /** Square root, IEEE-exact; a negative argument gives 0 (never NaN in a control path). */

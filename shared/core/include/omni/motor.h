@@ -33,8 +33,8 @@ typedef struct omni_motor_discrete_t {
 
 /**
  * Discretise by scaling and squaring of the matrix exponential. @param step_s (0, 1].
- * @return OMNI_ERR_NOT_FINITE, or OMNI_ERR_RANGE for constants outside their ranges or 1e12 times faster than the step; `out` is
- *         then untouched.
+ * @return OMNI_ERR_NOT_FINITE, or OMNI_ERR_RANGE for constants outside their ranges or 1e12 times faster than the step;
+ * `out` is then untouched.
  */
 omni_result_t omni_motor_discretise(const omni_motor_config_t *motor, omni_real_t step_s, omni_motor_discrete_t *out);
 

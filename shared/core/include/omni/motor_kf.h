@@ -54,14 +54,15 @@ void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_confi
 void omni_motor_kf_rebase(omni_motor_kf_state_t *state);
 
 /**
- * One tick: predict with the voltage applied since the last tick, correct with the counts moved since then (Joseph form).
+ * One tick: predict with the voltage applied since the last tick, correct with the counts moved since then (Joseph
+ * form).
  * @param voltage_V  not finite counts as 0.
  * @param delta_counts  count increment since the last valid one, over all the ticks in between.
  * @param valid  false: predict only (no trustworthy count this tick; OFF keeps the last speed).
  * @return the wheel speed estimate [rad/s].
  */
-omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
-                               omni_int_t delta_counts, bool valid);
+omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
+                               omni_real_t voltage_V, omni_int_t delta_counts, bool valid);
 
 /**
  * One tick of mode SPEED with a speed that was measured as such, whatever config->mode says.
@@ -69,7 +70,7 @@ omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf
  * @param speed_rad_s  not finite: predict only.
  * @return the wheel speed estimate [rad/s].
  */
-omni_real_t omni_motor_kf_step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
-                                     omni_real_t speed_rad_s);
+omni_real_t omni_motor_kf_step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
+                                     omni_real_t voltage_V, omni_real_t speed_rad_s);
 
 #endif

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file numbers.h
- * The numbers that the control core computes with. All that eight runs at once (hil_sim/lanes) ask of the core stands here.
+ * The numbers that the control core computes with. All that eight runs at once (hil_sim/lanes) ask of the core stands
+ * here.
  *
- * The simulation compiles the core's sources a second time, with numbers of its own that hold eight values. What may differ from run to
- * run is one of these types. Everything else is common to the runs. The rules are one page: docs/how-to-add/lanes.md.
+ * The simulation compiles the core's sources a second time, with numbers of its own that hold eight values. What may
+ * differ from run to run is one of these types. Everything else is common to the runs. The rules are one page:
+ * docs/how-to-add/lanes.md.
  */
 #ifndef OMNI_NUMBERS_H
 #define OMNI_NUMBERS_H
@@ -25,7 +27,8 @@ typedef bool omni_flag_t;
 /** For conditions that the data often decide. Both values may be evaluated: they have no side effects. */
 #define omni_select(condition, a, b) ((condition) ? (a) : (b))
 
-/** For short cuts: the condition holds in every run, or in one at least. What comes after must do without the short cut, too. */
+/** For short cuts: the condition holds in every run, or in one at least. What comes after must do without the short
+ * cut, too. */
 #define omni_all(condition) (condition)
 #define omni_any(condition) (condition)
 

@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file original_law.h
- * The control law of the three-wheel robot's original firmware, kept to compare against: 50 Hz, pose error to wheel voltages.
+ * The control law of the three-wheel robot's original firmware, kept to compare against: 50 Hz, pose error to wheel
+ * voltages.
+ *
  *   s = e + lambda * W(e);   u = -lambda e + xi'_d - K sign(s);   wheel speeds through B / r, scaled to 4 rad/s
  *   V = 10 (w_d - w) + 30 W(w_d - w), scaled to the supply
- * W is the original's integral: the sum over the last 100 samples divided by 100. Wheel speed comes from counts differenced
- * over a 20 ms period; pose from dead reckoning. Its parser and wiring mistakes are not reproduced.
+ *
+ * W is the original's integral: the sum over the last 100 samples divided by 100. Wheel speed comes from counts
+ * differenced over a 20 ms period; pose from dead reckoning. Its parser and wiring mistakes are not reproduced.
  */
 #ifndef OMNI_ORIGINAL_LAW_H
 #define OMNI_ORIGINAL_LAW_H
@@ -13,7 +16,11 @@
 #include "omni/kinematics.h"
 #include "omni/types.h"
 
-enum { OMNI_ORIGINAL_WINDOW = 100 };
+enum {
+    OMNI_ORIGINAL_WINDOW = 100,
+    /** Counts per tick, either way: what a period sums up then fits its counter. */
+    OMNI_ORIGINAL_LARGEST_DELTA = 1000003
+};
 
 typedef struct omni_original_config_t {
     omni_real_t lambda;      /**< 14 */
@@ -42,8 +49,9 @@ omni_original_config_t omni_original_defaults(omni_real_t step_s, omni_real_t ra
 void omni_original_reset(omni_original_state_t *state);
 
 /** One tick (the law itself runs every period_ticks). Results are read from `state`.
- *  @param delta_counts per wheel, at most 1000003 either way: what a period sums up then fits its counter. */
-/*@ requires fits: \forall integer i; 0 <= i < k->wheels ==> -1000003 <= delta_counts[i] <= 1000003; */
+ *  @param delta_counts per wheel, at most OMNI_ORIGINAL_LARGEST_DELTA either way. */
+/*@ requires fits: \forall integer i; 0 <= i < k->wheels ==>
+      -OMNI_ORIGINAL_LARGEST_DELTA <= delta_counts[i] <= OMNI_ORIGINAL_LARGEST_DELTA; */
 void omni_original_step(omni_original_state_t *state, const omni_original_config_t *config, const omni_kinematics_t *k,
                         const omni_int_t *delta_counts, const omni_pose_t *pose, const omni_pose_t *reference,
                         const omni_twist_t *reference_rate, omni_real_t supply_V);

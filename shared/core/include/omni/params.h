@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file params.h
- * The parameter table: everything tunable, addressed by index, generated from shared/params.toml. A parameter set is a plain
- * array of OMNI_PARAM_COUNT values.
+ * The parameter table: everything tunable, addressed by index, generated from shared/params.toml. A parameter set is a
+ * plain array of OMNI_PARAM_COUNT values.
  */
 #ifndef OMNI_PARAMS_H
 #define OMNI_PARAMS_H

@@ -29,10 +29,11 @@ omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pid_config_t *conf
                           omni_real_t measurement, omni_real_t feed_forward);
 
 /**
- * Anti-windup: `wanted` was returned by step, `applied` reached the actuator; what was cut is taken back from the integral with
- * the time constant kp / ki (at once if that is shorter than a step), so that in a lasting limit integral + feed-forward
- * settle at what is applied. Values that aren't finite are ignored.
+ * Anti-windup: `wanted` was returned by step, `applied` reached the actuator. What was cut is taken back from the
+ * integral with the time constant kp / ki (at once if that is shorter than a step). In a lasting limit integral +
+ * feed-forward settle at what is applied. Values that aren't finite are ignored.
  */
-void omni_pid_limited(omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t wanted, omni_real_t applied);
+void omni_pid_limited(omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t wanted,
+                      omni_real_t applied);
 
 #endif

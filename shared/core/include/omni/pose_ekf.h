@@ -52,7 +52,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t q_slip;    /**< per step, while the wheel turns and its ratio is known better than p_slip */
     omni_real_t p_slip;    /**< initial variance of a slip ratio, and the most that q_slip lets it grow to */
     omni_real_t r_null;    /**< variance of n^T r phi' summed over a history slot, m^2, from the counts' resolution:
-                                      (r rad_per_count)^2 / 6; 0: four wheels' null direction is not used */
+                                      (r rad_per_count)^2 / 6. 0: four wheels' null direction is not used */
     omni_real_t r_xy;      /**< variance of a fix, m^2 */
     omni_real_t r_theta;   /**< rad^2 */
     omni_real_t gate;      /**< NIS above this is refused; 0: no gate */
@@ -103,18 +103,19 @@ void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
                             uint64_t time_us);
 
 /**
- * One tick of motion. @param wheel_delta_rad angle each wheel turned since the last tick, OMNI_MAX_WHEELS entries; a tick with
- * a value that isn't finite counts as no motion. @param time_us robot clock; a longer step brings proportionally more noise.
- * With four wheels and mode slip, n^T r phi' = n^T v_s corrects the slip ratios once per history slot.
+ * One tick of motion. @param wheel_delta_rad angle each wheel turned since the last tick, OMNI_MAX_WHEELS entries; a
+ * tick with a value that isn't finite counts as no motion. @param time_us robot clock; a longer step brings
+ * proportionally more noise. With four wheels and mode slip, n^T r phi' = n^T v_s corrects the slip ratios once per
+ * history slot.
  */
-void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
-                           const omni_real_t *wheel_delta_rad, uint64_t time_us);
+void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                           const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint64_t time_us);
 
 /**
  * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.
- * @return OMNI_OK used; OMNI_ERR_RANGE gated out; OMNI_ERR_TIME older than the history, not newer than the last used one, or
- *         from the future (> 5 ms), or no tick yet; OMNI_ERR_NOT_FINITE; OMNI_ERR_LOCKED in mode odometry, which ignores fixes.
- *         Nothing but counters and diagnostics (nis, innovation) changes when a fix is refused.
+ * @return OMNI_OK used. OMNI_ERR_RANGE gated out. OMNI_ERR_TIME older than the history, not newer than the last used
+ * one, from the future (> 5 ms), or no tick yet. OMNI_ERR_NOT_FINITE. OMNI_ERR_LOCKED in mode odometry, which ignores
+ * fixes. Nothing but counters and diagnostics (nis, innovation) changes when a fix is refused.
  */
 omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                     const omni_kinematics_t *k, const omni_pose_fix_t *fix);

@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file robot.h
- * The whole control core as one step: omni_robot_tick. Firmware, PC process, emulator, Python and Monte Carlo call this.
+ * The whole control core as one step: omni_robot_tick. Firmware, PC process, emulator, Python and Monte Carlo call
+ * this.
  *
- * Ownership: the caller owns every struct. The configuration is read through a pointer and never written by the tick; to change
- * parameters, build a second omni_robot_config_t and hand it over with omni_robot_set_config between two ticks.
+ * Ownership: the caller owns every struct. The configuration is read through a pointer and never written by the tick.
+ * To change parameters, build a second omni_robot_config_t and hand it over with omni_robot_set_config between two
+ * ticks.
  */
 #ifndef OMNI_ROBOT_H
 #define OMNI_ROBOT_H
 
+#include "omni/excitation.h"
 #include "omni/kinematics.h"
 #include "omni/modules_gen.h"
 #include "omni/motor.h"
@@ -104,14 +107,13 @@ typedef enum omni_event_t {
     OMNI_EVENT_SET_POSE = 1 << 6          /**< restart the pose estimate at inputs.pose */
 } omni_event_t;
 
-/** What one tick is told. */
+/** What one tick is told. The readings of the sensors, counts and battery_V among them, come from [sensors] of
+ * shared/world.toml. */
 typedef struct omni_inputs_t {
-    uint64_t time_us;                   /**< robot clock, monotonic */
-    omni_int_t counts[OMNI_MAX_WHEELS]; /**< raw encoder counters, may wrap */
-    uint8_t counts_valid;               /**< bit per wheel */
+    uint64_t time_us; /**< robot clock, monotonic */
+#include "omni/input_readings_gen.h"
     bool has_fix;
     omni_pose_fix_t fix;
-    omni_real_t battery_V;               /**< <= 0: not measured */
     uint32_t events;                     /**< omni_event_t bits, for this tick only */
     uint32_t faults;                     /**< stop faults seen outside the core (OMNI_FAULT_OVERRUN, ...) */
     omni_setpoint_t setpoint;            /**< the latest */
@@ -120,6 +122,22 @@ typedef struct omni_inputs_t {
     const omni_trajectory_t *trajectory; /**< must stay valid and constant while followed */
     omni_pose_t pose;                    /**< for OMNI_EVENT_SET_POSE */
 } omni_inputs_t;
+
+/** Limits of a velocity, one bit each. */
+typedef enum omni_velocity_limit_t {
+    OMNI_LIMIT_WHEEL = 1 << 0, /**< LIM_WHEEL */
+    OMNI_LIMIT_SPEED = 1 << 1, /**< LIM_V */
+    OMNI_LIMIT_TURN = 1 << 2   /**< LIM_W */
+} omni_velocity_limit_t;
+
+/** What the robot saw when a stop fault stopped it. All zero until one does; kept until the next arming. */
+typedef struct omni_stop_t {
+    uint8_t wheel; /**< a wheel that has stalled or whose encoder has failed, from 1; 0: the fault is about none */
+    omni_real_t voltage_V;   /**< it was given */
+    omni_real_t wheel_rad_s; /**< it turned at, by its encoder in that tick */
+    omni_real_t supply_V;
+    omni_real_t error[OMNI_AXES]; /**< of the pose, world frame [m, m, rad]; 0 unless a pose was tracked */
+} omni_stop_t;
 
 /** What one tick decided and knows. */
 typedef struct omni_outputs_t {
@@ -141,22 +159,35 @@ typedef struct omni_outputs_t {
     omni_real_t pose_sd[OMNI_AXES];
     omni_reference_t reference;
     omni_control_terms_t terms;
-    /** k - |B+ (v_s - v_s_hat)| of condition 44 per world axis [m/s, m/s, rad/s], with 3 sigma of the slip ratios' estimate as the error;
-     *  0 unless the ISMC is tracking. */
+    /** k - |B+ (v_s - v_s_hat)| of condition 44 per world axis [m/s, m/s, rad/s], with 3 sigma of the slip ratios'
+     * estimate as the error. 0 unless the ISMC is tracking. */
     omni_real_t ismc_margin[OMNI_AXES];
     omni_real_t slip_m_s[OMNI_MAX_WHEELS]; /**< estimated v_s */
     omni_real_t slip_residual_m_s;
-    omni_real_t wheel_scale; /**< factor the wheel speeds (direct torque: by the runaway protection) were cut by, 1: none */
-    omni_real_t duty_scale;  /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
+    omni_real_t
+        wheel_scale; /**< factor the wheel speeds (direct torque: by the runaway protection) were cut by, 1: none */
+    omni_real_t duty_scale;      /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
+    omni_real_t velocity_scale;  /**< factor left of a velocity set-point, or of the way to a pose, 1: all of it */
+    omni_uint_t velocity_limits; /**< omni_velocity_limit_t that cut it; the highest bit is the one that decided */
+    omni_stop_t stop;
     omni_real_t supply_V;
     omni_real_t nis;
     omni_uint_t fixes_accepted;
     omni_uint_t fixes_refused;
 } omni_outputs_t;
 
+/** What a position controller asks for, and so what follows it on the way to the wheels. */
+typedef enum omni_demand_kind_t {
+    OMNI_DEMAND_NONE = 0, /**< nothing: poses are not tracked, only their rates are followed */
+    OMNI_DEMAND_TWIST,    /**< a body twist: inverse kinematics, slip, wheel-speed loops; held for CTL_PERIOD */
+    OMNI_DEMAND_TORQUE,   /**< torques: runaway protection, torque curve; held for CTL_PERIOD */
+    OMNI_DEMAND_DUTY,     /**< duties as they are: the way of open-loop set-points, no controller's */
+    OMNI_DEMAND_VOLTAGE   /**< voltages: nothing but the duty limit; stepped in every tick, it counts its own period */
+} omni_demand_kind_t;
+
 /**
- * What the position controller asks for, in force until its next step. The controller's row of the table says which of them counts
- * (shared/core/src/robot/controllers.h).
+ * What the position controller asks for, in force until its next step. omni_controller_demand says which of them
+ * counts.
  */
 typedef struct omni_demand_t {
     omni_control_terms_t terms;
@@ -172,9 +203,10 @@ typedef struct omni_estimator_t {
     uint64_t last_time_us;
     omni_motor_kf_state_t motor_kf[OMNI_MAX_WHEELS];
     omni_int_t last_counts[OMNI_MAX_WHEELS];
-    omni_real_t guessed_rad[OMNI_MAX_WHEELS]; /**< turned since the last valid count, as far as the pose has been told */
-    uint32_t encoder_ticks[OMNI_MAX_WHEELS];  /**< ticks in a row without a valid count */
-    bool primed;                              /**< last_* hold a first sample */
+    omni_real_t
+        guessed_rad[OMNI_MAX_WHEELS];        /**< turned since the last valid count, as far as the pose has been told */
+    uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
+    bool primed;                             /**< last_* hold a first sample */
     omni_pose_ekf_state_t pose_ekf;
 } omni_estimator_t;
 
@@ -182,7 +214,9 @@ typedef struct omni_estimator_t {
 typedef struct omni_supervisor_t {
     uint64_t armed_since_us;
     omni_safety_state_t state;
+    omni_uint_t faults;                     /**< omni_fault_t bits present in the last tick */
     uint32_t fault_history;                 /**< stop faults since arming */
+    omni_stop_t stop;                       /**< of the latest one */
     omni_real_t stalled_s[OMNI_MAX_WHEELS]; /**< how long each wheel has looked stalled or reversed */
     uint32_t battery_ticks;                 /**< ticks in a row with too little voltage */
 } omni_supervisor_t;
@@ -228,6 +262,7 @@ typedef struct omni_robot_t {
     omni_guide_t guide;
     omni_gain_margin_t margin;
     omni_control_state_t control;
+    omni_exciter_t exciter; /**< omni_excitation_start() begins one between two ticks */
     omni_estimator_t estimator;
 } omni_robot_t;
 
@@ -237,8 +272,8 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config);
 /** Hand over another configuration between two ticks; controller and filter states go on without a bump. */
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config);
 
-/** One tick. Never fails: whatever comes in, duties and voltages are finite, |duty| <= 1, and 0 unless armed and healthy. Other
- * outputs are finite for poses within LIM_POS; a pose of 3e38 m, say, gives a reference that is none. */
+/** One tick. Never fails: whatever comes in, duties and voltages are finite, |duty| <= 1, and 0 unless armed and
+ * healthy. Other outputs are finite for poses within LIM_POS; a pose of 3e38 m, say, gives a reference that is none. */
 /*@ ensures duty_in_range: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==>
         \is_finite(outputs->duty[i]) && -1.0 <= outputs->duty[i] <= 1.0;
     ensures voltage_finite: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> \is_finite(outputs->voltage_V[i]);
@@ -249,7 +284,29 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 /** Name of a position controller, as CTL_MODE has it. @return NULL beyond OMNI_CTL_MODE_COUNT. */
 const char *omni_controller_name(uint8_t controller);
 
-/** May the robot be armed now? @return 0, or the stop fault bits that prevent it; state other than DISARMED: OMNI_FAULT_CONFIG. */
-uint32_t omni_robot_arming_faults(const omni_robot_t *robot, const omni_outputs_t *last);
+/** What a position controller asks for, omni_demand_kind_t. @return OMNI_DEMAND_NONE beyond OMNI_CTL_MODE_COUNT. */
+uint8_t omni_controller_demand(uint8_t controller);
+
+/** All position controllers forget: integrals, and the tick of their period. */
+void omni_controllers_reset(omni_control_state_t *control);
+
+/**
+ * One step of the position controller of `config` outside of a robot's tick, for a host that drives without encoders.
+ * Control behaviour is the tick's, by the same table. It has to ask for a twist (OMNI_DEMAND_TWIST); others need what
+ * only the tick knows. Call it every config->step_s * config->control_period.
+ * @param rate measured, world frame. @param reference its pose and rate.
+ * @param control out: `demand.twist` (body frame) and `demand.terms`.
+ * @return OMNI_OK; OMNI_ERR_RANGE if this controller asks for something else. Nothing is done then.
+ */
+omni_result_t omni_controller_step(omni_control_state_t *control, const omni_robot_config_t *config,
+                                   const omni_pose_t *pose, const omni_twist_t *rate, const omni_reference_t *reference,
+                                   omni_flag_t saturated);
+
+/** May it be added while this kind of set-point (omni_setpoint_kind_t) is in force? */
+bool omni_excitation_fits(uint8_t place, uint8_t kind);
+
+/** May the robot be armed now? @return 0, or the stop fault bits that prevent it; state other than DISARMED:
+ * OMNI_FAULT_CONFIG. */
+uint32_t omni_robot_arming_faults(const omni_robot_t *robot);
 
 #endif

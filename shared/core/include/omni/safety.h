@@ -3,7 +3,9 @@
  * @file safety.h
  * The safety state machine: one constant table, state x event -> state. Motors may move in OMNI_STATE_ARMED only.
  *
- *   INIT -> DISARMED -> ARMED -> FAILSAFE (stop fault) -> DISARMED (disarm);   ESTOP is latched until cleared while disarmed.
+ *   INIT -> DISARMED -> ARMED -> FAILSAFE (stop fault) -> DISARMED (disarm)
+ *
+ * ESTOP is latched until cleared while disarmed.
  */
 #ifndef OMNI_SAFETY_H
 #define OMNI_SAFETY_H

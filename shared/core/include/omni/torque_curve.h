@@ -19,8 +19,8 @@ typedef struct omni_torque_curve_t {
     omni_real_t duty[OMNI_CURVE_POINTS]; /**< at 20, 40, 60, 80 % of torque_max; rising, from dead_duty to 1 */
 } omni_torque_curve_t;
 
-/** Does the curve rise strictly from dead_duty to 1? (NaN: no.) @param bad_point out, may be NULL: first point that does not
- *  lie above its predecessor, OMNI_CURVE_POINTS if the last is not below 1. */
+/** Does the curve rise strictly from dead_duty to 1? (NaN: no.) @param bad_point out, may be NULL: first point that
+ * does not lie above its predecessor, OMNI_CURVE_POINTS if the last is not below 1. */
 bool omni_torque_curve_is_valid(const omni_torque_curve_t *curve, int32_t *bad_point);
 
 /** Duty, -1..1, that gives a torque; beyond torque_max the full duty; NaN: 0. */

@@ -6,15 +6,18 @@
  *
  * The path p(u) is a function of path time u in [0, duration]. The rate u'(t) of the clock rises with a quintic over
  * ramp_s, stays at 1/scale and falls likewise. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the
- * robot isn't at the path's start, a quintic lead-in brings it there first.
+ * robot isn't at the path's start, a quintic lead-in brings it there first. It keeps to the limits of wheels and
+ * acceleration.
  *
- * Type report: x = a [sin(2 pi u/12) + cos(2 pi u/14)], y = a [sin(2 pi u/5) + cos(2 pi u/4)] with a = size_m, and
- * theta = 0.5 [sin(2 pi u/16) + cos(2 pi u/8)], u in seconds [report eq. 81].
+ * Type report, with a = size_m and u in seconds [report eq. 81]:
  *
- * Type identify is the excitation of [report Appendix D]: `laps` circles counter-clockwise with fixed heading, as many
- * clockwise, then spins on the spot by rotation_amplitude_rad per lap, both ways; each of the four from rest to rest
- * in laps * period_s, its rate rising and falling with a quintic over a quarter of a period. laps = 0: one lap each
- * way, again and again.
+ *   x = a [sin(2 pi u/12) + cos(2 pi u/14)],  y = a [sin(2 pi u/5) + cos(2 pi u/4)]
+ *   theta = 0.5 [sin(2 pi u/16) + cos(2 pi u/8)]
+ *
+ * Type identify is the excitation of [report Appendix D]. It drives `laps` circles counter-clockwise with fixed
+ * heading, and as many clockwise. Then it spins on the spot by rotation_amplitude_rad per lap, both ways. Each of the
+ * four goes from rest to rest in laps * period_s. Its rate rises and falls with a quintic over a quarter of a period.
+ * With `laps` = 0 it is one lap each way, again and again.
  *
  * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the
  * tick.
@@ -35,7 +38,8 @@ typedef struct omni_trajectory_config_t {
     uint16_t petals;      /**< rose: 1..32. Odd n: r = cos(n f), f in [0, pi]; n = 4m: cos(n/2 f), [0, 2 pi];
                                        else cos(n/4 f), [0, 4 pi] */
     omni_real_t size_m;   /**< radius (rose, circle), length (line, from the origin along x), half width of the random
-                                       points' square, amplitude of x and y of type report (its heading has 0.5 rad always) */
+                                       points' square. Amplitude of x and y of type report; its heading has 0.5 rad
+                                       always */
     omni_real_t period_s; /**< path time of a lap; line, waypoints and random points: of a leg */
     omni_real_t laps;     /**< 0: without end. Line: legs, there and back. Waypoints and random points: rounds; the
                                        last round ends at the last point, an earlier one goes on to the first */
@@ -49,6 +53,8 @@ typedef struct omni_trajectory_config_t {
     omni_real_t voltage_limit_V;
     omni_real_t ff_speed_V_s; /**< motor: V per rad/s, for the voltage limit */
     omni_real_t ff_acceleration_V_s2;
+    omni_real_t lead_in_m_s2;   /**< the lead-in accelerates by no more; 0: as far as speed and voltage allow */
+    omni_real_t lead_in_rad_s2; /**< likewise for its turning */
 } omni_trajectory_config_t;
 
 typedef struct omni_waypoints_t {
@@ -82,6 +88,7 @@ typedef struct omni_trajectory_t {
     omni_real_t scale;              /**< clock runs at 1/scale, >= 1 if scaled */
     omni_real_t peak_wheel_rad_s;   /**< demanded at scale 1 */
     omni_real_t peak_voltage_V;     /**< demanded at scale 1 */
+    bool by_voltage;                /**< what decided `scale`: the motors' voltage; false: the wheels' speed */
     omni_real_t needed_scale;       /**< what the limits need, whether or not it is applied, < 1 if they leave room;
                                        > scale: infeasible by that factor */
     omni_trajectory_timing_t timing;
@@ -102,19 +109,26 @@ typedef struct omni_reference_t {
     omni_uint_t phase;         /**< omni_trajectory_phase_t */
 } omni_reference_t;
 
+/** Does a path of this TRJ_TYPE go through points that somebody gives? @param type below OMNI_TRJ_TYPE_COUNT, else
+ * false. */
+bool omni_trajectory_needs_waypoints(omni_uint_t type);
+
 /**
- * Plan. @param waypoints needed for OMNI_TRJ_TYPE_WAYPOINTS, else NULL (a pose each, straight quintic legs of period_s, headings
- * the short way round).
+ * Plan. @param waypoints needed where omni_trajectory_needs_waypoints() says so, else NULL (a pose each, straight
+ * quintic legs of period_s, headings the short way round).
  * @param at pose the robot has now; its heading's whole turns are kept (no unwinding). Type hold stays there.
- * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration, or a heading beyond 1e6 rad; the plan then holds `at`.
+ * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration, or a heading beyond 1e6 rad; the plan then
+ * holds `at`.
  */
-omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config, const omni_kinematics_t *k,
-                                   const omni_waypoints_t *waypoints, const omni_pose_t *at);
+omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config,
+                                   const omni_kinematics_t *k, const omni_waypoints_t *waypoints,
+                                   const omni_pose_t *at);
 
 /** Reference time_us after the start. Path time is kept in whole nanoseconds, so it stays exact for years. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference);
 
-/** The bare path at path time u >= 0 (clamped to the duration; NaN: 0): pose and its first and second derivative by u. */
+/** The bare path at path time u >= 0 (clamped to the duration; NaN: 0): pose and its first and second derivative by u.
+ */
 void omni_path_evaluate(const omni_trajectory_t *plan, omni_real_t path_time_s, omni_pose_t *pose, omni_twist_t *first,
                         omni_twist_t *second);
 

@@ -25,7 +25,8 @@ typedef struct omni_pose_t {
     omni_real_t theta;
 } omni_pose_t;
 
-/** Rate of a pose, or the rate of that rate; the name of the variable says in which frame. m/s, rad/s (or m/s^2 ...). */
+/** Rate of a pose, or the rate of that rate; the name of the variable says in which frame. m/s, rad/s (or m/s^2 ...).
+ */
 typedef struct omni_twist_t {
     omni_real_t vx;
     omni_real_t vy;

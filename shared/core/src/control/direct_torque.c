@@ -12,10 +12,12 @@ static const omni_real_t gravity_m_s2 = 9.80665f;
 static const omni_real_t slip_fade = 0.5f;
 static const omni_real_t speed_fade = 0.1f;
 
-/* Share of a wheel's excess speed that braking takes away per step: 1 would be dead beat and leave no room for delay. */
+/* Share of a wheel's excess speed that braking takes away per step: 1 would be dead beat and leave no room for delay.
+ */
 static const omni_real_t brake_share = 0.5f;
 
-static bool inputs_are_finite(const omni_pose_t *pose, const omni_twist_t *rate, const omni_reference_t *reference) {
+static bool pose_inputs_are_finite(const omni_pose_t *pose, const omni_twist_t *rate,
+                                   const omni_reference_t *reference) {
     return omni_pose_is_finite(pose) && omni_twist_is_finite(rate) && omni_pose_is_finite(&reference->pose) &&
            omni_twist_is_finite(&reference->rate) && omni_twist_is_finite(&reference->acceleration);
 }
@@ -28,14 +30,14 @@ static omni_real_t wanted_acceleration(const omni_direct_torque_config_t *config
     return terms->equivalent[axis] + terms->switching[axis];
 }
 
-static void map(const omni_kinematics_t *k, const omni_twist_t *body, omni_real_t *rim) {
+static void rim_speeds(const omni_kinematics_t *k, const omni_twist_t *body, omni_real_t *rim) {
     for (uint8_t i = 0; i < k->wheels; ++i) {
         rim[i] = k->b[i][0] * body->vx + k->b[i][1] * body->vy + k->b[i][2] * body->wz;
     }
 }
 
 /* Forces at the wheels that make up a body wrench, least norm: f = (B+)^T W. */
-static void allocate(const omni_kinematics_t *k, const omni_twist_t *wrench, omni_real_t *force_N) {
+static void allocate_forces(const omni_kinematics_t *k, const omni_twist_t *wrench, omni_real_t *force_N) {
     for (uint8_t i = 0; i < k->wheels; ++i) {
         force_N[i] = k->b_pinv[0][i] * wrench->vx + k->b_pinv[1][i] * wrench->vy + k->b_pinv[2][i] * wrench->wz;
     }
@@ -45,7 +47,7 @@ static void allocate(const omni_kinematics_t *k, const omni_twist_t *wrench, omn
 static omni_real_t body_forces(const omni_direct_torque_config_t *config, const omni_kinematics_t *k, omni_twist_t *a,
                                omni_real_t *force_N) {
     const omni_twist_t wrench = {config->mass_kg * a->vx, config->mass_kg * a->vy, config->inertia_kg_m2 * a->wz};
-    allocate(k, &wrench, force_N);
+    allocate_forces(k, &wrench, force_N);
     if (!(config->grip > 0.0f)) {
         return 1.0f;
     }
@@ -63,24 +65,25 @@ static void wheel_forces(const omni_direct_torque_config_t *config, const omni_k
     const omni_twist_t body = {a->vx + rate->wz * rate->vy, a->vy - rate->wz * rate->vx, a->wz};
     omni_real_t rim_m_s2[OMNI_MAX_WHEELS] = {0};
     omni_twist_t wrench = {0.0f, 0.0f, 0.0f};
-    map(k, &body, rim_m_s2);
+    rim_speeds(k, &body, rim_m_s2);
     for (uint8_t i = 0; i < k->wheels; ++i) {
         const omni_real_t spin_N = config->wheel_inertia_kg_m2 / (k->radius_m[i] * k->radius_m[i]) * rim_m_s2[i];
         wrench.vx += k->b[i][0] * spin_N;
         wrench.vy += k->b[i][1] * spin_N;
         wrench.wz += k->b[i][2] * spin_N;
     }
-    allocate(k, &wrench, force_N);
+    allocate_forces(k, &wrench, force_N);
 }
 
 omni_real_t omni_direct_torque_step(const omni_direct_torque_config_t *config, const omni_kinematics_t *k,
-                                    const omni_pose_t *pose, const omni_twist_t *rate, const omni_reference_t *reference,
-                                    omni_real_t *torque_N_m, omni_control_terms_t *terms) {
+                                    const omni_pose_t *pose, const omni_twist_t *rate,
+                                    const omni_reference_t *reference, omni_real_t *torque_N_m,
+                                    omni_control_terms_t *terms) {
     memset(terms, 0, sizeof *terms);
     for (uint8_t i = 0; i < k->wheels; ++i) {
         torque_N_m[i] = 0.0f;
     }
-    if (!inputs_are_finite(pose, rate, reference)) {
+    if (!pose_inputs_are_finite(pose, rate, reference)) {
         return 0.0f;
     }
     omni_pose_error(pose, &reference->pose, terms->error);
@@ -108,14 +111,15 @@ omni_real_t omni_direct_torque_step(const omni_direct_torque_config_t *config, c
     return gripped * omni_saturate_direction(torque_N_m, k->wheels, config->torque_limit_N_m);
 }
 
-/* How much of an outward torque is left `room_m_s` before a limit, and the torque that brings back what is beyond it. */
+/* How much of an outward torque is left `room_m_s` before a limit, and the torque that brings back what is beyond it.
+ */
 typedef struct bound_t {
     omni_real_t share;
     omni_real_t brake_N_m;
 } bound_t;
 
-static bound_t bound(const omni_direct_torque_config_t *config, omni_real_t room_m_s, omni_real_t fade_m_s,
-                     omni_real_t radius_m) {
+static bound_t force_bound(const omni_direct_torque_config_t *config, omni_real_t room_m_s, omni_real_t fade_m_s,
+                           omni_real_t radius_m) {
     bound_t b = {omni_clampf(room_m_s / fade_m_s, 0.0f, 1.0f), 0.0f};
     if (omni_any(room_m_s < 0.0f)) {
         omni_real_t brake_N_m = -room_m_s * brake_share * config->wheel_inertia_kg_m2 / (radius_m * config->step_s);
@@ -127,23 +131,23 @@ static bound_t bound(const omni_direct_torque_config_t *config, omni_real_t room
     return b;
 }
 
-static bound_t tighter(bound_t a, bound_t b) {
+static bound_t tighter_bound(bound_t a, bound_t b) {
     a.share = omni_select(b.share < a.share, b.share, a.share);
     a.brake_N_m = omni_select(b.brake_N_m > a.brake_N_m, b.brake_N_m, a.brake_N_m);
     return a;
 }
 
 /* The bound on torque in the direction `sign` for a rim speed and the floor's. */
-static bound_t outward(const omni_direct_torque_config_t *config, omni_real_t sign, omni_real_t rim_m_s, omni_real_t floor_m_s,
-                       omni_real_t radius_m) {
+static bound_t outward_bound(const omni_direct_torque_config_t *config, omni_real_t sign, omni_real_t rim_m_s,
+                             omni_real_t floor_m_s, omni_real_t radius_m) {
     bound_t b = {1.0f, 0.0f};
     if (config->slip_limit_m_s > 0.0f) {
         const omni_real_t limit = config->slip_limit_m_s;
-        b = tighter(b, bound(config, limit - sign * (rim_m_s - floor_m_s), slip_fade * limit, radius_m));
+        b = tighter_bound(b, force_bound(config, limit - sign * (rim_m_s - floor_m_s), slip_fade * limit, radius_m));
     }
     if (config->wheel_limit_rad_s > 0.0f) {
         const omni_real_t limit = config->wheel_limit_rad_s * radius_m;
-        b = tighter(b, bound(config, limit - sign * rim_m_s, speed_fade * limit, radius_m));
+        b = tighter_bound(b, force_bound(config, limit - sign * rim_m_s, speed_fade * limit, radius_m));
     }
     return b;
 }
@@ -153,7 +157,7 @@ omni_real_t omni_direct_torque_protect(const omni_direct_torque_config_t *config
                                        omni_real_t *torque_N_m) {
     omni_real_t floor_m_s[OMNI_MAX_WHEELS] = {0};
     omni_real_t smallest = 1.0f;
-    map(k, floor_body, floor_m_s);
+    rim_speeds(k, floor_body, floor_m_s);
     for (uint8_t i = 0; i < k->wheels; ++i) {
         const omni_real_t rim_m_s = k->radius_m[i] * wheel_rad_s[i];
         if (config->wheel_limit_rad_s > 0.0f && omni_is_finite(floor_m_s[i])) {
@@ -165,8 +169,8 @@ omni_real_t omni_direct_torque_protect(const omni_direct_torque_config_t *config
             smallest = 0.0f;
             continue;
         }
-        const bound_t up = outward(config, 1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
-        const bound_t down = outward(config, -1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
+        const bound_t up = outward_bound(config, 1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
+        const bound_t down = outward_bound(config, -1.0f, rim_m_s, floor_m_s[i], k->radius_m[i]);
         const omni_real_t asked = torque_N_m[i];
         const omni_real_t inward = omni_select(asked < 0.0f, down.share, 1.0f);
         const omni_real_t left = omni_select(asked > 0.0f, up.share, inward);

@@ -9,15 +9,16 @@ void omni_fl_reset(omni_fl_state_t *state) {
     memset(state, 0, sizeof *state);
 }
 
-static omni_real_t step_axis(omni_fl_state_t *state, const omni_fl_config_t *config, int axis, omni_real_t rate,
-                             omni_real_t reference_rate, omni_flag_t hold, omni_control_terms_t *terms) {
+static omni_real_t fl_step_axis(omni_fl_state_t *state, const omni_fl_config_t *config, int axis, omni_real_t rate,
+                                omni_real_t reference_rate, omni_flag_t hold, omni_control_terms_t *terms) {
     const omni_real_t error = terms->error[axis];
     terms->integral[axis] = state->integral[axis];
     /* [report eq. 34] */
     terms->equivalent[axis] = reference_rate - config->kp[axis] * error;
     /* [report eq. 36, 38]: with a limited integral */
     terms->switching[axis] = -config->kd[axis] * (rate - reference_rate) - config->ki[axis] * state->integral[axis];
-    state->integral[axis] = omni_integrate(state->integral[axis], error * config->step_s, config->integral_limit[axis], hold);
+    state->integral[axis] =
+        omni_integrate(state->integral[axis], error * config->step_s, config->integral_limit[axis], hold);
     return terms->equivalent[axis] + terms->switching[axis];
 }
 
@@ -31,8 +32,8 @@ omni_twist_t omni_fl_step(omni_fl_state_t *state, const omni_fl_config_t *config
         return wanted;
     }
     omni_pose_error(pose, reference, terms->error);
-    wanted.vx = step_axis(state, config, 0, rate->vx, reference_rate->vx, hold_integral, terms);
-    wanted.vy = step_axis(state, config, 1, rate->vy, reference_rate->vy, hold_integral, terms);
-    wanted.wz = step_axis(state, config, 2, rate->wz, reference_rate->wz, hold_integral, terms);
+    wanted.vx = fl_step_axis(state, config, 0, rate->vx, reference_rate->vx, hold_integral, terms);
+    wanted.vy = fl_step_axis(state, config, 1, rate->vy, reference_rate->vy, hold_integral, terms);
+    wanted.wz = fl_step_axis(state, config, 2, rate->wz, reference_rate->wz, hold_integral, terms);
     return wanted;
 }

@@ -27,7 +27,7 @@ void omni_original_reset(omni_original_state_t *state) {
 }
 
 /* Put a sample into the window and return W: sum / 100. Summed anew each time, so nothing drifts. */
-static omni_real_t windowed(omni_real_t window[OMNI_ORIGINAL_WINDOW], uint8_t slot, omni_real_t sample) {
+static omni_real_t windowed_sum(omni_real_t window[OMNI_ORIGINAL_WINDOW], uint8_t slot, omni_real_t sample) {
     omni_real_t sum = 0.0f;
     window[slot] = sample;
     for (int i = 0; i < OMNI_ORIGINAL_WINDOW; i++) {
@@ -36,13 +36,13 @@ static omni_real_t windowed(omni_real_t window[OMNI_ORIGINAL_WINDOW], uint8_t sl
     return sum / (omni_real_t)OMNI_ORIGINAL_WINDOW;
 }
 
-static omni_twist_t position_law(omni_original_state_t *state, const omni_original_config_t *config, const omni_pose_t *pose,
-                                 const omni_pose_t *reference, const omni_twist_t *rate) {
+static omni_twist_t position_law(omni_original_state_t *state, const omni_original_config_t *config,
+                                 const omni_pose_t *pose, const omni_pose_t *reference, const omni_twist_t *rate) {
     omni_real_t error[OMNI_AXES];
     omni_real_t wanted[OMNI_AXES] = {rate->vx, rate->vy, rate->wz};
     omni_pose_error(pose, reference, error);
     for (int axis = 0; axis < OMNI_AXES; axis++) {
-        const omni_real_t integral = windowed(state->pose_window[axis], state->next, error[axis]);
+        const omni_real_t integral = windowed_sum(state->pose_window[axis], state->next, error[axis]);
         const omni_real_t surface = error[axis] + config->lambda * integral;
         wanted[axis] += -config->lambda * error[axis] - config->k * omni_signf(surface);
     }
@@ -54,7 +54,7 @@ static void motor_law(omni_original_state_t *state, const omni_original_config_t
     for (uint8_t i = 0; i < wheels; i++) {
         const omni_real_t speed = (omni_real_t)state->moved_counts[i] * config->rad_per_count / config->period_s;
         const omni_real_t error = state->wheel_reference[i] - speed;
-        const omni_real_t integral = windowed(state->wheel_window[i], state->next, error);
+        const omni_real_t integral = windowed_sum(state->wheel_window[i], state->next, error);
         state->voltage_V[i] = config->motor_p * error + config->motor_i * integral;
     }
     (void)omni_saturate_direction(state->voltage_V, wheels, supply_V);

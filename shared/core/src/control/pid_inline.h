@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/** @file pid_inline.h  The functions of omni/pid.h that the tick uses, with their bodies: see math_inline.h. Not part of the API. */
+/** @file pid_inline.h  The functions of omni/pid.h that the tick uses, with their bodies: see math_inline.h. Not part
+ * of the API. */
 #ifndef OMNI_PID_INLINE_H
 #define OMNI_PID_INLINE_H
 
@@ -10,8 +11,8 @@
 #define OMNI_PID_INLINE OMNI_INLINE
 #endif
 
-OMNI_PID_INLINE omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t reference,
-                                          omni_real_t measurement, omni_real_t feed_forward) {
+OMNI_PID_INLINE omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pid_config_t *config,
+                                          omni_real_t reference, omni_real_t measurement, omni_real_t feed_forward) {
     const omni_real_t error = reference - measurement;
     const omni_real_t limit = config->integral_limit;
     const omni_real_t integral = omni_clampf(state->integral + config->ki * config->step_s * error, -limit, limit);
@@ -19,7 +20,8 @@ OMNI_PID_INLINE omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pi
     const omni_real_t moved = state->primed ? measurement - state->last_measurement : 0.0f;
     const omni_real_t derivative =
         state->derivative + (moved - config->step_s * state->derivative) / (config->derivative_time_s + config->step_s);
-    /* [report eq. 38] as an output: P and I on the error, D on the measurement so that a step of the reference gives no spike */
+    /* [report eq. 38] as an output: P and I on the error, D on the measurement so that a step of the reference gives no
+     * spike */
     const omni_real_t output = config->kp * error + integral - config->kd * derivative + feed_forward;
     /* Times any gain, 0 too, what is not finite makes the output so. */
     if (!omni_is_finite(output)) {

@@ -3,7 +3,7 @@
 
 #include "../math/math_inline.h"
 
-static omni_real_t refuse(omni_real_t *values, uint8_t count) {
+static omni_real_t refuse_values(omni_real_t *values, uint8_t count) {
     for (uint8_t i = 0; i < count; i++) {
         values[i] = 0.0f;
     }
@@ -17,7 +17,7 @@ omni_real_t omni_saturate_direction(omni_real_t *values, uint8_t count, omni_rea
         peak = omni_select(magnitude > peak, magnitude, peak);
     }
     if (!(limit > 0.0f) || !omni_all_finite(values, count)) {
-        return refuse(values, count);
+        return refuse_values(values, count);
     }
     if (omni_all(peak <= limit)) {
         return 1.0f;

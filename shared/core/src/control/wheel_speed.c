@@ -13,20 +13,24 @@ void omni_wheel_speed_reset(omni_wheel_speed_state_t *state) {
     }
 }
 
-static bool inputs_are_finite(uint8_t wheels, const omni_real_t *reference, const omni_real_t *acceleration,
-                              const omni_real_t *measured) {
-    return omni_all_finite(reference, wheels) && omni_all_finite(acceleration, wheels) && omni_all_finite(measured, wheels);
+static bool wheel_inputs_are_finite(uint8_t wheels, const omni_real_t *reference, const omni_real_t *acceleration,
+                                    const omni_real_t *measured) {
+    return omni_all_finite(reference, wheels) && omni_all_finite(acceleration, wheels) &&
+           omni_all_finite(measured, wheels);
 }
 
 /* [report eq. 24 and 25] solved for the voltage of the wanted motion, plus Coulomb friction. */
-static omni_real_t feed_forward(const omni_wheel_speed_config_t *config, omni_real_t reference, omni_real_t acceleration) {
+static omni_real_t feed_forward(const omni_wheel_speed_config_t *config, omni_real_t reference,
+                                omni_real_t acceleration) {
     const omni_real_t direction = omni_clampf(reference * fade_per_rad_s, -1.0f, 1.0f);
-    return config->ff_speed_V_s * reference + config->ff_acceleration_V_s2 * acceleration + config->ff_static_V * direction;
+    return config->ff_speed_V_s * reference + config->ff_acceleration_V_s2 * acceleration +
+           config->ff_static_V * direction;
 }
 
 omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wheel_speed_config_t *config,
-                                  const omni_real_t *reference, const omni_real_t *acceleration, const omni_real_t *measured,
-                                  omni_real_t supply_V, omni_real_t *duty, omni_real_t *voltage_V) {
+                                  const omni_real_t *reference, const omni_real_t *acceleration,
+                                  const omni_real_t *measured, omni_real_t supply_V, omni_real_t *duty,
+                                  omni_real_t *voltage_V) {
     omni_real_t wanted[OMNI_MAX_WHEELS];
     const omni_real_t limit_V = config->duty_limit * supply_V;
     for (int i = 0; i < OMNI_MAX_WHEELS; i++) {
@@ -34,7 +38,7 @@ omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wh
         voltage_V[i] = 0.0f;
     }
     if (!(supply_V > 0.0f) || !(limit_V > 0.0f) || !omni_is_finite(limit_V) ||
-        !inputs_are_finite(config->wheels, reference, acceleration, measured)) {
+        !wheel_inputs_are_finite(config->wheels, reference, acceleration, measured)) {
         return 0.0f;
     }
     for (int i = 0; i < config->wheels; i++) {

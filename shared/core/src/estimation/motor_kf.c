@@ -37,7 +37,8 @@ static void predict_angle(omni_motor_kf_state_t *state, const omni_motor_discret
 }
 
 /* Time update of (w, i). */
-static inline void predict_motor(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V) {
+static inline void predict_motor(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
+                                 omni_real_t voltage_V) {
     const omni_motor_discrete_t *model = &config->model;
     const omni_real_t a11 = model->a[1][1];
     const omni_real_t a12 = model->a[1][2];
@@ -63,8 +64,11 @@ static inline void predict_motor(omni_motor_kf_state_t *state, const omni_motor_
 }
 
 /*
- * Covariance after a measurement, Joseph form in place of eq. 56: P = (I - K C) P (I - K C)^T + K R K^T with C = [1 0 ..],
- * K = column / total and total = C P C^T + R. In the measured row 1 - K_0 = R / total leaves R K^T, which cannot cancel; this
+ * Covariance after a measurement, Joseph form in place of eq. 56:
+ *
+ *   P = (I - K C) P (I - K C)^T + K R K^T,  C = [1 0 ..],  K = column / total,  total = C P C^T + R
+ *
+ * In the measured row 1 - K_0 = R / total leaves R K^T, which cannot cancel; this
  * is what any other entry changes by.
  */
 static omni_real_t joseph_change(omni_real_t gain_i, omni_real_t gain_j, omni_real_t column_i, omni_real_t column_j,
@@ -131,8 +135,8 @@ static void correct_angle(omni_motor_kf_state_t *state, omni_real_t innovation, 
 }
 
 /* Mean speed over the ticks since the latest valid count. */
-static omni_real_t differenced(const omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
-                               omni_real_t moved_rad) {
+static omni_real_t differenced_speed(const omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
+                                     omni_real_t moved_rad) {
     return moved_rad / (config->step_s * (omni_real_t)(state->missed + 1));
 }
 
@@ -162,27 +166,27 @@ static void note_validity(omni_motor_kf_state_t *state, bool valid) {
     }
 }
 
-omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
-                               omni_int_t delta_counts, bool valid) {
+omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
+                               omni_real_t voltage_V, omni_int_t delta_counts, bool valid) {
     const omni_real_t voltage = omni_is_finite(voltage_V) ? voltage_V : 0.0f;
     const omni_real_t moved_rad = (omni_real_t)delta_counts * config->rad_per_count;
     switch (config->mode) {
     case OMNI_KF_MODE_SPEED:
-        step_speed(state, config, voltage, differenced(state, config, moved_rad), valid);
+        step_speed(state, config, voltage, differenced_speed(state, config, moved_rad), valid);
         break;
     case OMNI_KF_MODE_ANGLE:
         step_angle(state, config, voltage, moved_rad, valid);
         break;
     default:
-        state->x[1] = valid ? differenced(state, config, moved_rad) : state->x[1];
+        state->x[1] = valid ? differenced_speed(state, config, moved_rad) : state->x[1];
         break;
     }
     note_validity(state, valid);
     return state->x[1];
 }
 
-omni_real_t omni_motor_kf_step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config, omni_real_t voltage_V,
-                                     omni_real_t speed_rad_s) {
+omni_real_t omni_motor_kf_step_speed(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
+                                     omni_real_t voltage_V, omni_real_t speed_rad_s) {
     const bool valid = omni_is_finite(speed_rad_s);
     step_speed(state, config, omni_is_finite(voltage_V) ? voltage_V : 0.0f, speed_rad_s, valid);
     note_validity(state, valid);

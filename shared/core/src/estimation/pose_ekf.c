@@ -50,7 +50,7 @@ void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
 }
 
 /* sum + carry += increment, with the part that rounding drops kept in carry. */
-static void accumulate(omni_real_t *sum, omni_real_t *carry, omni_real_t increment) {
+static void add_compensated(omni_real_t *sum, omni_real_t *carry, omni_real_t increment) {
     const omni_real_t whole = increment + *carry;
     const omni_real_t next = *sum + whole;
     *carry = whole - (next - *sum);
@@ -59,9 +59,9 @@ static void accumulate(omni_real_t *sum, omni_real_t *carry, omni_real_t increme
 
 static void move_pose(omni_pose_ekf_state_t *state, const omni_real_t *delta) {
     omni_pose_t *pose = &state->pose;
-    accumulate(&pose->x, &state->carry[0], delta[0]);
-    accumulate(&pose->y, &state->carry[1], delta[1]);
-    accumulate(&pose->theta, &state->carry[2], delta[2]);
+    add_compensated(&pose->x, &state->carry[0], delta[0]);
+    add_compensated(&pose->y, &state->carry[1], delta[1]);
+    add_compensated(&pose->theta, &state->carry[2], delta[2]);
     const omni_flag_t above = pose->theta >= OMNI_PI_F;
     const omni_flag_t below = pose->theta < -OMNI_PI_F;
     if (omni_any(above)) {
@@ -99,9 +99,10 @@ static void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pose_ekf_c
     state->time_us = time_us;
 }
 
-/* eq. 22 with slip, over a tick; and how the motion changes with each slip ratio, the turn of the mid-tick frame included. */
-static void move_body(const omni_pose_ekf_state_t *state, const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad,
-                      uint8_t slips, omni_ekf_motion_t *motion) {
+/* eq. 22 with slip, over a tick; and how the motion changes with each slip ratio, the turn of the mid-tick frame
+ * included. */
+static void move_body(const omni_pose_ekf_state_t *state, const omni_kinematics_t *k,
+                      const omni_real_t *wheel_delta_rad, uint8_t slips, omni_ekf_motion_t *motion) {
     omni_real_t slip_m[OMNI_MAX_WHEELS];
     omni_twist_t body;
     for (uint8_t i = 0; i < slips; ++i) {
@@ -130,7 +131,7 @@ static omni_real_t world_y(const omni_ekf_motion_t *motion, omni_real_t x, omni_
 }
 
 /* value = F value for a column (x, y, theta), F = 1, -dy; 1, dx; 1. */
-static void transport(omni_real_t *x, omni_real_t *y, omni_real_t theta, const omni_real_t *moved) {
+static void transport_covariance(omni_real_t *x, omni_real_t *y, omni_real_t theta, const omni_real_t *moved) {
     *x -= moved[1] * theta;
     *y += moved[0] * theta;
 }
@@ -159,7 +160,7 @@ static inline void propagate_slip_covariance(omni_pose_ekf_state_t *state, const
     omni_real_t before[OMNI_AXES][OMNI_MAX_WHEELS];
     for (uint8_t i = 0; i < slips; ++i) {
         const uint8_t column = (uint8_t)(OMNI_AXES + i);
-        transport(&p[0][column], &p[1][column], p[2][column], moved);
+        transport_covariance(&p[0][column], &p[1][column], p[2][column], moved);
         for (int a = 0; a < OMNI_AXES; ++a) {
             before[a][i] = p[a][column];
             for (uint8_t j = 0; j < slips; ++j) {
@@ -202,9 +203,9 @@ static void propagate_covariance(omni_pose_ekf_state_t *state, const omni_pose_e
 }
 
 /*
- * Four wheels: n^T (r phi) = n^T (s r phi) over the slot is a scalar measurement of the slip ratios. Its sensitivity takes
- * the wheels' motion without its null component: the counts' rounding there is in the innovation already, and if it were in
- * the gain too, the product would not average out and all ratios would creep towards 1.
+ * Four wheels: n^T (r phi) = n^T (s r phi) over the slot is a scalar measurement of the slip ratios. Its sensitivity
+ * takes the wheels' motion without its null component. The counts' rounding there is in the innovation already. If it
+ * were in the gain too, the product would not average out, and all ratios would creep towards 1.
  */
 static void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                      uint8_t slips) {
@@ -239,8 +240,8 @@ static void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t 
     omni_ekf_shift(state, delta, slips);
 }
 
-void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
-                           const omni_real_t *wheel_delta_rad, uint64_t time_us) {
+void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                           const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint64_t time_us) {
     static const omni_real_t still[OMNI_MAX_WHEELS] = {0};
     const omni_real_t *turned = omni_all_finite(wheel_delta_rad, k->wheels) ? wheel_delta_rad : still;
     const uint8_t slips = omni_ekf_slips(config, k);

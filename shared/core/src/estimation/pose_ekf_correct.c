@@ -116,7 +116,8 @@ static void gain_row(const update_t *u, uint8_t a, omni_real_t *row) {
 }
 
 /* (I - K H) M for one row a, given row a of K. */
-static inline void updated_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row, uint8_t states) {
+static inline void updated_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row,
+                               uint8_t states) {
     for (uint8_t b = 0; b < states; ++b) {
         row[b] = u->m[a][b] - gain[0] * u->hm[0][b] - gain[1] * u->hm[1][b] - gain[2] * u->hm[2][b];
     }
@@ -202,8 +203,8 @@ static void move_to_fix(const update_t *u, omni_pose_ekf_state_t *state) {
 }
 
 /* The estimate contradicts too many fixes in a row: take over this one, carried to now; slips start anew. */
-static void reinitialise(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
-                         const omni_pose_fix_t *fix, omni_pose_ekf_state_t *state) {
+static void reinitialise_filter(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                                const omni_pose_fix_t *fix, omni_pose_ekf_state_t *state) {
     omni_ekf_restart_slips(state, config, u->slips);
     omni_ekf_history_rebase(state, u->slips);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
@@ -229,8 +230,9 @@ static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
 }
 
 /* Fill everything up to the Cholesky factor. */
-static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                    const omni_kinematics_t *k, const omni_pose_fix_t *fix) {
+static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *state,
+                                    const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                                    const omni_pose_fix_t *fix) {
     if (!omni_ekf_history_window(state, config, k, u->age_us, &u->window)) {
         return OMNI_ERR_TIME;
     }
@@ -287,7 +289,7 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
         if (state->refused_in_row < config->gate_restart) {
             return refuse_fix(state, OMNI_ERR_RANGE);
         }
-        reinitialise(&u, config, k, fix, state);
+        reinitialise_filter(&u, config, k, fix, state);
     } else {
         measurement_update(&u, state);
     }

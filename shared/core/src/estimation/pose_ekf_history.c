@@ -11,23 +11,23 @@ typedef struct slot_motion_t {
     omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS];
 } slot_motion_t;
 
-static void rotate(omni_real_t cosine, omni_real_t sine, omni_real_t *x, omni_real_t *y) {
+static void rotate_pair(omni_real_t cosine, omni_real_t sine, omni_real_t *x, omni_real_t *y) {
     const omni_real_t turned = cosine * *x - sine * *y;
     *y = sine * *x + cosine * *y;
     *x = turned;
 }
 
-static inline void add_motion(omni_ekf_slot_t *slot, const omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion,
-                              uint8_t slips) {
+static inline void add_motion(omni_ekf_slot_t *slot, const omni_pose_ekf_state_t *state,
+                              const omni_ekf_motion_t *motion, uint8_t slips) {
     const omni_real_t cosine = motion->cosine * state->slot_cosine + motion->sine * state->slot_sine;
     const omni_real_t sine = motion->sine * state->slot_cosine - motion->cosine * state->slot_sine;
     omni_real_t dx = motion->move[0];
     omni_real_t dy = motion->move[1];
-    rotate(cosine, sine, &dx, &dy);
+    rotate_pair(cosine, sine, &dx, &dy);
     for (uint8_t i = 0; i < slips; ++i) {
         omni_real_t gx = motion->gain[0][i];
         omni_real_t gy = motion->gain[1][i];
-        rotate(cosine, sine, &gx, &gy);
+        rotate_pair(cosine, sine, &gx, &gy);
         slot->gain[0][i] += gx - dy * slot->gain[2][i];
         slot->gain[1][i] += gy + dx * slot->gain[2][i];
         slot->gain[2][i] += motion->gain[2][i];
@@ -92,18 +92,18 @@ static inline slot_motion_t slot_motion(const omni_pose_ekf_state_t *state, cons
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(theta - s.move[2], &sine, &cosine);
-    rotate(cosine * share, sine * share, &s.move[0], &s.move[1]);
+    rotate_pair(cosine * share, sine * share, &s.move[0], &s.move[1]);
     s.move[2] *= share;
     for (uint8_t i = 0; i < slips; ++i) {
-        rotate(cosine * share, sine * share, &s.gain[0][i], &s.gain[1][i]);
+        rotate_pair(cosine * share, sine * share, &s.gain[0][i], &s.gain[1][i]);
         s.gain[2][i] *= share;
     }
     return s;
 }
 
 /* window->gain += F g, where F carries a pose change at the slot's end over `after`, the motion since. */
-static inline void carry_gain(omni_ekf_window_t *window, const omni_real_t *after, const slot_motion_t *s, uint8_t slips,
-                              omni_real_t factor) {
+static inline void carry_gain(omni_ekf_window_t *window, const omni_real_t *after, const slot_motion_t *s,
+                              uint8_t slips, omni_real_t factor) {
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_real_t turned = factor * s->gain[2][i];
         window->gain[0][i] += factor * s->gain[0][i] - after[1] * turned;
@@ -113,7 +113,8 @@ static inline void carry_gain(omni_ekf_window_t *window, const omni_real_t *afte
 }
 
 /* Noise of the pose that entered with lever arm (ax, ay) to the pose of now. */
-static void add_pose_noise(omni_ekf_window_t *window, omni_real_t xy, omni_real_t theta, omni_real_t ax, omni_real_t ay) {
+static void add_pose_noise(omni_ekf_window_t *window, omni_real_t xy, omni_real_t theta, omni_real_t ax,
+                           omni_real_t ay) {
     window->noise[0][0] += xy + theta * ay * ay;
     window->noise[0][1] -= theta * ax * ay;
     window->noise[0][2] -= theta * ay;
@@ -134,9 +135,11 @@ static inline void add_slip_noise(omni_ekf_window_t *window, uint8_t i, omni_rea
     window->noise[OMNI_AXES + i][OMNI_AXES + i] += variance;
 }
 
-/* Put one slot in front of the window. A tick's noise enters after its motion: on average it sees `later` of the slot. */
-static inline void prepend(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot, const slot_motion_t *s,
-                           omni_real_t share, uint8_t slips, bool slip_noise, omni_ekf_window_t *window) {
+/* Put one slot in front of the window. A tick's noise enters after its motion: on average it sees `later` of the slot.
+ */
+static inline void prepend_slot(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot,
+                                const slot_motion_t *s, omni_real_t share, uint8_t slips, bool slip_noise,
+                                omni_ekf_window_t *window) {
     const omni_real_t later = 0.5f - 0.5f / (omni_real_t)OMNI_EKF_SLOT_TICKS;
     const omni_real_t after[2] = {window->move[0], window->move[1]};
     const omni_real_t steps = slot->steps * share;
@@ -153,7 +156,7 @@ static inline void prepend(const omni_pose_ekf_config_t *config, const omni_ekf_
 }
 
 /* What `slips` slip ratios use of a window. */
-static inline void clear(omni_ekf_window_t *window, uint8_t slips) {
+static inline void clear_window(omni_ekf_window_t *window, uint8_t slips) {
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
         window->move[axis] = 0.0f;
         for (uint8_t i = 0; i < slips; ++i) {
@@ -167,7 +170,7 @@ static inline void clear(omni_ekf_window_t *window, uint8_t slips) {
     }
 }
 
-static inline void mirror(omni_ekf_window_t *window, uint8_t slips) {
+static inline void mirror_window(omni_ekf_window_t *window, uint8_t slips) {
     for (int a = 1; a < OMNI_AXES + slips; ++a) {
         for (int b = 0; b < a; ++b) {
             window->noise[a][b] = window->noise[b][a];
@@ -179,7 +182,7 @@ static inline bool fill_window(const omni_pose_ekf_state_t *state, const omni_po
                                const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window, uint8_t slips) {
     /* The null-space measurements since t_f have already taken most of the slip noise out of P: see the derivation. */
     const bool slip_noise = !(k->has_null && config->r_null > 0.0f);
-    clear(window, slips);
+    clear_window(window, slips);
     uint32_t left_us = age_us;
     for (uint8_t back = 0; left_us > 0; ++back) {
         if (back > state->filled) {
@@ -192,10 +195,10 @@ static inline bool fill_window(const omni_pose_ekf_state_t *state, const omni_po
         const uint32_t used_us = left_us < slot->duration_us ? left_us : slot->duration_us;
         const omni_real_t share = (omni_real_t)used_us / (omni_real_t)slot->duration_us;
         const slot_motion_t s = slot_motion(state, slot, slips, state->pose.theta - window->move[2], share);
-        prepend(config, slot, &s, share, slips, slip_noise, window);
+        prepend_slot(config, slot, &s, share, slips, slip_noise, window);
         left_us -= used_us;
     }
-    mirror(window, slips);
+    mirror_window(window, slips);
     return true;
 }
 
@@ -206,5 +209,6 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
     if (slips == 3) {
         return fill_window(state, config, k, age_us, window, 3);
     }
-    return slips == 0 ? fill_window(state, config, k, age_us, window, 0) : fill_window(state, config, k, age_us, window, slips);
+    return slips == 0 ? fill_window(state, config, k, age_us, window, 0)
+                      : fill_window(state, config, k, age_us, window, slips);
 }

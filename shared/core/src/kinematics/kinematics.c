@@ -13,7 +13,7 @@ static const omni_real_t largest_bearing = 1e6f;
 
 typedef omni_real_t column_t[OMNI_MAX_WHEELS];
 
-static omni_real_t dot(const omni_real_t *a, const omni_real_t *b) {
+static omni_real_t dot_product(const omni_real_t *a, const omni_real_t *b) {
     omni_real_t sum = 0.0f;
     for (int i = 0; i < OMNI_MAX_WHEELS; i++) {
         sum += a[i] * b[i];
@@ -28,7 +28,7 @@ static void subtract_scaled(omni_real_t *b, omni_real_t amount, const omni_real_
     }
 }
 
-static omni_result_t check(const omni_kinematics_config_t *config) {
+static omni_result_t check_geometry(const omni_kinematics_config_t *config) {
     if (config->wheels != 3 && config->wheels != 4) {
         return OMNI_ERR_RANGE;
     }
@@ -69,20 +69,21 @@ static omni_real_t fill_rows(omni_kinematics_t *k, const omni_kinematics_config_
 }
 
 /*
- * B = Q R by modified Gram-Schmidt, every column orthogonalised twice. In single precision this loses only the condition
- * number of B, where inverting B^T B would lose its square. Q replaces the columns. @return false if B is singular.
+ * B = Q R by modified Gram-Schmidt, every column orthogonalised twice. In single precision this loses only the
+ * condition number of B, where inverting B^T B would lose its square. Q replaces the columns. @return false if B is
+ * singular.
  */
-static bool orthogonalise(column_t q[OMNI_AXES], omni_real_t r[OMNI_AXES][OMNI_AXES]) {
+static bool orthogonalise_columns(column_t q[OMNI_AXES], omni_real_t r[OMNI_AXES][OMNI_AXES]) {
     for (int j = 0; j < OMNI_AXES; j++) {
-        const omni_real_t length = omni_sqrtf(dot(q[j], q[j]));
+        const omni_real_t length = omni_sqrtf(dot_product(q[j], q[j]));
         for (int pass = 0; pass < 2; pass++) {
             for (int i = 0; i < j; i++) {
-                const omni_real_t share = dot(q[i], q[j]);
+                const omni_real_t share = dot_product(q[i], q[j]);
                 r[i][j] += share;
                 subtract_scaled(q[j], share, q[i]);
             }
         }
-        r[j][j] = omni_sqrtf(dot(q[j], q[j]));
+        r[j][j] = omni_sqrtf(dot_product(q[j], q[j]));
         if (!(r[j][j] > smallest_independent * length)) {
             return false;
         }
@@ -107,18 +108,18 @@ static void pseudo_inverse(omni_kinematics_t *k, const column_t q[OMNI_AXES], co
 }
 
 /* Determinant of the rows i, j, l of the three columns. */
-static omni_real_t minor(const column_t q[OMNI_AXES], int i, int j, int l) {
+static omni_real_t minor_of_columns(const column_t q[OMNI_AXES], int i, int j, int l) {
     return q[0][i] * (q[1][j] * q[2][l] - q[1][l] * q[2][j]) - q[1][i] * (q[0][j] * q[2][l] - q[0][l] * q[2][j]) +
            q[2][i] * (q[0][j] * q[1][l] - q[0][l] * q[1][j]);
 }
 
 /* The direction across all columns: the cofactors of a fourth one. Q's columns are orthonormal, so its length is 1. */
 static void null_vector(omni_kinematics_t *k, const column_t q[OMNI_AXES]) {
-    k->null[0] = minor(q, 1, 2, 3);
-    k->null[1] = -minor(q, 0, 2, 3);
-    k->null[2] = minor(q, 0, 1, 3);
-    k->null[3] = -minor(q, 0, 1, 2);
-    const omni_real_t length = omni_sqrtf(dot(k->null, k->null));
+    k->null[0] = minor_of_columns(q, 1, 2, 3);
+    k->null[1] = -minor_of_columns(q, 0, 2, 3);
+    k->null[2] = minor_of_columns(q, 0, 1, 3);
+    k->null[3] = -minor_of_columns(q, 0, 1, 2);
+    const omni_real_t length = omni_sqrtf(dot_product(k->null, k->null));
     const omni_real_t sign = k->null[0] < 0.0f ? -1.0f : 1.0f;
     for (int i = 0; i < OMNI_MAX_WHEELS; i++) {
         k->null[i] *= sign / length;
@@ -130,13 +131,13 @@ omni_result_t omni_kinematics_init(omni_kinematics_t *k, const omni_kinematics_c
     column_t q[OMNI_AXES] = {{0.0f}};
     omni_real_t r[OMNI_AXES][OMNI_AXES] = {{0.0f}};
     memset(k, 0, sizeof *k);
-    const omni_result_t result = check(config);
+    const omni_result_t result = check_geometry(config);
     if (result != OMNI_OK) {
         return result;
     }
     k->wheels = config->wheels;
     const omni_real_t mean_distance = fill_rows(k, config, q);
-    if (!orthogonalise(q, r)) {
+    if (!orthogonalise_columns(q, r)) {
         memset(k, 0, sizeof *k);
         return OMNI_ERR_SINGULAR;
     }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file kinematics_inline.h
- * The functions of omni/kinematics.h that the tick uses, with their bodies: see math_inline.h. kinematics.c provides the functions for
- * everybody else. Not part of the API.
+ * The functions of omni/kinematics.h that the tick uses, with their bodies: see math_inline.h. kinematics.c provides
+ * the functions for everybody else. Not part of the API.
  */
 #ifndef OMNI_KINEMATICS_INLINE_H
 #define OMNI_KINEMATICS_INLINE_H
@@ -46,14 +46,15 @@ OMNI_KINEMATICS_INLINE omni_rotation_t omni_rotation(omni_real_t theta) {
 
 OMNI_KINEMATICS_INLINE omni_twist_t omni_rotate_to_body(const omni_twist_t *world, const omni_rotation_t *r) {
     /* [report eq. 16]: R(theta) */
-    const omni_twist_t body = {r->cosine * world->vx + r->sine * world->vy, -r->sine * world->vx + r->cosine * world->vy,
-                               world->wz};
+    const omni_twist_t body = {r->cosine * world->vx + r->sine * world->vy,
+                               -r->sine * world->vx + r->cosine * world->vy, world->wz};
     return body;
 }
 
 OMNI_KINEMATICS_INLINE omni_twist_t omni_rotate_to_world(const omni_twist_t *body, const omni_rotation_t *r) {
     /* [report eq. 16]: R(theta)^T */
-    const omni_twist_t world = {r->cosine * body->vx - r->sine * body->vy, r->sine * body->vx + r->cosine * body->vy, body->wz};
+    const omni_twist_t world = {r->cosine * body->vx - r->sine * body->vy, r->sine * body->vx + r->cosine * body->vy,
+                                body->wz};
     return world;
 }
 

@@ -7,8 +7,8 @@ static const omni_real_t largest_angle = 1e6f;
 static const omni_real_t half_pi = 1.57079632679489661923f;
 
 /*
- * pi/2 = c1 + c2 + c3 + c4 (Cody and Waite). c1, c2 and c3 have at most five significant bits, so their products with the
- * up to 20 bits of a quotient are exact, and so are the subtractions: only the last one rounds.
+ * pi/2 = c1 + c2 + c3 + c4 (Cody and Waite). c1, c2 and c3 have at most five significant bits. So their products with
+ * the up to 20 bits of a quotient are exact, and so are the subtractions. Only the last one rounds.
  */
 static const omni_real_t c1 = 1.5625f;              /* 25 / 2^4 */
 static const omni_real_t c2 = 8.30078125e-3f;       /* 17 / 2^11 */
@@ -16,7 +16,7 @@ static const omni_real_t c3 = -4.5299530029297e-6f; /* -19 / 2^22 */
 static const omni_real_t c4 = 7.5497899548918821e-8f;
 
 /* Nearest whole number, halves away from zero. |value| < 2^23. */
-static omni_int_t nearest(omni_real_t value) {
+static omni_int_t nearest_whole(omni_real_t value) {
     return (omni_int_t)(value + omni_select(value < 0.0f, -0.5f, 0.5f));
 }
 
@@ -57,7 +57,7 @@ void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine) {
         *cosine = 1.0f + x;
         return;
     }
-    const omni_int_t quarters = nearest(angle * 0.636619772f);
+    const omni_int_t quarters = nearest_whole(angle * 0.636619772f);
     const omni_real_t rest = minus_quarters(angle, (omni_real_t)quarters);
     const omni_real_t s = sine_polynomial(rest);
     const omni_real_t c = cosine_polynomial(rest);
@@ -96,7 +96,7 @@ omni_real_t omni_wrap_pi(omni_real_t angle) {
     if (!omni_is_finite(x)) {
         return x;
     }
-    const omni_real_t turns = (omni_real_t)nearest(x * 0.159154943f);
+    const omni_real_t turns = (omni_real_t)nearest_whole(x * 0.159154943f);
     const omni_real_t wrapped = minus_quarters(x, 4.0f * turns);
     const omni_real_t raised = omni_select(wrapped < -OMNI_PI_F, wrapped + 2.0f * OMNI_PI_F, wrapped);
     return omni_select(wrapped >= OMNI_PI_F, wrapped - 2.0f * OMNI_PI_F, raised);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file math_inline.h
- * The small functions of omni/math.h with their bodies, for the core's own sources: called out of line they would cost a fifth of the
- * tick. math.c includes this with OMNI_INLINE empty and so provides the functions for everybody else. Not part of the API.
+ * The small functions of omni/math.h with their bodies, for the core's own sources. Called out of line they would cost
+ * a fifth of the tick. The source math.c includes this with OMNI_INLINE empty and so provides the functions for
+ * everybody else. Not part of the API.
  */
 #ifndef OMNI_MATH_INLINE_H
 #define OMNI_MATH_INLINE_H

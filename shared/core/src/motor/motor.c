@@ -12,13 +12,13 @@ enum {
 static const omni_real_t largest_norm = 1e12f;
 
 /*
- * The model as one 4 x 4 matrix over (angle, w, i, V) without its angle column and V row, which are zero in the continuous
- * model M and therefore in exp(M T) - I and in all products.
+ * The model as one 4 x 4 matrix over (angle, w, i, V) without its angle column and V row. These are zero in the
+ * continuous model M, and therefore in exp(M T) - I and in all products.
  */
 typedef omni_real_t model_t[ROWS][COLUMNS];
 
 /* out = a * b */
-static void multiply(const model_t a, const model_t b, model_t out) {
+static void multiply_models(const model_t a, const model_t b, model_t out) {
     for (int row = 0; row < ROWS; row++) {
         for (int column = 0; column < COLUMNS; column++) {
             out[row][column] = a[row][0] * b[1][column] + a[row][1] * b[2][column];
@@ -35,7 +35,7 @@ static void scale_and_add(model_t a, omni_real_t factor_a, const model_t b) {
     }
 }
 
-static omni_result_t check(const omni_motor_config_t *motor, omni_real_t step_s) {
+static omni_result_t check_motor(const omni_motor_config_t *motor, omni_real_t step_s) {
     if (!omni_is_finite(motor->inertia_kg_m2) || !omni_is_finite(motor->viscous_N_m_s) ||
         !omni_is_finite(motor->constant_N_m_A) || !omni_is_finite(motor->resistance_ohm) ||
         !omni_is_finite(motor->inductance_H) || !omni_is_finite(step_s)) {
@@ -47,7 +47,7 @@ static omni_result_t check(const omni_motor_config_t *motor, omni_real_t step_s)
 }
 
 /* [report eq. 26], corrected by an angle row, times the step: M T. @return its largest row sum over w and i. */
-static omni_real_t continuous(const omni_motor_config_t *motor, omni_real_t step_s, model_t m) {
+static omni_real_t continuous_model(const omni_motor_config_t *motor, omni_real_t step_s, model_t m) {
     m[0][0] = step_s;
     m[1][0] = -motor->viscous_N_m_s / motor->inertia_kg_m2 * step_s;
     m[1][1] = motor->constant_N_m_A / motor->inertia_kg_m2 * step_s;
@@ -60,8 +60,8 @@ static omni_real_t continuous(const omni_motor_config_t *motor, omni_real_t step
 }
 
 /*
- * m := exp(m) - I. Carrying the difference to I instead of exp(m) itself keeps the slow modes exact through the squarings:
- * (I + D)^2 = I + 2 D + D^2.
+ * m := exp(m) - I. Carrying the difference to I instead of exp(m) itself keeps the slow modes exact through the
+ * squarings: (I + D)^2 = I + 2 D + D^2.
  */
 static void exponential_minus_one(model_t m, omni_real_t norm) {
     int squarings = 0;
@@ -76,7 +76,7 @@ static void exponential_minus_one(model_t m, omni_real_t norm) {
     model_t product;
     /* Horner: D = m (I + m/2 (I + m/3 (...))), so sum = m/k (I + sum) from the last term on */
     for (int k = TAYLOR_TERMS; k >= 1; k--) {
-        multiply(m, sum, product);
+        multiply_models(m, sum, product);
         scale_and_add(product, 1.0f, m);
         for (int row = 0; row < ROWS; row++) {
             for (int column = 0; column < COLUMNS; column++) {
@@ -85,19 +85,19 @@ static void exponential_minus_one(model_t m, omni_real_t norm) {
         }
     }
     for (; squarings > 0; squarings--) {
-        multiply(sum, sum, product);
+        multiply_models(sum, sum, product);
         scale_and_add(sum, 2.0f, product);
     }
     scale_and_add(m, 0.0f, sum);
 }
 
 omni_result_t omni_motor_discretise(const omni_motor_config_t *motor, omni_real_t step_s, omni_motor_discrete_t *out) {
-    const omni_result_t result = check(motor, step_s);
+    const omni_result_t result = check_motor(motor, step_s);
     if (result != OMNI_OK) {
         return result;
     }
     model_t d = {{0.0f}};
-    const omni_real_t norm = continuous(motor, step_s, d);
+    const omni_real_t norm = continuous_model(motor, step_s, d);
     if (!(norm <= largest_norm) || !omni_is_finite(d[2][2])) {
         return OMNI_ERR_RANGE;
     }

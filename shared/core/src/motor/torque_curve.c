@@ -5,7 +5,7 @@
 
 enum { KNOTS = OMNI_CURVE_POINTS + 3 };
 
-/* Share of tau_max over which the dead-band is crossed. */
+/* Share of tau_max over which the dead band is crossed. */
 static const omni_real_t crossing = 0.01f;
 
 typedef struct knot_t {
@@ -13,8 +13,8 @@ typedef struct knot_t {
     omni_real_t duty;
 } knot_t;
 
-/* Origin, end of the dead-band on the first straight, the points, full duty. */
-static void knots(const omni_torque_curve_t *curve, knot_t knot[KNOTS]) {
+/* Origin, end of the dead band on the first straight, the points, full duty. */
+static void curve_knots(const omni_torque_curve_t *curve, knot_t knot[KNOTS]) {
     const omni_real_t spacing = 1.0f / (omni_real_t)(OMNI_CURVE_POINTS + 1);
     knot[0] = (knot_t){0.0f, 0.0f};
     knot[1] = (knot_t){crossing, curve->dead_duty + (curve->duty[0] - curve->dead_duty) * crossing / spacing};
@@ -46,7 +46,7 @@ omni_real_t omni_torque_curve_duty(const omni_torque_curve_t *curve, omni_real_t
     if (!omni_is_finite(share)) {
         return share > 0.0f ? omni_signf(torque_N_m) : 0.0f;
     }
-    knots(curve, knot);
+    curve_knots(curve, knot);
     knot_t low = knot[0];
     knot_t high = knot[1];
     for (int i = 1; i < KNOTS - 1 && !omni_all(share <= knot[i].share); ++i) {
@@ -64,11 +64,12 @@ omni_real_t omni_torque_curve_duty(const omni_torque_curve_t *curve, omni_real_t
 omni_real_t omni_torque_curve_torque(const omni_torque_curve_t *curve, omni_real_t duty) {
     knot_t knot[KNOTS];
     const omni_real_t magnitude = omni_absf(duty);
-    knots(curve, knot);
+    curve_knots(curve, knot);
     for (int i = 1; i < KNOTS; ++i) {
         if (magnitude <= knot[i].duty) {
             const omni_real_t way = (magnitude - knot[i - 1].duty) / (knot[i].duty - knot[i - 1].duty);
-            return omni_signf(duty) * curve->torque_max_N_m * (knot[i - 1].share + way * (knot[i].share - knot[i - 1].share));
+            return omni_signf(duty) * curve->torque_max_N_m *
+                   (knot[i - 1].share + way * (knot[i].share - knot[i - 1].share));
         }
     }
     return omni_signf(duty) * curve->torque_max_N_m;

@@ -1,25 +1,18 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file controllers.h
- * Position controllers as rows of a table. CTL_MODE picks the row; what selects, resets, hands over and drives the wheels reads the row
- * and knows no controller by name. The values of CTL_MODE in params.toml are the table: for a value `name` a source in
- * controllers/ has the row `omni_controller_row_name` and the function `omni_configure_name`. docs/how-to-add/controller.md is the recipe.
+ * Position controllers as rows of a table. CTL_MODE picks the row; what selects, resets, hands over and drives the
+ * wheels reads the row and knows no controller by name. The values of CTL_MODE in params.toml are the table. For a
+ * value `name` a source in controllers/ has the row `omni_controller_row_name` and the function `omni_configure_name`.
+ * docs/how-to-add/controller.md is the recipe.
  *
- * What a row points to is called controller_reset_... and controller_step_...: the bounds of stack and run time find it by that.
+ * What a row points to is called controller_reset_..., controller_step_... and controller_margin_...: the bounds of
+ * stack and run time find it by that.
  */
 #ifndef OMNI_CONTROLLERS_H
 #define OMNI_CONTROLLERS_H
 
 #include "robot_internal.h"
-
-/** What a controller asks for, and so what follows it on the way to the wheels. */
-typedef enum omni_demand_kind_t {
-    OMNI_DEMAND_NONE = 0, /**< nothing: poses are not tracked, only their rates are followed */
-    OMNI_DEMAND_TWIST,    /**< a body twist: inverse kinematics, slip, wheel-speed loops; held for CTL_PERIOD */
-    OMNI_DEMAND_TORQUE,   /**< torques: runaway protection, torque curve; held for CTL_PERIOD */
-    OMNI_DEMAND_DUTY,     /**< duties as they are: the way of open-loop set-points, no controller's */
-    OMNI_DEMAND_VOLTAGE   /**< voltages: nothing but the duty limit; stepped in every tick, it counts its own period */
-} omni_demand_kind_t;
 
 /** A row. */
 typedef struct omni_controller_t {
@@ -32,18 +25,25 @@ typedef struct omni_controller_t {
      */
     void (*step)(omni_control_state_t *control, const omni_robot_config_t *config, const omni_estimate_t *estimate,
                  const omni_reference_t *reference, omni_flag_t saturated);
+    /**
+     * By how much the gains cover a slip error, per axis; NULL: the controller knows no such condition.
+     * @param slip the largest plausible slip error, as a world twist.
+     * @return whether a negative margin is worth a warning.
+     */
+    bool (*margin)(const omni_robot_config_t *config, const omni_twist_t *slip, omni_real_t margin[OMNI_AXES]);
 } omni_controller_t;
 
 /** By value of CTL_MODE. */
 extern const omni_controller_t *const omni_controllers[OMNI_CTL_MODE_COUNT];
 
 /**
- * omni_configure_name: the controller's configuration from a set of checked parameters. The fields before the controllers' in
- * omni_robot_config_t are there already, step_s and control_period, too. Background work, never in a tick.
+ * omni_configure_name: the controller's configuration from a set of checked parameters. The fields before the
+ * controllers' in omni_robot_config_t are there already, step_s and control_period, too. Background work, never in a
+ * tick. It is called for every row, and once more for the row in use: rows may share their configuration's place.
  * @return OMNI_OK, or why the set is refused, with the parameter at fault in `bad_index`.
  */
-#define OMNI_ROW(NAME, name)                                                                                                   \
-    extern const omni_controller_t omni_controller_row_##name;                                                                 \
+#define OMNI_ROW(NAME, name)                                                                                           \
+    extern const omni_controller_t omni_controller_row_##name;                                                         \
     omni_result_t omni_configure_##name(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index);
 OMNI_CTL_MODE_ROWS(OMNI_ROW)
 #undef OMNI_ROW

@@ -25,22 +25,58 @@ void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *confi
     robot->config = config;
 }
 
+/* Does this fault come from this wheel? */
+static bool is_to_blame(const omni_robot_t *robot, omni_uint_t faults, uint8_t wheel) {
+    const bool blind = (faults & (uint32_t)OMNI_FAULT_ENCODER) != 0 &&
+                       robot->estimator.encoder_ticks[wheel] >= (uint32_t)OMNI_ENCODER_TICKS;
+    const bool stalled = (faults & (uint32_t)OMNI_FAULT_STALL) != 0 &&
+                         robot->supervisor.stalled_s[wheel] > robot->config->limits.stall_s;
+    return blind || stalled;
+}
+
+/* A fault has just stopped the robot: keep what it saw. Once per stop, so small rather than fast. */
+static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estimate_t *estimate)
+    __attribute__((noinline, cold));
+
+static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estimate_t *estimate) {
+    omni_stop_t *stop = &robot->supervisor.stop;
+    memset(stop, 0, sizeof *stop);
+    stop->supply_V = estimate->supply_V;
+    if (robot->control.tracking) {
+        memcpy(stop->error, robot->control.demand.terms.error, sizeof stop->error);
+    }
+    for (uint8_t i = 0; i < robot->config->kinematics.wheels; ++i) {
+        if (stop->wheel == 0 && is_to_blame(robot, faults, i)) {
+            stop->wheel = (uint8_t)(i + 1);
+            stop->voltage_V = robot->applied.voltage_V[i];
+            stop->wheel_rad_s = (omni_real_t)estimate->delta_counts[i] * robot->config->rad_per_count /
+                                (robot->config->step_s * (omni_real_t)(estimate->steps > 0 ? estimate->steps : 1u));
+        }
+    }
+}
+
 /* Events that move the estimate or the trajectory, and those that the safety table knows. */
-static void apply_events(omni_robot_t *robot, const omni_inputs_t *inputs, omni_uint_t faults, omni_estimate_t *estimate) {
+static void apply_events(omni_robot_t *robot, const omni_inputs_t *inputs, omni_uint_t faults,
+                         omni_estimate_t *estimate) {
     if ((inputs->events & OMNI_EVENT_SET_POSE) != 0 && robot->supervisor.state != OMNI_STATE_ARMED &&
         omni_pose_is_finite(&inputs->pose)) {
         omni_robot_set_pose(&robot->estimator, robot->config, inputs, estimate);
     }
     omni_robot_guide_events(&robot->guide, inputs, estimate);
+    const bool drove = robot->supervisor.state == OMNI_STATE_ARMED;
     if (omni_robot_transition(&robot->supervisor, inputs, faults)) {
         omni_robot_guide_arm(&robot->guide, inputs, estimate);
         omni_robot_control_reset(&robot->control);
+        memset(&robot->supervisor.stop, 0, sizeof robot->supervisor.stop);
+    }
+    if (drove && robot->supervisor.state == OMNI_STATE_FAILSAFE) {
+        keep_stop(robot, faults, estimate);
     }
 }
 
 /* Last line of defence: what is not finite or not wanted never leaves the tick. @return what that says of the robot. */
-static omni_uint_t seal(omni_supervisor_t *supervisor, omni_real_t supply_V, omni_applied_t *applied,
-                        omni_actuation_t *actuation) {
+static omni_uint_t seal_actuation(omni_supervisor_t *supervisor, omni_real_t supply_V, omni_applied_t *applied,
+                                  omni_actuation_t *actuation) {
     const bool finite = omni_all_finite(actuation->duty, OMNI_MAX_WHEELS);
     if (!finite) {
         omni_robot_stop(supervisor, OMNI_FAULT_NOT_FINITE);
@@ -85,6 +121,9 @@ static void report_control(const omni_robot_t *robot, const omni_target_t *targe
     memcpy(outputs->wheel_reference, actuation->wheel_reference, sizeof outputs->wheel_reference);
     outputs->wheel_scale = actuation->wheel_scale;
     outputs->duty_scale = actuation->duty_scale;
+    outputs->velocity_scale = target->velocity_scale;
+    outputs->velocity_limits = target->velocity_limits;
+    outputs->stop = robot->supervisor.stop;
     outputs->reference = target->reference;
     outputs->setpoint_kind = target->kind;
     if (target->position_loop) {
@@ -95,30 +134,32 @@ static void report_control(const omni_robot_t *robot, const omni_target_t *targe
 }
 
 /* From the safety state on: what is wanted, what the wheels are given, and what is told of it. */
-static void act(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t kind,
-                omni_uint_t faults, omni_outputs_t *outputs)
+static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate,
+                             uint8_t kind, omni_uint_t faults, omni_outputs_t *outputs)
     /* Its frame is not to be on the stack while the pose filter has the deepest of the tick. */
     __attribute__((noinline));
 
-static void act(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t kind,
-                omni_uint_t faults, omni_outputs_t *outputs) {
+static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate,
+                             uint8_t kind, omni_uint_t faults, omni_outputs_t *outputs) {
     const omni_robot_config_t *config = robot->config;
     omni_target_t target;
     omni_actuation_t actuation;
     omni_real_t margin[OMNI_AXES];
     target.armed = robot->supervisor.state == OMNI_STATE_ARMED;
     omni_robot_reference(&robot->guide, config, inputs, estimate, kind, &target);
+    target.exciter = robot->exciter.left == 0 ? NULL : omni_robot_excite(&robot->exciter, config, inputs, &target);
     OMNI_INVARIANT(target.armed || (!target.position_loop && target.kind == OMNI_SETPOINT_NONE));
     omni_robot_control(&robot->control, config, inputs, estimate, &target, &robot->applied, &actuation);
     faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target, margin);
-    faults |= seal(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
+    faults |= seal_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
+    robot->supervisor.faults = faults;
     report_estimate(&robot->estimator, config, estimate, outputs);
     report_control(robot, &target, &actuation, outputs);
     memcpy(outputs->ismc_margin, margin, sizeof outputs->ismc_margin);
     outputs->time_us = inputs->time_us;
     outputs->state = (uint8_t)robot->supervisor.state;
     outputs->controller = config->controller;
-    outputs->faults = faults;
+    outputs->faults = robot->supervisor.faults;
     outputs->fault_history = robot->supervisor.fault_history;
     outputs->config_sequence = config->sequence;
 }
@@ -129,11 +170,11 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
     omni_uint_t faults = omni_robot_estimate(&robot->estimator, robot->config, inputs, &robot->applied, &estimate);
     faults |= omni_robot_supervise(&robot->supervisor, robot->config, inputs, &estimate, &robot->applied, &kind);
     apply_events(robot, inputs, faults, &estimate);
-    act(robot, inputs, &estimate, kind, faults, outputs);
+    drive_and_report(robot, inputs, &estimate, kind, faults, outputs);
     omni_robot_restart_filters(&robot->estimator, robot->config, &estimate);
 }
 
-uint32_t omni_robot_arming_faults(const omni_robot_t *robot, const omni_outputs_t *last) {
-    const uint32_t faults = (uint32_t)(last->faults & (uint32_t)OMNI_FAULT_STOP_MASK);
+uint32_t omni_robot_arming_faults(const omni_robot_t *robot) {
+    const uint32_t faults = (uint32_t)(robot->supervisor.faults & (uint32_t)OMNI_FAULT_STOP_MASK);
     return robot->supervisor.state == OMNI_STATE_DISARMED ? faults : faults | (uint32_t)OMNI_FAULT_CONFIG;
 }

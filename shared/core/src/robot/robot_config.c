@@ -65,7 +65,11 @@ static omni_result_t set_motor(omni_robot_config_t *c, const omni_real_t *v) {
     const omni_real_t angle_sd = v[OMNI_PARAM_KF_R_CNT] * c->rad_per_count;
     kf->r_angle = angle_sd * angle_sd;
     c->speed_gain_V_s = omni_motor_speed_gain(&c->motor);
-    return omni_motor_discretise(&c->motor, c->step_s, &kf->model);
+    omni_motor_config_t on_floor = c->motor;
+    if (v[OMNI_PARAM_KF_J] > 0.0f) {
+        on_floor.inertia_kg_m2 = v[OMNI_PARAM_KF_J];
+    }
+    return omni_motor_discretise(&on_floor, c->step_s, &kf->model);
 }
 
 static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
@@ -84,118 +88,22 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
 }
 
-/* xy, xy, theta */
-static void set_axes(omni_real_t *axes, omni_real_t xy, omni_real_t theta) {
-    axes[0] = xy;
-    axes[1] = xy;
-    axes[2] = theta;
-}
-
-static omni_real_t controller_step_s(const omni_robot_config_t *c) {
-    return c->step_s * (omni_real_t)c->control_period;
-}
-
-/* A law that takes any values that its parameters allow. */
-static omni_result_t no_bad_one(int32_t *bad_index) {
-    *bad_index = -1;
-    return OMNI_OK;
-}
-
-omni_result_t omni_configure_none(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    (void)c;
-    (void)v;
-    return no_bad_one(bad_index);
-}
-
-omni_result_t omni_configure_ismc(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    c->ismc.step_s = controller_step_s(c);
-    c->ismc.switching = (uint8_t)v[OMNI_PARAM_ISMC_SWITCH];
-    set_axes(c->ismc.lambda, v[OMNI_PARAM_ISMC_LAM_XY], v[OMNI_PARAM_ISMC_LAM_TH]);
-    set_axes(c->ismc.k, v[OMNI_PARAM_ISMC_K_XY], v[OMNI_PARAM_ISMC_K_TH]);
-    set_axes(c->ismc.phi, v[OMNI_PARAM_ISMC_PHI_XY], v[OMNI_PARAM_ISMC_PHI_TH]);
-    set_axes(c->ismc.integral_limit, v[OMNI_PARAM_ISMC_I_MAX], v[OMNI_PARAM_ISMC_I_MAX]);
-    return no_bad_one(bad_index);
-}
-
-/* P, PD and PID share a module: what the mode in use does not have is left out. */
-omni_result_t omni_configure_pid(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    const bool derivative = c->controller == OMNI_CTL_MODE_PD || c->controller == OMNI_CTL_MODE_PID;
-    const bool integral = c->controller == OMNI_CTL_MODE_PID;
-    c->fl.step_s = controller_step_s(c);
-    set_axes(c->fl.kp, v[OMNI_PARAM_FL_KP_XY], v[OMNI_PARAM_FL_KP_TH]);
-    set_axes(c->fl.kd, derivative ? v[OMNI_PARAM_FL_KD_XY] : 0.0f, derivative ? v[OMNI_PARAM_FL_KD_TH] : 0.0f);
-    set_axes(c->fl.ki, integral ? v[OMNI_PARAM_FL_KI_XY] : 0.0f, integral ? v[OMNI_PARAM_FL_KI_TH] : 0.0f);
-    set_axes(c->fl.integral_limit, v[OMNI_PARAM_FL_I_MAX], v[OMNI_PARAM_FL_I_MAX]);
-    return no_bad_one(bad_index);
-}
-
-omni_result_t omni_configure_p(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    return omni_configure_pid(c, v, bad_index);
-}
-
-omni_result_t omni_configure_pd(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    return omni_configure_pid(c, v, bad_index);
-}
-
-omni_result_t omni_configure_original(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    (void)v;
-    c->original = omni_original_defaults(c->step_s, c->rad_per_count);
-    return no_bad_one(bad_index);
-}
-
-/* The measured points, or a straight line if none are given. @return false, and the offending parameter, if they do not rise. */
-static bool set_curve(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    omni_torque_curve_t *curve = &c->torque_curve;
-    int32_t point = 0;
-    bool measured = false;
-    curve->torque_max_N_m = v[OMNI_PARAM_DT_TAU_MAX];
-    if (curve->torque_max_N_m == 0.0f) {
-        curve->torque_max_N_m = c->motor.constant_N_m_A * v[OMNI_PARAM_BAT_V_NOM] / c->motor.resistance_ohm;
-    }
-    curve->dead_duty = v[OMNI_PARAM_DT_DEAD];
-    for (int32_t i = 0; i < OMNI_CURVE_POINTS; ++i) {
-        curve->duty[i] = per_wheel(v, OMNI_PARAM_DT_C1)[i];
-        measured = measured || curve->duty[i] != 0.0f;
-    }
-    for (int32_t i = 0; i < OMNI_CURVE_POINTS && !measured; ++i) {
-        curve->duty[i] =
-            curve->dead_duty + (1.0f - curve->dead_duty) * (omni_real_t)(i + 1) / (omni_real_t)(OMNI_CURVE_POINTS + 1);
-    }
-    const bool rises = omni_torque_curve_is_valid(curve, &point);
-    if (!rises) {
-        *bad_index = OMNI_PARAM_DT_C1 + (point < OMNI_CURVE_POINTS ? point : OMNI_CURVE_POINTS - 1);
-    }
-    return rises;
-}
-
-omni_result_t omni_configure_torque(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
-    omni_direct_torque_config_t *t = &c->direct_torque;
-    if (!set_curve(c, v, bad_index)) {
-        return OMNI_ERR_RANGE;
-    }
-    c->torque_emf = v[OMNI_PARAM_DT_EMF];
-    t->mass_kg = v[OMNI_PARAM_MASS];
-    t->inertia_kg_m2 = v[OMNI_PARAM_INERTIA];
-    t->wheel_inertia_kg_m2 = v[OMNI_PARAM_MOT_J];
-    set_axes(t->kp, v[OMNI_PARAM_DT_KP_XY], v[OMNI_PARAM_DT_KP_TH]);
-    set_axes(t->kd, v[OMNI_PARAM_DT_KD_XY], v[OMNI_PARAM_DT_KD_TH]);
-    t->torque_limit_N_m = c->torque_curve.torque_max_N_m;
-    t->grip = v[OMNI_PARAM_DT_GRIP];
-    t->slip_limit_m_s = v[OMNI_PARAM_DT_SLIP];
-    t->wheel_limit_rad_s = v[OMNI_PARAM_LIM_WHEEL];
-    t->step_s = c->step_s;
-    return OMNI_OK;
-}
-
-/* Of all controllers, whichever is in use: the others' gains are checked, too. */
+/* Of all controllers, whichever is in use: the others' gains are checked, too. The one in use comes last, see
+ * controllers.h. */
 static omni_result_t set_controllers(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
     omni_result_t result = OMNI_OK;
     c->controller = (uint8_t)v[OMNI_PARAM_CTL_MODE];
     c->control_period = (uint8_t)v[OMNI_PARAM_CTL_PERIOD];
     c->slip_feed = v[OMNI_PARAM_ISMC_SLIP];
-#define OMNI_ROW(NAME, name)                                                                                                   \
-    if (result == OMNI_OK) {                                                                                                   \
-        result = omni_configure_##name(c, v, bad_index);                                                                       \
+#define OMNI_ROW(NAME, name)                                                                                           \
+    if (result == OMNI_OK) {                                                                                           \
+        result = omni_configure_##name(c, v, bad_index);                                                               \
+    }
+    OMNI_CTL_MODE_ROWS(OMNI_ROW)
+#undef OMNI_ROW
+#define OMNI_ROW(NAME, name)                                                                                           \
+    if (result == OMNI_OK && c->controller == OMNI_CTL_MODE_##NAME) {                                                  \
+        result = omni_configure_##name(c, v, bad_index);                                                               \
     }
     OMNI_CTL_MODE_ROWS(OMNI_ROW)
 #undef OMNI_ROW
@@ -255,6 +163,8 @@ static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v) {
     t->voltage_limit_V = v[OMNI_PARAM_BAT_V_NOM] * v[OMNI_PARAM_LIM_DUTY];
     t->ff_speed_V_s = omni_motor_speed_gain(&c->motor);
     t->ff_acceleration_V_s2 = omni_motor_acceleration_gain(&c->motor);
+    t->lead_in_m_s2 = v[OMNI_PARAM_LIM_A];
+    t->lead_in_rad_s2 = v[OMNI_PARAM_LIM_A] / v[OMNI_PARAM_WHEEL_DIST];
 }
 
 omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index) {

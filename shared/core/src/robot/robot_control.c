@@ -7,8 +7,8 @@
 #include "omni/saturation.h"
 
 /* A step every CTL_PERIOD ticks; what is asked for is held in between. Voltages have a period of their own. */
-static void step_controller(omni_control_state_t *control, const omni_robot_config_t *c, const omni_estimate_t *estimate,
-                            const omni_target_t *target, omni_flag_t saturated) {
+static void step_controller(omni_control_state_t *control, const omni_robot_config_t *c,
+                            const omni_estimate_t *estimate, const omni_target_t *target, omni_flag_t saturated) {
     const omni_controller_t *controller = omni_controllers[c->controller];
     if (control->ticks == 0) {
         controller->step(control, c, estimate, &target->reference, saturated);
@@ -32,8 +32,9 @@ static void feed_acceleration(const omni_robot_config_t *c, const omni_target_t 
     omni_kinematics_inverse(&c->kinematics, &body, NULL, acceleration);
 }
 
-/* Slip ratio s: the contact moves r phi' (1 - s), so phi' = v / (r (1 - s)); eq. 20 and 41 with v_s = s r phi'. Only while
- * fixes keep the estimate honest: without them a wrong ratio would make the very slip that seems to confirm it. */
+/* Slip ratio s: the contact moves r phi' (1 - s), so phi' = v / (r (1 - s)); eq. 20 and 41 with v_s = s r phi'. Only
+ * while fixes keep the estimate honest: without them a wrong ratio would make the very slip that seems to confirm it.
+ */
 static void compensate_slip(const omni_robot_config_t *c, const omni_estimate_t *estimate, omni_real_t *wheel_rad_s) {
     if (c->pose_ekf.mode != OMNI_EKF_MODE_SLIP || !estimate->fix_is_fresh) {
         return;
@@ -52,8 +53,13 @@ static void wheel_loops(omni_control_state_t *control, const omni_robot_config_t
     omni_real_t voltage_V[OMNI_MAX_WHEELS];
     omni_kinematics_inverse(&c->kinematics, body, NULL, actuation->wheel_reference);
     compensate_slip(c, estimate, actuation->wheel_reference);
+    if (target->exciter != NULL && target->exciter->plan.place == OMNI_EXCITATION_WHEEL) {
+        omni_robot_excite_wheels(target->exciter, c->kinematics.wheels, 1.0f, c->limits.wheel_rad_s,
+                                 actuation->wheel_reference);
+    }
     feed_acceleration(c, target, acceleration);
-    actuation->wheel_scale = omni_saturate_direction(actuation->wheel_reference, c->kinematics.wheels, c->limits.wheel_rad_s);
+    actuation->wheel_scale =
+        omni_saturate_direction(actuation->wheel_reference, c->kinematics.wheels, c->limits.wheel_rad_s);
     actuation->duty_scale =
         omni_wheel_speed_step(&control->wheel_speed, &c->wheel_speed, actuation->wheel_reference, acceleration,
                               estimate->wheel_rad_s, estimate->supply_V, actuation->duty, voltage_V);
@@ -69,10 +75,11 @@ static void voltage_duties(const omni_robot_config_t *c, const omni_demand_t *de
     actuation->duty_scale = omni_saturate_direction(actuation->duty, c->kinematics.wheels, c->wheel_speed.duty_limit);
 }
 
-/* Duties that give the torques at the wheels' speed. Where the supply does not suffice only the torques shrink, by one factor for
- * all wheels (eq. 30); the share that makes up for the motors' own back-EMF and friction stays. @return that factor. */
-static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t *torque_N_m, const omni_estimate_t *estimate,
-                                 omni_real_t *duty) {
+/* Duties that give the torques at the wheels' speed. Where the supply does not suffice only the torques shrink, by one
+ * factor for all wheels (eq. 30); the share that makes up for the motors' own back-EMF and friction stays. @return that
+ * factor. */
+static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t *torque_N_m,
+                                 const omni_estimate_t *estimate, omni_real_t *duty) {
     const omni_real_t per_V = 1.0f / estimate->supply_V;
     const omni_real_t limit = c->wheel_speed.duty_limit;
     omni_real_t push[OMNI_MAX_WHEELS] = {0};
@@ -91,7 +98,8 @@ static omni_real_t torque_duties(const omni_robot_config_t *c, const omni_real_t
     return factor;
 }
 
-/* Torques. What the floor does below the wheels the robot cannot see; the reference's speed stands for it in the runaway protection. */
+/* Torques. What the floor does below the wheels the robot cannot see; the reference's speed stands for it in the
+ * runaway protection. */
 static void protect_torques(const omni_robot_config_t *c, const omni_demand_t *demand, const omni_estimate_t *estimate,
                             const omni_reference_t *reference, omni_actuation_t *actuation) {
     omni_real_t torque_N_m[OMNI_MAX_WHEELS];
@@ -123,19 +131,13 @@ static uint8_t way_of(const omni_robot_config_t *c, const omni_target_t *target)
     return target->position_loop ? omni_controllers[c->controller]->demand : (uint8_t)OMNI_DEMAND_TWIST;
 }
 
-/* All of them, not only the one that takes over: a robot's state then says nothing of what it did before. */
-static void reset_controllers(omni_control_state_t *control) {
-    for (int mode = 0; mode < OMNI_CTL_MODE_COUNT; ++mode) {
-        omni_controllers[mode]->reset(control);
-    }
-    control->ticks = 0;
-}
-
-/* Integrals of loops that did not drive the robot in the last tick are of another time: with them the wheels would jerk. */
-static void hand_over(omni_control_state_t *control, const omni_robot_config_t *c, const omni_target_t *target, uint8_t way,
-                      omni_applied_t *applied) {
+/* Integrals of loops that did not drive the robot in the last tick are of another time: with them the wheels would
+ * jerk. All controllers forget, not only the one that takes over: a robot's state then says nothing of what it did
+ * before. */
+static void hand_over(omni_control_state_t *control, const omni_robot_config_t *c, const omni_target_t *target,
+                      uint8_t way, omni_applied_t *applied) {
     if (target->position_loop != control->tracking || c->controller != control->last_controller) {
-        reset_controllers(control);
+        omni_controllers_reset(control);
     }
     if (way != control->last_way) {
         omni_wheel_speed_reset(&control->wheel_speed);
@@ -145,13 +147,13 @@ static void hand_over(omni_control_state_t *control, const omni_robot_config_t *
 }
 
 void omni_robot_control_reset(omni_control_state_t *control) {
-    reset_controllers(control);
+    omni_controllers_reset(control);
     omni_wheel_speed_reset(&control->wheel_speed);
     control->tracking = false;
 }
 
-static void drive(omni_control_state_t *control, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                  const omni_estimate_t *estimate, const omni_target_t *target, omni_actuation_t *actuation) {
+static void drive_wheels(omni_control_state_t *control, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                         const omni_estimate_t *estimate, const omni_target_t *target, omni_actuation_t *actuation) {
     switch (control->last_way) {
     case OMNI_DEMAND_DUTY:
         open_loop(c, inputs->setpoint.duty, actuation);
@@ -181,7 +183,11 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
         if (target->position_loop) {
             step_controller(control, config, estimate, target, applied->saturated);
         }
-        drive(control, config, inputs, estimate, target, actuation);
+        drive_wheels(control, config, inputs, estimate, target, actuation);
+        if (target->exciter != NULL && target->exciter->plan.place == OMNI_EXCITATION_VOLTAGE) {
+            omni_robot_excite_wheels(target->exciter, config->kinematics.wheels, 1.0f / estimate->supply_V,
+                                     config->wheel_speed.duty_limit, actuation->duty);
+        }
     }
     control->tracking = target->position_loop;
     control->last_controller = config->controller;

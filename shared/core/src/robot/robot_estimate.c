@@ -71,10 +71,10 @@ static omni_uint_t read_counts(omni_estimator_t *estimator, const omni_robot_con
     return faults;
 }
 
-/* The angle a wheel turned: counted where the count can be trusted, else guessed from the filter's speed. Counts that stayed away for a
- * while come with all they moved since; the guesses for that while are taken back. */
-static omni_real_t turned(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_estimate_t *estimate,
-                          uint8_t wheel, const counted_t *counted) {
+/* The angle a wheel turned: counted where the count can be trusted, else guessed from the filter's speed. Counts that
+ * stayed away for a while come with all they moved since; the guesses for that while are taken back. */
+static omni_real_t turned_angle(omni_estimator_t *estimator, const omni_robot_config_t *c,
+                                const omni_estimate_t *estimate, uint8_t wheel, const counted_t *counted) {
     omni_real_t *guessed = &estimator->guessed_rad[wheel];
     if ((counted->trusted >> wheel & 1) != 0) {
         const omni_real_t counted_rad = (omni_real_t)estimate->delta_counts[wheel] * c->rad_per_count - *guessed;
@@ -95,11 +95,12 @@ static void estimate_wheels(omni_estimator_t *estimator, const omni_robot_config
             (void)omni_motor_kf_step(kf, &c->motor_kf, applied_V[i], 0, false);
         }
         const bool trusted = (counted->trusted >> i & 1) != 0;
-        estimate->wheel_rad_s[i] = omni_motor_kf_step(kf, &c->motor_kf, applied_V[i], estimate->delta_counts[i], trusted);
+        estimate->wheel_rad_s[i] =
+            omni_motor_kf_step(kf, &c->motor_kf, applied_V[i], estimate->delta_counts[i], trusted);
         if ((counted->jumped >> i & 1) != 0) {
             omni_motor_kf_rebase(kf);
         }
-        turned_rad[i] = turned(estimator, c, estimate, i, counted);
+        turned_rad[i] = turned_angle(estimator, c, estimate, i, counted);
     }
 }
 
@@ -142,7 +143,8 @@ static void derive_motion(const omni_pose_ekf_state_t *ekf, const omni_robot_con
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         const omni_real_t ratio = slip_ratio(ekf, c, i);
         estimate->slip_ratio[i] = ratio;
-        estimate->slip_m_s[i] = ratio * c->kinematics.radius_m[i] * estimate->wheel_rad_s[i]; /* v_s = s r phi' (eq. 18) */
+        estimate->slip_m_s[i] =
+            ratio * c->kinematics.radius_m[i] * estimate->wheel_rad_s[i]; /* v_s = s r phi' (eq. 18) */
     }
     omni_twist_t body;
     omni_kinematics_forward(&c->kinematics, estimate->wheel_rad_s, estimate->slip_m_s, &body);
@@ -155,9 +157,10 @@ static void derive_motion(const omni_pose_ekf_state_t *ekf, const omni_robot_con
     estimate->fixes_refused = ekf->refused;
 }
 
-omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
-                                const omni_applied_t *last, omni_estimate_t *estimate) {
-    const bool measured = omni_is_finite(inputs->battery_V);
+omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config,
+                                const omni_inputs_t *inputs, const omni_applied_t *last, omni_estimate_t *estimate) {
+    const omni_real_t most_V = 1000.0f; /* beyond it no measurement: the filters' squares would overflow */
+    const bool measured = inputs->battery_V >= -most_V && inputs->battery_V <= most_V;
     counted_t counted;
     memset(estimate->wheel_rad_s, 0, sizeof estimate->wheel_rad_s);
     memset(estimate->slip_m_s, 0, sizeof estimate->slip_m_s);
@@ -170,7 +173,8 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
     if (estimator->primed) {
         omni_real_t turned_rad[OMNI_MAX_WHEELS] = {0};
         estimate_wheels(estimator, config, &counted, last->voltage_V, estimate, turned_rad);
-        omni_pose_ekf_predict(&estimator->pose_ekf, &config->pose_ekf, &config->kinematics, turned_rad, inputs->time_us);
+        omni_pose_ekf_predict(&estimator->pose_ekf, &config->pose_ekf, &config->kinematics, turned_rad,
+                              inputs->time_us);
         faults |= use_fix(&estimator->pose_ekf, config, inputs, &estimate->fix_is_fresh);
     }
     estimator->primed = true;

@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file robot_internal.h
- * The stages of omni_robot_tick, and what they hand on. A stage reads what it is given as const, writes its own result and keeps its
- * own state. Per wheel: as many entries count as there are wheels; the others are zero in what is reported.
+ * The stages of omni_robot_tick, and what they hand on. A stage reads what it is given as const, writes its own result
+ * and keeps its own state. Per wheel: as many entries count as there are wheels; the others are zero in what is
+ * reported.
  *
  *   stage        reads                                        writes
  *   estimate     inputs, what the last tick did               omni_estimate_t, faults
  *   supervise    inputs, estimate, what the last tick did     faults, the kind of set-point that may be followed
  *   transition   inputs, faults                               the safety state
  *   reference    inputs, estimate, safety state               omni_target_t
+ *   excite       inputs, target                               the target's pose, what `control` adds (if anything)
  *   control      inputs, estimate, target                     omni_actuation_t
  *   gain margin  estimate, target                             margins, a warning
  *   report       all of these                                 omni_outputs_t
@@ -39,10 +41,13 @@ typedef struct omni_estimate_t {
 /** What is wanted of the robot in this tick. */
 typedef struct omni_target_t {
     omni_reference_t reference;
-    omni_twist_t body_rate; /**< velocity demand, body frame; used unless `position_loop` */
-    uint8_t kind;           /**< omni_setpoint_kind_t in force */
-    bool armed;             /**< false: nothing is wanted of the wheels */
-    bool position_loop;     /**< the reference's pose is to be tracked; false unless armed */
+    omni_twist_t body_rate;        /**< velocity demand, body frame; used unless `position_loop` */
+    omni_real_t velocity_scale;    /**< factor that the limits left of the velocity asked for, 1: all of it */
+    omni_uint_t velocity_limits;   /**< omni_velocity_limit_t that cut it */
+    const omni_exciter_t *exciter; /**< what is added to wheels in this tick; NULL: nothing */
+    uint8_t kind;                  /**< omni_setpoint_kind_t in force */
+    bool armed;                    /**< false: nothing is wanted of the wheels */
+    bool position_loop;            /**< the reference's pose is to be tracked; false unless armed */
 } omni_target_t;
 
 /** What the wheels are to be given. Everything is in the wheels' directions. */
@@ -55,10 +60,11 @@ typedef struct omni_actuation_t {
 } omni_actuation_t;
 
 /** Time, counts, filters, pose. @return faults found on the way. */
-omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
-                                const omni_applied_t *last, omni_estimate_t *estimate);
+omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config,
+                                const omni_inputs_t *inputs, const omni_applied_t *last, omni_estimate_t *estimate);
 
-/** Restart the pose estimate at inputs->pose, which must be finite. Slip and its speeds stay as they were estimated in this tick. */
+/** Restart the pose estimate at inputs->pose, which must be finite. Slip and its speeds stay as they were estimated in
+ * this tick. */
 void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
                          omni_estimate_t *estimate);
 
@@ -74,10 +80,12 @@ omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us);
  * @param kind out: omni_setpoint_kind_t of the set-point if it may be followed, else OMNI_SETPOINT_NONE.
  * @return stop faults and warnings.
  */
-omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config, const omni_inputs_t *inputs,
-                                 const omni_estimate_t *estimate, const omni_applied_t *last, uint8_t *kind);
+omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config,
+                                 const omni_inputs_t *inputs, const omni_estimate_t *estimate,
+                                 const omni_applied_t *last, uint8_t *kind);
 
-/** Events and faults through the safety table. @return true if the robot has just been armed, whatever came after that. */
+/** Events and faults through the safety table. @return true if the robot has just been armed, whatever came after that.
+ */
 bool omni_robot_transition(omni_supervisor_t *supervisor, const omni_inputs_t *inputs, omni_uint_t faults);
 
 /** A stop fault of the tick's last stages: into the history and through the safety table. */
@@ -89,9 +97,21 @@ void omni_robot_guide_events(omni_guide_t *guide, const omni_inputs_t *inputs, c
 /** On arming: hold the pose, at rest; a trajectory starts now. */
 void omni_robot_guide_arm(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate);
 
-/** The set-point in force and its reference. @param kind as omni_robot_supervise gave it. @param target in: `armed`; out: all else. */
+/** The set-point in force and its reference. @param kind as omni_robot_supervise gave it. @param target in: `armed`;
+ * out: all else. */
 void omni_robot_reference(omni_guide_t *guide, const omni_robot_config_t *config, const omni_inputs_t *inputs,
                           const omni_estimate_t *estimate, uint8_t kind, omni_target_t *target);
+
+/**
+ * One tick of an excitation that goes on, or its end. A pose is added to the target's reference.
+ * @return the exciter if wheels get something in this tick, else NULL.
+ */
+const omni_exciter_t *omni_robot_excite(omni_exciter_t *exciter, const omni_robot_config_t *config,
+                                        const omni_inputs_t *inputs, omni_target_t *target);
+
+/** Add this tick's value times `factor` to the wheels it is for, within +-limit. */
+void omni_robot_excite_wheels(const omni_exciter_t *exciter, uint8_t wheels, omni_real_t factor, omni_real_t limit,
+                              omni_real_t *values);
 
 /** All controllers as after switching on. */
 void omni_robot_control_reset(omni_control_state_t *control);
@@ -105,8 +125,9 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
                         omni_actuation_t *actuation);
 
 /**
- * Does the ISMC's k cover the slip error that may be there (condition 44)?
- * @param margin out, per axis; 0 unless the ISMC is tracking.
+ * Do the controller's gains cover the slip error that may be there? The integral sliding mode has such a condition
+ * (44).
+ * @param margin out, per axis; 0 unless a controller that has one is tracking.
  * @return OMNI_WARN_ISMC_GAIN, or 0.
  */
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,

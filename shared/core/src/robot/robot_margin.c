@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
+#include <stddef.h>
+
 #include "../estimation/pose_ekf_inline.h"
 #include "../kinematics/kinematics_inline.h"
-#include "robot_internal.h"
+#include "controllers.h"
 
 /* How sure the bound on the slip error is, in standard deviations. */
 static const omni_real_t sigmas = 3.0f;
@@ -10,8 +12,8 @@ static const omni_real_t sigmas = 3.0f;
 static const omni_real_t debounce_s = 0.5f;
 
 /* d(world twist) / d(slip ratios): rows of R^T B+ diag(r phi'). */
-static inline void sensitivity(const omni_kinematics_t *k, const omni_estimate_t *estimate,
-                               omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t wheels) {
+static inline void slip_sensitivity(const omni_kinematics_t *k, const omni_estimate_t *estimate,
+                                    omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS], uint8_t wheels) {
     for (uint8_t i = 0; i < wheels; ++i) {
         const omni_real_t rim_m_s = k->radius_m[i] * estimate->wheel_rad_s[i];
         const omni_twist_t body = {k->b_pinv[0][i] * rim_m_s, k->b_pinv[1][i] * rim_m_s, k->b_pinv[2][i] * rim_m_s};
@@ -22,9 +24,11 @@ static inline void sensitivity(const omni_kinematics_t *k, const omni_estimate_t
     }
 }
 
-/* Largest plausible |B+ (v_s - v_s_hat)| on one axis: what of the estimate isn't fed forward, and what the estimate may be off by. */
+/* Largest plausible |B+ (v_s - v_s_hat)| on one axis: what of the estimate isn't fed forward, and what the estimate may
+ * be off by. */
 static inline omni_real_t slip_bound(const omni_pose_ekf_config_t *config, const omni_pose_ekf_state_t *ekf,
-                                     const omni_real_t *ratio, const omni_real_t *row, omni_real_t fed, uint8_t wheels) {
+                                     const omni_real_t *ratio, const omni_real_t *row, omni_real_t fed,
+                                     uint8_t wheels) {
     const bool estimated = config->mode == OMNI_EKF_MODE_SLIP;
     omni_real_t left = 0.0f;
     omni_real_t variance = 0.0f;
@@ -46,19 +50,21 @@ static inline omni_twist_t slip_bounds(const omni_robot_config_t *config, const 
     const omni_pose_ekf_config_t *c = &config->pose_ekf;
     const omni_real_t *ratio = estimate->slip_ratio;
     omni_real_t rows[OMNI_AXES][OMNI_MAX_WHEELS];
-    sensitivity(&config->kinematics, estimate, rows, wheels);
-    return (omni_twist_t){slip_bound(c, ekf, ratio, rows[0], fed, wheels), slip_bound(c, ekf, ratio, rows[1], fed, wheels),
+    slip_sensitivity(&config->kinematics, estimate, rows, wheels);
+    return (omni_twist_t){slip_bound(c, ekf, ratio, rows[0], fed, wheels),
+                          slip_bound(c, ekf, ratio, rows[1], fed, wheels),
                           slip_bound(c, ekf, ratio, rows[2], fed, wheels)};
 }
 
-static omni_flag_t covers(const omni_real_t margin[OMNI_AXES]) {
+static omni_flag_t is_covered(const omni_real_t margin[OMNI_AXES]) {
     return margin[0] >= 0.0f && margin[1] >= 0.0f && margin[2] >= 0.0f;
 }
 
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
                                    const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
                                    const omni_target_t *target, omni_real_t *margin) {
-    if (!target->position_loop || config->controller != OMNI_CTL_MODE_ISMC) {
+    const omni_controller_t *controller = omni_controllers[config->controller];
+    if (!target->position_loop || controller->margin == NULL) {
         state->uncovered_s = 0.0f;
         state->uncovered = false;
         margin[0] = 0.0f;
@@ -68,12 +74,11 @@ omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_c
     }
     const omni_real_t fed = estimate->fix_is_fresh ? config->slip_feed : 0.0f;
     /* The count as a constant lets the compiler unroll the loops. */
-    const omni_twist_t bound = config->kinematics.wheels == 3 ? slip_bounds(config, ekf, estimate, fed, 3)
-                                                              : slip_bounds(config, ekf, estimate, fed, OMNI_MAX_WHEELS);
-    omni_ismc_gain_margin(&config->ismc, &bound, margin);
-    /* Super-twisting has a condition of its own on the rate of the slip error. */
-    const bool judged = config->ismc.switching != OMNI_ISMC_SWITCH_SUPER_TWISTING;
-    const omni_flag_t open = judged && !covers(margin);
+    const omni_twist_t bound = config->kinematics.wheels == 3
+                                   ? slip_bounds(config, ekf, estimate, fed, 3)
+                                   : slip_bounds(config, ekf, estimate, fed, OMNI_MAX_WHEELS);
+    const bool judged = controller->margin(config, &bound, margin);
+    const omni_flag_t open = judged && !is_covered(margin);
     const omni_real_t change = omni_select(open, config->step_s, -config->step_s);
     state->uncovered_s = omni_clampf(state->uncovered_s + change, 0.0f, debounce_s);
     const omni_flag_t settled = state->uncovered_s == 0.0f || state->uncovered_s == debounce_s;

@@ -6,19 +6,28 @@
 /* How fast a governed reference closes in on its target, 1/s. */
 static const omni_real_t GOVERNOR_RATE = 3.0f;
 
-/* Scale a body twist so that it stays within the speed limits and `share` of the wheel speed limit, direction kept. */
-static omni_twist_t limit_twist(const omni_robot_config_t *c, omni_twist_t body, omni_real_t share) {
+/* Scale a body twist so that it stays within the speed limits and `share` of the wheel speed limit, direction kept. The
+ * target tells. */
+static omni_twist_t limit_twist(const omni_robot_config_t *c, omni_twist_t body, omni_real_t share,
+                                omni_target_t *target) {
     const omni_real_t speed = omni_sqrtf(body.vx * body.vx + body.vy * body.vy);
     omni_real_t wheel[OMNI_MAX_WHEELS] = {0};
     omni_kinematics_inverse(&c->kinematics, &body, NULL, wheel);
     omni_real_t scale = omni_saturate_direction(wheel, c->kinematics.wheels, share * c->limits.wheel_rad_s);
+    const omni_uint_t by_wheel = omni_select(scale < 1.0f, (uint32_t)OMNI_LIMIT_WHEEL, 0u);
+    const omni_uint_t by_speed = omni_select(speed * scale > c->limits.speed_m_s, (uint32_t)OMNI_LIMIT_SPEED, 0u);
     scale = omni_select(speed * scale > c->limits.speed_m_s, c->limits.speed_m_s / speed, scale);
-    scale = omni_select(omni_absf(body.wz) * scale > c->limits.turn_rad_s, c->limits.turn_rad_s / omni_absf(body.wz), scale);
+    const omni_uint_t by_turn =
+        omni_select(omni_absf(body.wz) * scale > c->limits.turn_rad_s, (uint32_t)OMNI_LIMIT_TURN, 0u);
+    scale = omni_select(omni_absf(body.wz) * scale > c->limits.turn_rad_s, c->limits.turn_rad_s / omni_absf(body.wz),
+                        scale);
+    target->velocity_scale = scale;
+    target->velocity_limits = by_wheel | by_speed | by_turn;
     return (omni_twist_t){body.vx * scale, body.vy * scale, body.wz * scale};
 }
 
 /* Move `from` towards `to`, speed by at most `step`, turn rate by at most `turn_step`. */
-static omni_twist_t approach(omni_twist_t from, omni_twist_t to, omni_real_t step, omni_real_t turn_step) {
+static omni_twist_t approach_twist(omni_twist_t from, omni_twist_t to, omni_real_t step, omni_real_t turn_step) {
     const omni_real_t dx = to.vx - from.vx;
     const omni_real_t dy = to.vy - from.vy;
     const omni_real_t distance = omni_sqrtf(dx * dx + dy * dy);
@@ -35,14 +44,14 @@ static omni_twist_t ramp_velocity(omni_guide_t *guide, const omni_robot_config_t
     /* The rim accelerates like the centre: wz' = a / l. */
     const omni_real_t turn_step = step / (c->kinematics.b[0][2] > 0.0f ? c->kinematics.b[0][2] : 1.0f);
     const omni_twist_t before = guide->ramped;
-    guide->ramped = approach(before, demand, step, turn_step);
+    guide->ramped = approach_twist(before, demand, step, turn_step);
     const omni_real_t rate = 1.0f / c->step_s;
     return (omni_twist_t){(guide->ramped.vx - before.vx) * rate, (guide->ramped.vy - before.vy) * rate,
                           (guide->ramped.wz - before.wz) * rate};
 }
 
 /* A reference that stands at a pose. */
-static void stand(omni_target_t *target, const omni_pose_t *pose) {
+static void stand_at(omni_target_t *target, const omni_pose_t *pose) {
     const omni_twist_t rest = {0.0f, 0.0f, 0.0f};
     target->reference.pose = *pose;
     target->reference.rate = rest;
@@ -51,8 +60,10 @@ static void stand(omni_target_t *target, const omni_pose_t *pose) {
     target->reference.phase = OMNI_PHASE_NONE;
 }
 
-/* A pose set-point may be anywhere: the reference drives there itself, within the limits, and follows the set-point's rate. */
-static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs, omni_target_t *target) {
+/* A pose set-point may be anywhere: the reference drives there itself, within the limits, and follows the set-point's
+ * rate. */
+static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                        omni_target_t *target) {
     const omni_setpoint_t *setpoint = &inputs->setpoint;
     omni_pose_t *pose = &guide->governed;
     const omni_real_t age = omni_robot_age_s(inputs->time_us, setpoint->time_us);
@@ -63,7 +74,7 @@ static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const
                                  setpoint->twist.wz + GOVERNOR_RATE * dtheta};
     const omni_rotation_t heading = omni_rotation(pose->theta);
     const omni_twist_t body = omni_rotate_to_body(&wanted, &heading);
-    const omni_twist_t limited = limit_twist(c, body, c->limits.reference_share);
+    const omni_twist_t limited = limit_twist(c, body, c->limits.reference_share, target);
     omni_reference_t *reference = &target->reference;
     reference->acceleration = ramp_velocity(guide, c, omni_rotate_to_world(&limited, &heading));
     pose->x += guide->ramped.vx * c->step_s;
@@ -78,7 +89,7 @@ static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const
 
 static void hold_pose(omni_guide_t *guide, omni_target_t *target) {
     guide->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
-    stand(target, &guide->governed);
+    stand_at(target, &guide->governed);
     target->position_loop = true;
 }
 
@@ -87,7 +98,7 @@ static void follow_velocity(omni_guide_t *guide, const omni_robot_config_t *c, c
                             const omni_estimate_t *estimate, omni_target_t *target) {
     const bool world = target->kind == OMNI_SETPOINT_VELOCITY_WORLD;
     const omni_twist_t body = world ? omni_rotate_to_body(twist, &estimate->heading) : *twist;
-    const omni_twist_t body_acceleration = ramp_velocity(guide, c, limit_twist(c, body, 1.0f));
+    const omni_twist_t body_acceleration = ramp_velocity(guide, c, limit_twist(c, body, 1.0f, target));
     target->body_rate = guide->ramped;
     guide->governed = estimate->pose;
     target->reference.pose = estimate->pose;
@@ -113,7 +124,8 @@ static bool has_rate(uint8_t kind) {
     return kind == OMNI_SETPOINT_POSE || kind == OMNI_SETPOINT_TRAJECTORY;
 }
 
-/* Another kind of set-point takes over from the speed that the last one had asked for; after open-loop duties from the measured one. */
+/* Another kind of set-point takes over from the speed that the last one had asked for; after open-loop duties from the
+ * measured one. */
 static void continue_from(omni_guide_t *guide, const omni_estimate_t *estimate, uint8_t kind) {
     const omni_real_t theta = estimate->pose.theta;
     const bool body = is_velocity(kind);
@@ -127,9 +139,9 @@ static void continue_from(omni_guide_t *guide, const omni_estimate_t *estimate, 
 }
 
 /* The robot stays where it is; what is held afterwards, too. */
-static void stay(omni_guide_t *guide, const omni_estimate_t *estimate, omni_target_t *target) {
+static void stay_where_it_is(omni_guide_t *guide, const omni_estimate_t *estimate, omni_target_t *target) {
     guide->governed = estimate->pose;
-    stand(target, &estimate->pose);
+    stand_at(target, &estimate->pose);
 }
 
 void omni_robot_guide_events(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate) {
@@ -149,8 +161,8 @@ void omni_robot_guide_arm(omni_guide_t *guide, const omni_inputs_t *inputs, cons
     guide->trajectory_start_us = inputs->time_us;
 }
 
-static void follow(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                   const omni_estimate_t *estimate, omni_target_t *target) {
+static void follow_setpoint(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                            const omni_estimate_t *estimate, omni_target_t *target) {
     switch (target->kind) {
     case OMNI_SETPOINT_POSE:
         govern_pose(guide, c, inputs, target);
@@ -163,7 +175,7 @@ static void follow(omni_guide_t *guide, const omni_robot_config_t *c, const omni
         follow_trajectory(guide, inputs, target);
         break;
     case OMNI_SETPOINT_DUTY:
-        stay(guide, estimate, target);
+        stay_where_it_is(guide, estimate, target);
         break;
     default:
         hold_pose(guide, target);
@@ -174,18 +186,20 @@ static void follow(omni_guide_t *guide, const omni_robot_config_t *c, const omni
 void omni_robot_reference(omni_guide_t *guide, const omni_robot_config_t *config, const omni_inputs_t *inputs,
                           const omni_estimate_t *estimate, uint8_t kind, omni_target_t *target) {
     target->body_rate = (omni_twist_t){0.0f, 0.0f, 0.0f};
+    target->velocity_scale = 1.0f;
+    target->velocity_limits = 0u;
     target->position_loop = false;
     target->kind = kind;
     if (!target->armed || (kind == OMNI_SETPOINT_TRAJECTORY && guide->trajectory == NULL)) {
         target->kind = OMNI_SETPOINT_NONE; /* not armed; no trajectory was started, or this tick's events stopped it */
     }
     if (!target->armed) {
-        stay(guide, estimate, target);
+        stay_where_it_is(guide, estimate, target);
     } else {
         if (target->kind != guide->last_kind) {
             continue_from(guide, estimate, target->kind);
         }
-        follow(guide, config, inputs, estimate, target);
+        follow_setpoint(guide, config, inputs, estimate, target);
         if (omni_controllers[config->controller]->demand == OMNI_DEMAND_NONE) {
             target->position_loop = false;
             target->body_rate = omni_twist_to_body(&target->reference.rate, target->reference.pose.theta);

@@ -5,10 +5,11 @@
 #include "../math/math_inline.h"
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
- * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through; one that stands still
- * uses up stall_s as time goes by, one that turns the other way at most twice as fast (a reversal of the voltage is legal). */
-static omni_uint_t supervise_wheels(omni_real_t *stalled_s, const omni_robot_config_t *c, const omni_estimate_t *estimate,
-                                    const omni_real_t *applied_V) {
+ * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through. One that stands
+ * still uses up stall_s as time goes by. One that turns the other way does so at most twice as
+ * fast; a reversal of the voltage is legal. */
+static omni_uint_t supervise_wheels(omni_real_t *stalled_s, const omni_robot_config_t *c,
+                                    const omni_estimate_t *estimate, const omni_real_t *applied_V) {
     const omni_real_t tenth_per_V = 0.1f / c->speed_gain_V_s;
     omni_uint_t faults = 0;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
@@ -68,7 +69,8 @@ static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const
     if (!setpoint_is_finite(setpoint) || setpoint->kind > OMNI_SETPOINT_DUTY) {
         return OMNI_FAULT_NOT_FINITE;
     }
-    if (is_streamed(setpoint->kind) && omni_robot_age_s(inputs->time_us, setpoint->time_us) > limits->command_timeout_s) {
+    if (is_streamed(setpoint->kind) &&
+        omni_robot_age_s(inputs->time_us, setpoint->time_us) > limits->command_timeout_s) {
         const bool lost = supervisor->state == OMNI_STATE_ARMED && setpoint->time_us >= supervisor->armed_since_us;
         return lost ? (omni_uint_t)OMNI_FAULT_COMMAND_LOSS : (omni_uint_t)0u;
     }
@@ -80,8 +82,9 @@ static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const
     return 0;
 }
 
-omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config, const omni_inputs_t *inputs,
-                                 const omni_estimate_t *estimate, const omni_applied_t *last, uint8_t *kind) {
+omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config,
+                                 const omni_inputs_t *inputs, const omni_estimate_t *estimate,
+                                 const omni_applied_t *last, uint8_t *kind) {
     omni_uint_t faults = inputs->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
     if (!omni_pose_is_finite(&estimate->pose) || !omni_twist_is_finite(&estimate->rate)) {
         faults |= OMNI_FAULT_NOT_FINITE;

@@ -21,8 +21,8 @@ void omni_leg(const omni_pose_t *from, const omni_pose_t *to, omni_real_t durati
     *acceleration = (omni_twist_t){dx * change, dy * change, dtheta * change};
 }
 
-void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, const omni_twist_t *second, omni_twist_t *rate,
-                     omni_twist_t *acceleration) {
+void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, const omni_twist_t *second,
+                     omni_twist_t *rate, omni_twist_t *acceleration) {
     const omni_real_t square = clock->rate * clock->rate;
     rate->vx = first->vx * clock->rate;
     rate->vy = first->vy * clock->rate;

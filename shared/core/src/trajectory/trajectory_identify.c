@@ -24,7 +24,7 @@ static omni_ns_t path_round_identify(const omni_trajectory_t *plan) {
 }
 
 /* The rate rises from rest with a quintic over the ramp, to full_per_s laps per second. */
-static omni_jet_t rising(omni_real_t full_per_s, omni_ns_t ns, omni_ns_t ramp_ns) {
+static omni_jet_t rising_ramp(omni_real_t full_per_s, omni_ns_t ns, omni_ns_t ramp_ns) {
     const omni_real_t ramp_s = (omni_real_t)ramp_ns * 1e-9f;
     const omni_real_t p = (omni_real_t)ns / (omni_real_t)ramp_ns;
     const omni_jet_t rise = omni_quintic(p);
@@ -48,13 +48,13 @@ static laps_t laps_at(omni_real_t count, omni_ns_t ns, omni_ns_t segment_ns) {
     const omni_ns_t lap_ns = (omni_ns_t)((omni_real_t)(segment_ns - ramp_ns) / count) + 1;
     const omni_real_t full_per_s = 1e9f / (omni_real_t)lap_ns;
     if (ns < ramp_ns) {
-        laps.rest = rising(full_per_s, ns, ramp_ns);
+        laps.rest = rising_ramp(full_per_s, ns, ramp_ns);
     } else if (ns <= segment_ns - ramp_ns) {
         laps.whole = (ns - ramp_ns) / lap_ns;
         laps.rest.d[0] = omni_phase(ns - ramp_ns, lap_ns) + 0.5f * full_per_s * (omni_real_t)ramp_ns * 1e-9f;
         laps.rest.d[1] = full_per_s;
     } else {
-        const omni_jet_t left = rising(full_per_s, segment_ns - ns, ramp_ns);
+        const omni_jet_t left = rising_ramp(full_per_s, segment_ns - ns, ramp_ns);
         laps.whole = (omni_ns_t)count;
         laps.rest.d[0] = count - (omni_real_t)laps.whole - left.d[0];
         laps.rest.d[1] = left.d[1];
@@ -107,4 +107,5 @@ static void path_jets_identify(const omni_trajectory_t *plan, omni_ns_t path_ns,
     }
 }
 
-const omni_path_row_t omni_path_row_identify = {path_jets_identify, true, OMNI_POINTS_NONE, 0, path_round_identify, NULL, NULL};
+const omni_path_row_t omni_path_row_identify = {
+    path_jets_identify, true, OMNI_POINTS_NONE, 0, path_round_identify, NULL, NULL};

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file trajectory_internal.h
- * Parts of the trajectories that their files share. Not part of the API. Path time is an integer number of nanoseconds, so that
- * reducing it to a phase is exact however long a path runs.
+ * Parts of the trajectories that their files share. Not part of the API. Path time is an integer number of nanoseconds,
+ * so that reducing it to a phase is exact however long a path runs.
  */
 #ifndef OMNI_TRAJECTORY_INTERNAL_H
 #define OMNI_TRAJECTORY_INTERNAL_H
@@ -31,19 +31,22 @@ typedef enum omni_path_points_t {
 } omni_path_points_t;
 
 /**
- * A kind of path, as a row of a table. The values of TRJ_TYPE in params.toml are the table: for a value `name` a source of this room has
- * the row `omni_path_row_name`. docs/how-to-add/trajectory.md is the recipe. What a row points to is called path_jets_..., path_round_...,
- * path_half_turns_... and path_accepts_...: the bounds of stack and run time find it by that.
+ * A kind of path, as a row of a table. The values of TRJ_TYPE in params.toml are the table. For a value `name` a source
+ * of this room has the row `omni_path_row_name`. docs/how-to-add/trajectory.md is the recipe. What a row points to is
+ * called path_jets_..., path_round_..., path_half_turns_... and path_accepts_...: the bounds of stack and run time find
+ * it by that.
  */
 typedef struct omni_path_row_t {
     /** The path at path_ns: x, y and, if it has_heading, theta. Jets come in as zero. */
     void (*jets)(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta);
-    bool has_heading;   /**< theta is the path's own; otherwise TRJ_ROT gives it */
-    uint8_t points;     /**< omni_path_points_t */
-    uint16_t repeats_s; /**< path time after which it asks the same of the wheels again, where that is not a lap; 0: a lap */
+    bool has_heading; /**< theta is the path's own; otherwise TRJ_ROT gives it */
+    uint8_t points;   /**< omni_path_points_t */
+    uint16_t
+        repeats_s; /**< path time after which it asks the same of the wheels again, where that is not a lap; 0: a lap */
     /** Path time of a round that has all of TRJ_LAPS in it. NULL: a lap takes TRJ_PERIOD. */
     omni_ns_t (*round_ns)(const omni_trajectory_t *plan);
-    /** Phasors of the path in half turns per lap, for TRJ_ROT tangent (trajectory_rotation.c). NULL: the heading stays. */
+    /** Phasors of the path in half turns per lap, for TRJ_ROT tangent (trajectory_rotation.c). NULL: the heading stays.
+     */
     void (*half_turns)(const omni_trajectory_config_t *config, int32_t *sum, int32_t *difference);
     /** Are the numbers that only this kind looks at in their range? NULL: there are none. */
     bool (*accepts)(const omni_trajectory_config_t *config);
@@ -84,7 +87,8 @@ static inline float omni_float_of(uint64_t whole) {
     if (high == 0) {
         return (float)(uint32_t)whole;
     }
-    /* The leading 32 bits, the last of which stands for all that follow: then the conversion rounds as if it saw them all. */
+    /* The leading 32 bits, the last of which stands for all that follow: then the conversion rounds as if it saw them
+     * all. */
     const uint32_t shift = 32u - (uint32_t)__builtin_clz(high);
     const uint32_t rest = (uint32_t)(whole << (64u - shift) >> 32) | (uint32_t)(whole << (64u - shift));
     const uint32_t leading = (uint32_t)(whole >> shift) | (rest != 0 ? 1u : 0u);
@@ -94,7 +98,8 @@ static inline float omni_float_of(uint64_t whole) {
     return (float)leading * power;
 }
 
-/** ns modulo period_ns; most paths are in their first lap, and a 64-bit division costs 50 instructions on a 32-bit processor. */
+/** ns modulo period_ns; most paths are in their first lap, and a 64-bit division costs 50 instructions on a 32-bit
+ * processor. */
 static inline omni_ns_t omni_modulo(omni_ns_t ns, omni_ns_t period_ns) {
     return omni_all(ns < period_ns) ? ns : ns % period_ns;
 }
@@ -130,17 +135,19 @@ void omni_path_at(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_pose_t 
                   omni_twist_t *second);
 
 /** Heading by the rotation law (its offset not added), for the jets of x and y at path_ns. */
-omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x, const omni_jet_t *y);
+omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x,
+                              const omni_jet_t *y);
 
 /** Draw the points of the random path, or take the waypoints; headings unwrapped to the short way round. */
 void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given);
 
-/** Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step. */
+/** Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step.
+ */
 omni_real_t omni_whole_laps(omni_real_t turns, omni_ns_t laps);
 
 /** Rate and acceleration of a pose on the path by the chain rule. */
-void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, const omni_twist_t *second, omni_twist_t *rate,
-                     omni_twist_t *acceleration);
+void omni_path_chain(const omni_path_clock_t *clock, const omni_twist_t *first, const omni_twist_t *second,
+                     omni_twist_t *rate, omni_twist_t *acceleration);
 
 /** Quintic from one pose to another over duration_s, at share p of it. */
 void omni_leg(const omni_pose_t *from, const omni_pose_t *to, omni_real_t duration_s, omni_real_t p, omni_pose_t *pose,

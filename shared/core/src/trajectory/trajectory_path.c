@@ -39,7 +39,8 @@ omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan) {
     const omni_real_t rest = omni_clampf(plan->config.laps - (omni_real_t)whole, 0.0f, 1.0f);
     const omni_ns_t laps_ns = (omni_ns_t)whole * lap_ns + (omni_ns_t)(rest * (omni_real_t)lap_ns);
     /* A tour of n points has n - 1 legs if it does not come back to the first. */
-    const omni_ns_t back_ns = omni_path_row(plan)->points != OMNI_POINTS_NONE ? omni_path_period_ns(plan) : (omni_ns_t)0;
+    const omni_ns_t back_ns =
+        omni_path_row(plan)->points != OMNI_POINTS_NONE ? omni_path_period_ns(plan) : (omni_ns_t)0;
     return omni_select(laps_ns > back_ns, laps_ns - back_ns, 0u);
 }
 
@@ -85,7 +86,8 @@ static void path_half_turns_rose(const omni_trajectory_config_t *config, int32_t
 }
 
 /* r = a cos(k f) at bearing f: half the sum of a exp(i (1 + k) f) and a exp(i (1 - k) f). */
-static void path_jets_rose(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_rose(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y,
+                           omni_jet_t *theta) {
     int32_t sum;
     int32_t difference;
     (void)theta;
@@ -98,11 +100,13 @@ static void path_jets_rose(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet
 static void add_pair(omni_jet_t *jet, omni_real_t amplitude, omni_ns_t ns, uint32_t sine_s, uint32_t cosine_s) {
     const uint64_t second_ns = 1000000000u;
     omni_jet_add_sine(jet, amplitude, omni_phase(ns, sine_s * second_ns), omni_two_pi / (omni_real_t)sine_s);
-    omni_jet_add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f, omni_two_pi / (omni_real_t)cosine_s);
+    omni_jet_add_sine(jet, amplitude, omni_phase(ns, cosine_s * second_ns) + 0.25f,
+                      omni_two_pi / (omni_real_t)cosine_s);
 }
 
 /* [report eq. 81] */
-static void path_jets_report(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_report(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y,
+                             omni_jet_t *theta) {
     add_pair(x, plan->config.size_m, ns, 12, 14);
     add_pair(y, plan->config.size_m, ns, 5, 4);
     add_pair(theta, 0.5f, ns, 16, 8);
@@ -128,7 +132,8 @@ static omni_jet_t leg_jet(omni_real_t from, omni_real_t to, const omni_jet_t *sh
     return jet;
 }
 
-static void path_jets_line(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_line(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y,
+                           omni_jet_t *theta) {
     (void)y;
     (void)theta;
     const omni_ns_t leg_ns = plan->timing.period_ns;
@@ -137,7 +142,8 @@ static void path_jets_line(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet
     *x = leg_jet(back ? plan->config.size_m : 0.0f, back ? 0.0f : plan->config.size_m, &share);
 }
 
-static void path_jets_points(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_points(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y,
+                             omni_jet_t *theta) {
     const omni_ns_t leg_ns = plan->timing.period_ns;
     const omni_jet_t share = leg_share(ns, &plan->timing);
     const uint8_t count = plan->waypoints.count;
@@ -149,7 +155,8 @@ static void path_jets_points(const omni_trajectory_t *plan, omni_ns_t ns, omni_j
     *theta = leg_jet(from->theta, from->theta + omni_wrap_pi(to->theta - from->theta), &share);
 }
 
-static void path_jets_hold(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_hold(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y,
+                           omni_jet_t *theta) {
     (void)ns;
     (void)theta;
     x->d[0] = plan->origin.x;
@@ -162,7 +169,8 @@ static void path_half_turns_circle(const omni_trajectory_config_t *config, int32
     *difference = 0;
 }
 
-static void path_jets_circle(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y, omni_jet_t *theta) {
+static void path_jets_circle(const omni_trajectory_t *plan, omni_ns_t ns, omni_jet_t *x, omni_jet_t *y,
+                             omni_jet_t *theta) {
     (void)theta;
     add_phasor(x, y, plan->config.size_m, 2, ns, &plan->timing);
 }
@@ -175,7 +183,8 @@ const omni_path_row_t omni_path_row_hold = {path_jets_hold, false, OMNI_POINTS_N
 const omni_path_row_t omni_path_row_waypoints = {path_jets_points, true, OMNI_POINTS_GIVEN, 0, NULL, NULL, NULL};
 const omni_path_row_t omni_path_row_random = {path_jets_points, true, OMNI_POINTS_DRAWN, 0, NULL, NULL, NULL};
 const omni_path_row_t omni_path_row_line = {path_jets_line, false, OMNI_POINTS_NONE, 0, NULL, NULL, NULL};
-const omni_path_row_t omni_path_row_circle = {path_jets_circle, false, OMNI_POINTS_NONE, 0, NULL, path_half_turns_circle, NULL};
+const omni_path_row_t omni_path_row_circle = {path_jets_circle,       false, OMNI_POINTS_NONE, 0, NULL,
+                                              path_half_turns_circle, NULL};
 const omni_path_row_t omni_path_row_rose = {path_jets_rose,   false, OMNI_POINTS_NONE, 0, NULL, path_half_turns_rose,
                                             path_accepts_rose};
 /* eq. 81 repeats after the least common multiple of its six periods. */

@@ -42,8 +42,8 @@ static omni_real_t voltage_scale(omni_real_t speed_V, omni_real_t acceleration_V
 }
 
 /* World rate and acceleration at heading theta, as wheel speeds and accelerations. */
-static void to_wheels(const omni_kinematics_t *k, omni_real_t theta, const omni_twist_t *rate, const omni_twist_t *acceleration,
-                      omni_real_t *wheel, omni_real_t *wheel_change) {
+static void to_wheels(const omni_kinematics_t *k, omni_real_t theta, const omni_twist_t *rate,
+                      const omni_twist_t *acceleration, omni_real_t *wheel, omni_real_t *wheel_change) {
     const omni_twist_t body = omni_twist_to_body(rate, theta);
     omni_twist_t change = omni_twist_to_body(acceleration, theta);
     /* (R xi')' = R xi'' + R' xi' */
@@ -57,8 +57,8 @@ static omni_real_t larger_of(omni_real_t a, omni_real_t b) {
     return a > b ? a : b;
 }
 
-static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, const omni_kinematics_t *k, omni_real_t theta,
-                       const omni_twist_t *rate, const omni_twist_t *acceleration) {
+static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, const omni_kinematics_t *k,
+                       omni_real_t theta, const omni_twist_t *rate, const omni_twist_t *acceleration) {
     omni_real_t wheel[OMNI_MAX_WHEELS] = {0};
     omni_real_t change[OMNI_MAX_WHEELS] = {0};
     to_wheels(k, theta, rate, acceleration, wheel, change);
@@ -91,8 +91,8 @@ static demand_t scan_demand(const omni_trajectory_t *plan, const omni_kinematics
     const uint64_t duration_ns = plan->timing.duration_ns;
     uint64_t length_ns = plan->timing.lap_ns * laps;
     omni_real_t samples = (omni_real_t)SCAN_SAMPLES + (omni_real_t)CYCLE_SAMPLES * (omni_real_t)c->petals;
-    samples =
-        (samples + (omni_real_t)CYCLE_SAMPLES * (c->rotation_cycles + (omni_real_t)plan->waypoints.count)) * (omni_real_t)laps;
+    samples = (samples + (omni_real_t)CYCLE_SAMPLES * (c->rotation_cycles + (omni_real_t)plan->waypoints.count)) *
+              (omni_real_t)laps;
     const omni_path_row_t *row = omni_path_row(plan);
     if (row->repeats_s > 0) {
         length_ns = omni_nanoseconds(row->repeats_s);
@@ -146,16 +146,27 @@ static void set_scale(omni_trajectory_t *plan, const omni_kinematics_t *k) {
     plan->needed_scale = demand.scale;
     plan->scale = larger_of(demand.scale, 1.0f);
     omni_path_set_clock(plan);
+    const omni_real_t by_wheel = demand.wheel_rad_s / (plan->config.margin * plan->config.wheel_limit_rad_s);
     const omni_real_t limit = plan->config.margin * plan->config.voltage_limit_V;
     for (int round = 0; round < RAMP_ROUNDS && ramp_voltage(plan, k) > limit * 1.0001f; ++round) {
         plan->scale *= 1.05f;
         plan->needed_scale = plan->scale;
         omni_path_set_clock(plan);
     }
+    plan->by_voltage = plan->needed_scale > by_wheel;
     if (!plan->config.scale) {
         plan->scale = 1.0f;
         omni_path_set_clock(plan);
     }
+}
+
+/* How many times an acceleration is beyond what a lead-in may have. */
+static omni_real_t over_limit(const omni_trajectory_config_t *c, const omni_twist_t *acceleration) {
+    const omni_real_t x = acceleration->vx;
+    const omni_real_t y = acceleration->vy;
+    const omni_real_t along = c->lead_in_m_s2 > 0.0f ? omni_sqrtf(x * x + y * y) / c->lead_in_m_s2 : 0.0f;
+    const omni_real_t around = c->lead_in_rad_s2 > 0.0f ? omni_absf(acceleration->wz) / c->lead_in_rad_s2 : 0.0f;
+    return larger_of(along, around);
 }
 
 static void set_lead_in(omni_trajectory_t *plan, const omni_kinematics_t *k) {
@@ -166,16 +177,20 @@ static void set_lead_in(omni_trajectory_t *plan, const omni_kinematics_t *k) {
         return;
     }
     demand_t demand = {0.0f, 0.0f, 0.0f};
+    omni_real_t steepest =
+        0.0f; /* of both accelerations, over their limits, at a lead-in of 1 s: grows with 1 / time^2 */
     for (int i = 0; i <= LEG_SAMPLES; ++i) {
         omni_pose_t pose;
         omni_twist_t rate;
         omni_twist_t acceleration;
         omni_leg(from, to, 1.0f, (omni_real_t)i / (omni_real_t)LEG_SAMPLES, &pose, &rate, &acceleration);
         add_demand(&demand, &plan->config, k, pose.theta, &rate, &acceleration);
+        steepest = larger_of(steepest, over_limit(&plan->config, &acceleration));
     }
-    plan->lead_in_s = larger_of(demand.scale, shortest_lead_in_s);
+    plan->lead_in_s = larger_of(larger_of(demand.scale, omni_sqrtf(steepest)), shortest_lead_in_s);
     /* What is longer is refused; it must not be converted. */
-    plan->timing.lead_in_us = omni_nanoseconds(omni_select(plan->lead_in_s <= largest, plan->lead_in_s, largest)) / 1000u;
+    plan->timing.lead_in_us =
+        omni_nanoseconds(omni_select(plan->lead_in_s <= largest, plan->lead_in_s, largest)) / 1000u;
 }
 
 /* Hold `at` for ever; also what is left of a refused plan. */
@@ -221,15 +236,18 @@ static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
                                c->wheel_limit_rad_s,
                                c->rotation_cycles,
                                c->voltage_limit_V,
-                               c->ff_acceleration_V_s2};
+                               c->ff_acceleration_V_s2,
+                               c->lead_in_m_s2,
+                               c->lead_in_rad_s2};
     for (size_t i = 0; i < sizeof all / sizeof all[0]; ++i) {
         if (!omni_is_finite(all[i])) {
             return OMNI_ERR_NOT_FINITE;
         }
     }
-    const bool path = c->type < OMNI_TRJ_TYPE_COUNT && c->rotation < OMNI_TRJ_ROT_COUNT && is_within(c->size_m, 0.0f, 1e4f) &&
-                      is_within(c->period_s, 1e-3f, 3600.0f) && is_within(c->laps, 0.0f, 1e4f) &&
-                      is_within(c->rotation_cycles, 0.0f, 1e3f) && is_within(c->rotation_amplitude_rad, -1e3f, 1e3f) &&
+    const bool path = c->type < OMNI_TRJ_TYPE_COUNT && c->rotation < OMNI_TRJ_ROT_COUNT &&
+                      is_within(c->size_m, 0.0f, 1e4f) && is_within(c->period_s, 1e-3f, 3600.0f) &&
+                      is_within(c->laps, 0.0f, 1e4f) && is_within(c->rotation_cycles, 0.0f, 1e3f) &&
+                      is_within(c->rotation_amplitude_rad, -1e3f, 1e3f) &&
                       (omni_path_rows[c->type]->accepts == NULL || omni_path_rows[c->type]->accepts(c));
     const bool limits = c->margin > 0.0f && c->margin <= 1.0f && is_within(c->ramp_s, 0.0f, 3600.0f) &&
                         c->wheel_limit_rad_s > 0.0f && c->voltage_limit_V > 0.0f && c->ff_speed_V_s >= 0.0f &&
@@ -244,8 +262,12 @@ static omni_result_t check_pose(const omni_pose_t *pose) {
     return is_within(pose->theta, -largest_heading_rad, largest_heading_rad) ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
+bool omni_trajectory_needs_waypoints(omni_uint_t type) {
+    return type < OMNI_TRJ_TYPE_COUNT && omni_path_rows[type]->points == OMNI_POINTS_GIVEN;
+}
+
 static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_waypoints_t *waypoints) {
-    if (omni_path_rows[c->type]->points != OMNI_POINTS_GIVEN) {
+    if (!omni_trajectory_needs_waypoints(c->type)) {
         return OMNI_OK;
     }
     if (!waypoints || waypoints->count < 2 || waypoints->count > OMNI_MAX_WAYPOINTS) {
@@ -260,8 +282,9 @@ static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_
     return OMNI_OK;
 }
 
-omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config, const omni_kinematics_t *k,
-                                   const omni_waypoints_t *waypoints, const omni_pose_t *at) {
+omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajectory_config_t *config,
+                                   const omni_kinematics_t *k, const omni_waypoints_t *waypoints,
+                                   const omni_pose_t *at) {
     plan_to_hold(plan, at);
     omni_result_t result = check_pose(at);
     if (result == OMNI_OK) {

@@ -12,7 +12,8 @@ omni_real_t omni_whole_laps(omni_real_t turns, omni_ns_t laps) {
 static omni_jet_t heading_of_spin(omni_real_t turn_rad, omni_ns_t path_ns, const omni_trajectory_timing_t *timing) {
     const omni_ns_t lap_ns = timing->lap_ns;
     omni_jet_t jet = {{0}};
-    jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) + omni_two_pi * omni_whole_laps(turn_rad / omni_two_pi, path_ns / lap_ns);
+    jet.d[0] = turn_rad * omni_phase(path_ns, lap_ns) +
+               omni_two_pi * omni_whole_laps(turn_rad / omni_two_pi, path_ns / lap_ns);
     jet.d[1] = turn_rad / timing->lap_s;
     return jet;
 }
@@ -35,8 +36,9 @@ static omni_jet_t heading_of_sine(omni_real_t amplitude, omni_real_t cycles, omn
 }
 
 /*
- * Direction of travel, without jumps. The derivative of a rose is the sum of two phasors; the longer one, exp(i sum phi),
- * carries the whole turns, the other swings the direction by less than a quarter turn. A lap adds whole turns only.
+ * Direction of travel, without jumps. The derivative of a rose is the sum of two phasors. The longer one, exp(i sum
+ * phi), carries the whole turns. The other swings the direction by less than a quarter turn. A lap adds whole turns
+ * only.
  */
 static omni_real_t direction_of_travel(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns) {
     int32_t sum;
@@ -52,8 +54,8 @@ static omni_real_t direction_of_travel(const omni_trajectory_t *plan, omni_ns_t 
 }
 
 /* theta' = (x' y'' - y' x'') / |v|^2 and its derivative; roses and circles never stand still. */
-static omni_jet_t heading_of_tangent(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns, const omni_jet_t *x,
-                                     const omni_jet_t *y) {
+static omni_jet_t heading_of_tangent(const omni_trajectory_t *plan, omni_ns_t path_ns, omni_ns_t lap_ns,
+                                     const omni_jet_t *x, const omni_jet_t *y) {
     omni_jet_t jet = {{0}};
     const omni_real_t speed2 = x->d[1] * x->d[1] + y->d[1] * y->d[1];
     if (!(speed2 > 0.0f)) {
@@ -68,7 +70,8 @@ static omni_jet_t heading_of_tangent(const omni_trajectory_t *plan, omni_ns_t pa
     return jet;
 }
 
-omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x, const omni_jet_t *y) {
+omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, const omni_jet_t *x,
+                              const omni_jet_t *y) {
     const omni_trajectory_config_t *c = &plan->config;
     if (c->rotation == OMNI_TRJ_ROT_SPIN) {
         return heading_of_spin(c->rotation_amplitude_rad, path_ns, &plan->timing);

@@ -3,10 +3,11 @@
  * @file patience.h
  * How an end of a lockstep link waits for the other one: by looking again and again for a short while, then asleep.
  *
- * Waking a sleeping process on another processor takes ten to a hundred times as long as a control tick. In lockstep the answer
- * comes within microseconds, so it is looked for before going to sleep. That costs a processor's time, which others may need,
- * and helps only while the other end runs at the same time: whoever waits in vain sleeps at once for more and more of the following
- * waits, and goes on doing so while they are long. A link that is idle or paced in real time is therefore never looked at.
+ * Waking a sleeping process on another processor takes ten to a hundred times as long as a control tick. In lockstep
+ * the answer comes within microseconds, so it is looked for before going to sleep. That costs a processor's time, which
+ * others may need, and helps only while the other end runs at the same time. Whoever waits in vain sleeps at once for
+ * more and more of the following waits. It goes on doing so while they are long. A link that is idle or paced in real
+ * time is therefore never looked at.
  *
  * Which of the two ways is taken never changes what is exchanged.
  */

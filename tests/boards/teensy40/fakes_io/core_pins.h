@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file core_pins.h  Stands in for Teensyduino's: registers as objects that tell a model of the chip what was done to them.
+/// @file core_pins.h  Stands in for Teensyduino's: registers as objects that tell a model of the chip what was done to
+/// them.
 #pragma once
 
 #include <cstdint>

@@ -12,8 +12,9 @@ namespace {
 
 constexpr uint32_t both_changed = 1u << 11;
 // Pin, crossbar input, alternative function, daisy value (reference manual, IOMUXC).
-constexpr uint8_t ways_in[][4] = {{0, 17, 1, 1}, {1, 16, 1, 0}, {2, 6, 3, 0},   {3, 7, 3, 0},   {4, 8, 3, 0},   {5, 17, 3, 0},
-                                  {7, 15, 1, 1}, {8, 14, 1, 1}, {30, 23, 1, 0}, {31, 22, 1, 0}, {32, 10, 1, 0}, {33, 9, 3, 0}};
+constexpr uint8_t ways_in[][4] = {{0, 17, 1, 1},  {1, 16, 1, 0},  {2, 6, 3, 0},   {3, 7, 3, 0},
+                                  {4, 8, 3, 0},   {5, 17, 3, 0},  {7, 15, 1, 1},  {8, 14, 1, 1},
+                                  {30, 23, 1, 0}, {31, 22, 1, 0}, {32, 10, 1, 0}, {33, 9, 3, 0}};
 
 struct Decoder {
     uint32_t position;
@@ -57,7 +58,8 @@ IMXRT_ENC_t *const units[] = {&IMXRT_ENC1, &IMXRT_ENC2, &IMXRT_ENC3, &IMXRT_ENC4
 
 template <size_t unit>
 void write_control2(uint32_t value) {
-    units[unit]->CTRL2.value = (units[unit]->CTRL2.value & ~(value & both_changed) & both_changed) | (value & ~both_changed);
+    units[unit]->CTRL2.value =
+        (units[unit]->CTRL2.value & ~(value & both_changed) & both_changed) | (value & ~both_changed);
 }
 
 void edge(size_t unit, size_t phase, bool high) {

@@ -38,7 +38,8 @@ uint32_t read_pads(uint32_t) {
     uint32_t bits = 0;
     for (size_t i = 0; i < pin_count; ++i) {
         // A pad that is not in GPIO mode reads as noise: nobody may rely on it.
-        const bool high = is_gpio(static_cast<uint8_t>(i)) ? bus_level(static_cast<uint8_t>(i)) : (cycles >> i % 7 & 1u) != 0;
+        const bool high =
+            is_gpio(static_cast<uint8_t>(i)) ? bus_level(static_cast<uint8_t>(i)) : (cycles >> i % 7 & 1u) != 0;
         if (where[i][0] == port && high) {
             bits |= pins[i].mask;
         }
@@ -87,7 +88,7 @@ void deliver_pins() {
 
 } // namespace
 
-#define TEN(n)                                                                                                                 \
+#define TEN(n)                                                                                                         \
     pin(n), pin(n + 1), pin(n + 2), pin(n + 3), pin(n + 4), pin(n + 5), pin(n + 6), pin(n + 7), pin(n + 8), pin(n + 9)
 const Pin pins[40] = {TEN(0), TEN(10), TEN(20), TEN(30)};
 Register ccm_ccgr2, ccm_ccgr4, ccm_cscdr2, daisy[26], sda_daisy, scl_daisy;

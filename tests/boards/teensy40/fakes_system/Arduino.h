@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The few Teensyduino names that the board layer's system part uses, as variables and functions of a model of the chip. Test
-// code moves the model through fake_teensy.h.
+// The few Teensyduino names that the board layer's system part uses, as variables and functions of a model of the chip.
+// Test code moves the model through fake_teensy.h.
 #pragma once
 
 #include <cstddef>
@@ -39,8 +39,8 @@ extern FakeResetFlags SRC_SRSR;
 extern volatile uint32_t SRC_GPR5;
 enum IRQ_NUMBER_t { IRQ_TEMPERATURE_PANIC = 64 };
 
-// Watchdog 3: what is written to the counter register is a command; the others take a value only while it is unlocked, and a new
-// configuration holds once each of them was written.
+// Watchdog 3: what is written to the counter register is a command. The others take a value only while it is unlocked,
+// and a new configuration holds once each of them was written.
 struct FakeWatchdogCounter {
     void operator=(uint32_t command);
     operator uint32_t() const;
@@ -69,6 +69,8 @@ constexpr uint32_t WDOG_CS_CLK(uint32_t n) {
 }
 
 // Analog-digital converters
+#define DMAMEM
+extern volatile uint32_t HW_OCOTP_MAC0; ///< lower half of the MAC address that is burnt into the chip
 extern volatile uint32_t ADC1_HC0, ADC1_HS, ADC1_R0, ADC2_HC0, ADC2_HS, ADC2_R0;
 constexpr uint32_t ADC_HS_COCO0 = 1;
 void analogReadResolution(unsigned bits);

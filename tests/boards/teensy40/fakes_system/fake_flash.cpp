@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// A model of the flash sectors: programming clears bits, erasing sets them, wear is counted, and power may fail in the middle of
-// any 16-bit word that is programmed and of any erase, leaving bits half-way. In front of them the flash controller's transmit
-// registers: Device memory, where the processor faults at an access that is not aligned to its own width.
+// A model of the flash sectors. Programming clears bits, erasing sets them, and wear is counted. Power may fail in the
+// middle of any 16-bit word that is programmed and of any erase, leaving bits half-way. In front of them are the flash
+// controller's transmit registers. They are Device memory, where the processor faults at an access that is not aligned
+// to its own width.
 #include "boards/teensy40/processor.h"
 
 extern "C" void fake_journal_add(char letter);
@@ -43,7 +44,8 @@ int step() {
 
 constexpr uint32_t fifo_bytes = 8; ///< the core fills FLEXSPI_TFDR0 and 1 at a time
 
-/// One store of this width [bytes]: ARMv7-M, A3.2.1: unaligned accesses to Device memory fault, whatever UNALIGN_TRP says.
+/// One store of this width [bytes]: ARMv7-M, A3.2.1: unaligned accesses to Device memory fault, whatever UNALIGN_TRP
+/// says.
 void store(uint32_t offset, uint32_t width) {
     flash.faulted = flash.faulted || offset % width != 0;
 }
@@ -95,7 +97,8 @@ void eepromemu_flash_write(void *address, const void *data, uint32_t length) {
     for (uint32_t i = 0; i < length; ++i) {
         outcome = i % 2 == 0 ? step() : outcome;
         uint8_t &cell = flash.bytes[at + i];
-        flash.set_a_bit = flash.set_a_bit || (bytes[i] != 0xFF && (bytes[i] & ~cell) != 0); // all ones: nothing is asked for
+        flash.set_a_bit =
+            flash.set_a_bit || (bytes[i] != 0xFF && (bytes[i] & ~cell) != 0); // all ones: nothing is asked for
         if (outcome == 2) {
             cell = static_cast<uint8_t>(cell & bytes[i]);
         } else if (outcome == 1) {
@@ -110,7 +113,8 @@ void eepromemu_flash_erase_sector(void *address) {
     fake_journal_add('E');
     fake_watchdog_elapse_ms(erase_ms);
     flash.erases[sector] += outcome != 0 ? 1 : 0;
-    for (uint32_t i = sector * sector_size; outcome != 0 && !flash.worn[sector] && i < (sector + 1) * sector_size; ++i) {
+    for (uint32_t i = sector * sector_size; outcome != 0 && !flash.worn[sector] && i < (sector + 1) * sector_size;
+         ++i) {
         flash.bytes[i] = outcome == 2 ? uint8_t{0xFF} : static_cast<uint8_t>(flash.bytes[i] | random_byte());
     }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file main.cpp  Has the image's encoder driver watch as many encoders as the command line says, all by interrupts. The host
-/// then moves the pins and calls the interrupt's vector; `edges_read` is what the tick calls.
+/// @file main.cpp  Has the image's encoder driver watch as many encoders as the command line says, all by interrupts.
+/// The host then moves the pins and calls the interrupt's vector; `edges_read` is what the tick calls.
 #include <new>
 
 #include "boards/teensy40/encoders.h"

@@ -10,6 +10,8 @@ namespace omni::wiring {
 constexpr size_t wheels = 3;
 constexpr uint8_t encoder_pins[wheels][2] = {{255, 255}, {255, 255}, {255, 255}};
 constexpr uint8_t motor_driver = 0;
+constexpr bool motors_on_pins = false;
+constexpr bool motor_pwm[2] = {false, false};
 constexpr uint8_t motor_pins[wheels][2] = {{255, 255}, {255, 255}, {255, 255}};
 constexpr uint32_t motor_pwm_Hz = 20000;
 constexpr int output_enable_pin = 9;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file stack.h  In the place of the emulated board's: the budgets' program runs as a guest, where nobody looks at the stack.
+/// @file stack.h  In the place of the emulated board's: the budgets' program runs as a guest, where nobody looks at the
+/// stack.
 #pragma once
 
 #include <cstddef>

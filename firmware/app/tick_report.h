@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+/// @file tick_report.h  What the background gets to know of a tick.
+#pragma once
+
+#include <cstdint>
+
+#include "app/board.h"
+#include "app/core.h"
+#include "app/i2c_scan.h"
+
+namespace omni {
+
+struct TickReport {
+    omni_outputs_t outputs{};
+    uint32_t arming_faults = OMNI_FAULT_CONFIG; ///< 0: arming is possible
+    uint32_t ticks = 0;
+    uint32_t overruns = 0;
+    uint32_t i2c_errors = 0;
+    float battery_V = 0.0f;    ///< as measured
+    float tick_us_mean = 0.0f; ///< of the last complete window of ticks
+    float tick_us_max = 0.0f;
+    float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
+    uint32_t last_tick_ns = 0;       ///< how long the tick before took; only while a burst is recorded
+    int32_t counts[OMNI_MAX_WHEELS] = {};
+    uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
+    uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
+    I2cStats i2c;
+    I2cFound i2c_found;
+};
+
+} // namespace omni

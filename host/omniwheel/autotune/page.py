@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: MIT
+"""The page that autotune leaves: what was measured, which gains follow and why, and what they did."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from omni_schema import ParameterTable
+from omniwheel import files, parameter_file
+from omniwheel.autotune.gains import Requirements, WheelGains
+from omniwheel.autotune.procedure import Outcome
+from omniwheel.tuning_plot import draw_tuning
+
+PAGE, PICTURE, BEFORE, AFTER = "autotune.md", "autotune.png", "before.toml", "after.toml"
+
+_NAMES = {
+    "speed_gain_V_s": ("volts per wheel speed", "V s/rad"),
+    "coulomb_V": ("volts that dry friction takes", "V"),
+    "inertia_xy_V_s2": ("volts per wheel acceleration, translating", "V s²/rad"),
+    "inertia_theta_V_s2": ("volts per wheel acceleration, turning", "V s²/rad"),
+    "drag_xy_V_s": ("drag across the rollers", "V s/rad"),
+}
+_WHY = {
+    "MOT_K": "measured volts per speed; the share that is back-EMF stays the robot file's",
+    "MOT_B": "the rest of the volts per speed",
+    "MOT_J": "measured inertia; the share that is the wheel's own stays the robot file's",
+    "KF_J": "measured inertia when the robot translates: what a wheel moves on the floor",
+    "WS_FF_S": "measured dry friction, at the lower end of its interval, so that it is never too much",
+    "WS_P": "with WS_I: the quickest loop that keeps the margins",
+    "WS_I": "as large as margins and noise allow",
+    "ISMC_LAM_XY": "the quickest position loop that keeps the margins",
+    "ISMC_PHI_XY": "so that ISMC_K_XY / ISMC_PHI_XY is at most a quarter of ISMC_LAM_XY",
+    "ISMC_LAM_TH": "the same for the heading",
+    "ISMC_PHI_TH": "the same for the heading",
+}
+
+
+def write_page(outcome: Outcome, required: Requirements, table: ParameterTable, folder: Path) -> Path:
+    """Write page, picture and both parameter files into a folder; return the page. Raises OutputFileError."""
+    parameter_file.write(folder / BEFORE, outcome.old, table)
+    parameter_file.write(folder / AFTER, outcome.new, table)
+    draw_tuning(outcome.traces, "autotune: the same path before and after", folder / PICTURE)
+    lines = [*_measured(outcome), *_parameters(outcome, table), *_margins(outcome, required), *_verdicts(outcome)]
+    files.write_text(folder / PAGE, "\n".join(lines) + "\n")
+    return folder / PAGE
+
+
+def _measured(outcome: Outcome) -> list[str]:
+    fit = outcome.design.fit
+    rows = [
+        f"| {_NAMES[name][0]} | {fit.estimate[name]:.4g} ± {fit.estimate.half_width(name):.2g} {_NAMES[name][1]} |"
+        for name in fit.estimate.names
+    ]
+    return [
+        "# Autotune",
+        "",
+        "## What was measured",
+        "",
+        f"The model explains {fit.fit:.1%} of the wheels' motion. ± is half the 95 % interval.",
+        "",
+        "| | |",
+        "|---|---|",
+        *rows,
+        "",
+    ]
+
+
+def _parameters(outcome: Outcome, table: ParameterTable) -> list[str]:
+    def shown(name: str, value: float) -> str:
+        return f"{value:.4g} {table[name].unit}".strip()
+
+    rows = [
+        f"| `{name}` | {shown(name, outcome.old[name])} | {shown(name, outcome.new[name])} | {_WHY[name]} |"
+        for name in outcome.new
+    ]
+    return ["## Which parameters follow", "", "| | before | after | why |", "|---|---|---|---|", *rows, ""]
+
+
+def _margins(outcome: Outcome, required: Requirements) -> list[str]:
+    design = outcome.design
+
+    def row(name: str, gains: WheelGains) -> str:
+        found = gains.margins
+        words = (
+            f"{found.gain:.2g} | {math.degrees(found.phase_rad):.0f}° | {found.distance:.2f} | {gains.noise_V:.2g} V"
+        )
+        return f"| wheel loops, {name} | {words} |"
+
+    position = design.position
+    return [
+        "## What the model promises",
+        "",
+        "The least of all loads on the floor. Margins say how wrong the model may be before the loop swings.",
+        "",
+        "| | gain margin | phase margin | distance from -1 | noise of the voltage |",
+        "|---|---|---|---|---|",
+        f"| required | {required.gain:.2g} | {math.degrees(required.phase_rad):.0f}° | {required.distance:.2f} | "
+        f"{required.noise:.1%} of the supply |",
+        row("before", design.before),
+        row("after", design.after),
+        f"| position loop, after | {position.gain:.2g} | {math.degrees(position.phase_rad):.0f}° | "
+        f"{position.distance:.2f} | |",
+        "",
+    ]
+
+
+def _verdicts(outcome: Outcome) -> list[str]:
+    end = "The new parameters were kept." if outcome.kept else "The robot has its old parameters again."
+    return [
+        "## What they did",
+        "",
+        f"![Errors before and after]({PICTURE})",
+        "",
+        *(f"- {verdict.sentence()}" for verdict in outcome.verdicts),
+        "",
+        end,
+    ]

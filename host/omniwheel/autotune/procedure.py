@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: MIT
+"""The steps of autotune on a connected robot: drive, measure, design, try in turns, keep or go back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omniwheel.autotune.gains import (
+    Requirements,
+    WheelGains,
+    design_position,
+    design_wheels,
+    position_margins,
+    worst,
+)
+from omniwheel.autotune.motor_values import PARAMETERS as MOTOR_PARAMETERS
+from omniwheel.autotune.motor_values import Measured, motor_values
+from omniwheel.autotune.room import MOST_LEGS, SETTINGS, Drive, drive, leg_time, points, reach_of
+from omniwheel.autotune.wheel_loop import ANGLE_FILTER, Margins, loaded, loop_of, motor_of
+from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
+from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed
+from omniwheel.errors import AutotuneError
+from omniwheel.frames import Pose
+from omniwheel.identification.model import Layout, Model
+from omniwheel.identification.output_error import Fit, identify
+from omniwheel.robot import Robot
+from omniwheel.telemetry import Tracking
+from omniwheel.tuning import Trace
+from omniwheel.tuning_rounds import order
+from omniwheel.tuning_verdict import Verdict, judge
+
+GENTLE, QUICK = 0.25, 0.7
+"""Shares of the robot's speed and acceleration limits: first one, then the other."""
+LEAST_EXPLAINED = 0.8
+"""Share of the wheels' speeds that a model must explain before gains are designed from it."""
+MARGIN_M = 0.03
+"""What a wheel is wide and a tracking error long: added to the robot's size."""
+CHANGED = (
+    *("MOT_K", "MOT_B", "MOT_J", "KF_J", "WS_FF_S", "WS_P", "WS_I"),
+    *("ISMC_LAM_XY", "ISMC_PHI_XY", "ISMC_LAM_TH", "ISMC_PHI_TH"),
+)
+_READ = (*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "ISMC_K_XY", "ISMC_K_TH")
+_LIMITS = ("LIM_V", "LIM_W", "LIM_A", "WHEEL_DIST", "BAT_V_NOM")
+ISMC = 1
+REACH_S, TURN_RAD = 0.6, 1.2
+"""A slow robot's points are within so many seconds at its top speed, so that its legs end; headings within this."""
+DIRECTIONS = 24
+"""Directions in which the robot's slowest one is looked for."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a user chooses: side of the square [m], legs of each drive, rounds of the comparison, seed, margins."""
+
+    room_m: float = 1.0
+    legs: int = 10
+    rounds: int = 4
+    seed: int = 1
+    required: Requirements = field(default_factory=Requirements)
+
+    def __post_init__(self) -> None:
+        """Refuse what the robot cannot take."""
+        if not 4 <= self.legs <= MOST_LEGS:
+            raise AutotuneError(f"{self.legs} legs; 4 to {MOST_LEGS} are possible")
+
+
+@dataclass(frozen=True)
+class Design:
+    """What was found and what follows: new parameters, and the margins that the model promises of old and new ones."""
+
+    fit: Fit
+    measured: Measured
+    values: dict[str, float]
+    before: WheelGains
+    after: WheelGains
+    position: Margins
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """``old`` and ``new`` parameters, the design, verdicts of the comparison, the traces, and whether it was kept."""
+
+    old: dict[str, float]
+    design: Design
+    verdicts: list[Verdict]
+    traces: dict[str, list[Trace]]
+    kept: bool
+
+    @property
+    def new(self) -> dict[str, float]:
+        """The parameters that were tried."""
+        return self.design.values
+
+
+def autotune(robot: Robot, settings: Settings, keep: bool, tell: Callable[[str], None]) -> Outcome:
+    """Tune a robot that stands in the middle of its room. It moves; at the end it is disarmed, where it began.
+
+    Unless the comparison ends well and ``keep``, and whatever else happens, it has its old parameters again. Raises
+    AutotuneError, IdentificationError or ExperimentError.
+    """
+    old = {name: robot.parameters[name] for name in dict.fromkeys((*_READ, *_LIMITS, "CTL_MODE", "KF_MODE"))}
+    if round(old["CTL_MODE"]) != ISMC:
+        raise AutotuneError("autotune is for CTL_MODE = ismc", hint="omni params set CTL_MODE=ismc")
+    if round(old["KF_MODE"]) != ANGLE_FILTER:
+        raise AutotuneError("autotune is for KF_MODE = angle", hint="omni params set KF_MODE=angle")
+    before = {name: robot.parameters[name] for name in SETTINGS}
+    kept = False
+    try:
+        outcome = replace(found := _tune(robot, settings, old, tell), kept=found.kept and keep)
+        kept = outcome.kept
+    finally:
+        back = {name: old[name] for name in CHANGED}
+        robot.parameters.set_many({**before, **({} if kept else back)})
+    return outcome
+
+
+def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Callable[[str], None]) -> Outcome:
+    here = robot.wait_for(Tracking, 5.0).pose
+    fast, turn = _top_speeds(robot, old)
+    reach = min(reach_of(settings.room_m, old["WHEEL_DIST"] + MARGIN_M), REACH_S * fast)
+    places = points(here, reach, min(TURN_RAD, REACH_S * turn), settings.legs, settings.seed)
+    drives = [_drive(robot, places, old, share, tell) for share in (GENTLE, QUICK)]
+    design = design_from(drives, old, _layout(robot, old), settings.required)
+    present = {name: old[name] for name in CHANGED}
+    sets = (present, {**present, **design.values})
+    tries: list[list[Drive]] = [[], []]
+    for number in range(settings.rounds):
+        for index in order(2, number):
+            tell(f"round {number + 1} of {settings.rounds}, with the {('old', 'new')[index]} parameters")
+            robot.parameters.set_many(sets[index])
+            tries[index].append(drive(robot, places, _leg(robot, places, old, QUICK)))
+    old_figures, new_figures = ([entry.figures for entry in side] for side in tries)
+    verdicts = judge(old_figures, new_figures)
+    kept = not any(verdict.shows and verdict.difference > 0.0 for verdict in verdicts)
+    robot.parameters.set_many(sets[1 if kept else 0])
+    traces = {name: [entry.trace for entry in side] for name, side in zip(("before", "after"), tries, strict=True)}
+    return Outcome(present, design, verdicts, traces, kept)
+
+
+def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
+    """Return the speed [m/s] that it reaches in every direction, and its turn rate [rad/s]."""
+    model = robot.drive_model()
+
+    def reached(limit: float, *ways: Array) -> float:
+        return min([limit, *(min(limit_speed(model, way), motor_speed(model, way)) for way in ways)])
+
+    return reached(old["LIM_V"], *directions(DIRECTIONS)), reached(old["LIM_W"], TURNING)
+
+
+def _leg(robot: Robot, places: list[Pose], old: Mapping[str, float], share: float) -> float:
+    fast, turn = _top_speeds(robot, old)
+    acceleration = (share * old["LIM_A"], share * old["LIM_A"] / old["WHEEL_DIST"])
+    return leg_time(places, (share * fast, share * turn), acceleration)
+
+
+def _drive(
+    robot: Robot, places: list[Pose], old: Mapping[str, float], share: float, tell: Callable[[str], None]
+) -> Drive:
+    leg_s = _leg(robot, places, old, share)
+    tell(f"{len(places) - 1} legs of {leg_s:.1f} s, at up to {share:.0%} of the limits")
+    return drive(robot, places, leg_s)
+
+
+def _layout(robot: Robot, old: Mapping[str, float]) -> Layout:
+    angles = [math.radians(robot.parameters[f"W{wheel + 1}_ANGLE"]) for wheel in range(int(old["WHEELS"]))]
+    return Layout(old["WHEEL_RADIUS"], old["WHEEL_DIST"], np.array(angles))
+
+
+def design_from(drives: list[Drive], old: Mapping[str, float], layout: Layout, required: Requirements) -> Design:
+    """Identify from drives and design. Raises AutotuneError, IdentificationError."""
+    fit = identify([entry.data for entry in drives], Model.floor(layout))
+    if fit.fit < LEAST_EXPLAINED:
+        raise AutotuneError(
+            f"the model explains only {fit.fit:.0%} of the wheels' motion", hint="did the wheels slip or stall?"
+        )
+    measured = motor_values(fit.estimate, old)
+    found = {**old, **measured.values}
+    motor = motor_of(found)
+    floor = [loop_of(found, loaded(motor, inertia)) for inertia in (measured.turning, measured.translating)]
+    after = design_wheels(floor, loop_of(found, loaded(motor, measured.lifted)), old["BAT_V_NOM"], required)
+    position: dict[str, float] = {}
+    for axis in ("XY", "TH"):
+        gain = old[f"ISMC_K_{axis}"]
+        lam, stiffness = design_position(floor, after, gain / old[f"ISMC_PHI_{axis}"], required)
+        position |= {f"ISMC_LAM_{axis}": lam, f"ISMC_PHI_{axis}": gain / stiffness}
+    old_floor = [loop_of(old, loaded(motor, inertia)) for inertia in (measured.turning, measured.translating)]
+    return Design(
+        fit,
+        measured,
+        {**measured.values, "WS_P": after.proportional, "WS_I": after.integral, **position},
+        worst(old_floor, old["WS_P"], old["WS_I"]),
+        after,
+        position_margins(floor[-1], after, position["ISMC_LAM_XY"], old["ISMC_K_XY"] / position["ISMC_PHI_XY"]),
+    )

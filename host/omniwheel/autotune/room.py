@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: MIT
+"""Drives a robot through points in a square around where it stands, there and back, and records what it did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from omniwheel.dialect import Message
+from omniwheel.errors import AutotuneError
+from omniwheel.frames import Pose
+from omniwheel.identification.dataset import Dataset
+from omniwheel.identification.sources import from_messages
+from omniwheel.robot import Robot
+from omniwheel.telemetry import Tracking
+from omniwheel.tuning import Experiment, Figures, Trace
+
+MOST_LEGS = 31
+"""The robot keeps 32 waypoints."""
+LEAST_ROOM_M = 0.05
+SAMPLE_HZ = 50.0
+PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774
+"""Peaks of a leg, which is a quintic from rest to rest: times way / time and way / time^2."""
+SETTINGS = ("TRJ_TYPE", "TRJ_PERIOD", "TRJ_LAPS", "TRJ_SCALE", "TRJ_RAMP")
+_WAYPOINTS = 1.0
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What a drive showed: voltages and wheel speeds, the path as the robot saw it, and its figures."""
+
+    data: Dataset
+    trace: Trace
+    figures: Figures
+
+
+def reach_of(side_m: float, body_m: float) -> float:
+    """Return how far from the middle the centre of a robot of radius ``body_m`` may be, along each side of a square.
+
+    Raises AutotuneError if the square is too small.
+    """
+    reach = 0.5 * side_m - body_m
+    if reach < LEAST_ROOM_M:
+        least = 2.0 * (body_m + LEAST_ROOM_M)
+        raise AutotuneError(f"the robot needs more than {side_m:g} m", hint=f"--room {least:.2f} at least")
+    return reach
+
+
+def points(here: Pose, reach_m: float, turn_rad: float, legs: int, seed: int) -> list[Pose]:
+    """Return the ends of ``legs``, from where the robot stands and back, headings within ``turn_rad`` of the first.
+
+    They lie in a square around it. The first one is where it stands, or the robot would hurry to it.
+    """
+    draw = np.random.default_rng(seed)
+    places = [
+        Pose(
+            here.x + reach_m * draw.uniform(-1.0, 1.0),
+            here.y + reach_m * draw.uniform(-1.0, 1.0),
+            here.theta + turn_rad * draw.uniform(-1.0, 1.0),
+        )
+        for _ in range(legs - 1)
+    ]
+    return [here, *places, here]
+
+
+def leg_time(places: Sequence[Pose], speed: tuple[float, float], acceleration: tuple[float, float]) -> float:
+    """Return how long each leg takes [s] so that none is beyond ``speed`` [m/s, rad/s] and ``acceleration``."""
+    longest = 0.0
+    for before, after in pairwise(places):
+        ways = (math.hypot(after.x - before.x, after.y - before.y), abs(after.theta - before.theta))
+        for way, fast, quick in zip(ways, speed, acceleration, strict=True):
+            longest = max(longest, PEAK_SPEED * way / fast, math.sqrt(PEAK_ACCELERATION * way / quick))
+    return longest
+
+
+def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
+    """Drive through the points and return what was seen. The robot is disarmed at the end, whatever happens.
+
+    Its waypoints are replaced, and SETTINGS are left changed. Raises ExperimentError if the robot stopped itself.
+    """
+    seen: list[Message] = []
+    names = ("WHEELS", "ENC_CPR", *(f"W{wheel + 1}_ENC_DIR" for wheel in range(int(robot.parameters["WHEELS"]))))
+    parameters = {name: robot.parameters[name] for name in names}
+    settings = dict(zip(SETTINGS, (_WAYPOINTS, leg_s, 1.0, 1.0, 0.1), strict=True))
+    robot.parameters.set_many(settings)
+    robot.set_waypoints(places)
+    remove = robot.connection.add_listener(lambda m: seen.append(m) if m.get_type() == "OMNI_SAMPLE" else None)
+    try:
+        robot.set_message_interval("OMNI_SAMPLE", SAMPLE_HZ)
+        trace, figures = Experiment(robot).trajectory(10.0 + 4.0 * leg_s * len(places))
+    finally:
+        remove()
+        robot.set_message_interval("OMNI_SAMPLE", None)
+        robot.set_message_interval(Tracking.message, None)
+    return Drive(from_messages(seen, robot.url, parameters), trace, figures)

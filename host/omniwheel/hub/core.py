@@ -1,0 +1,434 @@
+# SPDX-License-Identifier: MIT
+"""The hub without sockets: bytes from the port and from clients in, bytes for them out, the clock an argument.
+
+The rules for people are in docs/guides/hub.md.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from omniwheel.byte_budget import ByteBudget
+from omniwheel.dialect import Message, mavlink
+from omniwheel.hub import wire
+from omniwheel.hub.client import HUB_COMPONENT, Client
+from omniwheel.hub.in_command import InCommand
+from omniwheel.hub.outbox import Outbox, Waiting
+from omniwheel.hub.parameter_requests import ParameterRequests
+from omniwheel.hub.pending import Pending, Question
+from omniwheel.hub.rules import HANDED_OVER, HELLO, Kind, is_command, is_disarm, kind_of, receipt_of, target_of
+from omniwheel.hub.streams import Streams
+from omniwheel.signing import Signer
+
+HUB_SYSTEM = 255
+NAME_CHARACTERS = 25
+"""Of a client's name in a status text."""
+NOBODY = -1
+"""The hub itself, where a client's number is asked for."""
+HEARTBEAT_S = 0.9
+"""While nobody commands, the robot hears one heartbeat in this time, whoever sends it."""
+ROBOT_SILENCE_S = 10.0
+"""A robot that is silent for so long may be another one from then on."""
+RESTART_MS = 1000
+"""A clock that goes back by more than this is a restart."""
+OWN_TRY_S = 1.0
+OWN_TRIES = 10
+_ACCEPTED, _DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
+_LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+_CRITICAL, _WARNING, _NEWS = mavlink.MAV_SEVERITY_CRITICAL, mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_INFO
+_NEWEST_COUNTS = (Kind.SETPOINT, Kind.FIX, Kind.HEARTBEAT)
+_MOVES = (Kind.MOVE, Kind.SETPOINT)
+
+
+@dataclass(frozen=True)
+class HubSettings:
+    """``name`` is what clients are told of the port; ``bytes_s`` and ``burst_bytes`` are what it may be given."""
+
+    name: str
+    bytes_s: float
+    burst_bytes: float
+
+
+class Hub:
+    """Feed it with :meth:`from_port` and :meth:`from_client`; send what :meth:`to_port` and :meth:`to_client` return.
+
+    ``clock`` gives seconds. ``signer`` signs what goes to the port and checks what comes from it. ``events`` are lines
+    for a person, oldest first; whoever shows them takes them out.
+    """
+
+    def __init__(self, settings: HubSettings, clock: Callable[[], float], signer: Signer | None = None) -> None:
+        self.settings = settings
+        self.clients: dict[int, Client] = {}
+        self.command = InCommand()
+        self.streams = Streams()
+        self.events: deque[str] = deque(maxlen=1000)
+        self.is_open = False
+        self._clock = clock
+        self._outbox = Outbox(ByteBudget(settings.bytes_s, settings.burst_bytes, clock), clock)
+        self._pending = Pending()
+        self._parameters = ParameterRequests()
+        self._signer = signer
+        self._stamp = None if signer is None else wire.Stamp(signer)
+        self._port: Any = self._new_parser()
+        self._own: Any = mavlink.MAVLink(None, HUB_SYSTEM, HUB_COMPONENT)
+        self._own_s = float("-inf")
+        self._own_number = 0
+        self._own_tries: Counter[tuple[int, float]] = Counter()
+        self._robot = (1, 1)
+        self._robot_s = float("-inf")
+        self._boot_ms = 0
+        self._sequence = 0
+        self._beaten_s = float("-inf")
+        self._handed_over: int | None = None
+        self._next = 1
+
+    # ---- clients
+
+    def join(self, name: str) -> int:
+        """Take a client and return its number; ``name`` stands for it until it says its own."""
+        number = self._next
+        self._next += 1
+        self.clients[number] = Client(number, name)
+        if not self.is_open:
+            self._tell(self.clients[number], f"hub: waiting for {self.settings.name}", _CRITICAL)
+        return number
+
+    def leave(self, number: int) -> None:
+        """Forget a client: nothing of it is sent any more, except a stop."""
+        client = self.clients.pop(number)
+        self._outbox.forget(number)
+        self._pending.forget(number)
+        self.streams.leave(number)
+        self._own_s = float("-inf")
+        self._say(f"{client.name} has gone")
+        if self.command.leave(number):
+            self._released(client, "has gone")
+
+    def to_client(self, number: int) -> bytes:
+        """Return and forget what this client is to be sent."""
+        out = self.clients[number].out
+        data = bytes(out)
+        out.clear()
+        return data
+
+    # ---- the port
+
+    def port_opened(self) -> None:
+        """The port is there, for the first time or again."""
+        self.is_open = True
+        self._port = self._new_parser()
+        self.streams.restart()
+        self._own_tries.clear()
+        self._own_s = float("-inf")
+        self._say(f"{self.settings.name} is open")
+        self._tell_all(f"hub: {self.settings.name} is there", _NEWS)
+
+    def port_lost(self) -> None:
+        """The port has gone. What waited for it is thrown away, and its senders are told."""
+        self.is_open = False
+        self.command.armed = False
+        self._robot_s = float("-inf")
+        if self.command.holder is not None:
+            self._released(self.clients[self.command.holder], "has lost the port")
+            self.command.release()
+        for frame in self._outbox.clear():
+            self._refuse(frame.client, frame.message, _LATER)
+        self._say(f"{self.settings.name} is gone")
+        self._tell_all(f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL)
+
+    def from_port(self, data: bytes) -> None:
+        """Take what came from the robot and hand it to the clients."""
+        for message in self._port.parse_buffer(data) or ():
+            if message.get_type() == "BAD_DATA":
+                continue
+            if self._stamp is not None and wire.is_signed(message):
+                self._stamp.follow(self._port.signing.timestamp)
+            self._watch(message)
+            self._fan_out(message)
+
+    def to_port(self) -> bytes:
+        """Return the next frame for the port, b"" if none may be sent now. Call it again until there is none."""
+        self._do_due()
+        if not self.is_open:
+            return b""
+        frame = self._outbox.next(self.command.holder)
+        if frame is None:
+            return b""
+        return bytes(frame.message.get_msgbuf()) if self._stamp is None else self._stamp.signed(frame.message)
+
+    @property
+    def waits(self) -> bool:
+        """Whether something waits for the port."""
+        return not self._outbox.is_empty
+
+    # ---- from clients
+
+    def from_client(self, number: int, data: bytes) -> None:
+        """Take what a client sent."""
+        client = self.clients[number]
+        for message in client.parse(data):
+            client.raw = client.raw or wire.is_signed(message)
+            client.systems.add(message.get_srcSystem())
+            self._take(client, message)
+
+    def _take(self, client: Client, message: Message) -> None:
+        now_s = self._clock()
+        self.command.hear(client.number, now_s)
+        kind = kind_of(message)
+        if kind is Kind.NAME:
+            self._introduce(client, str(message.text))
+            return
+        if not self._route(client, message):
+            return
+        if kind is Kind.STOP:
+            self._stop(client, message)
+        elif not self.is_open:
+            self._refuse(client.number, message, _LATER)
+            self._tell(client, f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL, "port")
+        elif kind in _MOVES:
+            self._move(client, message, kind)
+        elif kind is Kind.HEARTBEAT:
+            self._beat(client, message)
+        elif kind is Kind.INTERVAL:
+            self._interval(client, message)
+        elif self._is_new(client, message, kind):
+            self._ask(client, message, kind)
+
+    def _introduce(self, client: Client, text: str) -> None:
+        handed_over = text.startswith(HANDED_OVER)
+        name = text.removeprefix(HANDED_OVER if handed_over else HELLO)
+        client.name = "".join(character for character in name if character.isprintable())[:NAME_CHARACTERS]
+        self._say(f"{client.name} is here")
+        if handed_over and self.command.may_move(client.number, self._clock(), stream=False):
+            client.raw = True
+            self._handed_over = client.number  # it may be driving: the robot's next heartbeat tells
+
+    def _route(self, origin: Client, message: Message) -> bool:
+        """Hand a message to other clients as MAVLink routes it; return whether it is for the robot, too."""
+        system = target_of(message).system
+        for other in self.clients.values():
+            if other is not origin and (system == 0 or system in other.systems):
+                other.out += wire.unsigned(message)
+        known = set().union(*(client.systems for client in self.clients.values()))
+        return system in (0, self._robot[0]) or system not in known
+
+    def _stop(self, client: Client, message: Message) -> None:
+        now_s = self._clock()
+        for frame in self._outbox.remove(_MOVES):
+            self._refuse(frame.client, frame.message, _DENIED)
+            self._tell(self.clients[frame.client], "hub: a stop came first", _WARNING, "overtaken")
+        if not self.is_open:
+            self._refuse(client.number, message, _LATER)
+            self._tell(client, f"hub: {self.settings.name} is gone: no stop", _CRITICAL, "port")
+            return
+        self._pending.overtake(now_s)
+        if is_command(message):
+            self._pending.ask(client.number, message, False, now_s)
+        self._outbox.stop(self._waiting(client.number, message, Kind.STOP))
+        if client.number == self.command.holder and is_disarm(message) and not self.command.armed:
+            self.command.release()
+            self._released(client, "has disarmed")
+
+    def _move(self, client: Client, message: Message, kind: Kind) -> None:
+        now_s = self._clock()
+        before = self.command.holder
+        if is_command(message) and self._pending.is_overtaken(client.number, message, now_s):
+            self._tell(client, "hub: a stop came first", _WARNING, "overtaken")
+            self._refuse(client.number, message, _DENIED)
+        elif not self.command.may_move(client.number, now_s, stream=kind is Kind.SETPOINT):
+            self._refuse_move(client, message)
+        else:
+            if before is None:
+                self._say(f"{client.name} commands")
+                self._tell_all(f"hub: {client.name} commands", _NEWS, but=client.number)
+            self._ask(client, message, kind)
+
+    def _refuse_move(self, client: Client, message: Message) -> None:
+        holder = self.command.holder
+        why = "pause before you take over" if holder is None else f"{self.clients[holder].name} commands"
+        self._tell(client, f"hub: refused, {why}", _WARNING, "" if is_command(message) else "set-points")
+        self._refuse(client.number, message, _DENIED)
+
+    def _beat(self, client: Client, message: Message) -> None:
+        now_s = self._clock()
+        alone = client.number == self.command.holder
+        if self.command.hears_heartbeat_of(client.number) and (alone or now_s - self._beaten_s >= HEARTBEAT_S):
+            self._beaten_s = now_s
+            self._ask(client, message, Kind.HEARTBEAT)
+
+    def _interval(self, client: Client, message: Message) -> None:
+        number, interval_us = int(message.param1), float(message.param2)
+        self.streams.wish(client.number, number, interval_us)
+        wanted = self.streams.merged(number, set(self.clients))
+        if self.streams.in_force.get(number) == wanted and number in self.streams.accepted:
+            self._acknowledge(client, message, _ACCEPTED)
+        elif wanted == interval_us:
+            self.streams.in_force[number] = wanted
+            self._ask(client, message, Kind.INTERVAL)
+        else:
+            self._acknowledge(client, message, _ACCEPTED)  # somebody wants more, and gets it
+
+    def _is_new(self, client: Client, message: Message, kind: Kind) -> bool:
+        """Return whether the robot must hear a request, or somebody has asked the same just now."""
+        now_s = self._clock()
+        if kind is Kind.STREAM:
+            rate_hz = float(message.req_message_rate) if message.start_stop else 0.0
+            new = self.streams.group(client.number, int(message.req_stream_id), rate_hz, now_s)
+            if new:  # the robot forgets single messages' intervals with it
+                self.streams.in_force.clear()
+                self._own_s = now_s
+            return new
+        if kind is Kind.LIST:
+            return self._parameters.list_is_new(now_s)
+        if kind is Kind.READ:
+            return self._parameters.read_is_new(client.number, message, now_s)
+        return True
+
+    def _ask(self, client: Client, message: Message, kind: Kind) -> None:
+        """Let a frame wait for the port; say so if there is no room for it."""
+        if not self._outbox.add(self._waiting(client.number, message, kind)):
+            client.left_out += 1
+            self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
+            self._refuse(client.number, message, _LATER)
+        elif is_command(message):
+            self._pending.ask(client.number, message, kind is Kind.MOVE, self._clock())
+
+    def _waiting(self, number: int, message: Message, kind: Kind) -> Waiting:
+        signature = wire.SIGNATURE_BYTES if self._stamp is not None and not wire.is_signed(message) else 0
+        slot: object = None
+        if kind is Kind.STOP:
+            slot = (message.command, message.param1)
+        elif kind in _NEWEST_COUNTS:
+            slot = message.get_type()
+        elif is_command(message) and receipt_of(message):
+            slot = (message.command, receipt_of(message))
+        elif kind in (Kind.LIST, Kind.READ):
+            slot = (kind, str(message.to_dict()))
+        return Waiting(number, kind, message, len(message.get_msgbuf()) + signature, self._clock(), slot)
+
+    # ---- from the robot
+
+    def _watch(self, message: Message) -> None:
+        source = (message.get_srcSystem(), message.get_srcComponent())
+        name = message.get_type()
+        if name == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+            self._watch_heartbeat(source, bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
+        if source == self._robot:
+            self._sequence = message.get_seq()
+            self._watch_clock(getattr(message, "time_boot_ms", self._boot_ms))
+        if name == "PARAM_VALUE":
+            self._parameters.seen(message, self._clock())
+
+    def _watch_heartbeat(self, source: tuple[int, int], armed: bool) -> None:
+        """Follow the robot that was heard first; another one on the same radio has no say until this one is silent."""
+        now_s = self._clock()
+        if source != self._robot and now_s - self._robot_s < ROBOT_SILENCE_S:
+            return
+        self._robot, self._robot_s = source, now_s
+        holder = self.command.holder
+        if self.command.robot_says(armed) and holder is not None:
+            self._released(self.clients[holder], "is done: the robot is not armed")
+        if not armed and holder is not None and holder == self._handed_over:
+            self.command.release()
+        self._handed_over = None
+
+    def _watch_clock(self, boot_ms: int) -> None:
+        """A clock that goes back is a robot that has restarted: it does not know the wishes any more."""
+        if boot_ms + RESTART_MS < self._boot_ms:
+            self.streams.restart()
+            self._own_tries.clear()
+            self._own_s = float("-inf")
+        self._boot_ms = boot_ms
+
+    def _fan_out(self, message: Message) -> None:
+        others = set[int]()
+        if message.get_type() == "COMMAND_ACK":
+            question, others = self._pending.answered(message)
+            if question is not None:
+                self._interval_answered(question, message)
+                if question.client == NOBODY:
+                    return
+        plain, raw = wire.unsigned(message), bytes(message.get_msgbuf())
+        for client in self.clients.values():
+            if client.number not in others and not self.streams.is_muted(client.number, message.get_msgId()):
+                client.out += raw if client.raw else plain
+
+    def _interval_answered(self, question: Question, ack: Message) -> None:
+        if question.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            return
+        number, interval_us = question.about
+        if ack.result == _ACCEPTED:
+            self.streams.in_force[number] = interval_us
+            self.streams.accepted.add(number)
+            self._own_tries.clear()
+        elif ack.result != _LATER:
+            self.streams.refused(question.client, number)
+
+    # ---- what is due
+
+    def _do_due(self) -> None:
+        now_s = self._clock()
+        if self.command.is_idle(now_s):
+            holder = self.command.holder
+            self.command.release()
+            if holder is not None:
+                self._released(self.clients[holder], "is idle")
+        for frame in self._outbox.stale():
+            client = self.clients[frame.client]
+            client.left_out += 1
+            self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
+        if self.is_open and now_s - self._own_s >= OWN_TRY_S:
+            self._own_s = now_s
+            self._ask_for_streams()
+
+    def _ask_for_streams(self) -> None:
+        """Ask the robot for what the clients' wishes come to, where that is not what it was asked for last."""
+        for number, interval_us in self.streams.outdated(set(self.clients)):
+            self._own_tries[number, interval_us] += 1
+            if self._own_tries[number, interval_us] > OWN_TRIES:
+                continue
+            self._own_number = self._own_number % 65535 + 1
+            message = mavlink.MAVLink_command_long_message(
+                *self._robot, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, number, interval_us, 0, 0, self._own_number, 0, 0
+            )
+            message.pack(self._own)
+            self._own.seq = (self._own.seq + 1) % 256
+            if self._outbox.add(self._waiting(NOBODY, message, Kind.INTERVAL)):
+                self._pending.ask(NOBODY, message, False, self._clock())
+
+    # ---- saying things
+
+    def _refuse(self, number: int, message: Message, result: int) -> None:
+        """Answer what is not passed on; only commands have an answer."""
+        if number in self.clients and is_command(message):
+            self._acknowledge(self.clients[number], message, result)
+
+    def _acknowledge(self, client: Client, message: Message, result: int) -> None:
+        target = target_of(message)
+        source = (target.system or self._robot[0], target.component or self._robot[1])
+        client.acknowledge(message, result, receipt_of(message), source, self._sequence)
+
+    def _tell(self, client: Client, text: str, severity: int, about: str = "") -> None:
+        client.tell(self._robot[0], text, severity, self._clock(), about)
+
+    def _tell_all(self, text: str, severity: int, but: int = NOBODY) -> None:
+        for client in self.clients.values():
+            if client.number != but:
+                self._tell(client, text, severity)
+
+    def _released(self, client: Client, why: str) -> None:
+        self._say(f"{client.name} {why}; nobody commands")
+        self._tell_all("hub: nobody commands", _NEWS)
+
+    def _say(self, line: str) -> None:
+        self.events.append(line)
+
+    def _new_parser(self) -> Any:
+        parser = mavlink.MAVLink(None)
+        parser.robust_parsing = True
+        if self._signer is not None:
+            self._signer.attach(parser)
+        return parser

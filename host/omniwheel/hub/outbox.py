@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: MIT
+"""What waits for the robot's port: stops first, then the clients in turn, within a byte budget."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass
+
+from omniwheel.byte_budget import ByteBudget
+from omniwheel.dialect import Message
+from omniwheel.hub.rules import Kind
+
+STALE_S = 0.25
+"""A set-point or pose fix that has waited for so long is not sent any more."""
+QUEUE_S = 2.0
+"""A client's queue holds what the whole budget carries in this time,"""
+QUEUE_MIN_BYTES = 1200
+"""... and at least so much."""
+STOP_BURST_BYTES = 300.0
+"""Stops have a second budget as large as the first, and at least so much at once: five of them never wait."""
+HOLDER_SHARE = 3
+"""While others wait, too, the commanding client gets so many bytes for each one of theirs."""
+_CREDIT_BYTES = 100
+_FRESH = (Kind.SETPOINT, Kind.FIX)
+
+
+@dataclass
+class Waiting:
+    """A frame that waits. A newer frame with the same ``slot`` takes its place."""
+
+    client: int
+    kind: Kind
+    message: Message
+    size: int
+    since_s: float
+    slot: Hashable = None
+
+
+class Outbox:
+    """Frames on their way to the port, no more than ``budget`` admits. Stops have a budget of their own beside it."""
+
+    def __init__(self, budget: ByteBudget, clock: Callable[[], float]) -> None:
+        self.superseded = 0
+        self._budget = budget
+        self._clock = clock
+        self._stop_budget = ByteBudget(budget.bytes_s, max(STOP_BURST_BYTES, budget.burst_bytes), clock)
+        self._stops: deque[Waiting] = deque()
+        self._queues: dict[int, deque[Waiting]] = {}
+        self._turns: deque[int] = deque()
+        self._ahead_bytes = 0  # of the commanding client, beyond its share
+
+    def stop(self, frame: Waiting) -> None:
+        """Let a stop go before everything; one that its client says again while it waits counts once."""
+        if not any((other.client, other.slot) == (frame.client, frame.slot) for other in self._stops):
+            self._stops.append(frame)
+
+    def add(self, frame: Waiting) -> bool:
+        """Let a frame wait for its client's turn. Return False if its client's queue is full: it is not taken then."""
+        queue = self._queues.setdefault(frame.client, deque())
+        if frame.client not in self._turns:
+            self._turns.append(frame.client)
+        if frame.slot is not None:
+            for at, other in enumerate(queue):
+                if other.slot == frame.slot:
+                    self.superseded += 1
+                    queue[at] = frame
+                    return True
+        if sum(other.size for other in queue) + frame.size > max(QUEUE_MIN_BYTES, QUEUE_S * self._budget.bytes_s):
+            return False
+        queue.append(frame)
+        return True
+
+    def forget(self, client: int) -> None:
+        """Throw away what waits of one client, but no stop."""
+        self._queues.pop(client, None)
+        if client in self._turns:
+            self._turns.remove(client)
+
+    def remove(self, kinds: Iterable[Kind]) -> list[Waiting]:
+        """Take all frames of these kinds out and return them."""
+        wanted = tuple(kinds)
+        removed = [frame for queue in self._queues.values() for frame in queue if frame.kind in wanted]
+        for client, queue in self._queues.items():
+            self._queues[client] = deque(frame for frame in queue if frame.kind not in wanted)
+        return removed
+
+    def clear(self) -> list[Waiting]:
+        """Take everything out, stops too, and return it."""
+        everything = [*self._stops, *(frame for queue in self._queues.values() for frame in queue)]
+        self._stops.clear()
+        self._queues.clear()
+        self._turns.clear()
+        return everything
+
+    def stale(self) -> list[Waiting]:
+        """Take out and return set-points and pose fixes that have become too old."""
+        oldest_s = self._clock() - STALE_S
+        old = []
+        for client, queue in self._queues.items():
+            late = [frame for frame in queue if frame.kind in _FRESH and frame.since_s < oldest_s]
+            if late:
+                old += late
+                self._queues[client] = deque(frame for frame in queue if frame not in late)
+        return old
+
+    def next(self, holder: int | None) -> Waiting | None:
+        """Take the frame that may be sent now, None if there is none. ``holder`` is the commanding client."""
+        if self._stops:
+            if not self._stop_budget.admits(self._stops[0].size):
+                return None
+            self._stop_budget.charge(self._stops[0].size)
+            return self._charged(self._stops.popleft())
+        client = self._turn(holder)
+        if client is None or not self._admits(self._queues[client][0].size):
+            return None
+        if client != holder:
+            self._turns.remove(client)
+            self._turns.append(client)
+        frame = self._queues[client].popleft()
+        ahead = self._ahead_bytes + (frame.size if client == holder else -HOLDER_SHARE * frame.size)
+        self._ahead_bytes = max(-_CREDIT_BYTES, min(_CREDIT_BYTES, ahead))
+        return self._charged(frame)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing waits."""
+        return not self._stops and not any(self._queues.values())
+
+    def _turn(self, holder: int | None) -> int | None:
+        waiting = [client for client in self._turns if self._queues[client]]
+        others = [client for client in waiting if client != holder]
+        if holder in waiting and not (others and self._ahead_bytes > 0):
+            return holder
+        return others[0] if others else None
+
+    def _admits(self, size: int) -> bool:
+        return self._budget.admits(min(size, int(self._budget.burst_bytes)))
+
+    def _charged(self, frame: Waiting) -> Waiting:
+        self._budget.charge(frame.size)
+        return frame

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: MIT
+"""What a frame from a client is to the hub."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from omniwheel.dialect import Message, mavlink
+
+HELLO = "this is "
+"""How a text begins with which a client says its name."""
+HANDED_OVER = "this was "
+"""... and one that had the port itself until now."""
+_SETPOINTS = ("SET_POSITION_TARGET_LOCAL_NED", "MANUAL_CONTROL", "OMNI_SETPOINT_DUTY")
+_FIXES = ("VICON_POSITION_ESTIMATE", "ATT_POS_MOCAP", "OMNI_POSE_FIX")
+_COMMANDS = ("COMMAND_LONG", "COMMAND_INT")
+
+
+class Kind(Enum):
+    """What the hub does with a frame depends on this."""
+
+    STOP = auto()
+    """Disarm, emergency stop, hold: from any client, at once."""
+    MOVE = auto()
+    """Arming and whatever else moves the robot or what it believes: from the client in command."""
+    SETPOINT = auto()
+    """The same as a stream, of which only the newest counts."""
+    FIX = auto()
+    """A measured pose: from any client, only the newest counts."""
+    HEARTBEAT = auto()
+    INTERVAL = auto()
+    """A wish for one message's rate."""
+    STREAM = auto()
+    """A wish for the rate of a group of messages."""
+    LIST = auto()
+    """All parameters, please."""
+    READ = auto()
+    """One parameter, please."""
+    NAME = auto()
+    """The client says its name; for the hub alone."""
+    OTHER = auto()
+
+
+_MOVES = {
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+    mavlink.MAV_CMD_DO_SET_MODE,
+    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+    mavlink.MAV_CMD_OMNI_TRAJECTORY_START,
+    mavlink.MAV_CMD_OMNI_HIL,
+    mavlink.MAV_CMD_OMNI_SET_POSE,
+    mavlink.MAV_CMD_OMNI_WAYPOINT,
+    mavlink.MAV_CMD_OMNI_ESTOP,
+    mavlink.MAV_CMD_OMNI_I2C_SCAN,
+    mavlink.MAV_CMD_OMNI_OE_TEST,
+    mavlink.MAV_CMD_OMNI_EXCITE,
+}
+_OTHER_KINDS = {
+    **dict.fromkeys(_SETPOINTS, Kind.SETPOINT),
+    **dict.fromkeys(_FIXES, Kind.FIX),
+    "HEARTBEAT": Kind.HEARTBEAT,
+    "SET_MODE": Kind.MOVE,
+    "OMNI_HIL_SENSORS": Kind.MOVE,
+    "REQUEST_DATA_STREAM": Kind.STREAM,
+    "PARAM_REQUEST_LIST": Kind.LIST,
+    "PARAM_REQUEST_READ": Kind.READ,
+}
+
+
+def is_command(message: Message) -> bool:
+    """Return whether the message is a command, which the robot acknowledges."""
+    return message.get_type() in _COMMANDS
+
+
+def is_disarm(message: Message) -> bool:
+    """Return whether the message disarms."""
+    arming = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    return is_command(message) and bool(message.command == arming and message.param1 == 0.0)
+
+
+def _is_stop(command: int, param1: float) -> bool:
+    """As the firmware sees it (firmware/app/stops.cpp); holding the pose and leaving the loop are stops here, too."""
+    if command in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_OMNI_HIL):
+        return param1 == 0.0
+    if command == mavlink.MAV_CMD_OMNI_ESTOP:
+        return param1 != 0.0
+    if command == mavlink.MAV_CMD_OMNI_EXCITE:
+        return param1 == 0.0
+    if command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION:
+        return param1 > 0.5
+    return bool(command == mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP)
+
+
+def kind_of(message: Message) -> Kind:
+    """Say what a message from a client is."""
+    if is_command(message):
+        if _is_stop(message.command, message.param1):
+            return Kind.STOP
+        if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            return Kind.INTERVAL
+        return Kind.MOVE if message.command in _MOVES else Kind.OTHER
+    if message.get_type() == "STATUSTEXT" and str(message.text).startswith((HELLO, HANDED_OVER)):
+        return Kind.NAME
+    return _OTHER_KINDS.get(message.get_type(), Kind.OTHER)
+
+
+@dataclass(frozen=True)
+class Target:
+    """Whom a message is for; 0 is everybody."""
+
+    system: int
+    component: int
+
+
+def target_of(message: Message) -> Target:
+    """Return whom a message is for."""
+    if message.get_type() == "MANUAL_CONTROL":
+        return Target(int(message.target), 0)
+    return Target(int(getattr(message, "target_system", 0)), int(getattr(message, "target_component", 0)))
+
+
+def receipt_of(message: Message) -> int:
+    """Return the receipt of a numbered command (docs/reference/protocol.md, Commands); 0 for one without a number."""
+    values = [message.param1, message.param2, message.param3, message.param4]
+    if message.get_type() == "COMMAND_LONG":
+        number, packed = message.param5, struct.pack("<7f", *values, message.param5, message.param6, message.param7)
+    else:
+        number, packed = message.x, struct.pack("<4f2if", *values, message.x, message.y, message.z)
+    (receipt,) = struct.unpack("<i", struct.pack("<I", zlib.crc32(packed)))
+    return int(receipt) if number != 0 else 0

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: MIT
+"""What a page may ask of the robot, by name. Each is checked here; the robot checks it again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from omniwheel.errors import OmniError
+from omniwheel.robot import Robot
+from omniwheel.studio.edits import Edits
+from omniwheel.studio.parameter_view import values_as_json
+from omniwheel.studio.session import automatic_rate, set_rate
+
+Request = Mapping[str, Any]
+LARGEST_RATE_HZ = 200.0
+
+
+class BadRequestError(OmniError):
+    """A page asked for something that cannot be understood."""
+
+
+def number_of(request: Request, name: str, default: float | None = None) -> float:
+    """Return a number of the request. Raises BadRequestError."""
+    value = request.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise BadRequestError(f"{name} has to be a number, not {value!r}")
+    return float(value)
+
+
+def _values(request: Request) -> dict[str, float | str]:
+    values = request.get("values")
+    if not isinstance(values, dict) or not all(isinstance(value, int | float | str) for value in values.values()):
+        raise BadRequestError("values has to be an object of parameters and numbers")
+    return {str(name): value for name, value in values.items()}
+
+
+def _three(request: Request, *names: str) -> tuple[float, float, float]:
+    x, y, z = (number_of(request, name) for name in names)
+    return x, y, z
+
+
+def _velocity(robot: Robot, _edits: Edits, request: Request) -> None:
+    twist = _three(request, "vx", "vy", "wz")
+    frame = "world" if request.get("frame") == "world" else "body"
+    robot.require_velocity(*twist, frame=frame)
+    robot.set_velocity(*twist, frame=frame)
+
+
+def _pose(robot: Robot, _edits: Edits, request: Request) -> None:
+    pose = _three(request, "x", "y", "theta")
+    robot.require_pose(*pose)
+    robot.set_pose(*pose)
+
+
+def _start_trajectory(robot: Robot, _edits: Edits, request: Request) -> None:
+    kind = request.get("type")
+    laps = None if request.get("laps") is None else number_of(request, "laps")
+    robot.start_trajectory(str(kind) if kind else None, laps)
+
+
+def _set_pose_estimate(robot: Robot, _edits: Edits, request: Request) -> None:
+    robot.set_pose_estimate(*_three(request, "x", "y", "theta"))
+
+
+def _rate(robot: Robot, _edits: Edits, request: Request) -> None:
+    rate_hz = request.get("hz")
+    if rate_hz is not None and not 0 < number_of(request, "hz") <= LARGEST_RATE_HZ:
+        raise BadRequestError(f"hz has to be more than 0 and at most {LARGEST_RATE_HZ:g}")
+    set_rate(robot, automatic_rate(robot.url) if rate_hz is None else float(rate_hz))
+
+
+def _set(_robot: Robot, edits: Edits, request: Request) -> dict[str, float]:
+    return values_as_json(edits.set(_values(request), request.get("step")))
+
+
+def _undo(_robot: Robot, edits: Edits, _request: Request) -> dict[str, float]:
+    return values_as_json(edits.undo())
+
+
+def _redo(_robot: Robot, edits: Edits, _request: Request) -> dict[str, float]:
+    return values_as_json(edits.redo())
+
+
+ACTIONS: dict[str, Callable[[Robot, Edits, Request], Any]] = {
+    "arm": lambda robot, _edits, _request: robot.arm(),
+    "release": lambda robot, _edits, _request: robot.estop_clear(),
+    "velocity": _velocity,
+    "pose": _pose,
+    "start_trajectory": _start_trajectory,
+    "stop_trajectory": lambda robot, _edits, _request: robot.stop_trajectory(),
+    "set_pose_estimate": _set_pose_estimate,
+    "set": _set,
+    "undo": _undo,
+    "redo": _redo,
+    "store": lambda robot, _edits, _request: robot.store(),
+    "rate": _rate,
+}
+"""By the name that the page uses. Stop and disarm are not here: they wait for nothing (:class:`Session`)."""
+FOR_EVERY_PAGE = frozenset({"stop_trajectory"})
+"""What a page may ask that only watches."""

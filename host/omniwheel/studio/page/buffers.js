@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+// Samples of the signals that are shown, oldest first, in memory that does not grow with the hours.
+
+const MOST = 65536;
+
+export class Buffer {
+  time = new Float64Array(1024);
+  value = new Float32Array(1024);
+  count = 0;
+
+  replace(time, value) {
+    this.count = 0;
+    this.append(time, value);
+  }
+
+  append(time, value) {
+    const needed = this.count + time.length;
+    if (needed > this.time.length) this.#make_room(needed);
+    this.time.set(time, this.count);
+    this.value.set(value, this.count);
+    this.count += time.length;
+  }
+
+  #make_room(needed) {
+    const kept = Math.max(0, needed > MOST ? this.count - MOST / 2 : 0);
+    const size = Math.min(Math.max(2 * needed, 1024), Math.max(2 * MOST, needed));
+    const time = new Float64Array(size);
+    const value = new Float32Array(size);
+    time.set(this.time.subarray(kept, this.count));
+    value.set(this.value.subarray(kept, this.count));
+    this.time = time;
+    this.value = value;
+    this.count -= kept;
+  }
+
+  /** The samples between two times, with one more at either side so that lines reach the edge. */
+  between(begin, end) {
+    const first = Math.max(0, lower(this.time, this.count, begin) - 1);
+    const last = Math.min(this.count, lower(this.time, this.count, end) + 1);
+    return { time: this.time.subarray(first, last), value: this.value.subarray(first, last) };
+  }
+}
+
+function lower(times, count, wanted) {
+  let low = 0;
+  let high = count;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] < wanted) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+/** One time axis for several signals: [time, value, value ...], null where a signal has no sample. */
+export function aligned(pieces) {
+  if (pieces.length === 0) return [[]];
+  const same = pieces.every(({ time }) => time.length === pieces[0].time.length && time[0] === pieces[0].time[0]);
+  if (same) return [pieces[0].time, ...pieces.map(({ value }) => value)];
+  const times = [...new Set(pieces.flatMap(({ time }) => [...time]))].sort((a, b) => a - b);
+  const columns = pieces.map(({ time, value }) => {
+    let at = 0;
+    return times.map((t) => (at < time.length && time[at] === t ? value[at++] : undefined));
+  });
+  return [times, ...columns];
+}

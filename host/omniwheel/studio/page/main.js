@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: MIT
+// Puts the page together. What the robot is and does comes from the server; nothing here knows it.
+
+import { Chooser } from "./connect.js";
+import { Keys } from "./keys.js";
+import { FloorMap } from "./map.js";
+import { ParameterList } from "./parameters.js";
+import { Plots } from "./plots.js";
+import { Socket } from "./socket.js";
+
+const id = (name) => document.getElementById(name);
+const TEXTS_KEPT = 100;
+const WARNING = 4; // severity as in syslog
+let state = null;
+
+const say = (words) => { id("notice").textContent = words; };
+const in_words = ({ error, hint }) => (hint ? `${error}. ${hint}` : error);
+const ask = (action, content) => socket.ask(action, content).then(
+  (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
+
+const socket = new Socket({
+  open: () => say(""),
+  lost: () => { show_state(null); say("The studio's server is gone. Start omni studio again; this page waits for it."); },
+  samples: (...found) => plots.samples(...found),
+  news,
+});
+const plots = new Plots(id("panels"), socket, say);
+const parameters = new ParameterList(id("parameter-list"), socket);
+const chooser = new Chooser(socket);
+const map = new FloorMap(id("map"), socket, {
+  target: (pose) => { fill_target(pose); start_going(); },
+  arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
+  refused: say,
+  going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
+});
+const keys = new Keys(socket, { refused: say, moving: (words) => { id("key-text").textContent = words; } });
+
+// ---- what the server says
+
+function news(message) {
+  if (message.tables) tables(message.tables);
+  if (message.parameters) parameters.values(message.parameters);
+  if (message.marks) plots.marks(message.marks);
+  if (message.texts) message.texts.forEach(add_text);
+  if (message.state) show_state(message.state);
+  if (message.error) say(message.error);
+}
+
+function tables({ signals, parameters: infos, speed, wheels, radius_m, paths }) {
+  parameters.tables(infos);
+  plots.tables(signals);
+  keys.top = speed;
+  map.wheels = wheels;
+  map.radius = radius_m;
+  map.clear();
+  id("path").replaceChildren(...paths.map((name) => new Option(name, name)));
+}
+
+function add_text({ severity, text }) {
+  const item = document.createElement("li");
+  item.textContent = text;
+  if (severity <= WARNING) item.className = "warning";
+  id("texts").append(item);
+  while (id("texts").children.length > TEXTS_KEPT) id("texts").firstChild.remove();
+  id("texts").scrollTop = id("texts").scrollHeight;
+}
+
+function show_state(now) {
+  state = now;
+  const robot = now?.robot ?? null;
+  const link = now?.link ?? { phase: "none" };
+  const phases = { none: "no robot", connecting: "connecting …", lost: "lost", closed: "no robot" };
+  const where = now?.simulated ? `simulated: ${now.simulated}` : link.url;
+  put("fact-link", link.phase === "connected" ? `${where}, ${link.bytes_per_s} B/s` : phases[link.phase] ?? link.phase);
+  id("fact-link").className = link.phase === "lost" ? "bad" : "";
+  put("fact-state", robot ? robot.state : "–");
+  id("fact-state").className = robot ? `state-${robot.state}` : "";
+  put("fact-mode", robot?.mode ?? "–");
+  put("fact-supply", robot?.supply_V ? `${robot.supply_V.toFixed(1)} V` : "–");
+  put("fact-commands", now?.commands ?? "–");
+  const trouble = link.phase === "connected" ? "" : link.trouble ?? "";
+  put("faults", robot?.faults.length ? `Faults: ${robot.faults.join(", ")}` : trouble);
+  id("take-over").hidden = !now || now.commands === "this page";
+  id("release").hidden = robot?.state !== "estop";
+  id("arm").disabled = !robot || robot.armed;
+  id("disarm").disabled = !robot;
+  for (const name of ["undo", "redo"]) {
+    id(name).disabled = !now?.[name];
+    put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
+  }
+  parameters.armed(robot?.armed ?? false);
+  map.state(robot);
+  if (robot?.pose) {
+    const [x, y, theta] = robot.pose;
+    id("map").setAttribute("aria-label",
+      `Robot at x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, heading ${degrees(theta)}°. The fields below set a target.`);
+  }
+}
+
+function put(name, words) {
+  if (id(name).textContent !== words) id(name).textContent = words;
+}
+
+const degrees = (angle) => Math.round((angle * 180) / Math.PI);
+
+// ---- what the person does
+
+function stop() {
+  map.cancel();
+  keys.stop();
+  ask("stop").then((result) => {
+    if (result && !result.told) say("No robot is connected: nothing could be stopped from here.");
+  });
+}
+
+const is_a = ({ target }, what) => target instanceof Element && target.matches(what);
+
+// The space bar stops, whatever has the focus, but where a space is typed as text. Enter presses buttons.
+addEventListener("keydown", (event) => {
+  if (event.code !== "Space" || is_a(event, "input[type=search], #url")) return;
+  event.preventDefault();
+  event.stopPropagation();
+  if (!event.repeat) stop();
+}, { capture: true });
+addEventListener("keyup", (event) => { // a button would be pressed by the key's release
+  if (event.code === "Space" && is_a(event, "button, input[type=checkbox], summary, a")) event.preventDefault();
+}, { capture: true });
+
+id("stop").onclick = stop;
+id("stop").onpointerdown = stop; // already when the finger comes down
+id("arm").onclick = () => ask("arm");
+id("disarm").onclick = () => { map.cancel(); keys.stop(); ask("disarm"); };
+id("release").onclick = () => ask("release");
+id("take-over").onclick = () => ask("take_over");
+for (const name of ["undo", "redo"]) id(name).onclick = () => ask(name);
+id("store").onclick = async () => { if (await ask("store") !== undefined) say("Stored: the robot keeps this when it is switched off."); };
+id("save").href = `parameters.toml?token=${encodeURIComponent(socket.token)}`;
+id("load").onchange = async (event) => {
+  const [file] = event.target.files;
+  if (file) await ask("load", { text: await file.text() });
+  event.target.value = "";
+};
+id("search").oninput = (event) => { parameters.search = event.target.value; parameters.filter(); };
+id("only-changed").onchange = (event) => { parameters.onlyChanged = event.target.checked; parameters.filter(); };
+id("span").onchange = (event) => plots.span(Number(event.target.value));
+id("rate").onchange = (event) => ask("rate", { hz: event.target.value ? Number(event.target.value) : null });
+id("pause").onclick = () => (plots.paused ? plots.live() : plots.pause());
+plots.on_pause = (paused) => {
+  id("pause").setAttribute("aria-pressed", paused);
+  put("pause", paused ? "Go on" : "Pause");
+};
+plots.on_mark = (words) => put("mark-text", words);
+plots.on_measure = (seconds) => put("mark-text", `${seconds.toPrecision(4)} s chosen; double-click goes on`);
+id("add-plot").onclick = () => plots.add();
+id("csv").onclick = () => plots.csv();
+id("follow").onchange = (event) => { map.follow = event.target.checked; };
+id("clear-trail").onclick = () => map.clear();
+id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.stop(); };
+id("key-speed").oninput = (event) => { keys.share = Number(event.target.value) / 100; };
+id("start-path").onclick = () => {
+  map.cancel();
+  ask("start_trajectory", { type: id("path").value, laps: Number(id("laps").value) });
+};
+id("stop-path").onclick = () => ask("stop_trajectory");
+id("cancel").onclick = () => { map.cancel(); ask("velocity", { vx: 0, vy: 0, wz: 0 }); };
+id("target-form").onsubmit = (event) => { event.preventDefault(); start_going(); };
+
+function fill_target({ x, y, theta }) {
+  id("target-x").value = x.toFixed(3);
+  id("target-y").value = y.toFixed(3);
+  id("target-theta").value = degrees(theta);
+}
+
+function start_going() {
+  if (!state?.robot?.armed) {
+    say("The robot is not armed: press Arm, then Drive there.");
+    return;
+  }
+  say("");
+  map.go({
+    x: Number(id("target-x").value),
+    y: Number(id("target-y").value),
+    theta: (Number(id("target-theta").value) * Math.PI) / 180,
+  });
+}
+
+window.studio = { plots, map, parameters, get state() { return state; } }; // for tests and the curious

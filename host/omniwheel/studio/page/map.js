@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: MIT
+// The floor from above: robot, its way, its uncertainty, what it follows, and the target that a click sets.
+
+const TRAIL_MOST = 4000;
+const TRAIL_STEP_M = 0.003;
+const SEND_MS = 100; // a target is repeated, so that a dead page stops the robot
+const CLOSE_M = 0.005;
+const CLOSE_RAD = 0.02;
+const SIGMA = 3;
+
+export class FloorMap {
+  #trail = [];
+  #wanted = [];
+  #state = null;
+  #centre = [0, 0];
+  #metres = 2; // across
+  #target = null;
+  #timer = null;
+  #drag = null;
+  #stale = true;
+
+  constructor(canvas, socket, on) {
+    this.canvas = canvas;
+    this.socket = socket;
+    this.on = on; // {target(pose), arrived(), refused(text), going(bool)}
+    this.follow = true;
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.#metres = Math.min(50, Math.max(0.2, this.#metres * (event.deltaY > 0 ? 1.2 : 1 / 1.2)));
+      this.#stale = true;
+    }, { passive: false });
+    canvas.addEventListener("pointerdown", (event) => {
+      const [x, y] = this.#floor(event);
+      this.#drag = { x, y, theta: this.#state?.pose?.[2] ?? 0 };
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!this.#drag) return;
+      const [x, y] = this.#floor(event);
+      const [dx, dy] = [x - this.#drag.x, y - this.#drag.y];
+      if (Math.hypot(dx, dy) > 0.03) this.#drag.theta = Math.atan2(dy, dx);
+      this.#target = { ...this.#drag };
+      this.#stale = true;
+    });
+    canvas.addEventListener("pointerup", () => {
+      if (this.#drag) this.on.target(this.#drag);
+      this.#drag = null;
+    });
+    new ResizeObserver(() => { this.#stale = true; }).observe(canvas);
+    const draw = () => { this.#draw(); requestAnimationFrame(draw); };
+    requestAnimationFrame(draw);
+  }
+
+  get going() { return this.#timer !== null; }
+
+  state(robot) {
+    this.#state = robot;
+    const pose = robot?.pose;
+    if (pose) {
+      append(this.#trail, pose);
+      if (robot.reference && robot.phase !== "none") append(this.#wanted, robot.reference);
+      if (this.follow) this.#centre = [pose[0], pose[1]];
+      if (this.going && close(pose, this.#target)) this.on.arrived();
+    }
+    if (this.going && !robot?.armed) this.cancel();
+    this.#stale = true;
+  }
+
+  clear() {
+    this.#trail = [];
+    this.#wanted = [];
+    this.#stale = true;
+  }
+
+  /** Drive to a pose and hold it until cancel(); the page repeats it. */
+  go(target) {
+    this.cancel();
+    this.#target = target;
+    const send = () => this.socket.ask("pose", target).catch(({ error, hint }) => {
+      this.cancel();
+      this.on.refused(hint ? `${error}. ${hint}` : error);
+    });
+    send();
+    this.#timer = setInterval(send, SEND_MS);
+    this.on.going(true);
+  }
+
+  cancel() {
+    if (this.#timer === null) return;
+    clearInterval(this.#timer);
+    this.#timer = null;
+    this.on.going(false);
+  }
+
+  #scale() { return this.canvas.width / this.#metres; }
+
+  #floor(event) {
+    const box = this.canvas.getBoundingClientRect();
+    const scale = box.width / this.#metres;
+    return [
+      this.#centre[0] + (event.clientX - box.left - box.width / 2) / scale,
+      this.#centre[1] - (event.clientY - box.top - box.height / 2) / scale,
+    ];
+  }
+
+  #pixel([x, y]) {
+    const scale = this.#scale();
+    return [
+      this.canvas.width / 2 + (x - this.#centre[0]) * scale,
+      this.canvas.height / 2 - (y - this.#centre[1]) * scale,
+    ];
+  }
+
+  #draw() {
+    if (!this.#stale || document.hidden) return;
+    this.#stale = false;
+    const { canvas } = this;
+    const size = Math.round(canvas.clientWidth * devicePixelRatio);
+    if (canvas.width !== size) canvas.width = canvas.height = size;
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => style.getPropertyValue(name).trim();
+    const c = canvas.getContext("2d");
+    c.clearRect(0, 0, canvas.width, canvas.height);
+    c.lineWidth = devicePixelRatio;
+    this.#grid(c, colour("--line"), colour("--quiet"));
+    this.#line(c, this.#wanted, colour("--warn"), [6, 4]);
+    this.#line(c, this.#trail, colour("--accent"), []);
+    if (this.#target) this.#robot(c, [this.#target.x, this.#target.y, this.#target.theta], colour("--quiet"), [4, 3]);
+    const pose = this.#state?.pose;
+    if (!pose) return;
+    this.#ellipse(c, pose, this.#state.pose_sd ?? [0, 0], colour("--warn"));
+    this.#robot(c, pose, colour("--text"), []);
+  }
+
+  #grid(c, line, text) {
+    const step = [0.1, 0.2, 0.5, 1, 2, 5, 10].find((size) => size > this.#metres / 9) ?? 10;
+    const first = (centre) => Math.ceil((centre - this.#metres / 2) / step) * step;
+    c.strokeStyle = line;
+    c.fillStyle = text;
+    c.font = `${11 * devicePixelRatio}px system-ui`;
+    c.setLineDash([]);
+    for (let x = first(this.#centre[0]); x < this.#centre[0] + this.#metres / 2; x += step) {
+      const [px] = this.#pixel([x, 0]);
+      stroke(c, [[px, 0], [px, this.canvas.height]]);
+      c.fillText(`${Number(x.toFixed(2))}`, px + 3, this.canvas.height - 4);
+    }
+    for (let y = first(this.#centre[1]); y < this.#centre[1] + this.#metres / 2; y += step) {
+      const [, py] = this.#pixel([0, y]);
+      stroke(c, [[0, py], [this.canvas.width, py]]);
+      c.fillText(`${Number(y.toFixed(2))} m`, 3, py - 3);
+    }
+  }
+
+  #line(c, points, colour, dash) {
+    c.strokeStyle = colour;
+    c.setLineDash(dash);
+    stroke(c, points.map((point) => this.#pixel(point)));
+  }
+
+  #robot(c, pose, colour, dash) {
+    const [x, y] = this.#pixel(pose);
+    const radius = Math.max(6 * devicePixelRatio, (this.radius ?? 0.12) * this.#scale());
+    c.strokeStyle = colour;
+    c.setLineDash(dash);
+    c.beginPath();
+    c.arc(x, y, radius, 0, 2 * Math.PI);
+    c.moveTo(x, y);
+    c.lineTo(x + radius * Math.cos(pose[2]), y - radius * Math.sin(pose[2]));
+    c.stroke();
+    for (const angle of this.wheels ?? []) {
+      const bearing = pose[2] + angle;
+      const [wx, wy] = [x + radius * Math.cos(bearing), y - radius * Math.sin(bearing)];
+      const [tx, ty] = [radius * 0.25 * Math.sin(bearing), radius * 0.25 * Math.cos(bearing)];
+      c.lineWidth = 4 * devicePixelRatio;
+      stroke(c, [[wx - tx, wy - ty], [wx + tx, wy + ty]]);
+      c.lineWidth = devicePixelRatio;
+    }
+  }
+
+  #ellipse(c, pose, sd, colour) {
+    const [x, y] = this.#pixel(pose);
+    c.strokeStyle = colour;
+    c.setLineDash([]);
+    c.beginPath();
+    c.ellipse(x, y, SIGMA * (sd[0] ?? 0) * this.#scale(), SIGMA * (sd[1] ?? 0) * this.#scale(), 0, 0, 2 * Math.PI);
+    c.stroke();
+  }
+}
+
+function append(points, [x, y]) {
+  const last = points[points.length - 1];
+  if (last && Math.hypot(x - last[0], y - last[1]) < TRAIL_STEP_M) return;
+  points.push([x, y]);
+  if (points.length > TRAIL_MOST) points.splice(0, TRAIL_MOST / 4);
+}
+
+function close([x, y, theta], target) {
+  const turn = Math.abs(Math.atan2(Math.sin(theta - target.theta), Math.cos(theta - target.theta)));
+  return Math.hypot(x - target.x, y - target.y) < CLOSE_M && turn < CLOSE_RAD;
+}
+
+function stroke(c, points) {
+  c.beginPath();
+  for (const [n, [x, y]] of points.entries()) (n === 0 ? c.moveTo(x, y) : c.lineTo(x, y));
+  c.stroke();
+}

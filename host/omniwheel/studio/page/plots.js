@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: MIT
+// Plots over one common time axis. Live, they show the newest seconds; paused, what the mouse has chosen.
+
+import uPlot from "../vendor/uPlot.esm.js";
+import { aligned, Buffer } from "./buffers.js";
+import { chooseSignals } from "./signals.js";
+
+// Okabe and Ito's colours, which colour-blind people tell apart; dashes repeat the difference.
+const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b88a00", "#56b4e9"];
+const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3], [5, 5], [14, 4]];
+const NEAR_PX = 8;
+const HEIGHT_PX = 190;
+const STORED = "omniwheel-plots";
+const FIRST_VIEW = [
+  ["tracking.pose.x", "tracking.pose.y", "tracking.reference.x", "tracking.reference.y"],
+  ["wheels.speed.1", "wheels.reference.1"],
+  ["wheels.duty.1", "wheels.duty.2", "wheels.duty.3"],
+];
+
+export class Plots {
+  #panels = [];
+  #buffers = new Map(); // by key
+  #frozen = new Map();
+  #shown = []; // keys in the order in which the server numbers them
+  #marks = [];
+  #signals = new Map();
+  #span = 10;
+  #pausedAt = null; // {begin, end}
+  #now = 0;
+  #stale = true;
+  #arrived = 0;
+
+  constructor(root, socket, say) {
+    this.root = root;
+    this.socket = socket;
+    this.say = say;
+    const draw = () => { this.#draw(); requestAnimationFrame(draw); };
+    requestAnimationFrame(draw);
+    new ResizeObserver(() => this.#panels.forEach((panel) => this.#resize(panel))).observe(root);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#rebuild());
+    this.drawn = { frames: 0, newest: 0, samples: 0, age_ms: 0 }; // for measurements: what is on the screen
+  }
+
+  get paused() { return this.#pausedAt !== null; }
+  get keys() { return this.#shown; }
+  get marked() { return this.#marks; }
+  get newest() { return this.#now; }
+
+  /** What is kept of a signal that is shown: {time, value}. */
+  samples_of(key) {
+    const { time, value } = this.#buffer(key).between(-Infinity, Infinity);
+    return { time: [...time], value: [...value] };
+  }
+
+  tables(signals) {
+    this.#signals = new Map(signals.map((signal) => [signal.key, signal]));
+    if (this.#panels.length === 0) this.#restore();
+    this.#subscribe();
+  }
+
+  marks(marks) {
+    this.#marks = marks;
+    this.#stale = true;
+  }
+
+  samples(isWindow, traces, arrived) {
+    this.#arrived = arrived;
+    for (const { place, time, value } of traces) {
+      const key = this.#shown[place];
+      if (key === undefined) continue;
+      if (isWindow && this.#pausedAt) this.#frozen.set(key, { time, value });
+      else if (isWindow) this.#buffer(key).replace(time, value);
+      else this.#buffer(key).append(time, value);
+      if (time.length) this.#now = Math.max(this.#now, time[time.length - 1]);
+      this.drawn.samples += time.length;
+    }
+    this.#stale = true;
+  }
+
+  span(seconds) {
+    this.#span = seconds;
+    this.live();
+    this.#subscribe();
+  }
+
+  live() {
+    this.#pausedAt = null;
+    this.#frozen.clear();
+    this.#stale = true;
+    this.on_pause?.(false);
+  }
+
+  pause(begin = this.#now - this.#span, end = this.#now) {
+    this.#pausedAt = { begin, end };
+    this.on_pause?.(true);
+    const width = Math.round(this.root.clientWidth) || 800;
+    this.socket.ask("window", { begin_s: begin, end_s: end, width }).catch((refusal) => this.say(refusal.error));
+    this.#stale = true;
+  }
+
+  add(keys = []) {
+    const panel = { keys: [...keys], root: document.createElement("div"), plot: null };
+    panel.root.className = "panel";
+    this.root.append(panel.root);
+    this.#panels.push(panel);
+    this.#changed();
+    return panel;
+  }
+
+  csv() {
+    const { begin, end } = this.#view();
+    const pieces = this.#shown.map((key) => this.#piece(key, begin, end));
+    const [times, ...columns] = aligned(pieces);
+    const heads = this.#shown.map((key) => `${key} [${this.#signals.get(key)?.unit ?? ""}]`);
+    const lines = [["time [s]", ...heads].join(",")];
+    for (let i = 0; i < times.length; i++) {
+      if (times[i] >= begin && times[i] <= end) lines.push([times[i], ...columns.map((c) => c[i] ?? "")].join(","));
+    }
+    save(new Blob([`${lines.join("\n")}\n`], { type: "text/csv" }), "omniwheel.csv");
+  }
+
+  // ---- signals
+
+  #buffer(key) {
+    if (!this.#buffers.has(key)) this.#buffers.set(key, new Buffer());
+    return this.#buffers.get(key);
+  }
+
+  #restore() {
+    let views = FIRST_VIEW;
+    try { views = JSON.parse(localStorage.getItem(STORED)) ?? FIRST_VIEW; } catch { /* the first view, then */ }
+    for (const keys of views) this.add(keys.filter((key) => this.#signals.has(key)));
+  }
+
+  #changed() {
+    localStorage.setItem(STORED, JSON.stringify(this.#panels.map((panel) => panel.keys)));
+    this.#rebuild();
+    this.#subscribe();
+  }
+
+  #subscribe() {
+    const wanted = [...new Set(this.#panels.flatMap((panel) => panel.keys))];
+    if (this.#pausedAt) this.live();
+    this.#shown = wanted;
+    for (const key of this.#buffers.keys()) if (!wanted.includes(key)) this.#buffers.delete(key);
+    this.socket.ask("show", { signals: wanted, span_s: Math.max(this.#span, 10) })
+      .catch((refusal) => this.say(refusal.error));
+  }
+
+  // ---- drawing
+
+  #view() {
+    return this.#pausedAt ?? { begin: this.#now - this.#span, end: this.#now };
+  }
+
+  #piece(key, begin, end) {
+    if (this.#pausedAt && this.#frozen.has(key)) return this.#frozen.get(key);
+    return this.#buffer(key).between(begin, end);
+  }
+
+  #draw() {
+    if (!this.#stale || document.hidden) return;
+    this.#stale = false;
+    const { begin, end } = this.#view();
+    for (const panel of this.#panels) {
+      if (panel.plot === null || panel.keys.length === 0) continue;
+      panel.plot.setData(aligned(panel.keys.map((key) => this.#piece(key, begin, end))));
+    }
+    this.drawn.frames += 1;
+    this.drawn.newest = this.#now;
+    this.drawn.age_ms = performance.timeOrigin + performance.now() - 1000 * this.#arrived;
+    this.on_drawn?.();
+  }
+
+  #rebuild() {
+    for (const panel of this.#panels) this.#build(panel);
+    this.#stale = true;
+  }
+
+  #build(panel) {
+    panel.plot?.destroy();
+    panel.plot = null;
+    panel.root.replaceChildren(this.#head(panel));
+    if (panel.keys.length === 0) return;
+    const style = getComputedStyle(document.documentElement);
+    const [text, line] = [style.getPropertyValue("--quiet").trim(), style.getPropertyValue("--line").trim()];
+    const axis = { stroke: text, grid: { stroke: line, width: 0.5 }, ticks: { stroke: line } };
+    const units = [...new Set(panel.keys.map((key) => this.#signals.get(key)?.unit ?? ""))];
+    panel.plot = new uPlot({
+      width: this.root.clientWidth || 600,
+      height: HEIGHT_PX,
+      cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false } },
+      scales: { x: { time: false, range: () => { const { begin, end } = this.#view(); return [begin, end]; } } },
+      axes: [{ ...axis, label: "time [s]", labelSize: 16, size: 34 }, { ...axis, label: units.join(", "), size: 62 }],
+      series: [{ label: "time [s]", value: (_, t) => (t == null ? "–" : t.toFixed(3)) },
+        ...panel.keys.map((key, n) => ({
+          label: this.#signals.get(key)?.label ?? key,
+          stroke: COLOURS[n % COLOURS.length],
+          dash: DASHES[Math.floor(n / COLOURS.length) % DASHES.length].length
+            ? DASHES[Math.floor(n / COLOURS.length) % DASHES.length] : DASHES[n % DASHES.length],
+          width: 1.5,
+          spanGaps: true,
+          points: { show: false },
+          value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#signals.get(key)?.unit ?? ""}`),
+        }))],
+      hooks: {
+        draw: [(plot) => this.#draw_marks(plot)],
+        setCursor: [(plot) => this.#near_mark(plot)],
+        setSelect: [(plot) => this.#select(plot)],
+      },
+    }, [[]], panel.root);
+    const over = panel.plot.over;
+    over.addEventListener("wheel", (event) => this.#wheel(panel.plot, event), { passive: false });
+    over.addEventListener("dblclick", () => this.live());
+  }
+
+  #head(panel) {
+    const head = document.createElement("div");
+    head.className = "head";
+    const title = document.createElement("strong");
+    title.textContent = panel.keys.map((key) => this.#signals.get(key)?.label ?? key).join(", ") || "No signals yet";
+    const number = this.#panels.indexOf(panel) + 1;
+    const button = (words, name, action) => {
+      const found = document.createElement("button");
+      found.textContent = words;
+      found.setAttribute("aria-label", `${name} ${number}`);
+      found.addEventListener("click", action);
+      return found;
+    };
+    head.append(
+      title,
+      button("Signals …", "Signals of plot", async () => {
+        panel.keys = await chooseSignals([...this.#signals.values()], panel.keys);
+        this.#changed();
+      }),
+      button("PNG", "Picture of plot", () => panel.plot?.root.querySelector("canvas").toBlob(
+        (blob) => save(blob, "omniwheel-plot.png"))),
+      button("✕", "Remove plot", () => {
+        panel.plot?.destroy();
+        panel.root.remove();
+        this.#panels.splice(this.#panels.indexOf(panel), 1);
+        this.#changed();
+      }),
+    );
+    return head;
+  }
+
+  #resize(panel) {
+    panel.plot?.setSize({ width: this.root.clientWidth, height: HEIGHT_PX });
+    this.#stale = true;
+  }
+
+  #draw_marks(plot) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--warn").trim();
+    ctx.setLineDash([4, 4]);
+    ctx.lineWidth = 1.5;
+    for (const mark of this.#marks) {
+      const x = plot.valToPos(mark.time_s, "x", true);
+      if (!(x >= bbox.left && x <= bbox.left + bbox.width)) continue;
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+    }
+    ctx.restore();
+  }
+
+  #near_mark(plot) {
+    const near = this.#marks.filter((mark) => Math.abs(plot.valToPos(mark.time_s, "x") - plot.cursor.left) < NEAR_PX);
+    this.on_mark?.(near.length ? in_words(near[near.length - 1]) : "");
+  }
+
+  #select(plot) {
+    const { left, width } = plot.select;
+    if (width < 4) return;
+    const [begin, end] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
+    plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.on_measure?.(end - begin);
+    this.pause(begin, end);
+  }
+
+  #wheel(plot, event) {
+    event.preventDefault();
+    const { begin, end } = this.#view();
+    const at = plot.posToVal(event.offsetX, "x");
+    if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
+      const step = (end - begin) * 0.1 * Math.sign(event.deltaX || event.deltaY);
+      this.pause(begin + step, end + step);
+      return;
+    }
+    const factor = event.deltaY > 0 ? 1.25 : 0.8;
+    this.pause(at - (at - begin) * factor, at + (end - at) * factor);
+  }
+}
+
+function in_words(mark) {
+  const changes = Object.entries(mark.changes).map(([name, [from, to]]) => `${name} ${round(from)} → ${round(to)}`);
+  return changes.join(", ") || "changed by another program";
+}
+
+const round = (value) => Number(value.toPrecision(6));
+
+export function save(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}

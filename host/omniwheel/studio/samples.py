@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: MIT
+"""The latest minutes of every signal, and what of them a plot of a given width can show."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omniwheel.studio.signals import Signal, signals_of, values
+from omniwheel.telemetry import Telemetry
+
+CAPACITY = 150_000
+"""Samples kept per message: 12.5 minutes at 200 Hz. The oldest ones go."""
+_GAP_S = 1.0
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A piece of one signal: times on the page's clock [s] and values in the signal's unit."""
+
+    key: str
+    time_s: Array
+    value: NDArray[np.float32]
+
+
+class _Ring:
+    """Samples of one message. The memory is taken once: it does not grow with the hours."""
+
+    def __init__(self, width: int) -> None:
+        self.time_s = np.zeros(CAPACITY)
+        self.value = np.zeros((width, CAPACITY), dtype=np.float32)
+        self.count = 0
+        """All that ever came."""
+
+    def append(self, time_s: float, row: list[float]) -> None:
+        place = self.count % CAPACITY
+        self.time_s[place] = time_s
+        self.value[:, place] = row
+        self.count += 1
+
+    def since(self, number: int, column: int) -> tuple[Array, NDArray[np.float32]]:
+        """Return the samples from this number on, as far as they are still there and are numbers."""
+        first = max(number, self.count - CAPACITY, 0)
+        places = np.arange(first, self.count) % CAPACITY
+        value = self.value[column, places]
+        there = np.isfinite(value)
+        return self.time_s[places][there], value[there]
+
+
+class SampleStore:
+    """Takes telemetry and gives it back by signal.
+
+    Times are the robot's clock. It begins at 0 again when the robot restarts: then the store's time goes on instead.
+    """
+
+    def __init__(self) -> None:
+        self._rings: dict[type[Telemetry], _Ring] = {}
+        self._offset_s = 0.0
+        self.now_s = 0.0
+        """The newest sample's time."""
+        self.arrived_s = 0.0
+        """When the newest message came, on this computer's clock [s since 1970]."""
+
+    def take(self, telemetry: Telemetry) -> float:
+        """Keep a message; return its time."""
+        kind = type(telemetry)
+        self.arrived_s = time.time()
+        robot_s = getattr(telemetry, "time_s", None)
+        if robot_s is None:
+            time_s = self.now_s
+        else:
+            if robot_s + self._offset_s < self.now_s - _GAP_S:
+                self._offset_s = self.now_s + _GAP_S - robot_s
+            time_s = robot_s + self._offset_s
+            self.now_s = max(self.now_s, time_s)
+        ring = self._rings.get(kind)
+        if ring is None:
+            ring = self._rings[kind] = _Ring(len(signals_of(kind)))
+        ring.append(time_s, values(telemetry))
+        return time_s
+
+    def count(self, signal: Signal) -> int:
+        """Return the number that the next sample of this signal will have."""
+        ring = self._rings.get(signal.kind)
+        return 0 if ring is None else ring.count
+
+    def since(self, signal: Signal, number: int) -> Trace:
+        """Return the samples from this number on."""
+        ring = self._rings.get(signal.kind)
+        if ring is None:
+            return Trace(signal.key, np.zeros(0), np.zeros(0, dtype=np.float32))
+        return Trace(signal.key, *ring.since(number, signal.column))
+
+    def window(self, signal: Signal, begin_s: float, end_s: float, width: int) -> Trace:
+        """Return what a plot of ``width`` pixels shows between two times: per pixel the least and the largest value."""
+        whole = self.since(signal, 0)
+        inside = (whole.time_s >= begin_s) & (whole.time_s <= end_s)
+        return thinned(Trace(signal.key, whole.time_s[inside], whole.value[inside]), width)
+
+
+def thinned(trace: Trace, width: int) -> Trace:
+    """Return at most ``2 * width`` samples that keep every spike: the least and the largest of each bin, in order."""
+    count = len(trace.time_s)
+    if count <= 2 * width:
+        return trace
+    edges = np.linspace(0, count, width + 1).astype(int)
+    chosen: list[int] = []
+    for first, last in pairwise(edges):
+        piece = trace.value[first:last]
+        chosen.extend(sorted({first + int(np.argmin(piece)), first + int(np.argmax(piece))}))
+    return Trace(trace.key, trace.time_s[chosen], trace.value[chosen])

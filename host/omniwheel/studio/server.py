@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: MIT
+"""The studio's web server: files of the page, and a WebSocket per open page.
+
+Text messages are JSON. The page sends ``{"do": NAME, "id": N, ...}`` and gets ``{"answer": N, ...}``, or
+``{"answer": N, "error": ..., "hint": ...}``. The server sends news by itself, and samples as binary messages
+(:func:`omniwheel.studio.studio.packed`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from omniwheel import parameter_file
+from omniwheel.errors import OmniError
+from omniwheel.ports import serial_ports
+from omniwheel.robots import robot_names
+from omniwheel.studio.access import Access
+from omniwheel.studio.actions import BadRequestError, number_of
+from omniwheel.studio.parameter_view import values_as_json
+from omniwheel.studio.studio import Page, Studio
+
+PAGE_DIR = Path(__file__).parent / "page"
+FRAME_S = 1 / 60
+NEWS_EVERY = 6
+"""Frames between two looks at everything that is not a sample."""
+LARGEST_MESSAGE = 256 * 1024
+MOST_WAITING = 32
+"""Requests of one page that may wait for the robot at once."""
+_TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+_SECURITY = {
+    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+# The plots set sizes as inline styles; nothing else needs it.
+
+
+class StudioServer:
+    """Serves one :class:`Studio`. ``scenarios`` says what a simulated robot can be started with."""
+
+    def __init__(
+        self, studio: Studio, access: Access, vendor_dir: Path, scenarios: Callable[[], Mapping[str, str]]
+    ) -> None:
+        self.studio = studio
+        self.access = access
+        self._vendor_dir = vendor_dir
+        self._scenarios = scenarios
+        self._changing = asyncio.Lock()
+        self._local: dict[str, Callable[[Page, Mapping[str, Any]], Coroutine[Any, Any, Any]]] = {
+            "stop": self._stop,
+            "disarm": self._disarm,
+            "here": self._here,
+            "take_over": self._take_over,
+            "show": self._show,
+            "window": self._window,
+            "choices": self._choices,
+            "connect": self._connect,
+            "disconnect": self._disconnect,
+            "simulate": self._simulate,
+            "load": self._load,
+        }
+
+    def app(self) -> Starlette:
+        """Return the application for an ASGI server."""
+        return Starlette(
+            routes=[
+                Route("/", self._index),
+                Route("/state.json", self._state),
+                Route("/parameters.toml", self._parameters),
+                Route("/page/{name}", self._file),
+                Route("/vendor/{name}", self._vendor),
+                WebSocketRoute("/socket", self._socket),
+            ]
+        )
+
+    # ---- files
+
+    def _refusal(self, request: Request) -> Response | None:
+        problem = self.access.problem(request.headers, request.query_params.get("token", ""))
+        return PlainTextResponse(problem + "\n", 403) if problem else None
+
+    async def _index(self, request: Request) -> Response:
+        return self._refusal(request) or _file_of(PAGE_DIR, "index.html")
+
+    async def _file(self, request: Request) -> Response:
+        return _file_of(PAGE_DIR, request.path_params["name"])
+
+    async def _vendor(self, request: Request) -> Response:
+        return _file_of(self._vendor_dir, request.path_params["name"])
+
+    async def _state(self, request: Request) -> Response:
+        return self._refusal(request) or JSONResponse(self.studio.state(), headers=_SECURITY)
+
+    async def _parameters(self, request: Request) -> Response:
+        refused = self._refusal(request)
+        if refused is not None:
+            return refused
+        session = self.studio.session
+        robot = None if session is None else session.robot
+        if robot is None:
+            return PlainTextResponse("no robot is connected\n", 409)
+        headers = {**_SECURITY, "Content-Disposition": 'attachment; filename="parameters.toml"'}
+        return PlainTextResponse(parameter_file.text_of(robot.parameters.known, robot.table), headers=headers)
+
+    # ---- pages
+
+    async def _socket(self, socket: WebSocket) -> None:
+        if self.access.problem(socket.headers, socket.query_params.get("token", "")):
+            await socket.close(4403)
+            return
+        await socket.accept()
+        page = self.studio.open_page()
+        outbox: asyncio.Queue[str | bytes] = asyncio.Queue()
+        tasks = [asyncio.create_task(self._send(socket, page, outbox))]
+        waiting: set[asyncio.Task[None]] = set()
+        try:
+            while True:
+                message = await socket.receive()
+                if message["type"] == "websocket.disconnect":
+                    break
+                await self._receive(page, message.get("text"), outbox, waiting)
+        except (WebSocketDisconnect, RuntimeError):  # starlette's word for a socket that is closed already
+            pass
+        finally:
+            self.studio.close_page(page)
+            for task in (*tasks, *waiting):
+                task.cancel()
+
+    async def _send(self, socket: WebSocket, page: Page, outbox: asyncio.Queue[str | bytes]) -> None:
+        frame = 0
+        with suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                while not outbox.empty():
+                    await _send_one(socket, outbox.get_nowait())
+                samples = self.studio.new_samples(page)
+                if samples:
+                    await socket.send_bytes(samples)
+                if frame % NEWS_EVERY == 0:
+                    news = self.studio.news(page)
+                    if news:
+                        await socket.send_text(json.dumps(news))
+                frame += 1
+                await asyncio.sleep(FRAME_S)
+
+    async def _receive(
+        self, page: Page, text: str | None, outbox: asyncio.Queue[str | bytes], waiting: set[asyncio.Task[None]]
+    ) -> None:
+        self.studio.heard(page)
+        try:
+            request = json.loads(text or "")
+        except (ValueError, RecursionError):
+            request = None
+        action = request.get("do") if isinstance(request, dict) else None
+        if not isinstance(action, str):
+            await outbox.put(json.dumps({"error": "that is no request of this page"}))
+            return
+        if action not in ("stop", "disarm") and len(waiting) >= MOST_WAITING:
+            await outbox.put(_answer(request, error="too many requests at once"))
+            return
+        if action in ("stop", "disarm"):
+            await self._answered(page, action, request, outbox)
+            return
+        task = asyncio.create_task(self._answered(page, action, request, outbox))
+        waiting.add(task)
+        task.add_done_callback(waiting.discard)
+
+    async def _answered(
+        self, page: Page, action: str, request: Mapping[str, Any], outbox: asyncio.Queue[str | bytes]
+    ) -> None:
+        try:
+            local = self._local.get(action)
+            if local is not None:
+                result = await local(page, request)
+            else:
+                result = await asyncio.wrap_future(self.studio.ask(page, action, request))
+        except OmniError as error:
+            await outbox.put(_answer(request, error=str(error), hint=error.hint))
+            return
+        if isinstance(result, bytes):
+            if result:
+                await outbox.put(result)
+            result = None
+        await outbox.put(_answer(request, result=result))
+
+    # ---- what the server does itself
+
+    async def _stop(self, _page: Page, _request: Mapping[str, Any]) -> dict[str, bool]:
+        return {"told": self.studio.stop()}
+
+    async def _disarm(self, _page: Page, _request: Mapping[str, Any]) -> dict[str, bool]:
+        return {"told": self.studio.disarm()}
+
+    async def _here(self, page: Page, _request: Mapping[str, Any]) -> None:
+        self.studio.heard(page)
+
+    async def _take_over(self, page: Page, _request: Mapping[str, Any]) -> None:
+        self.studio.take_over(page)
+
+    async def _show(self, page: Page, request: Mapping[str, Any]) -> bytes:
+        keys = request.get("signals")
+        if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys):
+            raise BadRequestError("signals has to be a list of names")
+        return self.studio.show(page, keys, number_of(request, "span_s", 10.0))
+
+    async def _window(self, page: Page, request: Mapping[str, Any]) -> bytes:
+        width = min(max(int(number_of(request, "width", 1000.0)), 10), 4000)
+        return self.studio.window(page, number_of(request, "begin_s"), number_of(request, "end_s"), width)
+
+    async def _choices(self, _page: Page, _request: Mapping[str, Any]) -> dict[str, Any]:
+        ports = await asyncio.to_thread(serial_ports)
+        return {
+            "ports": [{"url": port.device, "what": port.guess or port.description} for port in ports],
+            "scenarios": await asyncio.to_thread(self._scenarios),
+            "robots": robot_names(),
+        }
+
+    async def _connect(self, page: Page, request: Mapping[str, Any]) -> None:
+        url = request.get("url")
+        if not isinstance(url, str) or not url:
+            raise BadRequestError("which robot? an address is missing", hint="like /dev/ttyACM0 or tcp:127.0.0.1:5760")
+        await self._change(page, lambda: self.studio.connect(url))
+
+    async def _disconnect(self, page: Page, _request: Mapping[str, Any]) -> None:
+        await self._change(page, self.studio.disconnect)
+
+    async def _simulate(self, page: Page, request: Mapping[str, Any]) -> None:
+        scenario, robot = request.get("scenario"), request.get("robot")
+        if scenario not in await asyncio.to_thread(self._scenarios):
+            raise BadRequestError(f"there is no scenario {scenario!r}")
+        if robot is not None and robot not in robot_names():
+            raise BadRequestError(f"there is no robot {robot!r}")
+        seed = int(number_of(request, "seed", 1.0))
+        await self._change(page, lambda: self.studio.simulate(str(scenario), robot, seed))
+
+    async def _load(self, page: Page, request: Mapping[str, Any]) -> Any:
+        session = self.studio.session
+        robot = None if session is None else session.robot
+        if robot is None:
+            raise BadRequestError("no robot is connected")
+        values = parameter_file.parse(str(request.get("text", "")), "the file", robot.table)
+        return await asyncio.wrap_future(self.studio.ask(page, "set", {"values": values_as_json(values)}))
+
+    async def _change(self, page: Page, change: Callable[[], None]) -> None:
+        """Connect or disconnect; one at a time, and other pages are served meanwhile."""
+        if self.studio.commanding is not page:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        async with self._changing:
+            await asyncio.to_thread(change)
+
+
+def _answer(request: Mapping[str, Any], **content: Any) -> str:
+    number = request.get("id")
+    known = isinstance(number, int | float) and math.isfinite(number)
+    return json.dumps({"answer": number if known else None, **content})
+
+
+async def _send_one(socket: WebSocket, message: str | bytes) -> None:
+    if isinstance(message, bytes):
+        await socket.send_bytes(message)
+    else:
+        await socket.send_text(message)
+
+
+def _file_of(folder: Path, name: str) -> Response:
+    path = folder / name
+    if path.parent != folder or path.suffix not in _TYPES or not path.is_file():
+        return PlainTextResponse("there is no such file\n", 404)
+    return FileResponse(path, media_type=_TYPES[path.suffix], headers=_SECURITY)
+
+
+def uvicorn_server(app: Starlette) -> uvicorn.Server:
+    """Return the server; its sockets are given to ``run``."""
+    return uvicorn.Server(
+        uvicorn.Config(app, log_level="warning", ws_max_size=LARGEST_MESSAGE, ws_per_message_deflate=False)
+    )

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: MIT
+"""One robot, served by a thread of its own: what it says is gathered, what is asked of it is done in turn."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
+
+from omniwheel.dialect import Message, mavlink
+from omniwheel.drive_log import is_slow
+from omniwheel.errors import LinkError, LinkLostError, OmniError
+from omniwheel.history import ChangeRecorder, history_of
+from omniwheel.hub.shared_link import open_shared
+from omniwheel.robot import FORCE, Robot, connect
+from omniwheel.studio.edits import Edits
+from omniwheel.studio.marks import Marks
+from omniwheel.studio.samples import SampleStore
+from omniwheel.studio.signals import KINDS
+from omniwheel.studio.urgent_link import UrgentLink
+from omniwheel.telemetry import Control, StatusText, decode
+
+CONNECT_TIMEOUT_S = 3.0
+RETRY_S = 1.0
+"""After unplugging, how often the port is looked for."""
+_PUMP_S = 0.01
+_SILENT_S = 5.0
+"""Without a heartbeat for so long, the robot counts as gone."""
+PAGE_SILENT_S = 2.0
+"""A page that says nothing for so long is closed, frozen or lost."""
+TEXTS_KEPT = 200
+_BYTES_OVER_S = 1.0
+PLOT_MESSAGES, PLOT_RATE_HZ = ("OMNI_TRACKING", "OMNI_WHEELS", "OMNI_CONTROL"), 100.0
+"""What a link that is no slow radio is asked for, as long as the studio is connected."""
+
+T = TypeVar("T")
+
+
+def automatic_rate(url: str) -> float | None:
+    """Return the rate that plots want [Hz]; None on a slow radio, which has rates of its own."""
+    return None if is_slow(url) else PLOT_RATE_HZ
+
+
+def set_rate(robot: Robot, rate_hz: float | None) -> None:
+    """Set the rate of what is plotted; None restores the rates at boot."""
+    for name in PLOT_MESSAGES:
+        robot.set_message_interval(name, rate_hz)
+
+
+class Session:
+    """The connection to one link, from the first attempt to :meth:`close`. It connects again after a loss.
+
+    Everything that touches the robot runs in this object's thread; other threads hand it work by :meth:`do`. A stop
+    (:meth:`stop_now`) waits for none of that work. ``lock`` guards :attr:`store`, :attr:`marks` and :attr:`texts`.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.lock = threading.Lock()
+        self.store = SampleStore()
+        self.marks = Marks()
+        self.texts: deque[tuple[int, StatusText]] = deque(maxlen=TEXTS_KEPT)
+        self.text_count = 0
+        self.mark_changes = 0
+        self.phase = "connecting"
+        """connecting, connected, lost or closed."""
+        self.trouble = ""
+        """Why there is no connection, in words."""
+        self.robot: Robot | None = None
+        self.edits: Edits | None = None
+        self.page_heard_s = float("-inf")
+        """When the page that commands was heard last, on the monotonic clock."""
+        self.page_commands = False
+        self.rx_bytes_s = 0.0
+        self.connections = 0
+        """How often it has been connected: after a loss, everything may be another robot's."""
+        self._stop_wanted = False
+        self._link: UrgentLink | None = None
+        self._work: SimpleQueue[tuple[Callable[[Robot], Any], Future[Any]]] = SimpleQueue()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"robot {url}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to connect."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Disarm the robot if this program armed it, and let go of the link."""
+        self._closing.set()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def do(self, work: Callable[[Robot], T]) -> Future[T]:
+        """Have ``work`` done by the robot's thread, after what was asked for before."""
+        future: Future[T] = Future()
+        if self.phase != "connected":
+            future.set_exception(LinkLostError("no robot is connected", hint=self.trouble))
+        else:
+            self._work.put((work, future))
+        return future
+
+    def stop_now(self) -> bool:
+        """Send an emergency stop before anything else that waits; return whether there is a robot to hear it now.
+
+        If there is none, the next one that is heard on this link is stopped.
+        """
+        self._stop_wanted = self.robot is None
+        return self._at_once(mavlink.MAV_CMD_OMNI_ESTOP, (1.0, 0.0), Robot.estop)
+
+    def disarm_now(self) -> bool:
+        """The same with disarming."""
+        return self._at_once(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE), Robot.disarm)
+
+    def _at_once(self, command: int, numbers: tuple[float, float], until_confirmed: Callable[[Robot], None]) -> bool:
+        robot, link = self.robot, self._link
+        if robot is None or link is None:
+            self._drop_work()
+            return False
+        to = robot.connection
+        message = mavlink.MAVLink_command_long_message(
+            to.target_system, to.target_component, command, 0, *numbers, *[0.0] * 5
+        )
+        link.interrupt(lambda: to.send(message))
+        self._drop_work()
+        self._work.put((until_confirmed, Future()))
+        return True
+
+    # ---- the robot's thread
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            try:
+                self._serve()
+            except OmniError as error:
+                self.phase, self.trouble = "lost", f"{error}. {error.hint}" if error.hint else str(error)
+            finally:
+                self.robot = self._link = None
+                self._drop_work()
+            self._closing.wait(RETRY_S)
+        self.phase = "closed"
+
+    def _serve(self) -> None:
+        link = UrgentLink(open_shared(self.url, timeout_s=CONNECT_TIMEOUT_S))
+        with connect(link, timeout_s=CONNECT_TIMEOUT_S, stop_at_once=self._stop_wanted) as robot:
+            self._link, self.robot = link, robot
+            if self._stop_wanted:
+                robot.estop()
+                self._stop_wanted = False
+            robot.require_same_parameters()
+            robot.connection.add_listener(self._take)
+            robot.parameters.download()
+            self.edits = Edits(robot.parameters)
+            self._keep_history(robot)
+            rate_hz = automatic_rate(robot.url)
+            if rate_hz is not None:
+                set_rate(robot, rate_hz)
+            self.connections += 1
+            self.phase, self.trouble = "connected", link.notice
+            counted_s, counted = time.monotonic(), robot.connection.rx_bytes
+            while not self._closing.is_set():
+                self._mind_the_page(robot)
+                self._do_next(robot)
+                now_s = time.monotonic()
+                if now_s - counted_s >= _BYTES_OVER_S:
+                    self.rx_bytes_s = (robot.connection.rx_bytes - counted) / (now_s - counted_s)
+                    counted_s, counted = now_s, robot.connection.rx_bytes
+                if robot.status.heartbeat_age_s > _SILENT_S:
+                    raise LinkLostError(f"the robot at {self.url} is silent", hint="is it switched on?")
+                with self.lock:
+                    self.mark_changes += self.marks.overdue(self.store.now_s) is not None
+            if rate_hz is not None:
+                set_rate(robot, None)
+
+    def _mind_the_page(self, robot: Robot) -> None:
+        """Send heartbeats only while the page lives that moves the robot: a dead page is a lost link to the robot."""
+        lost = self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S
+        mute = lost and robot.status.armed
+        connection = robot.connection
+        if mute:
+            connection.next_heartbeat_s = float("inf")
+        elif connection.next_heartbeat_s == float("inf"):
+            connection.next_heartbeat_s = connection.clock()
+
+    def _do_next(self, robot: Robot) -> None:
+        """Do one thing that was asked for, or listen to the robot for a moment."""
+        try:
+            work, future = self._work.get_nowait()
+        except Empty:
+            robot.pump(_PUMP_S)
+            return
+        if not future.set_running_or_notify_cancel():
+            return
+        try:
+            future.set_result(work(robot))
+        except OmniError as error:
+            future.set_exception(error)
+            if isinstance(error, LinkLostError):
+                raise
+        except Exception as error:
+            future.set_exception(error)
+        robot.pump(0.0)
+
+    def _drop_work(self) -> None:
+        while True:
+            try:
+                _, future = self._work.get_nowait()
+            except Empty:
+                return
+            if future.set_running_or_notify_cancel():  # not if the page that asked has gone
+                future.set_exception(LinkError("not done: a stop came first, or the link was lost"))
+
+    def _take(self, message: Message) -> None:
+        name = message.get_type()
+        for kind in KINDS:
+            if kind.message == name:
+                telemetry = decode(kind, message)
+                assert telemetry is not None
+                with self.lock:
+                    time_s = self.store.take(telemetry)
+                    if isinstance(telemetry, Control):
+                        self.mark_changes += self.marks.sequence(telemetry.config_sequence, time_s) is not None
+        text = decode(StatusText, message)
+        if text is not None:
+            with self.lock:
+                self.text_count += 1
+                self.texts.append((self.text_count, text))
+
+    def _keep_history(self, robot: Robot) -> None:
+        recorder = ChangeRecorder(robot, history_of(robot), "omni studio", "", self._warn)
+        write = recorder.changed
+
+        def changed(changes: Any) -> None:
+            with self.lock:
+                self.mark_changes += self.marks.changed(changes, self.store.now_s) is not None
+            write(changes)
+
+        robot.parameters.on_change = changed
+
+    def _warn(self, error: OmniError) -> None:
+        with self.lock:
+            self.text_count += 1
+            self.texts.append((self.text_count, StatusText(4, f"the change is not in the history: {error}")))

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""What a page shows of the robot besides plots, as JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from omniwheel.capability.speeds import top_speed, top_turn_rate
+from omniwheel.plain import finite
+from omniwheel.robot import Robot
+from omniwheel.status import RobotStatus
+from omniwheel.studio.session import Session
+
+_DIGITS = 5
+_DIRECTIONS = 72
+
+
+def link_state(session: Session | None) -> dict[str, Any]:
+    """Return what is known of the connection."""
+    if session is None:
+        return {"phase": "none", "url": "", "trouble": "", "bytes_per_s": 0}
+    return {
+        "phase": session.phase,
+        "url": session.url,
+        "trouble": session.trouble,
+        "bytes_per_s": round(session.rx_bytes_s),
+    }
+
+
+def robot_state(robot: Robot) -> dict[str, Any]:
+    """Return state, pose and health of a connected robot."""
+    status = robot.status
+    return {
+        "state": status.state,
+        "armed": status.armed,
+        "mode": status.mode,
+        "faults": [name.replace("_", " ") for name in status.faults],
+        "hil": status.heartbeat is not None and status.heartbeat.hil,
+        "supply_V": None if status.battery is None else finite(status.battery.voltage_V),
+        "silent_s": round(status.heartbeat_age_s, 1),
+        **_pose_state(status),
+        **_loop_state(status),
+    }
+
+
+def shape_as_json(robot: Robot) -> dict[str, Any]:
+    """Return what a map draws and what driving by keys may ask: wheels, size, top speeds, paths.
+
+    ``speed`` is what the robot reaches in every direction [m/s] and by turning [rad/s].
+    """
+    values = robot.parameters.known
+    model = robot.drive_model()
+    directions = (2 * math.pi * number / _DIRECTIONS for number in range(_DIRECTIONS))
+    return {
+        "wheels": [math.radians(values[f"W{number}_ANGLE"]) for number in range(1, int(values["WHEELS"]) + 1)],
+        "radius_m": values["WHEEL_DIST"],
+        "speed": {
+            "v": min(top_speed(model, angle).value for angle in directions),
+            "w": top_turn_rate(model).value,
+        },
+        "paths": list(robot.table["TRJ_TYPE"].values),
+    }
+
+
+def _pose_state(status: RobotStatus) -> dict[str, Any]:
+    tracking = status.tracking
+    if tracking is None:
+        return {"pose": None}
+    return {
+        "pose": [round(value, _DIGITS) for value in tracking.pose],
+        "reference": [round(value, _DIGITS) for value in tracking.reference],
+        "pose_sd": [finite(round(value, _DIGITS)) for value in tracking.pose_sd],
+        "phase": tracking.phase,
+        "path_time_s": round(tracking.path_time_s, 2),
+    }
+
+
+def _loop_state(status: RobotStatus) -> dict[str, Any]:
+    loop = status.safety
+    if loop is None:
+        return {}
+    return {
+        "overruns": loop.overruns,
+        "rx_errors": loop.rx_errors,
+        "tx_dropped": loop.tx_dropped,
+        "tick_us_max": finite(loop.tick_us_max),
+    }

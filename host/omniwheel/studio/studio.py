@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: MIT
+"""The studio without its web server: one robot, any number of pages, one of which commands."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from typing import Any
+
+from omniwheel.errors import OmniError
+from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, BadRequestError
+from omniwheel.studio.parameter_view import table_as_json, values_as_json
+from omniwheel.studio.samples import Trace, thinned
+from omniwheel.studio.session import Session
+from omniwheel.studio.signals import Signal, all_signals
+from omniwheel.studio.simulated import SimulatedRobot
+from omniwheel.studio.state import link_state, robot_state, shape_as_json
+
+MOST_SIGNALS = 64
+HISTORY_WIDTH = 2000
+_BLOCK = struct.Struct("<II")
+_HEADER = struct.Struct("<IId")
+SAMPLES_SINCE, SAMPLES_WINDOW = 1, 2
+
+
+class Page:
+    """What one open page has been told. Touched by the server's thread only."""
+
+    def __init__(self, number: int) -> None:
+        self.name = f"page {number}"
+        self.shown: list[Signal] = []
+        self.sent: dict[str, int] = {}
+        """Number of the next sample, by signal."""
+        self.session: Session | None = None
+        self.connection = 0
+        self.text_count = 0
+        self.mark_changes = -1
+        self.values: dict[str, float] = {}
+        self.state: dict[str, Any] = {}
+
+
+class Studio:
+    """Everything that the pages share."""
+
+    def __init__(self) -> None:
+        self.session: Session | None = None
+        self.simulated: SimulatedRobot | None = None
+        self.pages: list[Page] = []
+        self.commanding: Page | None = None
+        self._numbers = itertools.count(1)
+
+    # ---- pages
+
+    def open_page(self) -> Page:
+        """A page has come; the first one commands."""
+        page = Page(next(self._numbers))
+        self.pages.append(page)
+        if self.commanding is None:
+            self.take_over(page)
+        return page
+
+    def close_page(self, page: Page) -> None:
+        """A page has gone. If it commanded, nobody does until another takes over: the robot is not handed on."""
+        self.pages.remove(page)
+        if self.commanding is page:
+            self.commanding = None
+            if self.session is not None:
+                self.session.page_heard_s = float("-inf")
+
+    def take_over(self, page: Page) -> None:
+        """Let this page command."""
+        self.commanding = page
+        self.heard(page)
+
+    def heard(self, page: Page) -> None:
+        """Note that this page lives."""
+        if self.session is not None and self.commanding is page:
+            self.session.page_commands = True
+            self.session.page_heard_s = time.monotonic()
+
+    # ---- the robot
+
+    def connect(self, url: str) -> None:
+        """Connect to a robot instead of the one before."""
+        self.disconnect()
+        self._begin(url)
+
+    def _begin(self, url: str) -> None:
+        self.session = Session(url)
+        if self.commanding is not None:
+            self.heard(self.commanding)
+        self.session.start()
+
+    def disconnect(self) -> None:
+        """Let go of the robot. It is disarmed if it was armed from here; a simulated one ends."""
+        if self.session is not None:
+            self.session.close()
+            self.session = None
+        if self.simulated is not None:
+            self.simulated.close()
+            self.simulated = None
+
+    def simulate(self, scenario: str, robot: str | None, seed: int) -> None:
+        """Start a simulated robot and connect to it. Raises FirmwareStartError."""
+        self.disconnect()
+        self.simulated = SimulatedRobot(scenario, robot, seed)
+        self._begin(self.simulated.url)
+
+    def stop(self) -> bool:
+        """Emergency stop, before everything; return whether a robot could be told."""
+        return self.session is not None and self.session.stop_now()
+
+    def disarm(self) -> bool:
+        """Disarm, before everything; return whether a robot could be told."""
+        return self.session is not None and self.session.disarm_now()
+
+    def ask(self, page: Page, action: str, request: Mapping[str, Any]) -> Future[Any]:
+        """Have the robot do one of :data:`ACTIONS`. Raises BadRequestError."""
+        work = ACTIONS.get(action)
+        if work is None:
+            raise BadRequestError(f"there is nothing called {action!r} to do")
+        if page is not self.commanding and action not in FOR_EVERY_PAGE:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        session = self.session
+        if session is None:
+            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        return session.do(lambda robot: work(robot, _edits(session), request))
+
+    # ---- what a page is told
+
+    def show(self, page: Page, keys: Sequence[str], span_s: float) -> bytes:
+        """Note which signals a page shows; return what was there of them in the last ``span_s``."""
+        if len(keys) > MOST_SIGNALS:
+            raise BadRequestError(f"{len(keys)} signals are too many: {MOST_SIGNALS} at most")
+        known = {signal.key: signal for signal in self.signals()}
+        page.shown = [known[key] for key in keys if key in known]
+        page.sent = {}
+        session = self.session
+        if session is None:
+            return b""
+        with session.lock:
+            begin_s = session.store.now_s - span_s
+            traces = [session.store.window(signal, begin_s, float("inf"), HISTORY_WIDTH) for signal in page.shown]
+            page.sent = {signal.key: session.store.count(signal) for signal in page.shown}
+            arrived_s = session.store.arrived_s
+        return packed(SAMPLES_WINDOW, arrived_s, traces, page.shown)
+
+    def window(self, page: Page, begin_s: float, end_s: float, width: int) -> bytes:
+        """Return what a plot of the shown signals sees between two times."""
+        session = self.session
+        if session is None:
+            return b""
+        with session.lock:
+            traces = [session.store.window(signal, begin_s, end_s, width) for signal in page.shown]
+            arrived_s = session.store.arrived_s
+        return packed(SAMPLES_WINDOW, arrived_s, traces, page.shown)
+
+    def new_samples(self, page: Page) -> bytes:
+        """Return what came since the last call for the signals that a page shows; b"" if nothing."""
+        session = self.session
+        if session is None or not page.shown:
+            return b""
+        with session.lock:
+            counts = {signal.key: session.store.count(signal) for signal in page.shown}
+            traces = [
+                session.store.since(signal, page.sent.get(signal.key, counts[signal.key])) for signal in page.shown
+            ]
+            page.sent = counts
+            arrived_s = session.store.arrived_s
+        if not any(len(trace.time_s) for trace in traces):
+            return b""
+        return packed(SAMPLES_SINCE, arrived_s, [thinned(trace, HISTORY_WIDTH) for trace in traces], page.shown)
+
+    def signals(self) -> list[Signal]:
+        """Return the signals of the connected robot."""
+        session = self.session
+        robot = None if session is None else session.robot
+        wheels = 4 if robot is None else int(robot.parameters.known.get("WHEELS", 4))
+        return all_signals(wheels)
+
+    def news(self, page: Page) -> dict[str, Any]:
+        """Return what a page has not been told yet: state, parameters, texts, marks, tables of a new robot."""
+        session = self.session
+        found: dict[str, Any] = {}
+        state = self.state(page)
+        if state != page.state:
+            page.state = found["state"] = state
+        if session is None or session.edits is None or session.robot is None:
+            return found
+        if page.session is not session or page.connection != session.connections:
+            page.session, page.connection = session, session.connections
+            page.text_count, page.mark_changes, page.values = 0, -1, {}
+            found["tables"] = self.tables()
+        values = session.robot.parameters.known
+        if values != page.values:
+            found["parameters"] = values_as_json(
+                {name: value for name, value in values.items() if page.values.get(name) != value}
+            )
+            page.values = dict(values)
+        with session.lock:
+            texts = [(number, text) for number, text in session.texts if number > page.text_count]
+            page.text_count = session.text_count
+            if session.mark_changes != page.mark_changes:
+                page.mark_changes = session.mark_changes
+                found["marks"] = [mark.as_json() for mark in session.marks.all()]
+        if texts:
+            found["texts"] = [{"severity": text.severity, "text": text.text} for _, text in texts]
+        return found
+
+    def tables(self) -> dict[str, Any]:
+        """Return what stays the same as long as a robot is connected: its signals and its parameters' table."""
+        session = self.session
+        robot = None if session is None else session.robot
+        return {
+            "signals": [
+                {"key": s.key, "group": s.group, "label": s.label, "unit": s.unit, "doc": s.doc} for s in self.signals()
+            ],
+            "parameters": [] if robot is None else table_as_json(robot.table),
+            "version": "" if robot is None else str(robot.version),
+            **({} if robot is None else shape_as_json(robot)),
+        }
+
+    def state(self, page: Page | None = None) -> dict[str, Any]:
+        """Return the state as the page shows it."""
+        session = self.session
+        robot = None if session is None else session.robot
+        edits = None if session is None else session.edits
+        undo, redo = (0, 0) if edits is None else edits.steps
+        return {
+            "link": link_state(session),
+            "simulated": None if self.simulated is None else self.simulated.scenario,
+            "robot": None if robot is None else robot_state(robot),
+            "undo": undo,
+            "redo": redo,
+            "commands": self._who_commands(page),
+            "pages": len(self.pages),
+        }
+
+    def _who_commands(self, page: Page | None) -> str:
+        if self.commanding is None:
+            return "nobody"
+        return "this page" if self.commanding is page else self.commanding.name
+
+
+def _edits(session: Session) -> Any:
+    if session.edits is None:
+        raise OmniError("the robot is not connected yet")
+    return session.edits
+
+
+def packed(kind: int, arrived_s: float, traces: Sequence[Trace], shown: Sequence[Signal]) -> bytes:
+    """Return traces as the page reads them, little-endian.
+
+    First two u32, ``kind`` and the number of traces, and an f64: when the newest message arrived, on this computer's
+    clock [s since 1970]. Then for each trace two u32: its place in the page's list of signals, and its number n of
+    samples. Behind them n f64 times [s] and n f32 values, padded to 8 bytes.
+    """
+    places = {signal.key: place for place, signal in enumerate(shown)}
+    parts = [_HEADER.pack(kind, len(traces), arrived_s)]
+    for trace in traces:
+        value = trace.value.astype("<f4").tobytes()
+        parts += [
+            _BLOCK.pack(places[trace.key], len(trace.time_s)),
+            trace.time_s.astype("<f8").tobytes(),
+            value,
+            b"\0" * (-len(value) % 8),
+        ]
+    return b"".join(parts)

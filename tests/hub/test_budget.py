@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: MIT
+"""A slow radio is not flooded by three programs at once, and a stop does not wait for them."""
+
+from __future__ import annotations
+
+import pytest
+
+from omniwheel.dialect import mavlink
+from omniwheel.hub.addresses import SHARE
+from omniwheel.hub.core import HubSettings
+from omniwheel.robots import parameter_table
+from tests.hub.bench import ARM, LATER, Bench, command, set_point
+from tests.hub.budget import BAUD, Result, run
+
+STOP_S = 0.2
+"""From an emergency stop to its last byte on a 9600-baud line, as docs/guides/hub.md says."""
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["open", "signed"])
+def crowded(request: pytest.FixtureRequest) -> Result:
+    return run(20.0, 1, signed=request.param)
+
+
+def test_three_programs_stay_inside_the_byte_budget_at_any_time(crowded: Result) -> None:
+    assert crowded.excess_bytes <= 0.0
+    assert 0.8 * SHARE * BAUD / 10 < crowded.bytes_s <= SHARE * BAUD / 10
+
+
+def test_set_points_come_often_enough_for_the_robot_to_drive(crowded: Result) -> None:
+    assert crowded.gap_s < parameter_table()["SAFE_CMD_TO"].default
+
+
+def test_an_emergency_stop_is_on_the_line_in_time_although_the_budget_is_spent(crowded: Result) -> None:
+    assert len(crowded.stop_s) >= 5
+    assert max(crowded.stop_s) < STOP_S
+
+
+def test_a_program_that_asks_for_too_much_is_told_and_still_served(crowded: Result) -> None:
+    assert crowded.told
+    assert crowded.read > 10
+
+
+SLOW = HubSettings("radio", 480.0, 100.0)
+
+
+def test_of_set_points_only_the_newest_waits() -> None:
+    bench = Bench(SLOW)
+    station = bench.join("first")
+    for speed in range(20):
+        station.send(set_point(float(speed)))
+    bench.run(1.0)
+    assert [message.vx for _, message in bench.sent] == [19.0]
+
+
+def test_an_old_set_point_is_not_sent_but_said() -> None:
+    bench = Bench(SLOW)
+    driver = bench.join("first")
+    driver.send(*(mavlink.MAVLink_ping_message(number, 0, 1, 1) for number in range(20)), set_point())
+    bench.run(3.0)
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
+    assert "hub: link is full, 1 left out" in driver.texts()
+
+
+def test_commands_that_do_not_fit_are_put_off() -> None:
+    bench = Bench(SLOW)
+    station = bench.join("first")
+    for number in range(1, 101):
+        station.send(command(mavlink.MAV_CMD_REQUEST_MESSAGE, 148.0, count=number))
+    bench.run(0.01)
+    assert station.results(mavlink.MAV_CMD_REQUEST_MESSAGE).count(LATER) > 50
+    assert any("left out" in text for text in station.texts())
+
+
+def test_a_frame_larger_than_the_burst_goes_out_when_nothing_else_does() -> None:
+    bench = Bench(SLOW)
+    station = bench.join("first")
+    payload = bytes(range(1, 252))
+    station.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, list(payload)))
+    bench.run(1.0)
+    assert bench.names() == ["FILE_TRANSFER_PROTOCOL"]
+
+
+def test_a_command_said_again_while_it_waits_goes_out_once() -> None:
+    bench = Bench(SLOW)
+    bench.answers = False
+    station = bench.join("first")
+    station.send(*(mavlink.MAVLink_ping_message(number, 0, 1, 1) for number in range(8)))
+    for _ in range(3):
+        station.send(command(ARM, 1.0, count=1))
+        bench.run(0.001)
+    bench.run(3.0)
+    assert len(bench.commands(ARM)) == 1
+
+
+def test_a_flood_of_stops_does_not_fill_the_line_and_another_programs_stop_still_gets_through() -> None:
+    bench = Bench(SLOW)
+    mad, calm = bench.join("mad"), bench.join("calm")
+    for step in range(5000):
+        mad.send(command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0, count=step + 1))
+        if step == 2500:
+            calm.send(command(ARM, 0.0))
+            asked_s = bench.now_s
+        bench.run(0.001)
+    (sent_s,) = [at_s for at_s, message in bench.sent if message.command == ARM]
+    assert sent_s - asked_s < STOP_S
+    assert sum(len(frame) for _, frame in bench.frames) < 5.0 * SLOW.bytes_s + 400

@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: MIT
+"""One client commands at a time; the others are told; stops pass from any."""
+
+from __future__ import annotations
+
+import pytest
+
+from omniwheel.dialect import mavlink
+from omniwheel.hub.in_command import IDLE_S, PAUSE_S
+from omniwheel.hub.outbox import STALE_S
+from tests.hub.bench import ACCEPTED, ARM, DENIED, LATER, Bench, Station, beat, command, set_point
+
+STOPS = {
+    "disarm": command(ARM, 0.0),
+    "forced disarm": command(ARM, 0.0, 21196.0),
+    "termination": command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0),
+    "emergency stop": command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0),
+    "hold": command(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP),
+}
+MOVES = {
+    "arm": command(ARM, 1.0),
+    "trajectory": command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, -1.0),
+    "release": command(mavlink.MAV_CMD_OMNI_ESTOP, 0.0),
+    "reboot": command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
+}
+
+
+def driven() -> tuple[Bench, Station, Station]:
+    """Return a bench on which the first station drives an armed robot and the second looks on."""
+    bench = Bench()
+    first, second = bench.join("first"), bench.join("second")
+    first.send(command(ARM, 1.0))
+    bench.run()
+    bench.robot_is(armed=True)
+    assert first.results() == [ACCEPTED]
+    return bench, first, second
+
+
+def test_the_first_to_arm_commands_and_the_others_are_told() -> None:
+    _, _, second = driven()
+    assert "hub: first commands" in second.texts()
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_who_does_not_command_is_denied_with_the_reason(name: str) -> None:
+    bench, _, second = driven()
+    second.send(MOVES[name])
+    bench.run()
+    assert second.results(MOVES[name].command)[-1] == DENIED
+    assert "hub: refused, first commands" in second.texts()
+    assert len(bench.commands(MOVES[name].command)) == (1 if name == "arm" else 0)
+
+
+def test_a_denial_carries_the_receipt_of_a_numbered_command() -> None:
+    bench, _, second = driven()
+    second.send(command(ARM, 1.0, count=7))
+    bench.run()
+    assert second.got("COMMAND_ACK")[-1].result_param2 not in (0, None)
+    assert second.got("COMMAND_ACK")[-1].get_srcComponent() == 1
+
+
+def test_refused_set_points_are_said_once_in_two_seconds() -> None:
+    bench, first, second = driven()
+    for _ in range(100):
+        first.send(beat())
+        second.send(set_point())
+        bench.run(0.05)
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
+    assert second.texts().count("hub: refused, first commands") == 3
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_a_stop_passes_from_any_client_before_everything_queued(name: str) -> None:
+    bench, first, second = driven()
+    bench.sent.clear()
+    for number in range(20):
+        first.send(mavlink.MAVLink_param_request_read_message(1, 1, b"", number))
+    first.send(set_point(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0))
+    second.send(STOPS[name])
+    bench.run()
+    assert bench.sent[0][1].command == STOPS[name].command
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names(), "what moves and was queued before the stop is gone"
+    assert first.results(mavlink.MAV_CMD_OMNI_TRAJECTORY_START) == [DENIED]
+    assert "hub: a stop came first" in first.texts()
+    assert second.results(STOPS[name].command)[-1] == ACCEPTED
+
+
+def test_an_arm_command_said_again_after_a_stop_is_denied() -> None:
+    bench = Bench()
+    bench.answers = False
+    first, second = bench.join("first"), bench.join("second")
+    first.send(command(ARM, 1.0, count=1))
+    bench.run(0.5)
+    second.send(command(ARM, 0.0))
+    bench.run(0.5)
+    first.send(command(ARM, 1.0, count=1))
+    bench.run()
+    assert [message.param1 for message in bench.commands(ARM)] == [1.0, 0.0]
+    assert first.results() == [DENIED]
+    first.send(command(ARM, 1.0, count=2))
+    bench.run()
+    assert [message.param1 for message in bench.commands(ARM)] == [1.0, 0.0, 1.0], "a new one is a new decision"
+
+
+def test_the_command_is_free_once_the_robot_is_not_armed() -> None:
+    bench, first, second = driven()
+    first.send(command(ARM, 0.0))
+    bench.run()
+    bench.robot_is(armed=False)
+    bench.run()
+    assert "hub: nobody commands" in second.texts()
+    second.send(command(ARM, 1.0))
+    bench.run()
+    assert second.results()[-1] == ACCEPTED
+
+
+def test_the_command_is_free_once_its_client_has_gone() -> None:
+    bench, first, second = driven()
+    bench.leave(first)
+    second.send(set_point())
+    bench.run()
+    assert bench.names().count("SET_POSITION_TARGET_LOCAL_NED") == 1
+
+
+def test_a_refused_stream_does_not_take_over_in_its_middle() -> None:
+    bench, first, second = driven()
+    second.send(set_point())
+    bench.run(0.05)
+    bench.leave(first)
+    for _ in range(60):
+        second.send(set_point())
+        bench.run(0.05)
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
+    assert "hub: refused, pause before you take over" in second.texts()
+    bench.run(PAUSE_S)
+    second.send(set_point())
+    bench.run()
+    assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names()
+
+
+def test_a_client_in_command_that_heartbeats_keeps_an_armed_robot_and_a_silent_one_loses_it() -> None:
+    bench, first, second = driven()
+    for _ in range(20):
+        first.send(beat())
+        bench.run(1.0, 0.1)
+    assert bench.hub.command.holder == first.number
+    bench.run(IDLE_S, 0.1)
+    assert bench.hub.command.holder is None
+    assert "hub: nobody commands" in second.texts()
+
+
+def test_who_moves_a_disarmed_robot_and_goes_idle_loses_the_command_although_it_heartbeats() -> None:
+    bench = Bench()
+    first = bench.join("first")
+    bench.robot_is(armed=False)
+    first.send(set_point())
+    for _ in range(5):
+        bench.run(1.0, 0.1)
+        first.send(beat())
+    assert bench.hub.command.holder is None
+
+
+def test_an_armed_robot_hears_the_heartbeats_of_the_client_in_command_only() -> None:
+    bench, first, second = driven()
+    bench.sent.clear()
+    for _ in range(10):
+        second.send(beat())
+        bench.run(0.1)
+    assert "HEARTBEAT" not in bench.names()
+    first.send(beat())
+    bench.run()
+    assert bench.names().count("HEARTBEAT") == 1
+    bench.leave(first)
+    for _ in range(50):
+        second.send(beat())
+        bench.run(0.1)
+    assert bench.names().count("HEARTBEAT") == 1, "nobody's heartbeats hide that the commanding client has gone"
+
+
+def test_a_disarmed_robot_hears_one_heartbeat_a_second_of_all() -> None:
+    bench = Bench()
+    stations = [bench.join(f"{number}") for number in range(3)]
+    bench.robot_is(armed=False)
+    for _ in range(100):
+        for station in stations:
+            station.send(beat())
+        bench.run(0.1)
+    assert 9 <= bench.names().count("HEARTBEAT") <= 12
+
+
+def test_the_hub_never_repeats_a_set_point() -> None:
+    bench, first, _ = driven()
+    first.send(set_point())
+    bench.run(5.0, 0.01)
+    assert bench.names().count("SET_POSITION_TARGET_LOCAL_NED") == 1
+
+
+def test_nothing_of_a_client_that_has_gone_is_sent_but_its_stop() -> None:
+    bench, first, _ = driven()
+    bench.sent.clear()
+    first.send(set_point(), mavlink.MAVLink_param_request_list_message(1, 1))
+    bench.leave(first)
+    bench.run()
+    assert bench.sent == []
+    third = bench.join("third")
+    third.send(command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0))
+    bench.leave(third)
+    bench.run()
+    assert len(bench.commands(mavlink.MAV_CMD_OMNI_ESTOP)) == 1
+
+
+def test_without_a_port_commands_are_put_off_and_everybody_is_told() -> None:
+    bench, first, second = driven()
+    bench.hub.port_lost()
+    first.send(command(ARM, 1.0))
+    second.send(command(ARM, 0.0))
+    bench.run(1.0, 0.1)
+    assert first.results()[-1] == LATER
+    assert second.results()[-1] == LATER
+    assert "hub: port is gone, waiting for it" in first.texts()
+    assert "hub: port is gone, waiting for it" in second.texts()
+    bench.sent.clear()
+    bench.hub.port_opened()
+    bench.run(STALE_S * 2)
+    assert bench.sent == [], "nothing that was asked for before is done now"
+    assert second.texts()[-1] == "hub: port is there"
+
+
+def test_who_had_the_port_before_keeps_an_armed_robot() -> None:
+    bench = Bench(opened=False)
+    first = bench.join("127.0.0.1:1")
+    first.send(mavlink.MAVLink_statustext_message(6, b"this was omni drive (1)"))
+    second = bench.join("second")
+    bench.hub.port_opened()
+    bench.robot_is(armed=True)
+    first.send(beat())
+    second.send(command(ARM, 1.0))
+    bench.run()
+    assert second.results() == [DENIED]
+    assert "hub: refused, omni drive (1) commands" in second.texts()
+    assert "HEARTBEAT" in bench.names()
+
+
+def test_who_had_the_port_of_a_robot_at_rest_does_not_command() -> None:
+    bench = Bench(opened=False)
+    first = bench.join("127.0.0.1:1")
+    first.send(mavlink.MAVLink_statustext_message(6, b"this was omni monitor (1)"))
+    second = bench.join("second")
+    bench.hub.port_opened()
+    bench.robot_is(armed=False)
+    second.send(command(ARM, 1.0))
+    bench.run()
+    assert second.results() == [ACCEPTED]
+
+
+def test_a_name_that_is_too_long_or_strange_leaves_room_for_the_text() -> None:
+    bench, _, second = driven()
+    first = bench.stations[0]
+    first.send(mavlink.MAVLink_statustext_message(6, b"this is \x1b[31m" + b"x" * 40))
+    second.send(command(ARM, 1.0))
+    bench.run()
+    assert f"hub: refused, {('[31m' + 'x' * 40)[:25]} commands" in second.texts()
+
+
+def test_another_robot_on_the_same_radio_does_not_free_the_command() -> None:
+    bench, first, _ = driven()
+    other = mavlink.MAVLink(bench, 2, 1)
+    for _ in range(5):
+        other.heartbeat_send(mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_AUTOPILOT_GENERIC, 0, 0, 4)
+        first.send(beat())
+        bench.robot_is(armed=True)
+        bench.run(1.0, 0.1)
+    assert bench.hub.command.holder == first.number

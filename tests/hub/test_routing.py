@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: MIT
+"""Who gets what: the robot's frames unchanged to all, answers to who asked, parameters to everybody."""
+
+from __future__ import annotations
+
+from omniwheel.dialect import mavlink
+from tests.hub.bench import ACCEPTED, Bench, beat, command
+
+REBOOT_INFO = mavlink.MAV_CMD_REQUEST_MESSAGE
+
+
+def test_the_robots_frames_reach_every_client_byte_by_byte() -> None:
+    bench = Bench()
+    stations = [bench.join("first"), bench.join("second")]
+    bench.robot_is(armed=False)
+    bench.robot_sends(mavlink.MAVLink_attitude_message(1, 2, 3, 4, 5, 6, 7))
+    bench.run()
+    for station in stations:
+        assert [(m.get_type(), m.get_seq(), m.get_srcSystem()) for m in station.inbox] == [
+            ("HEARTBEAT", 0, 1),
+            ("ATTITUDE", 1, 1),
+        ]
+    assert stations[0].raw == stations[1].raw
+
+
+def test_a_clients_frame_reaches_the_robot_as_it_was_sent() -> None:
+    bench = Bench()
+    station = bench.join("first", system=200)
+    message = mavlink.MAVLink_param_set_message(1, 1, b"WS_P", 4.0, 9)
+    message.pack(station.codec)
+    wanted = bytes(message.get_msgbuf())
+    bench.hub.from_client(station.number, wanted)
+    bench.run()
+    assert [frame for _, frame in bench.frames] == [wanted]
+
+
+def test_a_changed_parameter_is_seen_by_all() -> None:
+    bench = Bench()
+    first, second = bench.join("first"), bench.join("second")
+    first.send(mavlink.MAVLink_param_set_message(1, 1, b"WS_P", 4.0, 9))
+    bench.run()
+    bench.robot_sends(mavlink.MAVLink_param_value_message(b"WS_P", 4.0, 9, 10, 65535))
+    bench.run()
+    assert len(first.got("PARAM_VALUE")) == len(second.got("PARAM_VALUE")) == 1
+
+
+def test_two_clients_with_the_same_question_each_get_one_answer() -> None:
+    bench = Bench()
+    bench.answers = False
+    first, second, third = bench.join("first"), bench.join("second"), bench.join("third")
+    first.send(command(REBOOT_INFO, 148.0))
+    second.send(command(REBOOT_INFO, 148.0))
+    bench.run()
+    bench.robot_sends(mavlink.MAVLink_command_ack_message(REBOOT_INFO, ACCEPTED, 0, 0, 255, 190))
+    bench.run()
+    assert (first.results(REBOOT_INFO), second.results(REBOOT_INFO)) == ([ACCEPTED], [])
+    assert third.results(REBOOT_INFO) == [ACCEPTED], "who waits for nothing may know it"
+    bench.robot_sends(mavlink.MAVLink_command_ack_message(REBOOT_INFO, ACCEPTED, 0, 0, 255, 190))
+    bench.run()
+    assert second.results(REBOOT_INFO) == [ACCEPTED]
+
+
+def test_a_broadcast_goes_to_the_other_clients_too_but_not_back() -> None:
+    bench = Bench()
+    first, second = bench.join("first"), bench.join("second")
+    first.send(beat())
+    bench.run()
+    assert len(second.got("HEARTBEAT")) == 1
+    assert first.got("HEARTBEAT") == []
+
+
+def test_a_message_for_another_clients_system_goes_there_and_not_to_the_robot() -> None:
+    bench = Bench()
+    first, camera, third = bench.join("first"), bench.join("camera", system=42), bench.join("third")
+    camera.send(beat())
+    bench.run(1.0, 0.1)
+    bench.sent.clear()
+    first.send(mavlink.MAVLink_command_long_message(42, 100, 2000, 0, 0, 0, 0, 0, 0, 0, 0))
+    bench.run()
+    assert len(camera.got("COMMAND_LONG")) == 1
+    assert third.got("COMMAND_LONG") == []
+    assert bench.sent == []
+
+
+def test_the_hub_speaks_as_a_component_of_its_own_of_the_robots_system() -> None:
+    bench = Bench()
+    bench.robot_is(armed=False)
+    bench.hub.port_lost()
+    station = bench.join("first")
+    bench.run()
+    (text,) = station.got("STATUSTEXT")
+    assert (text.get_srcSystem(), text.get_srcComponent()) == (1, mavlink.MAV_COMP_ID_UART_BRIDGE)

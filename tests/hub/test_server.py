@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: MIT
+"""The hub's sockets, served by the test itself, in front of the real firmware."""
+
+from __future__ import annotations
+
+import select
+import socket
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from pymavlink import mavutil
+
+from omniwheel import FirmwareProcess
+from omniwheel.hub import clients
+from omniwheel.hub.server import HubServer
+from omniwheel.link import LinkAddress
+from tests.hub.bench import ARM, Bench, beat, command
+
+ROUNDS = 3000
+
+
+@pytest.fixture
+def robot() -> Iterator[str]:
+    with FirmwareProcess("three_wheel") as process:
+        yield process.urls[0]
+
+
+def serve_until(server: HubServer, condition: Callable[[], Any]) -> Any:
+    """Serve until the condition holds, and return what it returned."""
+    for _ in range(ROUNDS):
+        server.serve(0.02)
+        if found := condition():
+            return found
+    raise AssertionError(f"not within {ROUNDS} rounds; the hub said {list(server.hub.events)}")
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def heartbeat(link: Any) -> Any:
+    return link.recv_match(type="HEARTBEAT", blocking=False)
+
+
+def test_a_station_that_waits_at_a_udp_port_is_found_by_the_hub_and_answered(robot: str) -> None:
+    """As QGroundControl does at port 14550."""
+    port = free_udp_port()
+    station = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", dialect="common")
+    with HubServer(robot, ["tcp:127.0.0.1:0", f"udpout:127.0.0.1:{port}"]) as server:
+        serve_until(server, lambda: heartbeat(station))
+        station.mav.param_request_read_send(1, 1, b"WS_P", -1)
+        serve_until(server, lambda: station.recv_match(type="PARAM_VALUE", blocking=False))
+    station.close()
+
+
+def test_a_udp_peer_that_speaks_first_is_served_until_it_is_silent() -> None:
+    bench = Bench()
+    now_s = [0.0]
+    server = clients.UdpClients(bench.hub, LinkAddress("udpin", "127.0.0.1", free_udp_port()), lambda: now_s[0])
+    station = mavutil.mavlink_connection(server.url.replace("udpin", "udpout"), dialect="common")
+    station.mav.send(beat())
+    server.read(set(server.sockets()))
+    bench.robot_is(armed=False)
+    server.write()
+    assert station.recv_match(type="HEARTBEAT", blocking=True).get_srcSystem() == 1
+    now_s[0] = clients.UDP_SILENCE_S
+    server.read(set())
+    assert len(bench.hub.clients) == 1
+    now_s[0] += 0.1
+    server.read(set())
+    assert bench.hub.clients == {}
+    server.close()
+    station.close()
+
+
+def test_strangers_do_not_get_in_where_the_hub_speaks_first() -> None:
+    bench = Bench()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station, socket.socket(type=socket.SOCK_DGRAM) as stranger:
+        station.bind(("127.0.0.1", 0))
+        server = clients.UdpClients(bench.hub, LinkAddress("udpout", *station.getsockname()), lambda: 0.0)
+        bench.robot_is(armed=False)
+        server.write()
+        data, hub = station.recvfrom(4096)
+        message = command(ARM, 1.0)
+        message.pack(mavutil.mavlink.MAVLink(None, 255, 190))
+        for sender in (stranger, station):
+            sender.sendto(bytes(message.get_msgbuf()), hub)
+            select.select(server.sockets(), [], [])
+            server.read(set(server.sockets()))
+            bench.run()
+            assert len(bench.commands(ARM)) == (1 if sender is station else 0)
+        assert data
+        server.close()
+
+
+def test_a_client_that_does_not_read_is_sent_away_and_the_others_go_on(
+    robot: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clients, "UNREAD_BYTES", 1000)
+    with HubServer(robot, ["tcp:127.0.0.1:0"]) as server:
+        host, port = server.urls[0].removeprefix("tcp:").split(":")
+        lazy = socket.create_connection((host, int(port)))
+        lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        serve_until(server, lambda: server.hub.clients)
+        busy = mavutil.mavlink_connection(server.urls[0], dialect="common")
+        noise = bytes(1_000_000)
+
+        def flooded() -> bool:
+            for client in server.hub.clients.values():
+                if client.number == 1:
+                    client.out += noise
+            return any("does not read" in line for line in server.hub.events)
+
+        serve_until(server, flooded)
+        serve_until(server, lambda: heartbeat(busy))
+        assert len(server.hub.clients) == 1
+        busy.close()
+        lazy.close()
+
+
+def test_a_port_that_is_not_there_is_said_once_and_waited_for() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        nobody = f"tcp:127.0.0.1:{free.getsockname()[1]}"
+        with HubServer(nobody, ["tcp:127.0.0.1:0"]) as server:
+            for _ in range(10):
+                server.serve(0.01)
+                server._next_open_s = 0.0
+            assert [line for line in server.hub.events if "waiting" in line] == [
+                f"waiting: cannot open {nobody}: connection refused"
+            ]

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: MIT
+"""The real studio in a real browser: Debian's Chromium, without a window."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from tests.studio.parts import CHROMIUM, SAFE, WAIT_MS, Opener
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    if CHROMIUM is None:
+        assert "CI" not in os.environ, "CI has to have Chromium"
+        pytest.skip("no Chromium here: apt install chromium")
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=CHROMIUM, args=SAFE)
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Opener]:
+    """Open an address in a browser of its own; an error of the page's script fails the test."""
+    errors: list[str] = []
+    with ExitStack() as stack:
+
+        def opened(url: str, width: int = 1500, height: int = 950) -> Page:
+            context = browser.new_context(viewport={"width": width, "height": height}, accept_downloads=True)
+            stack.callback(context.close)
+            page = context.new_page()
+            page.set_default_timeout(WAIT_MS)
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.goto(url)
+            return page
+
+        yield opened
+    assert errors == []

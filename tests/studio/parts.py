@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT
+"""The studio as a program, and how to wait for what its page shows."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Any
+from urllib.request import urlopen
+
+from playwright.sync_api import Page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+WAIT_MS = 60_000
+"""For what comes in a moment on an idle machine."""
+Opener = Callable[..., Page]
+
+SAFE = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update"]
+
+
+@dataclass
+class Program:
+    """A program of ours that runs in the background; ``ready`` is what it said first."""
+
+    process: subprocess.Popen[str]
+    ready: dict[str, Any]
+
+    @property
+    def url(self) -> str:
+        return str(self.ready["url"])
+
+    def state(self) -> Any:
+        with urlopen(f"{self.url}state.json") as answer:
+            return json.load(answer)
+
+    def end(self) -> str:
+        """End it as Ctrl-C does; return what it said to standard error."""
+        self.process.terminate()
+        return self.process.communicate(timeout=60)[1]
+
+
+@contextmanager
+def running(*words: str) -> Iterator[Program]:
+    """Run an ``omni`` command that says in JSON when it is ready."""
+    command = [sys.executable, "-m", "omniwheel", *words, "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    try:
+        yield Program(process, json.loads(process.stdout.readline()))
+    finally:
+        if process.poll() is None:
+            process.terminate()
+            process.communicate(timeout=60)
+
+
+def studio(*words: str) -> AbstractContextManager[Program]:
+    """Run the studio on a port of its own."""
+    return running("studio", "--no-browser", "--port", "0", *words)
+
+
+def until(page: Page, condition: str) -> None:
+    """Wait until a JavaScript expression is true; it may use ``studio``, ``state`` and ``robot``.
+
+    Playwright's own waiting evaluates text inside the page, which the page's security policy forbids.
+    """
+    look = f"() => {{ const state = window.studio?.state, robot = state?.robot; return Boolean({condition}); }}"
+    end_s = time.monotonic() + WAIT_MS / 1000
+    while not page.evaluate(look):
+        if time.monotonic() > end_s:
+            seen = page.evaluate("() => [document.getElementById('notice')?.textContent, window.studio?.state]")
+            raise AssertionError(f"this never came true: {condition}; the page shows {seen}")
+        page.wait_for_timeout(20)

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: MIT
+"""Clients that are no page of the studio: garbage, floods, other sites; and other programs at the same robot."""
+
+from __future__ import annotations
+
+import json
+import random
+import socket as py_socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.sync.client import ClientConnection, connect
+
+from tests.studio.parts import Opener, Program, running, studio, until
+
+
+@pytest.fixture(scope="module")
+def simulated() -> Iterator[Program]:
+    with studio("sitl") as program:
+        yield program
+
+
+def socket_url(program: Program, token: str = "") -> str:
+    return program.url.split("?")[0].replace("http", "ws") + "socket?token=" + token
+
+
+def ask(socket: ClientConnection, action: str, **content: Any) -> dict[str, Any]:
+    """Send a request and return its answer; what comes in between is left out."""
+    socket.send(json.dumps({"do": action, "id": 7, **content}))
+    while True:
+        message = socket.recv(timeout=60)
+        if isinstance(message, str):
+            found = json.loads(message)
+            if found.get("answer") == 7:
+                return dict(found)
+
+
+def wait(condition: Callable[[], bool], what: str) -> None:
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    raise AssertionError(what)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://localhost:1"])
+def test_another_sites_page_gets_no_socket(simulated: Program, origin: str) -> None:
+    with pytest.raises(InvalidHandshake):
+        connect(socket_url(simulated), origin=origin)
+
+
+BAD = [
+    "",
+    "x",
+    "[]",
+    "null",
+    "{}",
+    '{"do": 1}',
+    '{"do": "no such thing"}',
+    '{"do": "here", "id": {}}',
+    '{"do": "set"}',
+    '{"do": "set", "values": {"ISMC_LAM_XY": null}}',
+    '{"do": "set", "values": {"ISMC_LAM_XY": [1]}}',
+    '{"do": "set", "values": {"ISMC_LAM_XY": NaN}}',
+    '{"do": "set", "values": {"no": 1}}',
+    '{"do": "set", "values": {"ISMC_LAM_XY": 1e999}}',
+    '{"do": "velocity", "vx": "fast", "vy": 0, "wz": 0}',
+    '{"do": "velocity", "vx": true, "vy": 0, "wz": 0}',
+    '{"do": "velocity", "vx": NaN, "vy": 0, "wz": 0}',
+    '{"do": "velocity", "vx": 1e300, "vy": 0, "wz": 0}',
+    '{"do": "velocity"}',
+    '{"do": "pose", "x": 1e9, "y": 0, "theta": 0}',
+    '{"do": "show", "signals": 3}',
+    '{"do": "show", "signals": [{}]}',
+    '{"do": "show", "signals": ["tracking.pose.x"], "span_s": "x"}',
+    '{"do": "window", "begin_s": -1e300, "end_s": 1e300, "width": 1e300}',
+    '{"do": "window"}',
+    '{"do": "rate", "hz": -1}',
+    '{"do": "rate", "hz": 1e9}',
+    '{"do": "start_trajectory", "type": "../../etc", "laps": -1}',
+    '{"do": "simulate", "scenario": "../../x"}',
+    '{"do": "connect", "url": 3}',
+    '{"do": "load", "text": "[parameters]\\nx = ' + "9" * 5000 + '"}',
+    "[" * 5000,
+]
+
+
+@pytest.mark.parametrize("text", BAD, ids=range(len(BAD)))
+def test_what_is_no_request_is_refused_and_nothing_moves(simulated: Program, text: str) -> None:
+    with connect(socket_url(simulated)) as socket:
+        ask(socket, "take_over")
+        socket.send(text)
+        while True:
+            message = socket.recv(timeout=60)
+            if isinstance(message, str) and ("error" in json.loads(message) or "answer" in json.loads(message)):
+                break
+        assert "result" not in json.loads(message) or json.loads(message)["result"] is None
+        assert ask(socket, "here")["answer"] == 7
+    assert not simulated.state()["robot"]["armed"]
+
+
+def test_random_bytes_and_endless_messages_end_only_their_own_connection(simulated: Program) -> None:
+    draw = random.Random(1)
+    for _ in range(20):
+        with connect(socket_url(simulated)) as socket:
+            try:
+                socket.send(draw.randbytes(draw.randint(0, 1000)))
+                socket.send("x" * draw.choice([10, 10_000_000]))
+                socket.recv(timeout=60)
+            except ConnectionClosed:
+                pass
+    with connect(socket_url(simulated)) as socket:
+        assert "result" in ask(socket, "choices")
+
+
+def test_a_stop_comes_through_a_flood_of_requests(simulated: Program) -> None:
+    with connect(socket_url(simulated)) as socket, connect(socket_url(simulated)) as flood:
+        ask(socket, "take_over")
+        ask(socket, "release")
+        assert "error" not in ask(socket, "arm")
+        for number in range(3000):
+            flood.send(json.dumps({"do": "choices", "id": number}))
+        socket.send(json.dumps({"do": "stop"}))
+        wait(lambda: simulated.state()["robot"]["state"] == "estop", "the stop did not come through")
+        ask(socket, "release")
+
+
+def test_files_outside_the_page_are_not_served(simulated: Program) -> None:
+    import http.client
+
+    port = int(simulated.url.split(":")[2].strip("/"))
+    for path in ("/page/../server.py", "/page/%2e%2e%2fserver.py", "/vendor/LICENSE", "/page/..%5cserver.py"):
+        connection = http.client.HTTPConnection("127.0.0.1", port)
+        connection.request("GET", path)
+        assert connection.getresponse().status in (403, 404), path
+        connection.close()
+
+
+def test_beyond_this_computer_nobody_gets_in_without_the_token(open_page: Opener) -> None:
+    with studio("--host", "0.0.0.0") as program:
+        token = program.url.split("token=")[1]
+        url = program.url.replace("0.0.0.0", "127.0.0.1")
+        program.ready["url"] = url
+        for wrong in ("", "x" * len(token)):
+            with pytest.raises((InvalidHandshake, ConnectionClosed)), connect(socket_url(program, wrong)) as socket:
+                socket.recv(timeout=60)
+        with connect(socket_url(program, token)) as socket:
+            assert "result" in ask(socket, "choices")
+        until(open_page(url), "state?.link.phase === 'none'")
+
+
+def test_a_stop_by_another_program_shows_and_a_lost_robot_comes_back(tmp_path: Path, open_page: Opener) -> None:
+    """Through a pseudo-terminal, which the studio and ``omni stop`` share as they would share a serial port."""
+    link = str(tmp_path / "robot")
+    with studio("--link", link) as program:
+        page = open_page(program.url)
+        until(page, "state?.link.phase === 'lost'")
+        with running("sitl", "--link", f"pty:{link}"):
+            until(page, "robot?.pose")
+            page.click("#arm")
+            until(page, "robot.armed")
+            subprocess.run([sys.executable, "-m", "omniwheel", "stop", "--link", link], check=True)
+            until(page, "robot?.state === 'estop'")
+        until(page, "state.link.phase === 'lost'")
+        assert page.text_content("#faults")
+        with running("sitl", "--link", f"pty:{link}"):
+            until(page, "state.link.phase === 'connected' && robot?.pose")
+
+
+def test_a_server_that_is_gone_is_said_and_found_again(open_page: Opener) -> None:
+    with studio() as program:
+        page = open_page(program.url)
+        until(page, "state?.link.phase === 'none'")
+        port = program.url.split(":")[2].strip("/")
+        program.end()
+    until(page, "document.getElementById('notice').textContent.includes('server is gone')")
+    with running("studio", "--no-browser", "--port", port):
+        until(page, "state?.link.phase === 'none'")
+
+
+def test_a_port_in_use_is_said() -> None:
+    with studio() as program:
+        port = program.url.split(":")[2].strip("/")
+        command = [sys.executable, "-m", "omniwheel", "studio", "--no-browser", "--port", port]
+        answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert answer.returncode == 1
+    assert "cannot listen" in answer.stderr
+    assert "--port 0" in answer.stderr
+
+
+@pytest.mark.parametrize("kill", [False, True], ids=["ended", "killed"])
+def test_the_simulated_robot_ends_with_the_studio(kill: bool) -> None:
+    with studio("sitl") as program:
+        link = program.state()["link"]["url"]
+        (program.process.kill if kill else program.process.terminate)()
+        program.process.wait(timeout=60)
+
+    def gone() -> bool:
+        with py_socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", int(link.split(":")[2]))) != 0
+
+    wait(gone, "the simulated robot goes on without the studio")
+
+
+def test_a_simulation_that_does_not_start_is_said(simulated: Program) -> None:
+    with connect(socket_url(simulated)) as socket:
+        ask(socket, "take_over")
+        answer = ask(socket, "simulate", scenario="no such world")
+        assert "no scenario" in answer["error"]
+    assert simulated.state()["robot"] is not None

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: MIT
+"""A person at the page: a simulated robot is driven, tuned and stopped in a real browser."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page
+
+from tests.studio.parts import Opener, Program, studio, until
+
+GAIN = "ISMC_LAM_XY"
+
+
+@pytest.fixture(scope="module")
+def simulated() -> Iterator[Program]:
+    with studio("sitl") as program:
+        yield program
+
+
+@pytest.fixture
+def page(simulated: Program, open_page: Opener) -> Page:
+    found = open_page(simulated.url)
+    until(found, "robot?.pose")
+    if found.evaluate("studio.state.commands") != "this page":
+        found.click("#take-over")
+    if found.evaluate("studio.state.robot.state") == "estop":
+        found.click("#release")
+    elif found.evaluate("studio.state.robot.state") != "disarmed":  # a page before was closed while it was armed
+        found.click("#disarm")
+    until(found, "robot.state === 'disarmed' && state.commands === 'this page'")
+    return found
+
+
+def arm(page: Page) -> None:
+    """Press Arm, again if the robot refuses: one that has just started may still wait for its first pose."""
+    for _ in range(10):
+        page.click("#arm")
+        until(page, "robot.armed || document.getElementById('notice').textContent !== ''")
+        if page.evaluate("studio.state.robot.armed"):
+            return
+        page.wait_for_timeout(500)
+    until(page, "robot.armed")
+
+
+def set_gain(page: Page, name: str, value: str) -> None:
+    page.fill("#search", name)
+    page.fill(f"#field-{name}", value)
+    page.press(f"#field-{name}", "Enter")
+
+
+def test_a_newcomer_starts_a_simulation_drives_and_comes_back(open_page: Opener) -> None:
+    with studio() as program:
+        page = open_page(program.url)
+        page.click("#choose")
+        page.select_option("#scenario", "fast")
+        page.click("#simulate-form button")
+        until(page, "robot?.pose")
+        assert page.text_content("#fact-state") == "disarmed"
+        arm(page)
+        page.select_option("#path", "circle")
+        page.click("#start-path")
+        until(page, "robot.phase === 'path'")
+        frames = page.evaluate("studio.plots.drawn.frames")
+        until(page, f"studio.plots.drawn.frames > {frames} + 5")
+        page.click("#disarm")
+        until(page, "!robot.armed")
+        page.click("#choose")
+        page.click("#disconnect")
+        until(page, "state.link.phase === 'none'")
+        page.reload()
+        until(page, "state?.link.phase === 'none'")
+
+
+def test_a_gain_is_changed_marked_undone_and_redone(page: Page) -> None:
+    before = float(page.input_value(f"#field-{GAIN}"))
+    set_gain(page, GAIN, "15")
+    until(page, "state.undo === 1")
+    until(page, "studio.plots.marked.some((mark) => mark.changes.ISMC_LAM_XY?.[1] === 15)")
+    page.keyboard.press("Tab")
+    page.click("#undo")
+    until(page, f"Number(document.getElementById('field-{GAIN}').value) === {before}")
+    page.click("#redo")
+    until(page, f"Number(document.getElementById('field-{GAIN}').value) === 15")
+    assert page.locator(f"[data-name={GAIN}] .tag.start").text_content() == f"was {before:g}"
+
+
+def test_a_dragged_slider_changes_the_robot_and_is_one_step(page: Page) -> None:
+    steps = page.evaluate("studio.state.undo")
+    page.fill("#search", GAIN)
+    slider = page.locator(f"[data-name={GAIN}] input[type=range]")
+    box = slider.bounding_box()
+    assert box is not None
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + box["width"] * 0.5, middle)
+    page.mouse.down()
+    for part in (0.55, 0.6, 0.65, 0.7):
+        page.mouse.move(box["x"] + box["width"] * part, middle)
+        page.wait_for_timeout(100)
+    page.mouse.up()
+    until(page, f"state.undo === {steps} + 1")
+
+
+def test_a_refused_value_is_said_beside_its_field_and_the_robot_keeps_the_old_one(page: Page) -> None:
+    before = page.input_value(f"#field-{GAIN}")
+    set_gain(page, GAIN, "100000")
+    refusal = page.locator(f"[data-name={GAIN}] .refusal")
+    until(page, f"document.querySelector('[data-name={GAIN}] .refusal').textContent !== ''")
+    assert "from 0 to 200" in (refusal.text_content() or "")
+    page.keyboard.press("Tab")
+    until(page, f"document.getElementById('field-{GAIN}').value === '{before}'")
+
+
+@pytest.mark.parametrize("focus", ["#arm", "#path", "#laps", "#pause", "#target-x", "#keys", "body"])
+def test_the_space_bar_stops_wherever_the_focus_is(page: Page, focus: str) -> None:
+    arm(page)
+    page.select_option("#path", "circle")
+    page.click("#start-path")
+    until(page, "robot.mode === 'trajectory'")
+    page.locator(focus).focus()
+    page.keyboard.press("Space")
+    until(page, "robot.state === 'estop'")
+
+
+def test_the_stop_button_stops_when_the_finger_comes_down(page: Page) -> None:
+    arm(page)
+    box = page.locator("#stop").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    page.mouse.down()
+    until(page, "robot.state === 'estop'")
+    page.mouse.up()
+    assert page.is_visible("#release")
+
+
+def test_a_click_on_the_map_drives_there(page: Page) -> None:
+    arm(page)
+    x, y, _ = page.evaluate("studio.state.robot.pose")
+    page.fill("#target-x", f"{x + 0.1:.3f}")
+    page.fill("#target-y", f"{y:.3f}")
+    page.fill("#target-theta", "0")
+    page.click("#go")
+    until(page, f"Math.abs(robot.pose[0] - {x + 0.1}) < 0.01")
+    box = page.locator("#map").bounding_box()
+    assert box is not None
+    place = {"x": box["width"] / 2, "y": box["height"] * 0.4}  # a fifth of a metre to the left
+    page.locator("#map").click(position=place)
+    until(page, f"robot.pose[1] > {y} + 0.15")
+
+
+def test_keys_drive_as_long_as_they_are_held(page: Page) -> None:
+    arm(page)
+    page.check("#keys")
+    page.locator("#keys").focus()
+    x = page.evaluate("studio.state.robot.pose[0]")
+    page.keyboard.down("w")
+    until(page, f"robot.pose[0] > {x} + 0.02")
+    page.keyboard.up("w")
+    until(page, "document.getElementById('key-text').textContent === ''")
+    until(page, "robot.mode === 'velocity' || robot.mode === 'hold'")
+
+
+def test_pausing_loses_nothing(page: Page) -> None:
+    page.click("#pause")
+    assert page.text_content("#pause") == "Go on"
+    at = page.evaluate("studio.plots.drawn.newest")
+    until(page, f"studio.plots.newest > {at} + 1")
+    page.click("#pause")
+    gap = page.evaluate("""() => { const { time } = studio.plots.samples_of('tracking.pose.x');
+        return Math.max(...time.slice(1).map((t, i) => t - time[i])); }""")
+    assert gap < 0.5
+
+
+def test_signals_are_found_and_shown(page: Page) -> None:
+    page.click("#add-plot")
+    number = page.locator(".panel").count()
+    page.get_by_label(f"Signals of plot {number}").click()
+    page.fill("#signal-search", "wheel speed")
+    page.check("input[value='wheels.speed.3']")
+    page.click("#close-signals")
+    until(page, "studio.plots.samples_of('wheels.speed.3').time.length > 10")
+    page.get_by_label(f"Remove plot {number}").click()
+
+
+def test_parameters_are_saved_and_loaded(page: Page, simulated: Program) -> None:
+    with page.expect_download() as download:
+        page.click("#save")
+    path = download.value.path()
+    text = path.read_text()
+    assert f"{GAIN} = " in text
+    set_gain(page, GAIN, "33")
+    until(page, f"document.getElementById('field-{GAIN}').value === '33'")
+    page.set_input_files("#load", {"name": "x.toml", "mimeType": "text/plain", "buffer": text.encode()})
+    page.keyboard.press("Tab")
+    until(page, f"document.getElementById('field-{GAIN}').value !== '33'")
+    page.set_input_files("#load", {"name": "x.toml", "mimeType": "text/plain", "buffer": b"[parameters]\nNO = 1\n"})
+    until(page, "document.getElementById('notice').textContent.includes('NO')")
+
+
+def test_a_phone_shows_state_and_stop(simulated: Program, open_page: Opener) -> None:
+    page = open_page(simulated.url, width=390, height=844)
+    until(page, "robot?.pose")
+    box = page.locator("#stop").bounding_box()
+    assert box is not None
+    assert box["width"] > 300
+    assert box["y"] + box["height"] < 400
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize("width", [1500, 390])
+def test_it_can_be_used_by_keyboard_and_screen_reader(
+    simulated: Program, browser: Browser, colours: Literal["light", "dark"], width: int
+) -> None:
+    """By axe's rules, all of them: names, contrasts, order, roles."""
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=colours)
+    page.goto(simulated.url)
+    until(page, "robot?.pose")
+    page.fill("#search", "ISMC")
+    found = Axe().run(page).response["violations"]
+    page.close()
+    assert [(one["id"], one["help"], [node["html"] for node in one["nodes"]]) for one in found] == []
+
+
+def test_a_second_page_watches_until_it_takes_over(page: Page, simulated: Program, open_page: Opener) -> None:
+    other = open_page(simulated.url)
+    until(other, "robot?.pose")
+    assert other.text_content("#fact-commands") not in ("this page", "nobody")
+    other.click("#arm")
+    until(other, "document.getElementById('notice').textContent.includes('another page commands')")
+    arm(page)
+    other.keyboard.press("Space")
+    until(page, "robot.state === 'estop'")
+    other.click("#take-over")
+    until(page, "state.commands !== 'this page'")
+    other.click("#release")
+    until(other, "robot.state === 'disarmed'")
+
+
+def test_a_closed_page_is_a_lost_link(page: Page, simulated: Program) -> None:
+    arm(page)
+    page.select_option("#path", "circle")
+    page.click("#start-path")
+    until(page, "robot.mode === 'trajectory'")
+    page.close()
+    for _ in range(600):
+        state = simulated.state()["robot"]
+        if not state["armed"]:
+            break
+        time.sleep(0.1)
+    assert not state["armed"]
+    assert state["state"] in ("failsafe", "disarmed")
