@@ -38,7 +38,7 @@ private:
         setup.lockstep = (bits & 1) != 0;
         setup.only_nonsense = (bits & 6) == 6;
         setup.may_arm = setup.only_nonsense || (bits & 8) != 0;
-        setup.robot = static_cast<uint8_t>((bits >> 4 & 1) | (bits >> 6 & 2));
+        setup.robot = robots[(bits >> 4 & 1) | (bits >> 6 & 2)];
         setup.ports = static_cast<uint8_t>(1 + (bits >> 5) % omni::Board::max_ports);
         return setup;
     }

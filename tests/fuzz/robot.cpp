@@ -4,15 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <iterator>
 
 #include "check.h"
 
 namespace fuzz {
 namespace {
-
-/// More robots may be built in; fuzz.py builds in the one with motor pins.
-constexpr const char *robots[] = {"fast_three_wheel", "four_wheel", "three_wheel_pins", "three_wheel"};
 
 float battery_now = 12.0f;
 
@@ -156,8 +152,8 @@ void Robot::boot() {
     board_.output_enable = &pin;
     board_.storage = &storage;
     board_.watchdog = &watchdog;
-    const int32_t number = omni_builtin_robot_find(robots[setup.robot % std::size(robots)]);
-    check(number >= 0, "the robot is built in", setup.robot);
+    const int32_t number = omni_builtin_robot_find(setup.robot);
+    check(number >= 0, "the robot is built in", number);
     board_.robot_values = omni_builtin_robots[number].values;
     motor_pins.driver = static_cast<uint8_t>(board_.robot_values[OMNI_PARAM_MOT_DRIVER]);
     motor_pins.restart();

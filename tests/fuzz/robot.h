@@ -106,13 +106,16 @@ protected:
     ~Listener() = default;
 };
 
+/// The robots that scripts choose from. More may be built in; fuzz.py builds in the one with motor pins.
+constexpr const char *robots[] = {"fast_three_wheel", "four_wheel", "three_wheel_pins", "three_wheel"};
+
 /// How a run is set up.
 struct Setup {
     bool lockstep = false;
     bool may_arm = false; ///< the script may send valid arm commands
     bool only_nonsense =
-        false;         ///< every floating-point field is NaN or infinite, wheels stand still: nothing may be driven
-    uint8_t robot = 0; ///< number in robot.cpp's list
+        false; ///< every floating-point field is NaN or infinite, wheels stand still: nothing may be driven
+    const char *robot = robots[0]; ///< name of a built-in robot
     uint8_t ports = 1;
 };
 

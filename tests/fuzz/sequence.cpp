@@ -23,7 +23,7 @@ Setup Sequence::setup_of(const Action &setup) {
     Setup how;
     how.lockstep = (setup.a & 1) != 0;
     how.may_arm = true;
-    how.robot = setup.a >> 2 & 3;
+    how.robot = robots[setup.a >> 2 & 3];
     how.ports = static_cast<uint8_t>(2 + setup.b % 3);
     return how;
 }

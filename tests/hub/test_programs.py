@@ -31,6 +31,14 @@ def said(robot: Robot, pattern: str) -> None:
     assert found is not None, [text.text for text in robot.texts.all]
 
 
+def shared_by_now(robot: Robot) -> str:
+    """Wait until the robot's port has been handed to a hub, and return what its user is told."""
+    robot.connection.wait(lambda _: "shared" in getattr(robot.connection.link, "notice", ""), WAIT_S)
+    notice = str(getattr(robot.connection.link, "notice", ""))
+    assert "is shared: through the hub at" in notice
+    return notice
+
+
 def test_a_second_command_starts_a_hub_and_the_first_goes_on(cable: Cable) -> None:
     with connect(str(cable.path)) as first:
         assert getattr(first.connection.link, "notice", None) == ""
@@ -45,8 +53,7 @@ def test_a_second_command_starts_a_hub_and_the_first_goes_on(cable: Cable) -> No
             output, notes = second.communicate()
         assert "WS_P = " in output
         assert re.search(r"robot is shared: through the hub at tcp:127\.0\.0\.1:\d+", notes)
-        said(first, "is there")
-        assert "shared" in getattr(first.connection.link, "notice", "")
+        shared_by_now(first)
         first.parameters["WS_P"] = 5.0
         assert first.wait_until(lambda status: status.heartbeat_age_s < 1.0, WAIT_S, "heard")
         third = run("params", "get", "WS_P", "--link", str(cable.path))
@@ -58,8 +65,7 @@ def test_a_hub_that_is_started_takes_the_port_from_a_command_that_runs(cable: Ca
         connect(str(cable.path)) as first,
         omni("link", "--link", str(cable.path), "--listen", "udpout:127.0.0.1:9", "--json") as (_, ready),
     ):
-        said(first, "robot is there")
-        assert ready["listen"][1] in getattr(first.connection.link, "notice", "")
+        assert ready["listen"][1] in shared_by_now(first)
         first.parameters["WS_P"] = 5.0
 
 

@@ -15,7 +15,7 @@ using fuzz::check;
 
 fuzz::Script nothing(nullptr, 0);
 
-fuzz::Setup setup_of(uint8_t robot) {
+fuzz::Setup setup_of(const char *robot) {
     fuzz::Setup setup;
     setup.may_arm = true;
     setup.robot = robot;
@@ -29,8 +29,8 @@ constexpr double most_error_m = 0.05;
 
 } // namespace
 
-Bench::Bench(uint8_t number, const State &state)
-    : robot(setup_of(number), nothing), station(robot, state.signing_time), world_(state.world) {
+Bench::Bench(const char *name, const State &state)
+    : robot(setup_of(name), nothing), station(robot, state.signing_time), world_(state.world) {
     std::memcpy(robot.storage.bytes, state.storage, sizeof state.storage);
     robot.boot();
 }

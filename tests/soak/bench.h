@@ -24,8 +24,8 @@ struct State {
 
 class Bench {
 public:
-    /// @param robot number of the built-in robot. @param state its memory is the robot's, its world goes on.
-    Bench(uint8_t robot, const State &state);
+    /// @param robot name of a built-in robot. @param state its memory is the robot's, its world goes on.
+    Bench(const char *robot, const State &state);
 
     /// One millisecond: world, robot, station, pose fixes over both links, heartbeats.
     void tick();

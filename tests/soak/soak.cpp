@@ -60,15 +60,6 @@ Values read_values(const char *path) {
     return values;
 }
 
-uint8_t robot_number(const char *name) {
-    for (int32_t i = 0; i < omni_builtin_robot_count; ++i) {
-        if (std::strcmp(omni_builtin_robots[i].name, name) == 0) {
-            return static_cast<uint8_t>(i);
-        }
-    }
-    fuzz::broken("the robot is known", 0);
-}
-
 State new_state(const char *world) {
     State state;
     state.signing_time = begin_time;
@@ -144,7 +135,7 @@ void print_hour(const Bench &bench, uint64_t hour, uint64_t calendar_begin) {
         said.signing_ahead_ms, heap_in_use(), static_cast<double>(said.signing_time() - calendar_begin) * 1e-5);
 }
 
-void hour(const char *world, const Values &values, const char *path, uint8_t robot) {
+void hour(const char *world, const Values &values, const char *path, const char *robot) {
     State state = new_state(world);
     read_file(path, &state, sizeof state);
     const uint64_t calendar_begin = state.signing_time;
@@ -229,7 +220,7 @@ void cross(Bench &bench, uint64_t at_us, bool silent) {
     bench.disarm(radio);
 }
 
-void jumps(const char *world, const Values &values, uint64_t days, uint8_t robot) {
+void jumps(const char *world, const Values &values, uint64_t days, const char *robot) {
     Bench bench(robot, new_state(world));
     bench.run(1.0);
     prepare(bench, values);
@@ -254,12 +245,11 @@ void jumps(const char *world, const Values &values, uint64_t days, uint8_t robot
 int main(int argc, char **argv) {
     const std::string mode = argc == 6 ? argv[1] : "";
     if (mode == "hours") {
-        soak::hour(argv[2], soak::read_values(argv[3]), argv[4], soak::robot_number(argv[5]));
+        soak::hour(argv[2], soak::read_values(argv[3]), argv[4], argv[5]);
         return 0;
     }
     if (mode == "jumps") {
-        soak::jumps(argv[2], soak::read_values(argv[3]), std::strtoull(argv[4], nullptr, 10),
-                    soak::robot_number(argv[5]));
+        soak::jumps(argv[2], soak::read_values(argv[3]), std::strtoull(argv[4], nullptr, 10), argv[5]);
         return 0;
     }
     std::fprintf(stderr, "usage: %s hours WORLD PARAMETERS STATE ROBOT | jumps WORLD PARAMETERS DAYS ROBOT\n", argv[0]);
