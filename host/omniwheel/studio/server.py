@@ -70,6 +70,7 @@ class StudioServer:
             "connect": self._connect,
             "disconnect": self._disconnect,
             "simulate": self._simulate,
+            "world": self._world,
             "load": self._load,
         }
 
@@ -244,6 +245,9 @@ class StudioServer:
             raise BadRequestError(f"there is no robot {robot!r}")
         seed = int(number_of(request, "seed", 1.0))
         await self._change(page, lambda: self.studio.simulate(str(scenario), robot, seed))
+
+    async def _world(self, page: Page, request: Mapping[str, Any]) -> None:
+        self.studio.change_world(page, request)
 
     async def _load(self, page: Page, request: Mapping[str, Any]) -> Any:
         session = self.studio.session

@@ -56,10 +56,12 @@ class Session:
 
     Everything that touches the robot runs in this object's thread; other threads hand it work by :meth:`do`. A stop
     (:meth:`stop_now`) waits for none of that work. ``lock`` guards :attr:`store`, :attr:`marks` and :attr:`texts`.
+    ``slowness`` says how many times slower than real time the robot lives, if it is simulated.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, slowness: Callable[[], float] = lambda: 1.0) -> None:
         self.url = url
+        self._slowness = slowness
         self.lock = threading.Lock()
         self.store = SampleStore()
         self.marks = Marks()
@@ -168,7 +170,7 @@ class Session:
                 if now_s - counted_s >= _BYTES_OVER_S:
                     self.rx_bytes_s = (robot.connection.rx_bytes - counted) / (now_s - counted_s)
                     counted_s, counted = now_s, robot.connection.rx_bytes
-                if robot.status.heartbeat_age_s > _SILENT_S:
+                if robot.status.heartbeat_age_s > _SILENT_S * self._slowness():
                     raise LinkLostError(f"the robot at {self.url} is silent", hint="is it switched on?")
                 with self.lock:
                     self.mark_changes += self.marks.overdue(self.store.now_s) is not None

@@ -89,7 +89,8 @@ class Studio:
         self._begin(url)
 
     def _begin(self, url: str) -> None:
-        self.session = Session(url)
+        simulated = self.simulated
+        self.session = Session(url, (lambda: 1.0) if simulated is None else (lambda: simulated.slowness))
         if self.commanding is not None:
             self.heard(self.commanding)
         self.session.start()
@@ -108,6 +109,14 @@ class Studio:
         self.disconnect()
         self.simulated = SimulatedRobot(scenario, robot, seed)
         self._begin(self.simulated.url)
+
+    def change_world(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Break or mend something in the simulated world, or change its speed. Raises BadRequestError, LinkError."""
+        if page is not self.commanding:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        if self.simulated is None:
+            raise BadRequestError("the robot is not simulated here")
+        self.simulated.change(request)
 
     def stop(self) -> bool:
         """Emergency stop, before everything; return whether a robot could be told."""
@@ -219,6 +228,7 @@ class Studio:
                 {"key": s.key, "group": s.group, "label": s.label, "unit": s.unit, "doc": s.doc} for s in self.signals()
             ],
             "parameters": [] if robot is None else table_as_json(robot.table),
+            "world": None if self.simulated is None else self.simulated.catalogue,
             "version": "" if robot is None else str(robot.version),
             **({} if robot is None else shape_as_json(robot)),
         }
@@ -232,6 +242,7 @@ class Studio:
         return {
             "link": link_state(session),
             "simulated": None if self.simulated is None else self.simulated.scenario,
+            "world": None if self.simulated is None else self.simulated.state(),
             "robot": None if robot is None else robot_state(robot),
             "undo": undo,
             "redo": redo,

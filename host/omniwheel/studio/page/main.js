@@ -6,6 +6,7 @@ import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
+import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
 
 const id = (name) => document.getElementById(name);
@@ -33,6 +34,7 @@ const map = new FloorMap(id("map"), socket, {
   refused: say,
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
+const simulator = new Simulator(id("simulator"), ask);
 const keys = new Keys(socket, { refused: say, moving: (words) => { id("key-text").textContent = words; } });
 
 // ---- what the server says
@@ -46,7 +48,8 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, parameters: infos, speed, wheels, radius_m, paths }) {
+function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, world }) {
+  simulator.tables(world);
   parameters.tables(infos);
   plots.tables(signals);
   keys.top = speed;
@@ -88,6 +91,7 @@ function show_state(now) {
     id(name).disabled = !now?.[name];
     put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
   }
+  simulator.state(now?.world ?? null);
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
   if (robot?.pose) {
