@@ -27,6 +27,7 @@ from omniwheel import parameter_file
 from omniwheel.errors import OmniError
 from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
+from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import BadRequestError, number_of
 from omniwheel.studio.parameter_view import values_as_json
@@ -71,6 +72,7 @@ class StudioServer:
             "disconnect": self._disconnect,
             "simulate": self._simulate,
             "world": self._world,
+            "experiment": self._experiment,
             "load": self._load,
         }
 
@@ -81,6 +83,7 @@ class StudioServer:
                 Route("/", self._index),
                 Route("/state.json", self._state),
                 Route("/parameters.toml", self._parameters),
+                Route("/experiment.png", self._picture),
                 Route("/page/{name}", self._file),
                 Route("/vendor/{name}", self._vendor),
                 WebSocketRoute("/socket", self._socket),
@@ -104,6 +107,12 @@ class StudioServer:
 
     async def _state(self, request: Request) -> Response:
         return self._refusal(request) or JSONResponse(self.studio.state(), headers=_SECURITY)
+
+    async def _picture(self, request: Request) -> Response:
+        picture = self.studio.experiments.picture
+        if picture is None or not picture.is_file():
+            return self._refusal(request) or PlainTextResponse("there is no experiment yet\n", 404)
+        return self._refusal(request) or FileResponse(picture, media_type="image/png", headers=_SECURITY)
 
     async def _parameters(self, request: Request) -> Response:
         refused = self._refusal(request)
@@ -248,6 +257,11 @@ class StudioServer:
 
     async def _world(self, page: Page, request: Mapping[str, Any]) -> None:
         self.studio.change_world(page, request)
+
+    async def _experiment(self, page: Page, request: Mapping[str, Any]) -> Any:
+        await asyncio.to_thread(experiments.prepare)
+        future = self.studio.experiment(page, request)
+        return None if future is None else await asyncio.wrap_future(future)
 
     async def _load(self, page: Page, request: Mapping[str, Any]) -> Any:
         session = self.studio.session

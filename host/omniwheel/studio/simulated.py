@@ -103,9 +103,14 @@ class SimulatedRobot:
         return {**(self.now or {}), "refusal": self.refusal}
 
     @property
+    def speed(self) -> float:
+        """How fast the world runs, times real time."""
+        return 1.0 if self.now is None else float(self.now["speed"])
+
+    @property
     def slowness(self) -> float:
         """How many times longer than on a real robot everything takes, at least 1."""
-        return 1.0 if self.now is None else max(1.0, 1.0 / float(self.now["speed"]))
+        return max(1.0, 1.0 / self.speed)
 
     @property
     def process_id(self) -> int:

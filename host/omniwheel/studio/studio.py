@@ -8,10 +8,12 @@ import struct
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any
 
 from omniwheel.errors import OmniError
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, BadRequestError
+from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
 from omniwheel.studio.samples import Trace, thinned
 from omniwheel.studio.session import Session
@@ -43,9 +45,10 @@ class Page:
 
 
 class Studio:
-    """Everything that the pages share."""
+    """Everything that the pages share. ``out`` is where experiments leave their folders."""
 
-    def __init__(self) -> None:
+    def __init__(self, out: Path = Path("runs")) -> None:
+        self.experiments = Experiments(out)
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
         self.pages: list[Page] = []
@@ -116,7 +119,22 @@ class Studio:
             raise BadRequestError("another page commands", hint="press Take over first")
         if self.simulated is None:
             raise BadRequestError("the robot is not simulated here")
+        if "speed" in request:
+            self.experiments.require_idle()
         self.simulated.change(request)
+
+    def experiment(self, page: Page, request: Mapping[str, Any]) -> Future[Any] | None:
+        """Begin an experiment; without ``"start": true`` only say what it will use. Raises BadRequestError."""
+        if page is not self.commanding:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        if self.session is None:
+            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        if request.get("start") is not True:
+            return self.experiments.needs(self.session, request)
+        if self.simulated is not None and self.simulated.speed != 1.0:
+            raise BadRequestError("the simulation is not in real time", hint="an experiment needs real time")
+        self.experiments.start(self.session, request)
+        return None
 
     def stop(self) -> bool:
         """Emergency stop, before everything; return whether a robot could be told."""
@@ -136,6 +154,7 @@ class Studio:
         session = self.session
         if session is None:
             raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        self.experiments.require_idle()
         return session.do(lambda robot: work(robot, _edits(session), request))
 
     # ---- what a page is told
@@ -230,7 +249,7 @@ class Studio:
             "parameters": [] if robot is None else table_as_json(robot.table),
             "world": None if self.simulated is None else self.simulated.catalogue,
             "version": "" if robot is None else str(robot.version),
-            **({} if robot is None else shape_as_json(robot)),
+            **({} if robot is None else {**shape_as_json(robot), "experiments": catalogue(robot)}),
         }
 
     def state(self, page: Page | None = None) -> dict[str, Any]:
@@ -243,6 +262,7 @@ class Studio:
             "link": link_state(session),
             "simulated": None if self.simulated is None else self.simulated.scenario,
             "world": None if self.simulated is None else self.simulated.state(),
+            "experiment": self.experiments.state(),
             "robot": None if robot is None else robot_state(robot),
             "undo": undo,
             "redo": redo,

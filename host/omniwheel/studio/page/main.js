@@ -2,6 +2,7 @@
 // Puts the page together. What the robot is and does comes from the server; nothing here knows it.
 
 import { Chooser } from "./connect.js";
+import { Experiments } from "./experiments.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
@@ -34,6 +35,7 @@ const map = new FloorMap(id("map"), socket, {
   refused: say,
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
+const experiments = new Experiments(socket);
 const simulator = new Simulator(id("simulator"), ask);
 const keys = new Keys(socket, { refused: say, moving: (words) => { id("key-text").textContent = words; } });
 
@@ -48,7 +50,8 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, world }) {
+function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds }) {
+  experiments.tables(kinds);
   simulator.tables(world);
   parameters.tables(infos);
   plots.tables(signals);
@@ -91,6 +94,7 @@ function show_state(now) {
     id(name).disabled = !now?.[name];
     put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
   }
+  experiments.state(now);
   simulator.state(now?.world ?? null);
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
