@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import time
 from collections.abc import Iterator
 from typing import Literal
@@ -150,6 +152,44 @@ def test_a_click_on_the_map_drives_there(page: Page) -> None:
     place = {"x": box["width"] / 2, "y": box["height"] * 0.4}  # a fifth of a metre to the left
     page.locator("#map").click(position=place)
     until(page, f"robot.pose[1] > {y} + 0.15")
+
+
+def test_a_path_drawn_with_the_mouse_is_shown_and_followed(page: Page) -> None:
+    arm(page)
+    page.uncheck("#follow")
+    page.click("#draw")
+    box = page.locator("#map").bounding_box()
+    assert box is not None
+    metre = box["width"] / 2  # the map is 2 m wide
+    begin = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.move(*begin)
+    page.mouse.down()
+    for step in range(1, 41):
+        angle = math.pi * step / 40
+        page.mouse.move(begin[0] + 0.3 * metre * math.sin(angle), begin[1] - 0.15 * metre * (1 - math.cos(angle)))
+    page.mouse.up()
+    until(page, "!document.getElementById('follow-line').disabled")
+    assert re.match(r"0\.\d+ m, \d+\.\d s", page.text_content("#draw-text") or "")
+    end = page.evaluate("studio.map.line[studio.map.line.length - 1]")
+    page.click("#follow-line")
+    until(page, "robot.phase === 'path'")
+    until(page, "robot.phase === 'done'")
+    until(page, f"Math.hypot(robot.pose[0] - {end[0]}, robot.pose[1] - {end[1]}) < 0.02")
+    page.click("#forget-line")
+    assert page.is_disabled("#follow-line")
+    page.check("#follow")
+
+
+def test_a_path_that_is_too_short_is_refused_in_words(page: Page) -> None:
+    page.click("#draw")
+    box = page.locator("#map").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 50, box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 53, box["y"] + 50)
+    page.mouse.up()
+    until(page, "document.getElementById('notice').textContent.includes('it has to be 0.05 m or more')")
+    assert page.is_disabled("#follow-line")
 
 
 def test_keys_drive_as_long_as_they_are_held(page: Page) -> None:

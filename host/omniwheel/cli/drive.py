@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -297,6 +298,34 @@ def trajectory(
     checked_value(parameter_table(), "TRJ_TYPE", type_name)
     with _armed(wanted, f"trajectory {type_name}") as robot:
         robot.start_trajectory(type_name, laps)
+        tracking = _until_done(robot, duration, wanted.as_json)
+        robot.stop_trajectory()
+        _result(robot, wanted.as_json, phase=tracking.phase)
+
+
+@app.command("path", epilog=examples("omni drive path line.csv --speed 0.3", "omni drive path loop.csv --laps 3"))
+@takes(DriveOptions)
+def path(
+    file: Annotated[Path, typer.Argument(metavar="LINE.csv", help="World x and y \\[m] of a point on each line.")],
+    speed: Annotated[float, typer.Option("--speed", min=0.001, help="Speed along the line \\[m/s].")] = 0.2,
+    laps: Annotated[float, typer.Option("--laps", min=0.0, help="Other than 1: the line is closed. 0: endless.")] = 1.0,
+    heading: Annotated[
+        str | None,
+        typer.Option("--heading", show_default=False, help="Kept all the way \\[rad], or 90deg. Default: along it."),
+    ] = None,
+    duration: Annotated[float, stop_after_option(0.0)] = math.inf,
+    *,
+    wanted: DriveOptions,
+) -> None:
+    """Follow a line of a file on a smooth path, without a stop at its points.
+
+    The robot gets 32 points of it and slows down to what its limits need.
+    """
+    from omniwheel.drawn_path import drawn_path, read_line
+
+    line = drawn_path(read_line(file), speed, heading_rad=None if heading is None else _angle(heading), laps=laps)
+    with _armed(wanted, f"path {file.name}", line.require) as robot:
+        line.start(robot)
         tracking = _until_done(robot, duration, wanted.as_json)
         robot.stop_trajectory()
         _result(robot, wanted.as_json, phase=tracking.phase)

@@ -2,6 +2,7 @@
 // Puts the page together. What the robot is and does comes from the server; nothing here knows it.
 
 import { Chooser } from "./connect.js";
+import { DrawnPath } from "./draw.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
@@ -31,8 +32,10 @@ const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
   arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
   refused: say,
+  drawn: () => drawn.drawn(),
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
+const drawn = new DrawnPath(map, ask);
 const keys = new Keys(socket, { refused: say, moving: (words) => { id("key-text").textContent = words; } });
 
 // ---- what the server says
@@ -50,6 +53,7 @@ function tables({ signals, parameters: infos, speed, wheels, radius_m, paths }) 
   parameters.tables(infos);
   plots.tables(signals);
   keys.top = speed;
+  id("draw-speed").value = (speed.v / 2).toPrecision(2);
   map.wheels = wheels;
   map.radius = radius_m;
   map.clear();
