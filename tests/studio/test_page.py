@@ -49,6 +49,20 @@ def arm(page: Page) -> None:
     until(page, "robot.armed")
 
 
+def follow_a_circle(page: Page) -> None:
+    """Start a path. On a computer that is too busy for a robot in real time, the robot stops itself: begin again."""
+    page.select_option("#path", "circle")
+    for _ in range(4):
+        arm(page)
+        page.click("#start-path")
+        until(page, "(robot.phase === 'path' && robot.path_time_s > 1) || robot.state === 'failsafe'")
+        if page.evaluate("studio.state.robot.state") != "failsafe":
+            return
+        page.click("#disarm")
+        until(page, "robot.state === 'disarmed'")
+    raise AssertionError(page.text_content("#texts"))
+
+
 def set_gain(page: Page, name: str, value: str) -> None:
     page.fill("#search", name)
     page.fill(f"#field-{name}", value)
@@ -63,10 +77,7 @@ def test_a_newcomer_starts_a_simulation_drives_and_comes_back(open_page: Opener)
         page.click("#simulate-form button")
         until(page, "robot?.pose")
         assert page.text_content("#fact-state") == "disarmed"
-        arm(page)
-        page.select_option("#path", "circle")
-        page.click("#start-path")
-        until(page, "robot.phase === 'path'")
+        follow_a_circle(page)
         frames = page.evaluate("studio.plots.drawn.frames")
         until(page, f"studio.plots.drawn.frames > {frames} + 5")
         page.click("#disarm")
@@ -213,6 +224,35 @@ def test_pausing_loses_nothing(page: Page) -> None:
     gap = page.evaluate("""() => { const { time } = studio.plots.samples_of('tracking.pose.x');
         return Math.max(...time.slice(1).map((t, i) => t - time[i])); }""")
     assert gap < 0.5
+
+
+def test_a_stretch_is_measured_and_has_a_spectrum(page: Page) -> None:
+    follow_a_circle(page)
+    plot = page.locator("#panels .u-over").first
+    box = plot.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 20)
+    page.mouse.up()
+    until(page, "document.querySelectorAll('#measured li').length > 0")
+    first = page.locator("#measured li").first.text_content() or ""
+    assert re.match(r".*: -?[\d.e-]+ to -?[\d.e-]+( \S+)?, mean -?[\d.e-]+ ± [\d.e-]+, change -?[\d.e-]+", first)
+    page.get_by_label("Spectrum of plot 2").click()
+    until(page, "document.querySelectorAll('#spectrum-list li').length > 0")
+    listed = page.text_content("#spectrum-list") or ""
+    assert re.search(r"largest at [\d.]+ Hz, [\d.e-]+( \S+)?; resolution [\d.]+ Hz", listed)
+    assert page.locator("#spectrum-plot canvas").count() == 1
+    page.locator("#spectrum-dialog .stop").click()  # a window that covers the button has one of its own
+    until(page, "robot.state === 'estop'")
+    page.click("#close-spectrum")
+    page.click("#pause")
+    until(page, "document.querySelectorAll('#measured li').length === 0")
+
+
+def test_the_robots_limits_are_drawn(page: Page) -> None:
+    assert page.evaluate("studio.plots.limit('LIM_DUTY')") == 1.0
+    assert page.evaluate("studio.plots.limit_of('wheels.duty.1')") == "LIM_DUTY"
 
 
 def test_signals_are_found_and_shown(page: Page) -> None:
