@@ -65,7 +65,8 @@ _SETTLED_RAD = 0.02
 DurationOption = Annotated[
     float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="How long to drive.")
 ]
-SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="Speed of the arrow keys \\[m/s].")]
+SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="How fast to drive \\[m/s].")]
+LapsOption = Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
 
@@ -287,7 +288,7 @@ def trajectory(
             autocompletion=completion.trajectories,
         ),
     ],
-    laps: Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")] = None,
+    laps: LapsOption = None,
     duration: Annotated[float, stop_after_option(0.0)] = math.inf,
     *,
     wanted: DriveOptions,
@@ -307,8 +308,8 @@ def trajectory(
 @takes(DriveOptions)
 def path(
     file: Annotated[Path, typer.Argument(metavar="LINE.csv", help="World x and y \\[m] of a point on each line.")],
-    speed: Annotated[float, typer.Option("--speed", min=0.001, help="Speed along the line \\[m/s].")] = 0.2,
-    laps: Annotated[float, typer.Option("--laps", min=0.0, help="Other than 1: the line is closed. 0: endless.")] = 1.0,
+    speed: SpeedOption = 0.2,
+    laps: LapsOption = None,
     heading: Annotated[
         str | None,
         typer.Option("--heading", show_default=False, help="Kept all the way \\[rad], or 90deg. Default: along it."),
@@ -319,11 +320,13 @@ def path(
 ) -> None:
     """Follow a line of a file on a smooth path, without a stop at its points.
 
-    The robot gets 32 points of it and slows down to what its limits need.
+    The robot gets 32 points of it and slows down to what its limits need. Without --laps it drives once, from end to
+    end. With more laps the line is closed.
     """
     from omniwheel.drawn_path import drawn_path, read_line
 
-    line = drawn_path(read_line(file), speed, heading_rad=None if heading is None else _angle(heading), laps=laps)
+    heading_rad = None if heading is None else _angle(heading)
+    line = drawn_path(read_line(file), speed, heading_rad=heading_rad, laps=1.0 if laps is None else laps)
     with _armed(wanted, f"path {file.name}", line.require) as robot:
         line.start(robot)
         tracking = _until_done(robot, duration, wanted.as_json)

@@ -119,8 +119,8 @@ typedef struct omni_reference_t {
 bool omni_trajectory_needs_waypoints(omni_uint_t type);
 
 /**
- * Plan. @param waypoints needed where omni_trajectory_needs_waypoints() says so, else NULL (a pose each, headings
- * the short way round; straight quintic legs of period_s, or the spline through them).
+ * Plan. @param waypoints needed where omni_trajectory_needs_waypoints() says so, else NULL. Headings turn the short way
+ * round. Type waypoints drives straight quintic legs of period_s, type spline a smooth path.
  * @param at pose the robot has now; its heading's whole turns are kept (no unwinding). Type hold stays there.
  * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration, or a heading beyond 1e6 rad; the plan then
  * holds `at`.

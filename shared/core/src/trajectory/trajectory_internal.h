@@ -23,8 +23,8 @@ typedef struct omni_jet_t {
     omni_real_t d[OMNI_JET_LENGTH];
 } omni_jet_t;
 
-/** Where a path's points come from, if it is a tour of points. A lap then has a leg of TRJ_PERIOD per point, unless it is
- * smooth. */
+/** Where a path's points come from, if it is a tour of points. Unless it is smooth, a lap has a leg of TRJ_PERIOD per
+ * point. */
 typedef enum omni_path_points_t {
     OMNI_POINTS_NONE = 0,
     OMNI_POINTS_GIVEN, /**< uploaded */
