@@ -13,12 +13,14 @@ from typing import Any
 
 from omniwheel.errors import OmniError
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, BadRequestError
+from omniwheel.studio.bounds import limit_of
 from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
-from omniwheel.studio.samples import Trace, thinned
+from omniwheel.studio.samples import CAPACITY, Trace, thinned
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import Signal, all_signals
 from omniwheel.studio.simulated import SimulatedRobot
+from omniwheel.studio.spectra import spectrum
 from omniwheel.studio.state import link_state, robot_state, shape_as_json
 
 MOST_SIGNALS = 64
@@ -161,8 +163,6 @@ class Studio:
 
     def show(self, page: Page, keys: Sequence[str], span_s: float) -> bytes:
         """Note which signals a page shows; return what was there of them in the last ``span_s``."""
-        if len(keys) > MOST_SIGNALS:
-            raise BadRequestError(f"{len(keys)} signals are too many: {MOST_SIGNALS} at most")
         known = {signal.key: signal for signal in self.signals()}
         page.shown = [known[key] for key in keys if key in known]
         page.sent = {}
@@ -185,6 +185,17 @@ class Studio:
             traces = [session.store.window(signal, begin_s, end_s, width) for signal in page.shown]
             arrived_s = session.store.arrived_s
         return packed(SAMPLES_WINDOW, arrived_s, traces, page.shown)
+
+    def spectra(self, keys: Sequence[str], begin_s: float, end_s: float) -> list[dict[str, Any]]:
+        """Return the spectra of signals between two times. Raises TooFewSamplesError."""
+        session = self.session
+        known = {signal.key: signal for signal in self.signals()}
+        if session is None:
+            return []
+        wanted = [known[key] for key in keys if key in known]
+        with session.lock:
+            traces = [session.store.window(signal, begin_s, end_s, CAPACITY) for signal in wanted]
+        return [spectrum(trace).as_json() for trace in traces]
 
     def new_samples(self, page: Page) -> bytes:
         """Return what came since the last call for the signals that a page shows; b"" if nothing."""
@@ -244,7 +255,15 @@ class Studio:
         robot = None if session is None else session.robot
         return {
             "signals": [
-                {"key": s.key, "group": s.group, "label": s.label, "unit": s.unit, "doc": s.doc} for s in self.signals()
+                {
+                    "key": s.key,
+                    "group": s.group,
+                    "label": s.label,
+                    "unit": s.unit,
+                    "doc": s.doc,
+                    "limit": limit_of(s.key),
+                }
+                for s in self.signals()
             ],
             "parameters": [] if robot is None else table_as_json(robot.table),
             "world": None if self.simulated is None else self.simulated.catalogue,

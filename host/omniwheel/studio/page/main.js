@@ -2,6 +2,7 @@
 // Puts the page together. What the robot is and does comes from the server; nothing here knows it.
 
 import { Chooser } from "./connect.js";
+import { DrawnPath } from "./draw.js";
 import { Experiments } from "./experiments.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
@@ -26,15 +27,17 @@ const socket = new Socket({
   samples: (...found) => plots.samples(...found),
   news,
 });
-const plots = new Plots(id("panels"), socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
+const plots = new Plots(id("panels"), socket, say, (name) => parameters.value_of(name));
 const chooser = new Chooser(socket);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
   arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
   refused: say,
+  drawn: () => drawn.drawn(),
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
+const drawn = new DrawnPath(map, ask);
 const experiments = new Experiments(socket);
 const simulator = new Simulator(id("simulator"), ask);
 const keys = new Keys(socket, { refused: say, moving: (words) => { id("key-text").textContent = words; } });
@@ -56,6 +59,7 @@ function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, wo
   parameters.tables(infos);
   plots.tables(signals);
   keys.top = speed;
+  id("draw-speed").value = (speed.v / 2).toPrecision(2);
   map.wheels = wheels;
   map.radius = radius_m;
   map.clear();
@@ -109,6 +113,14 @@ function put(name, words) {
   if (id(name).textContent !== words) id(name).textContent = words;
 }
 
+function show_lines(name, lines) {
+  id(name).replaceChildren(...lines.map((words) => {
+    const item = document.createElement("li");
+    item.textContent = words;
+    return item;
+  }));
+}
+
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 
 // ---- what the person does
@@ -134,8 +146,10 @@ addEventListener("keyup", (event) => { // a button would be pressed by the key's
   if (event.code === "Space" && is_a(event, "button, input[type=checkbox], summary, a")) event.preventDefault();
 }, { capture: true });
 
-id("stop").onclick = stop;
-id("stop").onpointerdown = stop; // already when the finger comes down
+for (const button of document.querySelectorAll(".stop")) { // one in each window that covers the others
+  button.onclick = stop;
+  button.onpointerdown = stop; // already when the finger comes down
+}
 id("arm").onclick = () => ask("arm");
 id("disarm").onclick = () => { map.cancel(); keys.stop(); ask("disarm"); };
 id("release").onclick = () => ask("release");
@@ -156,9 +170,13 @@ id("pause").onclick = () => (plots.paused ? plots.live() : plots.pause());
 plots.on_pause = (paused) => {
   id("pause").setAttribute("aria-pressed", paused);
   put("pause", paused ? "Go on" : "Pause");
+  if (!paused) show_lines("measured", []);
 };
 plots.on_mark = (words) => put("mark-text", words);
-plots.on_measure = (seconds) => put("mark-text", `${seconds.toPrecision(4)} s chosen; double-click goes on`);
+plots.on_measure = (seconds, lines) => {
+  put("mark-text", `${seconds.toPrecision(4)} s chosen; double-click goes on`);
+  show_lines("measured", lines);
+};
 id("add-plot").onclick = () => plots.add();
 id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };

@@ -3,7 +3,9 @@
 
 import uPlot from "../vendor/uPlot.esm.js";
 import { aligned, Buffer } from "./buffers.js";
+import { measured } from "./measure.js";
 import { chooseSignals } from "./signals.js";
+import { showSpectrum } from "./spectrum.js";
 
 // Okabe and Ito's colours, which colour-blind people tell apart; dashes repeat the difference.
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b88a00", "#56b4e9"];
@@ -30,7 +32,9 @@ export class Plots {
   #stale = true;
   #arrived = 0;
 
-  constructor(root, socket, say) {
+  /** @param limit function: the value of a limit by its name, undefined if it is not known */
+  constructor(root, socket, say, limit) {
+    this.limit = limit;
     this.root = root;
     this.socket = socket;
     this.say = say;
@@ -51,6 +55,8 @@ export class Plots {
     const { time, value } = this.#buffer(key).between(-Infinity, Infinity);
     return { time: [...time], value: [...value] };
   }
+
+  limit_of(key) { return this.#signals.get(key)?.limit; }
 
   tables(signals) {
     this.#signals = new Map(signals.map((signal) => [signal.key, signal]));
@@ -204,9 +210,9 @@ export class Plots {
           value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#signals.get(key)?.unit ?? ""}`),
         }))],
       hooks: {
-        draw: [(plot) => this.#draw_marks(plot)],
+        draw: [(plot) => { this.#draw_limits(panel); this.#draw_marks(plot); }],
         setCursor: [(plot) => this.#near_mark(plot)],
-        setSelect: [(plot) => this.#select(plot)],
+        setSelect: [() => this.#select(panel)],
       },
     }, [[]], panel.root);
     const over = panel.plot.over;
@@ -233,6 +239,7 @@ export class Plots {
         panel.keys = await chooseSignals([...this.#signals.values()], panel.keys);
         this.#changed();
       }),
+      button("Spectrum", "Spectrum of plot", () => this.#spectrum(panel)),
       button("PNG", "Picture of plot", () => panel.plot?.root.querySelector("canvas").toBlob(
         (blob) => save(blob, "omniwheel-plot.png"))),
       button("✕", "Remove plot", () => {
@@ -267,17 +274,57 @@ export class Plots {
     ctx.restore();
   }
 
+  /** A line where a limit of the robot lies, as far as the plot reaches there. */
+  #draw_limits(panel) {
+    const { ctx, bbox } = panel.plot;
+    const names = new Set(panel.keys.map((key) => this.limit_of(key)).filter(Boolean));
+    ctx.save();
+    ctx.fillStyle = ctx.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--limit").trim();
+    ctx.font = `${11 * devicePixelRatio}px system-ui`;
+    ctx.lineWidth = devicePixelRatio;
+    for (const name of names) {
+      for (const sign of [1, -1]) {
+        const y = panel.plot.valToPos(sign * this.limit(name), "y", true);
+        if (!(y >= bbox.top && y <= bbox.top + bbox.height)) continue;
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+        ctx.fillText(`${sign < 0 ? "−" : ""}${name}`, bbox.left + 4, y - 3);
+      }
+    }
+    ctx.restore();
+  }
+
+  #words_of(key) {
+    const signal = this.#signals.get(key);
+    return { label: signal?.label ?? key, unit: signal?.unit ?? "" };
+  }
+
+  #spectrum(panel) {
+    const words = panel.keys.map((key) => this.#words_of(key));
+    return showSpectrum(this.socket, {
+      signals: panel.keys,
+      labels: words.map(({ label }) => label),
+      units: words.map(({ unit }) => unit),
+      colours: panel.keys.map((_, n) => COLOURS[n % COLOURS.length]),
+      ...this.#view(),
+    });
+  }
+
   #near_mark(plot) {
     const near = this.#marks.filter((mark) => Math.abs(plot.valToPos(mark.time_s, "x") - plot.cursor.left) < NEAR_PX);
     this.on_mark?.(near.length ? in_words(near[near.length - 1]) : "");
   }
 
-  #select(plot) {
+  #select(panel) {
+    const { plot } = panel;
     const { left, width } = plot.select;
     if (width < 4) return;
     const [begin, end] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    this.on_measure?.(end - begin);
+    const pieces = panel.keys.map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
+    this.on_measure?.(end - begin, measured(pieces, begin, end));
     this.pause(begin, end);
   }
 
