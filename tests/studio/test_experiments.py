@@ -228,6 +228,7 @@ def test_an_armed_robot_is_left_alone(simulated: Program) -> None:
         assert "error" not in ask(socket, "arm")
         wait(lambda: simulated.state()["robot"]["armed"], "it is not armed")
         assert "armed" in ask(socket, "experiment", name="wheel-step", start=True)["error"]
+        assert "armed" in ask(socket, "experiment", name="wheel-step")["error"]
         ask(socket, "disarm")
 
 

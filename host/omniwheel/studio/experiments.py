@@ -208,6 +208,9 @@ class Experiment:
                 self.picture = log.folder / PICTURE_FILE
         except OmniError as error:
             self._trouble = in_words(error)
+        except Exception as error:
+            self._trouble = f"a mistake in this program, please report it: {error!r}"
+            raise
 
     def _measured(self, robot: Robot, log: DriveLog) -> Outcome:
         """Run in the robot's thread. The robot is disarmed at the end, whatever happens."""
@@ -265,13 +268,18 @@ class Experiments:
             raise BadRequestError("an experiment is under way", hint="wait for its end, or end it by STOP or Disarm")
 
     def needs(self, session: Session, request: Mapping[str, Any]) -> Future[str]:
-        """Return a future of what an experiment will use, in words."""
-        self.require_idle()
-        wanted = wanted_of(request)
+        """Return a future of what an experiment will use, in words. Raises BadRequestError as :meth:`start`."""
+        wanted = self._checked(session, request)
         return session.do(lambda robot: needs_of(robot, wanted))
 
     def start(self, session: Session, request: Mapping[str, Any]) -> None:
         """Begin one. Raises BadRequestError if another is under way, or the robot is armed."""
+        wanted = self._checked(session, request)
+        number = 1 if self._last is None else self._last.number + 1
+        self._last = Experiment(number, session, wanted, self._out)
+        self._last.start()
+
+    def _checked(self, session: Session, request: Mapping[str, Any]) -> Wanted:
         self.require_idle()
         wanted = wanted_of(request)
         robot = session.robot
@@ -279,6 +287,4 @@ class Experiments:
             raise BadRequestError("no robot is connected")
         if robot.status.armed:
             raise BadRequestError("the robot is armed", hint="press Disarm: an experiment arms it itself")
-        number = 1 if self._last is None else self._last.number + 1
-        self._last = Experiment(number, session, wanted, self._out)
-        self._last.start()
+        return wanted
