@@ -215,6 +215,31 @@ def test_keys_drive_as_long_as_they_are_held(page: Page) -> None:
     until(page, "robot.mode === 'velocity' || robot.mode === 'hold'")
 
 
+PAD = """(pad) => {
+    window.pad = pad && { connected: true, mapping: "standard", id: "Test pad", axes: pad.axes,
+        buttons: [0, 1, 2, 3].map((n) => ({ pressed: n === pad.button })) };
+    navigator.getGamepads = () => [null, window.pad];
+}"""
+"""Stands for a gamepad: there is none at the computer that runs the tests."""
+
+
+def test_a_gamepad_drives_turns_and_stops(page: Page) -> None:
+    arm(page)
+    page.check("#gamepad")
+    until(page, "document.getElementById('gamepad-text').textContent.includes('press a button')")
+    x, _, theta = page.evaluate("studio.state.robot.pose")
+    page.evaluate(PAD, {"axes": [0, -1, 0, 0]})
+    until(page, f"robot.pose[0] > {x} + 0.02")
+    page.evaluate(PAD, {"axes": [0.05, 0.1, -1, 0]})  # the left stick rests
+    until(page, f"robot.pose[2] > {theta} + 0.05")
+    page.evaluate(PAD, None)  # unplugged
+    until(page, "document.getElementById('key-text').textContent === ''")
+    page.evaluate(PAD, {"axes": [0, -1, 0, 0], "button": 1})
+    until(page, "robot.state === 'estop'")
+    page.evaluate(PAD, {"axes": [0, 0, 0, 0]})
+    page.uncheck("#gamepad")
+
+
 def test_pausing_loses_nothing(page: Page) -> None:
     page.click("#pause")
     assert page.text_content("#pause") == "Go on"

@@ -4,12 +4,14 @@
 import { Chooser } from "./connect.js";
 import { DrawnPath } from "./draw.js";
 import { Experiments } from "./experiments.js";
+import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
 import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
+import { HeldVelocity } from "./velocity.js";
 
 const id = (name) => document.getElementById(name);
 const TEXTS_KEPT = 100;
@@ -40,7 +42,9 @@ const map = new FloorMap(id("map"), socket, {
 const drawn = new DrawnPath(map, ask);
 const experiments = new Experiments(socket);
 const simulator = new Simulator(id("simulator"), ask);
-const keys = new Keys(socket, { refused: say, moving: (words) => { id("key-text").textContent = words; } });
+const velocity = new HeldVelocity(socket, { refused: say, moving: (words) => put("key-text", words) });
+const keys = new Keys(velocity);
+const gamepad = new Gamepad(velocity, { stop, found: (words) => put("gamepad-text", words) });
 
 // ---- what the server says
 
@@ -58,7 +62,7 @@ function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, wo
   simulator.tables(world);
   parameters.tables(infos);
   plots.tables(signals);
-  keys.top = speed;
+  velocity.top = speed;
   id("draw-speed").value = (speed.v / 2).toPrecision(2);
   map.wheels = wheels;
   map.radius = radius_m;
@@ -128,6 +132,7 @@ const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 function stop() {
   map.cancel();
   keys.stop();
+  velocity.letGo();
   ask("stop").then((result) => {
     if (result && !result.told) say("No robot is connected: nothing could be stopped from here.");
   });
@@ -182,7 +187,8 @@ id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };
 id("clear-trail").onclick = () => map.clear();
 id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.stop(); };
-id("key-speed").oninput = (event) => { keys.share = Number(event.target.value) / 100; };
+id("gamepad").onchange = (event) => gamepad.enable(event.target.checked);
+id("key-speed").oninput = (event) => { velocity.share = Number(event.target.value) / 100; };
 id("start-path").onclick = () => {
   map.cancel();
   ask("start_trajectory", { type: id("path").value, laps: Number(id("laps").value) });
