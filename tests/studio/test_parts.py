@@ -26,6 +26,7 @@ from omniwheel.studio.session import Session
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
 from omniwheel.studio.studio import SAMPLES_SINCE, packed
 from omniwheel.studio.urgent_link import UrgentLink
+from omniwheel.studio.work_queue import WorkQueue
 from omniwheel.telemetry import Battery, Tracking, Wheels
 
 
@@ -305,3 +306,32 @@ def test_a_stop_is_sent_though_a_page_that_asked_for_something_has_gone() -> Non
     link.read(0.0)
     assert len(inner.written) == 1
     assert isinstance(kept.exception(timeout=0.0), LinkError)
+
+
+def test_of_set_points_only_the_newest_waits_and_the_order_stays() -> None:
+    queue = WorkQueue()
+    first = queue.put(lambda _: "old", is_setpoint=True)
+    path = queue.put(lambda _: "path")
+    newest = queue.put(lambda _: "new", is_setpoint=True)
+    assert first.result(timeout=0.0) is None
+    taken = [queue.get(), queue.get(), queue.get()]
+    assert [work and work.future for work in taken] == [path, newest, None]
+
+
+def test_an_error_of_its_own_does_not_end_the_robots_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = threading.Semaphore(0)
+
+    def broken(*_: object, **__: object) -> None:
+        opened.release()
+        raise ZeroDivisionError("planted")
+
+    monkeypatch.setattr("omniwheel.studio.session.open_shared", broken)
+    monkeypatch.setattr("omniwheel.studio.session.RETRY_S", 0.01)
+    session = Session("nowhere")
+    session.start()
+    for _ in range(3):
+        assert opened.acquire(timeout=30.0), "it tries again"
+    assert session.phase == "lost"
+    assert session.trouble == "an error of the studio's own: ZeroDivisionError: planted"
+    session.close()
+    assert session.phase == "closed"

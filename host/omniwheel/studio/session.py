@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 from omniwheel.dialect import Message, mavlink
@@ -22,8 +22,10 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.signals import KINDS
 from omniwheel.studio.urgent_link import UrgentLink
+from omniwheel.studio.work_queue import WorkQueue
 from omniwheel.telemetry import Control, StatusText, decode
 
+_LOG = logging.getLogger(__name__)
 CONNECT_TIMEOUT_S = 3.0
 RETRY_S = 1.0
 """After unplugging, how often the port is looked for."""
@@ -89,7 +91,7 @@ class Session:
         self._stop_wanted = False
         self._long_work = False
         self._link: UrgentLink | None = None
-        self._work: SimpleQueue[tuple[Callable[[Robot], Any], Future[Any]]] = SimpleQueue()
+        self._work = WorkQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"robot {url}", daemon=True)
 
@@ -103,13 +105,15 @@ class Session:
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join()
 
-    def do(self, work: Callable[[Robot], T]) -> Future[T]:
-        """Have ``work`` done by the robot's thread, after what was asked for before."""
+    def do(self, work: Callable[[Robot], T], *, is_setpoint: bool = False) -> Future[T]:
+        """Have ``work`` done by the robot's thread, after what was asked for before.
+
+        A set-point that still waits when a newer one comes is left out.
+        """
+        if self.phase == "connected":
+            return self._work.put(work, is_setpoint=is_setpoint)
         future: Future[T] = Future()
-        if self.phase != "connected":
-            future.set_exception(LinkLostError("no robot is connected", hint=self.trouble))
-        else:
-            self._work.put((work, future))
+        future.set_exception(LinkLostError("no robot is connected", hint=self.trouble))
         return future
 
     def do_long(self, work: Callable[[Robot], T]) -> Future[T]:
@@ -135,7 +139,7 @@ class Session:
         self.stops += 1
         robot, link = self.robot, self._link
         if robot is None or link is None:
-            self._drop_work()
+            self._work.drop()
             return False
         to = robot.connection
         message = mavlink.MAVLink_command_long_message(
@@ -147,8 +151,8 @@ class Session:
             self._end_long_work("stopped")
 
         link.interrupt(urgent)
-        self._drop_work()
-        self._work.put((until_confirmed, Future()))
+        self._work.drop()
+        self._work.put(until_confirmed)
         return True
 
     # ---- the robot's thread
@@ -159,9 +163,13 @@ class Session:
                 self._serve()
             except OmniError as error:
                 self.phase, self.trouble = "lost", f"{error}. {error.hint}" if error.hint else str(error)
+            except Exception as error:
+                _LOG.exception("the robot's thread failed")
+                self.phase = "lost"
+                self.trouble = f"an error of the studio's own: {type(error).__name__}: {error}"
             finally:
                 self.robot = self._link = None
-                self._drop_work()
+                self._work.drop()
             self._closing.wait(RETRY_S)
         self.phase = "closed"
 
@@ -231,31 +239,19 @@ class Session:
 
     def _do_next(self, robot: Robot) -> None:
         """Do one thing that was asked for, or listen to the robot for a moment."""
-        try:
-            work, future = self._work.get_nowait()
-        except Empty:
+        work = self._work.get()
+        if work is None:
             robot.pump(_PUMP_S)
             return
-        if not future.set_running_or_notify_cancel():
-            return
         try:
-            future.set_result(work(robot))
+            work.future.set_result(work.call(robot))
         except OmniError as error:
-            future.set_exception(error)
+            work.future.set_exception(error)
             if isinstance(error, LinkLostError):
                 raise
         except Exception as error:
-            future.set_exception(error)
+            work.future.set_exception(error)
         robot.pump(0.0)
-
-    def _drop_work(self) -> None:
-        while True:
-            try:
-                _, future = self._work.get_nowait()
-            except Empty:
-                return
-            if future.set_running_or_notify_cancel():  # not if the page that asked has gone
-                future.set_exception(LinkError("not done: a stop came first, or the link was lost"))
 
     def _take(self, message: Message) -> None:
         name = message.get_type()

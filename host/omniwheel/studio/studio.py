@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from omniwheel.errors import OmniError
-from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, BadRequestError
+from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
 from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
@@ -157,7 +157,7 @@ class Studio:
         if session is None:
             raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
         self.experiments.require_idle()
-        return session.do(lambda robot: work(robot, _edits(session), request))
+        return session.do(lambda robot: work(robot, _edits(session), request), is_setpoint=action in SETPOINTS)
 
     # ---- what a page is told
 
