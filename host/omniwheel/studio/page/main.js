@@ -6,6 +6,7 @@ import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
+import { Runs } from "./runs.js";
 import { Socket } from "./socket.js";
 
 const id = (name) => document.getElementById(name);
@@ -19,12 +20,13 @@ const ask = (action, content) => socket.ask(action, content).then(
   (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
 
 const socket = new Socket({
-  open: () => say(""),
+  open: () => { say(""); runs.refresh(); },
   lost: () => { show_state(null); say("The studio's server is gone. Start omni studio again; this page waits for it."); },
   samples: (...found) => plots.samples(...found),
   news,
 });
 const plots = new Plots(id("panels"), socket, say);
+const runs = new Runs(socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
 const chooser = new Chooser(socket);
 const map = new FloorMap(id("map"), socket, {
@@ -67,6 +69,7 @@ function add_text({ severity, text }) {
 
 function show_state(now) {
   state = now;
+  runs.recording(now?.recording, now?.link.phase === "connected");
   const robot = now?.robot ?? null;
   const link = now?.link ?? { phase: "none" };
   const phases = { none: "no robot", connecting: "connecting …", lost: "lost", closed: "no robot" };
@@ -184,4 +187,4 @@ function start_going() {
   });
 }
 
-window.studio = { plots, map, parameters, get state() { return state; } }; // for tests and the curious
+window.studio = { plots, runs, map, parameters, get state() { return state; } }; // for tests and the curious
