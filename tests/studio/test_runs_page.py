@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def program(folder: Path) -> Iterator[Program]:
     """A studio without a robot."""
-    with studio("--folder", str(folder)) as found:
+    with studio("--out", str(folder)) as found:
         yield found
 
 
@@ -127,7 +127,7 @@ def test_runs_can_be_used_by_keyboard_and_screen_reader(
 
 
 def test_a_recording_is_started_seen_ended_and_opened(tmp_path: Path, open_page: Opener) -> None:
-    with studio("sitl", "--folder", str(tmp_path / "runs")) as program:
+    with studio("sitl", "--out", str(tmp_path / "runs")) as program:
         page = open_page(program.url)
         until(page, "robot?.pose")
         assert (page.text_content("#fact-recording") or "").startswith("off")

@@ -14,9 +14,8 @@ from rich.markup import escape
 
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, LinkOption, console, error_console, examples, print_json, signals_interrupt
-from omniwheel.cli.options import HostOption, ListenPortOption, OwnSeedOption
+from omniwheel.cli.options import DEFAULT_OUT, HostOption, ListenPortOption, OutOption, OwnSeedOption
 from omniwheel.cli.run_output import RobotOption
-from omniwheel.cli.runs import DEFAULT_FOLDER, FolderOption
 from omniwheel.errors import LinkOpenError, MissingPackageError
 
 EXAMPLES = examples(
@@ -43,7 +42,7 @@ def studio(
     seed: OwnSeedOption = 1,
     port: ListenPortOption = 8420,
     host: HostOption = "127.0.0.1",
-    folder: FolderOption = DEFAULT_FOLDER,
+    out: OutOption = DEFAULT_OUT,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -65,7 +64,7 @@ def studio(
 
     listener = _listen(host, port)
     access = Access(host)
-    model = Studio(folder)
+    model = Studio(out)
     scenarios = cache(lambda: {name: load_scenario(name).description for name in scenario_names()})
     server = StudioServer(model, access, vendor, scenarios)
     try:

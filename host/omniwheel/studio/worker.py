@@ -31,6 +31,7 @@ class Worker:
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection[Any, Any] | None = None
         self._waiting = 0
+        self._closed = False
 
     def ask(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Have a function called. The future raises its OmniError, or LogError if the process ended meanwhile."""
@@ -43,6 +44,7 @@ class Worker:
 
     def close(self) -> None:
         """End the process; what it was asked for fails."""
+        self._closed = True
         self._thread.shutdown(wait=False, cancel_futures=True)
         if self._process is not None:
             self._process.kill()
@@ -66,9 +68,12 @@ class Worker:
 
     def _start(self) -> Connection[Any, Any]:
         ours, theirs = _context.Pipe()
-        self._process = _context.Process(target=_serve, args=(theirs,), daemon=True)
-        self._process.start()
+        process = _context.Process(target=_serve, args=(theirs,), daemon=True)
+        process.start()
         theirs.close()
+        self._process = process
+        if self._closed:  # meanwhile
+            process.kill()
         self._pipe = ours
         return ours
 
