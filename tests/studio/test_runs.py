@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import os
+import resource
 import struct
 import threading
 import time
@@ -27,7 +28,7 @@ from omniwheel.robot import Robot
 from omniwheel.studio import reading, recorded_log
 from omniwheel.studio.log_frames import AS_ARRAYS, Clock, read_piece
 from omniwheel.studio.recorded_log import Overview, RecordedLog
-from omniwheel.studio.recording import Recorder, Recording
+from omniwheel.studio.recording import NOT_ENDED, Recorder, Recording
 from omniwheel.studio.samples import SAMPLES_WINDOW
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import KINDS, values
@@ -37,6 +38,7 @@ from omniwheel.telemetry import decode
 from tests.studio.recorded import GAIN, RATE_HZ, START_S, frames, write_run
 
 X = "tracking.pose.x"
+FULL_BYTES = 200_000
 
 
 def log_of(path: Path, seconds: float = 20.0) -> Path:
@@ -305,6 +307,7 @@ def test_a_recording_becomes_a_run(tmp_path: Path, fed: Fed) -> None:
     assert recorder.start(fed.session) == str(folder)  # it is on already
     assert recorder.state()["on"]
     until(lambda: (folder / "telemetry.tlog").stat().st_size > 1000, "nothing was written")
+    assert list_runs(tmp_path)[0].end == NOT_ENDED  # what a kill leaves is listed, too
     recorder.close()
     worker.close()
     assert not recorder.state()["on"]
@@ -325,16 +328,20 @@ def test_a_lost_link_ends_a_recording_cleanly(tmp_path: Path, fed: Fed) -> None:
     assert list_runs(tmp_path)[0].end == "the link was lost"
 
 
-def test_a_full_disk_is_said_and_a_stop_is_sent_all_the_same(
-    tmp_path: Path, fed: Fed, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> None:
-        raise OutputFileError("no space left on device", hint="free some")
-
-    recording = Recording(tmp_path, fed.session, lambda _recording, _drive: None)
-    monkeypatch.setattr(recording._writer, "write_records", full)
-    until(lambda: not recording.on, "the recording goes on")
-    assert recording.trouble == "no space left on device. free some"
+def test_a_full_disk_is_said_and_a_stop_is_sent_all_the_same(tmp_path: Path, fed: Fed) -> None:
+    """The disk is full by a limit of the system on the size of files."""
+    before_limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (FULL_BYTES, before_limit[1]))
+    try:
+        recording = Recording(tmp_path, fed.session, lambda _recording, _drive: None)
+        until(lambda: not recording.on, "the recording goes on")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before_limit)
+    assert "ulimit" in recording.trouble
+    (run,) = list_runs(tmp_path)
+    assert run.end in recording.trouble
+    log = RecordedLog(recording.folder / "telemetry.tlog")
+    assert (log.bad_frames, log.lost_bytes) == (0, 0)  # whole records to the end
     before = len(fed.inner.written)
     assert fed.session.stop_now()
     until(lambda: len(fed.inner.written) > before, "the stop was not sent")
@@ -355,8 +362,10 @@ def test_a_disk_that_hangs_keeps_neither_control_nor_a_stop(
     before = len(fed.inner.written)
     assert fed.session.stop_now()
     until(lambda: len(fed.inner.written) > before, "the stop waits for the disk")
+    recording.end()
     goes_on.set()
-    recording.stop()
+    recording.wait()
+    assert not recording.on
 
 
 def test_without_a_robot_or_a_folder_nothing_is_left_behind(tmp_path: Path, fed: Fed) -> None:

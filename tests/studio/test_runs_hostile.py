@@ -152,6 +152,19 @@ def test_old_uploads_go_and_are_said_to_be_gone(program: Program) -> None:
         assert "result" in ask(socket, "open_run", log=logs[-1])
 
 
+@pytest.mark.parametrize("kill", [False, True], ids=["ended", "killed"])
+def test_the_process_that_reads_logs_ends_with_the_studio(root: Path, kill: bool) -> None:
+    with studio("--out", str(root)) as program:
+        with connect(socket_url(program)) as socket:
+            assert "result" in ask(socket, "open_run", log="run:good")
+        tasks = Path(f"/proc/{program.process.pid}/task").glob("*/children")
+        children = [int(word) for task in tasks for word in task.read_text().split()]
+        assert children
+        (program.process.kill if kill else program.process.terminate)()
+        program.process.wait(timeout=60)
+    wait(lambda: not any(Path(f"/proc/{child}").exists() for child in children), "a process is left")
+
+
 def test_a_stop_comes_through_while_a_long_log_is_read(program: Program, root: Path) -> None:
     minute = b"".join(frames(60.0))
     folder = root.parent / "long"

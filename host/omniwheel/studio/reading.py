@@ -21,7 +21,7 @@ from omniwheel.studio.signals import signals_as_json
 
 MOST_LISTED = 500
 LONGEST_NAME = 255
-_OPEN = 4
+_OPEN = 3
 _HINT = "press Refresh: it may have been renamed or deleted"
 _logs: OrderedDict[Path, tuple[tuple[int, int], RecordedLog]] = OrderedDict()
 

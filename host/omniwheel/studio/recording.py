@@ -27,12 +27,13 @@ from omniwheel.studio.worker import Worker
 from omniwheel.tlog import TlogWriter, wall_clock_us
 
 NAME, ASKED = "studio", "recorded in the studio"
+NOT_ENDED = "still recording, or the studio was killed"
 LARGEST_FOR_FIGURES = 64 << 20
 """Figures and picture need the whole log in memory."""
 MOST_WAITING = 200_000
 """Frames that wait for a disk: minutes of them."""
 _LOOK_S = 0.1
-_FIGURES_S = 30.0
+_PATIENCE_S = 30.0
 
 
 class Recording:
@@ -47,15 +48,16 @@ class Recording:
         self._stopped = threading.Event()
         self._began = datetime.now(timezone.utc)
         try:
-            self._writer = TlogWriter(self.folder / TLOG_FILE)
             self._robot = session.record(self._take)
             self._before = dict(self._robot.parameters.known)
             parameter_file.write(self.folder / BEFORE_FILE, self._before, self._robot.table)
+            write_drive(self.folder, self._drive(NOT_ENDED, 0), self._robot.table)  # listed whatever happens
+            self._writer = TlogWriter(self.folder / TLOG_FILE)
         except OmniError:
             self._stopped.set()
             self._remove()
             raise
-        self._thread = threading.Thread(target=self._run, name="recording")
+        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
         self._thread.start()
 
     @property
@@ -68,10 +70,13 @@ class Recording:
         """Whether it takes no more frames."""
         return self._stopped.is_set()
 
-    def stop(self) -> None:
-        """End it; everything that came before is on the disk then."""
+    def end(self) -> None:
+        """Take no more frames; those that came are written meanwhile."""
         self._stopped.set()
-        self._thread.join()
+
+    def wait(self) -> None:
+        """Wait until everything is on the disk, but not without end for one that hangs."""
+        self._thread.join(_PATIENCE_S)
 
     def _take(self, frame: bytes) -> None:
         """Take a frame; the robot's thread does no more than this."""
@@ -83,7 +88,7 @@ class Recording:
         try:
             while not self._stopped.is_set():
                 self._write()
-                if self._session.robot is not self._robot:
+                if self._session.robot is not self._robot and not self._stopped.is_set():
                     end = "the link was lost"
                     break
                 if self._frames.qsize() > MOST_WAITING:
@@ -100,14 +105,17 @@ class Recording:
         if self._session.robot is self._robot:
             with suppress(OmniError):
                 self._session.record(None)
-        known = self._robot.parameters.known
-        after = {name: known.get(name, value) for name, value in self._before.items()}
-        drive = Drive(ASKED, self._began, end, self._robot.url, self._before, after, self._writer.frames)
+        drive = self._drive(end, self._writer.frames)
         try:
             write_drive(self.folder, drive, self._robot.table)
         except OutputFileError as error:
             self._fail(error)
         self._ended(self, drive)
+
+    def _drive(self, end: str, frames: int) -> Drive:
+        known = self._robot.parameters.known
+        after = {name: known.get(name, value) for name, value in self._before.items()}
+        return Drive(ASKED, self._began, end, self._robot.url, self._before, after, frames)
 
     def _write(self) -> None:
         """Write what has come by now, or wait a moment for something to come."""
@@ -149,23 +157,30 @@ class Recorder:
             if self._recording is not None and not self._recording.ends:
                 return str(self._recording.folder)
             if self._recording is not None:
-                self._recording.stop()  # it may be at its last lines
+                self._recording.wait()  # it may be at its last lines
             self._recording, self._trouble = None, ""
             self._recording = Recording(self.root, session, self._ended)
             return str(self._recording.folder)
 
+    def end(self) -> None:
+        """End the recording, if there is one, without waiting for the disk."""
+        recording = self._recording
+        if recording is not None:
+            recording.end()
+
     def stop(self) -> None:
-        """End the recording, if there is one."""
-        with self._lock:
-            if self._recording is not None:
-                self._recording.stop()
+        """End the recording, if there is one; its folder is there then."""
+        self.end()
+        recording = self._recording
+        if recording is not None:
+            recording.wait()
 
     def close(self) -> None:
         """End the recording and wait for its figures."""
         self.stop()
         if self._figures is not None:
             with suppress(OmniError, TimeoutError):
-                self._figures.result(timeout=_FIGURES_S)
+                self._figures.result(timeout=_PATIENCE_S)
 
     def state(self) -> dict[str, Any]:
         """Return what a page shows."""

@@ -102,10 +102,11 @@ class Studio:
 
     def disconnect(self) -> None:
         """Let go of the robot. It is disarmed if it was armed from here; a simulated one ends."""
-        self.recorder.stop()
+        self.recorder.end()
         if self.session is not None:
-            self.session.close()
+            self.session.close()  # before the disk is waited for: it disarms the robot
             self.session = None
+        self.recorder.stop()
         if self.simulated is not None:
             self.simulated.close()
             self.simulated = None
