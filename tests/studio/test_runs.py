@@ -26,6 +26,7 @@ from omniwheel.identification.sources import read_messages
 from omniwheel.paths import params_path
 from omniwheel.robot import Robot
 from omniwheel.studio import reading, recorded_log
+from omniwheel.studio import recording as recording_module
 from omniwheel.studio.log_frames import AS_ARRAYS, Clock, read_piece
 from omniwheel.studio.recorded_log import Overview, RecordedLog
 from omniwheel.studio.recording import NOT_ENDED, Recorder, Recording
@@ -366,6 +367,18 @@ def test_a_disk_that_hangs_keeps_neither_control_nor_a_stop(
     goes_on.set()
     recording.wait()
     assert not recording.on
+
+
+def test_what_waits_for_a_disk_has_an_end(tmp_path: Path, fed: Fed, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording_module, "MOST_WAITING", 100)
+    goes_on = threading.Event()
+    recording = Recording(tmp_path, fed.session, lambda _recording, _drive: None)
+    monkeypatch.setattr(recording._writer, "write_records", lambda *_: goes_on.wait(120.0))
+    until(lambda: recording._overflown, "frames pile up without end")
+    assert recording._frames.qsize() <= 101
+    goes_on.set()
+    until(lambda: not recording.on, "the recording goes on")
+    assert "too slow" in recording.trouble
 
 
 def test_without_a_robot_or_a_folder_nothing_is_left_behind(tmp_path: Path, fed: Fed) -> None:

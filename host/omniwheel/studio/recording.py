@@ -46,6 +46,7 @@ class Recording:
         self._ended = ended
         self._frames: SimpleQueue[bytes] = SimpleQueue()
         self._stopped = threading.Event()
+        self._overflown = False
         self._began = datetime.now(timezone.utc)
         try:
             self._robot = session.record(self._take)
@@ -80,8 +81,10 @@ class Recording:
 
     def _take(self, frame: bytes) -> None:
         """Take a frame; the robot's thread does no more than this."""
-        if not self._stopped.is_set():
-            self._frames.put(wall_clock_us().to_bytes(8, "big") + frame)
+        if self._stopped.is_set() or self._overflown:
+            return
+        self._frames.put(wall_clock_us().to_bytes(8, "big") + frame)
+        self._overflown = self._frames.qsize() > MOST_WAITING
 
     def _run(self) -> None:
         end = "done"
@@ -91,7 +94,7 @@ class Recording:
                 if self._session.robot is not self._robot and not self._stopped.is_set():
                     end = "the link was lost"
                     break
-                if self._frames.qsize() > MOST_WAITING:
+                if self._overflown:
                     raise OutputFileError("the disk is too slow for this recording", hint="choose another folder")
             self._stopped.set()
             self._write()
@@ -158,6 +161,10 @@ class Recorder:
                 return str(self._recording.folder)
             if self._recording is not None:
                 self._recording.wait()  # it may be at its last lines
+                if self._recording.on:
+                    raise OutputFileError(
+                        "the disk has not taken the recording before yet", hint="try again, or choose another folder"
+                    )
             self._recording, self._trouble = None, ""
             self._recording = Recording(self.root, session, self._ended)
             return str(self._recording.folder)
