@@ -12,7 +12,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page
 
-from tests.studio.parts import Opener, Program, studio, until
+from tests.studio.parts import Opener, Program, running, studio, until
 from tests.studio.recorded import GAIN, write_run
 
 WHOLE = "studio.runs.plots.samples_of('0|tracking.pose.x').time"
@@ -144,3 +144,19 @@ def test_a_recording_is_started_seen_ended_and_opened(tmp_path: Path, open_page:
     assert (document["end"], document["asked"]) == ("done", "recorded in the studio")
     assert document["numbers"]["duration_s"] > 1.0
     assert (tmp_path / "runs" / "studio" / "run.png").is_file()
+
+
+def test_a_lost_robot_ends_the_recording_which_is_kept(tmp_path: Path, open_page: Opener) -> None:
+    link = str(tmp_path / "robot")
+    with studio("--link", link, "--out", str(tmp_path / "runs")) as program:
+        page = open_page(program.url)
+        assert page.is_disabled("#record")
+        with running("sitl", "--link", f"pty:{link}"):
+            until(page, "robot?.pose")
+            page.click("#record")
+            until(page, "state.recording.on")
+            page.wait_for_timeout(1000)
+        until(page, "!state.recording.on")
+        until(page, "document.querySelector('#run-list tbody')?.textContent.includes('the link was lost')")
+        page.get_by_label("Open studio").click()
+        until(page, f"{WHOLE}.length > 20")
