@@ -49,7 +49,7 @@ def test_runs_are_listed_newest_first_and_found(page: Page, folder: Path) -> Non
     row = page.locator("#run-list tbody tr").first.text_content() or ""
     assert "duration 10 s" in row
     assert "tcp:" in row
-    assert str(folder) in (page.text_content("#run-text") or "")
+    assert str(folder) in (page.text_content("#run-hint") or "")
     page.fill("#run-search", "slow")
     until(page, "document.querySelectorAll('#run-list tbody tr').length === 1")
     assert names(page) == ["slow"]

@@ -63,7 +63,7 @@ export class Runs {
       const found = await this.socket.ask("runs", { find: id("run-search").value });
       this.largest = found.largest_upload;
       const more = found.more ? `, and ${found.more} older ones: search for them` : "";
-      id("run-text").textContent = `${found.runs.length} in ${found.folder}${more}. `
+      id("run-hint").textContent = `${found.runs.length} in ${found.folder}${more}. `
         + `A log of up to ${Math.round(found.largest_upload / 2 ** 20)} MB can be opened from elsewhere.`;
       const rows = found.runs.map((run) => this.#row(run));
       id("run-list").replaceChildren(...(rows.length ? [table(["Name", "When", "Robot", "What", "Figures", "Show"], rows)] : []));
