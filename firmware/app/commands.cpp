@@ -86,7 +86,7 @@ uint8_t Commands::run_motion(const Command &command) {
     if (command.id == cmd_do_set_mode) {
         result = set_mode(p[1]);
     } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_START) {
-        result = services_.trajectories.start(p[0], p[1]);
+        result = services_.trajectories.start(p[0], p[1], p[2]);
     } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_STOP) {
         result = services_.trajectories.stop();
     } else if (command.id == MAV_CMD_OMNI_EXCITE) {
@@ -159,7 +159,7 @@ uint8_t Commands::set_mode(float mode) {
         return services_.trajectories.stop();
     }
     if (mode == static_cast<float>(OMNI_MODE_TRAJECTORY)) {
-        return services_.trajectories.start(-1.0f, -1.0f);
+        return services_.trajectories.start(-1.0f, -1.0f, 0.0f);
     }
     texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode follows the set-points: hold 0, trajectory 3"));
     return MAV_RESULT_DENIED;

@@ -5,25 +5,36 @@
 
 namespace omni {
 
+/// Is a number that takes a parameter's place in its range? Refuses it otherwise.
+bool Trajectories::accepts(int32_t parameter, float value, const char *name) {
+    if (omni_param_check(parameter, value, false) == OMNI_OK) {
+        return true;
+    }
+    const omni_param_info_t &info = omni_param_table[parameter];
+    texts_.refuse(MAV_SEVERITY_WARNING, Text().add(name).add(": ").add(info.minimum).add("..").add(info.maximum));
+    return false;
+}
+
 /// Plan into the scratch slot from the present pose.
 uint8_t Trajectories::plan() {
     omni_trajectory_config_t config = parameters_.config().trajectory;
-    const omni_param_info_t &types = omni_param_table[OMNI_PARAM_TRJ_TYPE];
-    const omni_param_info_t &laps = omni_param_table[OMNI_PARAM_TRJ_LAPS];
     if (type_ != -1.0f) {
-        if (omni_param_check(OMNI_PARAM_TRJ_TYPE, type_, false) != OMNI_OK) {
-            texts_.refuse(MAV_SEVERITY_WARNING,
-                          Text().add("trajectory type: ").add(types.minimum).add("..").add(types.maximum));
+        if (!accepts(OMNI_PARAM_TRJ_TYPE, type_, "trajectory type")) {
             return MAV_RESULT_DENIED;
         }
         config.type = static_cast<uint8_t>(type_);
     }
     if (laps_ != -1.0f) {
-        if (omni_param_check(OMNI_PARAM_TRJ_LAPS, laps_, false) != OMNI_OK) {
-            texts_.refuse(MAV_SEVERITY_WARNING, Text().add("laps: ").add(laps.minimum).add("..").add(laps.maximum));
+        if (!accepts(OMNI_PARAM_TRJ_LAPS, laps_, "laps")) {
             return MAV_RESULT_DENIED;
         }
         config.laps = laps_;
+    }
+    if (period_s_ != 0.0f) {
+        if (!accepts(OMNI_PARAM_TRJ_PERIOD, period_s_, "period [s]")) {
+            return MAV_RESULT_DENIED;
+        }
+        config.period_s = period_s_;
     }
     const bool listed = omni_trajectory_needs_waypoints(config.type);
     if (listed && waypoints_.count < 2) {
@@ -60,9 +71,10 @@ void Trajectories::say_slowed(const omni_trajectory_t &path) {
     texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
 }
 
-uint8_t Trajectories::start(float type, float laps) {
+uint8_t Trajectories::start(float type, float laps, float period_s) {
     type_ = type;
     laps_ = laps;
+    period_s_ = period_s;
     const uint8_t result = plan();
     if (result != MAV_RESULT_ACCEPTED) {
         return result;

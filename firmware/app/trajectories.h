@@ -12,9 +12,9 @@ public:
     Trajectories(Texts &texts, const RobotState &robot, ControlLoop &control, const Parameters &parameters)
         : texts_(texts), robot_(robot), control_(control), parameters_(parameters) {}
 
-    /// MAV_CMD_OMNI_TRAJECTORY_START. @param type TRJ_TYPE or -1, @param laps or -1: the parameter's. @return
-    /// MAV_RESULT
-    uint8_t start(float type, float laps);
+    /// MAV_CMD_OMNI_TRAJECTORY_START. @param type TRJ_TYPE or -1, @param laps or -1, @param period_s or 0: the
+    /// parameter's. @return MAV_RESULT
+    uint8_t start(float type, float laps, float period_s);
     uint8_t stop();
     /// MAV_CMD_OMNI_WAYPOINT
     uint8_t set_waypoint(float number, const omni_pose_t &pose);
@@ -25,6 +25,7 @@ public:
 
 private:
     uint8_t plan();
+    bool accepts(int32_t parameter, float value, const char *name);
     void say_slowed(const omni_trajectory_t &path);
 
     Texts &texts_;
@@ -34,6 +35,7 @@ private:
     omni_waypoints_t waypoints_{};
     float type_ = -1.0f;
     float laps_ = -1.0f;
+    float period_s_ = 0.0f;
     bool waiting_ = false; ///< starts with arming
 };
 

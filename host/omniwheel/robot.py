@@ -303,21 +303,29 @@ class Robot:
 
     # ---- on-board trajectory
 
-    def start_trajectory(self, type: str | int | None = None, laps: float | None = None) -> None:  # noqa: A002
+    def start_trajectory(
+        self,
+        type: str | int | None = None,  # noqa: A002
+        laps: float | None = None,
+        period_s: float | None = None,
+    ) -> None:
         """Plan the path that the TRJ_* parameters describe and follow it; while disarmed, from arming on.
 
-        ``type`` (a name of TRJ_TYPE, like "rose") and ``laps`` take the place of the parameters for this once.
+        ``type`` (a name of TRJ_TYPE, like "rose"), ``laps`` and ``period_s`` take the place of the parameters for this
+        once.
         """
         number = _AS_PARAMETER if type is None else checked_value(self.table, "TRJ_TYPE", type)
         count = _AS_PARAMETER if laps is None else checked_value(self.table, "TRJ_LAPS", laps)
-        self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, number, count, what="to start the trajectory")
+        period = 0.0 if period_s is None else checked_value(self.table, "TRJ_PERIOD", period_s)
+        what = "to start the trajectory"
+        self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, number, count, period, what=what)
 
     def stop_trajectory(self) -> None:
         """Leave the trajectory and hold the pose."""
         self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP, what="to stop the trajectory")
 
     def set_waypoints(self, poses: Sequence[tuple[float, float, float]]) -> None:
-        """Replace the waypoints of the trajectory type "waypoints": world poses, at most 32."""
+        """Replace the waypoints of the trajectory types "waypoints" and "spline": world poses, at most 32."""
         points = [[finite(f"waypoint {n}", value) for value in pose] for n, pose in enumerate(poses)]
         for number, point in enumerate(points):
             self.commands.send(mavlink.MAV_CMD_OMNI_WAYPOINT, float(number), *point, what=f"to set waypoint {number}")

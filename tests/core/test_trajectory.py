@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 TYPES = {
     name: getattr(lib, f"OMNI_TRJ_TYPE_{name.upper()}")
-    for name in ("hold", "waypoints", "line", "circle", "rose", "report", "random", "identify")
+    for name in ("hold", "waypoints", "line", "circle", "rose", "report", "random", "identify", "spline")
 }
 ROTATIONS = {name: getattr(lib, f"OMNI_TRJ_ROT_{name.upper()}") for name in ("fixed", "spin", "sine", "tangent")}
 WAYPOINTS = [(0.0, 0.0, 0.0), (0.4, 0.1, 1.0), (0.3, -0.5, 3.0), (-0.2, 0.2, -3.0)]
@@ -458,7 +458,7 @@ def test_waypoints_are_visited_the_short_way_round() -> None:
     [
         ({"size_m": math.nan}, lib.OMNI_ERR_NOT_FINITE),
         ({"margin": math.inf}, lib.OMNI_ERR_NOT_FINITE),
-        ({"type": 8}, lib.OMNI_ERR_RANGE),
+        ({"type": 9}, lib.OMNI_ERR_RANGE),
         ({"rotation": 9}, lib.OMNI_ERR_RANGE),
         ({"petals": 0}, lib.OMNI_ERR_RANGE),
         ({"petals": 33}, lib.OMNI_ERR_RANGE),

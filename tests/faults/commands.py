@@ -237,7 +237,7 @@ SAME_AS = {
     "host-control trajectory": "host-control pose",
     **{f"experiment {name}": "experiment wheel-step" for name in ("wheel-chirp", "position-step", "position-sweep")},
     "experiment disturbance": "experiment wheel-step",
-    **dict.fromkeys(("drive pose", "drive trajectory", "drive duty", "drive keys"), "drive velocity"),
+    **dict.fromkeys(("drive pose", "drive trajectory", "drive path", "drive duty", "drive keys"), "drive velocity"),
     **{f"drive {name}": name for name in ("host-control pose", "host-control trajectory", "host-control motor")},
 }
 """Commands that write by the very code of another one."""

@@ -26,7 +26,7 @@ YAW_RATE = 0.2
 REFERENCE = YAW_RATE * 0.2632 / 0.0508  # three_wheel.toml
 VALUES = (math.nan, math.inf, -math.inf)
 COMMANDS = {
-    mav.MAV_CMD_OMNI_TRAJECTORY_START: {0, 1},
+    mav.MAV_CMD_OMNI_TRAJECTORY_START: {0, 1, 2},
     mav.MAV_CMD_OMNI_HIL: {0},
     mav.MAV_CMD_OMNI_SET_POSE: {0, 1, 2},
     mav.MAV_CMD_OMNI_WAYPOINT: {0, 1, 2, 3},

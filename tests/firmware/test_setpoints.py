@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from omniwheel.robots import parameter_table
 from tests.firmware.client import mav
 from tests.firmware.fake_robot import HEARTBEAT, RADIO, USB, FakeRobot, command, duty, frame
 
@@ -223,6 +224,28 @@ def test_waypoints_are_passed_in_their_order_with_their_headings(robot: FakeRobo
             break
     assert nearest == pytest.approx([0.0] * len(points), abs=0.02)
     assert reached == sorted(reached)
+
+
+def test_a_spline_passes_its_waypoints_without_a_stop_in_the_time_asked_for(robot: FakeRobot) -> None:
+    points = [(0.1 * number, 0.02 * (number % 2), 0.0) for number in range(5)]
+    for number, point in enumerate(points):
+        assert robot.ask(USB, waypoint(number, *point)) == mav.MAV_RESULT_ACCEPTED
+    spline = float(parameter_table()["TRJ_TYPE"].values["spline"])
+    for bad in (-1.0, 0.1, 1e9, math.nan, math.inf):
+        assert robot.ask(USB, command(mav.MAV_CMD_OMNI_TRAJECTORY_START, spline, 1.0, bad)) == mav.MAV_RESULT_DENIED
+    assert robot.ask(USB, command(mav.MAV_CMD_OMNI_TRAJECTORY_START, spline, 1.0, 12.0)) == mav.MAV_RESULT_ACCEPTED
+    speeds, times = [], []
+    for _ in range(1000):
+        robot.send(USB, HEARTBEAT)
+        robot.tick(20)
+        tracking = robot.asked("OMNI_TRACKING")
+        speeds.append(math.hypot(*tracking.reference_rate[:2]))
+        times.append(tracking.path_time)
+        if tracking.phase == 3:
+            break
+    assert max(times) == pytest.approx(12.0, abs=0.1)
+    middle = [speed for speed, time in zip(speeds, times, strict=True) if 3.0 < time < 9.0]
+    assert min(middle) > 0.8 * 0.4 / 12.0, "it does not stop at a point"
 
 
 @pytest.mark.parametrize(

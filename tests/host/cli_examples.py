@@ -297,6 +297,7 @@ RULES = (
     Rule("drive keys", leave=LINK, during=pressed_keys),
     Rule("drive pose", leave=LINK, during=robot, codes=(0, 1)),
     Rule("drive trajectory", leave=LINK, during=partial(robot, end_s=300.0)),
+    Rule("drive path", leave=LINK, during=partial(robot, end_s=300.0)),
     Rule("drive duty", leave=LINK, during=partial(robot, "stand")),
     Rule("monitor --once", leave=LINK, during=robot),
     Rule("monitor", leave=LINK, during=partial(robot, end_s=2.0)),
@@ -393,6 +394,8 @@ def make_files(folder: Path) -> None:
     (folder / "quick.toml").write_text(QUICK, encoding="utf-8")
     (folder / "my_scenario.toml").write_text(QUICK, encoding="utf-8")
     (folder / "logged.toml").write_text(f"{QUICK}\n[parameters]\nSR1_WHEELS = 50.0\n", encoding="utf-8")
+    for name in ("line", "loop"):
+        (folder / f"{name}.csv").write_text("x,y\n0,0\n0.2,0.05\n0.3,0.2\n0.1,0.2\n", encoding="utf-8")
     (folder / "mapping.toml").write_text(synthetic.MAPPING, encoding="utf-8")
     for name in ("nominal", "identified", "mine", "my_robot"):
         (folder / f"{name}.toml").write_text(synthetic.ROBOT, encoding="utf-8")

@@ -67,7 +67,7 @@ def test_the_short_check_says_what_it_leaves_out(image: Path) -> None:
     assert [name for name in SHORT if not any(KNOWN[name].what in figure for figure in figures)] == []
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", AT_THE_PINS)
 def test_a_fault_at_the_pins_is_met_as_promised(starts: tuple[Bench, Starts], name: str) -> None:
     assert KNOWN[name].what in run(starts, KNOWN[name])
@@ -145,7 +145,7 @@ def test_a_case_in_the_loop_is_as_on_the_pc(image: Path) -> None:
         fault_loop.compare(replace(ours, latency_s=0.5), theirs)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_every_case_in_the_loop_is_as_on_the_pc(image: Path, case: FaultCase) -> None:
     fault_loop.compare(run_on_the_bench(case, fault_loop.flashed(image)), run_on_the_bench(case))

@@ -64,7 +64,7 @@ def test_a_good_image_survives_restarts(good: Context) -> None:
     assert reboots(good)[0].startswith("8 starts; power cuts: ")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_day_of_a_signing_clock_needs_late_erases(good: Context) -> None:
     figures = signing_clock(replace(good, depth="ci"))
     assert "late erases, the first after" in figures[1]

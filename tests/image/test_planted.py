@@ -73,7 +73,7 @@ def test_a_patch_without_a_head_is_refused(tmp_path: Path) -> None:
         read_bug(tmp_path / "x.patch")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_quickest_are_built_and_found(tmp_path: Path) -> None:
     need(missing_image(image_path()))
     need([] if KIT.is_dir() else [f"{KIT} (make firmware-build-check)"])

@@ -87,6 +87,7 @@ def test_a_loop_without_a_rule_is_refused(tmp_path: Path) -> None:
         Longest(Calls(Program(program), image), LoopBounds(image, 3)).below(Program(program).addresses["inner"])
 
 
+@pytest.mark.nightly
 def test_no_measured_tick_exceeds_a_loop_bound_or_the_whole_bound(image: Path) -> None:
     """A wrong rule in loops.toml would make the bound of the tick worthless."""
     flashed = read_image(image)

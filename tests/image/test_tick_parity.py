@@ -38,7 +38,7 @@ def test_the_tick_inside_the_image_gives_the_same_bits(image: Path) -> None:
     assert good, f"{words}\nIs {image} of these sources? make firmware"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_tick_of_a_newer_compiler_gives_the_same_bits() -> None:
     flashed.need(flashed.missing_newer_gcc())
     good, words = agree(NewerCore(flashed.newer_gcc()), TICKS)

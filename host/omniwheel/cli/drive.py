@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -64,7 +65,8 @@ _SETTLED_RAD = 0.02
 DurationOption = Annotated[
     float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="How long to drive.")
 ]
-SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="Speed of the arrow keys \\[m/s].")]
+SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="How fast to drive \\[m/s].")]
+LapsOption = Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
 
@@ -286,7 +288,7 @@ def trajectory(
             autocompletion=completion.trajectories,
         ),
     ],
-    laps: Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")] = None,
+    laps: LapsOption = None,
     duration: Annotated[float, stop_after_option(0.0)] = math.inf,
     *,
     wanted: DriveOptions,
@@ -297,6 +299,36 @@ def trajectory(
     checked_value(parameter_table(), "TRJ_TYPE", type_name)
     with _armed(wanted, f"trajectory {type_name}") as robot:
         robot.start_trajectory(type_name, laps)
+        tracking = _until_done(robot, duration, wanted.as_json)
+        robot.stop_trajectory()
+        _result(robot, wanted.as_json, phase=tracking.phase)
+
+
+@app.command("path", epilog=examples("omni drive path line.csv --speed 0.3", "omni drive path loop.csv --laps 3"))
+@takes(DriveOptions)
+def path(
+    file: Annotated[Path, typer.Argument(metavar="LINE.csv", help="World x and y \\[m] of a point on each line.")],
+    speed: SpeedOption = 0.2,
+    laps: LapsOption = None,
+    heading: Annotated[
+        str | None,
+        typer.Option("--heading", show_default=False, help="Kept all the way \\[rad], or 90deg. Default: along it."),
+    ] = None,
+    duration: Annotated[float, stop_after_option(0.0)] = math.inf,
+    *,
+    wanted: DriveOptions,
+) -> None:
+    """Follow a line of a file on a smooth path, without a stop at its points.
+
+    The robot gets 32 points of it and slows down to what its limits need. Without --laps it drives once, from end to
+    end. With more laps the line is closed.
+    """
+    from omniwheel.drawn_path import drawn_path, read_line
+
+    heading_rad = None if heading is None else _angle(heading)
+    line = drawn_path(read_line(file), speed, heading_rad=heading_rad, laps=1.0 if laps is None else laps)
+    with _armed(wanted, f"path {file.name}", line.require) as robot:
+        line.start(robot)
         tracking = _until_done(robot, duration, wanted.as_json)
         robot.stop_trajectory()
         _result(robot, wanted.as_json, phase=tracking.phase)

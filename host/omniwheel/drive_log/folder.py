@@ -69,12 +69,15 @@ class DriveLog:
         except OutputFileError as error:
             self._trouble = self._trouble or error
 
-    def connected(self, robot: Robot) -> None:
-        """Keep the robot's parameters as they are before it moves."""
+    def connected(self, robot: Robot, *, set_rates: bool = True) -> None:
+        """Keep the robot's parameters as they are before it moves; without ``set_rates`` its telemetry stays as it is.
+
+        Rates that are set here need :meth:`leaving`.
+        """
         self._robot = robot
         slow = is_slow(robot.url)
         self._before = dict(robot.parameters.known) if slow else robot.parameters.download()
-        for name in () if slow else WATCHED:
+        for name in () if slow or not set_rates else WATCHED:
             robot.set_message_interval(name, WATCHED_HZ)
         parameter_file.write(self.folder / BEFORE_FILE, self._before, robot.table)
 

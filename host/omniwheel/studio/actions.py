@@ -7,7 +7,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
+from omniwheel.drawn_path import DrawnPath, drawn_path, preview
 from omniwheel.errors import OmniError
+from omniwheel.frames import Pose
+from omniwheel.plain import finite
 from omniwheel.robot import Robot
 from omniwheel.studio.edits import Edits
 from omniwheel.studio.parameter_view import values_as_json
@@ -60,6 +65,31 @@ def _start_trajectory(robot: Robot, _edits: Edits, request: Request) -> None:
     robot.start_trajectory(str(kind) if kind else None, laps)
 
 
+def _drawn_path(request: Request) -> DrawnPath:
+    line = request.get("line")
+    if not isinstance(line, list) or not all(isinstance(point, list) and len(point) == 2 for point in line):
+        raise BadRequestError("line has to be a list of points, each [x, y] in metres")
+    heading_rad = None if request.get("heading") is None else number_of(request, "heading")
+    return drawn_path(line, number_of(request, "speed"), heading_rad=heading_rad, laps=number_of(request, "laps", 1.0))
+
+
+def _preview_path(robot: Robot, _edits: Edits, request: Request) -> dict[str, Any]:
+    path = _drawn_path(request)
+    tracking = robot.status.tracking
+    at = path.points[0] if tracking is None else tracking.pose
+    seen = preview(path, robot.parameters.known, robot.table, Pose(*at))
+    return {
+        "line": np.round(seen.line, 4).tolist(),
+        "length_m": round(path.length_m, 3),
+        "duration_s": finite(round(seen.duration_s, 1)),
+        "slowed": round(seen.slowed, 3),
+    }
+
+
+def _follow_line(robot: Robot, _edits: Edits, request: Request) -> None:
+    _drawn_path(request).start(robot)
+
+
 def _set_pose_estimate(robot: Robot, _edits: Edits, request: Request) -> None:
     robot.set_pose_estimate(*_three(request, "x", "y", "theta"))
 
@@ -90,6 +120,8 @@ ACTIONS: dict[str, Callable[[Robot, Edits, Request], Any]] = {
     "pose": _pose,
     "start_trajectory": _start_trajectory,
     "stop_trajectory": lambda robot, _edits, _request: robot.stop_trajectory(),
+    "preview_path": _preview_path,
+    "follow_line": _follow_line,
     "set_pose_estimate": _set_pose_estimate,
     "set": _set,
     "undo": _undo,

@@ -80,7 +80,7 @@ class Recording:
         self._thread.join(_PATIENCE_S)
 
     def _take(self, frame: bytes) -> None:
-        """Take a frame; the robot's thread does no more than this."""
+        """Take a frame; the robot's thread does no more than this. It may come long after the end."""
         if self._stopped.is_set() or self._overflown:
             return
         self._frames.put(wall_clock_us().to_bytes(8, "big") + frame)
@@ -105,9 +105,6 @@ class Recording:
             with suppress(OutputFileError):
                 self._writer.close()
         self._stopped.set()
-        if self._session.robot is self._robot:
-            with suppress(OmniError):
-                self._session.record(None)
         drive = self._drive(end, self._writer.frames)
         try:
             write_drive(self.folder, drive, self._robot.table)

@@ -87,6 +87,7 @@ class Runs:
         session = self._studio.session
         if session is None:
             raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        self._studio.experiments.require_idle()  # it keeps a log of its own
         return await asyncio.to_thread(self._studio.recorder.start, session)
 
     # ---- over HTTP

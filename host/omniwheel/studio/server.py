@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import math
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
@@ -27,13 +28,15 @@ from omniwheel import parameter_file
 from omniwheel.errors import OmniError
 from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
+from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import BadRequestError, number_of
 from omniwheel.studio.parameter_view import values_as_json
 from omniwheel.studio.runs import Runs
-from omniwheel.studio.studio import Page, Studio
+from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
 
 PAGE_DIR = Path(__file__).parent / "page"
+_LOG = logging.getLogger(__name__)
 FRAME_S = 1 / 60
 NEWS_EVERY = 6
 """Frames between two looks at everything that is not a sample."""
@@ -68,10 +71,13 @@ class StudioServer:
             "take_over": self._take_over,
             "show": self._show,
             "window": self._window,
+            "spectrum": self._spectrum,
             "choices": self._choices,
             "connect": self._connect,
             "disconnect": self._disconnect,
             "simulate": self._simulate,
+            "world": self._world,
+            "experiment": self._experiment,
             "load": self._load,
             **self.runs.actions,
         }
@@ -83,6 +89,7 @@ class StudioServer:
                 Route("/", self._index),
                 Route("/state.json", self._state),
                 Route("/parameters.toml", self._parameters),
+                Route("/experiment.png", self._picture),
                 Route("/page/{name}", self._file),
                 Route("/vendor/{name}", self._vendor),
                 *self.runs.routes(),
@@ -107,6 +114,12 @@ class StudioServer:
 
     async def _state(self, request: Request) -> Response:
         return self._refusal(request) or JSONResponse(self.studio.state(), headers=_SECURITY)
+
+    async def _picture(self, request: Request) -> Response:
+        picture = self.studio.experiments.picture
+        if picture is None or not picture.is_file():
+            return self._refusal(request) or PlainTextResponse("there is no experiment yet\n", 404)
+        return self._refusal(request) or FileResponse(picture, media_type="image/png", headers=_SECURITY)
 
     async def _parameters(self, request: Request) -> Response:
         refused = self._refusal(request)
@@ -193,6 +206,11 @@ class StudioServer:
         except OmniError as error:
             await outbox.put(_answer(request, error=str(error), hint=error.hint))
             return
+        except Exception as error:
+            _LOG.exception("%s failed", action)
+            words = f"the studio has an error of its own in {action!r}: {type(error).__name__}: {error}"
+            await outbox.put(_answer(request, error=words, hint="its details stand where omni studio was started"))
+            return
         if isinstance(result, bytes):
             if result:
                 await outbox.put(result)
@@ -214,14 +232,16 @@ class StudioServer:
         self.studio.take_over(page)
 
     async def _show(self, page: Page, request: Mapping[str, Any]) -> bytes:
-        keys = request.get("signals")
-        if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys):
-            raise BadRequestError("signals has to be a list of names")
-        return self.studio.show(page, keys, number_of(request, "span_s", 10.0))
+        return self.studio.show(page, _keys_of(request), number_of(request, "span_s", 10.0))
 
     async def _window(self, page: Page, request: Mapping[str, Any]) -> bytes:
         width = min(max(int(number_of(request, "width", 1000.0)), 10), 4000)
         return self.studio.window(page, number_of(request, "begin_s"), number_of(request, "end_s"), width)
+
+    async def _spectrum(self, _page: Page, request: Mapping[str, Any]) -> list[dict[str, Any]]:
+        keys = _keys_of(request)
+        begin_s, end_s = number_of(request, "begin_s"), number_of(request, "end_s")
+        return await asyncio.to_thread(self.studio.spectra, keys, begin_s, end_s)
 
     async def _choices(self, _page: Page, _request: Mapping[str, Any]) -> dict[str, Any]:
         ports = await asyncio.to_thread(serial_ports)
@@ -249,6 +269,14 @@ class StudioServer:
         seed = int(number_of(request, "seed", 1.0))
         await self._change(page, lambda: self.studio.simulate(str(scenario), robot, seed))
 
+    async def _world(self, page: Page, request: Mapping[str, Any]) -> None:
+        self.studio.change_world(page, request)
+
+    async def _experiment(self, page: Page, request: Mapping[str, Any]) -> Any:
+        await asyncio.to_thread(experiments.prepare)
+        future = self.studio.experiment(page, request)
+        return None if future is None else await asyncio.wrap_future(future)
+
     async def _load(self, page: Page, request: Mapping[str, Any]) -> Any:
         session = self.studio.session
         robot = None if session is None else session.robot
@@ -263,6 +291,13 @@ class StudioServer:
             raise BadRequestError("another page commands", hint="press Take over first")
         async with self._changing:
             await asyncio.to_thread(change)
+
+
+def _keys_of(request: Mapping[str, Any]) -> list[str]:
+    keys = request.get("signals")
+    if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys) or len(keys) > MOST_SIGNALS:
+        raise BadRequestError(f"signals has to be a list of names, {MOST_SIGNALS} at most")
+    return keys
 
 
 def _answer(request: Mapping[str, Any], **content: Any) -> str:

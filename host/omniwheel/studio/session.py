@@ -52,15 +52,21 @@ def set_rate(robot: Robot, rate_hz: float | None) -> None:
         robot.set_message_interval(name, rate_hz)
 
 
+class WorkEndedError(LinkError):
+    """Long work was ended from outside: by a stop, or because the page that commands is gone."""
+
+
 class Session:
     """The connection to one link, from the first attempt to :meth:`close`. It connects again after a loss.
 
     Everything that touches the robot runs in this object's thread; other threads hand it work by :meth:`do`. A stop
     (:meth:`stop_now`) waits for none of that work. ``lock`` guards :attr:`store`, :attr:`marks` and :attr:`texts`.
+    ``slowness`` says how many times slower than real time the robot lives, if it is simulated.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, slowness: Callable[[], float] = lambda: 1.0) -> None:
         self.url = url
+        self._slowness = slowness
         self.lock = threading.Lock()
         self.store = SampleStore()
         self.marks = Marks()
@@ -79,7 +85,10 @@ class Session:
         self.rx_bytes_s = 0.0
         self.connections = 0
         """How often it has been connected: after a loss, everything may be another robot's."""
+        self.stops = 0
+        """How often something was to be stopped or disarmed: what was asked for before is not to be begun any more."""
         self._stop_wanted = False
+        self._long_work = False
         self._link: UrgentLink | None = None
         self._work: SimpleQueue[tuple[Callable[[Robot], Any], Future[Any]]] = SimpleQueue()
         self._closing = threading.Event()
@@ -104,6 +113,13 @@ class Session:
             self._work.put((work, future))
         return future
 
+    def do_long(self, work: Callable[[Robot], T]) -> Future[T]:
+        """The same for work that takes long and moves the robot: a stop or the loss of the page end it at once.
+
+        It ends by a :class:`WorkEndedError` wherever it waits for the robot, once. Cleaning up can wait as usual.
+        """
+        return self.do(lambda robot: self._do_long(robot, work))
+
     def stop_now(self) -> bool:
         """Send an emergency stop before anything else that waits; return whether there is a robot to hear it now.
 
@@ -116,7 +132,7 @@ class Session:
         """The same with disarming."""
         return self._at_once(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE), Robot.disarm)
 
-    def record(self, recorder: Recorder | None) -> Robot:
+    def record(self, recorder: Recorder) -> Robot:
         """Give every frame of this connection to ``recorder`` from now on; return the robot. Raises LinkLostError."""
         robot, link = self.robot, self._link
         if robot is None or link is None or self.phase != "connected":
@@ -125,6 +141,7 @@ class Session:
         return robot
 
     def _at_once(self, command: int, numbers: tuple[float, float], until_confirmed: Callable[[Robot], None]) -> bool:
+        self.stops += 1
         robot, link = self.robot, self._link
         if robot is None or link is None:
             self._drop_work()
@@ -133,7 +150,12 @@ class Session:
         message = mavlink.MAVLink_command_long_message(
             to.target_system, to.target_component, command, 0, *numbers, *[0.0] * 5
         )
-        link.interrupt(lambda: to.send(message))
+
+        def urgent() -> None:
+            to.send(message)
+            self._end_long_work("stopped")
+
+        link.interrupt(urgent)
         self._drop_work()
         self._work.put((until_confirmed, Future()))
         return True
@@ -177,7 +199,7 @@ class Session:
                 if now_s - counted_s >= _BYTES_OVER_S:
                     self.rx_bytes_s = (robot.connection.rx_bytes - counted) / (now_s - counted_s)
                     counted_s, counted = now_s, robot.connection.rx_bytes
-                if robot.status.heartbeat_age_s > _SILENT_S:
+                if robot.status.heartbeat_age_s > _SILENT_S * self._slowness():
                     raise LinkLostError(f"the robot at {self.url} is silent", hint="is it switched on?")
                 with self.lock:
                     self.mark_changes += self.marks.overdue(self.store.now_s) is not None
@@ -186,13 +208,35 @@ class Session:
 
     def _mind_the_page(self, robot: Robot) -> None:
         """Send heartbeats only while the page lives that moves the robot: a dead page is a lost link to the robot."""
-        lost = self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S
-        mute = lost and robot.status.armed
+        mute = self._page_is_lost() and robot.status.armed
         connection = robot.connection
         if mute:
             connection.next_heartbeat_s = float("inf")
         elif connection.next_heartbeat_s == float("inf"):
             connection.next_heartbeat_s = connection.clock()
+
+    def _page_is_lost(self) -> bool:
+        return self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S
+
+    def _do_long(self, robot: Robot, work: Callable[[Robot], T]) -> T:
+        link = self._link
+        assert link is not None
+        self._long_work, link.between = True, self._mind_long_work
+        try:
+            return work(robot)
+        finally:
+            self._long_work, link.between = False, None
+
+    def _mind_long_work(self) -> None:
+        if self._closing.is_set():
+            self._end_long_work("the studio let go of the robot")
+        if self._page_is_lost():
+            self._end_long_work("the page that commands is gone")
+
+    def _end_long_work(self, why: str) -> None:
+        if self._long_work:
+            self._long_work = False
+            raise WorkEndedError(why)
 
     def _do_next(self, robot: Robot) -> None:
         """Do one thing that was asked for, or listen to the robot for a moment."""

@@ -14,6 +14,8 @@ from omniwheel.studio.session import Session
 
 _DIGITS = 5
 _DIRECTIONS = 72
+NEED_POINTS = ("waypoints", "spline")
+"""Paths that are drawn on the map, or uploaded by a program."""
 
 
 def link_state(session: Session | None) -> dict[str, Any]:
@@ -59,7 +61,7 @@ def shape_as_json(robot: Robot) -> dict[str, Any]:
             "v": min(top_speed(model, angle).value for angle in directions),
             "w": top_turn_rate(model).value,
         },
-        "paths": list(robot.table["TRJ_TYPE"].values),
+        "paths": [name for name in robot.table["TRJ_TYPE"].values if name not in NEED_POINTS],
     }
 
 

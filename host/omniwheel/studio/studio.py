@@ -12,12 +12,15 @@ from typing import Any
 
 from omniwheel.errors import OmniError
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, BadRequestError
+from omniwheel.studio.bounds import limit_of
+from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
 from omniwheel.studio.recording import Recorder
-from omniwheel.studio.samples import SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
+from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import Signal, all_signals, signals_as_json
 from omniwheel.studio.simulated import SimulatedRobot
+from omniwheel.studio.spectra import spectrum
 from omniwheel.studio.state import link_state, robot_state, shape_as_json
 from omniwheel.studio.worker import Worker
 
@@ -47,11 +50,12 @@ class Page:
 
 
 class Studio:
-    """Everything that the pages share."""
+    """Everything that the pages share. ``out`` is where experiments leave their folders."""
 
-    def __init__(self, runs_folder: Path = Path("runs")) -> None:
+    def __init__(self, out: Path = Path("runs")) -> None:
+        self.experiments = Experiments(out)
         self.worker = Worker()
-        self.recorder = Recorder(runs_folder, self.worker)
+        self.recorder = Recorder(out, self.worker)
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
         self.pages: list[Page] = []
@@ -95,7 +99,8 @@ class Studio:
         self._begin(url)
 
     def _begin(self, url: str) -> None:
-        self.session = Session(url)
+        simulated = self.simulated
+        self.session = Session(url, (lambda: 1.0) if simulated is None else (lambda: simulated.slowness))
         if self.commanding is not None:
             self.heard(self.commanding)
         self.session.start()
@@ -123,6 +128,29 @@ class Studio:
         self.simulated = SimulatedRobot(scenario, robot, seed)
         self._begin(self.simulated.url)
 
+    def change_world(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Break or mend something in the simulated world, or change its speed. Raises BadRequestError, LinkError."""
+        if page is not self.commanding:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        if self.simulated is None:
+            raise BadRequestError("the robot is not simulated here")
+        if "speed" in request:
+            self.experiments.require_idle()
+        self.simulated.change(request)
+
+    def experiment(self, page: Page, request: Mapping[str, Any]) -> Future[Any] | None:
+        """Begin an experiment; without ``"start": true`` only say what it will use. Raises BadRequestError."""
+        if page is not self.commanding:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        if self.session is None:
+            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        if request.get("start") is not True:
+            return self.experiments.needs(self.session, request)
+        if self.simulated is not None and self.simulated.speed != 1.0:
+            raise BadRequestError("the simulation is not in real time", hint="an experiment needs real time")
+        self.experiments.start(self.session, request)
+        return None
+
     def stop(self) -> bool:
         """Emergency stop, before everything; return whether a robot could be told."""
         return self.session is not None and self.session.stop_now()
@@ -141,14 +169,13 @@ class Studio:
         session = self.session
         if session is None:
             raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        self.experiments.require_idle()
         return session.do(lambda robot: work(robot, _edits(session), request))
 
     # ---- what a page is told
 
     def show(self, page: Page, keys: Sequence[str], span_s: float) -> bytes:
         """Note which signals a page shows; return what was there of them in the last ``span_s``."""
-        if len(keys) > MOST_SIGNALS:
-            raise BadRequestError(f"{len(keys)} signals are too many: {MOST_SIGNALS} at most")
         known = {signal.key: signal for signal in self.signals()}
         page.shown = [known[key] for key in keys if key in known]
         page.sent = {}
@@ -171,6 +198,17 @@ class Studio:
             traces = [session.store.window(signal, begin_s, end_s, width) for signal in page.shown]
             arrived_s = session.store.arrived_s
         return packed(SAMPLES_WINDOW, arrived_s, traces, page.keys)
+
+    def spectra(self, keys: Sequence[str], begin_s: float, end_s: float) -> list[dict[str, Any]]:
+        """Return the spectra of signals between two times. Raises TooFewSamplesError."""
+        session = self.session
+        known = {signal.key: signal for signal in self.signals()}
+        if session is None:
+            return []
+        wanted = [known[key] for key in keys if key in known]
+        with session.lock:
+            traces = [session.store.window(signal, begin_s, end_s, CAPACITY) for signal in wanted]
+        return [spectrum(trace).as_json() for trace in traces]
 
     def new_samples(self, page: Page) -> bytes:
         """Return what came since the last call for the signals that a page shows; b"" if nothing."""
@@ -229,10 +267,11 @@ class Studio:
         session = self.session
         robot = None if session is None else session.robot
         return {
-            "signals": signals_as_json(self.signals()),
+            "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(self.signals())],
             "parameters": [] if robot is None else table_as_json(robot.table),
+            "world": None if self.simulated is None else self.simulated.catalogue,
             "version": "" if robot is None else str(robot.version),
-            **({} if robot is None else shape_as_json(robot)),
+            **({} if robot is None else {**shape_as_json(robot), "experiments": catalogue(robot)}),
         }
 
     def state(self, page: Page | None = None) -> dict[str, Any]:
@@ -244,6 +283,8 @@ class Studio:
         return {
             "link": link_state(session),
             "simulated": None if self.simulated is None else self.simulated.scenario,
+            "world": None if self.simulated is None else self.simulated.state(),
+            "experiment": self.experiments.state(),
             "robot": None if robot is None else robot_state(robot),
             "recording": self.recorder.state(),
             "undo": undo,

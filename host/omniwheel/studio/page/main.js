@@ -2,12 +2,17 @@
 // Puts the page together. What the robot is and does comes from the server; nothing here knows it.
 
 import { Chooser } from "./connect.js";
+import { DrawnPath } from "./draw.js";
+import { Experiments } from "./experiments.js";
+import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
 import { Runs } from "./runs.js";
+import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
+import { HeldVelocity } from "./velocity.js";
 
 const id = (name) => document.getElementById(name);
 const TEXTS_KEPT = 100;
@@ -25,17 +30,23 @@ const socket = new Socket({
   samples: (...found) => plots.samples(...found),
   news,
 });
-const plots = new Plots(id("panels"), socket, say);
 const runs = new Runs(socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
+const plots = new Plots(id("panels"), socket, say, { limit: (name) => parameters.value_of(name) });
 const chooser = new Chooser(socket);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
   arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
   refused: say,
+  drawn: () => drawn.drawn(),
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
-const keys = new Keys(socket, { refused: say, moving: (words) => { id("key-text").textContent = words; } });
+const drawn = new DrawnPath(map, ask);
+const experiments = new Experiments(socket);
+const simulator = new Simulator(id("simulator"), ask);
+const velocity = new HeldVelocity(socket, { refused: say, moving: (words) => put("key-text", words) });
+const keys = new Keys(velocity);
+const gamepad = new Gamepad(velocity, { stop, found: (words) => put("gamepad-text", words) });
 
 // ---- what the server says
 
@@ -48,10 +59,13 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, parameters: infos, speed, wheels, radius_m, paths }) {
+function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds }) {
+  experiments.tables(kinds);
+  simulator.tables(world);
   parameters.tables(infos);
   plots.tables(signals);
-  keys.top = speed;
+  velocity.top = speed;
+  id("draw-speed").value = (speed.v / 2).toPrecision(2);
   map.wheels = wheels;
   map.radius = radius_m;
   map.clear();
@@ -91,6 +105,8 @@ function show_state(now) {
     id(name).disabled = !now?.[name];
     put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
   }
+  experiments.state(now);
+  simulator.state(now?.world ?? null);
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
   if (robot?.pose) {
@@ -104,6 +120,14 @@ function put(name, words) {
   if (id(name).textContent !== words) id(name).textContent = words;
 }
 
+function show_lines(name, lines) {
+  id(name).replaceChildren(...lines.map((words) => {
+    const item = document.createElement("li");
+    item.textContent = words;
+    return item;
+  }));
+}
+
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 
 // ---- what the person does
@@ -111,6 +135,7 @@ const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 function stop() {
   map.cancel();
   keys.stop();
+  velocity.letGo();
   ask("stop").then((result) => {
     if (result && !result.told) say("No robot is connected: nothing could be stopped from here.");
   });
@@ -129,8 +154,10 @@ addEventListener("keyup", (event) => { // a button would be pressed by the key's
   if (event.code === "Space" && is_a(event, "button, input[type=checkbox], summary, a")) event.preventDefault();
 }, { capture: true });
 
-id("stop").onclick = stop;
-id("stop").onpointerdown = stop; // already when the finger comes down
+for (const button of document.querySelectorAll(".stop")) { // one in each window that covers the others
+  button.onclick = stop;
+  button.onpointerdown = stop; // already when the finger comes down
+}
 id("arm").onclick = () => ask("arm");
 id("disarm").onclick = () => { map.cancel(); keys.stop(); ask("disarm"); };
 id("release").onclick = () => ask("release");
@@ -151,15 +178,20 @@ id("pause").onclick = () => (plots.paused ? plots.live() : plots.pause());
 plots.on_pause = (paused) => {
   id("pause").setAttribute("aria-pressed", paused);
   put("pause", paused ? "Go on" : "Pause");
+  if (!paused) show_lines("measured", []);
 };
 plots.on_mark = (words) => put("mark-text", words);
-plots.on_measure = (seconds) => put("mark-text", `${seconds.toPrecision(4)} s chosen; double-click goes on`);
+plots.on_measure = (seconds, lines) => {
+  put("mark-text", `${seconds.toPrecision(4)} s chosen; double-click goes on`);
+  show_lines("measured", lines);
+};
 id("add-plot").onclick = () => plots.add();
 id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };
 id("clear-trail").onclick = () => map.clear();
 id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.stop(); };
-id("key-speed").oninput = (event) => { keys.share = Number(event.target.value) / 100; };
+id("gamepad").onchange = (event) => gamepad.enable(event.target.checked);
+id("key-speed").oninput = (event) => { velocity.share = Number(event.target.value) / 100; };
 id("start-path").onclick = () => {
   map.cancel();
   ask("start_trajectory", { type: id("path").value, laps: Number(id("laps").value) });

@@ -7,6 +7,8 @@ const SEND_MS = 100; // a target is repeated, so that a dead page stops the robo
 const CLOSE_M = 0.005;
 const CLOSE_RAD = 0.02;
 const SIGMA = 3;
+const DRAW_STEP_M = 0.005;
+const DRAW_MOST = 5000;
 
 export class FloorMap {
   #trail = [];
@@ -17,13 +19,16 @@ export class FloorMap {
   #target = null;
   #timer = null;
   #drag = null;
+  #drawn = [];
+  #planned = [];
   #stale = true;
 
   constructor(canvas, socket, on) {
     this.canvas = canvas;
     this.socket = socket;
-    this.on = on; // {target(pose), arrived(), refused(text), going(bool)}
+    this.on = on; // {target(pose), drawn(line), arrived(), refused(text), going(bool)}
     this.follow = true;
+    this.drawing = false; // the mouse draws a path instead of setting a target
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.#metres = Math.min(50, Math.max(0.2, this.#metres * (event.deltaY > 0 ? 1.2 : 1 / 1.2)));
@@ -31,12 +36,14 @@ export class FloorMap {
     }, { passive: false });
     canvas.addEventListener("pointerdown", (event) => {
       const [x, y] = this.#floor(event);
-      this.#drag = { x, y, theta: this.#state?.pose?.[2] ?? 0 };
       canvas.setPointerCapture(event.pointerId);
+      if (this.drawing) this.#draw_from(x, y);
+      else this.#drag = { x, y, theta: this.#state?.pose?.[2] ?? 0 };
     });
     canvas.addEventListener("pointermove", (event) => {
-      if (!this.#drag) return;
       const [x, y] = this.#floor(event);
+      if (this.drawing && event.buttons) this.#draw_to(x, y);
+      if (!this.#drag) return;
       const [dx, dy] = [x - this.#drag.x, y - this.#drag.y];
       if (Math.hypot(dx, dy) > 0.03) this.#drag.theta = Math.atan2(dy, dx);
       this.#target = { ...this.#drag };
@@ -44,6 +51,7 @@ export class FloorMap {
     });
     canvas.addEventListener("pointerup", () => {
       if (this.#drag) this.on.target(this.#drag);
+      if (this.drawing && this.#drawn.length > 1) this.on.drawn(this.#drawn);
       this.#drag = null;
     });
     new ResizeObserver(() => { this.#stale = true; }).observe(canvas);
@@ -53,13 +61,15 @@ export class FloorMap {
 
   get going() { return this.#timer !== null; }
 
+  get heading() { return this.#state?.pose?.[2] ?? 0; }
+
   state(robot) {
     this.#state = robot;
     const pose = robot?.pose;
     if (pose) {
       append(this.#trail, pose);
       if (robot.reference && robot.phase !== "none") append(this.#wanted, robot.reference);
-      if (this.follow) this.#centre = [pose[0], pose[1]];
+      if (this.follow && !this.drawing) this.#centre = [pose[0], pose[1]];
       if (this.going && close(pose, this.#target)) this.on.arrived();
     }
     if (this.going && !robot?.armed) this.cancel();
@@ -69,6 +79,29 @@ export class FloorMap {
   clear() {
     this.#trail = [];
     this.#wanted = [];
+    this.#stale = true;
+  }
+
+  /** What is drawn so far, as [x, y] in metres. */
+  get line() { return this.#drawn; }
+
+  /** Show what the robot will follow instead of what was drawn; nothing: forget both. */
+  planned(line) {
+    this.#planned = line ?? [];
+    if (!line) this.#drawn = [];
+    this.#stale = true;
+  }
+
+  #draw_from(x, y) {
+    this.#planned = [];
+    this.#drawn = [[x, y]];
+    this.#stale = true;
+  }
+
+  #draw_to(x, y) {
+    const [lx, ly] = this.#drawn[this.#drawn.length - 1] ?? [Infinity, 0];
+    if (Math.hypot(x - lx, y - ly) < DRAW_STEP_M || this.#drawn.length >= DRAW_MOST) return;
+    this.#drawn.push([x, y]);
     this.#stale = true;
   }
 
@@ -124,6 +157,8 @@ export class FloorMap {
     c.lineWidth = devicePixelRatio;
     this.#grid(c, colour("--line"), colour("--quiet"));
     this.#line(c, this.#wanted, colour("--warn"), [6, 4]);
+    if (this.#planned.length) this.#line(c, this.#planned, colour("--good"), []);
+    else this.#line(c, this.#drawn, colour("--good"), [2, 3]);
     this.#line(c, this.#trail, colour("--accent"), []);
     if (this.#target) this.#robot(c, [this.#target.x, this.#target.y, this.#target.theta], colour("--quiet"), [4, 3]);
     const pose = this.#state?.pose;

@@ -28,6 +28,9 @@ export class ParameterList {
     }));
   }
 
+  /** What the robot uses; undefined for a name that it does not know. */
+  value_of(name) { return this.#entries.get(name)?.value; }
+
   values(values) {
     for (const [name, value] of Object.entries(values)) {
       const entry = this.#entries.get(name);

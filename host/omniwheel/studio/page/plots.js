@@ -3,7 +3,9 @@
 
 import uPlot from "../vendor/uPlot.esm.js";
 import { aligned, Buffer } from "./buffers.js";
+import { measured } from "./measure.js";
 import { chooseSignals } from "./signals.js";
+import { showSpectrum } from "./spectrum.js";
 
 // Okabe and Ito's colours, which colour-blind people tell apart; dashes repeat the difference.
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b88a00", "#56b4e9"];
@@ -11,7 +13,8 @@ const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3], [5, 5], [14, 4]];
 const NEAR_PX = 8;
 const HEIGHT_PX = 190;
 const STORED = "omniwheel-plots";
-const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], info: () => undefined };
+const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], info: () => undefined,
+  limit: () => undefined, live: true };
 const FIRST_VIEW = [
   ["tracking.pose.x", "tracking.pose.y", "tracking.reference.x", "tracking.reference.y"],
   ["wheels.speed.1", "wheels.reference.1"],
@@ -32,9 +35,13 @@ export class Plots {
   #stale = true;
   #arrived = 0;
 
-  /** options: where the view is stored, what a plot is called, the saved file's name; series and info of a key. */
+  /**
+   * options: where the view is stored, what a plot is called, the saved file's name; series and info of a key; limit,
+   * the value of a limit by its name, undefined if it is not known; live, whether the server has spectra of it.
+   */
   constructor(root, socket, say, options = {}) {
     this.options = { ...LIVE, ...options };
+    this.limit = this.options.limit;
     this.root = root;
     this.socket = socket;
     this.say = say;
@@ -55,6 +62,8 @@ export class Plots {
     const { time, value } = this.#buffer(key).between(-Infinity, Infinity);
     return { time: [...time], value: [...value] };
   }
+
+  limit_of(key) { return this.#signals.get(key)?.limit; }
 
   tables(signals) {
     this.#signals = new Map(signals.map((signal) => [signal.key, signal]));
@@ -223,9 +232,9 @@ export class Plots {
           value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#info(key)?.unit ?? ""}`),
         }))],
       hooks: {
-        draw: [(plot) => this.#draw_marks(plot)],
+        draw: [(plot) => { this.#draw_limits(panel); this.#draw_marks(plot); }],
         setCursor: [(plot) => this.#near_mark(plot)],
-        setSelect: [(plot) => this.#select(plot)],
+        setSelect: [() => this.#select(panel)],
       },
     }, [[]], panel.root);
     const over = panel.plot.over;
@@ -252,6 +261,7 @@ export class Plots {
         panel.keys = await chooseSignals([...this.#signals.values()], panel.keys);
         this.#changed();
       }),
+      ...(this.options.live ? [button("Spectrum", "Spectrum of plot", () => this.#spectrum(panel))] : []),
       button("PNG", `Picture of ${this.options.what}`, () => panel.plot?.root.querySelector("canvas").toBlob(
         (blob) => save(blob, `${this.options.file}-plot.png`))),
       button("✕", `Remove ${this.options.what}`, () => {
@@ -286,17 +296,57 @@ export class Plots {
     ctx.restore();
   }
 
+  /** A line where a limit of the robot lies, as far as the plot reaches there. */
+  #draw_limits(panel) {
+    const { ctx, bbox } = panel.plot;
+    const names = new Set(panel.keys.map((key) => this.limit_of(key)).filter(Boolean));
+    ctx.save();
+    ctx.fillStyle = ctx.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--limit").trim();
+    ctx.font = `${11 * devicePixelRatio}px system-ui`;
+    ctx.lineWidth = devicePixelRatio;
+    for (const name of names) {
+      for (const sign of [1, -1]) {
+        const y = panel.plot.valToPos(sign * this.limit(name), "y", true);
+        if (!(y >= bbox.top && y <= bbox.top + bbox.height)) continue;
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+        ctx.fillText(`${sign < 0 ? "−" : ""}${name}`, bbox.left + 4, y - 3);
+      }
+    }
+    ctx.restore();
+  }
+
+  #words_of(key) {
+    const signal = this.#info(key);
+    return { label: signal?.label ?? key, unit: signal?.unit ?? "" };
+  }
+
+  #spectrum(panel) {
+    const words = panel.keys.map((key) => this.#words_of(key));
+    return showSpectrum(this.socket, {
+      signals: panel.keys,
+      labels: words.map(({ label }) => label),
+      units: words.map(({ unit }) => unit),
+      colours: panel.keys.map((_, n) => COLOURS[n % COLOURS.length]),
+      ...this.#view(),
+    });
+  }
+
   #near_mark(plot) {
     const near = this.#marks.filter((mark) => Math.abs(plot.valToPos(mark.time_s, "x") - plot.cursor.left) < NEAR_PX);
     this.on_mark?.(near.length ? in_words(near[near.length - 1]) : "");
   }
 
-  #select(plot) {
+  #select(panel) {
+    const { plot } = panel;
     const { left, width } = plot.select;
     if (width < 4) return;
     const [begin, end] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    this.on_measure?.(end - begin);
+    const pieces = this.#series(panel).map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
+    this.on_measure?.(end - begin, measured(pieces, begin, end));
     this.pause(begin, end);
   }
 

@@ -21,14 +21,14 @@ export class Runs {
     this.socket = socket;
     this.say = say;
     this.plots = new Plots(id("run-panels"), { ask: (action, content) => this.#samples(action, content) }, say, {
-      stored: "omniwheel-run-plots", what: "run plot", file: "omniwheel-run",
+      stored: "omniwheel-run-plots", what: "run plot", file: "omniwheel-run", live: false,
       series: (key) => this.#open.map((_, n) => `${n}${BETWEEN}${key}`),
       info: (key) => this.#info(key),
     });
     this.plots.on_pause = (paused) => { id("run-whole").disabled = !paused; };
     this.plots.on_mark = (words) => { id("run-mark-text").textContent = words; };
-    this.plots.on_measure = (seconds) => {
-      id("run-mark-text").textContent = `${seconds.toPrecision(4)} s chosen; double-click shows the whole run`;
+    this.plots.on_measure = (seconds, lines) => {
+      id("run-mark-text").textContent = [`${seconds.toPrecision(4)} s chosen; double-click shows the whole run`, ...lines].join(". ");
     };
     let timer = 0;
     id("run-search").oninput = () => { clearTimeout(timer); timer = setTimeout(() => this.refresh(), SEARCH_MS); };

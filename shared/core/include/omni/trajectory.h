@@ -19,6 +19,9 @@
  * four goes from rest to rest in laps * period_s. Its rate rises and falls with a quintic over a quarter of a period.
  * With `laps` = 0 it is one lap each way, again and again.
  *
+ * Type spline passes the given points without a stop, on a cubic B-spline through them. Each leg between two points
+ * takes the same time, so points at equal distances give an even speed.
+ *
  * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the
  * tick.
  */
@@ -42,7 +45,8 @@ typedef struct omni_trajectory_config_t {
                                        always */
     omni_real_t period_s; /**< path time of a lap; line, waypoints and random points: of a leg */
     omni_real_t laps;     /**< 0: without end. Line: legs, there and back. Waypoints and random points: rounds; the
-                                       last round ends at the last point, an earlier one goes on to the first */
+                                       last round ends at the last point, an earlier one goes on to the first.
+                                       Spline: up to 1 it ends at the last point, else it is closed */
     omni_real_t rotation_amplitude_rad; /**< turn per lap (spin), amplitude (sine), half range of the random headings */
     omni_real_t rotation_cycles;        /**< sine periods per lap */
     uint32_t seed;                      /**< random points: the same points for the same seed on every machine */
@@ -79,7 +83,8 @@ typedef struct omni_trajectory_timing_t {
 /** A planned path; constant after planning. */
 typedef struct omni_trajectory_t {
     omni_trajectory_config_t config;
-    omni_waypoints_t waypoints;     /**< given, or drawn for the random points */
+    omni_waypoints_t waypoints;     /**< given, or drawn for the random points; spline: its control points */
+    omni_real_t lap_turn_rad;       /**< spline: whole turns of the heading from a point to the same one a lap later */
     omni_pose_t origin;             /**< pose at plan time */
     omni_pose_t start;              /**< first pose of the path */
     omni_real_t heading_offset_rad; /**< added to the path's own heading: whole turns, or the heading held */
@@ -114,8 +119,8 @@ typedef struct omni_reference_t {
 bool omni_trajectory_needs_waypoints(omni_uint_t type);
 
 /**
- * Plan. @param waypoints needed where omni_trajectory_needs_waypoints() says so, else NULL (a pose each, straight
- * quintic legs of period_s, headings the short way round).
+ * Plan. @param waypoints needed where omni_trajectory_needs_waypoints() says so, else NULL. Headings turn the short way
+ * round. Type waypoints drives straight quintic legs of period_s, type spline a smooth path.
  * @param at pose the robot has now; its heading's whole turns are kept (no unwinding). Type hold stays there.
  * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration, or a heading beyond 1e6 rad; the plan then
  * holds `at`.

@@ -23,11 +23,13 @@ typedef struct omni_jet_t {
     omni_real_t d[OMNI_JET_LENGTH];
 } omni_jet_t;
 
-/** Where a path's points come from, if it is a tour of points: a lap then has a leg of TRJ_PERIOD per point. */
+/** Where a path's points come from, if it is a tour of points. Unless it is smooth, a lap has a leg of TRJ_PERIOD per
+ * point. */
 typedef enum omni_path_points_t {
     OMNI_POINTS_NONE = 0,
     OMNI_POINTS_GIVEN, /**< uploaded */
-    OMNI_POINTS_DRAWN  /**< by TRJ_SEED */
+    OMNI_POINTS_DRAWN, /**< by TRJ_SEED */
+    OMNI_POINTS_SMOOTH /**< uploaded; a lap of TRJ_PERIOD passes all of them without a stop */
 } omni_path_points_t;
 
 /**
@@ -55,6 +57,11 @@ typedef struct omni_path_row_t {
 #define OMNI_ROW(NAME, name) extern const omni_path_row_t omni_path_row_##name;
 OMNI_TRJ_TYPE_ROWS(OMNI_ROW)
 #undef OMNI_ROW
+
+/** Does each leg take TRJ_PERIOD, rather than a lap? */
+static inline bool omni_path_stops_at_points(const omni_path_row_t *row) {
+    return row->points == OMNI_POINTS_GIVEN || row->points == OMNI_POINTS_DRAWN;
+}
 
 /** By value of TRJ_TYPE. */
 extern const omni_path_row_t *const omni_path_rows[OMNI_TRJ_TYPE_COUNT];
@@ -140,6 +147,9 @@ omni_jet_t omni_path_rotation(const omni_trajectory_t *plan, omni_ns_t path_ns, 
 
 /** Draw the points of the random path, or take the waypoints; headings unwrapped to the short way round. */
 void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given);
+
+/** Make the points that a smooth path passes into the control points of its spline. */
+void omni_path_spline(omni_trajectory_t *plan);
 
 /** Fraction of a turn that `turns` per lap add up to after `laps`, -0.5..0.5: exact, so that laps join without a step.
  */

@@ -263,7 +263,11 @@ static omni_result_t check_pose(const omni_pose_t *pose) {
 }
 
 bool omni_trajectory_needs_waypoints(omni_uint_t type) {
-    return type < OMNI_TRJ_TYPE_COUNT && omni_path_rows[type]->points == OMNI_POINTS_GIVEN;
+    if (type >= OMNI_TRJ_TYPE_COUNT) {
+        return false;
+    }
+    const uint8_t points = omni_path_rows[type]->points;
+    return points == OMNI_POINTS_GIVEN || points == OMNI_POINTS_SMOOTH;
 }
 
 static omni_result_t check_points(const omni_trajectory_config_t *c, const omni_waypoints_t *waypoints) {

@@ -34,11 +34,14 @@ void omni_path_points(omni_trajectory_t *plan, const omni_waypoints_t *given) {
         for (uint32_t i = 0; i < OMNI_MAX_WAYPOINTS; ++i) {
             points->pose[i] = draw_point(&plan->config, i);
         }
-    } else if (source == OMNI_POINTS_GIVEN) {
+    } else if (source != OMNI_POINTS_NONE) {
         *points = *given;
     }
     for (uint8_t i = 1; i < points->count; ++i) {
         const omni_real_t before = points->pose[i - 1].theta;
         points->pose[i].theta = before + omni_wrap_pi(points->pose[i].theta - before);
+    }
+    if (source == OMNI_POINTS_SMOOTH) {
+        omni_path_spline(plan);
     }
 }

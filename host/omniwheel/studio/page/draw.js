@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+// A path drawn on the map: what the robot would follow is asked of the server, and shown before it is driven.
+
+const id = (name) => document.getElementById(name);
+
+export class DrawnPath {
+  constructor(map, ask) {
+    this.map = map;
+    this.ask = ask; // (action, content) => result, undefined if it was refused; the refusal is shown
+    id("draw").onclick = () => this.#draw(!map.drawing);
+    id("follow-line").onclick = () => {
+      map.cancel();
+      this.ask("follow_line", this.#request());
+    };
+    id("forget-line").onclick = () => this.#forget();
+    for (const name of ["draw-speed", "draw-heading", "laps"]) id(name).addEventListener("change", () => this.#preview());
+  }
+
+  /** The mouse has drawn a line. */
+  drawn() {
+    this.#draw(false);
+    return this.#preview();
+  }
+
+  #draw(on) {
+    this.map.drawing = on;
+    id("draw").setAttribute("aria-pressed", on);
+    if (on) id("draw-text").textContent = "press on the map and draw";
+  }
+
+  #request() {
+    return {
+      line: this.map.line,
+      speed: Number(id("draw-speed").value),
+      laps: Number(id("laps").value),
+      heading: id("draw-heading").value === "keep" ? this.map.heading : null,
+    };
+  }
+
+  async #preview() {
+    if (this.map.line.length < 2) return;
+    const found = await this.ask("preview_path", this.#request());
+    this.map.planned(found?.line ?? []);
+    id("follow-line").disabled = !found;
+    id("forget-line").disabled = false;
+    id("draw-text").textContent = found ? in_words(found) : "";
+  }
+
+  #forget() {
+    this.#draw(false);
+    this.map.planned(null);
+    id("follow-line").disabled = id("forget-line").disabled = true;
+    id("draw-text").textContent = "";
+  }
+}
+
+function in_words({ length_m, duration_s, slowed }) {
+  const time = duration_s === null ? "without end" : `${duration_s.toFixed(1)} s`;
+  const slower = slowed > 1.01 ? `, ${slowed.toFixed(1)} times slower than asked for: the limits of the robot` : "";
+  return `${length_m.toFixed(2)} m, ${time}${slower}`;
+}

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+// The frequencies in what a plot shows. The server computes them.
+
+import uPlot from "../vendor/uPlot.esm.js";
+
+const HEIGHT_PX = 320;
+const LEAST_SHARE = 1e-5; // of the largest line: the axis is logarithmic, and has no zero
+const id = (name) => document.getElementById(name);
+
+/** Show the spectra of these signals between two times, in a window of its own. */
+export async function showSpectrum(socket, { signals, labels, units, colours, begin, end }) {
+  const dialog = id("spectrum-dialog");
+  id("spectrum-list").replaceChildren();
+  id("spectrum-plot").replaceChildren();
+  id("spectrum-range").textContent = `${begin.toFixed(2)} s to ${end.toFixed(2)} s`;
+  if (!dialog.open) dialog.showModal();
+  id("close-spectrum").onclick = () => dialog.close();
+  let found;
+  try {
+    found = await socket.ask("spectrum", { signals, begin_s: begin, end_s: end });
+  } catch ({ error, hint }) {
+    id("spectrum-range").textContent = hint ? `${error}. ${hint}` : error;
+    return;
+  }
+  const style = getComputedStyle(document.documentElement);
+  const [text, line] = [style.getPropertyValue("--quiet").trim(), style.getPropertyValue("--line").trim()];
+  const axis = { stroke: text, grid: { stroke: line, width: 0.5 }, ticks: { stroke: line } };
+  const data = [];
+  for (const { Hz, amplitude, peak } of found) {
+    data.push([Hz, amplitude.map((value) => Math.max(value, peak.amplitude * LEAST_SHARE) || null)]);
+  }
+  new uPlot({
+    width: Math.min(560, innerWidth - 70),
+    height: HEIGHT_PX,
+    scales: { x: { time: false }, y: { distr: 3 } },
+    axes: [{ ...axis, label: "frequency [Hz]", size: 34, labelSize: 16 },
+      { ...axis, label: `amplitude ${[...new Set(units)].join(", ")}`, size: 62 }],
+    series: [{ label: "frequency [Hz]", value: (_, f) => (f == null ? "–" : f.toFixed(3)) },
+      ...labels.map((label, n) => ({
+        label, stroke: colours[n], width: 1.5, spanGaps: true, points: { show: false },
+        value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(4))} ${units[n]}`),
+      }))],
+  }, uPlot.join(data), id("spectrum-plot"));
+  id("spectrum-list").replaceChildren(...found.map(({ peak, resolution_Hz }, n) => {
+    const item = document.createElement("li");
+    const in_unit = units[n] ? ` ${units[n]}` : "";
+    item.textContent = `${labels[n]}: largest at ${peak.Hz} Hz, ${peak.amplitude}${in_unit}; resolution ${resolution_Hz} Hz`;
+    return item;
+  }));
+}
