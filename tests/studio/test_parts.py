@@ -21,10 +21,9 @@ from omniwheel.robot import Robot
 from omniwheel.studio.access import Access
 from omniwheel.studio.edits import Edits
 from omniwheel.studio.marks import Marks
-from omniwheel.studio.samples import CAPACITY, SampleStore, Trace, thinned
+from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace, packed, thinned
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
-from omniwheel.studio.studio import SAMPLES_SINCE, packed
 from omniwheel.studio.urgent_link import UrgentLink
 from omniwheel.studio.work_queue import WorkQueue
 from omniwheel.telemetry import Battery, Tracking, Wheels
@@ -131,7 +130,7 @@ def test_thinning_keeps_the_extremes_the_order_and_the_size(numbers: list[float]
 
 def test_packed_samples_read_as_the_page_reads_them() -> None:
     trace = Trace(SIGNAL_X.key, np.array([1.0, 2.0, 3.0]), np.array([4, 5, 6], dtype=np.float32))
-    data = packed(SAMPLES_SINCE, 1.5, [trace, trace], [SIGNAL_X])
+    data = packed(SAMPLES_SINCE, 1.5, [trace, trace], [SIGNAL_X.key])
     assert len(data) == 16 + 2 * (8 + 24 + 16)
     assert struct.unpack_from("<IId", data) == (SAMPLES_SINCE, 2, 1.5)
     assert struct.unpack_from("<II3d3f", data, 16) == (0, 3, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)

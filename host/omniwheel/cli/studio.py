@@ -66,6 +66,7 @@ def studio(
     access = Access(host)
     model = Studio(out)
     scenarios = cache(lambda: {name: load_scenario(name).description for name in scenario_names()})
+    server = StudioServer(model, access, vendor, scenarios)
     try:
         if scenario:
             load_scenario(scenario, robot)  # what is wrong with it is said here
@@ -77,11 +78,12 @@ def studio(
         if browser:
             webbrowser.open(address)
         with signals_interrupt():
-            uvicorn_server(StudioServer(model, access, vendor, scenarios).app()).run(sockets=[listener])
+            uvicorn_server(server.app()).run(sockets=[listener])
     except KeyboardInterrupt:
         return
     finally:
-        model.disconnect()
+        server.runs.close()
+        model.close()
         listener.close()
 
 

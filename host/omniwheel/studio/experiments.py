@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from omniwheel.connection import Recorder
 from omniwheel.drive_log import DriveLog
 from omniwheel.errors import LimitError, OmniError
 from omniwheel.plain import finite
@@ -217,13 +218,14 @@ class Experiment:
         if self._session.stops != self._stops:
             raise WorkEndedError("stopped")
         log.connected(robot, set_rates=False)  # the studio's own are higher
-        robot.connection.recorder = log.write
+        recording = robot.connection.recorder  # of the page, which goes on meanwhile
+        robot.connection.recorder = log.write if recording is None else _both(recording, log.write)
         remove = robot.connection.add_listener(lambda _: self._note_phase(robot))
         try:
             return self._wanted.run(robot, self._tell)
         finally:
             remove()
-            robot.connection.recorder = None
+            robot.connection.recorder = recording
 
     def _tell(self, text: str) -> None:
         self._needs = text
@@ -233,6 +235,14 @@ class Experiment:
             self._phase = _PHASES[1]
         elif self._phase == _PHASES[1]:
             self._phase = _PHASES[2]
+
+
+def _both(one: Recorder, other: Recorder) -> Recorder:
+    def record(frame: bytes) -> None:
+        one(frame)
+        other(frame)
+
+    return record
 
 
 def in_words(error: OmniError) -> str:

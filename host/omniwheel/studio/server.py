@@ -3,7 +3,7 @@
 
 Text messages are JSON. The page sends ``{"do": NAME, "id": N, ...}`` and gets ``{"answer": N, ...}``, or
 ``{"answer": N, "error": ..., "hint": ...}``. The server sends news by itself, and samples as binary messages
-(:func:`omniwheel.studio.studio.packed`).
+(:func:`omniwheel.studio.samples.packed`).
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import BadRequestError, number_of
 from omniwheel.studio.parameter_view import values_as_json
+from omniwheel.studio.runs import Runs
 from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
 
 PAGE_DIR = Path(__file__).parent / "page"
@@ -62,6 +63,7 @@ class StudioServer:
         self._vendor_dir = vendor_dir
         self._scenarios = scenarios
         self._changing = asyncio.Lock()
+        self.runs = Runs(studio, access, _SECURITY)
         self._local: dict[str, Callable[[Page, Mapping[str, Any]], Coroutine[Any, Any, Any]]] = {
             "stop": self._stop,
             "disarm": self._disarm,
@@ -77,6 +79,7 @@ class StudioServer:
             "world": self._world,
             "experiment": self._experiment,
             "load": self._load,
+            **self.runs.actions,
         }
 
     def app(self) -> Starlette:
@@ -89,6 +92,7 @@ class StudioServer:
                 Route("/experiment.png", self._picture),
                 Route("/page/{name}", self._file),
                 Route("/vendor/{name}", self._vendor),
+                *self.runs.routes(),
                 WebSocketRoute("/socket", self._socket),
             ]
         )

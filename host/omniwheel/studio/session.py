@@ -11,6 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
+from omniwheel.connection import Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_log import is_slow
 from omniwheel.errors import LinkError, LinkLostError, OmniError
@@ -134,6 +135,14 @@ class Session:
     def disarm_now(self) -> bool:
         """The same with disarming."""
         return self._at_once(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE), Robot.disarm)
+
+    def record(self, recorder: Recorder) -> Robot:
+        """Give every frame of this connection to ``recorder`` from now on; return the robot. Raises LinkLostError."""
+        robot, link = self.robot, self._link
+        if robot is None or link is None or self.phase != "connected":
+            raise LinkLostError("no robot is connected", hint="choose one at the top of the page")
+        link.interrupt(lambda: setattr(robot.connection, "recorder", recorder))
+        return robot
 
     def _at_once(self, command: int, numbers: tuple[float, float], until_confirmed: Callable[[Robot], None]) -> bool:
         self.stops += 1

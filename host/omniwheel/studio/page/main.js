@@ -9,6 +9,7 @@ import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
+import { Runs } from "./runs.js";
 import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
 import { HeldVelocity } from "./velocity.js";
@@ -24,13 +25,14 @@ const ask = (action, content) => socket.ask(action, content).then(
   (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
 
 const socket = new Socket({
-  open: () => say(""),
+  open: () => { say(""); runs.refresh(); },
   lost: () => { show_state(null); say("The studio's server is gone. Start omni studio again; this page waits for it."); },
   samples: (...found) => plots.samples(...found),
   news,
 });
+const runs = new Runs(socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
-const plots = new Plots(id("panels"), socket, say, (name) => parameters.value_of(name));
+const plots = new Plots(id("panels"), socket, say, { limit: (name) => parameters.value_of(name) });
 const chooser = new Chooser(socket);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
@@ -81,6 +83,7 @@ function add_text({ severity, text }) {
 
 function show_state(now) {
   state = now;
+  runs.recording(now?.recording, now?.link.phase === "connected");
   const robot = now?.robot ?? null;
   const link = now?.link ?? { phase: "none" };
   const phases = { none: "no robot", connecting: "connecting …", lost: "lost", closed: "no robot" };
@@ -216,4 +219,4 @@ function start_going() {
   });
 }
 
-window.studio = { plots, map, parameters, get state() { return state; } }; // for tests and the curious
+window.studio = { plots, runs, map, parameters, get state() { return state; } }; // for tests and the curious
