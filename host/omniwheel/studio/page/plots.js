@@ -304,6 +304,9 @@ export class Plots {
     ctx.fillStyle = ctx.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--limit").trim();
     ctx.font = `${11 * devicePixelRatio}px system-ui`;
     ctx.lineWidth = devicePixelRatio;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "bottom";
+    ctx.setLineDash([]);
     for (const name of names) {
       for (const sign of [1, -1]) {
         const y = panel.plot.valToPos(sign * this.limit(name), "y", true);
@@ -312,7 +315,7 @@ export class Plots {
         ctx.moveTo(bbox.left, y);
         ctx.lineTo(bbox.left + bbox.width, y);
         ctx.stroke();
-        ctx.fillText(`${sign < 0 ? "−" : ""}${name}`, bbox.left + 4, y - 3);
+        ctx.fillText(`${sign < 0 ? "−" : ""}${name}`, bbox.left + 4, sign > 0 ? y + 13 * devicePixelRatio : y - 1);
       }
     }
     ctx.restore();

@@ -49,7 +49,7 @@ export class Runs {
     const before = this.#recording;
     const changed = before && now && (before.on !== now.on || before.completed !== now.completed);
     this.#recording = now ?? null;
-    const words = now?.on ? `on: ${now.folder}` : now?.trouble ? `off: ${now.trouble}` : `off, into ${now?.folder ?? "–"}`;
+    const words = now?.on ? `on: ${now.folder}` : now?.trouble ? `off: ${now.trouble}` : "off";
     if (id("fact-recording").textContent !== words) id("fact-recording").textContent = words;
     id("fact-recording").className = now?.on ? "on" : now?.trouble ? "bad" : "";
     id("record").textContent = now?.on ? "End recording" : "Record";
