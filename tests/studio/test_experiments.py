@@ -24,6 +24,7 @@ from tests.studio.test_hostile import ask, socket_url, wait
 
 TEXT = "document.getElementById('experiment-text').textContent"
 RUN = "state?.experiment"
+FIELDS = "[...document.querySelectorAll('[id^=field-]')].map((one) => [one.id, one.value])"
 LONG = "position-sweep"
 
 
@@ -58,7 +59,7 @@ def start(page: Page, name: str) -> None:
 
 
 def parameters(page: Page) -> Any:
-    return page.evaluate("[...document.querySelectorAll('[id^=field-]')].map((one) => [one.id, one.value])")
+    return page.evaluate(FIELDS)
 
 
 def test_a_step_is_shown_as_figures_and_picture_and_leaves_the_robot_as_it_was(page: Page, simulated: Program) -> None:
@@ -133,6 +134,41 @@ def test_a_stop_ends_it_at_once(page: Page, way: str) -> None:
     assert page.evaluate(f"Math.hypot(studio.state.robot.pose[0] - {x}, studio.state.robot.pose[1] - {y})") < 0.01
 
 
+def tune(page: Page) -> None:
+    page.select_option("#experiment-kind", "autotune")
+    page.click("#experiment-look")
+    until(page, "!document.getElementById('experiment-start').disabled")
+    assert "drives by itself for some minutes in a square of side 1 m" in (page.text_content("#experiment-needs") or "")
+    page.click("#experiment-start")
+    until(page, f"{RUN}?.running && {RUN}.phase.includes('legs of') && robot.armed")
+
+
+def test_autotune_that_is_stopped_leaves_the_old_values(page: Page) -> None:
+    before = parameters(page)
+    tune(page)
+    page.keyboard.press("Space")
+    until(page, "robot.state === 'estop'")
+    until(page, f"!{RUN}.running")
+    assert page.evaluate(TEXT) == "autotune ended: stopped"
+    until(page, f"JSON.stringify({FIELDS}) === JSON.stringify({json.dumps(before)})")
+
+
+@pytest.mark.nightly
+def test_autotune_measures_and_tells_what_came_of_it(page: Page) -> None:
+    tune(page)
+    for _ in range(40):
+        page.wait_for_timeout(10_000)
+        if not page.evaluate(f"studio.{RUN}.running"):
+            break
+    assert page.evaluate(TEXT).startswith("autotune is done")
+    assert "volts per wheel speed [V s/rad]" in (page.text_content("#experiment-figures") or "")
+    remarks = page.text_content("#experiment-remarks") or ""
+    assert "WS_P 4 →" in remarks
+    assert "The new values are kept." in remarks or "The old values are restored." in remarks
+    folder = Path(page.evaluate("studio.state.experiment.folder"))
+    assert {"autotune.md", "autotune.png", "before.toml", "after.toml"} <= {path.name for path in folder.iterdir()}
+
+
 def test_a_closed_page_ends_it(page: Page, simulated: Program) -> None:
     start(page, LONG)
     until(page, f"{RUN}.phase === 'moving'")
@@ -200,6 +236,8 @@ BAD: list[dict[str, Any]] = [
     {"name": "position-step", "axis": "z"},
     {"name": "position-step", "axis": ["x"]},
     {"name": "disturbance", "wheel": 0},
+    {"name": "autotune", "rounds": 3},
+    {"name": "autotune", "rounds": "many"},
 ]
 
 

@@ -14,7 +14,7 @@ from omniwheel.tuning_plot import draw_tuning
 
 PAGE, PICTURE, BEFORE, AFTER = "autotune.md", "autotune.png", "before.toml", "after.toml"
 
-_NAMES = {
+NAMES = {
     "speed_gain_V_s": ("volts per wheel speed", "V s/rad"),
     "coulomb_V": ("volts that dry friction takes", "V"),
     "inertia_xy_V_s2": ("volts per wheel acceleration, translating", "V s²/rad"),
@@ -49,7 +49,7 @@ def write_page(outcome: Outcome, required: Requirements, table: ParameterTable, 
 def _measured(outcome: Outcome) -> list[str]:
     fit = outcome.design.fit
     rows = [
-        f"| {_NAMES[name][0]} | {fit.estimate[name]:.4g} ± {fit.estimate.half_width(name):.2g} {_NAMES[name][1]} |"
+        f"| {NAMES[name][0]} | {fit.estimate[name]:.4g} ± {fit.estimate.half_width(name):.2g} {NAMES[name][1]} |"
         for name in fit.estimate.names
     ]
     return [

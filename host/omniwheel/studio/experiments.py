@@ -28,12 +28,15 @@ from omniwheel.tuning import AXES
 
 if TYPE_CHECKING:
     from omniwheel.experiments import Outcome
+    from omniwheel.studio.tuned import Tuned
 
 SMALLEST_ROOM_M, LARGEST_ROOM_M, USUAL_ROOM_M = 0.1, 20.0, 1.0
 _ALL = 0
 _POSITION_TIMES_S = {"position-step": 1.0, "position-sweep": 12.0}
 _WHEEL_TIMES_S = {"wheel-step": 0.5, "wheel-chirp": 2.5}
 _PUSH_S = 0.1
+_AUTOTUNE = "autotune"
+_ROUNDS = ((2, "quick: 2 rounds"), (4, "4 rounds"), (10, "sure: 10 rounds"))
 _PHASES = ("preparing", "moving", "fetching the recording", "drawing")
 
 
@@ -52,8 +55,9 @@ KINDS = (
     Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",)),
     Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",)),
     Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",)),
+    Kind(_AUTOTUNE, "Measure the robot, choose its gains from that, and try them", ("rounds",)),
 )
-"""In the order of docs/guides/experiments.md. Each moves the robot by itself."""
+"""In the order of docs/guides/experiments.md, then autotune. Each moves the robot by itself."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +69,16 @@ class Wanted:
     wheel: int
     axis: str
     on_stand: bool
+    rounds: int = 4
 
-    def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome:
-        """Do it. Raises LimitError before the robot moves, ExperimentError."""
+    def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome | Tuned:
+        """Do it; the first thing told is what it needs. Raises LimitError before the robot moves, ExperimentError."""
         from omniwheel import experiments
 
+        if self.name == _AUTOTUNE:
+            from omniwheel.studio.tuned import tune
+
+            return tune(robot, self.room_m, self.rounds, tell)
         if self.name in _WHEEL_TIMES_S:
             wheel_run = experiments.wheel_step if self.name == "wheel-step" else experiments.wheel_chirp
             wheels = experiments.WheelPlan(self.wheel, duration_s=_WHEEL_TIMES_S[self.name], on_stand=self.on_stand)
@@ -96,6 +105,7 @@ def catalogue(robot: Robot) -> list[dict[str, Any]]:
         "wheel": {"key": "wheel", "label": "Wheel", "options": wheels},
         "wheel or all": {"key": "wheel", "label": "Wheel", "options": [[_ALL, "all alike"], *wheels]},
         "axis": {"key": "axis", "label": "Axis", "options": [[axis, axis] for axis in AXES]},
+        "rounds": {"key": "rounds", "label": "Old and new in turns", "options": [list(option) for option in _ROUNDS]},
         "on_stand": {
             "key": "on_stand",
             "label": "The robot",
@@ -129,7 +139,10 @@ def wanted_of(request: Request) -> Wanted:
         raise BadRequestError(f"room_m has to be from {SMALLEST_ROOM_M:g} to {LARGEST_ROOM_M:g}, not {room_m:g}")
     if not wheel.is_integer():
         raise BadRequestError(f"there is no wheel {wheel:g}")
-    return Wanted(name, room_m, int(wheel), axis, on_stand)
+    rounds = number_of(request, "rounds", _ROUNDS[0][0])
+    if rounds not in {number for number, _ in _ROUNDS}:
+        raise BadRequestError(f"rounds has to be {', '.join(str(number) for number, _ in _ROUNDS)}, not {rounds:g}")
+    return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds))
 
 
 def needs_of(robot: Robot, wanted: Wanted) -> str:
@@ -157,7 +170,8 @@ def prepare() -> None:
 
     for module in ("linalg", "signal", "special"):
         require_scipy(module)
-    import_module("omniwheel.experiments.folder")
+    for module in ("experiments.folder", "studio.tuned"):
+        import_module(f"omniwheel.{module}")
 
 
 class Experiment:
@@ -170,8 +184,8 @@ class Experiment:
         self._stops = session.stops
         self._began_s = time.monotonic()
         self._phase = _PHASES[0]
-        self._needs = self._trouble = ""
-        self._outcome: Outcome | None = None
+        self._needs = self._step = self._trouble = ""
+        self._outcome: Outcome | Tuned | None = None
         self._folder = ""
         self._thread = threading.Thread(target=self._run, name=f"experiment {wanted.name}", daemon=True)
 
@@ -190,7 +204,7 @@ class Experiment:
         found: dict[str, Any] = {"number": self.number, "name": self._wanted.name, "running": running}
         found |= {"needs": self._needs, "trouble": self._trouble}
         if running:
-            return {**found, "phase": self._phase, "seconds": int(time.monotonic() - self._began_s)}
+            return {**found, "phase": self._step or self._phase, "seconds": int(time.monotonic() - self._began_s)}
         if outcome is not None:
             rows = [{"name": figure.name, **figure.as_dict()} for figure in outcome.figures]
             found |= {"figures": finite(rows), "remarks": list(outcome.remarks), "folder": self._folder}
@@ -198,22 +212,19 @@ class Experiment:
         return found
 
     def _run(self) -> None:
-        from omniwheel.experiments.folder import PICTURE_FILE, write_outcome
-
         try:
             with DriveLog(self._out, self._wanted.name, self._wanted.name) as log:
                 outcome = self._session.do_long(lambda robot: self._measured(robot, log)).result()
-                self._phase, self._folder = _PHASES[3], str(log.folder)
-                write_outcome(outcome, log.folder)
+                self._phase, self._step, self._folder = _PHASES[3], "", str(log.folder)
+                self.picture = _written(outcome, log.folder)
                 self._outcome = outcome
-                self.picture = log.folder / PICTURE_FILE
         except OmniError as error:
             self._trouble = in_words(error)
         except Exception as error:
             self._trouble = f"a mistake in this program, please report it: {error!r}"
             raise
 
-    def _measured(self, robot: Robot, log: DriveLog) -> Outcome:
+    def _measured(self, robot: Robot, log: DriveLog) -> Outcome | Tuned:
         """Run in the robot's thread. The robot is disarmed at the end, whatever happens."""
         if self._session.stops != self._stops:
             raise WorkEndedError("stopped")
@@ -228,13 +239,27 @@ class Experiment:
             robot.connection.recorder = recording
 
     def _tell(self, text: str) -> None:
-        self._needs = text
+        if self._needs:
+            self._step = text
+        else:
+            self._needs = text
 
     def _note_phase(self, robot: Robot) -> None:
         if robot.status.armed:
             self._phase = _PHASES[1]
         elif self._phase == _PHASES[1]:
             self._phase = _PHASES[2]
+
+
+def _written(outcome: Outcome | Tuned, folder: Path) -> Path:
+    """Write everything into a folder and return the picture. Raises OutputFileError."""
+    from omniwheel.experiments.folder import PICTURE_FILE, write_outcome
+    from omniwheel.studio.tuned import Tuned
+
+    if isinstance(outcome, Tuned):
+        return outcome.write(folder)
+    write_outcome(outcome, folder)
+    return folder / PICTURE_FILE
 
 
 def _both(one: Recorder, other: Recorder) -> Recorder:

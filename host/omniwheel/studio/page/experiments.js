@@ -118,7 +118,11 @@ export class Experiments {
       }));
       return row;
     }));
-    this.#id("experiment-remarks").textContent = remarks.join(" ");
+    this.#id("experiment-remarks").replaceChildren(...remarks.map((words) => {
+      const item = document.createElement("li");
+      item.textContent = words;
+      return item;
+    }));
     const token = encodeURIComponent(this.socket.token);
     this.#id("experiment-picture").src = `experiment.png?token=${token}&number=${number}`;
   }
