@@ -30,9 +30,9 @@ void hil_outside_begin(hil_world_t *electronics, const hil_outside_t *outside);
 void hil_outside_follow(hil_world_t *electronics, const hil_outside_t *outside, uint32_t step_us);
 
 /**
- * What the bridges do to the motors in the step that begins now. @param duty out: share of the supply, -1..1, positive: counter-clockwise.
- * @param coast out: share of a PWM period in which the winding is open, 0..1; what is left of it shorts the winding. A
- * motor that is disconnected (fault) only coasts.
+ * What the bridges do to the motors in the step that begins now. A motor that is disconnected (fault) only coasts.
+ * @param duty out: share of the supply, -1..1, positive: counter-clockwise.
+ * @param coast out: share of a PWM period in which the winding is open, 0..1; what is left of it shorts the winding.
  */
 void hil_outside_drive(hil_world_t *electronics, double *duty, double *coast);
 
