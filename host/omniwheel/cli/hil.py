@@ -31,10 +31,10 @@ EXAMPLES = examples(
     "omni hil",
     "omni hil fault_encoder_stuck",
     "omni hil my_scenario.toml --seed 3 --json",
-    "omni hil --emulated                   # the firmware on an emulated Cortex-M7",
-    "omni hil --image firmware.elf         # the very image that is flashed, on an emulated Teensy",
-    "omni hil --link /dev/ttyACM0          # a Teensy, its motors unplugged",
-    "omni hil --world my_simulator:MyWorld # a simulator of your own around the firmware",
+    "omni hil --emulated                    # the firmware on an emulated Cortex-M7",
+    "omni hil --image firmware.elf          # the very image that is flashed, on an emulated Teensy",
+    "omni hil --link /dev/ttyACM0           # a Teensy, its motors unplugged",
+    "omni hil --world my_simulator:MyWorld  # a simulator of your own around the firmware",
 )
 
 
