@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import omniwheel
 from hil_sim.c_scenario import scenario_world
 from hil_sim.external import ExternalWorldError, ExternalWorldInputError, Fix, Sensed, load_world
 from hil_sim.faults import Fault
@@ -21,6 +22,7 @@ from hil_sim.hil import run_hil
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.summary import TLOG_FILE, summarize
 from hil_sim.world import World
+from omniwheel import FirmwareProcess
 from omniwheel.cli import app
 from tests.hil_sim.tiny_world import TinyWorld
 
@@ -175,6 +177,20 @@ def test_a_world_that_raises_ends_the_run(circle: Scenario, method: str) -> None
     with pytest.raises(ExternalWorldError, match=rf"Spoiled.{method} failed at 0\.\d+ s: ZeroDivisionError") as caught:
         run_hil(circle, world=spoiled(method, 50, raises)(circle))
     assert "test_external_world.py, line" in caught.value.hint
+
+
+def test_a_robot_behind_a_link_is_disarmed_and_given_back_when_its_world_raises(circle: Scenario) -> None:
+    with FirmwareProcess("three_wheel") as firmware:
+        before = "ISMC_LAM_XY", 7.0
+        with omniwheel.connect(firmware.urls[0]) as robot:
+            robot.parameters[before[0]] = before[1]
+        with pytest.raises(ExternalWorldError, match="no floor"):
+            run_hil(circle, firmware.urls[0], world=spoiled("step", 800, raises)(circle))
+        with omniwheel.connect(firmware.urls[0]) as robot:
+            beat = robot.status.heartbeat
+            assert beat is not None
+            assert (beat.armed, beat.hil) == (False, False)
+            assert robot.parameters[before[0]] == before[1]
 
 
 def test_two_pose_sensors_are_one_too_many(circle: Scenario) -> None:
