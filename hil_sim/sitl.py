@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import omniwheel
+from hil_sim.live_world import LiveWorld
 from hil_sim.lockstep import LockstepLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario
@@ -46,11 +47,15 @@ class SimulatedRadio:
 
 @dataclass(frozen=True)
 class Sitl:
-    """A running firmware process with its world. ``urls`` are the links for others; :meth:`advance` keeps it alive."""
+    """A running firmware process with its world. ``urls`` are the links for others; :meth:`advance` keeps it alive.
+
+    ``live`` breaks and mends things meanwhile.
+    """
 
     urls: tuple[str, ...]
     firmware: FirmwareChild
     link: LockstepLink
+    live: LiveWorld
     radio: RadioBridge | None = None
 
     def advance(self, ticks: int = SLICE_TICKS) -> None:
@@ -95,9 +100,10 @@ def _start_emulated(
     with EmulatedFirmware(links=[*links, DIRECT], lockstep=True, storage=storage, parameters=parameters) as firmware:
         base = firmware.open_link(len(links))
         try:
-            link = LockstepLink(base, new_world(scenario), realtime_factor=realtime_factor)
+            world = new_world(scenario)
+            link = LockstepLink(base, world, realtime_factor=realtime_factor)
             link.run(1)
-            yield Sitl(firmware.urls[:-1], firmware, link)
+            yield Sitl(firmware.urls[:-1], firmware, link, LiveWorld(scenario, link, world))
         finally:
             base.close()
 
@@ -127,6 +133,7 @@ def _start_process(
         base = open_link(firmware.urls[-1])
         robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
         robot.enter_hil()
-        link = LockstepLink(base, new_world(scenario), realtime_factor=realtime_factor)
+        world = new_world(scenario)
+        link = LockstepLink(base, world, realtime_factor=realtime_factor)
         link.run(1)
-        yield Sitl(urls, firmware, link, bridge)
+        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), bridge)

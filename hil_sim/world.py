@@ -248,6 +248,16 @@ class World:
             plant = next(name for name, number in PLANTS.items() if number == self.c.config.plant)
             raise ValueError(f"{what} {list(values)} are not all finite, or the plant {plant} does not take {what}")
 
+    def set_faults(self, faults: Sequence[Fault]) -> None:
+        """Let these faults act instead of those before, from the next step on. Raises WorldError; nothing changes."""
+        _fill_faults(self.c.config, faults)
+
+    def set_friction(self, coefficient: float) -> None:
+        """Give the floor another friction coefficient (above 0), from the next step on; plants full and slip."""
+        config = self.c.config
+        self.c.plant.inverse_limit_N *= config.friction_coefficient / coefficient
+        config.friction_coefficient = coefficient
+
     def sense(self) -> Any:
         """Return what the sensors show now, a ``hil_sensors_t`` that the next call overwrites."""
         lib.hil_world_sense(self.c, self._sensors)

@@ -79,7 +79,7 @@ uint8_t Trajectories::start(float type, float laps, float period_s) {
     if (result != MAV_RESULT_ACCEPTED) {
         return result;
     }
-    waiting_ = robot_.state() != OMNI_STATE_ARMED;
+    waiting_ = robot_.state() != OMNI_STATE_ARMED && !robot_.arming();
     if (!waiting_) {
         control_.plans.publish();
     }

@@ -275,6 +275,18 @@ def test_who_says_where_to_go_has_the_command_if_it_was_accepted(
     assert goes_on == (result == mav.MAV_RESULT_ACCEPTED)
 
 
+@pytest.mark.parametrize("ticks", range(5))
+def test_a_path_asked_for_in_the_very_ticks_of_arming_begins(robot: FakeRobot, ticks: int) -> None:
+    robot.ready()
+    robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0.0))
+    robot.tick(5)
+    assert robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(ticks)
+    assert robot.ask(USB, command(mav.MAV_CMD_OMNI_TRAJECTORY_START, 3.0, 1.0)) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(20)
+    assert robot.asked("OMNI_TRACKING").phase in (1, 2)
+
+
 @pytest.mark.parametrize(("x", "y"), [(21.0, 0.0), (0.0, 21.0), (-21.0, 0.0), (0.0, -21.0)])
 def test_a_waypoint_beyond_the_limit_of_either_axis_is_refused(robot: FakeRobot, x: float, y: float) -> None:
     assert robot.ask(USB, waypoint(0, x, y, 0.0)) == mav.MAV_RESULT_DENIED

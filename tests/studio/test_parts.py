@@ -21,11 +21,11 @@ from omniwheel.robot import Robot
 from omniwheel.studio.access import Access
 from omniwheel.studio.edits import Edits
 from omniwheel.studio.marks import Marks
-from omniwheel.studio.samples import CAPACITY, SampleStore, Trace, thinned
+from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace, packed, thinned
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
-from omniwheel.studio.studio import SAMPLES_SINCE, packed
 from omniwheel.studio.urgent_link import UrgentLink
+from omniwheel.studio.work_queue import WorkQueue
 from omniwheel.telemetry import Battery, Tracking, Wheels
 
 
@@ -130,7 +130,7 @@ def test_thinning_keeps_the_extremes_the_order_and_the_size(numbers: list[float]
 
 def test_packed_samples_read_as_the_page_reads_them() -> None:
     trace = Trace(SIGNAL_X.key, np.array([1.0, 2.0, 3.0]), np.array([4, 5, 6], dtype=np.float32))
-    data = packed(SAMPLES_SINCE, 1.5, [trace, trace], [SIGNAL_X])
+    data = packed(SAMPLES_SINCE, 1.5, [trace, trace], [SIGNAL_X.key])
     assert len(data) == 16 + 2 * (8 + 24 + 16)
     assert struct.unpack_from("<IId", data) == (SAMPLES_SINCE, 2, 1.5)
     assert struct.unpack_from("<II3d3f", data, 16) == (0, 3, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
@@ -305,3 +305,32 @@ def test_a_stop_is_sent_though_a_page_that_asked_for_something_has_gone() -> Non
     link.read(0.0)
     assert len(inner.written) == 1
     assert isinstance(kept.exception(timeout=0.0), LinkError)
+
+
+def test_of_set_points_only_the_newest_waits_and_the_order_stays() -> None:
+    queue = WorkQueue()
+    first = queue.put(lambda _: "old", is_setpoint=True)
+    path = queue.put(lambda _: "path")
+    newest = queue.put(lambda _: "new", is_setpoint=True)
+    assert first.result(timeout=0.0) is None
+    taken = [queue.get(), queue.get(), queue.get()]
+    assert [work and work.future for work in taken] == [path, newest, None]
+
+
+def test_an_error_of_its_own_does_not_end_the_robots_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = threading.Semaphore(0)
+
+    def broken(*_: object, **__: object) -> None:
+        opened.release()
+        raise ZeroDivisionError("planted")
+
+    monkeypatch.setattr("omniwheel.studio.session.open_shared", broken)
+    monkeypatch.setattr("omniwheel.studio.session.RETRY_S", 0.01)
+    session = Session("nowhere")
+    session.start()
+    for _ in range(3):
+        assert opened.acquire(timeout=30.0), "it tries again"
+    assert session.phase == "lost"
+    assert session.trouble == "an error of the studio's own: ZeroDivisionError: planted"
+    session.close()
+    assert session.phase == "closed"

@@ -24,7 +24,6 @@ app = typer.Typer(help="List, compare, name and delete the folders of drives and
 FolderOption = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the runs are.")]
 RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="A run's name, or its folder.")]
 DEFAULT_FOLDER = Path("runs")
-_SHOWN = ("duration_s", "position_rmse_m", "heading_rmse_rad", "top_speed_m_s")
 
 
 @app.callback(epilog=examples("omni runs", "omni runs --find rose", "omni runs compare demo-seed1 demo-seed1-2"))
@@ -35,7 +34,7 @@ def runs(
     as_json: JsonOption = False,
 ) -> None:
     """List the runs in a folder, oldest first, or work with them."""
-    from omniwheel.drive_log.listing import UNITS, list_runs
+    from omniwheel.drive_log.listing import headline, list_runs
 
     if ctx.invoked_subcommand is not None:
         return
@@ -48,10 +47,7 @@ def runs(
         return
     for entry in entries:
         console.print(f"[cyan]{escape(entry.name)}[/]", soft_wrap=True)  # a name is copied: it stays in one piece
-        known = [(key, title, factor) for key, title, factor in UNITS if key in _SHOWN]
-        numbers = [(title, entry.numbers.get(key), factor) for key, title, factor in known]
-        facts = [_fact(title, value * factor) for title, value, factor in numbers if value is not None]
-        told = "; ".join(text for text in (entry.asked, entry.end, ", ".join(facts)) if text)
+        told = "; ".join(text for text in (entry.asked, entry.end, ", ".join(headline(entry))) if text)
         console.print(Padding(escape(told), (0, 0, 0, 4)))
 
 
@@ -59,22 +55,12 @@ def _document(entry: RunEntry) -> dict[str, Any]:
     return {**asdict(entry), "folder": str(entry.folder), "name": entry.name}
 
 
-def _fact(title: str, value: float) -> str:
-    """Return a number with its name and unit, from a heading like "duration [s]"."""
-    name, _, unit = title.removesuffix("]").partition(" [")
-    return f"{name} {value:.3g} {unit}".rstrip()
-
-
-def _cell(value: float | None, factor: float = 1.0) -> str:
-    return "–" if value is None else f"{value * factor:.3g}"
-
-
 @app.command("compare", epilog=examples("omni runs compare drive-pose drive-pose-2"))
 def compare_runs(
     one: RunArgument, other: RunArgument, folder: FolderOption = DEFAULT_FOLDER, as_json: JsonOption = False
 ) -> None:
     """Show two runs beside each other, with the parameters that differ."""
-    from omniwheel.drive_log.listing import compare, different_parameters, find_run
+    from omniwheel.drive_log.listing import cell, compare, different_parameters, find_run
 
     first, second = find_run(folder, one), find_run(folder, other)
     rows, parameters = compare(first, second), different_parameters(first, second)
@@ -86,7 +72,7 @@ def compare_runs(
     for title in ("", "A", "B"):
         table.add_column(title, justify="right" if title else "left", no_wrap=True)
     for title, a, b in rows:
-        table.add_row(escape(title), _cell(a), _cell(b))
+        table.add_row(escape(title), cell(a), cell(b))
     for letter, run in (("A", first), ("B", second)):
         console.print(f"{letter}: [cyan]{escape(run.name)}[/]", soft_wrap=True)
     known = parameter_table()

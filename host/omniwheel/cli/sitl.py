@@ -6,9 +6,9 @@ from __future__ import annotations
 import _thread
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,6 +19,7 @@ from omniwheel.cli.run_output import RobotOption, SeedOption
 
 if TYPE_CHECKING:
     from hil_sim.sitl import SimulatedRadio
+    from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
 
 EXAMPLES = examples(
@@ -27,6 +28,7 @@ EXAMPLES = examples(
     "omni sitl --host 0.0.0.0                # let other computers connect",
     "omni sitl --link pty:/tmp/robot         # a pseudo-terminal instead of TCP",
     "omni sitl --radio 9600 --loss 0.2 --latency 0.2     # a second port, behind a bad XBee",
+    'omni sitl --commands                    # type lines like {"fault": "ice", "on": true} while it runs',
     "omni sitl fault_battery_sag             # another scenario's world and faults",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
@@ -87,14 +89,26 @@ def sitl(
     end_with_stdin: Annotated[
         bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
     ] = False,
+    commands: Annotated[
+        bool,
+        typer.Option(
+            "--commands",
+            help='Take commands from standard input, a JSON object per line: {"fault": NAME, "wheel": N, "on": true}, '
+            '{"mend": true}, {"speed": 0.5}.',
+        ),
+    ] = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the firmware as a process in a simulated world, in real time, until Ctrl-C: connect to it as to a robot.
 
     A TCP port serves one client at a time; give --link more than once for several.
+
+    With --commands things break and are mended meanwhile; docs/guides/studio.md lists them. A line that is none
+    is answered on standard error and changes nothing.
     """
     from hil_sim.scenario import load_scenario
     from hil_sim.sitl import start_sitl
+    from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
 
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
@@ -102,19 +116,28 @@ def sitl(
     links = link or [f"tcp:{host}:{port}"]
     try:
         with signals_interrupt(), start_sitl(scenario, links, storage=storage, radio=simulated) as running:
-            announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
-            if end_with_stdin:
-                threading.Thread(target=_interrupt_at_end_of_input, daemon=True).start()
+            more = {"world": running.live.catalogue()} if commands else {}
+            announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
+            obeyed = Commands(running.live, json_wanted) if commands else None
+            if end_with_stdin or commands:
+                reader = (obeyed, end_with_stdin)
+                threading.Thread(target=_read_input, args=reader, daemon=True).start()
             while True:
                 running.advance()
+                if obeyed is not None:
+                    obeyed.serve()
     except KeyboardInterrupt:
         return
 
 
-def _interrupt_at_end_of_input() -> None:
-    while sys.stdin.buffer.read(4096):
-        pass
-    _thread.interrupt_main()
+def _read_input(commands: Commands | None, end_with_it: bool) -> None:
+    from omniwheel.cli.sitl_commands import lines_of
+
+    for line in lines_of(sys.stdin.buffer):
+        if commands is not None:
+            commands.take(line)
+    if end_with_it:
+        _thread.interrupt_main()
 
 
 def _simulated_radio(
@@ -131,10 +154,12 @@ def _simulated_radio(
     return SimulatedRadio(settings, host, seed=seed)
 
 
-def announce(urls: Sequence[str], robot: str, description: str, json_wanted: bool) -> None:
-    """Say where the robot is to be found."""
+def announce(
+    urls: Sequence[str], robot: str, description: str, json_wanted: bool, more: Mapping[str, Any] | None = None
+) -> None:
+    """Say where the robot is to be found, in JSON with ``more``."""
     if json_wanted:
-        print_json({"ready": True, "links": list(urls), "robot": robot}, one_line=True)
+        print_json({"ready": True, "links": list(urls), "robot": robot, **(more or {})}, one_line=True)
     else:
         console.print(f"{robot} is there: connect to [bold]{'[/] or [bold]'.join(urls)}[/]")
         console.print(f"{description}. Ctrl-C ends it.")

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, LinkOption, console, error_console, examples, print_json, signals_interrupt
-from omniwheel.cli.options import HostOption, ListenPortOption, OwnSeedOption
+from omniwheel.cli.options import DEFAULT_OUT, HostOption, ListenPortOption, OutOption, OwnSeedOption
 from omniwheel.cli.run_output import RobotOption
 from omniwheel.errors import LinkOpenError, MissingPackageError
 
@@ -42,6 +42,7 @@ def studio(
     seed: OwnSeedOption = 1,
     port: ListenPortOption = 8420,
     host: HostOption = "127.0.0.1",
+    out: OutOption = DEFAULT_OUT,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -63,8 +64,9 @@ def studio(
 
     listener = _listen(host, port)
     access = Access(host)
-    model = Studio()
+    model = Studio(out)
     scenarios = cache(lambda: {name: load_scenario(name).description for name in scenario_names()})
+    server = StudioServer(model, access, vendor, scenarios)
     try:
         if scenario:
             load_scenario(scenario, robot)  # what is wrong with it is said here
@@ -76,11 +78,12 @@ def studio(
         if browser:
             webbrowser.open(address)
         with signals_interrupt():
-            uvicorn_server(StudioServer(model, access, vendor, scenarios).app()).run(sockets=[listener])
+            uvicorn_server(server.app()).run(sockets=[listener])
     except KeyboardInterrupt:
         return
     finally:
-        model.disconnect()
+        server.runs.close()
+        model.close()
         listener.close()
 
 

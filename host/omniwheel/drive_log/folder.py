@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from omni_schema import ParameterTable
 from omniwheel import __version__, files, parameter_file
 from omniwheel.drive_log.picture import draw_telemetry
 from omniwheel.drive_log.record import TelemetryRecord, read_record
@@ -25,6 +27,22 @@ SLOW_BAUD = 57_600
 """Below this, reading all parameters would hold the drive up for many seconds: those that are known are kept."""
 WATCHED, WATCHED_HZ = ("OMNI_TRACKING", "OMNI_WHEELS"), 50.0
 """What a faster link is asked for while the drive lasts."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is known of a drive besides its log.
+
+    ``end`` is "done" or what went wrong, ``before`` and ``after`` its parameters, ``frames`` how many the log holds.
+    """
+
+    asked: str
+    began: datetime
+    end: str
+    link: str
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    frames: int
 
 
 class DriveLog:
@@ -51,12 +69,15 @@ class DriveLog:
         except OutputFileError as error:
             self._trouble = self._trouble or error
 
-    def connected(self, robot: Robot) -> None:
-        """Keep the robot's parameters as they are before it moves."""
+    def connected(self, robot: Robot, *, set_rates: bool = True) -> None:
+        """Keep the robot's parameters as they are before it moves; without ``set_rates`` its telemetry stays as it is.
+
+        Rates that are set here need :meth:`leaving`.
+        """
         self._robot = robot
         slow = is_slow(robot.url)
         self._before = dict(robot.parameters.known) if slow else robot.parameters.download()
-        for name in () if slow else WATCHED:
+        for name in () if slow or not set_rates else WATCHED:
             robot.set_message_interval(name, WATCHED_HZ)
         parameter_file.write(self.folder / BEFORE_FILE, self._before, robot.table)
 
@@ -71,34 +92,12 @@ class DriveLog:
     def _finish(self, robot: Robot, end: str) -> None:
         """Write what became of the drive; ``end`` is "done" or what went wrong."""
         self._writer.close()
-        record = _recorded(self.folder / TLOG_FILE)
         after = {name: robot.parameters[name] for name in self._before}
-        if after != self._before:
-            parameter_file.write(self.folder / AFTER_FILE, after, robot.table)
-        files.write_json(self.folder / DRIVE_FILE, self._document(robot, end, record, after))
-        if record is not None:
-            draw_telemetry(record, self._asked, self.folder / PICTURE_FILE)
+        frames = self._writer.frames
+        drive = Drive(self._asked, self._began, end, robot.url, self._before, after, frames)
+        write_with_figures(self.folder, drive, robot.table)
         if self._trouble is not None:
             raise self._trouble
-
-    def _document(
-        self, robot: Robot, end: str, record: TelemetryRecord | None, after: Mapping[str, float]
-    ) -> dict[str, Any]:
-        return {
-            "kind": "drive",
-            "asked": self._asked,
-            "began": self._began.isoformat(timespec="seconds"),
-            "end": end,
-            "link": robot.url,
-            "numbers": {} if record is None else record.numbers(),
-            "stops": [] if record is None else list(record.stops),
-            "events": [] if record is None else [{"time_s": time, "what": what} for time, what in record.events],
-            "parameters_changed": {
-                name: [value, after[name]] for name, value in self._before.items() if after[name] != value
-            },
-            "frames": self._writer.frames,
-            "omniwheel": __version__,
-        }
 
     def __enter__(self) -> DriveLog:
         return self
@@ -116,6 +115,39 @@ class DriveLog:
         except OmniError:
             if error is None:  # else that is what has to be heard of
                 raise
+
+
+def write_with_figures(folder: Path, drive: Drive, table: ParameterTable) -> None:
+    """Write what became of a drive whose log is closed, with figures and picture. Raises OutputFileError."""
+    record = _recorded(folder / TLOG_FILE)
+    write_drive(folder, drive, table, record)
+    if record is not None:
+        draw_telemetry(record, drive.asked, folder / PICTURE_FILE)
+
+
+def write_drive(folder: Path, drive: Drive, table: ParameterTable, record: TelemetryRecord | None = None) -> None:
+    """Write drive.json, and the parameters after the drive if they changed. Raises OutputFileError."""
+    if drive.after != drive.before:
+        parameter_file.write(folder / AFTER_FILE, drive.after, table)
+    files.write_json(folder / DRIVE_FILE, _document(drive, record))
+
+
+def _document(drive: Drive, record: TelemetryRecord | None) -> dict[str, Any]:
+    return {
+        "kind": "drive",
+        "asked": drive.asked,
+        "began": drive.began.isoformat(timespec="seconds"),
+        "end": drive.end,
+        "link": drive.link,
+        "numbers": {} if record is None else record.numbers(),
+        "stops": [] if record is None else list(record.stops),
+        "events": [] if record is None else [{"time_s": time, "what": what} for time, what in record.events],
+        "parameters_changed": {
+            name: [value, drive.after[name]] for name, value in drive.before.items() if drive.after[name] != value
+        },
+        "frames": drive.frames,
+        "omniwheel": __version__,
+    }
 
 
 def is_slow(url: str) -> bool:

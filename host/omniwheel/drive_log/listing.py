@@ -29,11 +29,15 @@ UNITS = (
     ("full_duty_share", "time at full duty [%]", 100.0),
 )
 """Numbers of a run: key, heading with unit, factor to that unit."""
+_HEADLINE = ("duration_s", "position_rmse_m", "heading_rmse_rad", "top_speed_m_s")
 
 
 @dataclass(frozen=True)
 class RunEntry:
-    """One run: ``kind`` is "drive" or "simulated"; numbers by the keys of UNITS, None where not known."""
+    """One run: ``kind`` is "drive" or "simulated"; numbers by the keys of UNITS, None where not known.
+
+    ``robot`` is the link of a real one, the name of a simulated one, "" if it is not known.
+    """
 
     folder: Path
     kind: str
@@ -42,6 +46,7 @@ class RunEntry:
     end: str
     numbers: Mapping[str, float | None]
     parameters: Mapping[str, float]
+    robot: str = ""
 
     @property
     def name(self) -> str:
@@ -72,10 +77,27 @@ def compare(one: RunEntry, other: RunEntry) -> list[tuple[str, float | None, flo
     return [(title, _scaled(one, key, factor), _scaled(other, key, factor)) for key, title, factor in UNITS]
 
 
+def cell(value: float | None) -> str:
+    """Return a number of :func:`compare` as text."""
+    return "–" if value is None else f"{value:.3g}"
+
+
 def different_parameters(one: RunEntry, other: RunEntry) -> dict[str, tuple[float, float]]:
     """Return the parameters that both runs know and that differ."""
     common = [name for name in one.parameters if name in other.parameters]
     return {n: (one.parameters[n], other.parameters[n]) for n in common if one.parameters[n] != other.parameters[n]}
+
+
+def headline(entry: RunEntry) -> list[str]:
+    """Return the figures that a list of runs shows, in words."""
+    known = [(title, _scaled(entry, key, factor)) for key, title, factor in UNITS if key in _HEADLINE]
+    return [_fact(title, value) for title, value in known if value is not None]
+
+
+def _fact(title: str, value: float) -> str:
+    """Return a number with its name and unit, from a heading like "duration [s]"."""
+    name, _, unit = title.removesuffix("]").partition(" [")
+    return f"{name} {value:.3g} {unit}".rstrip()
 
 
 def rename_run(entry: RunEntry, name: str) -> Path:
@@ -111,9 +133,9 @@ def _entry(folder: Path) -> RunEntry | None:
 
 def _drive(folder: Path, document: Mapping[str, Any]) -> RunEntry:
     numbers = {key: document["numbers"].get(key) for key, _, _ in UNITS}
-    return RunEntry(
-        folder, "drive", document["asked"], document["began"], document["end"], numbers, _parameters(folder)
-    )
+    asked, began, end = (str(document[key]) for key in ("asked", "began", "end"))
+    link = str(document.get("link", ""))
+    return RunEntry(folder, "drive", asked, began, end, numbers, _parameters(folder), link)
 
 
 def _parameters(folder: Path) -> Mapping[str, float]:
@@ -134,4 +156,5 @@ def _simulated(folder: Path, summary: Mapping[str, Any]) -> RunEntry:
     }
     end = "done" if summary["completed"] else ", ".join(summary["faults"]) or "not driven to its end"
     asked = f"{summary['scenario']}, seed {summary['seed']}"
-    return RunEntry(folder, "simulated", asked, "", end, numbers, summary["parameters"])
+    robot = str(summary.get("robot", ""))
+    return RunEntry(folder, "simulated", asked, "", end, numbers, summary["parameters"], robot)

@@ -85,7 +85,7 @@ def record_of(messages: Iterable[Message]) -> TelemetryRecord:
     """Return the record of messages in the order in which they came."""
     tracking: dict[float, Tracking] = {}
     wheels: dict[float, Wheels] = {}
-    watcher = _Watcher()
+    watcher = EventWatcher()
     for message in messages:
         placed, turned = decode(Tracking, message), decode(Wheels, message)
         if placed is not None:
@@ -125,8 +125,11 @@ def _unwrapped(poses: list[Tracking], name: str) -> Array:
     return rows
 
 
-class _Watcher:
-    """Notes what happened: changes of state, mode and parameters, and what the robot said."""
+class EventWatcher:
+    """Notes what happened: changes of state, mode and parameters, and what the robot said.
+
+    ``now_s`` is the time of what is taken next; ``events`` are times and words, ``stops`` names of stop faults.
+    """
 
     def __init__(self) -> None:
         self.now_s = 0.0

@@ -130,5 +130,7 @@ ACTIONS: dict[str, Callable[[Robot, Edits, Request], Any]] = {
     "rate": _rate,
 }
 """By the name that the page uses. Stop and disarm are not here: they wait for nothing (:class:`Session`)."""
+SETPOINTS = frozenset({"velocity", "pose"})
+"""What the page repeats: only the newest counts."""
 FOR_EVERY_PAGE = frozenset({"stop_trajectory"})
 """What a page may ask that only watches."""

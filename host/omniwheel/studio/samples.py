@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import struct
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from omniwheel.telemetry import Telemetry
 CAPACITY = 150_000
 """Samples kept per message: 12.5 minutes at 200 Hz. The oldest ones go."""
 _GAP_S = 1.0
+_BLOCK = struct.Struct("<II")
+_HEADER = struct.Struct("<IId")
+SAMPLES_SINCE, SAMPLES_WINDOW = 1, 2
 
 Array = NDArray[np.float64]
 
@@ -109,9 +113,40 @@ def thinned(trace: Trace, width: int) -> Trace:
     count = len(trace.time_s)
     if count <= 2 * width:
         return trace
-    edges = np.linspace(0, count, width + 1).astype(int)
-    chosen: list[int] = []
-    for first, last in pairwise(edges):
-        piece = trace.value[first:last]
-        chosen.extend(sorted({first + int(np.argmin(piece)), first + int(np.argmax(piece))}))
+    chosen = np.unique(extremes(trace.value[None], -(-count // width)))
     return Trace(trace.key, trace.time_s[chosen], trace.value[chosen])
+
+
+def extremes(value: NDArray[np.float32], size: int) -> NDArray[np.int64]:
+    """Return where the least and the largest number of each ``size`` columns are, in order, for every row of ``value``.
+
+    The last bin may be shorter. What is no number is passed over; a bin without any gives its first place.
+    """
+    rows, count = value.shape
+    bins = -(-count // size)
+    padded = np.pad(value, ((0, 0), (0, bins * size - count)), mode="edge").reshape(rows, bins, size)
+    known = np.isfinite(padded)
+    least = np.where(known, padded, np.inf).argmin(axis=2)  # the first of equals: never one of the padding
+    largest = np.where(known, padded, -np.inf).argmax(axis=2)
+    places = np.sort(np.stack((least, largest), axis=2), axis=2) + size * np.arange(bins)[None, :, None]
+    return np.asarray(places.reshape(rows, 2 * bins), dtype=np.int64)
+
+
+def packed(kind: int, arrived_s: float, traces: Sequence[Trace], keys: Sequence[str]) -> bytes:
+    """Return traces as the page reads them, little-endian.
+
+    First two u32, ``kind`` and the number of traces, and an f64: when the newest message arrived, on this computer's
+    clock [s since 1970]. Then for each trace two u32: its place in the page's list of signals, and its number n of
+    samples. Behind them n f64 times [s] and n f32 values, padded to 8 bytes.
+    """
+    places = {key: place for place, key in enumerate(keys)}
+    parts = [_HEADER.pack(kind, len(traces), arrived_s)]
+    for trace in traces:
+        value = trace.value.astype("<f4").tobytes()
+        parts += [
+            _BLOCK.pack(places[trace.key], len(trace.time_s)),
+            trace.time_s.astype("<f8").tobytes(),
+            value,
+            b"\0" * (-len(value) % 8),
+        ]
+    return b"".join(parts)

@@ -3,7 +3,7 @@
 
 Text messages are JSON. The page sends ``{"do": NAME, "id": N, ...}`` and gets ``{"answer": N, ...}``, or
 ``{"answer": N, "error": ..., "hint": ...}``. The server sends news by itself, and samples as binary messages
-(:func:`omniwheel.studio.studio.packed`).
+(:func:`omniwheel.studio.samples.packed`).
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ from omniwheel import parameter_file
 from omniwheel.errors import OmniError
 from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
+from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import BadRequestError, number_of
 from omniwheel.studio.parameter_view import values_as_json
+from omniwheel.studio.runs import Runs
 from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
 
 PAGE_DIR = Path(__file__).parent / "page"
@@ -61,6 +63,7 @@ class StudioServer:
         self._vendor_dir = vendor_dir
         self._scenarios = scenarios
         self._changing = asyncio.Lock()
+        self.runs = Runs(studio, access, _SECURITY)
         self._local: dict[str, Callable[[Page, Mapping[str, Any]], Coroutine[Any, Any, Any]]] = {
             "stop": self._stop,
             "disarm": self._disarm,
@@ -73,7 +76,10 @@ class StudioServer:
             "connect": self._connect,
             "disconnect": self._disconnect,
             "simulate": self._simulate,
+            "world": self._world,
+            "experiment": self._experiment,
             "load": self._load,
+            **self.runs.actions,
         }
 
     def app(self) -> Starlette:
@@ -83,8 +89,10 @@ class StudioServer:
                 Route("/", self._index),
                 Route("/state.json", self._state),
                 Route("/parameters.toml", self._parameters),
+                Route("/experiment.png", self._picture),
                 Route("/page/{name}", self._file),
                 Route("/vendor/{name}", self._vendor),
+                *self.runs.routes(),
                 WebSocketRoute("/socket", self._socket),
             ]
         )
@@ -106,6 +114,12 @@ class StudioServer:
 
     async def _state(self, request: Request) -> Response:
         return self._refusal(request) or JSONResponse(self.studio.state(), headers=_SECURITY)
+
+    async def _picture(self, request: Request) -> Response:
+        picture = self.studio.experiments.picture
+        if picture is None or not picture.is_file():
+            return self._refusal(request) or PlainTextResponse("there is no experiment yet\n", 404)
+        return self._refusal(request) or FileResponse(picture, media_type="image/png", headers=_SECURITY)
 
     async def _parameters(self, request: Request) -> Response:
         refused = self._refusal(request)
@@ -254,6 +268,14 @@ class StudioServer:
             raise BadRequestError(f"there is no robot {robot!r}")
         seed = int(number_of(request, "seed", 1.0))
         await self._change(page, lambda: self.studio.simulate(str(scenario), robot, seed))
+
+    async def _world(self, page: Page, request: Mapping[str, Any]) -> None:
+        self.studio.change_world(page, request)
+
+    async def _experiment(self, page: Page, request: Mapping[str, Any]) -> Any:
+        await asyncio.to_thread(experiments.prepare)
+        future = self.studio.experiment(page, request)
+        return None if future is None else await asyncio.wrap_future(future)
 
     async def _load(self, page: Page, request: Mapping[str, Any]) -> Any:
         session = self.studio.session

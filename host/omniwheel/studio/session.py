@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
+from omniwheel.connection import Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_log import is_slow
 from omniwheel.errors import LinkError, LinkLostError, OmniError
@@ -22,8 +23,10 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.signals import KINDS
 from omniwheel.studio.urgent_link import UrgentLink
+from omniwheel.studio.work_queue import WorkQueue
 from omniwheel.telemetry import Control, StatusText, decode
 
+_LOG = logging.getLogger(__name__)
 CONNECT_TIMEOUT_S = 3.0
 RETRY_S = 1.0
 """After unplugging, how often the port is looked for."""
@@ -51,15 +54,21 @@ def set_rate(robot: Robot, rate_hz: float | None) -> None:
         robot.set_message_interval(name, rate_hz)
 
 
+class WorkEndedError(LinkError):
+    """Long work was ended from outside: by a stop, or because the page that commands is gone."""
+
+
 class Session:
     """The connection to one link, from the first attempt to :meth:`close`. It connects again after a loss.
 
     Everything that touches the robot runs in this object's thread; other threads hand it work by :meth:`do`. A stop
     (:meth:`stop_now`) waits for none of that work. ``lock`` guards :attr:`store`, :attr:`marks` and :attr:`texts`.
+    ``slowness`` says how many times slower than real time the robot lives, if it is simulated.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, slowness: Callable[[], float] = lambda: 1.0) -> None:
         self.url = url
+        self._slowness = slowness
         self.lock = threading.Lock()
         self.store = SampleStore()
         self.marks = Marks()
@@ -78,9 +87,12 @@ class Session:
         self.rx_bytes_s = 0.0
         self.connections = 0
         """How often it has been connected: after a loss, everything may be another robot's."""
+        self.stops = 0
+        """How often something was to be stopped or disarmed: what was asked for before is not to be begun any more."""
         self._stop_wanted = False
+        self._long_work = False
         self._link: UrgentLink | None = None
-        self._work: SimpleQueue[tuple[Callable[[Robot], Any], Future[Any]]] = SimpleQueue()
+        self._work = WorkQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"robot {url}", daemon=True)
 
@@ -94,14 +106,23 @@ class Session:
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join()
 
-    def do(self, work: Callable[[Robot], T]) -> Future[T]:
-        """Have ``work`` done by the robot's thread, after what was asked for before."""
+    def do(self, work: Callable[[Robot], T], *, is_setpoint: bool = False) -> Future[T]:
+        """Have ``work`` done by the robot's thread, after what was asked for before.
+
+        A set-point that still waits when a newer one comes is left out.
+        """
+        if self.phase == "connected":
+            return self._work.put(work, is_setpoint=is_setpoint)
         future: Future[T] = Future()
-        if self.phase != "connected":
-            future.set_exception(LinkLostError("no robot is connected", hint=self.trouble))
-        else:
-            self._work.put((work, future))
+        future.set_exception(LinkLostError("no robot is connected", hint=self.trouble))
         return future
+
+    def do_long(self, work: Callable[[Robot], T]) -> Future[T]:
+        """The same for work that takes long and moves the robot: a stop or the loss of the page end it at once.
+
+        It ends by a :class:`WorkEndedError` wherever it waits for the robot, once. Cleaning up can wait as usual.
+        """
+        return self.do(lambda robot: self._do_long(robot, work))
 
     def stop_now(self) -> bool:
         """Send an emergency stop before anything else that waits; return whether there is a robot to hear it now.
@@ -115,18 +136,32 @@ class Session:
         """The same with disarming."""
         return self._at_once(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE), Robot.disarm)
 
+    def record(self, recorder: Recorder) -> Robot:
+        """Give every frame of this connection to ``recorder`` from now on; return the robot. Raises LinkLostError."""
+        robot, link = self.robot, self._link
+        if robot is None or link is None or self.phase != "connected":
+            raise LinkLostError("no robot is connected", hint="choose one at the top of the page")
+        link.interrupt(lambda: setattr(robot.connection, "recorder", recorder))
+        return robot
+
     def _at_once(self, command: int, numbers: tuple[float, float], until_confirmed: Callable[[Robot], None]) -> bool:
+        self.stops += 1
         robot, link = self.robot, self._link
         if robot is None or link is None:
-            self._drop_work()
+            self._work.drop()
             return False
         to = robot.connection
         message = mavlink.MAVLink_command_long_message(
             to.target_system, to.target_component, command, 0, *numbers, *[0.0] * 5
         )
-        link.interrupt(lambda: to.send(message))
-        self._drop_work()
-        self._work.put((until_confirmed, Future()))
+
+        def urgent() -> None:
+            to.send(message)
+            self._end_long_work("stopped")
+
+        link.interrupt(urgent)
+        self._work.drop()
+        self._work.put(until_confirmed)
         return True
 
     # ---- the robot's thread
@@ -137,9 +172,13 @@ class Session:
                 self._serve()
             except OmniError as error:
                 self.phase, self.trouble = "lost", f"{error}. {error.hint}" if error.hint else str(error)
+            except Exception as error:
+                _LOG.exception("the robot's thread failed")
+                self.phase = "lost"
+                self.trouble = f"an error of the studio's own: {type(error).__name__}: {error}"
             finally:
                 self.robot = self._link = None
-                self._drop_work()
+                self._work.drop()
             self._closing.wait(RETRY_S)
         self.phase = "closed"
 
@@ -168,7 +207,7 @@ class Session:
                 if now_s - counted_s >= _BYTES_OVER_S:
                     self.rx_bytes_s = (robot.connection.rx_bytes - counted) / (now_s - counted_s)
                     counted_s, counted = now_s, robot.connection.rx_bytes
-                if robot.status.heartbeat_age_s > _SILENT_S:
+                if robot.status.heartbeat_age_s > _SILENT_S * self._slowness():
                     raise LinkLostError(f"the robot at {self.url} is silent", hint="is it switched on?")
                 with self.lock:
                     self.mark_changes += self.marks.overdue(self.store.now_s) is not None
@@ -177,41 +216,51 @@ class Session:
 
     def _mind_the_page(self, robot: Robot) -> None:
         """Send heartbeats only while the page lives that moves the robot: a dead page is a lost link to the robot."""
-        lost = self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S
-        mute = lost and robot.status.armed
+        mute = self._page_is_lost() and robot.status.armed
         connection = robot.connection
         if mute:
             connection.next_heartbeat_s = float("inf")
         elif connection.next_heartbeat_s == float("inf"):
             connection.next_heartbeat_s = connection.clock()
 
+    def _page_is_lost(self) -> bool:
+        return self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S
+
+    def _do_long(self, robot: Robot, work: Callable[[Robot], T]) -> T:
+        link = self._link
+        assert link is not None
+        self._long_work, link.between = True, self._mind_long_work
+        try:
+            return work(robot)
+        finally:
+            self._long_work, link.between = False, None
+
+    def _mind_long_work(self) -> None:
+        if self._closing.is_set():
+            self._end_long_work("the studio let go of the robot")
+        if self._page_is_lost():
+            self._end_long_work("the page that commands is gone")
+
+    def _end_long_work(self, why: str) -> None:
+        if self._long_work:
+            self._long_work = False
+            raise WorkEndedError(why)
+
     def _do_next(self, robot: Robot) -> None:
         """Do one thing that was asked for, or listen to the robot for a moment."""
-        try:
-            work, future = self._work.get_nowait()
-        except Empty:
+        work = self._work.get()
+        if work is None:
             robot.pump(_PUMP_S)
             return
-        if not future.set_running_or_notify_cancel():
-            return
         try:
-            future.set_result(work(robot))
+            work.future.set_result(work.call(robot))
         except OmniError as error:
-            future.set_exception(error)
+            work.future.set_exception(error)
             if isinstance(error, LinkLostError):
                 raise
         except Exception as error:
-            future.set_exception(error)
+            work.future.set_exception(error)
         robot.pump(0.0)
-
-    def _drop_work(self) -> None:
-        while True:
-            try:
-                _, future = self._work.get_nowait()
-            except Empty:
-                return
-            if future.set_running_or_notify_cancel():  # not if the page that asked has gone
-                future.set_exception(LinkError("not done: a stop came first, or the link was lost"))
 
     def _take(self, message: Message) -> None:
         name = message.get_type()

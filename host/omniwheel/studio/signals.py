@@ -10,7 +10,7 @@ import ast
 import dataclasses
 import inspect
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
@@ -42,10 +42,15 @@ class Signal:
 
 def values(telemetry: Telemetry) -> list[float]:
     """Return the numbers of a message in the order of its signals."""
-    found: list[float] = []
+    return [float(part) for part in parts_of(telemetry)]
+
+
+def parts_of(telemetry: Telemetry) -> list[Any]:
+    """Return what a message holds in the order of its signals, as it is: arrays if it was decoded from arrays."""
+    found: list[Any] = []
     for name, parts in _fields(type(telemetry)):
         value: Any = getattr(telemetry, name)
-        found.extend(map(float, value) if parts else [float(value)])
+        found.extend(value if parts else [value])
     return found
 
 
@@ -78,6 +83,11 @@ def all_signals(wheels: int) -> list[Signal]:
         for signal in signals_of(kind)
         if not (kind in per_wheel and any(signal.key.endswith(ending) for ending in beyond))
     ]
+
+
+def signals_as_json(signals: Iterable[Signal]) -> list[dict[str, str]]:
+    """Return what a page shows of signals."""
+    return [{"key": s.key, "group": s.group, "label": s.label, "unit": s.unit, "doc": s.doc} for s in signals]
 
 
 @cache

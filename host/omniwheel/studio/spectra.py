@@ -61,7 +61,7 @@ def spectrum(trace: Trace) -> Spectrum:
     value = value - np.polyval(np.polyfit(even_s - even_s[0], value, 1), even_s - even_s[0])
     window = np.hanning(count)
     amplitude = 2.0 * np.abs(np.fft.rfft(window * value)) / window.sum()
-    frequency_Hz = np.fft.rfftfreq(count, step_s)
+    frequency_Hz = np.arange(len(amplitude)) / (count * step_s)
     # A Hann window widens a line to two bins of 1 / duration on either side.
     return Spectrum(trace.key, *_fewer(frequency_Hz[1:], amplitude[1:]), 2.0 / (count * step_s))
 

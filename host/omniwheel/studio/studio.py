@@ -4,28 +4,28 @@
 from __future__ import annotations
 
 import itertools
-import struct
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any
 
 from omniwheel.errors import OmniError
-from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, BadRequestError
+from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
+from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
-from omniwheel.studio.samples import CAPACITY, Trace, thinned
+from omniwheel.studio.recording import Recorder
+from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
 from omniwheel.studio.session import Session
-from omniwheel.studio.signals import Signal, all_signals
+from omniwheel.studio.signals import Signal, all_signals, signals_as_json
 from omniwheel.studio.simulated import SimulatedRobot
 from omniwheel.studio.spectra import spectrum
 from omniwheel.studio.state import link_state, robot_state, shape_as_json
+from omniwheel.studio.worker import Worker
 
 MOST_SIGNALS = 64
 HISTORY_WIDTH = 2000
-_BLOCK = struct.Struct("<II")
-_HEADER = struct.Struct("<IId")
-SAMPLES_SINCE, SAMPLES_WINDOW = 1, 2
 
 
 class Page:
@@ -43,11 +43,19 @@ class Page:
         self.values: dict[str, float] = {}
         self.state: dict[str, Any] = {}
 
+    @property
+    def keys(self) -> list[str]:
+        """The shown signals' keys, in the order in which the page numbers them."""
+        return [signal.key for signal in self.shown]
+
 
 class Studio:
-    """Everything that the pages share."""
+    """Everything that the pages share. ``out`` is where experiments leave their folders."""
 
-    def __init__(self) -> None:
+    def __init__(self, out: Path = Path("runs")) -> None:
+        self.experiments = Experiments(out)
+        self.worker = Worker()
+        self.recorder = Recorder(out, self.worker)
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
         self.pages: list[Page] = []
@@ -91,25 +99,57 @@ class Studio:
         self._begin(url)
 
     def _begin(self, url: str) -> None:
-        self.session = Session(url)
+        simulated = self.simulated
+        self.session = Session(url, (lambda: 1.0) if simulated is None else (lambda: simulated.slowness))
         if self.commanding is not None:
             self.heard(self.commanding)
         self.session.start()
 
     def disconnect(self) -> None:
         """Let go of the robot. It is disarmed if it was armed from here; a simulated one ends."""
+        self.recorder.end()
         if self.session is not None:
-            self.session.close()
+            self.session.close()  # before the disk is waited for: it disarms the robot
             self.session = None
+        self.recorder.stop()
         if self.simulated is not None:
             self.simulated.close()
             self.simulated = None
+
+    def close(self) -> None:
+        """Let go of everything; a recording gets its figures before."""
+        self.disconnect()
+        self.recorder.close()
+        self.worker.close()
 
     def simulate(self, scenario: str, robot: str | None, seed: int) -> None:
         """Start a simulated robot and connect to it. Raises FirmwareStartError."""
         self.disconnect()
         self.simulated = SimulatedRobot(scenario, robot, seed)
         self._begin(self.simulated.url)
+
+    def change_world(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Break or mend something in the simulated world, or change its speed. Raises BadRequestError, LinkError."""
+        if page is not self.commanding:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        if self.simulated is None:
+            raise BadRequestError("the robot is not simulated here")
+        if "speed" in request:
+            self.experiments.require_idle()
+        self.simulated.change(request)
+
+    def experiment(self, page: Page, request: Mapping[str, Any]) -> Future[Any] | None:
+        """Begin an experiment; without ``"start": true`` only say what it will use. Raises BadRequestError."""
+        if page is not self.commanding:
+            raise BadRequestError("another page commands", hint="press Take over first")
+        if self.session is None:
+            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        if request.get("start") is not True:
+            return self.experiments.needs(self.session, request)
+        if self.simulated is not None and self.simulated.speed != 1.0:
+            raise BadRequestError("the simulation is not in real time", hint="an experiment needs real time")
+        self.experiments.start(self.session, request)
+        return None
 
     def stop(self) -> bool:
         """Emergency stop, before everything; return whether a robot could be told."""
@@ -129,7 +169,8 @@ class Studio:
         session = self.session
         if session is None:
             raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
-        return session.do(lambda robot: work(robot, _edits(session), request))
+        self.experiments.require_idle()
+        return session.do(lambda robot: work(robot, _edits(session), request), is_setpoint=action in SETPOINTS)
 
     # ---- what a page is told
 
@@ -146,7 +187,7 @@ class Studio:
             traces = [session.store.window(signal, begin_s, float("inf"), HISTORY_WIDTH) for signal in page.shown]
             page.sent = {signal.key: session.store.count(signal) for signal in page.shown}
             arrived_s = session.store.arrived_s
-        return packed(SAMPLES_WINDOW, arrived_s, traces, page.shown)
+        return packed(SAMPLES_WINDOW, arrived_s, traces, page.keys)
 
     def window(self, page: Page, begin_s: float, end_s: float, width: int) -> bytes:
         """Return what a plot of the shown signals sees between two times."""
@@ -156,7 +197,7 @@ class Studio:
         with session.lock:
             traces = [session.store.window(signal, begin_s, end_s, width) for signal in page.shown]
             arrived_s = session.store.arrived_s
-        return packed(SAMPLES_WINDOW, arrived_s, traces, page.shown)
+        return packed(SAMPLES_WINDOW, arrived_s, traces, page.keys)
 
     def spectra(self, keys: Sequence[str], begin_s: float, end_s: float) -> list[dict[str, Any]]:
         """Return the spectra of signals between two times. Raises TooFewSamplesError."""
@@ -183,7 +224,7 @@ class Studio:
             arrived_s = session.store.arrived_s
         if not any(len(trace.time_s) for trace in traces):
             return b""
-        return packed(SAMPLES_SINCE, arrived_s, [thinned(trace, HISTORY_WIDTH) for trace in traces], page.shown)
+        return packed(SAMPLES_SINCE, arrived_s, [thinned(trace, HISTORY_WIDTH) for trace in traces], page.keys)
 
     def signals(self) -> list[Signal]:
         """Return the signals of the connected robot."""
@@ -226,20 +267,11 @@ class Studio:
         session = self.session
         robot = None if session is None else session.robot
         return {
-            "signals": [
-                {
-                    "key": s.key,
-                    "group": s.group,
-                    "label": s.label,
-                    "unit": s.unit,
-                    "doc": s.doc,
-                    "limit": limit_of(s.key),
-                }
-                for s in self.signals()
-            ],
+            "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(self.signals())],
             "parameters": [] if robot is None else table_as_json(robot.table),
+            "world": None if self.simulated is None else self.simulated.catalogue,
             "version": "" if robot is None else str(robot.version),
-            **({} if robot is None else shape_as_json(robot)),
+            **({} if robot is None else {**shape_as_json(robot), "experiments": catalogue(robot)}),
         }
 
     def state(self, page: Page | None = None) -> dict[str, Any]:
@@ -251,7 +283,10 @@ class Studio:
         return {
             "link": link_state(session),
             "simulated": None if self.simulated is None else self.simulated.scenario,
+            "world": None if self.simulated is None else self.simulated.state(),
+            "experiment": self.experiments.state(),
             "robot": None if robot is None else robot_state(robot),
+            "recording": self.recorder.state(),
             "undo": undo,
             "redo": redo,
             "commands": self._who_commands(page),
@@ -268,23 +303,3 @@ def _edits(session: Session) -> Any:
     if session.edits is None:
         raise OmniError("the robot is not connected yet")
     return session.edits
-
-
-def packed(kind: int, arrived_s: float, traces: Sequence[Trace], shown: Sequence[Signal]) -> bytes:
-    """Return traces as the page reads them, little-endian.
-
-    First two u32, ``kind`` and the number of traces, and an f64: when the newest message arrived, on this computer's
-    clock [s since 1970]. Then for each trace two u32: its place in the page's list of signals, and its number n of
-    samples. Behind them n f64 times [s] and n f32 values, padded to 8 bytes.
-    """
-    places = {signal.key: place for place, signal in enumerate(shown)}
-    parts = [_HEADER.pack(kind, len(traces), arrived_s)]
-    for trace in traces:
-        value = trace.value.astype("<f4").tobytes()
-        parts += [
-            _BLOCK.pack(places[trace.key], len(trace.time_s)),
-            trace.time_s.astype("<f8").tobytes(),
-            value,
-            b"\0" * (-len(value) % 8),
-        ]
-    return b"".join(parts)

@@ -24,6 +24,8 @@ class UrgentLink:
         self._link = link
         self._urgent: list[Callable[[], None]] = []
         self._lock = threading.Lock()
+        self.between: Callable[[], None] | None = None
+        """Called between two slices by the thread that reads. What it raises ends whatever is waited for."""
 
     @property
     def notice(self) -> str:
@@ -40,6 +42,8 @@ class UrgentLink:
         end_s = time.monotonic() + timeout_s
         while True:
             self._do_urgent()
+            if self.between is not None:
+                self.between()
             left_s = end_s - time.monotonic()
             data = self._link.read(max(0.0, min(left_s, SLICE_S)))
             if data or left_s <= SLICE_S:

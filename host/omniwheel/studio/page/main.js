@@ -3,11 +3,14 @@
 
 import { Chooser } from "./connect.js";
 import { DrawnPath } from "./draw.js";
+import { Experiments } from "./experiments.js";
 import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
+import { Runs } from "./runs.js";
+import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
 import { HeldVelocity } from "./velocity.js";
 
@@ -22,13 +25,14 @@ const ask = (action, content) => socket.ask(action, content).then(
   (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
 
 const socket = new Socket({
-  open: () => say(""),
+  open: () => { say(""); runs.refresh(); },
   lost: () => { show_state(null); say("The studio's server is gone. Start omni studio again; this page waits for it."); },
   samples: (...found) => plots.samples(...found),
   news,
 });
+const runs = new Runs(socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
-const plots = new Plots(id("panels"), socket, say, (name) => parameters.value_of(name));
+const plots = new Plots(id("panels"), socket, say, { limit: (name) => parameters.value_of(name) });
 const chooser = new Chooser(socket);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
@@ -38,6 +42,8 @@ const map = new FloorMap(id("map"), socket, {
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
 const drawn = new DrawnPath(map, ask);
+const experiments = new Experiments(socket);
+const simulator = new Simulator(id("simulator"), ask);
 const velocity = new HeldVelocity(socket, { refused: say, moving: (words) => put("key-text", words) });
 const keys = new Keys(velocity);
 const gamepad = new Gamepad(velocity, { stop, found: (words) => put("gamepad-text", words) });
@@ -53,7 +59,9 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, parameters: infos, speed, wheels, radius_m, paths }) {
+function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds }) {
+  experiments.tables(kinds);
+  simulator.tables(world);
   parameters.tables(infos);
   plots.tables(signals);
   velocity.top = speed;
@@ -75,6 +83,7 @@ function add_text({ severity, text }) {
 
 function show_state(now) {
   state = now;
+  runs.recording(now?.recording, now?.link.phase === "connected");
   const robot = now?.robot ?? null;
   const link = now?.link ?? { phase: "none" };
   const phases = { none: "no robot", connecting: "connecting …", lost: "lost", closed: "no robot" };
@@ -96,6 +105,8 @@ function show_state(now) {
     id(name).disabled = !now?.[name];
     put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
   }
+  experiments.state(now);
+  simulator.state(now?.world ?? null);
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
   if (robot?.pose) {
@@ -208,4 +219,4 @@ function start_going() {
   });
 }
 
-window.studio = { plots, map, parameters, get state() { return state; } }; // for tests and the curious
+window.studio = { plots, runs, map, parameters, get state() { return state; } }; // for tests and the curious

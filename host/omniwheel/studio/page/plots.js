@@ -13,6 +13,8 @@ const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3], [5, 5], [14, 4]];
 const NEAR_PX = 8;
 const HEIGHT_PX = 190;
 const STORED = "omniwheel-plots";
+const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], info: () => undefined,
+  limit: () => undefined, live: true };
 const FIRST_VIEW = [
   ["tracking.pose.x", "tracking.pose.y", "tracking.reference.x", "tracking.reference.y"],
   ["wheels.speed.1", "wheels.reference.1"],
@@ -28,13 +30,18 @@ export class Plots {
   #signals = new Map();
   #span = 10;
   #pausedAt = null; // {begin, end}
+  #whole = null; // {begin, end} of a recording
   #now = 0;
   #stale = true;
   #arrived = 0;
 
-  /** @param limit function: the value of a limit by its name, undefined if it is not known */
-  constructor(root, socket, say, limit) {
-    this.limit = limit;
+  /**
+   * options: where the view is stored, what a plot is called, the saved file's name; series and info of a key; limit,
+   * the value of a limit by its name, undefined if it is not known; live, whether the server has spectra of it.
+   */
+  constructor(root, socket, say, options = {}) {
+    this.options = { ...LIVE, ...options };
+    this.limit = this.options.limit;
     this.root = root;
     this.socket = socket;
     this.say = say;
@@ -64,6 +71,16 @@ export class Plots {
     this.#subscribe();
   }
 
+  /** Show a recording instead of what is live: the whole of it, until the mouse has chosen a part. */
+  recorded(signals, marks, whole) {
+    this.#whole = whole;
+    this.#buffers.clear();
+    this.live();
+    this.tables(signals);
+    this.marks(marks);
+    this.#rebuild();
+  }
+
   marks(marks) {
     this.#marks = marks;
     this.#stale = true;
@@ -75,7 +92,7 @@ export class Plots {
       const key = this.#shown[place];
       if (key === undefined) continue;
       if (isWindow && this.#pausedAt) this.#frozen.set(key, { time, value });
-      else if (isWindow) this.#buffer(key).replace(time, value);
+      else if (isWindow || this.#whole) this.#buffer(key).replace(time, value);
       else this.#buffer(key).append(time, value);
       if (time.length) this.#now = Math.max(this.#now, time[time.length - 1]);
       this.drawn.samples += time.length;
@@ -117,12 +134,12 @@ export class Plots {
     const { begin, end } = this.#view();
     const pieces = this.#shown.map((key) => this.#piece(key, begin, end));
     const [times, ...columns] = aligned(pieces);
-    const heads = this.#shown.map((key) => `${key} [${this.#signals.get(key)?.unit ?? ""}]`);
+    const heads = this.#shown.map((key) => `${key} [${this.#info(key)?.unit ?? ""}]`);
     const lines = [["time [s]", ...heads].join(",")];
     for (let i = 0; i < times.length; i++) {
       if (times[i] >= begin && times[i] <= end) lines.push([times[i], ...columns.map((c) => c[i] ?? "")].join(","));
     }
-    save(new Blob([`${lines.join("\n")}\n`], { type: "text/csv" }), "omniwheel.csv");
+    save(new Blob([`${lines.join("\n")}\n`], { type: "text/csv" }), `${this.options.file}.csv`);
   }
 
   // ---- signals
@@ -132,20 +149,24 @@ export class Plots {
     return this.#buffers.get(key);
   }
 
+  #info(key) { return this.#signals.get(key) ?? this.options.info(key); }
+
+  #series(panel) { return panel.keys.filter((key) => this.#signals.has(key)).flatMap(this.options.series); }
+
   #restore() {
     let views = FIRST_VIEW;
-    try { views = JSON.parse(localStorage.getItem(STORED)) ?? FIRST_VIEW; } catch { /* the first view, then */ }
+    try { views = JSON.parse(localStorage.getItem(this.options.stored)) ?? FIRST_VIEW; } catch { /* the first view, then */ }
     for (const keys of views) this.add(keys.filter((key) => this.#signals.has(key)));
   }
 
   #changed() {
-    localStorage.setItem(STORED, JSON.stringify(this.#panels.map((panel) => panel.keys)));
+    localStorage.setItem(this.options.stored, JSON.stringify(this.#panels.map((panel) => panel.keys)));
     this.#rebuild();
     this.#subscribe();
   }
 
   #subscribe() {
-    const wanted = [...new Set(this.#panels.flatMap((panel) => panel.keys))];
+    const wanted = [...new Set(this.#panels.flatMap((panel) => this.#series(panel)))];
     if (this.#pausedAt) this.live();
     this.#shown = wanted;
     for (const key of this.#buffers.keys()) if (!wanted.includes(key)) this.#buffers.delete(key);
@@ -156,7 +177,7 @@ export class Plots {
   // ---- drawing
 
   #view() {
-    return this.#pausedAt ?? { begin: this.#now - this.#span, end: this.#now };
+    return this.#pausedAt ?? this.#whole ?? { begin: this.#now - this.#span, end: this.#now };
   }
 
   #piece(key, begin, end) {
@@ -169,8 +190,8 @@ export class Plots {
     this.#stale = false;
     const { begin, end } = this.#view();
     for (const panel of this.#panels) {
-      if (panel.plot === null || panel.keys.length === 0) continue;
-      panel.plot.setData(aligned(panel.keys.map((key) => this.#piece(key, begin, end))));
+      if (panel.plot === null) continue;
+      panel.plot.setData(aligned(this.#series(panel).map((key) => this.#piece(key, begin, end))));
     }
     this.drawn.frames += 1;
     this.drawn.newest = this.#now;
@@ -187,27 +208,28 @@ export class Plots {
     panel.plot?.destroy();
     panel.plot = null;
     panel.root.replaceChildren(this.#head(panel));
-    if (panel.keys.length === 0) return;
+    const keys = this.#series(panel);
+    if (keys.length === 0) return;
     const style = getComputedStyle(document.documentElement);
     const [text, line] = [style.getPropertyValue("--quiet").trim(), style.getPropertyValue("--line").trim()];
     const axis = { stroke: text, grid: { stroke: line, width: 0.5 }, ticks: { stroke: line } };
-    const units = [...new Set(panel.keys.map((key) => this.#signals.get(key)?.unit ?? ""))];
+    const units = [...new Set(keys.map((key) => this.#info(key)?.unit ?? ""))];
     panel.plot = new uPlot({
       width: this.root.clientWidth || 600,
       height: HEIGHT_PX,
-      cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false } },
+      cursor: { sync: { key: this.options.stored }, drag: { x: true, y: false, setScale: false } },
       scales: { x: { time: false, range: () => { const { begin, end } = this.#view(); return [begin, end]; } } },
       axes: [{ ...axis, label: "time [s]", labelSize: 16, size: 34 }, { ...axis, label: units.join(", "), size: 62 }],
       series: [{ label: "time [s]", value: (_, t) => (t == null ? "–" : t.toFixed(3)) },
-        ...panel.keys.map((key, n) => ({
-          label: this.#signals.get(key)?.label ?? key,
+        ...keys.map((key, n) => ({
+          label: this.#info(key)?.label ?? key,
           stroke: COLOURS[n % COLOURS.length],
           dash: DASHES[Math.floor(n / COLOURS.length) % DASHES.length].length
             ? DASHES[Math.floor(n / COLOURS.length) % DASHES.length] : DASHES[n % DASHES.length],
           width: 1.5,
           spanGaps: true,
           points: { show: false },
-          value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#signals.get(key)?.unit ?? ""}`),
+          value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#info(key)?.unit ?? ""}`),
         }))],
       hooks: {
         draw: [(plot) => { this.#draw_limits(panel); this.#draw_marks(plot); }],
@@ -235,14 +257,14 @@ export class Plots {
     };
     head.append(
       title,
-      button("Signals …", "Signals of plot", async () => {
+      button("Signals …", `Signals of ${this.options.what}`, async () => {
         panel.keys = await chooseSignals([...this.#signals.values()], panel.keys);
         this.#changed();
       }),
-      button("Spectrum", "Spectrum of plot", () => this.#spectrum(panel)),
-      button("PNG", "Picture of plot", () => panel.plot?.root.querySelector("canvas").toBlob(
-        (blob) => save(blob, "omniwheel-plot.png"))),
-      button("✕", "Remove plot", () => {
+      ...(this.options.live ? [button("Spectrum", "Spectrum of plot", () => this.#spectrum(panel))] : []),
+      button("PNG", `Picture of ${this.options.what}`, () => panel.plot?.root.querySelector("canvas").toBlob(
+        (blob) => save(blob, `${this.options.file}-plot.png`))),
+      button("✕", `Remove ${this.options.what}`, () => {
         panel.plot?.destroy();
         panel.root.remove();
         this.#panels.splice(this.#panels.indexOf(panel), 1);
@@ -282,6 +304,9 @@ export class Plots {
     ctx.fillStyle = ctx.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--limit").trim();
     ctx.font = `${11 * devicePixelRatio}px system-ui`;
     ctx.lineWidth = devicePixelRatio;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "bottom";
+    ctx.setLineDash([]);
     for (const name of names) {
       for (const sign of [1, -1]) {
         const y = panel.plot.valToPos(sign * this.limit(name), "y", true);
@@ -290,14 +315,14 @@ export class Plots {
         ctx.moveTo(bbox.left, y);
         ctx.lineTo(bbox.left + bbox.width, y);
         ctx.stroke();
-        ctx.fillText(`${sign < 0 ? "−" : ""}${name}`, bbox.left + 4, y - 3);
+        ctx.fillText(`${sign < 0 ? "−" : ""}${name}`, bbox.left + 4, sign > 0 ? y + 13 * devicePixelRatio : y - 1);
       }
     }
     ctx.restore();
   }
 
   #words_of(key) {
-    const signal = this.#signals.get(key);
+    const signal = this.#info(key);
     return { label: signal?.label ?? key, unit: signal?.unit ?? "" };
   }
 
@@ -323,7 +348,7 @@ export class Plots {
     if (width < 4) return;
     const [begin, end] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    const pieces = panel.keys.map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
+    const pieces = this.#series(panel).map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
     this.on_measure?.(end - begin, measured(pieces, begin, end));
     this.pause(begin, end);
   }
@@ -343,8 +368,9 @@ export class Plots {
 }
 
 function in_words(mark) {
+  if (mark.text) return `${mark.before ?? ""}${mark.text}`;
   const changes = Object.entries(mark.changes).map(([name, [from, to]]) => `${name} ${round(from)} → ${round(to)}`);
-  return changes.join(", ") || "changed by another program";
+  return (mark.before ?? "") + (changes.join(", ") || "changed by another program");
 }
 
 const round = (value) => Number(value.toPrecision(6));

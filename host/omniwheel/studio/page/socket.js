@@ -71,7 +71,8 @@ export class Socket {
   }
 }
 
-function unpacked(buffer) {
+/** Read what the server packs: [isWindow, traces, arrived]. */
+export function unpacked(buffer) {
   const [kind, count] = new Uint32Array(buffer, 0, 2);
   const traces = [];
   const [arrived] = new Float64Array(buffer, 8, 1); // at the server [s since 1970]

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: MIT
+"""What can be broken in a world that runs in real time, in words for somebody who sees the robot for the first time.
+
+What the robot does about it is derived from :mod:`hil_sim.fault_cases`, which tests hold to the real firmware.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hil_sim.fault_cases import CASES, EMERGENCY_STOP, FaultCase
+
+ICE = "ice"
+"""No fault of ``world.toml``: the floor's friction coefficient becomes the value."""
+ICE_FRICTION = 0.004
+"""So little that a slow robot slides, too."""
+_CASES = {case.name: case for case in CASES}
+
+
+@dataclass(frozen=True)
+class LiveFault:
+    """Something to break. ``name`` is a fault of ``world.toml`` or :data:`ICE`.
+
+    ``words`` say what is broken, ``group`` where. ``reaction`` says what the robot does about it. ``value`` is the
+    fault's number in its unit of ``world.toml``; None: it has none. ``needs_fixes``: it shows only with a pose sensor.
+    """
+
+    name: str
+    group: str
+    words: str
+    reaction: str
+    value: float | None = None
+    needs_fixes: bool = False
+
+
+def reaction_words(case: FaultCase) -> str:
+    """Return what a robot that drives does in this case."""
+    if case.stops == EMERGENCY_STOP:
+        return f"The robot stops until it is released: {case.says}."
+    if case.stops is not None:
+        return f"A robot that drives stops: failsafe: {case.stops}."
+    return "The robot drives on." if case.warns is None else f"The robot drives on and warns: {case.warns}."
+
+
+def _of_case(group: str, words: str, case_name: str, kind: str | None = None, later: str = "") -> LiveFault:
+    """Return a case's fault, of several the one called ``kind``, with its value and the robot's reaction.
+
+    ``later`` says what the robot does if the fault lasts longer than the case.
+    """
+    case = _CASES[case_name]
+    found = next(fault for fault in case.faults if kind in (None, fault.name))
+    fixes = case.world.get("fix_rate_Hz", 0.0) > 0.0
+    return LiveFault(found.name, group, words, f"{reaction_words(case)} {later}".strip(), found.value, fixes)
+
+
+_ENCODERS, _MOTORS, _POWER = "Encoders", "Motors and wheels", "Supply and motor driver"
+_POSES, _OTHERS = "Pose fixes", "Floor, button, clock"
+
+LIVE_FAULTS: tuple[LiveFault, ...] = (
+    _of_case(_ENCODERS, "Pull the encoder's plug: it counts no more", "encoder_stuck"),
+    _of_case(_ENCODERS, "Reverse the encoder: it counts backwards", "encoder_reversed"),
+    _of_case(_ENCODERS, "Dead encoder: it reports that it is", "encoder_dead"),
+    _of_case(_ENCODERS, "Noise on the encoder's wires: wild counts", "encoder_wild"),
+    _of_case(_ENCODERS, "One bit of the encoder's counter is stuck", "encoder_bit"),
+    _of_case(_MOTORS, "Dead motor: its wire is off", "motor_dead"),
+    _of_case(_MOTORS, "Blocked wheel", "motor_stalled"),
+    LiveFault(
+        "wheel_turned",
+        _MOTORS,
+        "A hand turns the wheel, half a turn per second",
+        "The encoder counts. A robot that drives may stop.",
+        math.pi,
+    ),
+    _of_case(_POWER, "Dead battery: the supply sags", "battery_low"),
+    _of_case(_POWER, "I2C bus stuck: the motor driver cannot be reached", "i2c_stuck"),
+    _of_case(_POWER, "The motor driver's chip does not answer", "i2c_nack"),
+    _of_case(_POWER, "The motor driver's chip has no power", "brown_out", "chip_power"),
+    _of_case(_POSES, "Pose fixes stop: the camera is covered", "pose_lost"),
+    _of_case(
+        _POSES,
+        "Pose fixes jump by 0.5 m",
+        "pose_jump",
+        later="If that lasts, it takes them for true and stops: failsafe: tracking.",
+    ),
+    _of_case(_POSES, "Pose fixes freeze: the same again and again", "pose_frozen"),
+    _of_case(_POSES, "Pose fixes come 0.1 s late", "pose_late"),
+    LiveFault(
+        ICE,
+        _OTHERS,
+        "Ice: the wheels slip",
+        "The wheels spin, and the robot slides off its path. Far off it stops: failsafe: tracking.",
+        ICE_FRICTION,
+    ),
+    _of_case(_OTHERS, "Stop button pressed, or its wire cut", "stop_button"),
+    _of_case(_OTHERS, "The clock jumps ahead by 0.1 s", "clock_forward"),
+    _of_case(_OTHERS, "The control ticks come late", "ticks_late"),
+)
+"""In the order of a page. Not here: ``link_silence``, since other programs' links do not pass through the world, and
+``clock_stuck``, with which the robot falls silent, too."""

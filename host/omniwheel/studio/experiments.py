@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: MIT
+"""Experiments on the page: the same as ``omni experiment``, run by the robot's thread while telemetry goes on.
+
+What an experiment does to the robot is :mod:`omniwheel.experiments`' matter. Here are its words and choices for the
+page, and how it is begun, watched and ended.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from omniwheel.connection import Recorder
+from omniwheel.drive_log import DriveLog
+from omniwheel.errors import LimitError, OmniError
+from omniwheel.plain import finite
+from omniwheel.robot import Robot
+from omniwheel.studio.actions import BadRequestError, Request, number_of
+from omniwheel.studio.session import Session, WorkEndedError
+from omniwheel.tuning import AXES
+
+if TYPE_CHECKING:
+    from omniwheel.experiments import Outcome
+
+SMALLEST_ROOM_M, LARGEST_ROOM_M, USUAL_ROOM_M = 0.1, 20.0, 1.0
+_ALL = 0
+_POSITION_TIMES_S = {"position-step": 1.0, "position-sweep": 12.0}
+_WHEEL_TIMES_S = {"wheel-step": 0.5, "wheel-chirp": 2.5}
+_PUSH_S = 0.1
+_PHASES = ("preparing", "moving", "fetching the recording", "drawing")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One experiment: its name as of ``omni experiment``, what it shows, and what has to be chosen."""
+
+    name: str
+    words: str
+    choices: tuple[str, ...]
+
+
+KINDS = (
+    Kind("wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand")),
+    Kind("wheel-chirp", "Bandwidth, margins and delay of a wheel's loop", ("wheel or all", "on_stand")),
+    Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",)),
+    Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",)),
+    Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",)),
+)
+"""In the order of docs/guides/experiments.md. Each moves the robot by itself."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a page chose. ``wheel`` counts from 1; 0 is all of them."""
+
+    name: str
+    room_m: float
+    wheel: int
+    axis: str
+    on_stand: bool
+
+    def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome:
+        """Do it. Raises LimitError before the robot moves, ExperimentError."""
+        from omniwheel import experiments
+
+        if self.name in _WHEEL_TIMES_S:
+            wheel_run = experiments.wheel_step if self.name == "wheel-step" else experiments.wheel_chirp
+            wheels = experiments.WheelPlan(self.wheel, duration_s=_WHEEL_TIMES_S[self.name], on_stand=self.on_stand)
+            return wheel_run(robot, wheels, self.room_m, tell)
+        if self.name in _POSITION_TIMES_S:
+            run = experiments.position_step if self.name == "position-step" else experiments.position_sweep
+            plan = experiments.PositionPlan(self.axis, duration_s=_POSITION_TIMES_S[self.name])
+            return run(robot, plan, self.room_m, tell)
+        push = experiments.PushPlan(self.wheel, duration_s=_PUSH_S)
+        return experiments.disturbance(robot, push, self.room_m, tell)
+
+
+class _SaidEnoughError(Exception):
+    """Ends a preview after the experiment has said what it needs, before it does anything."""
+
+
+def catalogue(robot: Robot) -> list[dict[str, Any]]:
+    """Return the experiments as a page shows them; each choice has ``key``, ``label`` and its ``options``, or a range.
+
+    An option is a value and its words.
+    """
+    wheels = [[number, f"wheel {number}"] for number in range(1, int(robot.parameters.known["WHEELS"]) + 1)]
+    choices = {
+        "wheel": {"key": "wheel", "label": "Wheel", "options": wheels},
+        "wheel or all": {"key": "wheel", "label": "Wheel", "options": [[_ALL, "all alike"], *wheels]},
+        "axis": {"key": "axis", "label": "Axis", "options": [[axis, axis] for axis in AXES]},
+        "on_stand": {
+            "key": "on_stand",
+            "label": "The robot",
+            "options": [[False, "stands on the floor"], [True, "has its wheels in the air"]],
+        },
+    }
+    room = {
+        "key": "room_m",
+        "label": "Side of the free square [m]",
+        "min": SMALLEST_ROOM_M,
+        "max": LARGEST_ROOM_M,
+        "default": USUAL_ROOM_M,
+    }
+    return [
+        {"name": kind.name, "words": kind.words, "choices": [*(choices[name] for name in kind.choices), room]}
+        for kind in KINDS
+    ]
+
+
+def wanted_of(request: Request) -> Wanted:
+    """Return what a page asks for. Raises BadRequestError."""
+    name, axis, on_stand = request.get("name"), request.get("axis", AXES[0]), request.get("on_stand", False)
+    if not isinstance(name, str) or name not in {kind.name for kind in KINDS}:
+        raise BadRequestError(f"there is no experiment {name!r}")
+    if not isinstance(axis, str) or axis not in AXES:
+        raise BadRequestError(f"there is no axis {axis!r}")
+    if not isinstance(on_stand, bool):
+        raise BadRequestError(f"on_stand has to be true or false, not {on_stand!r}")
+    room_m, wheel = number_of(request, "room_m", USUAL_ROOM_M), number_of(request, "wheel", 1.0)
+    if not SMALLEST_ROOM_M <= room_m <= LARGEST_ROOM_M:
+        raise BadRequestError(f"room_m has to be from {SMALLEST_ROOM_M:g} to {LARGEST_ROOM_M:g}, not {room_m:g}")
+    if not wheel.is_integer():
+        raise BadRequestError(f"there is no wheel {wheel:g}")
+    return Wanted(name, room_m, int(wheel), axis, on_stand)
+
+
+def needs_of(robot: Robot, wanted: Wanted) -> str:
+    """Return what an experiment will use, in words; nothing moves. Raises BadRequestError if it cannot be."""
+    said: list[str] = []
+
+    def tell(text: str) -> None:
+        said.append(text)
+        raise _SaidEnoughError
+
+    try:
+        with suppress(_SaidEnoughError):
+            wanted.run(robot, tell)
+    except LimitError as error:
+        raise BadRequestError(in_words(error)) from error
+    return said[0]
+
+
+def prepare() -> None:
+    """Import what experiments compute and draw with: it takes a second, which no stop shall wait for.
+
+    Raises MissingPackageError.
+    """
+    from omniwheel.identification.estimate import require_scipy
+
+    for module in ("linalg", "signal", "special"):
+        require_scipy(module)
+    import_module("omniwheel.experiments.folder")
+
+
+class Experiment:
+    """One experiment under way, or its result. Begun by :meth:`start`; :meth:`state` is for any thread."""
+
+    def __init__(self, number: int, session: Session, wanted: Wanted, out: Path) -> None:
+        self.number = number
+        self.picture: Path | None = None
+        self._session, self._wanted, self._out = session, wanted, out
+        self._stops = session.stops
+        self._began_s = time.monotonic()
+        self._phase = _PHASES[0]
+        self._needs = self._trouble = ""
+        self._outcome: Outcome | None = None
+        self._folder = ""
+        self._thread = threading.Thread(target=self._run, name=f"experiment {wanted.name}", daemon=True)
+
+    def start(self) -> None:
+        """Begin; returns at once."""
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether it is under way."""
+        return self._thread.is_alive()
+
+    def state(self) -> dict[str, Any]:
+        """Return how far it is, and its figures once it is done, as plain data; numbers in SI, null where unknown."""
+        outcome, running = self._outcome, self.running
+        found: dict[str, Any] = {"number": self.number, "name": self._wanted.name, "running": running}
+        found |= {"needs": self._needs, "trouble": self._trouble}
+        if running:
+            return {**found, "phase": self._phase, "seconds": int(time.monotonic() - self._began_s)}
+        if outcome is not None:
+            rows = [{"name": figure.name, **figure.as_dict()} for figure in outcome.figures]
+            found |= {"figures": finite(rows), "remarks": list(outcome.remarks), "folder": self._folder}
+            found["picture"] = self.picture is not None
+        return found
+
+    def _run(self) -> None:
+        from omniwheel.experiments.folder import PICTURE_FILE, write_outcome
+
+        try:
+            with DriveLog(self._out, self._wanted.name, self._wanted.name) as log:
+                outcome = self._session.do_long(lambda robot: self._measured(robot, log)).result()
+                self._phase, self._folder = _PHASES[3], str(log.folder)
+                write_outcome(outcome, log.folder)
+                self._outcome = outcome
+                self.picture = log.folder / PICTURE_FILE
+        except OmniError as error:
+            self._trouble = in_words(error)
+        except Exception as error:
+            self._trouble = f"a mistake in this program, please report it: {error!r}"
+            raise
+
+    def _measured(self, robot: Robot, log: DriveLog) -> Outcome:
+        """Run in the robot's thread. The robot is disarmed at the end, whatever happens."""
+        if self._session.stops != self._stops:
+            raise WorkEndedError("stopped")
+        log.connected(robot, set_rates=False)  # the studio's own are higher
+        recording = robot.connection.recorder  # of the page, which goes on meanwhile
+        robot.connection.recorder = log.write if recording is None else _both(recording, log.write)
+        remove = robot.connection.add_listener(lambda _: self._note_phase(robot))
+        try:
+            return self._wanted.run(robot, self._tell)
+        finally:
+            remove()
+            robot.connection.recorder = recording
+
+    def _tell(self, text: str) -> None:
+        self._needs = text
+
+    def _note_phase(self, robot: Robot) -> None:
+        if robot.status.armed:
+            self._phase = _PHASES[1]
+        elif self._phase == _PHASES[1]:
+            self._phase = _PHASES[2]
+
+
+def _both(one: Recorder, other: Recorder) -> Recorder:
+    def record(frame: bytes) -> None:
+        one(frame)
+        other(frame)
+
+    return record
+
+
+def in_words(error: OmniError) -> str:
+    """Return an error and its hint; options of the command are fields on the page."""
+    hint = (error.hint or "").replace("--", "")
+    return f"{error}. {hint[:1].upper()}{hint[1:]}" if hint else str(error)
+
+
+class Experiments:
+    """The experiments of one studio, one at a time. ``out`` is where their folders are made."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._last: Experiment | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether one is under way."""
+        return self._last is not None and self._last.running
+
+    @property
+    def picture(self) -> Path | None:
+        """The last one's picture."""
+        return None if self._last is None else self._last.picture
+
+    def state(self) -> dict[str, Any] | None:
+        """Return the last one's state; None if there was none."""
+        return None if self._last is None else self._last.state()
+
+    def require_idle(self) -> None:
+        """Raise BadRequestError while one is under way."""
+        if self.running:
+            raise BadRequestError("an experiment is under way", hint="wait for its end, or end it by STOP or Disarm")
+
+    def needs(self, session: Session, request: Mapping[str, Any]) -> Future[str]:
+        """Return a future of what an experiment will use, in words. Raises BadRequestError as :meth:`start`."""
+        wanted = self._checked(session, request)
+        return session.do(lambda robot: needs_of(robot, wanted))
+
+    def start(self, session: Session, request: Mapping[str, Any]) -> None:
+        """Begin one. Raises BadRequestError if another is under way, or the robot is armed."""
+        wanted = self._checked(session, request)
+        number = 1 if self._last is None else self._last.number + 1
+        self._last = Experiment(number, session, wanted, self._out)
+        self._last.start()
+
+    def _checked(self, session: Session, request: Mapping[str, Any]) -> Wanted:
+        self.require_idle()
+        wanted = wanted_of(request)
+        robot = session.robot
+        if robot is None or session.phase != "connected":
+            raise BadRequestError("no robot is connected")
+        if robot.status.armed:
+            raise BadRequestError("the robot is armed", hint="press Disarm: an experiment arms it itself")
+        return wanted

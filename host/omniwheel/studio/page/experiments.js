@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: MIT
+// Experiments: choose one, see what it will use, start it, see its result. All names and words come from the server.
+
+const in_words = ({ error, hint }) => (hint ? `${error}. ${hint}` : error);
+const shown = (number) => (number === null ? "–" : String(Number(number.toPrecision(4))));
+const put = (name, words) => {
+  const place = document.getElementById(name);
+  if (place.textContent !== words) place.textContent = words;
+};
+
+export class Experiments {
+  #id = (name) => document.getElementById(name);
+  #kinds = new Map();
+  #fields = new Map(); // by key: returns its value
+  #looked = false; // what will be done has been said, and nothing was changed since
+  #running = false;
+  #ready = false;
+  #last = "";
+
+  constructor(socket) {
+    this.socket = socket;
+    this.#id("experiment-kind").onchange = () => this.#choose();
+    this.#id("experiment-look").onclick = () => this.#look();
+    this.#id("experiment-form").onsubmit = (event) => { event.preventDefault(); this.#start(); };
+    this.#id("experiment-form").oninput = () => { this.#looked = false; this.#buttons(); };
+  }
+
+  /** kinds: [{name, words, choices: [{key, label, options} or {key, label, min, max, default}]}] */
+  tables(kinds = []) {
+    this.#kinds = new Map(kinds.map((kind) => [kind.name, kind]));
+    this.#id("experiment-kind").replaceChildren(...kinds.map(({ name, words }) => new Option(`${words} (${name})`, name)));
+    this.#choose();
+  }
+
+  #choose() {
+    const kind = this.#kinds.get(this.#id("experiment-kind").value);
+    this.#fields.clear();
+    this.#id("experiment-choices").replaceChildren(...(kind?.choices ?? []).map((choice) => this.#field(choice)));
+    this.#looked = false;
+    this.#buttons();
+  }
+
+  #field({ key, label, options, min, max, default: usual }) {
+    const made = document.createElement("label");
+    const field = document.createElement(options ? "select" : "input");
+    made.append(`${label} `, field);
+    if (options) {
+      field.append(...options.map(([, words], place) => new Option(words, place)));
+      this.#fields.set(key, () => options[Number(field.value)][0]);
+    } else {
+      Object.assign(field, { type: "number", min, max, step: "any", required: true, value: usual });
+      this.#fields.set(key, () => Number(field.value));
+    }
+    return made;
+  }
+
+  #wanted() {
+    const values = [...this.#fields].map(([key, value]) => [key, value()]);
+    return { name: this.#id("experiment-kind").value, ...Object.fromEntries(values) };
+  }
+
+  async #look() {
+    if (!this.#id("experiment-form").reportValidity()) return;
+    try {
+      put("experiment-needs", `It ${await this.socket.ask("experiment", this.#wanted())}.`);
+      put("experiment-text", "");
+      this.#looked = true;
+    } catch (refusal) {
+      put("experiment-needs", "");
+      put("experiment-text", in_words(refusal));
+    }
+    this.#buttons();
+  }
+
+  async #start() {
+    this.#looked = false;
+    this.#buttons();
+    try {
+      await this.socket.ask("experiment", { ...this.#wanted(), start: true });
+    } catch (refusal) {
+      put("experiment-text", in_words(refusal));
+    }
+  }
+
+  #buttons() {
+    this.#id("experiment-look").disabled = !this.#ready || this.#running;
+    this.#id("experiment-start").disabled = !this.#ready || this.#running || !this.#looked;
+  }
+
+  /** now: the whole state, null without a server */
+  state(now) {
+    this.#ready = Boolean(now?.robot) && !now.robot.armed && now.link.phase === "connected";
+    const run = now?.experiment ?? null;
+    this.#running = run?.running ?? false;
+    this.#buttons();
+    const told = JSON.stringify(run);
+    if (!run || told === this.#last) return;
+    this.#last = told;
+    put("experiment-needs", run.needs && `It ${run.needs}.`);
+    put("experiment-seconds", run.running ? `${run.seconds} s` : "");
+    if (run.running) put("experiment-text", `${run.name}: ${run.phase}`);
+    else put("experiment-text", run.trouble ? `${run.name} ended: ${run.trouble}` : `${run.name} is done: ${run.folder}`);
+    this.#id("experiment-result").hidden = !run.figures;
+    if (run.figures) this.#result(run);
+  }
+
+  #result({ number, name, figures, remarks }) {
+    this.#id("experiment-caption").textContent = name;
+    this.#id("experiment-figures").replaceChildren(...figures.map((figure) => {
+      const row = document.createElement("tr");
+      const head = document.createElement("th");
+      head.scope = "row";
+      head.textContent = figure.unit ? `${figure.name} [${figure.unit}]` : figure.name;
+      row.append(head, ...[figure.measured, figure.half_width, figure.model].map((value) => {
+        const cell = document.createElement("td");
+        cell.textContent = shown(value);
+        return cell;
+      }));
+      return row;
+    }));
+    this.#id("experiment-remarks").textContent = remarks.join(" ");
+    const token = encodeURIComponent(this.socket.token);
+    this.#id("experiment-picture").src = `experiment.png?token=${token}&number=${number}`;
+  }
+}

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: MIT
+// Earlier drives: their list, their plots, two of them beside each other; and the recording of the next one.
+
+import { Plots } from "./plots.js";
+import { unpacked } from "./socket.js";
+
+const LETTERS = ["A", "B"];
+const SEARCH_MS = 250;
+const WIDTH = 2000;
+const BETWEEN = "|"; // a series is the number of a log and a signal's key
+const id = (name) => document.getElementById(name);
+
+export class Runs {
+  #open = []; // [{log, title, run, about}], one or two
+  #infos = new Map();
+  #busy = false;
+  #next = {}; // what is asked for next, by kind
+  #recording = null;
+
+  constructor(socket, say) {
+    this.socket = socket;
+    this.say = say;
+    this.plots = new Plots(id("run-panels"), { ask: (action, content) => this.#samples(action, content) }, say, {
+      stored: "omniwheel-run-plots", what: "run plot", file: "omniwheel-run", live: false,
+      series: (key) => this.#open.map((_, n) => `${n}${BETWEEN}${key}`),
+      info: (key) => this.#info(key),
+    });
+    this.plots.on_pause = (paused) => { id("run-whole").disabled = !paused; };
+    this.plots.on_mark = (words) => { id("run-mark-text").textContent = words; };
+    this.plots.on_measure = (seconds, lines) => {
+      id("run-mark-text").textContent = [`${seconds.toPrecision(4)} s chosen; double-click shows the whole run`, ...lines].join(". ");
+    };
+    let timer = 0;
+    id("run-search").oninput = () => { clearTimeout(timer); timer = setTimeout(() => this.refresh(), SEARCH_MS); };
+    id("run-refresh").onclick = () => this.refresh();
+    id("run-file").onchange = (event) => this.#upload(event.target);
+    id("run-add-plot").onclick = () => this.plots.add();
+    id("run-whole").onclick = () => this.plots.live();
+    id("run-csv").onclick = () => this.plots.csv();
+    id("run-close").onclick = () => this.#show([]);
+    id("record").onclick = () => this.#try(() => socket.ask("record", { on: !this.#recording?.on }));
+  }
+
+  /** The logs that are shown: one, or two that are compared. */
+  get shown() { return this.#open.map(({ log }) => log); }
+
+  /** Show whether a recording runs; connected: whether there is a robot to record. */
+  recording(now, connected) {
+    const before = this.#recording;
+    const changed = before && now && (before.on !== now.on || before.completed !== now.completed);
+    this.#recording = now ?? null;
+    const words = now?.on ? `on: ${now.folder}` : now?.trouble ? `off: ${now.trouble}` : "off";
+    if (id("fact-recording").textContent !== words) id("fact-recording").textContent = words;
+    id("fact-recording").className = now?.on ? "on" : now?.trouble ? "bad" : "";
+    id("record").textContent = now?.on ? "End recording" : "Record";
+    id("record").setAttribute("aria-pressed", Boolean(now?.on));
+    id("record").disabled = !now?.on && !connected;
+    if (changed) this.refresh();
+  }
+
+  async refresh() {
+    await this.#try(async () => {
+      const found = await this.socket.ask("runs", { find: id("run-search").value });
+      this.largest = found.largest_upload;
+      const more = found.more ? `, and ${found.more} older ones: search for them` : "";
+      id("run-hint").textContent = `${found.runs.length} in ${found.folder}${more}. `
+        + `A log of up to ${Math.round(found.largest_upload / 2 ** 20)} MB can be opened from elsewhere.`;
+      const rows = found.runs.map((run) => this.#row(run));
+      id("run-list").replaceChildren(...(rows.length ? [table(["Name", "When", "Robot", "What", "Figures", "Show"], rows)] : []));
+    });
+  }
+
+  #row(run) {
+    const log = `run:${run.name}`;
+    const what = [run.asked, run.end === "done" ? "" : run.end].filter(Boolean).join("; ");
+    const show = document.createElement("td");
+    const button = (words, action) => {
+      const found = document.createElement("button");
+      found.textContent = words;
+      found.setAttribute("aria-label", `${words} ${run.name}`);
+      found.disabled = !run.has_log;
+      if (!run.has_log) found.title = "It has no telemetry log.";
+      found.onclick = action;
+      show.append(found, " ");
+    };
+    button("Open", () => this.#add([], { log, title: run.name, run: run.name }));
+    button("Compare", () => this.#add(this.#open.slice(0, 1), { log, title: run.name, run: run.name }));
+    return [...[run.name, when(run.when), run.robot, what, run.figures].map(cell), show];
+  }
+
+  async #add(before, { log, title, run }) {
+    id("run-text").textContent = `Reading ${title} …`;
+    const about = await this.#try(() => this.socket.ask("open_run", { log }));
+    id("run-text").textContent = "";
+    if (!about) return;
+    this.#show([...before, { log, title, run, about }]);
+    if (about.lost_bytes || about.bad_frames) {
+      this.say(`${title} is damaged: ${about.lost_bytes} bytes and ${about.bad_frames} messages of it cannot be read. The rest is shown.`);
+    }
+    await this.#compare();
+    id("run-view").scrollIntoView({ block: "nearest" });
+  }
+
+  #show(logs) {
+    this.#open = logs;
+    id("run-view").hidden = logs.length === 0;
+    id("run-compared").replaceChildren();
+    id("run-mark-text").textContent = "";
+    if (logs.length === 0) return;
+    const letter = (n) => (logs.length > 1 ? `${LETTERS[n]}: ` : "");
+    id("run-name").textContent = logs.map(({ title }, n) => letter(n) + title).join(", ");
+    const signals = new Map(logs.flatMap(({ about }) => about.signals).map((signal) => [signal.key, signal]));
+    this.#infos = signals;
+    const marks = logs.flatMap(({ about }, n) => about.marks.map((mark) => ({ ...mark, before: letter(n) })));
+    const end = Math.max(...logs.map(({ about }) => about.duration_s), 1e-3);
+    this.plots.recorded([...signals.values()], marks, { begin: 0, end });
+  }
+
+  #info(key) {
+    const [number, signal] = key.split(BETWEEN);
+    const found = this.#infos.get(signal);
+    return found && this.#open.length > 1 ? { ...found, label: `${LETTERS[number]}: ${found.label}` } : found;
+  }
+
+  async #compare() {
+    if (this.#open.length < 2) return;
+    const names = this.#open.map(({ run }) => run);
+    if (names.some((name) => !name)) return; // a log from elsewhere has neither figures nor parameters
+    const found = await this.#try(() => this.socket.ask("compare_runs", { one: names[0], other: names[1] }));
+    if (!found) return;
+    const rows = (lines) => lines.map((line) => line.map(cell));
+    const parameters = found.parameters.length ? [table(["Parameter", "A", "B"], rows(found.parameters))]
+      : ["No parameter that both know differs."];
+    id("run-compared").replaceChildren(table(["Figure", "A", "B"], rows(found.numbers)), ...parameters);
+  }
+
+  async #upload(field) {
+    const [file] = field.files;
+    if (!file) return;
+    await this.#try(async () => {
+      if (file.size > this.largest) throw { error: `${file.name} is larger than ${Math.round(this.largest / 2 ** 20)} MB` };
+      id("run-text").textContent = `Reading ${file.name} …`;
+      const { log } = await (await this.#post("run-log", file)).json();
+      await this.#add([], { log, title: file.name, run: "" });
+    });
+    field.value = "";
+  }
+
+  /** What the plots ask for, as of a live robot. Only the newest request is done: the wheel makes many. */
+  async #samples(action, content) {
+    if (action === "show") this.keys = content.signals;
+    this.#next[action] = action === "show" ? { begin_s: 0, end_s: Number.MAX_SAFE_INTEGER, width: WIDTH } : content;
+    if (this.#busy) return;
+    this.#busy = true;
+    try {
+      for (let kind; (kind = Object.keys(this.#next).sort()[0]);) { // the whole before a part of it
+        const { begin_s, end_s, width } = this.#next[kind];
+        delete this.#next[kind];
+        await this.#fetch(this.keys ?? [], { begin_s, end_s, width }, kind === "window");
+      }
+    } finally {
+      this.#busy = false;
+    }
+  }
+
+  async #fetch(keys, range, isWindow) {
+    const logs = this.#open;
+    const traces = await Promise.all(logs.map(async ({ log }, n) => {
+      const mine = keys.map((key, place) => ({ key, place })).filter(({ key }) => key.startsWith(`${n}${BETWEEN}`));
+      if (mine.length === 0) return [];
+      const signals = mine.map(({ key }) => key.split(BETWEEN)[1]);
+      const answer = await this.#post("run-samples", JSON.stringify({ log, signals, ...range }));
+      const [, found] = unpacked(await answer.arrayBuffer());
+      return found.map((trace) => ({ ...trace, place: mine[trace.place].place }));
+    }));
+    if (logs !== this.#open || this.keys !== keys || (isWindow && !this.plots.paused)) return; // wanted no more
+    this.plots.samples(isWindow, traces.flat(), 0);
+  }
+
+  async #post(where, body) {
+    let answer;
+    try {
+      answer = await fetch(`${where}?token=${encodeURIComponent(this.socket.token)}`, { method: "POST", body });
+    } catch {
+      throw { error: "the studio's server does not answer", hint: "" };
+    }
+    if (!answer.ok) throw await answer.json().catch(() => ({ error: `the server refuses this (${answer.status})` }));
+    return answer;
+  }
+
+  async #try(action) {
+    try {
+      const result = await action();
+      return result;
+    } catch (refusal) {
+      if (!refusal.error) throw refusal;
+      id("run-text").textContent = "";
+      this.say(refusal.hint ? `${refusal.error}. ${refusal.hint}` : refusal.error);
+      return undefined;
+    }
+  }
+}
+
+function when(text) {
+  const time = new Date(text);
+  return Number.isNaN(time.getTime()) ? "" : time.toLocaleString();
+}
+
+function cell(words) {
+  const found = document.createElement("td");
+  found.textContent = words;
+  return found;
+}
+
+function table(heads, rows) {
+  const found = document.createElement("table");
+  const head = found.createTHead().insertRow();
+  for (const words of heads) {
+    const th = document.createElement("th");
+    th.scope = "col";
+    th.textContent = words;
+    head.append(th);
+  }
+  const body = found.createTBody();
+  for (const cells of rows) body.insertRow().append(...cells);
+  return found;
+}

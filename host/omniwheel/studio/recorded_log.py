@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: MIT
+"""A telemetry log of any length, as plots need it: in memory that does not grow with the log."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omniwheel import parameter_file
+from omniwheel.dialect import Message
+from omniwheel.drive_log.folder import BEFORE_FILE, TLOG_FILE
+from omniwheel.drive_log.record import EventWatcher
+from omniwheel.errors import LogError, ParameterFileError
+from omniwheel.robots import parameter_table
+from omniwheel.studio.log_frames import LONGEST_RECORD, Array, Clock, Kind, Piece, read_piece
+from omniwheel.studio.marks import Marks
+from omniwheel.studio.samples import Trace, extremes, thinned
+from omniwheel.studio.signals import KINDS, Signal, all_signals, signals_of
+from omniwheel.telemetry import Control
+
+PIECE_BYTES = 1 << 20
+MOST_PIECES = 32
+"""A view over more of them is drawn from the overview."""
+MOST_BINS = 1 << 16
+"""Bins of the overview, each of which keeps its least and its largest value."""
+MOST_EVENTS = 500
+_WHEELS = 4
+
+
+class Overview:
+    """The least and the largest value of every signal of one kind in bins, which widen as the log goes on."""
+
+    def __init__(self) -> None:
+        self._bin = 1
+        self._parts: list[tuple[Array, NDArray[np.float32]]] = []
+        self._count = 0
+
+    def add(self, time_s: Array, value: NDArray[np.float32]) -> None:
+        """Take samples: their times, and values by signal and sample."""
+        self._keep(np.broadcast_to(time_s, value.shape), value, self._bin)
+        while self._count > 2 * MOST_BINS:
+            time, whole = self.all()
+            self._parts, self._count = [], 0
+            self._bin *= 2
+            self._keep(time, whole, 4)  # two bins, of two samples each
+
+    def _keep(self, time_s: Array, value: NDArray[np.float32], size: int) -> None:
+        if size > 2:
+            places = extremes(value, size)
+            time_s, value = np.take_along_axis(time_s, places, 1), np.take_along_axis(value, places, 1)
+        self._parts.append((time_s, value))
+        self._count += value.shape[1]
+
+    def all(self) -> tuple[Array, NDArray[np.float32]]:
+        """Return times [s] and values, each by signal and place."""
+        if len(self._parts) > 1:
+            times, values = zip(*self._parts, strict=True)
+            self._parts = [(np.concatenate(times, axis=1), np.concatenate(values, axis=1))]
+        return self._parts[0]
+
+
+class RecordedLog:
+    """An open telemetry log. Times are seconds since its first telemetry. Raises LogError if it holds none."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._overviews: dict[Kind, Overview] = {}
+        self._begins: list[tuple[int, Clock, float]] = []  # of each piece: its place, the clock and the time there
+        self._cache: OrderedDict[int, Piece] = OrderedDict()
+        self._watcher = EventWatcher()
+        self._marks = Marks()
+        self._known = _parameters_beside(path)
+        self.start_s, self.end_s = 0.0, 0.0
+        self.lost_bytes = self.bad_frames = 0
+        try:
+            self._file = os.open(path, os.O_RDONLY)
+        except OSError as error:
+            raise LogError(f"{path.name}: {error.strerror}", hint="is it still there?") from error
+        try:
+            self._read()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the file."""
+        os.close(self._file)
+
+    def _read(self) -> None:
+        size, at, frames, clock = os.fstat(self._file).st_size, 0, 0, Clock()
+        while at < size:
+            began = replace(clock)
+            piece = self._piece_at(at, clock)
+            if not piece.used:
+                break
+            if clock.now_s is not None:
+                if not self._begins:
+                    self.start_s = min(float(time_s[0]) for time_s, _ in piece.rows.values())
+                self._begins.append((at, began, self.start_s if began.now_s is None else began.now_s))
+            self._note(piece)
+            at += piece.used
+            frames += piece.frames
+        self.lost_bytes += size - at
+        if not frames:
+            raise LogError(f"{self.path.name} is no telemetry log: there is no MAVLink 2 frame in it", hint=_HINT)
+        if not self._overviews:
+            raise LogError(f"{self.path.name} holds no telemetry of a robot with this firmware", hint=_HINT)
+        self.end_s = max(float(np.max(overview.all()[0])) for overview in self._overviews.values())
+
+    def _piece_at(self, at: int, clock: Clock) -> Piece:
+        data = os.pread(self._file, PIECE_BYTES + LONGEST_RECORD, at)
+        return read_piece(data, clock)
+
+    def _note(self, piece: Piece) -> None:
+        self.lost_bytes += piece.lost
+        self.bad_frames += piece.bad
+        for kind, (time_s, value) in piece.rows.items():
+            self._overviews.setdefault(kind, Overview()).add(time_s, value)
+        self._note_events(piece)
+
+    def _note_events(self, piece: Piece) -> None:
+        """Have marks and events made of what was said, in the order of time."""
+        happened: list[tuple[float, Message | int]] = [*piece.said, *_new_sequences(piece)]
+        for time_s, what in sorted(happened, key=lambda entry: entry[0]):
+            if isinstance(what, int):
+                self._marks.sequence(what, time_s)
+            elif what.get_type() == "PARAM_VALUE":
+                name, value = str(what.param_id), float(what.param_value)
+                before = self._known.get(name, value)
+                self._known[name] = value
+                self._marks.overdue(time_s)
+                if before != value:
+                    self._marks.changed({name: (before, value)}, time_s)
+            elif len(self._watcher.events) < MOST_EVENTS:
+                self._watcher.now_s = time_s
+                self._watcher.take(what)
+
+    # ---- what a page is told
+
+    def signals(self) -> list[Signal]:
+        """Return the signals of which the log holds samples."""
+        wheels = int(self._known.get("WHEELS", _WHEELS))
+        return [signal for signal in all_signals(wheels) if signal.kind in self._overviews]
+
+    def marks(self) -> list[dict[str, Any]]:
+        """Return changes of parameters and events on the log's time, as a page draws them."""
+        self._marks.overdue(float("inf"))
+        changes = [{**mark.as_json(), "time_s": mark.time_s - self.start_s} for mark in self._marks.all()]
+        events = [
+            {"number": 0, "time_s": max(time_s - self.start_s, 0.0), "changes": {}, "text": what}
+            for time_s, what in self._watcher.events
+        ]
+        return sorted(changes + events, key=lambda mark: float(str(mark["time_s"])))
+
+    def window(self, keys: Sequence[str], begin_s: float, end_s: float, width: int) -> list[Trace]:
+        """Return of each of these signals what a plot of ``width`` pixels shows between two times."""
+        wanted = {signal.key: signal for kind in KINDS for signal in signals_of(kind) if kind in self._overviews}
+        begin, end = begin_s + self.start_s, end_s + self.start_s
+        times = [time_s for _, _, time_s in self._begins]
+        first = max(int(np.searchsorted(times, begin)) - 1, 0)
+        last = int(np.searchsorted(times, end, side="right"))
+        pieces = None if last - first > MOST_PIECES else [self._cached(n) for n in range(first, last)]
+        return [self._trace(wanted[key], begin, end, width, pieces) for key in keys if key in wanted]
+
+    def _trace(self, signal: Signal, begin: float, end: float, width: int, pieces: list[Piece] | None) -> Trace:
+        row = signal.column
+        if pieces is None:
+            times, values = self._overviews[signal.kind].all()
+            time_s, value = times[row], values[row]
+        else:
+            parts = [piece.rows[signal.kind] for piece in pieces if signal.kind in piece.rows]
+            time_s = np.concatenate([time_s for time_s, _ in parts] or [np.zeros(0)])
+            value = np.concatenate([rows[row] for _, rows in parts] or [np.zeros(0, dtype=np.float32)])
+        inside = np.isfinite(value) & (time_s >= begin) & (time_s <= end)
+        time_s, value = time_s[inside], value[inside]
+        newer = np.diff(np.maximum.accumulate(time_s), prepend=-np.inf) > 0.0  # a plot's times rise
+        return thinned(Trace(signal.key, time_s[newer] - self.start_s, value[newer]), width)
+
+    def _cached(self, number: int) -> Piece:
+        piece = self._cache.pop(number, None)
+        if piece is None:
+            at, clock, _ = self._begins[number]
+            piece = self._piece_at(at, replace(clock))
+            piece.said.clear()
+        self._cache[number] = piece
+        while len(self._cache) > MOST_PIECES:
+            self._cache.popitem(last=False)
+        return piece
+
+
+_HINT = "give a .tlog file, as `omni record`, `omni drive` and the studio write it"
+_SEQUENCE = "control.config_sequence"
+
+
+def _new_sequences(piece: Piece) -> list[tuple[float, int]]:
+    """Return when which number of a parameter set came into use; the first one of a piece is always among them."""
+    if Control not in piece.rows:
+        return []
+    times, values = piece.rows[Control]
+    numbers = values[next(signal.column for signal in signals_of(Control) if signal.key == _SEQUENCE)]
+    places = np.flatnonzero(np.diff(numbers, prepend=np.nan) != 0.0)
+    return [(float(times[place]), int(numbers[place])) for place in places.tolist()]
+
+
+def _parameters_beside(log: Path) -> dict[str, float]:
+    """Return what the drive began with, if the log lies in a run's folder: a change has a value before it."""
+    if log.name != TLOG_FILE:
+        return {}
+    try:
+        return dict(parameter_file.read(log.with_name(BEFORE_FILE), parameter_table()))
+    except ParameterFileError:
+        return {}

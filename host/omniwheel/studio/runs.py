@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: MIT
+"""What a page may ask of runs and logs. Worker processes read the files, not the robot's or the server's thread."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import tempfile
+from collections import OrderedDict
+from collections.abc import Callable, Coroutine, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from typing import IO, Any, TypeVar
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from omniwheel.errors import LogError, OmniError
+from omniwheel.studio import reading
+from omniwheel.studio.access import Access
+from omniwheel.studio.actions import BadRequestError, number_of
+from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
+from omniwheel.studio.worker import Worker
+
+T = TypeVar("T")
+LARGEST_UPLOAD = 512 << 20
+MOST_UPLOADS = 4
+LARGEST_REQUEST = 64 * 1024
+_WIDTHS = (10, 4000)
+_TYPE = "application/octet-stream"
+Action = Callable[[Page, Mapping[str, Any]], Coroutine[Any, Any, Any]]
+
+
+class Runs:
+    """Lists runs, opens and compares them, and takes logs from the page. Ends with :meth:`close`."""
+
+    def __init__(self, studio: Studio, access: Access, headers: Mapping[str, str]) -> None:
+        self._studio = studio
+        self._access = access
+        self._headers = dict(headers)
+        self._logs = Worker()
+        self._uploading = asyncio.Lock()
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._uploads: OrderedDict[str, Path] = OrderedDict()
+        self._count = 0
+        self.actions: dict[str, Action] = {
+            "runs": self._list,
+            "open_run": self._open,
+            "compare_runs": self._compare,
+            "record": self._record,
+        }
+
+    def routes(self) -> list[Route]:
+        """Return the routes for what is no JSON: both are POST, so a browser says from which site a request comes."""
+        return [
+            Route("/run-samples", self._samples, methods=["POST"]),
+            Route("/run-log", self._upload, methods=["POST"]),
+        ]
+
+    def close(self) -> None:
+        """Forget the uploaded logs and end the process that reads logs."""
+        self._logs.close()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    # ---- over the socket
+
+    async def _list(self, _page: Page, request: Mapping[str, Any]) -> Any:
+        text = request.get("find", "")
+        if not isinstance(text, str):
+            raise BadRequestError("find has to be a text")
+        found = await _answer(self._studio.worker.ask(reading.listing, self._studio.recorder.root, text))
+        return {**found, "largest_upload": LARGEST_UPLOAD}
+
+    async def _open(self, _page: Page, request: Mapping[str, Any]) -> Any:
+        return await _answer(self._logs.ask(reading.opened, await self._path(request.get("log"))))
+
+    async def _compare(self, _page: Page, request: Mapping[str, Any]) -> Any:
+        names = [_text(request, name) for name in ("one", "other")]
+        return await _answer(self._studio.worker.ask(reading.comparison, self._studio.recorder.root, *names))
+
+    async def _record(self, _page: Page, request: Mapping[str, Any]) -> Any:
+        if request.get("on") is not True:
+            await asyncio.to_thread(self._studio.recorder.stop)
+            return None
+        session = self._studio.session
+        if session is None:
+            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        self._studio.experiments.require_idle()  # it keeps a log of its own
+        return await asyncio.to_thread(self._studio.recorder.start, session)
+
+    # ---- over HTTP
+
+    async def _samples(self, request: Request) -> Response:
+        return await self._checked(request, self._window)
+
+    async def _upload(self, request: Request) -> Response:
+        return await self._checked(request, self._take)
+
+    async def _checked(self, request: Request, work: Callable[[Request], Coroutine[Any, Any, Response]]) -> Response:
+        problem = self._access.problem(request.headers, request.query_params.get("token", ""))
+        if problem:
+            return PlainTextResponse(problem + "\n", 403)
+        try:
+            return await work(request)
+        except OmniError as error:
+            return JSONResponse({"error": str(error), "hint": error.hint}, 400, self._headers)
+        except ClientDisconnect:
+            return PlainTextResponse("gone\n", 400)
+
+    async def _window(self, request: Request) -> Response:
+        content = bytearray()
+        async for part in request.stream():
+            content += part
+            if len(content) > LARGEST_REQUEST:
+                raise BadRequestError("that request is too long")
+        try:
+            wanted = json.loads(content)
+        except (ValueError, RecursionError) as error:
+            raise BadRequestError("that is no request of this page") from error
+        if not isinstance(wanted, dict):
+            raise BadRequestError("that is no request of this page")
+        keys = wanted.get("signals")
+        if not isinstance(keys, list) or len(keys) > MOST_SIGNALS or not all(isinstance(key, str) for key in keys):
+            raise BadRequestError(f"signals has to be a list of at most {MOST_SIGNALS} names")
+        width = min(max(int(number_of(wanted, "width", 1000.0)), _WIDTHS[0]), _WIDTHS[1])
+        begin_s, end_s = number_of(wanted, "begin_s"), number_of(wanted, "end_s")
+        path = await self._path(wanted.get("log"))
+        found = await _answer(self._logs.ask(reading.window, path, list(dict.fromkeys(keys)), begin_s, end_s, width))
+        return Response(found, media_type=_TYPE, headers=self._headers)
+
+    async def _take(self, request: Request) -> Response:
+        said = request.headers.get("content-length", "")
+        if said.isdigit() and int(said) > LARGEST_UPLOAD:
+            raise _too_large()
+        async with self._uploading:
+            if self._folder is None:
+                self._folder = await asyncio.to_thread(tempfile.TemporaryDirectory, prefix="omniwheel-studio-")
+            self._count += 1
+            name = f"file:{self._count}"
+            path = Path(self._folder.name) / f"{self._count}.tlog"
+            try:
+                with await asyncio.to_thread(path.open, "wb") as file:
+                    await _received(request, file)
+            except BaseException:
+                path.unlink(missing_ok=True)
+                raise
+            self._uploads[name] = path
+            while len(self._uploads) > MOST_UPLOADS:
+                self._uploads.popitem(last=False)[1].unlink(missing_ok=True)
+        return JSONResponse({"log": name}, headers=self._headers)
+
+    async def _path(self, log: Any) -> Path:
+        """Return the file that the page calls "run:NAME" or "file:NUMBER". Raises LogError."""
+        kind, _, name = log.partition(":") if isinstance(log, str) else ("", "", "")
+        if kind == "run":
+            return await _answer(self._studio.worker.ask(reading.run_log, self._studio.recorder.root, name))
+        if kind == "file" and log in self._uploads:
+            return self._uploads[log]
+        raise LogError("this log is not open any more", hint=f"open it again: {MOST_UPLOADS} files are kept at once")
+
+
+async def _received(request: Request, file: IO[bytes]) -> None:
+    size = 0
+    try:
+        async for part in request.stream():
+            size += len(part)
+            if size > LARGEST_UPLOAD:
+                raise _too_large()
+            await asyncio.to_thread(file.write, part)
+        await asyncio.to_thread(file.flush)
+    except OSError as error:
+        raise LogError(
+            f"there is no room for this file: {error.strerror}", hint="free some space on the disk"
+        ) from error
+
+
+def _too_large() -> LogError:
+    most = f"{LARGEST_UPLOAD >> 20} MB"
+    return LogError(
+        f"this file is larger than {most}", hint="record shorter pieces; runs of the folder may have any size"
+    )
+
+
+def _text(request: Mapping[str, Any], name: str) -> str:
+    value = request.get(name)
+    if not isinstance(value, str):
+        raise BadRequestError(f"{name} has to be a run's name")
+    return value
+
+
+async def _answer(future: Future[T]) -> T:
+    return await asyncio.wrap_future(future)

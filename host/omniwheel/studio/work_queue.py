@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""What waits for the robot's thread, in order."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from omniwheel.errors import LinkError
+from omniwheel.robot import Robot
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """One thing to do with the robot, and who waits for it."""
+
+    call: Callable[[Robot], Any]
+    is_setpoint: bool
+    future: Future[Any] = field(default_factory=Future)
+
+
+class WorkQueue:
+    """First in, first out. Of set-points only the newest waits: a robot must not follow old ones, one by one."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Work] = deque()
+        self._lock = threading.Lock()
+
+    def put(self, call: Callable[[Robot], T], *, is_setpoint: bool = False) -> Future[T]:
+        """Add something. A set-point takes the place of those that wait; they count as done."""
+        work = Work(call, is_setpoint)
+        with self._lock:
+            overtaken = [other for other in self._waiting if is_setpoint and other.is_setpoint]
+            for other in overtaken:
+                self._waiting.remove(other)
+            self._waiting.append(work)
+        for other in overtaken:
+            if other.future.set_running_or_notify_cancel():
+                other.future.set_result(None)
+        return work.future
+
+    def get(self) -> Work | None:
+        """Take the oldest that somebody still waits for, None if there is none."""
+        while True:
+            with self._lock:
+                if not self._waiting:
+                    return None
+                work = self._waiting.popleft()
+            if work.future.set_running_or_notify_cancel():  # not if the page that asked has gone
+                return work
+
+    def drop(self) -> None:
+        """Forget everything that waits, and tell those who asked."""
+        while (work := self.get()) is not None:
+            work.future.set_exception(LinkError("not done: a stop came first, or the link was lost"))

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: MIT
+"""Experiments on the page, on the real firmware: results, and everything that has to end one at once."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page
+from websockets.sync.client import ClientConnection, connect
+
+from omniwheel.studio.experiments import KINDS, Experiment, Wanted
+from omniwheel.studio.session import Session
+from tests.studio.parts import Opener, Program, studio, until
+from tests.studio.test_hostile import ask, socket_url, wait
+
+TEXT = "document.getElementById('experiment-text').textContent"
+RUN = "state?.experiment"
+LONG = "position-sweep"
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    with studio("sitl", "--out", str(tmp_path_factory.mktemp("runs"))) as program:
+        yield program
+
+
+@pytest.fixture
+def page(simulated: Program, open_page: Opener) -> Page:
+    found = open_page(simulated.url)
+    until(found, "robot?.pose && state.world?.on")
+    if found.evaluate("studio.state.commands") != "this page":
+        found.click("#take-over")
+    until(found, f"state.commands === 'this page' && !{RUN}?.running")
+    found.click("#disarm")
+    if found.evaluate("studio.state.robot.state") == "estop":
+        found.click("#release")
+    until(found, "robot.state === 'disarmed'")
+    return found
+
+
+def start(page: Page, name: str) -> None:
+    page.select_option("#experiment-kind", name)
+    assert page.is_disabled("#experiment-start")
+    page.click("#experiment-look")
+    until(page, "!document.getElementById('experiment-start').disabled")
+    assert "needs a square of" in (page.text_content("#experiment-needs") or "")
+    page.click("#experiment-start")
+    until(page, f"{RUN}?.running")
+
+
+def parameters(page: Page) -> Any:
+    return page.evaluate("[...document.querySelectorAll('[id^=field-]')].map((one) => [one.id, one.value])")
+
+
+def test_a_step_is_shown_as_figures_and_picture_and_leaves_the_robot_as_it_was(page: Page, simulated: Program) -> None:
+    before = parameters(page)
+    start(page, "wheel-step")
+    newest = page.evaluate("studio.plots.newest")
+    until(page, "robot.armed")
+    until(page, f"studio.plots.newest > {newest} + 0.5 && {RUN}.running")  # telemetry goes on meanwhile
+    until(page, f"{RUN} && !{RUN}.running")
+    until(page, f"{TEXT}.startsWith('wheel-step is done')")
+    rows = page.locator("#experiment-figures tr")
+    assert rows.count() == len(page.evaluate("studio.state.experiment.figures"))
+    assert "rise time [s]" in (rows.first.text_content() or "")
+    until(page, "document.getElementById('experiment-picture').naturalWidth > 500")
+    until(page, "robot.state === 'disarmed'")
+    assert len(before) > 100
+    assert parameters(page) == before
+    folder = Path(page.evaluate("studio.state.experiment.folder"))
+    names = {path.name for path in folder.iterdir()}
+    assert {"experiment.json", "experiment.png", "burst.npz", "telemetry.tlog", "drive.json"} <= names
+    assert "parameters_after.toml" not in names
+    found = Axe().run(page).response["violations"]
+    assert [(one["id"], [node["html"] for node in one["nodes"]]) for one in found] == []
+
+
+def test_a_push_can_be_chosen_by_wheel(page: Page) -> None:
+    page.select_option("#experiment-kind", "disturbance")
+    page.locator("#experiment-choices select").first.select_option(label="wheel 3")
+    page.click("#experiment-look")
+    until(page, "!document.getElementById('experiment-start').disabled")
+    page.click("#experiment-start")
+    until(page, f"{TEXT}.startsWith('disturbance is done')")
+    settings = json.loads((Path(page.evaluate("studio.state.experiment.folder")) / "experiment.json").read_text())
+    assert settings["settings"]["wheel"] == 3
+
+
+def test_too_little_room_is_refused_before_it_can_be_started(page: Page) -> None:
+    page.select_option("#experiment-kind", "wheel-step")
+    page.get_by_label("Side of the free square").fill("0.2")
+    page.click("#experiment-look")
+    until(page, f"{TEXT}.includes('needs a square of')")
+    assert page.is_disabled("#experiment-start")
+    assert "--" not in page.evaluate(TEXT)
+
+
+@pytest.mark.parametrize("way", ["Space", "#stop", "#disarm"])
+def test_a_stop_ends_it_at_once(page: Page, way: str) -> None:
+    before = parameters(page)
+    start(page, LONG)
+    until(page, f"{RUN}.phase === 'moving'")
+    pressed_s = time.monotonic()
+    if way == "Space":
+        page.keyboard.press("Space")
+    else:
+        page.click(way)
+    state = "disarmed" if way == "#disarm" else "estop"
+    until(page, f"robot.state === '{state}'")
+    until(page, f"!{RUN}.running")
+    assert time.monotonic() - pressed_s < 10.0  # of the 15 s and more that it takes
+    assert page.evaluate(TEXT) == f"{LONG} ended: stopped"
+    if state == "estop":
+        page.click("#release")
+        until(page, "robot.state === 'disarmed'")
+    assert parameters(page) == before
+    # Nothing of it is left: the robot holds its place, with telemetry and requests as before.
+    page.click("#arm")
+    until(page, "robot.armed")
+    x, y, _ = page.evaluate("studio.state.robot.pose")
+    newest = page.evaluate("studio.plots.newest")
+    until(page, f"studio.plots.newest > {newest} + 2")
+    assert page.evaluate("studio.state.robot.state") == "armed"
+    assert page.evaluate(f"Math.hypot(studio.state.robot.pose[0] - {x}, studio.state.robot.pose[1] - {y})") < 0.01
+
+
+def test_a_closed_page_ends_it(page: Page, simulated: Program) -> None:
+    start(page, LONG)
+    until(page, f"{RUN}.phase === 'moving'")
+    page.close()
+    wait(lambda: not simulated.state()["experiment"]["running"], "it goes on without its page")
+    state = simulated.state()
+    assert "the page that commands is gone" in state["experiment"]["trouble"]
+    wait(lambda: not simulated.state()["robot"]["armed"], "the robot is armed")
+
+
+def test_a_fault_in_the_middle_ends_it_with_the_robots_words(page: Page) -> None:
+    start(page, "wheel-chirp")
+    until(page, f"{RUN}.phase === 'moving'")
+    page.click("[data-fault='motor_stalled 1']")
+    until(page, f"{TEXT}.includes('ended: the robot stopped by itself (failsafe)')")
+    page.click("#mend")
+    until(page, "state.world.on.length === 0")
+
+
+@contextmanager
+def taken_over(simulated: Program) -> Iterator[ClientConnection]:
+    with connect(socket_url(simulated)) as socket:
+        ask(socket, "take_over")
+        ask(socket, "disarm")
+        ask(socket, "release")
+        wait(lambda: simulated.state()["robot"]["state"] == "disarmed", "it is not disarmed")
+        wait(lambda: not (simulated.state()["experiment"] or {"running": False})["running"], "another is under way")
+        yield socket
+
+
+def alive(socket: ClientConnection, condition: Callable[[], bool], what: str) -> None:
+    """Wait as a page does that lives."""
+    wait(lambda: ask(socket, "here")["answer"] == 7 and condition(), what)
+
+
+def until_armed(program: Program, socket: ClientConnection) -> None:
+    """Start an experiment. One that a busy computer has ended, because the robot lives in real time, begins again."""
+
+    def seen() -> tuple[bool, bool]:
+        state = program.state()
+        return bool(state["robot"]["armed"]), bool((state["experiment"] or {"running": False})["running"])
+
+    for _ in range(5):
+        ask(socket, "disarm")
+        alive(socket, lambda: program.state()["robot"]["state"] == "disarmed", "it is not disarmed")
+        wait(lambda: "error" not in ask(socket, "experiment", name=LONG, start=True), "it does not start")
+        alive(socket, lambda: seen() != (False, True), "it does not move")
+        if seen() == (True, True):
+            return
+    raise AssertionError(program.state()["experiment"])
+
+
+BAD: list[dict[str, Any]] = [
+    {},
+    {"name": 3},
+    {"name": "no such thing"},
+    {"name": "wheel-step", "room_m": "x"},
+    {"name": "wheel-step", "room_m": 0},
+    {"name": "wheel-step", "room_m": 1e300},
+    {"name": "wheel-step", "wheel": 4},
+    {"name": "wheel-step", "wheel": -1},
+    {"name": "wheel-step", "wheel": 1.5},
+    {"name": "wheel-step", "wheel": True},
+    {"name": "wheel-step", "on_stand": 1},
+    {"name": "position-step", "axis": "z"},
+    {"name": "position-step", "axis": ["x"]},
+    {"name": "disturbance", "wheel": 0},
+]
+
+
+@pytest.mark.parametrize("begin", [False, True])
+def test_bad_requests_move_nothing(simulated: Program, begin: bool) -> None:
+    with taken_over(simulated) as socket:
+        for request in BAD:
+            answer = ask(socket, "experiment", **request, start=begin)
+            if "error" not in answer:  # what only the robot's own numbers can tell is refused before it arms
+                assert begin
+                alive(socket, lambda: not simulated.state()["experiment"]["running"], "it goes on")
+                assert simulated.state()["experiment"]["trouble"], request
+            assert not simulated.state()["robot"]["armed"]
+
+
+def test_while_it_runs_nothing_else_is_done_and_other_pages_watch(simulated: Program) -> None:
+    with taken_over(simulated) as socket, connect(socket_url(simulated)) as other:
+        assert "another page" in ask(other, "experiment", name=LONG, start=True)["error"]
+        assert "error" not in ask(socket, "world", speed=0.5)
+        alive(socket, lambda: bool(simulated.state()["world"]["speed"] == 0.5), "the speed stays")
+        assert "real time" in ask(socket, "experiment", name=LONG, start=True)["error"]
+        ask(socket, "world", speed=1)
+        alive(socket, lambda: bool(simulated.state()["world"]["speed"] == 1), "the speed stays")
+        assert "error" not in ask(socket, "experiment", name=LONG, start=True)
+        for action, content in (
+            ("experiment", {"name": LONG}),
+            ("experiment", {"name": LONG, "start": True}),
+            ("set", {"values": {"ISMC_LAM_XY": 5}}),
+            ("velocity", {"vx": 0.1, "vy": 0, "wz": 0}),
+            ("arm", {}),
+            ("world", {"speed": 0.5}),
+        ):
+            assert "under way" in ask(socket, action, **content)["error"], action
+        ask(other, "stop")  # from any page
+        alive(socket, lambda: not simulated.state()["experiment"]["running"], "it goes on")
+        assert simulated.state()["robot"]["state"] == "estop"
+        assert simulated.state()["experiment"]["trouble"] == "stopped"
+        ask(socket, "release")
+
+
+def test_an_armed_robot_is_left_alone(simulated: Program) -> None:
+    with taken_over(simulated) as socket:
+        assert "error" not in ask(socket, "arm")
+        wait(lambda: simulated.state()["robot"]["armed"], "it is not armed")
+        assert "armed" in ask(socket, "experiment", name="wheel-step", start=True)["error"]
+        assert "armed" in ask(socket, "experiment", name="wheel-step")["error"]
+        ask(socket, "disarm")
+
+
+def test_letting_go_of_the_robot_ends_it(tmp_path: Path) -> None:
+    with studio("sitl", "--out", str(tmp_path)) as program, connect(socket_url(program)) as socket:
+        wait(lambda: bool((program.state()["robot"] or {}).get("pose")), "no robot")
+        ask(socket, "take_over")
+        until_armed(program, socket)
+        begin_s = time.monotonic()
+        assert "error" not in ask(socket, "disconnect")
+        assert time.monotonic() - begin_s < 10.0
+        wait(lambda: not program.state()["experiment"]["running"], "it goes on")
+        assert "let go" in program.state()["experiment"]["trouble"]
+
+
+def test_a_stop_before_it_has_begun_keeps_it_from_beginning(tmp_path: Path) -> None:
+    """The robot's thread comes to it only after the stop: it must not arm then."""
+    touched: list[str] = []
+    robot = SimpleNamespace(parameters=SimpleNamespace(download=lambda: touched.append("download")))
+
+    def do_long(work: Any) -> Future[Any]:
+        session.stops += 1  # pressed while the experiment was on its way to the robot's thread
+        future: Future[Any] = Future()
+        try:
+            future.set_result(work(robot))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    session = SimpleNamespace(stops=0, do_long=do_long)
+    experiment = Experiment(1, cast(Session, session), Wanted(KINDS[0].name, 1.0, 0, "x", False), tmp_path)
+    experiment.start()
+    wait(lambda: not experiment.running, "it does not end")
+    assert experiment.state()["trouble"] == "stopped"
+    assert touched == []
