@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 import omniwheel
 from hil_sim import core
+from hil_sim.c_scenario import scenario_world
+from hil_sim.external import ExternalWorld, OutsideWorld, check_scenario
 from hil_sim.image_firmware import ImageFirmware
 from hil_sim.lockstep import LockstepLink, Served
 from hil_sim.runs import Run, finish, new_world
@@ -214,6 +216,7 @@ def run_hil(
     emulated: bool = False,
     asleep: bool = False,
     image: Path | None = None,
+    world: ExternalWorld | None = None,
 ) -> Run:
     """Run a scenario with real firmware: the one behind ``link``, or one of its own, as a process or ``emulated``.
 
@@ -221,36 +224,54 @@ def run_hil(
 
     With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
     run and its own ones back afterwards; nothing is stored on it. ``asleep``: this end and a firmware process of its
-    own wait for each other without looking (:class:`LockstepLink`), for comparison.
+    own wait for each other without looking (:class:`LockstepLink`), for comparison. ``world`` takes the place of the
+    simulated one; it is released at the end of the run, its motors coasting.
 
     Raises RunError before anything is changed on a firmware that was started in lockstep. Whatever ends the run, a
     robot behind a link is disarmed and out of host-in-the-loop then. AfterRunError holds a run that was good to its
-    end.
+    end. ExternalWorldError tells what ``world`` did wrong, ExternalWorldInputError what it cannot do.
     """
     scenario = scenario.with_seed(seed)
+    outside = None if world is None else _outside(scenario, world)
     run: Run | None = None
     try:
-        with _closed_loop(scenario, link, out_dir, emulated=emulated, asleep=asleep, image=image) as loop:
+        with _closed_loop(
+            scenario, link, out_dir, emulated=emulated, asleep=asleep, image=image, world=outside
+        ) as loop:
             run = _run(scenario, loop, progress)
     except OmniError as error:
         if run is None:
             raise
         raise AfterRunError(run, error) from error
-    return run
+    return run if outside is None else replace(run, world=outside.name)
+
+
+def _outside(scenario: Scenario, world: ExternalWorld) -> OutsideWorld:
+    check_scenario(scenario)
+    return OutsideWorld(scenario_world(scenario), world)
 
 
 @contextmanager
 def _closed_loop(
-    scenario: Scenario, link: str | None, out_dir: Path | None, *, emulated: bool, asleep: bool, image: Path | None
+    scenario: Scenario,
+    link: str | None,
+    out_dir: Path | None,
+    *,
+    emulated: bool,
+    asleep: bool,
+    image: Path | None,
+    world: OutsideWorld | None,
 ) -> Iterator[HilLoop]:
     with ExitStack() as stack:
+        if world is not None:
+            stack.callback(world.release)
         if image is not None:
             firmware = ImageFirmware(image, scenario.robot.source, lockstep=True, scenario=AT_REST)
             link = stack.enter_context(firmware).urls[0]
         base = stack.enter_context(
             _own_firmware(scenario, emulated, asleep) if link is None else _linked_firmware(scenario, link)
         )
-        loop = HilLoop(scenario, base, asleep=asleep)
+        loop = HilLoop(scenario, base, world, asleep=asleep)
         if out_dir is not None:
             log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
             loop.log_to(stack.enter_context(log))

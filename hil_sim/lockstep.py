@@ -155,7 +155,7 @@ class LockstepLink:
             if len(self._record) == RECORD_ROWS:
                 self._flush()
             step = min(end - self.ticks, RECORD_ROWS - len(self._record))
-            result = lib.hil_lockstep_run(self._lockstep, self._world.c, step, self._record.c, self._done)
+            result = self._world.lockstep(self._lockstep, step, self._record.c, self._done)
             if result != lib.HIL_OK:
                 raise self._error(result)
             if self.ticks < end and between is not None:

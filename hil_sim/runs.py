@@ -37,7 +37,7 @@ class Run:
 
     ``way`` is "in-process" or "hil". ``parameters`` are those the run ended with. ``tick_us`` holds the mean and
     the longest time of a tick that the firmware measured [us], empty in process. ``wall_s`` is the time that the
-    ticks took.
+    ticks took. ``world`` is module and class of an external world, empty for our own.
     """
 
     scenario: Scenario
@@ -51,6 +51,7 @@ class Run:
     firmware_version: str
     tick_us: dict[str, float] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
+    world: str = ""
 
     @property
     def realtime_factor(self) -> float:

@@ -62,7 +62,11 @@ def summarize(run: Run) -> dict[str, Any]:
         "tick_us": run.tick_us,
         "firmware_version": run.firmware_version,
         "versions": _versions(table),
-        "world": {"plant": scenario.plant, **scenario.world, "start_pose": list(scenario.start_pose)},
+        "world": {
+            **({"external": run.world} if run.world else {"plant": scenario.plant}),
+            **scenario.world,
+            "start_pose": list(scenario.start_pose),
+        },
         "dispersion": drawn_world(scenario),
         "parameters": run.parameters,
     }

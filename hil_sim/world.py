@@ -298,6 +298,10 @@ class World:
         padding = [0] * (2 * lib.HIL_MAX_WHEELS - len(flat))
         lib.hil_world_motor_pins(self.c, ffi.new("uint16_t[]", [*flat, *padding]))
 
+    def lockstep(self, link: Any, ticks: int, record: Any, done: Any) -> int:
+        """Run ticks with the robot behind a ``hil_lockstep_t`` and return a ``hil_result_t``; see runner.h."""
+        return int(lib.hil_lockstep_run(link, self.c, ticks, record, done))
+
     def step(self, ticks: int = 1, step_us: int = TICK_US) -> None:
         """Advance by some ticks."""
         for _ in range(ticks):

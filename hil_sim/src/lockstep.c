@@ -273,9 +273,13 @@ static void pace(hil_lockstep_t *link, const hil_world_t *world) {
     }
 }
 
+/* Everything of a tick but the step. */
 static hil_result_t tick(hil_lockstep_t *link, hil_world_t *world, hil_record_t *record) {
     hil_sensors_t sensors;
     answer_t answer = {.arrived = false};
+    if (link->serve_ticks != 0 && link->ticks % link->serve_ticks == 0) {
+        hil_lockstep_serve(link);
+    }
     pace(link, world);
     hil_world_sense(world, &sensors);
     const int64_t deadline_us = hil_wire_now_us() + (int64_t)(link->timeout_s * 1e6);
@@ -291,7 +295,6 @@ static hil_result_t tick(hil_lockstep_t *link, hil_world_t *world, hil_record_t 
     }
     if (result == HIL_OK) {
         record_tick(record, world, &answer.message);
-        hil_world_step(world, hil_world_tick_us(world, OMNI_TICK_US));
     }
     return result;
 }
@@ -300,14 +303,26 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
                               uint64_t *done) {
     hil_result_t result = HIL_OK;
     for (*done = 0; *done < ticks && has_room(link); ++*done) {
-        if (link->serve_ticks != 0 && link->ticks % link->serve_ticks == 0) {
-            hil_lockstep_serve(link);
-        }
         result = tick(link, world, record);
         if (result != HIL_OK) {
             return result;
         }
+        hil_world_step(world, hil_world_tick_us(world, OMNI_TICK_US));
         link->ticks++;
+    }
+    return result;
+}
+
+hil_result_t hil_lockstep_exchange(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record,
+                                   uint64_t *done) {
+    *done = 0;
+    if (!has_room(link)) {
+        return HIL_OK;
+    }
+    const hil_result_t result = tick(link, electronics, record);
+    if (result == HIL_OK) {
+        link->ticks++;
+        *done = 1;
     }
     return result;
 }

@@ -54,6 +54,14 @@ void hil_sensors_integrate(hil_world_t *world);
 /** Time and faults are those of now. */
 void hil_sensors_sample(hil_world_t *world);
 
+/* sensor_encoders.c */
+/** The wheel's disc has passed so many edges since the start, a whole number, positive: counter-clockwise. */
+void hil_encoders_pass(hil_world_t *world, uint32_t wheel, hil_real_t edges);
+
+/* sensor_pose.c */
+/** A pose sensor outside has a fix that arrives now. @param pose x, y, theta. */
+void hil_pose_take(hil_world_t *world, uint64_t taken_us, const double *pose);
+
 /* slip.c */
 void hil_slip_init(hil_world_t *world);
 /** Slip ratios of a time. */
@@ -104,6 +112,8 @@ bool hil_output_enable_high(const hil_world_config_t *config, uint8_t drive);
 bool hil_has_chip(const hil_world_t *world);
 /** Every pin low. */
 void hil_bridges_init(hil_world_t *world);
+/** A chip without power drives nothing and wakes up with its power-up registers. */
+void hil_chip_starve(hil_world_t *world);
 /** Take over the inputs: those set directly, or the chip's outputs. */
 void hil_bridges_follow(hil_world_t *world, bool direct);
 

@@ -13,13 +13,16 @@ static int32_t count_direction(const hil_world_t *world, uint32_t wheel) {
     return hil_fault_find(world, HIL_FAULT_ENCODER_REVERSED, wheel) != NULL ? -direction : direction;
 }
 
+void hil_encoders_pass(hil_world_t *world, uint32_t wheel, hil_real_t edges) {
+    const hil_real_t passed = (edges - world->encoder_edges[wheel]) * count_direction(world, wheel);
+    world->encoder_edges[wheel] = edges;
+    world->counts[wheel] = hil_count_on(world->counts[wheel], passed);
+}
+
 static void count_edges(hil_world_t *world) {
     const double edges_per_rad = world->config.counts_per_revolution / (2.0 * HIL_PI);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        const hil_real_t edges = hil_floor(world->wheel_angle_rad[i] * edges_per_rad);
-        const hil_real_t passed = (edges - world->encoder_edges[i]) * count_direction(world, i);
-        world->encoder_edges[i] = edges;
-        world->counts[i] = hil_count_on(world->counts[i], passed);
+        hil_encoders_pass(world, i, hil_floor(world->wheel_angle_rad[i] * edges_per_rad));
     }
 }
 

@@ -49,9 +49,13 @@ static hil_flag_t lost(const hil_world_t *world, uint64_t sample) {
     return (hil_flag_t)(hil_uniform(config->seed, HIL_STREAM_FIX_DROP, sample) < config->fix_drop_probability);
 }
 
-static void take_sample(hil_world_t *world, uint64_t sample, uint64_t due_us) {
+static double late_by_s(const hil_world_t *world) {
     const hil_fault_t *late = hil_fault_find(world, HIL_FAULT_POSE_DELAY, HIL_MAX_WHEELS);
-    const double late_s = late != NULL ? late->value : 0.0;
+    return late != NULL ? late->value : 0.0;
+}
+
+static void take_sample(hil_world_t *world, uint64_t sample, uint64_t due_us) {
+    const double late_s = late_by_s(world);
     hil_fix_t fix;
     memset(&fix, 0, sizeof fix);
     fix.taken_us = due_us + (uint64_t)(late_s * 1e6 + 0.5);
@@ -77,6 +81,20 @@ static void take_fixes(hil_world_t *world) {
         world->fixes_taken++;
         take_sample(world, sample, due_us);
     }
+}
+
+void hil_pose_take(hil_world_t *world, uint64_t taken_us, const double *pose) {
+    const uint64_t late_us = (uint64_t)(late_by_s(world) * 1e6 + 0.5);
+    hil_fix_t fix;
+    memset(&fix, 0, sizeof fix);
+    fix.taken_us = taken_us + late_us;
+    fix.arrives_us = world->time_us + late_us;
+    fix.lost = hil_fault_find(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) != NULL;
+    fix.pose[0] = pose[0] + hil_fault_value(world, HIL_FAULT_POSE_JUMP, 0.0);
+    fix.pose[1] = pose[1];
+    fix.pose[2] = wrap_angle(pose[2]);
+    freeze(world, &fix);
+    queue(world, &fix);
 }
 
 static void show_due_fix(hil_world_t *world, hil_sensors_t *sensors) {

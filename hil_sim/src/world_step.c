@@ -141,8 +141,7 @@ void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps) {
     hil_bridges_follow(world, true);
 }
 
-/* A chip without power drives nothing and wakes up with its power-up registers. */
-static void starve_chip(hil_world_t *world) {
+void hil_chip_starve(hil_world_t *world) {
     if (hil_fault_find(world, HIL_FAULT_CHIP_POWER, HIL_MAX_WHEELS) == NULL) {
         return;
     }
@@ -170,7 +169,7 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     if (step_us == 0) {
         return;
     }
-    starve_chip(world);
+    hil_chip_starve(world);
     const double step_s = 1e-6 * step_us;
     hil_real_t open_end_A[HIL_MAX_WHEELS] = {0.0};
     hil_real_t angle_before_rad[HIL_MAX_WHEELS];

@@ -227,7 +227,8 @@ WRITE_NOTHING = (
     "params presets", "params diff", "params reset", "params history", "params undo",
     "runs compare", "runs name", "runs delete",
     "host-control motor", "mocap bridge", "radio key set", "radio key remove", "radio key show",
-    "logs show", "logs align", "robots show", "robots motors", "bringup link", "bringup i2c", "bringup encoders",
+    "logs show", "logs align", "robots show", "robots motors", "robots params", "bringup link", "bringup i2c",
+    "bringup encoders",
     "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
     "link",
 )  # fmt: skip

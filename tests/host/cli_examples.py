@@ -39,6 +39,7 @@ from tests.host.logs import synthetic
 from tests.quick_scenario import QUICK
 
 STEP_TICKS = 10
+SIMULATOR = "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass MyWorld(TinyWorld):\n    fixes = False\n"
 PATIENCE_S = 60.0
 """Simulated time after which whoever still talks to the robot gets Ctrl-C."""
 LINK = ("--link", "-l")
@@ -394,6 +395,7 @@ def make_files(folder: Path) -> None:
     (folder / "quick.toml").write_text(QUICK, encoding="utf-8")
     (folder / "my_scenario.toml").write_text(QUICK, encoding="utf-8")
     (folder / "logged.toml").write_text(f"{QUICK}\n[parameters]\nSR1_WHEELS = 50.0\n", encoding="utf-8")
+    (folder / "my_simulator.py").write_text(SIMULATOR, encoding="utf-8")
     for name in ("line", "loop"):
         (folder / f"{name}.csv").write_text("x,y\n0,0\n0.2,0.05\n0.3,0.2\n0.1,0.2\n", encoding="utf-8")
     (folder / "mapping.toml").write_text(synthetic.MAPPING, encoding="utf-8")

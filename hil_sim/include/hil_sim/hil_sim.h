@@ -11,6 +11,7 @@
 #include "hil_sim/lanes.h"
 #include "hil_sim/metrics.h"
 #include "hil_sim/milestones.h"
+#include "hil_sim/outside.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/player.h"
 #include "hil_sim/random.h"

@@ -127,6 +127,13 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
                               uint64_t *done);
 
 /**
+ * One tick of it without the step, for a world that is somewhere else. Its sensors and bridges are those of
+ * `electronics`. Next comes hil_outside_follow(). @param done out: 1; 0 where hil_lockstep_run() returns early.
+ */
+hil_result_t hil_lockstep_exchange(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record,
+                                   uint64_t *done);
+
+/**
  * Look after the frames collected since the last time. Append them to `log` as a telemetry log's records. Each has 8
  * bytes of time, big-endian (log_epoch_us and the simulated time now), then the frame. Take those that are `skipped`
  * out of `rx`.

@@ -110,6 +110,7 @@ OLD_OPTIONS = (
     OldOption("tune", "--out", "--plot"),
     OldOption("soak", "--minutes", "--duration", 60.0),
     OldOption("drive velocity", "--world", "--world-frame"),
+    OldOption("emulate", "--world", "--with-world"),
     *(
         OldOption(command, old, new)
         for command in ("host-control", "drive --host-control", "drive --legacy")

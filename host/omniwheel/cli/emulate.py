@@ -47,7 +47,8 @@ def emulate(
     link: LinksOption = None,
     storage: StorageOption = None,
     world: Annotated[
-        bool, typer.Option("--world/--no-world", help="Simulate robot and floor around it; else wheels stand still.")
+        bool,
+        typer.Option("--with-world/--no-world", help="Simulate robot and floor around it; else wheels stand still."),
     ] = True,
     lockstep: Annotated[
         bool,

@@ -31,9 +31,10 @@ EXAMPLES = examples(
     "omni hil",
     "omni hil fault_encoder_stuck",
     "omni hil my_scenario.toml --seed 3 --json",
-    "omni hil --emulated                   # the firmware on an emulated Cortex-M7",
-    "omni hil --image firmware.elf         # the very image that is flashed, on an emulated Teensy",
-    "omni hil --link /dev/ttyACM0          # a Teensy, its motors unplugged",
+    "omni hil --emulated                    # the firmware on an emulated Cortex-M7",
+    "omni hil --image firmware.elf          # the very image that is flashed, on an emulated Teensy",
+    "omni hil --link /dev/ttyACM0           # a Teensy, its motors unplugged",
+    "omni hil --world my_simulator:MyWorld  # a simulator of your own around the firmware",
 )
 
 
@@ -50,20 +51,39 @@ def hil(
     settings: SetOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
+    world: Annotated[
+        str | None,
+        typer.Option(
+            "--world",
+            metavar="MODULE:CLASS",
+            help="A Python class that simulates motors, robot and floor instead of our world: made by CLASS(scenario).",
+        ),
+    ] = None,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
+    from hil_sim.external import load_world
     from hil_sim.hil import run_hil
 
     if sum((emulated, image is not None, link is not None)) > 1:
         raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
     scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
+    external = None if world is None else load_world(world, scenario)
     with run_folder(out, scenario) as folder:
         note(scenario.description, quiet=json_wanted)
         with run_progress(scenario.name, json_wanted) as progress:
             run, trouble = tried(
-                partial(run_hil, scenario, link, out_dir=folder, progress=progress, emulated=emulated, image=image)
+                partial(
+                    run_hil,
+                    scenario,
+                    link,
+                    out_dir=folder,
+                    progress=progress,
+                    emulated=emulated,
+                    image=image,
+                    world=external,
+                )
             )
         store_and_print(run, folder, as_json=json_wanted, trouble=trouble)
 

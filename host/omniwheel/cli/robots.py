@@ -16,7 +16,7 @@ from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.cli.robots_new import print_warnings, warnings_of
 from omniwheel.core_config import robot_config
 from omniwheel.errors import RobotFileError
-from omniwheel.parameter_file import format_value
+from omniwheel.parameter_file import format_value, shortest
 from omniwheel.robots import read_robot, robot_names
 from omniwheel.wiring import WiringPlan, connections, plan_wiring, write_wiring
 
@@ -69,6 +69,21 @@ def show(name: RobotArgument, as_json: JsonOption = False) -> None:
         info = robot.table[parameter_name]
         table.add_row(parameter_name, format_value(info, value), escape(info.unit), escape(info.doc))
     console.print(table)
+
+
+@app.command("params", epilog=examples("omni robots params three_wheel", "omni robots params mine.toml --json"))
+def params(name: RobotArgument, as_json: JsonOption = False) -> None:
+    """Print every parameter that a robot file makes, for other simulators: lines as omni-firmware --params reads them.
+
+    Enums and switches are numbers; units are SI (docs/reference, Parameters).
+    """
+    robot = read_robot(name)
+    values = robot.parameter_values()
+    if as_json:
+        print_json({"name": robot.name, "parameters": {key: shortest(value) for key, value in values.items()}})
+        return
+    for key, value in values.items():
+        typer.echo(f"{key}={format_value(None, value)}")
 
 
 @app.command("check", epilog=examples("omni robots check mine.toml", "omni robots check four_wheel --plot speeds.png"))
