@@ -119,4 +119,5 @@ def _reckoned(kinematics: Any, pose: Array, turned_rad: Array) -> Array:
     lib.omni_kinematics_forward(kinematics, speeds, ffi.NULL, moved)
     middle = pose[2] + 0.5 * moved.wz
     cosine, sine = np.cos(middle), np.sin(middle)
-    return pose + np.array([cosine * moved.vx - sine * moved.vy, sine * moved.vx + cosine * moved.vy, moved.wz])
+    reached: Array = pose + [cosine * moved.vx - sine * moved.vy, sine * moved.vx + cosine * moved.vy, moved.wz]
+    return reached
