@@ -119,5 +119,6 @@ def _reckoned(kinematics: Any, pose: Array, turned_rad: Array) -> Array:
     lib.omni_kinematics_forward(kinematics, speeds, ffi.NULL, moved)
     middle = pose[2] + 0.5 * moved.wz
     cosine, sine = np.cos(middle), np.sin(middle)
-    reached: Array = pose + [cosine * moved.vx - sine * moved.vy, sine * moved.vx + cosine * moved.vy, moved.wz]
+    way = np.array([cosine * moved.vx - sine * moved.vy, sine * moved.vx + cosine * moved.vy, moved.wz])
+    reached: Array = pose + way
     return reached

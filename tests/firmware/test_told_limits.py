@@ -100,7 +100,7 @@ def test_a_low_supply_is_said_with_its_value_and_the_limit(robot: Client) -> Non
 
 
 def test_a_pose_beyond_the_limit_stops_with_the_limit(robot: Client) -> None:
-    """By velocities, which have no place that could be refused; driving on the spot is refused, too, until it is back."""
+    """By velocities, which name no place that could be refused; then arming is refused until the pose is within."""
     robot.set("LIM_POS", 0.1)
     robot.armed()
     said = drive(robot, 3_000, (0.1, 0.0, 0.0))
