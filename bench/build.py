@@ -51,7 +51,10 @@ def includes() -> list[str]:
 
 
 def build(name: str, sources: Sequence[Path], flags: Sequence[str] = (), archives: Sequence[Path] = ()) -> Path:
-    """Compile what is older than its source (.c as C11, .cpp as C++17), link with the core, and return the program."""
+    """Compile what is older than its source or was compiled with other words, link with the core, return the program.
+
+    .c is C11, .cpp is C++17.
+    """
     folder = OUT / name
     folder.mkdir(parents=True, exist_ok=True)
     libraries = [*archives, core_archive()]
@@ -59,10 +62,15 @@ def build(name: str, sources: Sequence[Path], flags: Sequence[str] = (), archive
     newest = max(path.stat().st_mtime for path in headers)
 
     def compiled(source: Path) -> Path:
-        target = folder / f"{source.stem}.o"
-        if not target.exists() or target.stat().st_mtime < max(newest, source.stat().st_mtime):
-            compiler = ["g++", "-std=c++17"] if source.suffix == ".cpp" else ["gcc", "-std=gnu11"]
-            call([*compiler, *FLAGS, *flags, *includes(), "-isystem", str(EIGEN), "-c", str(source), "-o", str(target)])
+        target, words = folder / f"{source.stem}.o", folder / f"{source.stem}.words"
+        compiler = ["g++", "-std=c++17"] if source.suffix == ".cpp" else ["gcc", "-std=gnu11"]
+        given = [*compiler, *FLAGS, *flags, *includes(), "-isystem", str(EIGEN)]
+        command = [*given, "-c", str(source), "-o", str(target)]
+        old = not target.exists() or target.stat().st_mtime < max(newest, source.stat().st_mtime)
+        if old or not words.exists() or words.read_text() != shlex.join(command):
+            words.unlink(missing_ok=True)
+            call(command)
+            words.write_text(shlex.join(command))
         return target
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:

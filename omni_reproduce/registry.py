@@ -60,6 +60,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment("real_logs", "Logs of a real robot", "real_logs"),
     Experiment("diagrams", "Figures 9 and 12: block diagrams", "diagrams", ("fig9", "fig12")),
     Experiment("controllers", "Every controller on every path", "controllers"),
+    Experiment("original_law", "The original law of the three-wheel robot", "original_law"),
 )
 
 

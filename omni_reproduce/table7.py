@@ -139,7 +139,11 @@ def _closer_row(spec: Mapping[str, Any], outcome: Outcome, name: str) -> Row:
 
 def _notes(spec: Mapping[str, Any], outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     by_key = {outcome.key: outcome for outcome in outcomes}
-    figures = {**_agreement(spec, by_key["published"]), **_fairness(by_key["honest_b"])}
+    figures = {
+        **_agreement(spec, by_key["published"]),
+        **_fairness(by_key["honest_b"]),
+        **_misfit(spec, by_key["honest_b"]),
+    }
     return tuple(paragraph.format(**figures) for paragraph in spec["notes"]["paragraphs"])
 
 
@@ -149,7 +153,7 @@ def _agreement(spec: Mapping[str, Any], outcome: Outcome) -> dict[str, Any]:
     rmse = outcome.results["rmse"]
     mean, sd = rmse.mean(axis=0), rmse.std(axis=0)
     off = 100.0 * (mean / published - 1.0)
-    z = (published - mean) / (sd * np.sqrt(1.0 / _PUBLISHED_RUNS + 1.0 / len(rmse)))
+    z = _scores(spec, outcome)
     ekf, both = (FILTERS.index(name) for name in _EKFS)
     apart = published[0, 0] - published[0, 1]
     x, theta = pose_noise(outcome.setting, 1.0)
@@ -176,6 +180,24 @@ def _fairness(outcome: Outcome) -> dict[str, Any]:
         "walk_off": f"{np.abs((mean[:2] - bounds[:2]) / error[:2]).max():.1f}",
         "runs": len(rmse),
     }
+
+
+def _scores(spec: Mapping[str, Any], outcome: Outcome) -> Array:
+    """Return published minus ours in standard errors of the difference of both means, shape (filters, axes)."""
+    published = np.array([spec["published"][name] for name in FILTERS])
+    rmse = outcome.results["rmse"]
+    error = rmse.std(axis=0) * np.sqrt(1.0 / _PUBLISHED_RUNS + 1.0 / len(rmse))
+    scores: Array = (published - rmse.mean(axis=0)) / error
+    return scores
+
+
+def _misfit(spec: Mapping[str, Any], outcome: Outcome) -> dict[str, str]:
+    """Return what the notes say of the published figures beside the honest ones."""
+    published = np.array([spec["published"][name] for name in FILTERS])
+    off = 100.0 * (published / outcome.results["rmse"].mean(axis=0) - 1.0)
+    scores = _scores(spec, outcome)
+    told = {f"scores_{name}": _signed(scores[f]) for f, name in enumerate(FILTERS)}
+    return told | {f"off_{name}": _signed(off[f], " %") for f, name in enumerate(FILTERS)}
 
 
 def _signed(values: Array, unit: str = "") -> str:

@@ -103,6 +103,9 @@ void StatusTexts::say_cause() {
                                               .add(", TH ")
                                               .add(limits.error_rad));
     }
+    if ((faults & OMNI_FAULT_POSITION) != 0) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text().add("pose beyond LIM_POS ").add(limits.position_m).add(" m"));
+    }
     if ((faults & OMNI_FAULT_COMMAND_LOSS) != 0) {
         texts_.say(MAV_SEVERITY_CRITICAL,
                    Text().add("no set-point for SAFE_CMD_TO ").add(limits.command_timeout_s).add(" s"));

@@ -55,6 +55,15 @@ def test_the_cortex_m7_counts_and_computes_the_same() -> None:
     assert 500 < there["cost"][0] < 20000
 
 
+def test_a_program_is_built_anew_with_other_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eigen that is installed, or removed, after a first run is such a flag."""
+    monkeypatch.setattr(build, "OUT", tmp_path)
+    source = tmp_path / "told.c"
+    source.write_text('#include <stdio.h>\nint main(void) { return printf("told %d", TOLD) < 0; }\n')
+    for told in (0, 1, 0):
+        assert run(build.build("told", [source], [f"-DTOLD={told}"])) == {"told": [told]}
+
+
 def test_all_ways_to_tick_drive_the_same_way() -> None:
     program = ticks.program()
     words = [*ticks.write_inputs(program.parent, 1), "400"]

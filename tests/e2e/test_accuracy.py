@@ -43,6 +43,16 @@ def test_the_original_law_is_an_order_of_magnitude_worse_in_the_same_world() -> 
     assert theirs.position_m > 10 * ours.position_m
 
 
+def test_the_original_law_with_our_pose_filter_is_at_most_five_times_worse() -> None:
+    """So the order of magnitude above is mostly that of dead reckoning."""
+    fixes, dead = load_scenario("original_law_fixes"), load_scenario("original_law")
+    assert {**fixes.parameters, "EKF_MODE": dead.parameters["EKF_MODE"]} == dead.parameters
+    assert fixes.world == dead.world
+    theirs = run_batch(fixes, first_seed=1, count=16).rows["position_m"].mean()
+    ours = run_batch(load_scenario("demo"), first_seed=1, count=16).rows["position_m"].mean()
+    assert 1.5 * ours < theirs < 5.0 * ours
+
+
 def test_a_wheel_filter_that_knows_the_body_is_more_accurate() -> None:
     """With MOT_J alone the filter expects wheels that answer faster than they can with the robot on them."""
     fast = load_scenario("fast")

@@ -52,7 +52,11 @@ def test_the_slow_robot_tracks_the_rose_within_the_promised_bounds(slow: dict[st
     assert slow["rmse"]["position_m"] <= 3e-3
     assert slow["rmse"]["theta_rad"] <= 0.01
     assert slow["comparison"]["no_slip"]["rmse"]["position_m"] <= 1e-3
-    assert slow["comparison"]["original_law"]["rmse"]["position_m"] > slow["rmse"]["position_m"]
+    ours = slow["rmse"]["position_m"]
+    same_sensors, theirs = (
+        slow["comparison"][name]["rmse"]["position_m"] for name in ("original_law_fixes", "original_law")
+    )
+    assert ours < same_sensors < 5.0 * ours < theirs, "most of the difference is the sensors', not the law's"
     assert slow["faults"] == []
     assert slow["completed"]
 

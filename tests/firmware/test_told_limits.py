@@ -99,6 +99,20 @@ def test_a_low_supply_is_said_with_its_value_and_the_limit(robot: Client) -> Non
     assert "supply 8.5 V: BAT_V_MIN 9 V" in said
 
 
+def test_a_pose_beyond_the_limit_stops_with_the_limit(robot: Client) -> None:
+    """By velocities, which name no place that could be refused; then arming is refused until the pose is within."""
+    robot.set("LIM_POS", 0.1)
+    robot.armed()
+    said = drive(robot, 3_000, (0.1, 0.0, 0.0))
+    assert "failsafe: position" in said
+    assert "pose beyond LIM_POS 0.1 m" in said
+    assert robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mav.MAV_RESULT_ACCEPTED
+    robot.heartbeat()
+    assert robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) != mav.MAV_RESULT_ACCEPTED
+    robot.set("LIM_POS", 20.0)
+    robot.armed()
+
+
 def test_set_points_that_stop_are_said_with_the_limit(robot: Client) -> None:
     robot.armed()
     drive(robot, 100, (0.0, 0.0, 0.1))

@@ -24,7 +24,7 @@ def parse(**parts: Any) -> Any:
 
 def test_every_packaged_scenario_can_be_read_and_has_its_file_s_name() -> None:
     names = scenario_names()
-    assert {"demo", "no_slip", "original_law", "four_wheel", "sitl"} <= set(names)
+    assert {"demo", "no_slip", "original_law", "original_law_fixes", "four_wheel", "sitl"} <= set(names)
     for name in names:
         scenario = load_scenario(name)
         assert scenario.name == name

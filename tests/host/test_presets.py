@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from omniwheel.presets import preset_names, read_preset
 from omniwheel.robots import parameter_table, read_robot
 
 TABLE = parameter_table()
+ROOT = Path(__file__).resolve().parents[2]
 GAINS = [name for name in preset_names() if not name.startswith("radio_")]
 RADIO = {"radio_9600", "radio_57600", "radio_115200"}
 
@@ -57,6 +59,27 @@ def test_the_fitted_gains_are_those_of_table_1(law: str) -> None:
     gains = read_preset(f"report_{law.lower()}", TABLE).parameters
     for letter in law:
         assert gains[f"FL_K{letter}_XY"] == gains[f"FL_K{letter}_TH"] == pytest.approx(fit[f"k{letter.lower()}"])
+
+
+def test_the_sliding_mode_gains_are_those_of_table_2() -> None:
+    fit, gains = read_spec("table2")["setting"]["published"], read_preset("report_ismc", TABLE).parameters
+    assert [gains["ISMC_LAM_XY"], gains["ISMC_LAM_XY"], gains["ISMC_LAM_TH"]] == fit["lambda_"]
+
+
+def test_the_table_of_presets_has_the_figures_of_today() -> None:
+    """RMSE of 40 s of the demo's path, as docs/guides/tuning.md has it: ``omni sim demo --preset NAME``, cut there."""
+    page = (ROOT / "docs/guides/tuning.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("| `")]
+    told = {tuple(re.findall(r"`(\w+)`", row[0])): row[2:4] for row in rows if len(row) == 5}
+    assert sorted(name for names in told for name in names) == sorted(GAINS)
+    for column, robot in enumerate(("three_wheel", "four_wheel")):
+        scenario = replace(load_scenario("demo", robot), duration_s=40.0)
+        for names, cells in told.items():
+            runs = [run_in_process(scenario.with_parameters(read_preset(name, TABLE).parameters)) for name in names]
+            found = [1e3 * metrics.tracking_rmse(run.record).position_m for run in runs]
+            assert (
+                cells[column] == ", ".join(f"{rmse:.0f}" if rmse >= 10.0 else f"{rmse:.1f}" for rmse in found) + " mm"
+            )
 
 
 def test_the_default_preset_undoes_every_other_one() -> None:

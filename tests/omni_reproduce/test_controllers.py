@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hil_sim import metrics
@@ -8,6 +9,7 @@ from omni_reproduce import controllers
 from omni_reproduce.experiment import Context, read_spec
 
 SPEC = read_spec("controllers")
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def case(robot: str, controller: str, path: str) -> controllers.Case:
@@ -37,6 +39,7 @@ def test_rows_are_means_over_paths_and_the_picture_is_written(tmp_path: Path, mo
         keys = (*metrics.as_dict(metrics.Rmse(0.0, 0.0, 0.0, 0.0)), "estimate_m", "estimate_rad")
         return dict.fromkeys((*keys, "rms_duty", "saturated_share", "chatter", "completed"), value)
 
+    assert {SPEC["path"][path].get("TRJ_PETALS") for path in SPEC["path"]} >= {3, 4, 5, 6, 7, 8}
     monkeypatch.setattr(controllers, "measure", fake)
     result = controllers.run(Context(tmp_path, seeds=2))
     paths = len(SPEC["path"])
@@ -46,3 +49,12 @@ def test_rows_are_means_over_paths_and_the_picture_is_written(tmp_path: Path, mo
     assert row.seeds == 2
     assert all(row.limit is None for row in result.rows)
     assert all(figure.is_file() for figure in result.pictures)
+
+
+@pytest.mark.parametrize(("estimate", "says"), [(0.51, True), (0.49, False)])
+def test_tracking_better_than_the_estimate_says_that_the_estimate_is_not_the_best(estimate: float, says: bool) -> None:
+    """The reference is known, too: if it lies closer to the truth, it is the better estimate of the two."""
+    text = controllers._about_estimate(np.array([estimate]), np.array([0.50]))
+    assert ("not the best" in text) is says
+    kept = (ROOT / "docs/report/results.md").read_text(encoding="utf-8")
+    assert text in kept

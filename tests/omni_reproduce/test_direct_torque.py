@@ -17,6 +17,11 @@ SPEC = read_spec("direct_torque")
 LAP_S = SPEC["rose"]["period_s"]
 
 
+def test_the_wheels_are_those_of_equation_5() -> None:
+    """Column i of Q(phi) is (-sin, cos, R) of phi + (i - 1) pi / 2."""
+    assert np.radians(SPEC["robot"]["wheel_angle_deg"]) == pytest.approx(np.pi / 2.0 * np.arange(4))
+
+
 def rmse_mm(trace: Trace) -> np.ndarray:
     error = trace.error[trace.time_s >= 6.0]
     return np.asarray(1e3 * np.sqrt((error**2).mean(axis=0)))

@@ -208,6 +208,15 @@ def test_honest_b_reaches_its_limits() -> None:
         assert np.all(np.abs(values.mean(axis=0) - np.asarray(limits.of(name))) < 3.5 * error)
 
 
+def test_the_published_headings_do_not_fit_honest_b() -> None:
+    """100 published runs and as many of ours as needed: 20 to 40 standard errors, however near they are."""
+    case = setting("honest_b")
+    scores = table7._scores(SPEC, table7.Outcome("honest_b", case, run(case, 24), {}))
+    assert np.all(scores[[FILTERS.index(name) for name in ("ekf", "kf_ekf")], 2] > 10.0)
+    assert np.all(np.abs(scores[FILTERS.index("kf")]) < 3.0), "dead reckoning differs as much from run to run"
+    assert "fit" not in SPEC["explanation"]["honest_b"]["walk"]
+
+
 def test_honest_b_is_consistent() -> None:
     case = setting("honest_b")
     results = run(case, 12)

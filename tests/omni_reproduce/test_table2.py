@@ -16,10 +16,9 @@ PUBLISHED = np.array(SPEC["published"]["rmse"])
 
 
 @pytest.mark.parametrize("seed", [101, 102])
-def test_published_figures_come_out_within_a_factor_of_one_and_a_half(seed: int) -> None:
-    ratio = table2.drive(table2.Case(SPEC, "published", seed)).rmse / PUBLISHED
-    assert np.all(ratio < 1.5)
-    assert np.all(ratio > 1.0 / 1.5)
+def test_published_figures_come_out_within_nine_per_cent(seed: int) -> None:
+    rmse = table2.drive(table2.Case(SPEC, "published", seed)).rmse
+    np.testing.assert_allclose(rmse, PUBLISHED, rtol=0.09)
 
 
 @pytest.mark.parametrize("seed", [101, 102])

@@ -57,8 +57,9 @@ FAST = Shown(
 )
 SLOW = Shown(
     "demo",
-    (("original_law", "original law"), ("no_slip", "no slip")),
-    "original law: the same world under the robot's first firmware; no slip: on dead reckoning alone",
+    (("original_law", "original law"), ("original_law_fixes", "original law, fixes"), ("no_slip", "no slip")),
+    "original law: the same world under the robot's first firmware, on dead reckoning; original law, fixes: that law "
+    "with our pose filter and its fixes; no slip: our law on dead reckoning alone",
 )
 
 
@@ -74,7 +75,7 @@ def demo(
     out: OutOption = DEFAULT_OUT,
     compare: Annotated[
         bool,
-        typer.Option("--compare/--no-compare", help="Also run the same path in two other ways."),
+        typer.Option("--compare/--no-compare", help="Also run the same path in other ways."),
     ] = True,
     emulated: EmulatedOption = False,
     image: ImageOption = None,

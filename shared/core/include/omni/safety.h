@@ -44,13 +44,14 @@ typedef enum omni_fault_t {
     OMNI_FAULT_TRACKING = 1 << 8,     /**< pose error beyond SAFE_ERR_* */
     OMNI_FAULT_CONFIG = 1 << 9,       /**< no valid configuration */
     OMNI_FAULT_OVERRUN = 1 << 10,     /**< ticks missed their time (set by the firmware) */
+    OMNI_FAULT_POSITION = 1 << 11,    /**< the estimated pose is beyond LIM_POS */
     OMNI_WARN_POSE_STALE = 1 << 16,   /**< no pose fix for FIX_TIMEOUT although fixes had come */
     OMNI_WARN_FIX_REFUSED = 1 << 17,  /**< the latest pose fix was refused */
     OMNI_WARN_SETPOINT = 1 << 18,     /**< the latest set-point was refused */
     OMNI_WARN_SATURATED = 1 << 19,    /**< wheel speeds or duties are being cut */
     OMNI_WARN_ENCODER = 1 << 20,      /**< a single impossible count was thrown away */
     OMNI_WARN_ISMC_GAIN = 1 << 21,    /**< k of the ISMC does not cover the slip that may be there (condition 44) */
-    OMNI_FAULT_STOP_MASK = 0x7ff,
+    OMNI_FAULT_STOP_MASK = 0xfff,
     OMNI_WARN_MASK = 0x3f0000
 } omni_fault_t;
 

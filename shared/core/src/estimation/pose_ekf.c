@@ -136,7 +136,7 @@ static void transport_covariance(omni_real_t *x, omni_real_t *y, omni_real_t the
     *y += moved[0] * theta;
 }
 
-/* P_pp = F P_pp F^T + Q (eq. 63); only the upper triangle is computed. */
+/* P_pp = F P_pp F^T + Q (eq. 62); only the upper triangle is computed. */
 static void propagate_pose_covariance(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                       const omni_real_t *moved, omni_real_t steps) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;

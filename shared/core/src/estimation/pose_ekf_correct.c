@@ -106,7 +106,7 @@ static omni_real_t normalised_square(const update_t *u) {
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
 }
 
-/* Row a of K = (H M)^T S^-1 (eq. 66). */
+/* Row a of K = (H M)^T S^-1 (eq. 65). */
 static void gain_row(const update_t *u, uint8_t a, omni_real_t *row) {
     for (int i = 0; i < OMNI_AXES; ++i) {
         row[i] = u->hm[i][a];

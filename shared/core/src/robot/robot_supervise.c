@@ -56,6 +56,10 @@ static bool setpoint_is_finite(const omni_setpoint_t *setpoint) {
            omni_all_finite(setpoint->duty, OMNI_MAX_WHEELS);
 }
 
+static bool is_beyond(const omni_limits_t *limits, const omni_pose_t *pose) {
+    return omni_absf(pose->x) > limits->position_m || omni_absf(pose->y) > limits->position_m;
+}
+
 static bool is_streamed(uint8_t kind) {
     return kind == OMNI_SETPOINT_POSE || kind == OMNI_SETPOINT_VELOCITY_BODY || kind == OMNI_SETPOINT_VELOCITY_WORLD ||
            kind == OMNI_SETPOINT_DUTY;
@@ -74,8 +78,7 @@ static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const
         const bool lost = supervisor->state == OMNI_STATE_ARMED && setpoint->time_us >= supervisor->armed_since_us;
         return lost ? (omni_uint_t)OMNI_FAULT_COMMAND_LOSS : (omni_uint_t)0u;
     }
-    if (setpoint->kind == OMNI_SETPOINT_POSE &&
-        (omni_absf(setpoint->pose.x) > limits->position_m || omni_absf(setpoint->pose.y) > limits->position_m)) {
+    if (setpoint->kind == OMNI_SETPOINT_POSE && is_beyond(limits, &setpoint->pose)) {
         return OMNI_WARN_SETPOINT;
     }
     *kind = setpoint->kind;
@@ -88,6 +91,9 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
     omni_uint_t faults = inputs->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
     if (!omni_pose_is_finite(&estimate->pose) || !omni_twist_is_finite(&estimate->rate)) {
         faults |= OMNI_FAULT_NOT_FINITE;
+    }
+    if (is_beyond(&config->limits, &estimate->pose)) {
+        faults |= OMNI_FAULT_POSITION;
     }
     faults |= supervise_wheels(supervisor->stalled_s, config, estimate, last->voltage_V);
     faults |= supervise_supply(&supervisor->battery_ticks, &config->limits, inputs, estimate->supply_V);
