@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ _POINT_M = 0.03
 _AVERAGED = 8
 """Places of the line that make up a point: a hand that shakes shakes less."""
 _PREVIEW_POINTS = 300
+_FARTHEST_M = 1e4
 _LEAST_PERIOD_S = 0.5
 """The smallest TRJ_PERIOD."""
 
@@ -63,6 +65,8 @@ class Preview:
     line: NDArray[np.float64]
     duration_s: float
     """From the path's beginning to its end; infinite for endless laps."""
+    way_s: float
+    """The way to its beginning takes so long."""
     slowed: float
     """Times slower than asked for, at least 1."""
 
@@ -120,31 +124,29 @@ def preview(path: DrawnPath, values: Mapping[str, float], table: ParameterTable,
     timing = plan.timing
     endless = path.laps == 0.0
     duration_s = math.inf if endless else (2 * timing.ramp_ns + timing.cruise_ns) * 1e-9
-    return Preview(np.array(line), duration_s, max(1.0, float(plan.scale)))
+    return Preview(np.array(line), duration_s, float(plan.lead_in_s), max(1.0, float(plan.scale)))
 
 
 def read_line(path: Path) -> list[list[float]]:
-    """Return the positions of a CSV file: x and y [m] in the first two columns; a heading line is left out.
+    """Return the positions of a CSV file: x and y [m] in the first two columns, with decimal points.
 
-    Raises DrawnPathError.
+    Columns are parted by commas, or by semicolons or tabs. One heading line is left out. Raises DrawnPathError.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise DrawnPathError(f"{path}: cannot be read: {error}") from error
-    found = []
-    for number, words in enumerate(text.splitlines(), 1):
-        cells = [cell for cell in words.replace(";", ",").replace("\t", ",").split(",") if cell.strip()]
-        if not cells or words.lstrip().startswith("#"):
-            continue
+    lines = [(number, words) for number, words in enumerate(text.splitlines(), 1) if words.strip() and words[0] != "#"]
+    found: list[list[float]] = []
+    for place, (number, words) in enumerate(lines):
         try:
-            found.append([float(cell) for cell in cells[:2]])
+            x, y = (float(cell) for cell in re.split(r"[;\t]" if re.search(r"[;\t]", words) else ",", words)[:2])
         except ValueError:
-            if not found:
+            if place == 0 and re.search(r"[A-Za-z]", words):
                 continue
-            raise DrawnPathError(f"{path}:{number}: {words.strip()!r} is not x, y in metres") from None
-        if len(cells) < 2:
-            raise DrawnPathError(f"{path}:{number}: {words.strip()!r} is not x, y in metres")
+            hint = "two numbers with decimal points, like 0.5, 0.25"
+            raise DrawnPathError(f"{path}:{number}: {words.strip()!r} is not x, y in metres", hint=hint) from None
+        found.append([x, y])
     if not found:
         raise DrawnPathError(f"{path}: has no points", hint="a line per point: x, y in metres")
     return found
@@ -157,8 +159,8 @@ def _checked(line: Sequence[Sequence[float]]) -> NDArray[np.float64]:
         given = np.array([[float(x), float(y)] for x, y in line])
     except (TypeError, ValueError):
         raise DrawnPathError("each point of a path is x and y in metres") from None
-    if not np.isfinite(given).all():
-        raise DrawnPathError("the points of a path have to be finite numbers")
+    if not (np.abs(given) <= _FARTHEST_M).all():
+        raise DrawnPathError(f"the points of a path have to be numbers up to {_FARTHEST_M:g} m")
     return given
 
 

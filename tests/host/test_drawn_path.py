@@ -53,7 +53,8 @@ def test_a_hand_that_shakes_shakes_less() -> None:
         ([(0.0, 0.0)], 1.0, "2 to 20000 points, not 1"),
         ([(0.0, 0.0)] * 20_001, 1.0, "not 20001"),
         ([(0.0, 0.0), (0.01, 0.0)], 1.0, "0.010 m long"),
-        ([(0.0, 0.0), (math.nan, 0.0)], 1.0, "finite"),
+        ([(0.0, 0.0), (math.nan, 0.0)], 1.0, "numbers up to 10000 m"),
+        ([(0.0, 0.0), (1e308, 1e308), (-1e308, 0.0)], 1.0, "numbers up to 10000 m"),
         ([(0.0, 0.0), (1.0,)], 1.0, "x and y"),
         ([(0.0, 0.0), ("a", "b")], 1.0, "x and y"),
         ([(0.0, 0.0), (1.0, 0.0)], 0.0, "speed"),
@@ -66,9 +67,12 @@ def test_what_is_no_path_is_refused(line: list[tuple[float, float]], speed: floa
 
 
 def test_the_preview_is_what_the_core_plans() -> None:
-    slow = preview(drawn_path(CIRCLE, 0.2), VALUES, TABLE, Pose(1.0, 0.0, 0.0))
+    circle = drawn_path(CIRCLE, 0.2)
+    slow = preview(circle, VALUES, TABLE, circle.points[0])
     assert np.hypot(*slow.line.T) == pytest.approx(np.ones(len(slow.line)), abs=0.01)
     assert slow.slowed == pytest.approx(1.0)
+    assert slow.way_s == 0.0
+    assert preview(drawn_path(CIRCLE, 0.2), VALUES, TABLE, Pose(0.0, 0.0, 0.0)).way_s > 1.0
     assert slow.duration_s == pytest.approx(2 * math.pi / 0.2 + VALUES["TRJ_RAMP"], rel=0.01)
     fast = preview(drawn_path(CIRCLE, 50.0), VALUES, TABLE, Pose(1.0, 0.0, 0.0))
     assert fast.slowed > 10.0
@@ -79,10 +83,20 @@ def test_a_file_is_read_with_or_without_a_heading_line(tmp_path: Path) -> None:
     file = tmp_path / "line.csv"
     file.write_text("x,y\n# a comment\n0,0\n0.5; 0.1\n1\t0.2\n\n", encoding="utf-8")
     assert read_line(file) == [[0.0, 0.0], [0.5, 0.1], [1.0, 0.2]]
+    file.write_text("0.1,0.2,heading\n0.3,0.4,0\n", encoding="utf-8-sig")
+    assert read_line(file) == [[0.1, 0.2], [0.3, 0.4]], "the mark that spreadsheets put first is no heading line"
 
 
 @pytest.mark.parametrize(
-    ("text", "words"), [("", "no points"), ("x,y\n0,0\n1,a\n", ":3: '1,a' is not"), ("0,0\n1\n", ":2: '1' is not")]
+    ("text", "words"),
+    [
+        ("", "no points"),
+        ("x,y\n0,0\n1,a\n", ":3: '1,a' is not"),
+        ("0,0\n1\n", ":2: '1' is not"),
+        ("0,5;0,25\n", ":1: '0,5;0,25' is not"),
+        (",0.1,0.2\n", ":1: ',0.1,0.2' is not"),
+        ("x,y\nmetres,metres\n0,0\n", ":2: 'metres,metres' is not"),
+    ],
 )
 def test_a_file_that_is_no_line_is_refused(tmp_path: Path, text: str, words: str) -> None:
     file = tmp_path / "line.csv"

@@ -203,6 +203,13 @@ def test_a_path_that_is_too_short_is_refused_in_words(page: Page) -> None:
     assert page.is_disabled("#follow-line")
 
 
+def test_a_path_is_not_begun_behind_a_persons_back(page: Page) -> None:
+    """A robot that is not armed would begin it at the next Arm."""
+    page.select_option("#path", "circle")
+    page.click("#start-path")
+    until(page, "document.getElementById('notice').textContent.includes('press Arm first')")
+
+
 def test_keys_drive_as_long_as_they_are_held(page: Page) -> None:
     arm(page)
     page.check("#keys")
@@ -228,6 +235,8 @@ def test_a_gamepad_drives_turns_and_stops(page: Page) -> None:
     page.check("#gamepad")
     until(page, "document.getElementById('gamepad-text').textContent.includes('press a button')")
     x, _, theta = page.evaluate("studio.state.robot.pose")
+    page.evaluate(PAD, {"axes": [0, 0, 0, 0]})
+    until(page, "document.getElementById('gamepad-text').textContent === 'Test pad'")
     page.evaluate(PAD, {"axes": [0, -1, 0, 0]})
     until(page, f"robot.pose[0] > {x} + 0.02")
     page.evaluate(PAD, {"axes": [0.05, 0.1, -1, 0]})  # the left stick rests
@@ -236,7 +245,17 @@ def test_a_gamepad_drives_turns_and_stops(page: Page) -> None:
     until(page, "document.getElementById('key-text').textContent === ''")
     page.evaluate(PAD, {"axes": [0, -1, 0, 0], "button": 1})
     until(page, "robot.state === 'estop'")
+    page.evaluate(PAD, {"axes": [0, -1, 0, 0]})  # still held
+    page.click("#release")
+    until(page, "robot.state === 'disarmed'")
+    arm(page)
+    until(page, "document.getElementById('gamepad-text').textContent === 'let go of the sticks first'")
+    x = page.evaluate("studio.state.robot.pose[0]")
+    newest = page.evaluate("studio.plots.newest")
+    until(page, f"studio.plots.newest > {newest} + 1")
+    assert abs(page.evaluate("studio.state.robot.pose[0]") - x) < 0.02
     page.evaluate(PAD, {"axes": [0, 0, 0, 0]})
+    until(page, "document.getElementById('gamepad-text').textContent === 'Test pad'")
     page.uncheck("#gamepad")
 
 

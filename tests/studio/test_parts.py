@@ -25,7 +25,7 @@ from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
 from omniwheel.studio.urgent_link import UrgentLink
-from omniwheel.studio.work_queue import WorkQueue
+from omniwheel.studio.work_queue import SETPOINT, STOPS, WorkQueue
 from omniwheel.telemetry import Battery, Tracking, Wheels
 
 
@@ -309,12 +309,58 @@ def test_a_stop_is_sent_though_a_page_that_asked_for_something_has_gone() -> Non
 
 def test_of_set_points_only_the_newest_waits_and_the_order_stays() -> None:
     queue = WorkQueue()
-    first = queue.put(lambda _: "old", is_setpoint=True)
+    first = queue.put(lambda _: "old", kind=SETPOINT)
     path = queue.put(lambda _: "path")
-    newest = queue.put(lambda _: "new", is_setpoint=True)
+    newest = queue.put(lambda _: "new", kind=SETPOINT)
     assert first.result(timeout=0.0) is None
     taken = [queue.get(), queue.get(), queue.get()]
     assert [work and work.future for work in taken] == [path, newest, None]
+
+
+def test_a_stop_that_waits_for_its_confirmation_is_not_dropped() -> None:
+    queue = WorkQueue()
+    path, stop = queue.put(lambda _: "path"), queue.put(lambda _: "stop", kind=STOPS[1])
+    queue.drop()
+    assert isinstance(path.exception(timeout=0.0), LinkError)
+    taken = queue.get()
+    assert taken is not None
+    assert taken.future is stop
+
+
+def test_what_is_urgent_is_done_though_something_before_it_raised() -> None:
+    inner = SilentLink()
+    link = UrgentLink(inner)
+
+    def raises() -> None:
+        raise LinkError("planted")
+
+    link.interrupt(raises)
+    link.interrupt(lambda: link.write(b"stop"))
+    with pytest.raises(LinkError, match="planted"):
+        link.read(0.0)
+    link.read(0.0)
+    assert inner.written == [b"stop"]
+
+
+def test_what_moves_is_ended_by_a_stop_between_two_of_its_commands() -> None:
+    """Waypoints are sent one by one. A stop in the middle ends that, and nothing starts afterwards."""
+    link = UrgentLink(SilentLink())
+    session = Session("silent")
+    session._link, session.phase = link, "connected"
+    session.robot = Robot(Connection(link, heartbeat=False), table=load_parameters(params_path()))
+    done: list[int] = []
+
+    def upload(robot: Robot) -> None:
+        for number in range(32):
+            if number == 3:
+                session.stop_now()
+            link.read(0.0)
+            done.append(number)
+
+    future = session.do_long(upload)
+    session._do_next(session.robot)
+    assert isinstance(future.exception(timeout=0.0), LinkError)
+    assert done == [0, 1, 2]
 
 
 def test_an_error_of_its_own_does_not_end_the_robots_thread(monkeypatch: pytest.MonkeyPatch) -> None:

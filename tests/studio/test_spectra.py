@@ -52,6 +52,12 @@ def test_too_few_samples_are_refused_with_what_to_do() -> None:
     assert "longer stretch" in caught.value.hint
 
 
+def test_a_gap_of_days_does_not_fill_the_memory() -> None:
+    time_s = np.concatenate([np.arange(0.0, 1.0, 0.005), 1e6 + np.arange(0.0, 1.0, 0.005)])
+    with pytest.raises(TooFewSamplesError, match="too few samples for 1000001 s"):
+        spectrum(trace_of(time_s, np.zeros(len(time_s))))
+
+
 def test_each_limit_is_a_parameter_in_the_unit_of_its_signals() -> None:
     table = parameter_table()
     signals = {signal.key: signal for signal in all_signals(4)}

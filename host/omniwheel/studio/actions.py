@@ -81,6 +81,7 @@ def _preview_path(robot: Robot, _edits: Edits, request: Request) -> dict[str, An
     return {
         "line": np.round(seen.line, 4).tolist(),
         "length_m": round(path.length_m, 3),
+        "way_s": round(seen.way_s, 1),
         "duration_s": finite(round(seen.duration_s, 1)),
         "slowed": round(seen.slowed, 3),
     }
@@ -132,5 +133,7 @@ ACTIONS: dict[str, Callable[[Robot, Edits, Request], Any]] = {
 """By the name that the page uses. Stop and disarm are not here: they wait for nothing (:class:`Session`)."""
 SETPOINTS = frozenset({"velocity", "pose"})
 """What the page repeats: only the newest counts."""
+MOVES = frozenset({"arm", "start_trajectory", "follow_line"})
+"""What leads to motion by several commands: a stop or the loss of the page ends it between two of them."""
 FOR_EVERY_PAGE = frozenset({"stop_trajectory"})
 """What a page may ask that only watches."""

@@ -30,12 +30,13 @@ from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
 from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
-from omniwheel.studio.actions import BadRequestError, number_of
+from omniwheel.studio.actions import ACTIONS, BadRequestError, number_of
 from omniwheel.studio.parameter_view import values_as_json
 from omniwheel.studio.runs import Runs
 from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
 
 PAGE_DIR = Path(__file__).parent / "page"
+_STOP_FIRST = "not done: a stop came first"
 _LOG = logging.getLogger(__name__)
 FRAME_S = 1 / 60
 NEWS_EVERY = 6
@@ -190,14 +191,22 @@ class StudioServer:
         if action in ("stop", "disarm"):
             await self._answered(page, action, request, outbox)
             return
-        task = asyncio.create_task(self._answered(page, action, request, outbox))
+        task = asyncio.create_task(self._answered(page, action, request, outbox, self.studio.stops))
         waiting.add(task)
         task.add_done_callback(waiting.discard)
 
     async def _answered(
-        self, page: Page, action: str, request: Mapping[str, Any], outbox: asyncio.Queue[str | bytes]
+        self,
+        page: Page,
+        action: str,
+        request: Mapping[str, Any],
+        outbox: asyncio.Queue[str | bytes],
+        stops: int | None = None,
     ) -> None:
+        """Do what a page asked for; ``stops`` is how many stops had been asked for before, None for a stop."""
         try:
+            if stops is not None and stops < self.studio.stops and action in (*ACTIONS, "experiment"):
+                raise BadRequestError(_STOP_FIRST)
             local = self._local.get(action)
             if local is not None:
                 result = await local(page, request)
@@ -273,7 +282,10 @@ class StudioServer:
         self.studio.change_world(page, request)
 
     async def _experiment(self, page: Page, request: Mapping[str, Any]) -> Any:
+        stops = self.studio.stops
         await asyncio.to_thread(experiments.prepare)
+        if stops < self.studio.stops:
+            raise BadRequestError(_STOP_FIRST)
         future = self.studio.experiment(page, request)
         return None if future is None else await asyncio.wrap_future(future)
 

@@ -23,7 +23,7 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.signals import KINDS
 from omniwheel.studio.urgent_link import UrgentLink
-from omniwheel.studio.work_queue import WorkQueue
+from omniwheel.studio.work_queue import SETPOINT, STOPS, WorkQueue
 from omniwheel.telemetry import Control, StatusText, decode
 
 _LOG = logging.getLogger(__name__)
@@ -112,7 +112,7 @@ class Session:
         A set-point that still waits when a newer one comes is left out.
         """
         if self.phase == "connected":
-            return self._work.put(work, is_setpoint=is_setpoint)
+            return self._work.put(work, kind=SETPOINT if is_setpoint else "")
         future: Future[T] = Future()
         future.set_exception(LinkLostError("no robot is connected", hint=self.trouble))
         return future
@@ -129,8 +129,12 @@ class Session:
 
         If there is none, the next one that is heard on this link is stopped.
         """
-        self._stop_wanted = self.robot is None
-        return self._at_once(mavlink.MAV_CMD_OMNI_ESTOP, (1.0, 0.0), Robot.estop)
+        self._stop_wanted = True
+        return self._at_once(mavlink.MAV_CMD_OMNI_ESTOP, (1.0, 0.0), self._confirm_stop)
+
+    def _confirm_stop(self, robot: Robot) -> None:
+        robot.estop()
+        self._stop_wanted = False
 
     def disarm_now(self) -> bool:
         """The same with disarming."""
@@ -161,7 +165,7 @@ class Session:
 
         link.interrupt(urgent)
         self._work.drop()
-        self._work.put(until_confirmed)
+        self._work.put(until_confirmed, kind=STOPS[command == mavlink.MAV_CMD_OMNI_ESTOP])
         return True
 
     # ---- the robot's thread
@@ -187,8 +191,7 @@ class Session:
         with connect(link, timeout_s=CONNECT_TIMEOUT_S, stop_at_once=self._stop_wanted) as robot:
             self._link, self.robot = link, robot
             if self._stop_wanted:
-                robot.estop()
-                self._stop_wanted = False
+                self._confirm_stop(robot)
             robot.require_same_parameters()
             robot.connection.add_listener(self._take)
             robot.parameters.download()

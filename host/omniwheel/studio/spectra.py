@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.errors import OmniError
-from omniwheel.studio.samples import Trace
+from omniwheel.studio.samples import CAPACITY, Trace
 
 LEAST_SAMPLES = 16
+MOST_SAMPLES = 2 * CAPACITY
+"""With those that stand for missing ones."""
 MOST_LINES = 1000
 """Of a spectrum. Where there are more, the largest of neighbours is kept."""
 
@@ -56,6 +58,9 @@ def spectrum(trace: Trace) -> Spectrum:
         raise TooFewSamplesError(f"{trace.key} has {len(time_s)} samples here; {LEAST_SAMPLES} are needed", hint=hint)
     step_s = float(np.median(np.diff(time_s)))
     count = 1 + round((time_s[-1] - time_s[0]) / step_s)
+    if count > MOST_SAMPLES:
+        hint = "choose a stretch without long gaps"
+        raise TooFewSamplesError(f"{trace.key} has too few samples for {time_s[-1] - time_s[0]:.0f} s", hint=hint)
     even_s = time_s[0] + step_s * np.arange(count)
     value = np.interp(even_s, time_s, trace.value[keep].astype(np.float64))
     value = value - np.polyval(np.polyfit(even_s - even_s[0], value, 1), even_s - even_s[0])

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omniwheel.errors import OmniError
-from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, SETPOINTS, BadRequestError
+from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
 from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
@@ -155,6 +155,11 @@ class Studio:
         """Emergency stop, before everything; return whether a robot could be told."""
         return self.session is not None and self.session.stop_now()
 
+    @property
+    def stops(self) -> int:
+        """How often the robot was to be stopped or disarmed from here."""
+        return 0 if self.session is None else self.session.stops
+
     def disarm(self) -> bool:
         """Disarm, before everything; return whether a robot could be told."""
         return self.session is not None and self.session.disarm_now()
@@ -170,6 +175,8 @@ class Studio:
         if session is None:
             raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
         self.experiments.require_idle()
+        if action in MOVES:
+            return session.do_long(lambda robot: work(robot, _edits(session), request))
         return session.do(lambda robot: work(robot, _edits(session), request), is_setpoint=action in SETPOINTS)
 
     # ---- what a page is told
@@ -206,9 +213,12 @@ class Studio:
         if session is None:
             return []
         wanted = [known[key] for key in keys if key in known]
-        with session.lock:
-            traces = [session.store.window(signal, begin_s, end_s, CAPACITY) for signal in wanted]
-        return [spectrum(trace).as_json() for trace in traces]
+        found = []
+        for signal in wanted:
+            with session.lock:  # the robot's thread waits for it: one signal at a time
+                trace = session.store.window(signal, begin_s, end_s, CAPACITY)
+            found.append(spectrum(trace).as_json())
+        return found
 
     def new_samples(self, page: Page) -> bytes:
         """Return what came since the last call for the signals that a page shows; b"" if nothing."""

@@ -58,7 +58,9 @@ class UrgentLink:
         self._link.close()
 
     def _do_urgent(self) -> None:
-        with self._lock:
-            actions, self._urgent = self._urgent, []
-        for action in actions:
-            action()
+        while True:
+            with self._lock:
+                if not self._urgent:
+                    return
+                action = self._urgent.pop(0)
+            action()  # what it raises leaves the others for the next read

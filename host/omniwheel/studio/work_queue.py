@@ -14,6 +14,9 @@ from omniwheel.errors import LinkError
 from omniwheel.robot import Robot
 
 T = TypeVar("T")
+SETPOINT = "set-point"
+STOPS = ("disarm", "stop")
+"""Kinds of work of which only the newest waits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,22 +24,25 @@ class Work:
     """One thing to do with the robot, and who waits for it."""
 
     call: Callable[[Robot], Any]
-    is_setpoint: bool
+    kind: str
     future: Future[Any] = field(default_factory=Future)
 
 
 class WorkQueue:
-    """First in, first out. Of set-points only the newest waits: a robot must not follow old ones, one by one."""
+    """First in, first out. Of set-points only the newest waits: a robot must not follow old ones, one by one.
+
+    Stops that wait for their confirmation are never dropped.
+    """
 
     def __init__(self) -> None:
         self._waiting: deque[Work] = deque()
         self._lock = threading.Lock()
 
-    def put(self, call: Callable[[Robot], T], *, is_setpoint: bool = False) -> Future[T]:
-        """Add something. A set-point takes the place of those that wait; they count as done."""
-        work = Work(call, is_setpoint)
+    def put(self, call: Callable[[Robot], T], *, kind: str = "") -> Future[T]:
+        """Add something. Of a ``kind`` only the newest waits; the others count as done."""
+        work = Work(call, kind)
         with self._lock:
-            overtaken = [other for other in self._waiting if is_setpoint and other.is_setpoint]
+            overtaken = [other for other in self._waiting if kind and other.kind == kind]
             for other in overtaken:
                 self._waiting.remove(other)
             self._waiting.append(work)
@@ -56,6 +62,11 @@ class WorkQueue:
                 return work
 
     def drop(self) -> None:
-        """Forget everything that waits, and tell those who asked."""
-        while (work := self.get()) is not None:
-            work.future.set_exception(LinkError("not done: a stop came first, or the link was lost"))
+        """Forget everything that waits but stops, and tell those who asked."""
+        with self._lock:
+            dropped = [work for work in self._waiting if work.kind not in STOPS]
+            for work in dropped:
+                self._waiting.remove(work)
+        for work in dropped:
+            if work.future.set_running_or_notify_cancel():
+                work.future.set_exception(LinkError("not done: a stop came first, or the link was lost"))

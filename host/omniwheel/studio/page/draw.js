@@ -4,11 +4,13 @@
 const id = (name) => document.getElementById(name);
 
 export class DrawnPath {
-  constructor(map, ask) {
+  /** @param armed function: whether the robot is armed; it says so if not */
+  constructor(map, ask, armed) {
     this.map = map;
     this.ask = ask; // (action, content) => result, undefined if it was refused; the refusal is shown
     id("draw").onclick = () => this.#draw(!map.drawing);
     id("follow-line").onclick = () => {
+      if (!armed()) return;
       map.cancel();
       this.ask("follow_line", this.#request());
     };
@@ -54,8 +56,9 @@ export class DrawnPath {
   }
 }
 
-function in_words({ length_m, duration_s, slowed }) {
-  const time = duration_s === null ? "without end" : `${duration_s.toFixed(1)} s`;
+function in_words({ length_m, duration_s, way_s, slowed }) {
+  const way = way_s > 0 ? `, and ${way_s.toFixed(1)} s to its beginning` : "";
+  const time = (duration_s === null ? "without end" : `${duration_s.toFixed(1)} s`) + way;
   const slower = slowed > 1.01 ? `, ${slowed.toFixed(1)} times slower than asked for: the limits of the robot` : "";
   return `${length_m.toFixed(2)} m, ${time}${slower}`;
 }

@@ -11,6 +11,7 @@ export class Gamepad {
   #timer = null;
   #stopping = false;
   #driving = false;
+  #mustRest = true; // what was held before arming, or through a stop, moves nothing
 
   constructor(velocity, on) {
     this.velocity = velocity;
@@ -18,7 +19,11 @@ export class Gamepad {
     document.addEventListener("visibilitychange", () => document.hidden && this.#rest(""));
   }
 
+  /** Nothing is driven until the sticks have rested once. */
+  mustRest() { this.#mustRest = true; }
+
   enable(on) {
+    this.mustRest();
     clearInterval(this.#timer);
     this.#timer = on ? setInterval(() => this.#look(), POLL_MS) : null;
     if (!on) this.#rest("");
@@ -34,7 +39,10 @@ export class Gamepad {
     if (pressed && !this.#stopping) this.on.stop();
     this.#stopping = pressed;
     const [x, y, turn] = [-pad.axes[LEFT_Y], -pad.axes[LEFT_X], -pad.axes[RIGHT_X]].map(beyond_dead_zone);
-    if (pressed || document.hidden || (x === 0 && y === 0 && turn === 0)) this.#rest(pad.id);
+    const resting = x === 0 && y === 0 && turn === 0;
+    if (resting) this.#mustRest = false;
+    if (this.#mustRest && !resting) this.#rest("let go of the sticks first");
+    else if (pressed || document.hidden || resting) this.#rest(pad.id);
     else this.#drive([x, y, turn]);
   }
 

@@ -41,7 +41,7 @@ const map = new FloorMap(id("map"), socket, {
   drawn: () => drawn.drawn(),
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
-const drawn = new DrawnPath(map, ask);
+const drawn = new DrawnPath(map, ask, armed);
 const experiments = new Experiments(socket);
 const simulator = new Simulator(id("simulator"), ask);
 const velocity = new HeldVelocity(socket, { refused: say, moving: (words) => put("key-text", words) });
@@ -107,6 +107,7 @@ function show_state(now) {
   }
   experiments.state(now);
   simulator.state(now?.world ?? null);
+  if (!robot?.armed) gamepad.mustRest();
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
   if (robot?.pose) {
@@ -135,6 +136,7 @@ const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 function stop() {
   map.cancel();
   keys.stop();
+  gamepad.mustRest();
   velocity.letGo();
   ask("stop").then((result) => {
     if (result && !result.told) say("No robot is connected: nothing could be stopped from here.");
@@ -159,7 +161,13 @@ for (const button of document.querySelectorAll(".stop")) { // one in each window
   button.onpointerdown = stop; // already when the finger comes down
 }
 id("arm").onclick = () => ask("arm");
-id("disarm").onclick = () => { map.cancel(); keys.stop(); ask("disarm"); };
+id("disarm").onclick = () => {
+  map.cancel();
+  keys.stop();
+  gamepad.mustRest();
+  velocity.letGo();
+  ask("disarm");
+};
 id("release").onclick = () => ask("release");
 id("take-over").onclick = () => ask("take_over");
 for (const name of ["undo", "redo"]) id(name).onclick = () => ask(name);
@@ -193,6 +201,7 @@ id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.sto
 id("gamepad").onchange = (event) => gamepad.enable(event.target.checked);
 id("key-speed").oninput = (event) => { velocity.share = Number(event.target.value) / 100; };
 id("start-path").onclick = () => {
+  if (!armed()) return;
   map.cancel();
   ask("start_trajectory", { type: id("path").value, laps: Number(id("laps").value) });
 };
@@ -206,11 +215,14 @@ function fill_target({ x, y, theta }) {
   id("target-theta").value = degrees(theta);
 }
 
+function armed() {
+  if (state?.robot?.armed) return true;
+  say("The robot is not armed: press Arm first.");
+  return false;
+}
+
 function start_going() {
-  if (!state?.robot?.armed) {
-    say("The robot is not armed: press Arm, then Drive there.");
-    return;
-  }
+  if (!armed()) return;
   say("");
   map.go({
     x: Number(id("target-x").value),
