@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from omniwheel import files
 from omniwheel.emulated_firmware import EMULATOR
 from tests.arm import COMPILERS, build_program, run_program
 from tests.native import ROOT, core_archive, generated_dir
@@ -70,7 +71,7 @@ def build(name: str, sources: Sequence[Path], flags: Sequence[str] = (), archive
         if old or not words.exists() or words.read_text() != shlex.join(command):
             words.unlink(missing_ok=True)
             call(command)
-            words.write_text(shlex.join(command))
+            files.write_text(words, shlex.join(command))
         return target
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
