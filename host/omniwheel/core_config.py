@@ -32,11 +32,14 @@ def refused_parameters(values: Sequence[float], table: ParameterTable, bad_index
     return CoreError(f"{parameter.name} = {values[bad_index]:g} cannot be used; allowed is {parameter.allowed}")
 
 
-def plan_trajectory(config: Any, pose: Any) -> Any:
-    """Return a new ``omni_trajectory_t`` from ``pose`` (omni_pose_t *); raise CoreError if it cannot be planned."""
+def plan_trajectory(config: Any, pose: Any, waypoints: Any = ffi.NULL) -> Any:
+    """Return a new ``omni_trajectory_t`` from ``pose`` (omni_pose_t *); raise CoreError if it cannot be planned.
+
+    ``waypoints`` (omni_waypoints_t *) are for the paths that need some.
+    """
     plan = ffi.new("omni_trajectory_t *")
     result = lib.omni_trajectory_plan(
-        plan, ffi.addressof(config, "trajectory"), ffi.addressof(config, "kinematics"), ffi.NULL, pose
+        plan, ffi.addressof(config, "trajectory"), ffi.addressof(config, "kinematics"), waypoints, pose
     )
     if result != lib.OMNI_OK:
         raise CoreError(PLAN_REFUSED)

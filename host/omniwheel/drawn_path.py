@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omni_schema import ParameterTable
 from omniwheel._core import ffi, lib
-from omniwheel.core_config import robot_config
+from omniwheel.core_config import plan_trajectory, robot_config
 from omniwheel.errors import OmniError
 from omniwheel.frames import Pose
 from omniwheel.robot import Robot
@@ -100,7 +100,7 @@ def drawn_path(
 def preview(path: DrawnPath, values: Mapping[str, float], table: ParameterTable, at: Pose) -> Preview:
     """Return how a robot with these parameters, now ``at`` a pose, would drive a path.
 
-    The control core itself plans it, as it does on the robot. Raises CoreError, DrawnPathError.
+    The control core itself plans it, as it does on the robot. Raises CoreError.
     """
     config = robot_config(values, table, 0)
     trajectory = config.trajectory
@@ -109,13 +109,7 @@ def preview(path: DrawnPath, values: Mapping[str, float], table: ParameterTable,
     points.count = len(path.points)
     for number, point in enumerate(path.points):
         points.pose[number] = point
-    plan = ffi.new("omni_trajectory_t *")
-    kinematics = ffi.addressof(config, "kinematics")
-    result = lib.omni_trajectory_plan(
-        plan, ffi.addressof(config, "trajectory"), kinematics, points, ffi.new("omni_pose_t *", tuple(at))
-    )
-    if result != lib.OMNI_OK:
-        raise DrawnPathError("the robot could not drive this path", hint="check the TRJ_ and LIM_ parameters")
+    plan = plan_trajectory(config, ffi.new("omni_pose_t *", tuple(at)), points)
     pose, rate, change = ffi.new("omni_pose_t *"), ffi.new("omni_twist_t *"), ffi.new("omni_twist_t *")
     line = []
     for time_s in np.linspace(0.0, path.period_s * (1.0 if path.laps == 0.0 else min(1.0, path.laps)), _PREVIEW_POINTS):

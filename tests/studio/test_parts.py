@@ -25,7 +25,7 @@ from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
 from omniwheel.studio.urgent_link import UrgentLink
-from omniwheel.studio.work_queue import SETPOINT, STOPS, WorkQueue
+from omniwheel.studio.work_queue import SETPOINT, STOP, WorkQueue
 from omniwheel.telemetry import Battery, Tracking, Wheels
 
 
@@ -319,7 +319,7 @@ def test_of_set_points_only_the_newest_waits_and_the_order_stays() -> None:
 
 def test_a_stop_that_waits_for_its_confirmation_is_not_dropped() -> None:
     queue = WorkQueue()
-    path, stop = queue.put(lambda _: "path"), queue.put(lambda _: "stop", kind=STOPS[1])
+    path, stop = queue.put(lambda _: "path"), queue.put(lambda _: "stop", kind=STOP)
     queue.drop()
     assert isinstance(path.exception(timeout=0.0), LinkError)
     taken = queue.get()

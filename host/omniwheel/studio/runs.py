@@ -84,9 +84,7 @@ class Runs:
         if request.get("on") is not True:
             await asyncio.to_thread(self._studio.recorder.stop)
             return None
-        session = self._studio.session
-        if session is None:
-            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        session = self._studio.require_session()
         self._studio.experiments.require_idle()  # it keeps a log of its own
         return await asyncio.to_thread(self._studio.recorder.start, session)
 

@@ -299,8 +299,7 @@ class StudioServer:
 
     async def _change(self, page: Page, change: Callable[[], None]) -> None:
         """Connect or disconnect; one at a time, and other pages are served meanwhile."""
-        if self.studio.commanding is not page:
-            raise BadRequestError("another page commands", hint="press Take over first")
+        self.studio.require_command(page)
         async with self._changing:
             await asyncio.to_thread(change)
 

@@ -23,7 +23,7 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.signals import KINDS
 from omniwheel.studio.urgent_link import UrgentLink
-from omniwheel.studio.work_queue import SETPOINT, STOPS, WorkQueue
+from omniwheel.studio.work_queue import DISARM, SETPOINT, STOP, WorkQueue
 from omniwheel.telemetry import Control, StatusText, decode
 
 _LOG = logging.getLogger(__name__)
@@ -130,7 +130,7 @@ class Session:
         If there is none, the next one that is heard on this link is stopped.
         """
         self._stop_wanted = True
-        return self._at_once(mavlink.MAV_CMD_OMNI_ESTOP, (1.0, 0.0), self._confirm_stop)
+        return self._at_once(STOP, mavlink.MAV_CMD_OMNI_ESTOP, (1.0, 0.0), self._confirm_stop)
 
     def _confirm_stop(self, robot: Robot) -> None:
         robot.estop()
@@ -138,7 +138,7 @@ class Session:
 
     def disarm_now(self) -> bool:
         """The same with disarming."""
-        return self._at_once(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE), Robot.disarm)
+        return self._at_once(DISARM, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE), Robot.disarm)
 
     def record(self, recorder: Recorder) -> Robot:
         """Give every frame of this connection to ``recorder`` from now on; return the robot. Raises LinkLostError."""
@@ -148,7 +148,9 @@ class Session:
         link.interrupt(lambda: setattr(robot.connection, "recorder", recorder))
         return robot
 
-    def _at_once(self, command: int, numbers: tuple[float, float], until_confirmed: Callable[[Robot], None]) -> bool:
+    def _at_once(
+        self, kind: str, command: int, numbers: tuple[float, float], until_confirmed: Callable[[Robot], None]
+    ) -> bool:
         self.stops += 1
         robot, link = self.robot, self._link
         if robot is None or link is None:
@@ -165,7 +167,7 @@ class Session:
 
         link.interrupt(urgent)
         self._work.drop()
-        self._work.put(until_confirmed, kind=STOPS[command == mavlink.MAV_CMD_OMNI_ESTOP])
+        self._work.put(until_confirmed, kind=kind)
         return True
 
     # ---- the robot's thread

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from omniwheel._core import lib
 from omniwheel.capability.speeds import top_speed, top_turn_rate
 from omniwheel.plain import finite
 from omniwheel.robot import Robot
@@ -14,8 +15,6 @@ from omniwheel.studio.session import Session
 
 _DIGITS = 5
 _DIRECTIONS = 72
-NEED_POINTS = ("waypoints", "spline")
-"""Paths that are drawn on the map, or uploaded by a program."""
 
 
 def link_state(session: Session | None) -> dict[str, Any]:
@@ -61,7 +60,11 @@ def shape_as_json(robot: Robot) -> dict[str, Any]:
             "v": min(top_speed(model, angle).value for angle in directions),
             "w": top_turn_rate(model).value,
         },
-        "paths": [name for name in robot.table["TRJ_TYPE"].values if name not in NEED_POINTS],
+        "paths": [
+            name  # the others are drawn on the map, or uploaded by a program
+            for name, number in robot.table["TRJ_TYPE"].values.items()
+            if not lib.omni_trajectory_needs_waypoints(number)
+        ],
     }
 
 

@@ -128,10 +128,20 @@ class Studio:
         self.simulated = SimulatedRobot(scenario, robot, seed)
         self._begin(self.simulated.url)
 
-    def change_world(self, page: Page, request: Mapping[str, Any]) -> None:
-        """Break or mend something in the simulated world, or change its speed. Raises BadRequestError, LinkError."""
+    def require_command(self, page: Page) -> None:
+        """Raise BadRequestError for a page that only watches."""
         if page is not self.commanding:
             raise BadRequestError("another page commands", hint="press Take over first")
+
+    def require_session(self) -> Session:
+        """Return the session with a robot. Raises BadRequestError."""
+        if self.session is None:
+            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        return self.session
+
+    def change_world(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Break or mend something in the simulated world, or change its speed. Raises BadRequestError, LinkError."""
+        self.require_command(page)
         if self.simulated is None:
             raise BadRequestError("the robot is not simulated here")
         if "speed" in request:
@@ -140,15 +150,13 @@ class Studio:
 
     def experiment(self, page: Page, request: Mapping[str, Any]) -> Future[Any] | None:
         """Begin an experiment; without ``"start": true`` only say what it will use. Raises BadRequestError."""
-        if page is not self.commanding:
-            raise BadRequestError("another page commands", hint="press Take over first")
-        if self.session is None:
-            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        self.require_command(page)
+        session = self.require_session()
         if request.get("start") is not True:
-            return self.experiments.needs(self.session, request)
+            return self.experiments.needs(session, request)
         if self.simulated is not None and self.simulated.speed != 1.0:
             raise BadRequestError("the simulation is not in real time", hint="an experiment needs real time")
-        self.experiments.start(self.session, request)
+        self.experiments.start(session, request)
         return None
 
     def stop(self) -> bool:
@@ -169,11 +177,9 @@ class Studio:
         work = ACTIONS.get(action)
         if work is None:
             raise BadRequestError(f"there is nothing called {action!r} to do")
-        if page is not self.commanding and action not in FOR_EVERY_PAGE:
-            raise BadRequestError("another page commands", hint="press Take over first")
-        session = self.session
-        if session is None:
-            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+        if action not in FOR_EVERY_PAGE:
+            self.require_command(page)
+        session = self.require_session()
         self.experiments.require_idle()
         if action in MOVES:
             return session.do_long(lambda robot: work(robot, _edits(session), request))

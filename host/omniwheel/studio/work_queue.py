@@ -14,8 +14,7 @@ from omniwheel.errors import LinkError
 from omniwheel.robot import Robot
 
 T = TypeVar("T")
-SETPOINT = "set-point"
-STOPS = ("disarm", "stop")
+SETPOINT, DISARM, STOP = "set-point", "disarm", "stop"
 """Kinds of work of which only the newest waits."""
 
 
@@ -64,7 +63,7 @@ class WorkQueue:
     def drop(self) -> None:
         """Forget everything that waits but stops, and tell those who asked."""
         with self._lock:
-            dropped = [work for work in self._waiting if work.kind not in STOPS]
+            dropped = [work for work in self._waiting if work.kind not in (DISARM, STOP)]
             for work in dropped:
                 self._waiting.remove(work)
         for work in dropped:

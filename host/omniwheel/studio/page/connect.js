@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The dialog in which a robot is chosen: a simulated one, a port, an address.
 
+import { in_words } from "./words.js";
+
 export class Chooser {
   #id = (name) => document.getElementById(name);
 
@@ -48,8 +50,8 @@ export class Chooser {
       await this.socket.ask(action, content);
       trouble.textContent = "";
       this.dialog.close();
-    } catch ({ error, hint }) {
-      trouble.textContent = hint ? `${error}. ${hint}` : error;
+    } catch (refusal) {
+      trouble.textContent = in_words(refusal);
     }
   }
 }

@@ -45,7 +45,7 @@ export class DrawnPath {
     this.map.planned(found?.line ?? []);
     id("follow-line").disabled = !found;
     id("forget-line").disabled = false;
-    id("draw-text").textContent = found ? in_words(found) : "";
+    id("draw-text").textContent = found ? plan_in_words(found) : "";
   }
 
   #forget() {
@@ -56,7 +56,7 @@ export class DrawnPath {
   }
 }
 
-function in_words({ length_m, duration_s, way_s, slowed }) {
+function plan_in_words({ length_m, duration_s, way_s, slowed }) {
   const way = way_s > 0 ? `, and ${way_s.toFixed(1)} s to its beginning` : "";
   const time = (duration_s === null ? "without end" : `${duration_s.toFixed(1)} s`) + way;
   const slower = slowed > 1.01 ? `, ${slowed.toFixed(1)} times slower than asked for: the limits of the robot` : "";

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Experiments: choose one, see what it will use, start it, see its result. All names and words come from the server.
 
-const in_words = ({ error, hint }) => (hint ? `${error}. ${hint}` : error);
+import { in_words, show_lines } from "./words.js";
+
 const shown = (number) => (number === null ? "–" : String(Number(number.toPrecision(4))));
 const put = (name, words) => {
   const place = document.getElementById(name);
@@ -118,11 +119,7 @@ export class Experiments {
       }));
       return row;
     }));
-    this.#id("experiment-remarks").replaceChildren(...remarks.map((words) => {
-      const item = document.createElement("li");
-      item.textContent = words;
-      return item;
-    }));
+    show_lines(this.#id("experiment-remarks"), remarks);
     const token = encodeURIComponent(this.socket.token);
     this.#id("experiment-picture").src = `experiment.png?token=${token}&number=${number}`;
   }

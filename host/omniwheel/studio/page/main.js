@@ -13,6 +13,7 @@ import { Runs } from "./runs.js";
 import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
 import { HeldVelocity } from "./velocity.js";
+import { in_words, show_lines } from "./words.js";
 
 const id = (name) => document.getElementById(name);
 const TEXTS_KEPT = 100;
@@ -20,7 +21,6 @@ const WARNING = 4; // severity as in syslog
 let state = null;
 
 const say = (words) => { id("notice").textContent = words; };
-const in_words = ({ error, hint }) => (hint ? `${error}. ${hint}` : error);
 const ask = (action, content) => socket.ask(action, content).then(
   (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
 
@@ -121,14 +121,6 @@ function put(name, words) {
   if (id(name).textContent !== words) id(name).textContent = words;
 }
 
-function show_lines(name, lines) {
-  id(name).replaceChildren(...lines.map((words) => {
-    const item = document.createElement("li");
-    item.textContent = words;
-    return item;
-  }));
-}
-
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 
 // ---- what the person does
@@ -186,12 +178,12 @@ id("pause").onclick = () => (plots.paused ? plots.live() : plots.pause());
 plots.on_pause = (paused) => {
   id("pause").setAttribute("aria-pressed", paused);
   put("pause", paused ? "Go on" : "Pause");
-  if (!paused) show_lines("measured", []);
+  if (!paused) show_lines(id("measured"), []);
 };
 plots.on_mark = (words) => put("mark-text", words);
 plots.on_measure = (seconds, lines) => {
   put("mark-text", `${seconds.toPrecision(4)} s chosen; double-click goes on`);
-  show_lines("measured", lines);
+  show_lines(id("measured"), lines);
 };
 id("add-plot").onclick = () => plots.add();
 id("csv").onclick = () => plots.csv();

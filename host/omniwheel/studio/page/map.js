@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The floor from above: robot, its way, its uncertainty, what it follows, and the target that a click sets.
 
+import { in_words } from "./words.js";
+
 const TRAIL_MOST = 4000;
 const TRAIL_STEP_M = 0.003;
 const SEND_MS = 100; // a target is repeated, so that a dead page stops the robot
@@ -109,9 +111,9 @@ export class FloorMap {
   go(target) {
     this.cancel();
     this.#target = target;
-    const send = () => this.socket.ask("pose", target).catch(({ error, hint }) => {
+    const send = () => this.socket.ask("pose", target).catch((refusal) => {
       this.cancel();
-      this.on.refused(hint ? `${error}. ${hint}` : error);
+      this.on.refused(in_words(refusal));
     });
     send();
     this.#timer = setInterval(send, SEND_MS);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The list of parameters: search, field, slider, marks for what was changed, and a refusal beside its field.
 
+import { in_words } from "./words.js";
+
 const SLIDER_STEPS = 1000;
 const DRAG_EVERY_MS = 60;
 
@@ -141,8 +143,8 @@ export class ParameterList {
     try {
       await this.socket.ask("set", { values: { [entry.info.name]: value }, step });
       entry.refusal.textContent = "";
-    } catch ({ error, hint }) {
-      entry.refusal.textContent = hint ? `${error}. ${hint}` : error;
+    } catch (refusal) {
+      entry.refusal.textContent = in_words(refusal);
       this.#show(entry);
     }
   }

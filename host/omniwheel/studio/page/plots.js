@@ -6,6 +6,7 @@ import { aligned, Buffer } from "./buffers.js";
 import { measured } from "./measure.js";
 import { chooseSignals } from "./signals.js";
 import { showSpectrum } from "./spectrum.js";
+import { axis_style } from "./words.js";
 
 // Okabe and Ito's colours, which colour-blind people tell apart; dashes repeat the difference.
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b88a00", "#56b4e9"];
@@ -210,9 +211,7 @@ export class Plots {
     panel.root.replaceChildren(this.#head(panel));
     const keys = this.#series(panel);
     if (keys.length === 0) return;
-    const style = getComputedStyle(document.documentElement);
-    const [text, line] = [style.getPropertyValue("--quiet").trim(), style.getPropertyValue("--line").trim()];
-    const axis = { stroke: text, grid: { stroke: line, width: 0.5 }, ticks: { stroke: line } };
+    const axis = axis_style();
     const units = [...new Set(keys.map((key) => this.#info(key)?.unit ?? ""))];
     panel.plot = new uPlot({
       width: this.root.clientWidth || 600,
@@ -339,7 +338,7 @@ export class Plots {
 
   #near_mark(plot) {
     const near = this.#marks.filter((mark) => Math.abs(plot.valToPos(mark.time_s, "x") - plot.cursor.left) < NEAR_PX);
-    this.on_mark?.(near.length ? in_words(near[near.length - 1]) : "");
+    this.on_mark?.(near.length ? mark_in_words(near[near.length - 1]) : "");
   }
 
   #select(panel) {
@@ -367,7 +366,7 @@ export class Plots {
   }
 }
 
-function in_words(mark) {
+function mark_in_words(mark) {
   if (mark.text) return `${mark.before ?? ""}${mark.text}`;
   const changes = Object.entries(mark.changes).map(([name, [from, to]]) => `${name} ${round(from)} → ${round(to)}`);
   return (mark.before ?? "") + (changes.join(", ") || "changed by another program");

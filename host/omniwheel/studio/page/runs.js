@@ -3,6 +3,7 @@
 
 import { Plots } from "./plots.js";
 import { unpacked } from "./socket.js";
+import { in_words } from "./words.js";
 
 const LETTERS = ["A", "B"];
 const SEARCH_MS = 250;
@@ -195,7 +196,7 @@ export class Runs {
     } catch (refusal) {
       if (!refusal.error) throw refusal;
       id("run-text").textContent = "";
-      this.say(refusal.hint ? `${refusal.error}. ${refusal.hint}` : refusal.error);
+      this.say(in_words(refusal));
       return undefined;
     }
   }

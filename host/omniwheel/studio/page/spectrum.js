@@ -2,6 +2,7 @@
 // The frequencies in what a plot shows. The server computes them.
 
 import uPlot from "../vendor/uPlot.esm.js";
+import { axis_style, in_words, show_lines } from "./words.js";
 
 const HEIGHT_PX = 320;
 const LEAST_SHARE = 1e-5; // of the largest line: the axis is logarithmic, and has no zero
@@ -18,13 +19,11 @@ export async function showSpectrum(socket, { signals, labels, units, colours, be
   let found;
   try {
     found = await socket.ask("spectrum", { signals, begin_s: begin, end_s: end });
-  } catch ({ error, hint }) {
-    id("spectrum-range").textContent = hint ? `${error}. ${hint}` : error;
+  } catch (refusal) {
+    id("spectrum-range").textContent = in_words(refusal);
     return;
   }
-  const style = getComputedStyle(document.documentElement);
-  const [text, line] = [style.getPropertyValue("--quiet").trim(), style.getPropertyValue("--line").trim()];
-  const axis = { stroke: text, grid: { stroke: line, width: 0.5 }, ticks: { stroke: line } };
+  const axis = axis_style();
   const data = [];
   for (const { Hz, amplitude, peak } of found) {
     data.push([Hz, amplitude.map((value) => Math.max(value, peak.amplitude * LEAST_SHARE) || null)]);
@@ -41,10 +40,8 @@ export async function showSpectrum(socket, { signals, labels, units, colours, be
         value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(4))} ${units[n]}`),
       }))],
   }, uPlot.join(data), id("spectrum-plot"));
-  id("spectrum-list").replaceChildren(...found.map(({ peak, resolution_Hz }, n) => {
-    const item = document.createElement("li");
+  show_lines(id("spectrum-list"), found.map(({ peak, resolution_Hz }, n) => {
     const in_unit = units[n] ? ` ${units[n]}` : "";
-    item.textContent = `${labels[n]}: largest at ${peak.Hz} Hz, ${peak.amplitude}${in_unit}; resolution ${resolution_Hz} Hz`;
-    return item;
+    return `${labels[n]}: largest at ${peak.Hz} Hz, ${peak.amplitude}${in_unit}; resolution ${resolution_Hz} Hz`;
   }));
 }

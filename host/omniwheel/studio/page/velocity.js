@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // A velocity that somebody holds: sent again and again, and zero once it is let go.
 
+import { in_words } from "./words.js";
+
 const SEND_MS = 50;
 
 export class HeldVelocity {
@@ -40,10 +42,10 @@ export class HeldVelocity {
     const part = this.share / Math.max(1, Math.hypot(x, y) + Math.abs(turn));
     const request = { vx: x * part * this.top.v, vy: y * part * this.top.v, wz: turn * part * this.top.w };
     this.on.moving(`${request.vx.toFixed(2)}, ${request.vy.toFixed(2)} m/s, ${request.wz.toFixed(2)} rad/s`);
-    this.socket.ask("velocity", request).catch(({ error, hint }) => {
+    this.socket.ask("velocity", request).catch((refusal) => {
       this.letGo();
       this.#refused = true;
-      this.on.refused(hint ? `${error}. ${hint}` : error);
+      this.on.refused(in_words(refusal));
     });
   }
 }

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+// What every part of the page says and shows in the same way.
+
+/** A refusal of the server in words. */
+export const in_words = ({ error, hint }) => (hint ? `${error}. ${hint}` : error);
+
+/** Show each line as an item of a list. */
+export function show_lines(list, lines) {
+  list.replaceChildren(...lines.map((words) => {
+    const item = document.createElement("li");
+    item.textContent = words;
+    return item;
+  }));
+}
+
+/** How an axis of a plot looks, light or dark. */
+export function axis_style() {
+  const style = getComputedStyle(document.documentElement);
+  const [text, line] = ["--quiet", "--line"].map((name) => style.getPropertyValue(name).trim());
+  return { stroke: text, grid: { stroke: line, width: 0.5 }, ticks: { stroke: line } };
+}
