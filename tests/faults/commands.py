@@ -38,12 +38,14 @@ class Case:
 
     ``links``: it needs a robot, whose link takes the place of {link}. ``again``: after a failure the same command goes
     on in the same folder. ``during`` is a context for its run. ``step``: every so many calls one fails, for slow ones.
+    ``tells``: what is said whatever fails, because it took the robot minutes.
     """
 
     line: str
     links: bool = False
     again: bool = False
     step: int = 1
+    tells: str = ""
     during: Callable[[], Any] = field(default=ExitStack)
 
     @property
@@ -98,7 +100,7 @@ def _live() -> Iterator[None]:
 
 def _rounds(*_: Any) -> Any:
     trace = Trace(np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
-    return [[(trace, Figures(0.0, 0.0))]] * 2
+    return [[(trace, Figures(0.012, 0.0))] * 2] * 2
 
 
 def _tuned(*_: Any) -> Any:
@@ -171,13 +173,15 @@ CASES = {
         step=2,
     ),
     "tune": Case(
-        "tune --set WS_P=6 --size 0.02 --duration 0.2 --revert --out {disk}/t.png --link {link}",
+        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk}/t.png --link {link}",
         links=True,
+        tells="12.00",
         during=lambda: _patched(omniwheel__tuning_rounds__run_rounds=_rounds),
     ),
     "autotune": Case(
         "autotune --out {disk} --link {link}",
         links=True,
+        tells="WS_P 1 → 1",
         during=lambda: _patched(omniwheel__autotune__procedure__autotune=_tuned),
     ),
     "plot": Case("plot {inputs}/run --out {disk}/plot.png"),
@@ -200,7 +204,10 @@ CASES = {
     "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
     "bringup all": Case("bringup all --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
     "experiment wheel-step": Case(
-        "experiment wheel-step --out {disk} --link {link}", links=True, step=10, during=_short_experiment
+        "experiment wheel-step --out {disk} --link {link}",
+        links=True,
+        step=10,
+        during=_short_experiment,
     ),
     "identify logs": Case(
         "identify logs {inputs}/run1.npz {inputs}/run2.npz --turn {inputs}/run2.npz --lifted "
