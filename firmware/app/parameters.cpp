@@ -17,6 +17,11 @@ const char *problem_at_boot(StoreResult result) {
                                           : "stored parameters do not fit: not used";
 }
 
+/// Bit for bit: a value of the robot's own may be no number.
+bool differ(omni_real_t a, omni_real_t b) {
+    return std::memcmp(&a, &b, sizeof a) != 0;
+}
+
 /// Frame length of a PARAM_VALUE.
 constexpr size_t param_value_frame = 37;
 
@@ -47,7 +52,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
     bool whole = fits(values, &bad);
-    while (!whole && bad >= 0 && values[bad] != own[bad]) {
+    while (!whole && bad >= 0 && differ(values[bad], own[bad])) {
         misfits_.add(bad, values[bad]);
         values[bad] = own[bad];
         whole = fits(values, &bad);
@@ -60,7 +65,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     std::memcpy(values, own, sizeof stored);
     for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
         values[i] = stored[i];
-        if (stored[i] != own[i] && !fits(values, &bad)) {
+        if (differ(stored[i], own[i]) && !fits(values, &bad)) {
             misfits_.add(i, stored[i]);
             values[i] = own[i];
         }
@@ -80,20 +85,26 @@ StoreResult Parameters::adopt_stored() {
     leave_out_what_clashes(values);
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
-    return adopt(values, &bad, &why) ? StoreResult::ok : StoreResult::failed;
+    if (!adopt(values, &bad, &why)) {
+        return StoreResult::failed;
+    }
+    robot_.set_misfit(nullptr);
+    return StoreResult::ok;
 }
 
 void Parameters::boot() {
-    omni_real_t values[OMNI_PARAM_COUNT];
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     boot_damaged_ = store_.damaged_slot();
     boot_result_ = adopt_stored();
-    if (boot_result_ != StoreResult::ok && !adopt(board_.robot_values, &bad, &why)) {
-        // A board hands over checked values; the table's defaults are the way out if it did not.
-        omni_params_defaults(values);
-        adopt(values, &bad, &why);
+    if (boot_result_ == StoreResult::ok || adopt(board_.robot_values, &bad, &why)) {
+        return;
     }
+    // A board hands over checked values. If it did not, the links work, and nothing drives.
+    robot_.set_misfit(bad >= 0 ? omni_param_table[bad].name : "WHEELS, W*_ANGLE");
+    omni_real_t values[OMNI_PARAM_COUNT];
+    fallback_values(values);
+    adopt(values, &bad, &why);
 }
 
 bool Parameters::send_value(size_t link, int32_t index, Priority priority) {
@@ -257,6 +268,9 @@ uint8_t Parameters::storage_command(float action) {
 }
 
 void Parameters::say_boot_problems() {
+    if (robot_.misfit() != nullptr) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text().add("own values do not fit: ").add(robot_.misfit()));
+    }
     if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
     } else {
