@@ -225,7 +225,9 @@ def generate_python(link_dir: Path, out: Path) -> None:
     module.parent.mkdir(parents=True, exist_ok=True)
     _run_mavgen(xml, module, "Python3")
     with module.open("a", encoding="utf-8") as file:
-        file.write(f"\n# Number: checksum seed, length without extensions.\nfamiliar_messages = {familiar_messages(xml)!r}\n")
+        file.write(
+            f"\n# Number: checksum seed, length without extensions.\nfamiliar_messages = {familiar_messages(xml)!r}\n"
+        )
     classes = out / "python" / "telemetry_gen.py"
     classes.parent.mkdir(parents=True, exist_ok=True)
     classes.write_text(python_module(telemetry_table(link_dir)), encoding="utf-8")

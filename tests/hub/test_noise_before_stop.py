@@ -7,6 +7,7 @@ The tests of that parser are tests/fuzz, tests/docs/test_link_vectors.py and tes
 from __future__ import annotations
 
 import struct
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -78,7 +79,7 @@ NOISE = {
 def taken(finder: FrameFinder, data: bytes, cuts: list[int]) -> list[Any]:
     """Return what is found in bytes that come in pieces, cut at these places."""
     places = sorted({0, len(data), *(cut for cut in cuts if cut < len(data))})
-    return [m for begin, end in zip(places, places[1:], strict=False) for m in finder.take(data[begin:end])]
+    return [m for begin, end in pairwise(places) for m in finder.take(data[begin:end])]
 
 
 def stopped(bench: Bench, number: int, frames: bytes) -> list[Any]:

@@ -35,12 +35,12 @@ class _Match(Enum):
 class FrameFinder:
     """Takes bytes as they come and gives the messages of the dialect, MAVLink 1 and 2. Signatures are not checked.
 
-    A frame may begin with a start byte, flags that we know and the number of a standard message or one of ours; in
-    MAVLink 1 also with that message's exact length. All else is noise at once. After a wrong checksum it looks again
+    A frame may begin with a start byte, flags that we know and the number of a standard message or one of ours. In
+    MAVLink 1 the length must be that message's, too. All else is noise at once. After a wrong checksum it looks again
     from the next byte on, so nothing that arrived whole is lost. What stands inside a whole frame is its payload.
 
-    A stop inside an unfinished frame is given as soon as its last byte is there: nobody can tell half a frame from one
-    that is still coming. It is given once more in its turn. ``is_stop`` tells what a stop is.
+    Nobody can tell half a frame from one that is still coming. So a stop inside an unfinished frame is given as soon as
+    its last byte is there, and once more in its turn. ``is_stop`` tells what a stop is.
     """
 
     def __init__(self, is_stop: Callable[[Message], bool]) -> None:
