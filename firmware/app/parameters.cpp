@@ -18,7 +18,7 @@ const char *problem_at_boot(StoreResult result) {
 }
 
 /// Bit for bit: a value of the robot's own may be no number.
-bool differ(omni_real_t a, omni_real_t b) {
+bool bits_differ(omni_real_t a, omni_real_t b) {
     return std::memcmp(&a, &b, sizeof a) != 0;
 }
 
@@ -52,7 +52,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
     bool whole = fits(values, &bad);
-    while (!whole && bad >= 0 && differ(values[bad], own[bad])) {
+    while (!whole && bad >= 0 && bits_differ(values[bad], own[bad])) {
         misfits_.add(bad, values[bad]);
         values[bad] = own[bad];
         whole = fits(values, &bad);
@@ -65,7 +65,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     std::memcpy(values, own, sizeof stored);
     for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
         values[i] = stored[i];
-        if (differ(stored[i], own[i]) && !fits(values, &bad)) {
+        if (bits_differ(stored[i], own[i]) && !fits(values, &bad)) {
             misfits_.add(i, stored[i]);
             values[i] = own[i];
         }
