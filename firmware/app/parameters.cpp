@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/parameters.h"
 
+#include <cmath>
 #include <cstring>
 
 namespace omni {
@@ -17,9 +18,9 @@ const char *problem_at_boot(StoreResult result) {
                                           : "stored parameters do not fit: not used";
 }
 
-/// Bit for bit: a value of the robot's own may be no number.
-bool bits_differ(omni_real_t a, omni_real_t b) {
-    return std::memcmp(&a, &b, sizeof a) != 0;
+/// A value of the robot's own may be no number: it is then the same as itself.
+bool values_differ(omni_real_t a, omni_real_t b) {
+    return a != b && !(std::isnan(a) && std::isnan(b));
 }
 
 /// Frame length of a PARAM_VALUE.
@@ -52,7 +53,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
     bool whole = fits(values, &bad);
-    while (!whole && bad >= 0 && bits_differ(values[bad], own[bad])) {
+    while (!whole && bad >= 0 && values_differ(values[bad], own[bad])) {
         misfits_.add(bad, values[bad]);
         values[bad] = own[bad];
         whole = fits(values, &bad);
@@ -65,7 +66,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     std::memcpy(values, own, sizeof stored);
     for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
         values[i] = stored[i];
-        if (bits_differ(stored[i], own[i]) && !fits(values, &bad)) {
+        if (values_differ(stored[i], own[i]) && !fits(values, &bad)) {
             misfits_.add(i, stored[i]);
             values[i] = own[i];
         }
