@@ -32,7 +32,9 @@ from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import ACTIONS, BadRequestError, number_of
 from omniwheel.studio.parameter_view import values_as_json
+from omniwheel.studio.processors import IMAGE, PC, WORDS, processors
 from omniwheel.studio.runs import Runs
+from omniwheel.studio.simulated import Simulation
 from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
 
 PAGE_DIR = Path(__file__).parent / "page"
@@ -78,6 +80,7 @@ class StudioServer:
             "disconnect": self._disconnect,
             "simulate": self._simulate,
             "world": self._world,
+            "flash": self._flash,
             "experiment": self._experiment,
             "load": self._load,
             **self.runs.actions,
@@ -255,9 +258,10 @@ class StudioServer:
     async def _choices(self, _page: Page, _request: Mapping[str, Any]) -> dict[str, Any]:
         ports = await asyncio.to_thread(serial_ports)
         return {
-            "ports": [{"url": port.device, "what": port.guess or port.description} for port in ports],
+            "ports": [{"url": port.device, "what": port.guess or _known(port.description)} for port in ports],
             "scenarios": await asyncio.to_thread(self._scenarios),
             "robots": robot_names(),
+            "processors": await asyncio.to_thread(processors),
         }
 
     async def _connect(self, page: Page, request: Mapping[str, Any]) -> None:
@@ -275,11 +279,19 @@ class StudioServer:
             raise BadRequestError(f"there is no scenario {scenario!r}")
         if robot is not None and robot not in robot_names():
             raise BadRequestError(f"there is no robot {robot!r}")
-        seed = int(number_of(request, "seed", 1.0))
-        await self._change(page, lambda: self.studio.simulate(str(scenario), robot, seed))
+        processor, image = request.get("processor", PC), request.get("image") or ""
+        if processor not in WORDS:
+            raise BadRequestError(f"there is no processor {processor!r}")
+        if not isinstance(image, str) or (processor == IMAGE) != bool(image):
+            raise BadRequestError("which image? a file's path is missing", hint="build one: make firmware")
+        wanted = Simulation(str(scenario), robot, int(number_of(request, "seed", 1.0)), processor, image)
+        await self._change(page, lambda: self.studio.simulate(wanted))
 
     async def _world(self, page: Page, request: Mapping[str, Any]) -> None:
         self.studio.change_world(page, request)
+
+    async def _flash(self, page: Page, request: Mapping[str, Any]) -> None:
+        await self._change(page, lambda: self.studio.flash(page, request))
 
     async def _experiment(self, page: Page, request: Mapping[str, Any]) -> Any:
         stops = self.studio.stops
@@ -302,6 +314,10 @@ class StudioServer:
         self.studio.require_command(page)
         async with self._changing:
             await asyncio.to_thread(change)
+
+
+def _known(description: str) -> str:
+    return "" if description == "n/a" else description
 
 
 def _keys_of(request: Mapping[str, Any]) -> list[str]:

@@ -19,6 +19,7 @@ from omniwheel.history import ChangeRecorder, history_of
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
 from omniwheel.studio.edits import Edits
+from omniwheel.studio.link_quality import LinkQuality
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.signals import KINDS
@@ -85,6 +86,7 @@ class Session:
         """When the page that commands was heard last, on the monotonic clock."""
         self.page_commands = False
         self.rx_bytes_s = 0.0
+        self.quality: LinkQuality | None = None
         self.connections = 0
         """How often it has been connected: after a loss, everything may be another robot's."""
         self.stops = 0
@@ -183,7 +185,7 @@ class Session:
                 self.phase = "lost"
                 self.trouble = f"an error of the studio's own: {type(error).__name__}: {error}"
             finally:
-                self.robot = self._link = None
+                self.robot = self._link = self.quality = None
                 self._work.drop()
             self._closing.wait(RETRY_S)
         self.phase = "closed"
@@ -205,9 +207,11 @@ class Session:
             self.connections += 1
             self.phase, self.trouble = "connected", link.notice
             counted_s, counted = time.monotonic(), robot.connection.rx_bytes
+            self.quality = quality = LinkQuality(robot)
             while not self._closing.is_set():
                 self._mind_the_page(robot)
                 self._do_next(robot)
+                quality.serve()
                 now_s = time.monotonic()
                 if now_s - counted_s >= _BYTES_OVER_S:
                     self.rx_bytes_s = (robot.connection.rx_bytes - counted) / (now_s - counted_s)

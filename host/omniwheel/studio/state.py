@@ -20,12 +20,14 @@ _DIRECTIONS = 72
 def link_state(session: Session | None) -> dict[str, Any]:
     """Return what is known of the connection."""
     if session is None:
-        return {"phase": "none", "url": "", "trouble": "", "bytes_per_s": 0}
+        return {"phase": "none", "url": "", "trouble": "", "bytes_per_s": 0, "quality": None}
+    quality = session.quality
     return {
         "phase": session.phase,
         "url": session.url,
         "trouble": session.trouble,
         "bytes_per_s": round(session.rx_bytes_s),
+        "quality": None if quality is None else quality.state(),
     }
 
 

@@ -14,12 +14,13 @@ from omniwheel.errors import OmniError
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
 from omniwheel.studio.experiments import Experiments, catalogue
+from omniwheel.studio.flasher import Flasher, firmware_of
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
 from omniwheel.studio.recording import Recorder
 from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import Signal, all_signals, signals_as_json
-from omniwheel.studio.simulated import SimulatedRobot
+from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from omniwheel.studio.spectra import spectrum
 from omniwheel.studio.state import link_state, robot_state, shape_as_json
 from omniwheel.studio.worker import Worker
@@ -56,6 +57,7 @@ class Studio:
         self.experiments = Experiments(out)
         self.worker = Worker()
         self.recorder = Recorder(out, self.worker)
+        self.flasher = Flasher()
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
         self.pages: list[Page] = []
@@ -94,7 +96,8 @@ class Studio:
     # ---- the robot
 
     def connect(self, url: str) -> None:
-        """Connect to a robot instead of the one before."""
+        """Connect to a robot instead of the one before. Raises BadRequestError during an upload to one."""
+        self.flasher.require_idle()
         self.disconnect()
         self._begin(url)
 
@@ -118,15 +121,30 @@ class Studio:
 
     def close(self) -> None:
         """Let go of everything; a recording gets its figures before."""
+        self.flasher.close()
         self.disconnect()
         self.recorder.close()
         self.worker.close()
 
-    def simulate(self, scenario: str, robot: str | None, seed: int) -> None:
+    def simulate(self, wanted: Simulation) -> None:
         """Start a simulated robot and connect to it. Raises FirmwareStartError."""
         self.disconnect()
-        self.simulated = SimulatedRobot(scenario, robot, seed)
+        self.simulated = SimulatedRobot(wanted)
         self._begin(self.simulated.url)
+
+    def flash(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Check firmware, upload what was checked with ``"upload": true``, or end that. Raises BadRequestError.
+
+        An upload lets go of the robot before: its port is needed, and it is disarmed.
+        """
+        self.require_command(page)
+        if request.get("end") is True:
+            self.flasher.end()
+        elif request.get("upload") is True:
+            self.disconnect()
+            self.flasher.upload(firmware_of(request))
+        else:
+            self.flasher.check(firmware_of(request))
 
     def require_command(self, page: Page) -> None:
         """Raise BadRequestError for a page that only watches."""
@@ -298,11 +316,12 @@ class Studio:
         undo, redo = (0, 0) if edits is None else edits.steps
         return {
             "link": link_state(session),
-            "simulated": None if self.simulated is None else self.simulated.scenario,
+            "simulated": None if self.simulated is None else str(self.simulated.wanted),
             "world": None if self.simulated is None else self.simulated.state(),
             "experiment": self.experiments.state(),
             "robot": None if robot is None else robot_state(robot),
             "recording": self.recorder.state(),
+            "flash": self.flasher.state(),
             "undo": undo,
             "redo": redo,
             "commands": self._who_commands(page),

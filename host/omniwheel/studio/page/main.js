@@ -4,6 +4,7 @@
 import { Chooser } from "./connect.js";
 import { DrawnPath } from "./draw.js";
 import { Experiments } from "./experiments.js";
+import { Flasher } from "./flasher.js";
 import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
@@ -17,6 +18,8 @@ import { in_words, show_lines } from "./words.js";
 
 const id = (name) => document.getElementById(name);
 const TEXTS_KEPT = 100;
+const LOSSY = 0.05; // a share of frames lost that makes plots and commands worse
+const OFF_PACE = 0.1; // a robot whose clock is off by this share lives in a simulation that is not in real time
 const WARNING = 4; // severity as in syslog
 let state = null;
 
@@ -33,7 +36,8 @@ const socket = new Socket({
 const runs = new Runs(socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
 const plots = new Plots(id("panels"), socket, say, { limit: (name) => parameters.value_of(name) });
-const chooser = new Chooser(socket);
+const flasher = new Flasher(socket);
+const chooser = new Chooser(socket, flasher);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
   arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
@@ -86,9 +90,12 @@ function show_state(now) {
   runs.recording(now?.recording, now?.link.phase === "connected");
   const robot = now?.robot ?? null;
   const link = now?.link ?? { phase: "none" };
-  const phases = { none: "no robot", connecting: "connecting …", lost: "lost", closed: "no robot" };
+  const connecting = robot ? "reading its parameters …" : "connecting …";
+  const phases = { none: "no robot", connecting, lost: "lost", closed: "no robot" };
   const where = now?.simulated ? `simulated: ${now.simulated}` : link.url;
-  put("fact-link", link.phase === "connected" ? `${where}, ${link.bytes_per_s} B/s` : phases[link.phase] ?? link.phase);
+  put("fact-link", link.phase === "connected" ? where : phases[link.phase] ?? link.phase);
+  put("fact-quality", link.quality ? quality_in_words(link) : "–");
+  id("fact-quality").className = link.quality?.lost >= LOSSY ? "bad" : "";
   id("fact-link").className = link.phase === "lost" ? "bad" : "";
   put("fact-state", robot ? robot.state : "–");
   id("fact-state").className = robot ? `state-${robot.state}` : "";
@@ -99,13 +106,14 @@ function show_state(now) {
   put("faults", robot?.faults.length ? `Faults: ${robot.faults.join(", ")}` : trouble);
   id("take-over").hidden = !now || now.commands === "this page";
   id("release").hidden = robot?.state !== "estop";
-  id("arm").disabled = !robot || robot.armed;
+  id("arm").disabled = !robot || robot.armed || link.phase !== "connected";
   id("disarm").disabled = !robot;
   for (const name of ["undo", "redo"]) {
     id(name).disabled = !now?.[name];
     put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
   }
   experiments.state(now);
+  flasher.state(now?.flash ?? null);
   simulator.state(now?.world ?? null);
   if (!robot?.armed) gamepad.mustRest();
   parameters.armed(robot?.armed ?? false);
@@ -119,6 +127,17 @@ function show_state(now) {
 
 function put(name, words) {
   if (id(name).textContent !== words) id(name).textContent = words;
+}
+
+function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, budget_B_s, pace, radio } }) {
+  const kilo = (bytes) => (bytes / 1000).toPrecision(3);
+  return [
+    radio ? "radio, at its own rates" : "",
+    lost === null ? "no frames" : `${(100 * lost).toFixed(1)} % lost`,
+    round_trip_ms === null ? "no answer" : `${round_trip_ms.toFixed(0)} ms`,
+    `${kilo(bytes_per_s)}${budget_B_s ? ` of ${kilo(budget_B_s)}` : ""} kB/s`,
+    pace !== null && Math.abs(pace - 1) > OFF_PACE ? `runs at ${pace.toFixed(2)} × real time` : "",
+  ].filter(Boolean).join(", ");
 }
 
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
