@@ -75,8 +75,9 @@ class SimulatedRobot:
             ready = json.loads(line)
             return str(ready["links"][0]), str(ready["robot"]), ready.get("world")
         except (ValueError, KeyError, IndexError, TypeError) as error:
-            more, said = self._process.communicate()
-            raise _why(line + more, said or f"{' '.join(command)} did not start") from error
+            answer = line + self._process.stdout.read()
+            _, said = self._process.communicate()
+            raise _why(answer, said or f"{' '.join(command)} did not start") from error
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
