@@ -81,6 +81,7 @@ class StudioServer:
             "simulate": self._simulate,
             "world": self._world,
             "flash": self._flash,
+            "save_view": self._save_view,
             "experiment": self._experiment,
             "load": self._load,
             **self.runs.actions,
@@ -289,6 +290,9 @@ class StudioServer:
 
     async def _world(self, page: Page, request: Mapping[str, Any]) -> None:
         self.studio.change_world(page, request)
+
+    async def _save_view(self, page: Page, request: Mapping[str, Any]) -> None:
+        await asyncio.to_thread(self.studio.save_view, page, request.get("view"))
 
     async def _flash(self, page: Page, request: Mapping[str, Any]) -> None:
         await self._change(page, lambda: self.studio.flash(page, request))

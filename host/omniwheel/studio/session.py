@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any, TypeVar
 
 from omniwheel.connection import Recorder
@@ -82,6 +83,8 @@ class Session:
         """Why there is no connection, in words."""
         self.robot: Robot | None = None
         self.edits: Edits | None = None
+        self.history: Path | None = None
+        """Where the changes of this robot's parameters are kept; None before it is known."""
         self.page_heard_s = float("-inf")
         """When the page that commands was heard last, on the monotonic clock."""
         self.page_commands = False
@@ -288,7 +291,9 @@ class Session:
                 self.texts.append((self.text_count, text))
 
     def _keep_history(self, robot: Robot) -> None:
-        recorder = ChangeRecorder(robot, history_of(robot), "omni studio", "", self._warn)
+        history = history_of(robot)
+        self.history = history.path
+        recorder = ChangeRecorder(robot, history, "omni studio", "", self._warn)
         write = recorder.changed
 
         def changed(changes: Any) -> None:

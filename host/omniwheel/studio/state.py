@@ -43,6 +43,7 @@ def robot_state(robot: Robot) -> dict[str, Any]:
         "supply_V": None if status.battery is None else finite(status.battery.voltage_V),
         "silent_s": round(status.heartbeat_age_s, 1),
         **_pose_state(status),
+        "slip_m_s": [] if status.wheels is None else [finite(round(slip, 3)) for slip in status.wheels.slip_m_s],
         **_loop_state(status),
     }
 

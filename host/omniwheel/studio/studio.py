@@ -23,6 +23,7 @@ from omniwheel.studio.signals import Signal, all_signals, signals_as_json
 from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from omniwheel.studio.spectra import spectrum
 from omniwheel.studio.state import link_state, robot_state, shape_as_json
+from omniwheel.studio.views import checked_view, read_view, view_file, write_view
 from omniwheel.studio.worker import Worker
 
 MOST_SIGNALS = 64
@@ -296,12 +297,25 @@ class Studio:
             found["texts"] = [{"severity": text.severity, "text": text.text} for _, text in texts]
         return found
 
+    def save_view(self, page: Page, view: Any) -> None:
+        """Keep what the plots of this robot show. Raises BadRequestError, OutputFileError."""
+        self.require_command(page)
+        path = self._view_file()
+        if path is None:
+            raise BadRequestError("no robot is connected")
+        write_view(path, checked_view(view))
+
+    def _view_file(self) -> Path | None:
+        history = None if self.session is None else self.session.history
+        return None if history is None else view_file(history, "" if self.simulated is None else self.simulated.robot)
+
     def tables(self) -> dict[str, Any]:
         """Return what stays the same as long as a robot is connected: its signals and its parameters' table."""
         session = self.session
         robot = None if session is None else session.robot
         return {
             "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(self.signals())],
+            "view": None if (path := self._view_file()) is None else read_view(path),
             "parameters": [] if robot is None else table_as_json(robot.table),
             "world": None if self.simulated is None else self.simulated.catalogue,
             "version": "" if robot is None else str(robot.version),

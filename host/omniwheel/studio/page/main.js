@@ -63,11 +63,12 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds }) {
+function tables({ signals, view, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds }) {
   experiments.tables(kinds);
   simulator.tables(world);
   parameters.tables(infos);
-  plots.tables(signals);
+  plots.tables(signals, view);
+  if (view) id("span").value = view.span_s;
   velocity.top = speed;
   id("draw-speed").value = (speed.v / 2).toPrecision(2);
   map.wheels = wheels;
@@ -205,6 +206,10 @@ plots.on_measure = (seconds, lines) => {
   show_lines(id("measured"), lines);
 };
 id("add-plot").onclick = () => plots.add();
+id("add-xy").onclick = () => plots.addXY();
+plots.on_view = (view) => { // kept with the robot by the page that commands; others keep it in the browser
+  if (state?.robot && state.commands === "this page") ask("save_view", { view });
+};
 id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };
 id("clear-trail").onclick = () => map.clear();

@@ -36,6 +36,7 @@ export class Runs {
     id("run-refresh").onclick = () => this.refresh();
     id("run-file").onchange = (event) => this.#upload(event.target);
     id("run-add-plot").onclick = () => this.plots.add();
+    id("run-add-xy").onclick = () => this.plots.addXY();
     id("run-whole").onclick = () => this.plots.live();
     id("run-csv").onclick = () => this.plots.csv();
     id("run-close").onclick = () => this.#show([]);
