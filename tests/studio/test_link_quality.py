@@ -81,6 +81,9 @@ def test_round_trips_are_measured_and_forgotten_when_nothing_answers() -> None:
     assert bench.quality.state()["round_trip_ms"] == pytest.approx(12.0, abs=0.1)
     bench.pass_time(5.0 * ASK_S)
     assert bench.quality.state()["round_trip_ms"] is None
+    assert bench.quality.state()["asking"]
+    bench.now_s += 5.0
+    assert not bench.quality.state()["asking"]
 
 
 @pytest.mark.parametrize(("url", "budget", "radio"), [(USB, 200000.0, False), (RADIO, 480.0, True)])

@@ -20,6 +20,7 @@ ASK_S, ASK_RADIO_S = 1.0, 4.0
 _SILENT_ASKS = 4
 _SEQUENCE_WRAP = 256
 _RADIOS_OWN = "RADIO_STATUS"
+_ASKING_S = 2.0
 _COUNT_S = 1.0
 _PACE_COUNTS = 4
 """Over less time the pace would be that of how frames arrive."""
@@ -49,13 +50,14 @@ class LinkQuality:
         self._windows: deque[_Count] = deque()
         self._frames = self._missing = 0
         self._robot_s = 0.0
+        self._served_s = float("-inf")
         self._sequence: int | None = None
         robot.connection.add_listener(self._take)
 
     def serve(self) -> None:
         """Ask for the round trip if that is due, and forget what is old."""
         self._sync.serve()
-        now_s = self._clock()
+        self._served_s = now_s = self._clock()
         if not self._windows or now_s - self._windows[-1].time_s >= _COUNT_S:
             self._windows.append(_Count(now_s, self._frames, self._missing, self._robot_s))
         while now_s - self._windows[0].time_s > OVER_S:
@@ -64,6 +66,7 @@ class LinkQuality:
     def state(self) -> dict[str, Any]:
         """Return ``lost``, a share of the robot's frames, and ``round_trip_ms``; None where nothing is known.
 
+        ``asking`` is false while an experiment or a bring-up has the link: then nobody asks for the round trip.
         ``pace`` is how fast the robot's clock runs beside this computer's: below 1 for a simulation that is too slow.
         ``budget_B_s`` is what the robot may send: LINK1_BUDGET, or at a slow serial port what its radio's line takes.
         """
@@ -71,6 +74,7 @@ class LinkQuality:
         return {
             "lost": self._lost(),
             "round_trip_ms": None if trip_s is None else round(1e3 * trip_s, 1),
+            "asking": self._clock() - self._served_s < _ASKING_S,
             "budget_B_s": self._budget(),
             "pace": self._pace(),
             "radio": self.is_radio,

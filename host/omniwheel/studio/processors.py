@@ -6,7 +6,6 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
-from omniwheel.emulated_firmware import require_emulator
 from omniwheel.errors import OmniError
 from omniwheel.flashing.source import source_dir
 
@@ -43,6 +42,8 @@ def built_images() -> list[dict[str, str]]:
 
 
 def _without_emulator() -> str:
+    from omniwheel.emulated_firmware import require_emulator
+
     try:
         require_emulator()
     except OmniError as error:

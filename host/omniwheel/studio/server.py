@@ -31,6 +31,7 @@ from omniwheel.robots import robot_names
 from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import ACTIONS, BadRequestError, number_of
+from omniwheel.studio.bringup_walk import wiring_picture
 from omniwheel.studio.parameter_view import values_as_json
 from omniwheel.studio.processors import IMAGE, PC, WORDS, processors
 from omniwheel.studio.runs import Runs
@@ -82,6 +83,7 @@ class StudioServer:
             "world": self._world,
             "flash": self._flash,
             "save_view": self._save_view,
+            "bring_up": self._bring_up,
             "experiment": self._experiment,
             "load": self._load,
             **self.runs.actions,
@@ -95,6 +97,7 @@ class StudioServer:
                 Route("/state.json", self._state),
                 Route("/parameters.toml", self._parameters),
                 Route("/experiment.png", self._picture),
+                Route("/wiring.svg", self._wiring),
                 Route("/page/{name}", self._file),
                 Route("/vendor/{name}", self._vendor),
                 *self.runs.routes(),
@@ -125,6 +128,16 @@ class StudioServer:
         if picture is None or not picture.is_file():
             return self._refusal(request) or PlainTextResponse("there is no experiment yet\n", 404)
         return self._refusal(request) or FileResponse(picture, media_type="image/png", headers=_SECURITY)
+
+    async def _wiring(self, request: Request) -> Response:
+        refused = self._refusal(request)
+        if refused is not None:
+            return refused
+        try:
+            picture = await asyncio.to_thread(wiring_picture, request.query_params.get("robot", ""))
+        except OmniError as error:
+            return PlainTextResponse(f"{error}\n", 404)
+        return Response(picture, media_type=_TYPES[".svg"], headers=_SECURITY)
 
     async def _parameters(self, request: Request) -> Response:
         refused = self._refusal(request)
@@ -209,7 +222,7 @@ class StudioServer:
     ) -> None:
         """Do what a page asked for; ``stops`` is how many stops had been asked for before, None for a stop."""
         try:
-            if stops is not None and stops < self.studio.stops and action in (*ACTIONS, "experiment"):
+            if stops is not None and stops < self.studio.stops and action in (*ACTIONS, "experiment", "bring_up"):
                 raise BadRequestError(_STOP_FIRST)
             local = self._local.get(action)
             if local is not None:
@@ -293,6 +306,9 @@ class StudioServer:
 
     async def _save_view(self, page: Page, request: Mapping[str, Any]) -> None:
         await asyncio.to_thread(self.studio.save_view, page, request.get("view"))
+
+    async def _bring_up(self, page: Page, request: Mapping[str, Any]) -> None:
+        self.studio.walk(page, request)
 
     async def _flash(self, page: Page, request: Mapping[str, Any]) -> None:
         await self._change(page, lambda: self.studio.flash(page, request))

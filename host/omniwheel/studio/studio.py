@@ -13,6 +13,8 @@ from typing import Any
 from omniwheel.errors import OmniError
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
+from omniwheel.studio.bringup_walk import BringUp
+from omniwheel.studio.bringup_walk import catalogue as bring_up_catalogue
 from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.flasher import Flasher, firmware_of
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
@@ -59,6 +61,7 @@ class Studio:
         self.worker = Worker()
         self.recorder = Recorder(out, self.worker)
         self.flasher = Flasher()
+        self.bring_up = BringUp(out)
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
         self.pages: list[Page] = []
@@ -165,18 +168,31 @@ class Studio:
             raise BadRequestError("the robot is not simulated here")
         if "speed" in request:
             self.experiments.require_idle()
+            self.bring_up.require_idle()
         self.simulated.change(request)
 
     def experiment(self, page: Page, request: Mapping[str, Any]) -> Future[Any] | None:
         """Begin an experiment; without ``"start": true`` only say what it will use. Raises BadRequestError."""
         self.require_command(page)
         session = self.require_session()
+        self.bring_up.require_idle()
         if request.get("start") is not True:
             return self.experiments.needs(session, request)
         if self.simulated is not None and self.simulated.speed != 1.0:
             raise BadRequestError("the simulation is not in real time", hint="an experiment needs real time")
         self.experiments.start(session, request)
         return None
+
+    def walk(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Begin the bring-up with ``"start": true``, or answer what it asks. Raises BadRequestError."""
+        self.require_command(page)
+        if request.get("start") is not True:
+            self.bring_up.answer(request)
+            return
+        self.experiments.require_idle()
+        if self.simulated is not None and self.simulated.speed != 1.0:
+            raise BadRequestError("the simulation is not in real time", hint="the bring-up needs real time")
+        self.bring_up.start(self.require_session(), request)
 
     def stop(self) -> bool:
         """Emergency stop, before everything; return whether a robot could be told."""
@@ -200,6 +216,7 @@ class Studio:
             self.require_command(page)
         session = self.require_session()
         self.experiments.require_idle()
+        self.bring_up.require_idle()
         if action in MOVES:
             return session.do_long(lambda robot: work(robot, _edits(session), request))
         return session.do(lambda robot: work(robot, _edits(session), request), is_setpoint=action in SETPOINTS)
@@ -318,6 +335,7 @@ class Studio:
             "view": None if (path := self._view_file()) is None else read_view(path),
             "parameters": [] if robot is None else table_as_json(robot.table),
             "world": None if self.simulated is None else self.simulated.catalogue,
+            "bring_up": bring_up_catalogue(None if self.simulated is None else self.simulated.robot),
             "version": "" if robot is None else str(robot.version),
             **({} if robot is None else {**shape_as_json(robot), "experiments": catalogue(robot)}),
         }
@@ -336,6 +354,7 @@ class Studio:
             "robot": None if robot is None else robot_state(robot),
             "recording": self.recorder.state(),
             "flash": self.flasher.state(),
+            "bring_up": self.bring_up.state(),
             "undo": undo,
             "redo": redo,
             "commands": self._who_commands(page),

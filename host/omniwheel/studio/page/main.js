@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Puts the page together. What the robot is and does comes from the server; nothing here knows it.
 
+import { BringUp } from "./bringup.js";
 import { Chooser } from "./connect.js";
 import { DrawnPath } from "./draw.js";
 import { Experiments } from "./experiments.js";
@@ -47,6 +48,7 @@ const map = new FloorMap(id("map"), socket, {
 });
 const drawn = new DrawnPath(map, ask, armed);
 const experiments = new Experiments(socket);
+const bring_up = new BringUp(socket);
 const simulator = new Simulator(id("simulator"), ask);
 const velocity = new HeldVelocity(socket, { refused: say, moving: (words) => put("key-text", words) });
 const keys = new Keys(velocity);
@@ -63,9 +65,10 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, view, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds }) {
+function tables({ signals, view, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds, bring_up: checks }) {
   experiments.tables(kinds);
   simulator.tables(world);
+  bring_up.tables(checks, wheels);
   parameters.tables(infos);
   plots.tables(signals, view);
   if (view) id("span").value = view.span_s;
@@ -116,6 +119,7 @@ function show_state(now) {
   experiments.state(now);
   flasher.state(now?.flash ?? null);
   simulator.state(now?.world ?? null);
+  bring_up.state(now);
   if (!robot?.armed) gamepad.mustRest();
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
@@ -130,12 +134,12 @@ function put(name, words) {
   if (id(name).textContent !== words) id(name).textContent = words;
 }
 
-function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, budget_B_s, pace, radio } }) {
+function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, asking, budget_B_s, pace, radio } }) {
   const kilo = (bytes) => (bytes / 1000).toPrecision(3);
   return [
     radio ? "radio, at its own rates" : "",
     lost === null ? "no frames" : `${(100 * lost).toFixed(1)} % lost`,
-    round_trip_ms === null ? "no answer" : `${round_trip_ms.toFixed(0)} ms`,
+    round_trip_ms === null ? (asking ? "no answer" : "") : `${round_trip_ms.toFixed(0)} ms`,
     `${kilo(bytes_per_s)}${budget_B_s ? ` of ${kilo(budget_B_s)}` : ""} kB/s`,
     pace !== null && Math.abs(pace - 1) > OFF_PACE ? `runs at ${pace.toFixed(2)} × real time` : "",
   ].filter(Boolean).join(", ");
