@@ -16,7 +16,7 @@ const NEAR_PX = 8;
 const HEIGHT_PX = 190;
 const STORED = "omniwheel-plots";
 const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], info: () => undefined,
-  limit: () => undefined, live: true };
+  limit: () => undefined };
 const FIRST_VIEW = [
   ["tracking.pose.x", "tracking.pose.y", "tracking.reference.x", "tracking.reference.y"],
   ["wheels.speed.1", "wheels.reference.1"],
@@ -39,7 +39,7 @@ export class Plots {
 
   /**
    * options: where the view is stored, what a plot is called, the saved file's name; series and info of a key; limit,
-   * the value of a limit by its name, undefined if it is not known; live, whether the server has spectra of it.
+   * the value of a limit by its name, undefined if it is not known.
    */
   constructor(root, socket, say, options = {}) {
     this.options = { ...LIVE, ...options };
@@ -314,7 +314,7 @@ export class Plots {
     head.append(
       title,
       ...chosen,
-      ...(this.options.live && !panel.xy ? [button("Spectrum", "Spectrum of plot", () => this.#spectrum(panel))] : []),
+      ...(panel.xy ? [] : [button("Spectrum", `Spectrum of ${this.options.what}`, () => this.#spectrum(panel))]),
       button("PNG", `Picture of ${this.options.what}`, () => panel.plot?.root.querySelector("canvas").toBlob(
         (blob) => save(blob, `${this.options.file}-plot.png`))),
       button("✕", `Remove ${this.options.what}`, () => {
@@ -380,12 +380,13 @@ export class Plots {
   }
 
   #spectrum(panel) {
-    const words = panel.keys.map((key) => this.#words_of(key));
+    const signals = this.#series(panel);
+    const words = signals.map((key) => this.#words_of(key));
     return showSpectrum(this.socket, {
-      signals: panel.keys,
+      signals,
       labels: words.map(({ label }) => label),
       units: words.map(({ unit }) => unit),
-      colours: panel.keys.map((_, n) => COLOURS[n % COLOURS.length]),
+      colours: signals.map((_, n) => COLOURS[n % COLOURS.length]),
       ...this.#view(),
     });
   }

@@ -22,7 +22,8 @@ export class Runs {
     this.socket = socket;
     this.say = say;
     this.plots = new Plots(id("run-panels"), { ask: (action, content) => this.#samples(action, content) }, say, {
-      stored: "omniwheel-run-plots", what: "run plot", file: "omniwheel-run", live: false,
+      stored: "omniwheel-run-plots", what: "run plot", file: "omniwheel-run",
+      limit: (name) => this.#limit(name),
       series: (key) => this.#open.map((_, n) => `${n}${BETWEEN}${key}`),
       info: (key) => this.#info(key),
     });
@@ -81,7 +82,7 @@ export class Runs {
       found.textContent = words;
       found.setAttribute("aria-label", `${words} ${run.name}`);
       found.disabled = !run.has_log;
-      if (!run.has_log) found.title = "It has no telemetry log.";
+      if (!run.has_log) found.title = "It has neither a telemetry log nor a record.";
       found.onclick = action;
       show.append(found, " ");
     };
@@ -124,6 +125,12 @@ export class Runs {
     return found && this.#open.length > 1 ? { ...found, label: `${LETTERS[number]}: ${found.label}` } : found;
   }
 
+  /** The value of a limit, if all logs that are shown have the same. */
+  #limit(name) {
+    const values = new Set(this.#open.map(({ about }) => about.limits[name]));
+    return values.size === 1 ? [...values][0] : undefined;
+  }
+
   async #compare() {
     if (this.#open.length < 2) return;
     const names = this.#open.map(({ run }) => run);
@@ -150,6 +157,7 @@ export class Runs {
 
   /** What the plots ask for, as of a live robot. Only the newest request is done: the wheel makes many. */
   async #samples(action, content) {
+    if (action === "spectrum") return this.#spectra(content);
     if (action === "show") this.keys = content.signals;
     this.#next[action] = action === "show" ? { begin_s: 0, end_s: Number.MAX_SAFE_INTEGER, width: WIDTH } : content;
     if (this.#busy) return;
@@ -163,6 +171,18 @@ export class Runs {
     } finally {
       this.#busy = false;
     }
+  }
+
+  async #spectra({ signals, begin_s, end_s }) {
+    const found = new Map();
+    for (const [n, { log }] of this.#open.entries()) {
+      const mine = signals.filter((key) => key.startsWith(`${n}${BETWEEN}`)).map((key) => key.split(BETWEEN)[1]);
+      if (mine.length === 0) continue;
+      for (const one of await this.socket.ask("run_spectrum", { log, signals: mine, begin_s, end_s })) {
+        found.set(`${n}${BETWEEN}${one.key}`, { ...one, key: `${n}${BETWEEN}${one.key}` });
+      }
+    }
+    return signals.map((key) => found.get(key)).filter(Boolean);
   }
 
   async #fetch(keys, range, isWindow) {
