@@ -85,15 +85,24 @@ def test_a_step_is_shown_as_figures_and_picture_and_leaves_the_robot_as_it_was(p
     assert [(one["id"], [node["html"] for node in one["nodes"]]) for one in found] == []
 
 
-def test_a_push_can_be_chosen_by_wheel(page: Page) -> None:
+def test_a_push_can_be_chosen_by_wheel_size_and_time(page: Page) -> None:
     page.select_option("#experiment-kind", "disturbance")
     page.locator("#experiment-choices select").first.select_option(label="wheel 3")
+    page.get_by_label("Amplitude [V]").fill("99")
+    page.click("#experiment-look")
+    until(page, f"{TEXT} !== ''")
+    assert "LIM_WHEEL" in page.evaluate(TEXT)
+    assert page.is_disabled("#experiment-start")
+    page.get_by_label("Amplitude [V]").fill("1.5")
+    page.get_by_label("Lasts [s]").fill("0.2")
     page.click("#experiment-look")
     until(page, "!document.getElementById('experiment-start').disabled")
     page.click("#experiment-start")
     until(page, f"{TEXT}.startsWith('disturbance is done')")
     settings = json.loads((Path(page.evaluate("studio.state.experiment.folder")) / "experiment.json").read_text())
     assert settings["settings"]["wheel"] == 3
+    assert settings["settings"]["amplitude_V"] == 1.5
+    assert settings["settings"]["duration_s"] == 0.2
 
 
 def test_too_little_room_is_refused_before_it_can_be_started(page: Page) -> None:
@@ -236,6 +245,13 @@ BAD: list[dict[str, Any]] = [
     {"name": "position-step", "axis": "z"},
     {"name": "position-step", "axis": ["x"]},
     {"name": "disturbance", "wheel": 0},
+    {"name": "disturbance", "amplitude": 0},
+    {"name": "disturbance", "amplitude": "1"},
+    {"name": "disturbance", "amplitude": 1e300},
+    {"name": "position-step", "amplitude": 100},
+    {"name": "wheel-step", "duration_s": 0},
+    {"name": "wheel-step", "duration_s": 1000},
+    {"name": "wheel-step", "duration_s": None},
     {"name": "autotune", "rounds": 3},
     {"name": "autotune", "rounds": "many"},
 ]

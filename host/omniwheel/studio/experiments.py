@@ -7,6 +7,7 @@ page, and how it is begun, watched and ended.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -32,9 +33,8 @@ if TYPE_CHECKING:
 
 SMALLEST_ROOM_M, LARGEST_ROOM_M, USUAL_ROOM_M = 0.1, 20.0, 1.0
 _ALL = 0
-_POSITION_TIMES_S = {"position-step": 1.0, "position-sweep": 12.0}
-_WHEEL_TIMES_S = {"wheel-step": 0.5, "wheel-chirp": 2.5}
-_PUSH_S = 0.1
+SHORTEST_S, LONGEST_S = 0.05, 120.0
+_POSITION, _WHEEL = ("position-step", "position-sweep"), ("wheel-step", "wheel-chirp")
 _AUTOTUNE = "autotune"
 _ROUNDS = ((2, "quick: 2 rounds"), (4, "4 rounds"), (10, "sure: 10 rounds"))
 _PHASES = ("preparing", "moving", "fetching the recording", "drawing")
@@ -47,14 +47,18 @@ class Kind:
     name: str
     words: str
     choices: tuple[str, ...]
+    unit: str = ""
+    """Of the signal's size; "" where there is none to choose."""
+    duration_s: float = 0.0
+    """Of the signal, usually."""
 
 
 KINDS = (
-    Kind("wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand")),
-    Kind("wheel-chirp", "Bandwidth, margins and delay of a wheel's loop", ("wheel or all", "on_stand")),
-    Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",)),
-    Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",)),
-    Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",)),
+    Kind("wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand"), "rad/s", 0.5),
+    Kind("wheel-chirp", "Bandwidth, margins and delay of a wheel's loop", ("wheel or all", "on_stand"), "rad/s", 2.5),
+    Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",), "m or rad", 1.0),
+    Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",), "m or rad", 12.0),
+    Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",), "V", 0.1),
     Kind(_AUTOTUNE, "Measure the robot, choose its gains from that, and try them", ("rounds",)),
 )
 """In the order of docs/guides/experiments.md, then autotune. Each moves the robot by itself."""
@@ -62,7 +66,10 @@ KINDS = (
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a page chose. ``wheel`` counts from 1; 0 is all of them."""
+    """What a page chose. ``wheel`` counts from 1; 0 is all of them.
+
+    ``amplitude`` is the signal's size in its own unit; NaN: as the robot allows.
+    """
 
     name: str
     room_m: float
@@ -70,6 +77,8 @@ class Wanted:
     axis: str
     on_stand: bool
     rounds: int = 4
+    amplitude: float = math.nan
+    duration_s: float = 1.0
 
     def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome | Tuned:
         """Do it; the first thing told is what it needs. Raises LimitError before the robot moves, ExperimentError."""
@@ -79,15 +88,17 @@ class Wanted:
             from omniwheel.studio.tuned import tune
 
             return tune(robot, self.room_m, self.rounds, tell)
-        if self.name in _WHEEL_TIMES_S:
+        if self.name in _WHEEL:
             wheel_run = experiments.wheel_step if self.name == "wheel-step" else experiments.wheel_chirp
-            wheels = experiments.WheelPlan(self.wheel, duration_s=_WHEEL_TIMES_S[self.name], on_stand=self.on_stand)
+            wheels = experiments.WheelPlan(
+                self.wheel, amplitude_rad_s=self.amplitude, duration_s=self.duration_s, on_stand=self.on_stand
+            )
             return wheel_run(robot, wheels, self.room_m, tell)
-        if self.name in _POSITION_TIMES_S:
+        if self.name in _POSITION:
             run = experiments.position_step if self.name == "position-step" else experiments.position_sweep
-            plan = experiments.PositionPlan(self.axis, duration_s=_POSITION_TIMES_S[self.name])
+            plan = experiments.PositionPlan(self.axis, self.amplitude, self.duration_s)
             return run(robot, plan, self.room_m, tell)
-        push = experiments.PushPlan(self.wheel, duration_s=_PUSH_S)
+        push = experiments.PushPlan(self.wheel, self.amplitude, self.duration_s)
         return experiments.disturbance(robot, push, self.room_m, tell)
 
 
@@ -98,7 +109,7 @@ class _SaidEnoughError(Exception):
 def catalogue(robot: Robot) -> list[dict[str, Any]]:
     """Return the experiments as a page shows them; each choice has ``key``, ``label`` and its ``options``, or a range.
 
-    An option is a value and its words.
+    An option is a value and its words. A range without a default may stay empty.
     """
     wheels = [[number, f"wheel {number}"] for number in range(1, int(robot.parameters.known["WHEELS"]) + 1)]
     choices = {
@@ -120,9 +131,22 @@ def catalogue(robot: Robot) -> list[dict[str, Any]]:
         "default": USUAL_ROOM_M,
     }
     return [
-        {"name": kind.name, "words": kind.words, "choices": [*(choices[name] for name in kind.choices), room]}
+        {
+            "name": kind.name,
+            "words": kind.words,
+            "choices": [*(choices[name] for name in kind.choices), *_signal(kind), room],
+        }
         for kind in KINDS
     ]
+
+
+def _signal(kind: Kind) -> list[dict[str, Any]]:
+    """Return the fields for the size of an experiment's signal, which may stay empty, and for its duration."""
+    if not kind.unit:
+        return []
+    size = {"key": "amplitude", "label": f"Amplitude [{kind.unit}]", "min": None, "max": None, "default": None}
+    time = {"key": "duration_s", "label": "Lasts [s]", "min": SHORTEST_S, "max": LONGEST_S, "default": kind.duration_s}
+    return [size, time]
 
 
 def wanted_of(request: Request) -> Wanted:
@@ -139,10 +163,17 @@ def wanted_of(request: Request) -> Wanted:
         raise BadRequestError(f"room_m has to be from {SMALLEST_ROOM_M:g} to {LARGEST_ROOM_M:g}, not {room_m:g}")
     if not wheel.is_integer():
         raise BadRequestError(f"there is no wheel {wheel:g}")
+    usual_s = next(kind.duration_s for kind in KINDS if kind.name == name)
+    amplitude, duration_s = request.get("amplitude"), number_of(request, "duration_s", usual_s or SHORTEST_S)
+    if not SHORTEST_S <= duration_s <= LONGEST_S:
+        raise BadRequestError(f"duration_s has to be from {SHORTEST_S:g} to {LONGEST_S:g}, not {duration_s:g}")
+    size = math.nan if amplitude is None else number_of(request, "amplitude")
+    if size == 0.0:
+        raise BadRequestError("an experiment's signal cannot have the size 0", hint="leave it empty: it is chosen then")
     rounds = number_of(request, "rounds", _ROUNDS[0][0])
     if rounds not in {number for number, _ in _ROUNDS}:
         raise BadRequestError(f"rounds has to be {', '.join(str(number) for number, _ in _ROUNDS)}, not {rounds:g}")
-    return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds))
+    return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds), size, duration_s)
 
 
 def needs_of(robot: Robot, wanted: Wanted) -> str:
