@@ -83,7 +83,9 @@ class Listening:
         self.then()
 
 
-@pytest.mark.parametrize(("kind", "answer", "found"), [(CONFIRM, True, True), (CONFIRM, None, False), (SAW, None, None)])
+@pytest.mark.parametrize(
+    ("kind", "answer", "found"), [(CONFIRM, True, True), (CONFIRM, None, False), (SAW, None, None)]
+)
 def test_answers_are_what_the_checks_take(kind: str, answer: Any, found: Any) -> None:
     person = PagePerson(Listening(lambda: person.answer(1, answer)))  # type: ignore[arg-type]
     asked = person.confirm if kind == CONFIRM else person.saw

@@ -26,7 +26,8 @@ if {slow!r}:
 if "--dry-run" in words:
     path = {file!r}
     sha = hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()
-    print(json.dumps({{"file": path, "size": 9, "sha256": sha, "built": {built!r}, "board": "/dev/a", "problem": None}}))
+    board = {{"board": "/dev/a", "problem": None}}
+    print(json.dumps({{"file": path, "size": 9, "sha256": sha, "built": {built!r}, **board}}))
 else:
     print(json.dumps({{"port": "/dev/a", "version": {{"firmware": "1.2.3", "git_hash": {runs!r}}}}}))
 """

@@ -25,7 +25,7 @@ SUMMARY: dict[str, Any] = {
 }
 
 
-def write_simulated(folder: Path, seconds: float = 10.0, wheels: int = 3) -> Path:
+def write_simulated(folder: Path, seconds: float = 10.0, path_s: float = 1.0) -> Path:
     samples = np.zeros(round(seconds * RATE_HZ), dtype=sample_dtype())
     time_s = np.arange(len(samples)) / RATE_HZ
     samples["time_s"] = time_s
@@ -33,10 +33,11 @@ def write_simulated(folder: Path, seconds: float = 10.0, wheels: int = 3) -> Pat
     samples["estimate"][:, 0] = 0.1 * time_s + 0.001
     samples["wheel_reference"][:, 1] = 3.0 * np.sin(2 * np.pi * HUM_HZ * time_s)
     samples["supply_V"] = 12.0
+    samples["phase"][time_s >= path_s - 0.5] = 1
+    samples["phase"][time_s >= path_s] = 2
     folder.mkdir(parents=True)
     np.savez_compressed(folder / RECORD_FILE, samples=samples)
-    summary = {**SUMMARY, "parameters": {**SUMMARY["parameters"], "WHEELS": wheels}}
-    (folder / SUMMARY_FILE).write_text(json.dumps(summary))
+    (folder / SUMMARY_FILE).write_text(json.dumps(SUMMARY))
     return folder
 
 
@@ -50,6 +51,7 @@ def test_signals_have_the_names_that_a_robots_have(tmp_path: Path) -> None:
     assert signals["wheels.reference.2"]["limit"] == "LIM_WHEEL"
     assert about["limits"] == {"LIM_WHEEL": 25.0, "LIM_DUTY": 0.9}
     assert about["duration_s"] == pytest.approx(9.99)
+    assert about["path_s"] == pytest.approx(1.0)
     assert [(mark["time_s"], mark["text"]) for mark in about["marks"]] == [(0.5, "arm")]
 
 
@@ -84,8 +86,8 @@ def test_a_damaged_run_is_said(tmp_path: Path, damage: str) -> None:
 
 
 def test_simulated_runs_are_plotted_compared_and_analysed_on_the_page(tmp_path: Path, open_page: Opener) -> None:
-    for name in ("before", "after"):
-        write_simulated(tmp_path / name)
+    for name, path_s in (("before", 1.0), ("after", 3.0)):
+        write_simulated(tmp_path / name, path_s=path_s)
     with studio("--out", str(tmp_path)) as program:
         page = open_page(program.url)
         page.get_by_label("Open before").click()
@@ -93,6 +95,12 @@ def test_simulated_runs_are_plotted_compared_and_analysed_on_the_page(tmp_path: 
         assert page.evaluate("studio.runs.plots.limit('LIM_DUTY')") == 0.9
         page.get_by_label("Compare after").click()
         until(page, "studio.runs.plots.samples_of('1|tracking.pose.x').time.length > 100")
+        beginning = "studio.runs.plots.samples_of('1|tracking.pose.x').time[0]"
+        assert page.evaluate(beginning) == pytest.approx(-2.0)  # both from their path's start
+        page.uncheck("#run-align")
+        until(page, f"Math.abs({beginning}) < 1e-6")
+        page.check("#run-align")
+        until(page, f"Math.abs({beginning} + 2) < 1e-6")
         page.get_by_label("Signals of run plot 2").click()
         page.uncheck("input[value='wheels.reference.1']")
         page.check("input[value='wheels.reference.2']")

@@ -20,7 +20,6 @@ from omniwheel.bringup.stops import check_stops
 from omniwheel.limits import RADIO_BAUD
 from omniwheel.robot import Robot
 
-
 CHECKS = ("link", "i2c", "encoders", "motors", "estop", "oe", "button", "drive")
 """In order, by the names of the commands. The radio's needs a second link."""
 

@@ -54,7 +54,9 @@ class Kind:
 
 
 KINDS = (
-    Kind("wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand"), "rad/s", 0.5),
+    Kind(
+        "wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand"), "rad/s", 0.5
+    ),
     Kind("wheel-chirp", "Bandwidth, margins and delay of a wheel's loop", ("wheel or all", "on_stand"), "rad/s", 2.5),
     Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",), "m or rad", 1.0),
     Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",), "m or rad", 12.0),

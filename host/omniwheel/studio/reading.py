@@ -80,6 +80,7 @@ def opened(path: Path) -> dict[str, Any]:
         "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(log.signals())],
         "limits": {name: value for name, value in log.parameters().items() if name in SIGNAL_LIMITS.values()},
         "marks": log.marks(),
+        "path_s": log.path_s(),
         "lost_bytes": log.lost_bytes,
         "bad_frames": log.bad_frames,
     }

@@ -23,7 +23,7 @@ from omniwheel.studio.log_frames import LONGEST_RECORD, Array, Clock, Kind, Piec
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import Trace, extremes, thinned
 from omniwheel.studio.signals import KINDS, Signal, all_signals, signals_of
-from omniwheel.telemetry import Control
+from omniwheel.telemetry import Control, Tracking
 
 PIECE_BYTES = 1 << 20
 MOST_PIECES = 32
@@ -171,6 +171,19 @@ class RecordedLog:
             raise LogError("this stretch of the log is too long for that", hint="choose a shorter one with the mouse")
         return [self._trace(signal, begin_s, end_s, pieces) for signal in self._wanted(keys)]
 
+    def path_s(self) -> float | None:
+        """Return when the robot began to follow its path, past the way to its beginning; None if it never did.
+
+        In a long log to within a bin of the overview.
+        """
+        overview = self._overviews.get(Tracking)
+        if overview is None:
+            return None
+        times, values = overview.all()
+        row = next(signal.column for signal in signals_of(Tracking) if signal.key == _PATH_TIME)
+        on_path = np.flatnonzero(values[row] > 0.0)
+        return None if not len(on_path) else float(times[row][on_path[0]] - self.start_s)
+
     def parameters(self) -> dict[str, float]:
         """Return what the log tells of the parameters at its end, and what lies beside it."""
         return dict(self._known)
@@ -216,6 +229,7 @@ class RecordedLog:
 
 _HINT = "give a .tlog file, as `omni record`, `omni drive` and the studio write it"
 _SEQUENCE = "control.config_sequence"
+_PATH_TIME = "tracking.path_time"
 
 
 def _new_sequences(piece: Piece) -> list[tuple[float, int]]:

@@ -84,7 +84,9 @@ class Runs:
     async def _spectrum(self, _page: Page, request: Mapping[str, Any]) -> Any:
         keys = _keys_of(request)
         begin_s, end_s = number_of(request, "begin_s"), number_of(request, "end_s")
-        return await _answer(self._logs.ask(reading.spectra, await self._path(request.get("log")), keys, begin_s, end_s))
+        return await _answer(
+            self._logs.ask(reading.spectra, await self._path(request.get("log")), keys, begin_s, end_s)
+        )
 
     async def _record(self, _page: Page, request: Mapping[str, Any]) -> Any:
         if request.get("on") is not True:

@@ -96,7 +96,9 @@ class SimulatedRobot:
         BadRequestError if the world has nothing like that, LinkError if it takes no commands.
         """
         if self.catalogue is None:
-            raise BadRequestError("the world around the flashed image takes no commands", hint="choose another processor")
+            raise BadRequestError(
+                "the world around the flashed image takes no commands", hint="choose another processor"
+            )
         line = json.dumps(_command(self.catalogue, request)) + "\n"
         assert self._process.stdin is not None
         self.refusal = ""

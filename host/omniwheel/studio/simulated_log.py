@@ -31,6 +31,8 @@ _TRUTH = (
     ("current_A", "motor current", "A"),
     ("slip_ratio", "slip ratio", ""),
 )
+_ON_PATH = 2
+"""omni_trajectory_phase_t: 0 none, 1 lead-in, 2 path, 3 done."""
 _DOC = "What the simulated world knows and no robot does."
 
 
@@ -44,6 +46,7 @@ class SimulatedLog:
             wheels = int(self._summary["parameters"]["WHEELS"])
             self._columns = _columns(samples, wheels)
             self._time_s = np.asarray(samples["time_s"], dtype=np.float64)
+            self._phase = np.asarray(samples["phase"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise LogError(f"{path.parent.name} cannot be read: {error}", hint="run it again") from error
         known = {signal.key: signal for signal in all_signals(wheels)}
@@ -65,6 +68,11 @@ class SimulatedLog:
             {"number": 0, "time_s": float(event["time_s"]) - self.start_s, "changes": {}, "text": str(event["what"])}
             for event in (events if isinstance(events, list) else [])
         ]
+
+    def path_s(self) -> float | None:
+        """Return when the robot began to follow its path, past the way to its beginning; None if it never did."""
+        on_path = np.flatnonzero(self._phase >= _ON_PATH)
+        return None if not len(on_path) else float(self._time_s[on_path[0]] - self.start_s)
 
     def parameters(self) -> dict[str, float]:
         """Return the parameters that the run began with."""

@@ -51,10 +51,13 @@ def robot_state(robot: Robot) -> dict[str, Any]:
 def shape_as_json(robot: Robot) -> dict[str, Any]:
     """Return what a map draws and what driving by keys may ask: wheels, size, top speeds, paths.
 
+    ``path`` is the one that its parameters choose.
+
     ``speed`` is what the robot reaches in every direction [m/s] and by turning [rad/s].
     """
     values = robot.parameters.known
     model = robot.drive_model()
+    path = round(values["TRJ_TYPE"])
     directions = (2 * math.pi * number / _DIRECTIONS for number in range(_DIRECTIONS))
     return {
         "wheels": [math.radians(values[f"W{number}_ANGLE"]) for number in range(1, int(values["WHEELS"]) + 1)],
@@ -68,6 +71,7 @@ def shape_as_json(robot: Robot) -> dict[str, Any]:
             for name, number in robot.table["TRJ_TYPE"].values.items()
             if not lib.omni_trajectory_needs_waypoints(number)
         ],
+        "path": next((name for name, number in robot.table["TRJ_TYPE"].values.items() if number == path), None),
     }
 
 

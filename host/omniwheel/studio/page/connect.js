@@ -7,7 +7,8 @@ export class Chooser {
   #processors = [];
   #id = (name) => document.getElementById(name);
 
-  constructor(socket, flasher) {
+  constructor(socket, flasher, say) {
+    this.say = say;
     this.socket = socket;
     this.flasher = flasher;
     this.dialog = this.#id("connect-dialog");
@@ -71,6 +72,7 @@ export class Chooser {
     try {
       await this.socket.ask(action, content);
       trouble.textContent = "";
+      this.say("");
       this.dialog.close();
     } catch (refusal) {
       trouble.textContent = in_words(refusal);

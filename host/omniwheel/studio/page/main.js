@@ -38,7 +38,7 @@ const runs = new Runs(socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
 const plots = new Plots(id("panels"), socket, say, { limit: (name) => parameters.value_of(name) });
 const flasher = new Flasher(socket);
-const chooser = new Chooser(socket, flasher);
+const chooser = new Chooser(socket, flasher, say);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
   arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
@@ -65,7 +65,7 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, view, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds, bring_up: checks }) {
+function tables({ signals, view, parameters: infos, speed, wheels, radius_m, paths, path, world, experiments: kinds, bring_up: checks }) {
   experiments.tables(kinds);
   simulator.tables(world);
   bring_up.tables(checks, wheels);
@@ -78,6 +78,7 @@ function tables({ signals, view, parameters: infos, speed, wheels, radius_m, pat
   map.radius = radius_m;
   map.clear();
   id("path").replaceChildren(...paths.map((name) => new Option(name, name)));
+  if (paths.includes(path)) id("path").value = path;
 }
 
 function add_text({ severity, text }) {
@@ -108,6 +109,7 @@ function show_state(now) {
   put("fact-commands", now?.commands ?? "–");
   const trouble = link.phase === "connected" ? "" : link.trouble ?? "";
   put("faults", robot?.faults.length ? `Faults: ${robot.faults.join(", ")}` : trouble);
+  id("welcome").hidden = !now || link.phase !== "none";
   id("take-over").hidden = !now || now.commands === "this page";
   id("release").hidden = robot?.state !== "estop";
   id("arm").disabled = !robot || robot.armed || link.phase !== "connected";
@@ -176,6 +178,7 @@ for (const button of document.querySelectorAll(".stop")) { // one in each window
   button.onclick = stop;
   button.onpointerdown = stop; // already when the finger comes down
 }
+id("welcome-connect").onclick = () => chooser.open();
 id("arm").onclick = () => ask("arm");
 id("disarm").onclick = () => {
   map.cancel();
@@ -237,7 +240,7 @@ function fill_target({ x, y, theta }) {
 
 function armed() {
   if (state?.robot?.armed) return true;
-  say("The robot is not armed: press Arm first.");
+  say(state?.robot ? "The robot is not armed: press Arm first." : "No robot is connected: press Connect first.");
   return false;
 }
 

@@ -14,6 +14,7 @@ const id = (name) => document.getElementById(name);
 export class Runs {
   #open = []; // [{log, title, run, about}], one or two
   #infos = new Map();
+  #later = [0]; // by how much each log is shown earlier than its own clock [s]
   #busy = false;
   #next = {}; // what is asked for next, by kind
   #recording = null;
@@ -38,6 +39,7 @@ export class Runs {
     id("run-file").onchange = (event) => this.#upload(event.target);
     id("run-add-plot").onclick = () => this.plots.add();
     id("run-add-xy").onclick = () => this.plots.addXY();
+    id("run-align").onchange = () => this.#show(this.#open, false);
     id("run-whole").onclick = () => this.plots.live();
     id("run-csv").onclick = () => this.plots.csv();
     id("run-close").onclick = () => this.#show([]);
@@ -104,19 +106,24 @@ export class Runs {
     id("run-view").scrollIntoView({ block: "nearest" });
   }
 
-  #show(logs) {
+  #show(logs, anew = true) {
     this.#open = logs;
     id("run-view").hidden = logs.length === 0;
-    id("run-compared").replaceChildren();
+    if (anew) id("run-compared").replaceChildren();
     id("run-mark-text").textContent = "";
     if (logs.length === 0) return;
     const letter = (n) => (logs.length > 1 ? `${LETTERS[n]}: ` : "");
     id("run-name").textContent = logs.map(({ title }, n) => letter(n) + title).join(", ");
     const signals = new Map(logs.flatMap(({ about }) => about.signals).map((signal) => [signal.key, signal]));
     this.#infos = signals;
-    const marks = logs.flatMap(({ about }, n) => about.marks.map((mark) => ({ ...mark, before: letter(n) })));
-    const end = Math.max(...logs.map(({ about }) => about.duration_s), 1e-3);
-    this.plots.recorded([...signals.values()], marks, { begin: 0, end });
+    const known = logs.length > 1 && logs.every(({ about }) => about.path_s !== null);
+    id("run-align-label").hidden = !known;
+    const aligned = known && id("run-align").checked;
+    this.#later = logs.map(({ about }) => (aligned ? about.path_s - logs[0].about.path_s : 0));
+    const marks = logs.flatMap(({ about }, n) => about.marks.map(
+      (mark) => ({ ...mark, time_s: mark.time_s - this.#later[n], before: letter(n) })));
+    const end = Math.max(...logs.map(({ about }, n) => about.duration_s - this.#later[n]), 1e-3);
+    this.plots.recorded([...signals.values()], marks, { begin: Math.min(0, ...this.#later.map((s) => -s)), end });
   }
 
   #info(key) {
@@ -159,7 +166,7 @@ export class Runs {
   async #samples(action, content) {
     if (action === "spectrum") return this.#spectra(content);
     if (action === "show") this.keys = content.signals;
-    this.#next[action] = action === "show" ? { begin_s: 0, end_s: Number.MAX_SAFE_INTEGER, width: WIDTH } : content;
+    this.#next[action] = action === "show" ? { begin_s: -Number.MAX_SAFE_INTEGER, end_s: Number.MAX_SAFE_INTEGER, width: WIDTH } : content;
     if (this.#busy) return;
     this.#busy = true;
     try {
@@ -178,7 +185,8 @@ export class Runs {
     for (const [n, { log }] of this.#open.entries()) {
       const mine = signals.filter((key) => key.startsWith(`${n}${BETWEEN}`)).map((key) => key.split(BETWEEN)[1]);
       if (mine.length === 0) continue;
-      for (const one of await this.socket.ask("run_spectrum", { log, signals: mine, begin_s, end_s })) {
+      const range = { begin_s: begin_s + this.#later[n], end_s: end_s + this.#later[n] };
+      for (const one of await this.socket.ask("run_spectrum", { log, signals: mine, ...range })) {
         found.set(`${n}${BETWEEN}${one.key}`, { ...one, key: `${n}${BETWEEN}${one.key}` });
       }
     }
@@ -186,16 +194,19 @@ export class Runs {
   }
 
   async #fetch(keys, range, isWindow) {
-    const logs = this.#open;
+    const [logs, later] = [this.#open, this.#later];
     const traces = await Promise.all(logs.map(async ({ log }, n) => {
       const mine = keys.map((key, place) => ({ key, place })).filter(({ key }) => key.startsWith(`${n}${BETWEEN}`));
       if (mine.length === 0) return [];
       const signals = mine.map(({ key }) => key.split(BETWEEN)[1]);
-      const answer = await this.#post("run-samples", JSON.stringify({ log, signals, ...range }));
+      const { begin_s, end_s, width } = range;
+      const wanted = { log, signals, begin_s: begin_s + later[n], end_s: end_s + later[n], width };
+      const answer = await this.#post("run-samples", JSON.stringify(wanted));
       const [, found] = unpacked(await answer.arrayBuffer());
-      return found.map((trace) => ({ ...trace, place: mine[trace.place].place }));
+      return found.map(({ place, time, value }) => (
+        { place: mine[place].place, time: time.map((t) => t - later[n]), value }));
     }));
-    if (logs !== this.#open || this.keys !== keys || (isWindow && !this.plots.paused)) return; // wanted no more
+    if (logs !== this.#open || later !== this.#later || this.keys !== keys || (isWindow && !this.plots.paused)) return; // wanted no more
     this.plots.samples(isWindow, traces.flat(), 0);
   }
 

@@ -7,6 +7,8 @@ import { axis_style } from "./words.js";
 const HEIGHT_PX = 320;
 const MARGIN = 0.05;
 
+const values = (_, splits) => splits.map((value) => String(Number(value.toPrecision(6))));
+
 /** Ranges of both axes that hold all points; as many pixels per unit on both if they have the same unit. */
 function ranges(points, width, height, alike) {
   const ends = [[Infinity, -Infinity], [Infinity, -Infinity]];
@@ -58,7 +60,7 @@ export class XYPlot {
       cursor: { drag: { x: false, y: false } },
       legend: { show: names.length > 1, live: false },
       scales: { x: { time: false, range: () => this.#ranges[0] }, y: { range: () => this.#ranges[1] } },
-      axes: [{ ...axis, label: labels[0], labelSize: 16, size: 34 }, { ...axis, label: labels[1], size: 62 }],
+      axes: [{ ...axis, label: labels[0], labelSize: 16, size: 34, values }, { ...axis, label: labels[1], size: 62, values }],
       series: [{}, ...names.map((label, n) => ({
         label,
         stroke: colours[n],
@@ -73,8 +75,8 @@ export class XYPlot {
 
   /** columns: times, then all x, then all y */
   setData(columns) {
-    const values = columns.slice(1);
-    const points = names(this.count).map((n) => paired(values[n] ?? [], values[this.count + n] ?? []));
+    const given = columns.slice(1);
+    const points = names(this.count).map((n) => paired(given[n] ?? [], given[this.count + n] ?? []));
     const { width, height } = this.#plot.bbox;
     this.#ranges = ranges(points, width || 1, height || 1, this.alike);
     this.#plot.setData([null, ...points.map(({ x, y }) => [x, y])]);
