@@ -64,13 +64,13 @@ def studio(*words: str) -> AbstractContextManager[Program]:
     return running("studio", "--no-browser", "--port", "0", *words)
 
 
-def until(page: Page, condition: str) -> None:
+def until(page: Page, condition: str, wait_s: float = WAIT_MS / 1000) -> None:
     """Wait until a JavaScript expression is true; it may use ``studio``, ``state`` and ``robot``.
 
     Playwright's own waiting evaluates text inside the page, which the page's security policy forbids.
     """
     look = f"() => {{ const state = window.studio?.state, robot = state?.robot; return Boolean({condition}); }}"
-    end_s = time.monotonic() + WAIT_MS / 1000
+    end_s = time.monotonic() + wait_s
     while not page.evaluate(look):
         if time.monotonic() > end_s:
             seen = page.evaluate("() => [document.getElementById('notice')?.textContent, window.studio?.state]")

@@ -23,19 +23,21 @@ from omniwheel.drive_log import DriveLog
 from omniwheel.errors import LimitError, OmniError
 from omniwheel.plain import finite
 from omniwheel.robot import Robot
+from omniwheel.robots import robot_names
 from omniwheel.studio.actions import BadRequestError, Request, number_of
 from omniwheel.studio.session import Session, WorkEndedError
 from omniwheel.tuning import AXES
 
 if TYPE_CHECKING:
     from omniwheel.experiments import Outcome
+    from omniwheel.studio.identified import Identified
     from omniwheel.studio.tuned import Tuned
 
 SMALLEST_ROOM_M, LARGEST_ROOM_M, USUAL_ROOM_M = 0.1, 20.0, 1.0
 _ALL = 0
 SHORTEST_S, LONGEST_S = 0.05, 120.0
 _POSITION, _WHEEL = ("position-step", "position-sweep"), ("wheel-step", "wheel-chirp")
-_AUTOTUNE = "autotune"
+_AUTOTUNE, _IDENTIFY = "autotune", "identify"
 _ROUNDS = ((2, "quick: 2 rounds"), (4, "4 rounds"), (10, "sure: 10 rounds"))
 _PHASES = ("preparing", "moving", "fetching the recording", "drawing")
 
@@ -62,6 +64,7 @@ KINDS = (
     Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",), "m or rad", 12.0),
     Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",), "V", 0.1),
     Kind(_AUTOTUNE, "Measure the robot, choose its gains from that, and try them", ("rounds",)),
+    Kind(_IDENTIFY, "Measure motors, friction and inertia, and write a robot file", ("file",)),
 )
 """In the order of docs/guides/experiments.md, then autotune. Each moves the robot by itself."""
 
@@ -70,7 +73,7 @@ KINDS = (
 class Wanted:
     """What a page chose. ``wheel`` counts from 1; 0 is all of them.
 
-    ``amplitude`` is the signal's size in its own unit; NaN: as the robot allows.
+    ``file`` is the robot file whose layout it has. ``amplitude`` is the signal's size in its own unit; NaN: as the robot allows.
     """
 
     name: str
@@ -79,10 +82,11 @@ class Wanted:
     axis: str
     on_stand: bool
     rounds: int = 4
+    file: str = ""
     amplitude: float = math.nan
     duration_s: float = 1.0
 
-    def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome | Tuned:
+    def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome | Tuned | Identified:
         """Do it; the first thing told is what it needs. Raises LimitError before the robot moves, ExperimentError."""
         from omniwheel import experiments
 
@@ -90,6 +94,10 @@ class Wanted:
             from omniwheel.studio.tuned import tune
 
             return tune(robot, self.room_m, self.rounds, tell)
+        if self.name == _IDENTIFY:
+            from omniwheel.studio.identified import identify
+
+            return identify(robot, self.file, self.room_m, tell)
         if self.name in _WHEEL:
             wheel_run = experiments.wheel_step if self.name == "wheel-step" else experiments.wheel_chirp
             wheels = experiments.WheelPlan(
@@ -119,6 +127,7 @@ def catalogue(robot: Robot) -> list[dict[str, Any]]:
         "wheel or all": {"key": "wheel", "label": "Wheel", "options": [[_ALL, "all alike"], *wheels]},
         "axis": {"key": "axis", "label": "Axis", "options": [[axis, axis] for axis in AXES]},
         "rounds": {"key": "rounds", "label": "Old and new in turns", "options": [list(option) for option in _ROUNDS]},
+        "file": {"key": "file", "label": "Robot file", "options": [[name, name] for name in robot_names()]},
         "on_stand": {
             "key": "on_stand",
             "label": "The robot",
@@ -175,7 +184,10 @@ def wanted_of(request: Request) -> Wanted:
     rounds = number_of(request, "rounds", _ROUNDS[0][0])
     if rounds not in {number for number, _ in _ROUNDS}:
         raise BadRequestError(f"rounds has to be {', '.join(str(number) for number, _ in _ROUNDS)}, not {rounds:g}")
-    return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds), size, duration_s)
+    file = request.get("file", "")
+    if file not in (robot_names() if name == _IDENTIFY else ("",)):
+        raise BadRequestError(f"there is no robot file {file!r}")
+    return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds), file, size, duration_s)
 
 
 def needs_of(robot: Robot, wanted: Wanted) -> str:
@@ -203,7 +215,7 @@ def prepare() -> None:
 
     for module in ("linalg", "signal", "special"):
         require_scipy(module)
-    for module in ("experiments.folder", "studio.tuned"):
+    for module in ("experiments.folder", "studio.identified", "studio.tuned"):
         import_module(f"omniwheel.{module}")
 
 
@@ -218,7 +230,7 @@ class Experiment:
         self._began_s = time.monotonic()
         self._phase = _PHASES[0]
         self._needs = self._step = self._trouble = ""
-        self._outcome: Outcome | Tuned | None = None
+        self._outcome: Outcome | Tuned | Identified | None = None
         self._folder = ""
         self._thread = threading.Thread(target=self._run, name=f"experiment {wanted.name}", daemon=True)
 
@@ -257,7 +269,7 @@ class Experiment:
             self._trouble = f"a mistake in this program, please report it: {error!r}"
             raise
 
-    def _measured(self, robot: Robot, log: DriveLog) -> Outcome | Tuned:
+    def _measured(self, robot: Robot, log: DriveLog) -> Outcome | Tuned | Identified:
         """Run in the robot's thread. The robot is disarmed at the end, whatever happens."""
         if self._session.stops != self._stops:
             raise WorkEndedError("stopped")
@@ -284,11 +296,15 @@ class Experiment:
             self._phase = _PHASES[2]
 
 
-def _written(outcome: Outcome | Tuned, folder: Path) -> Path:
-    """Write everything into a folder and return the picture. Raises OutputFileError."""
+def _written(outcome: Outcome | Tuned | Identified, folder: Path) -> Path | None:
+    """Write everything into a folder and return the picture, if there is one. Raises OmniError."""
     from omniwheel.experiments.folder import PICTURE_FILE, write_outcome
+    from omniwheel.studio.identified import Identified
     from omniwheel.studio.tuned import Tuned
 
+    if isinstance(outcome, Identified):
+        outcome.write(folder)
+        return None
     if isinstance(outcome, Tuned):
         return outcome.write(folder)
     write_outcome(outcome, folder)

@@ -107,7 +107,7 @@ export class Experiments {
     if (run.figures) this.#result(run);
   }
 
-  #result({ number, name, figures, remarks }) {
+  #result({ number, name, figures, remarks, picture }) {
     this.#id("experiment-caption").textContent = name;
     this.#id("experiment-figures").replaceChildren(...figures.map((figure) => {
       const row = document.createElement("tr");
@@ -122,6 +122,8 @@ export class Experiments {
       return row;
     }));
     show_lines(this.#id("experiment-remarks"), remarks);
+    this.#id("experiment-picture").hidden = !picture;
+    if (!picture) return;
     const token = encodeURIComponent(this.socket.token);
     this.#id("experiment-picture").src = `experiment.png?token=${token}&number=${number}`;
   }
