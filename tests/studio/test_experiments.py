@@ -17,6 +17,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 from websockets.sync.client import ClientConnection, connect
 
+from omniwheel.robots import read_robot
 from omniwheel.studio.experiments import KINDS, Experiment, Wanted
 from omniwheel.studio.session import Session
 from tests.studio.parts import Opener, Program, studio, until
@@ -178,6 +179,25 @@ def test_autotune_measures_and_tells_what_came_of_it(page: Page) -> None:
     assert {"autotune.md", "autotune.png", "before.toml", "after.toml"} <= {path.name for path in folder.iterdir()}
 
 
+@pytest.mark.nightly
+def test_identification_leaves_a_robot_file(page: Page) -> None:
+    page.select_option("#experiment-kind", "identify")
+    page.get_by_label("Robot file", exact=True).first.select_option("three_wheel")
+    page.get_by_label("Side of the free square").fill("2")
+    page.click("#experiment-look")
+    until(page, "!document.getElementById('experiment-start').disabled")
+    assert "circles and spins for 160 s in a square of about" in (page.text_content("#experiment-needs") or "")
+    page.click("#experiment-start")
+    until(page, f"{RUN}?.running")
+    until(page, f"!{RUN}.running", 900.0)
+    assert page.evaluate(f"studio.{RUN}.trouble".replace("?", "")) == ""
+    folder = Path(page.evaluate("studio.state.experiment.folder"))
+    found = read_robot(str(folder / "identified.toml"))
+    assert found.motor["coulomb_friction_N_m"] == pytest.approx(0.05, rel=0.5)
+    assert page.is_hidden("#experiment-picture")
+    assert "motor inertia" in (page.text_content("#experiment-figures") or "")
+
+
 def test_a_closed_page_ends_it(page: Page, simulated: Program) -> None:
     start(page, LONG)
     until(page, f"{RUN}.phase === 'moving'")
@@ -245,6 +265,12 @@ BAD: list[dict[str, Any]] = [
     {"name": "position-step", "axis": "z"},
     {"name": "position-step", "axis": ["x"]},
     {"name": "disturbance", "wheel": 0},
+    {"name": "identify", "room_m": 10},
+    {"name": "identify", "room_m": 10, "file": "no such robot"},
+    {"name": "identify", "room_m": 10, "file": ["three_wheel"]},
+    {"name": "identify", "room_m": 10, "file": "four_wheel"},
+    {"name": "identify", "room_m": 0.5, "file": "three_wheel"},
+    {"name": "wheel-step", "file": "three_wheel"},
     {"name": "disturbance", "amplitude": 0},
     {"name": "disturbance", "amplitude": "1"},
     {"name": "disturbance", "amplitude": 1e300},
