@@ -73,7 +73,8 @@ KINDS = (
 class Wanted:
     """What a page chose. ``wheel`` counts from 1; 0 is all of them.
 
-    ``file`` is the robot file whose layout it has. ``amplitude`` is the signal's size in its own unit; NaN: as the robot allows.
+    ``file`` is the robot file whose layout it has. ``amplitude`` is the signal's size in its own unit; NaN: as the
+    robot allows.
     """
 
     name: str

@@ -38,8 +38,8 @@ class _Count(NamedTuple):
 class LinkQuality:
     """Watches the link of a connected robot; :meth:`serve` is to be called several times per second.
 
-    Frames that were lost on the way leave a gap in the robot's numbers. A gap of more than half of the numbers is a
-    robot that has restarted, or a frame that came twice, and counts as no loss.
+    Frames that were lost on the way leave a gap in the robot's numbers. A gap of more than half of the numbers is no
+    loss: the robot has restarted, or a frame came twice.
     """
 
     def __init__(self, robot: Robot) -> None:
