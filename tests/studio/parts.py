@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -16,6 +18,7 @@ from urllib.request import urlopen
 
 from playwright.sync_api import Page
 
+os.environ.setdefault("OMNI_STATE_DIR", tempfile.mkdtemp(prefix="omni-state-"))  # what a person sees stays alone
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 WAIT_MS = 60_000
 """For what comes in a moment on an idle machine."""
