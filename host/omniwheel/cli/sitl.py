@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -18,7 +18,8 @@ from omniwheel.cli.options import HostOption, ListenPortOption
 from omniwheel.cli.run_output import RobotOption, SeedOption
 
 if TYPE_CHECKING:
-    from hil_sim.sitl import SimulatedRadio
+    from hil_sim.scenario import Scenario
+    from hil_sim.sitl import SimulatedRadio, Sitl
     from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
 
@@ -60,6 +61,17 @@ LinksOption = Annotated[
 StorageOption = Annotated[
     Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
 ]
+EndWithStdinOption = Annotated[
+    bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
+]
+CommandsOption = Annotated[
+    bool,
+    typer.Option(
+        "--commands",
+        help='Take commands from standard input, a JSON object per line: {"fault": NAME, "wheel": N, "on": true}, '
+        '{"mend": true}, {"speed": 0.5}.',
+    ),
+]
 
 
 def sitl(
@@ -86,17 +98,8 @@ def sitl(
         float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
     ] = 0.02,
     seed: SeedOption = None,
-    end_with_stdin: Annotated[
-        bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
-    ] = False,
-    commands: Annotated[
-        bool,
-        typer.Option(
-            "--commands",
-            help='Take commands from standard input, a JSON object per line: {"fault": NAME, "wheel": N, "on": true}, '
-            '{"mend": true}, {"speed": 0.5}.',
-        ),
-    ] = False,
+    end_with_stdin: EndWithStdinOption = False,
+    commands: CommandsOption = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the firmware as a process in a simulated world, in real time, until Ctrl-C: connect to it as to a robot.
@@ -108,7 +111,6 @@ def sitl(
     """
     from hil_sim.scenario import load_scenario
     from hil_sim.sitl import start_sitl
-    from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
 
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
@@ -116,18 +118,31 @@ def sitl(
     links = link or [f"tcp:{host}:{port}"]
     try:
         with signals_interrupt(), start_sitl(scenario, links, storage=storage, radio=simulated) as running:
-            more = {"world": running.live.catalogue()} if commands else {}
-            announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
-            obeyed = Commands(running.live, json_wanted) if commands else None
-            if end_with_stdin or commands:
-                reader = (obeyed, end_with_stdin)
-                threading.Thread(target=_read_input, args=reader, daemon=True).start()
-            while True:
-                running.advance()
-                if obeyed is not None:
-                    obeyed.serve()
+            serve_world(running, scenario, json_wanted, commands=commands, end_with_stdin=end_with_stdin)
     except KeyboardInterrupt:
         return
+
+
+def serve_world(
+    running: Sitl, scenario: Scenario, json_wanted: bool, *, commands: bool, end_with_stdin: bool
+) -> NoReturn:
+    """Say where the robot is, and keep its world going until KeyboardInterrupt; obey commands if wanted."""
+    from omniwheel.cli.sitl_commands import Commands
+
+    more = {"world": running.live.catalogue()} if commands else {}
+    announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
+    obeyed = Commands(running.live, json_wanted) if commands else None
+    if end_with_stdin or commands:
+        read_input(obeyed, end_with_stdin)
+    while True:
+        running.advance()
+        if obeyed is not None:
+            obeyed.serve()
+
+
+def read_input(commands: Commands | None, end_with_it: bool) -> None:
+    """Read standard input in a thread of its own; its end is a KeyboardInterrupt if ``end_with_it``."""
+    threading.Thread(target=_read_input, args=(commands, end_with_it), daemon=True).start()
 
 
 def _read_input(commands: Commands | None, end_with_it: bool) -> None:
