@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: MIT
+"""A robot as a MuJoCo model (MJCF): every roller a body with its hinge, motors as actuators of current."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree as Xml
+
+from hil_sim.models.parts import RobotParts, Solid, WheelPart
+from hil_sim.models.text import numbers, xml_text
+
+STEP_s = 1e-3
+CONTACT_TIME_s = 0.002
+"""Time constant of a roller's rubber in the floor: the least that MuJoCo allows with this step."""
+FLOOR_BIT, ROLLER_BIT = 1, 2
+
+
+def mjcf(parts: RobotParts, inductance_time_s: float = 5e-4, constant_N_m_A: float = 1.0) -> str:
+    """Return the model as text. It stands on a flat floor at 0, 0, its x axis along the world's.
+
+    The actuator ``motor_N`` of wheel N takes the current [A] that its winding strives for. It has the winding's time
+    constant ``inductance_time_s`` (L / R), and ``constant_N_m_A`` newton metres per ampere. Sensors: ``gyro``
+    [rad/s], ``accelerometer`` [m/s^2], the body's pose, and angle [rad] and speed [rad/s] of each wheel.
+    """
+    root = Xml.Element("mujoco", model=parts.name)
+    Xml.SubElement(root, "compiler", angle="radian", autolimits="true")
+    Xml.SubElement(
+        root, "option", timestep=f"{STEP_s:g}", cone="elliptic", impratio="10", integrator="implicitfast",
+        solver="Newton", jacobian="sparse", iterations="20",
+    )  # fmt: skip
+    visual = Xml.SubElement(root, "visual")
+    Xml.SubElement(visual, "global", offwidth="1920", offheight="1080")
+    _assets(root)
+    world = Xml.SubElement(root, "worldbody")
+    Xml.SubElement(world, "light", pos="0 0 3", dir="0 0 -1", directional="true")
+    Xml.SubElement(
+        world, "geom", name="floor", type="plane", size="0 0 0.1", material="floor",
+        contype=str(FLOOR_BIT), conaffinity=str(ROLLER_BIT), friction=numbers(parts.friction, 0, 0), condim="3",
+    )  # fmt: skip
+    _robot(world, parts)
+    _actuators(root, parts, inductance_time_s, constant_N_m_A)
+    _sensors(root, parts)
+    return xml_text(root)
+
+
+def _assets(root: Xml.Element) -> None:
+    assets = Xml.SubElement(root, "asset")
+    Xml.SubElement(
+        assets, "texture", name="tiles", type="2d", builtin="checker", width="256", height="256",
+        rgb1="0.85 0.85 0.85", rgb2="0.7 0.72 0.75",
+    )  # fmt: skip
+    Xml.SubElement(assets, "material", name="floor", texture="tiles", texrepeat="5 5", texuniform="true")
+
+
+def _robot(world: Xml.Element, parts: RobotParts) -> None:
+    body = Xml.SubElement(world, "body", name="chassis", pos=numbers(0, 0, parts.wheels[0].radius_m))
+    Xml.SubElement(body, "freejoint", name="free")
+    _inertial(body, parts.chassis, (0.0, 0.0, parts.chassis_height_m))
+    Xml.SubElement(body, "site", name="imu")
+    reach = min(wheel.distance_m for wheel in parts.wheels) - parts.wheels[0].radius_m * 0.6
+    for name, size, place, colour in (
+        ("deck", (reach, 0.25 * parts.wheels[0].radius_m), (0.0, 0.0, parts.wheels[0].radius_m), "0.2 0.3 0.45 1"),
+        ("nose", (0.1 * reach, 0.1 * reach), (0.7 * reach, 0.0, 1.35 * parts.wheels[0].radius_m), "0.9 0.5 0.1 1"),
+    ):
+        Xml.SubElement(
+            body, "geom", name=name, type="cylinder", size=numbers(*size), pos=numbers(*place), rgba=colour,
+            contype="0", conaffinity="0", mass="0",
+        )  # fmt: skip
+    for number, wheel in enumerate(parts.wheels, 1):
+        _wheel(body, parts, wheel, number)
+
+
+def _wheel(chassis: Xml.Element, parts: RobotParts, wheel: WheelPart, number: int) -> None:
+    place = wheel.distance_m * math.cos(wheel.bearing_rad), wheel.distance_m * math.sin(wheel.bearing_rad), 0.0
+    turned = math.cos(0.5 * wheel.bearing_rad), 0.0, 0.0, math.sin(0.5 * wheel.bearing_rad)
+    body = Xml.SubElement(chassis, "body", name=f"wheel_{number}", pos=numbers(*place), quat=numbers(*turned))
+    Xml.SubElement(
+        body, "joint", name=f"axle_{number}", type="hinge", axis="-1 0 0", armature=numbers(wheel.armature_kg_m2),
+        damping=numbers(parts.motor_viscous_N_m_s), frictionloss=numbers(parts.motor_dry_N_m),
+    )  # fmt: skip
+    _inertial(body, wheel.hub, (0.0, 0.0, 0.0))
+    along = max(roller.along_m for roller in parts.rollers) + 0.5 * parts.roller_radius_m
+    Xml.SubElement(
+        body, "geom", type="cylinder", size=numbers(wheel.radius_m - 2.0 * parts.roller_radius_m, along),
+        quat=numbers(math.sqrt(0.5), 0, math.sqrt(0.5), 0), rgba="0.5 0.5 0.5 1", contype="0", conaffinity="0",
+        mass="0",
+    )  # fmt: skip
+    rim = wheel.radius_m - parts.roller_radius_m
+    for index, part in enumerate(parts.rollers, 1):
+        cosine, sine = math.cos(part.angle_rad), math.sin(part.angle_rad)
+        name = f"roller_{number}_{index}"
+        roller = Xml.SubElement(
+            body, "body", name=name, pos=numbers(part.along_m, rim * cosine, rim * sine),
+            xyaxes=numbers(1, 0, 0, 0, -cosine, -sine),
+        )  # fmt: skip
+        Xml.SubElement(
+            roller, "joint", name=f"pin_{number}_{index}", type="hinge", axis="0 0 1",
+            damping=numbers(parts.roller_viscous_N_m_s), armature=numbers(parts.roller.inertia_kg_m2[2]),
+        )  # fmt: skip
+        _inertial(roller, parts.roller, (0.0, 0.0, 0.0))
+        Xml.SubElement(
+            roller, "geom", name=name, type="ellipsoid",
+            size=numbers(parts.roller_radius_m, parts.roller_radius_m, parts.barrel_half_axis_m(wheel)),
+            contype=str(ROLLER_BIT), conaffinity=str(FLOOR_BIT), condim="3", priority="1",
+            friction=numbers(parts.friction, 0, 0), solref=numbers(CONTACT_TIME_s, 1),
+            rgba="0.15 0.15 0.15 1" if part.row == 0 else "0.3 0.3 0.3 1",
+        )  # fmt: skip
+
+
+def _inertial(body: Xml.Element, solid: Solid, place: tuple[float, float, float]) -> None:
+    Xml.SubElement(
+        body, "inertial", pos=numbers(*place), mass=numbers(solid.mass_kg),
+        diaginertia=numbers(*solid.inertia_kg_m2),
+    )  # fmt: skip
+
+
+def _actuators(root: Xml.Element, parts: RobotParts, time_s: float, constant: float) -> None:
+    actuators = Xml.SubElement(root, "actuator")
+    for number in range(1, len(parts.wheels) + 1):
+        Xml.SubElement(
+            actuators, "general", name=f"motor_{number}", joint=f"axle_{number}", dyntype="filterexact",
+            dynprm=numbers(time_s), gainprm=numbers(constant),
+        )  # fmt: skip
+
+
+def _sensors(root: Xml.Element, parts: RobotParts) -> None:
+    sensors = Xml.SubElement(root, "sensor")
+    Xml.SubElement(sensors, "gyro", name="gyro", site="imu")
+    Xml.SubElement(sensors, "accelerometer", name="accelerometer", site="imu")
+    for number in range(1, len(parts.wheels) + 1):
+        Xml.SubElement(sensors, "jointpos", name=f"angle_{number}", joint=f"axle_{number}")
+        Xml.SubElement(sensors, "jointvel", name=f"speed_{number}", joint=f"axle_{number}")

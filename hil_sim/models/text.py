@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: MIT
+"""Numbers and XML as text, the same on every computer."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as Xml
+
+
+def numbers(*values: float) -> str:
+    """Return numbers with spaces between them, with what a model needs of digits; no minus before a zero."""
+    return " ".join(f"{value + 0.0:.9g}" if abs(value) > 1e-15 else "0" for value in values)
+
+
+def xml_text(root: Xml.Element) -> str:
+    """Return an XML document, indented, with its declaration."""
+    Xml.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"

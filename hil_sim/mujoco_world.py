@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: MIT
+"""MuJoCo as the world around the real firmware: ``omni hil SCENARIO --world mujoco``.
+
+The model is made from the robot file: every roller is a body with its hinge and touches the floor by itself. Motors
+follow from supply, duty and the robot file's motor data here; MuJoCo integrates current, bodies and contacts.
+
+It needs the extra ``mujoco``. One world is for one thread.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hil_sim.c_scenario import scenario_world
+from hil_sim.external import ExternalWorldInputError, Sensed
+from hil_sim.floor import LEVEL, Floor
+from hil_sim.models.mjcf import FLOOR_BIT, ROLLER_BIT, mjcf
+from hil_sim.models.parts import RobotParts, robot_parts
+from hil_sim.scenario import Scenario
+
+GRAVITY_m_s2 = 9.80665
+SETTLE_STEPS = 300
+"""The robot is set down on the floor before time 0."""
+_BUMP_ROWS = 400
+"""Points of the bumps' height along each side of the floor."""
+
+
+class MujocoWorld:
+    """One robot of a scenario on a floor, as an :class:`hil_sim.external.ExternalWorld`.
+
+    ``model`` and ``data`` are MuJoCo's own ``MjModel`` and ``MjData``; whatever they offer may be read. The wheels
+    begin turned at random, by the scenario's seed, so that another seed meets the rollers elsewhere.
+    """
+
+    def __init__(self, scenario: Scenario, floor: Floor = LEVEL) -> None:
+        """Raises ExternalWorldInputError without the package ``mujoco``; PartsError, WorldError for the robot."""
+        self._mujoco = _library()
+        self._config = scenario_world(scenario)
+        self.parts = robot_parts(scenario.world_robot or scenario.robot, self._config)
+        self.floor = floor
+        self.notes = _notes(scenario)
+        """What the scenario asks for and this world has no such thing of; a sentence each."""
+        config = self._config
+        text = mjcf(self.parts, config.motor_inductance_H / config.motor_resistance_ohm, config.motor_constant_N_m_A)
+        spec = self._mujoco.MjSpec.from_string(text)
+        bumps = floor.heights(_BUMP_ROWS)
+        if bumps is not None:
+            _add_bumps(self._mujoco, spec, floor, bumps, self.parts)
+        self.model: Any = spec.compile()
+        self.model.opt.gravity[:] = floor.gravity(GRAVITY_m_s2)
+        if bumps is not None:
+            self.model.hfield_data[:] = (bumps / max(float(bumps.max()), 1e-9)).ravel()
+        self.data: Any = self._mujoco.MjData(self.model)
+        self._find(len(self.parts.wheels))
+        self._turns, self._last_yaw = 0.0, 0.0
+        self._duty, self._coast = np.zeros(self._wheels), np.ones(self._wheels)
+        self._patched = [False] * self._wheels
+        self._set_down(scenario)
+
+    def sense(self) -> Sensed:
+        """Return encoder edges, supply under load and the true pose, in the floor's plane."""
+        data = self.data
+        edges = np.floor(data.qpos[self._axles] * self._edges_per_rad)
+        current = self.current_A
+        return Sensed(
+            counts=[int(edge) for edge in edges],
+            supply_V=self._supply_V(),
+            pose=self.pose,
+            wheel_rad_s=data.qvel[self._speeds].tolist(),
+            current_A=current.tolist(),
+        )
+
+    def apply(self, duty: Sequence[float], coast: Sequence[float]) -> None:
+        """Set the bridges for the next step."""
+        self._duty[:], self._coast[:] = duty, coast
+
+    def step(self) -> None:
+        """Go on by 1 ms."""
+        config, data = self._config, self.data
+        closed = 1.0 - self._coast
+        voltage = self._duty * self._supply_V()
+        back = config.motor_constant_N_m_A * data.qvel[self._speeds]
+        data.ctrl[:] = (voltage - closed * back) / config.motor_resistance_ohm
+        data.act[self._coast >= 1.0] = 0.0
+        self._advance()
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """True x [m], y [m] in the floor's plane and theta [rad, not wrapped]."""
+        x, y = self.data.qpos[0:2].tolist()
+        return x, y, self._last_yaw + self._turns
+
+    @property
+    def current_A(self) -> Any:
+        """Current of each winding [A], positive: it drives the body counter-clockwise."""
+        return np.where(self._coast >= 1.0, 0.0, self.data.act)
+
+    @property
+    def gyro_rad_s(self) -> tuple[float, float, float]:
+        """Turn rate about the body's axes, as a gyroscope in its centre has it, without noise."""
+        return self._sensor("gyro")
+
+    @property
+    def accelerometer_m_s2(self) -> tuple[float, float, float]:
+        """Acceleration less gravity along the body's axes, as an accelerometer in its centre has it, without noise."""
+        return self._sensor("accelerometer")
+
+    @property
+    def wheel_load_N(self) -> list[float]:
+        """Force of the floor on each wheel, across the floor; 0: the wheel is in the air."""
+        loads = [0.0] * self._wheels
+        force = np.zeros(6)
+        for number in range(self.data.ncon):
+            wheel = self._wheel_of_geom[max(self.data.contact.geom[number])]
+            self._mujoco.mj_contactForce(self.model, self.data, number, force)
+            if wheel >= 0:
+                loads[wheel] += float(force[0])
+        return loads
+
+    def _find(self, wheels: int) -> None:
+        """Look up where MuJoCo keeps what."""
+        model, config = self.model, self._config
+        joints = [model.joint(f"axle_{number + 1}") for number in range(wheels)]
+        self._wheels = wheels
+        self._axles = np.array([joint.qposadr[0] for joint in joints])
+        self._speeds = np.array([joint.dofadr[0] for joint in joints])
+        self._hubs = [model.body(f"wheel_{number + 1}").id for number in range(wheels)]
+        self._edges_per_rad = config.counts_per_revolution / (2.0 * math.pi)
+        self._wheel_of_geom = np.full(model.ngeom, -1)
+        self._rollers: list[Any] = []
+        count = len(self.parts.rollers)
+        for wheel in range(wheels):
+            geoms = np.array([model.geom(f"roller_{wheel + 1}_{number + 1}").id for number in range(count)])
+            self._rollers.append(geoms)
+            self._wheel_of_geom[geoms] = wheel
+        pins = [[model.joint(f"pin_{w + 1}_{n + 1}").dofadr[0] for n in range(count)] for w in range(wheels)]
+        self._pins = np.array(pins)
+        self._pin_angles = np.array([part.angle_rad for part in self.parts.rollers])
+        rows = len({part.row for part in self.parts.rollers})
+        self._reach = 2.0 * math.pi * rows / count
+
+    def _set_down(self, scenario: Scenario) -> None:
+        """Put the robot where it starts, let it come to rest on its wheels, and begin to count time."""
+        data = self.data
+        x, y, theta = scenario.start_pose
+        data.qpos[0:3] = x, y, self.parts.wheels[0].radius_m + self.floor.height_m
+        data.qpos[3:7] = math.cos(0.5 * theta), 0.0, 0.0, math.sin(0.5 * theta)
+        data.qpos[self._axles] = np.random.default_rng(scenario.seed).uniform(0.0, 2.0 * math.pi, self._wheels)
+        for _ in range(SETTLE_STEPS):
+            data.qvel[[0, 1, 5]] = 0.0
+            data.qvel[6:] = 0.0
+            self._advance()
+        data.qpos[0:2] = x, y
+        data.qvel[:] = 0.0
+        data.time = 0.0
+        self._mujoco.mj_forward(self.model, data)
+        self._turns = 2.0 * math.pi * round((theta - self._yaw()) / (2.0 * math.pi))
+        self._last_yaw = self._yaw()
+
+    def _advance(self) -> None:
+        self._rub()
+        if self.floor.patches:
+            self._tread()
+        self._mujoco.mj_step(self.model, self.data)
+        yaw = self._yaw()
+        self._turns += 2.0 * math.pi * round((self._last_yaw - yaw) / (2.0 * math.pi))
+        self._last_yaw = yaw
+
+    def _rub(self) -> None:
+        """Give dry friction to the pins of those rollers that are near the floor; the others turn in the air.
+
+        Each pin with dry friction is one more unknown, so that all of them at once would be slow.
+        """
+        if self.parts.roller_dry_N_m <= 0.0:
+            return
+        # A positive turn is about minus x: a roller at angle a from y is lowest where a - turn is -90 degrees.
+        below = self._pin_angles[None, :] - self.data.qpos[self._axles][:, None] + 0.5 * math.pi
+        near = np.abs(np.mod(below + math.pi, 2.0 * math.pi) - math.pi) < self._reach
+        self.model.dof_frictionloss[self._pins] = np.where(near, self.parts.roller_dry_N_m, 0.0)
+
+    def _tread(self) -> None:
+        """Give the rollers of each wheel the friction of the patch that it stands on."""
+        for wheel, hub in enumerate(self._hubs):
+            x, y = self.data.xpos[hub][0:2]
+            friction = self.floor.friction_at(float(x), float(y), self.parts.friction)
+            self.model.geom_friction[self._rollers[wheel], 0] = friction
+
+    def _supply_V(self) -> float:
+        config = self._config
+        drawn_A = float(np.dot(self.current_A, self._duty))
+        return max(float(config.battery_V - config.battery_resistance_ohm * drawn_A), 0.0)
+
+    def _yaw(self) -> float:
+        w, x, y, z = self.data.qpos[3:7].tolist()
+        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+    def _sensor(self, name: str) -> tuple[float, float, float]:
+        x, y, z = self.data.sensor(name).data.tolist()
+        return x, y, z
+
+
+def _library() -> Any:
+    try:
+        import mujoco
+    except ImportError as error:
+        raise ExternalWorldInputError(
+            f"--world mujoco needs the package mujoco: {error}", hint="pip install 'omniwheel[mujoco]'"
+        ) from error
+    return mujoco
+
+
+def _notes(scenario: Scenario) -> tuple[str, ...]:
+    ours = [name for name in ("slip_max", "slip_speed_max_m_s") if scenario.world.get(name, 0.0) > 0.0]
+    if not ours:
+        return ()
+    return (f"{', '.join(ours)} of the scenario is our world's: in MuJoCo wheels slip by what their contacts give.",)
+
+
+def _add_bumps(mujoco: Any, spec: Any, floor: Floor, heights: Any, parts: RobotParts) -> None:
+    """Put a height field in the place of the plane."""
+    rows = heights.shape[0]
+    half = 0.5 * floor.bumps_size_m
+    spec.add_hfield(
+        name="bumps", nrow=rows, ncol=rows, size=[half, half, max(float(heights.max()), 1e-9), 0.05],
+        userdata=heights.ravel().tolist(),
+    )  # fmt: skip
+    old = spec.geom("floor")
+    spec.delete(old)
+    spec.worldbody.add_geom(
+        name="floor", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="bumps", contype=FLOOR_BIT,
+        conaffinity=ROLLER_BIT, condim=3, friction=[parts.friction, 0.0, 0.0], rgba=[0.8, 0.8, 0.8, 1.0],
+    )  # fmt: skip
