@@ -57,47 +57,46 @@ class MujocoWorld:
         self.data: Any = self._mujoco.MjData(self.model)
         self._find(len(self.parts.wheels))
         self._turns, self._last_yaw = 0.0, 0.0
-        self._duty, self._coast = np.zeros(self._wheels), np.ones(self._wheels)
-        self._patched = [False] * self._wheels
+        self._duty, self._coast = (0.0,) * self._wheels, (1.0,) * self._wheels
+        self._current_A, self._supply_V = [0.0] * self._wheels, float(config.battery_V)
         self._set_down(scenario)
 
     def sense(self) -> Sensed:
         """Return encoder edges, supply under load and the true pose, in the floor's plane."""
-        data = self.data
-        edges = np.floor(data.qpos[self._axles] * self._edges_per_rad)
-        current = self.current_A
+        angles, speeds = self._wheel_state()
         return Sensed(
-            counts=[int(edge) for edge in edges],
-            supply_V=self._supply_V(),
+            counts=[math.floor(angle * self._edges_per_rad) for angle in angles],
+            supply_V=self._supply_V,
             pose=self.pose,
-            wheel_rad_s=data.qvel[self._speeds].tolist(),
-            current_A=current.tolist(),
+            wheel_rad_s=speeds,
+            current_A=self._current_A,
         )
 
     def apply(self, duty: Sequence[float], coast: Sequence[float]) -> None:
         """Set the bridges for the next step."""
-        self._duty[:], self._coast[:] = duty, coast
+        self._duty, self._coast = tuple(duty), tuple(coast)
 
     def step(self) -> None:
         """Go on by 1 ms."""
-        config, data = self._config, self.data
-        closed = 1.0 - self._coast
-        voltage = self._duty * self._supply_V()
-        back = config.motor_constant_N_m_A * data.qvel[self._speeds]
-        data.ctrl[:] = (voltage - closed * back) / config.motor_resistance_ohm
-        data.act[self._coast >= 1.0] = 0.0
+        constant, per_ohm, data = self._constant, self._per_ohm, self.data
+        _, speeds = self._wheel_state()
+        supply_V = self._supply_V
+        data.ctrl[:] = [
+            (duty * supply_V - (1.0 - coast) * constant * speed) * per_ohm
+            for duty, coast, speed in zip(self._duty, self._coast, speeds, strict=True)
+        ]
+        if 1.0 in self._coast:
+            data.act[[number for number, coast in enumerate(self._coast) if coast == 1.0]] = 0.0
         self._advance()
+        self._current_A = data.act.tolist()
+        drawn_A = sum(current * duty for current, duty in zip(self._current_A, self._duty, strict=True))
+        self._supply_V = max(self._battery_V - self._battery_ohm * drawn_A, 0.0)
 
     @property
     def pose(self) -> tuple[float, float, float]:
         """True x [m], y [m] in the floor's plane and theta [rad, not wrapped]."""
         x, y = self.data.qpos[0:2].tolist()
         return x, y, self._last_yaw + self._turns
-
-    @property
-    def current_A(self) -> Any:
-        """Current of each winding [A], positive: it drives the body counter-clockwise."""
-        return np.where(self._coast >= 1.0, 0.0, self.data.act)
 
     @property
     def gyro_rad_s(self) -> tuple[float, float, float]:
@@ -126,10 +125,12 @@ class MujocoWorld:
         model, config = self.model, self._config
         joints = [model.joint(f"axle_{number + 1}") for number in range(wheels)]
         self._wheels = wheels
-        self._axles = np.array([joint.qposadr[0] for joint in joints])
-        self._speeds = np.array([joint.dofadr[0] for joint in joints])
+        self._axles = [int(joint.qposadr[0]) for joint in joints]
+        self._speeds = [int(joint.dofadr[0]) for joint in joints]
         self._hubs = [model.body(f"wheel_{number + 1}").id for number in range(wheels)]
         self._edges_per_rad = config.counts_per_revolution / (2.0 * math.pi)
+        self._constant, self._per_ohm = config.motor_constant_N_m_A, 1.0 / config.motor_resistance_ohm
+        self._battery_V, self._battery_ohm = config.battery_V, config.battery_resistance_ohm
         self._wheel_of_geom = np.full(model.ngeom, -1)
         self._rollers: list[Any] = []
         count = len(self.parts.rollers)
@@ -137,11 +138,8 @@ class MujocoWorld:
             geoms = np.array([model.geom(f"roller_{wheel + 1}_{number + 1}").id for number in range(count)])
             self._rollers.append(geoms)
             self._wheel_of_geom[geoms] = wheel
-        pins = [[model.joint(f"pin_{w + 1}_{n + 1}").dofadr[0] for n in range(count)] for w in range(wheels)]
-        self._pins = np.array(pins)
-        self._pin_angles = np.array([part.angle_rad for part in self.parts.rollers])
-        rows = len({part.row for part in self.parts.rollers})
-        self._reach = 2.0 * math.pi * rows / count
+        self._pins = [[int(model.joint(f"pin_{w + 1}_{n + 1}").dofadr[0]) for n in range(count)] for w in range(wheels)]
+        self._rubbing: list[int] = [-1] * wheels
 
     def _set_down(self, scenario: Scenario) -> None:
         """Put the robot where it starts, let it come to rest on its wheels, and begin to count time."""
@@ -170,6 +168,10 @@ class MujocoWorld:
         self._turns += 2.0 * math.pi * round((self._last_yaw - yaw) / (2.0 * math.pi))
         self._last_yaw = yaw
 
+    def _wheel_state(self) -> tuple[list[float], list[float]]:
+        angles, speeds = self.data.qpos.tolist(), self.data.qvel.tolist()
+        return [angles[i] for i in self._axles], [speeds[i] for i in self._speeds]
+
     def _rub(self) -> None:
         """Give dry friction to the pins of those rollers that are near the floor; the others turn in the air.
 
@@ -177,10 +179,19 @@ class MujocoWorld:
         """
         if self.parts.roller_dry_N_m <= 0.0:
             return
+        angles = self.data.qpos.tolist()
+        for wheel, axle in enumerate(self._axles):
+            part = math.floor(angles[axle] * len(self.parts.rollers) / (2.0 * math.pi))
+            if part != self._rubbing[wheel]:
+                self._rubbing[wheel] = part
+                self._let_rub(wheel, angles[axle])
+
+    def _let_rub(self, wheel: int, angle: float) -> None:
         # A positive turn is about minus x: a roller at angle a from y is lowest where a - turn is -90 degrees.
-        below = self._pin_angles[None, :] - self.data.qpos[self._axles][:, None] + 0.5 * math.pi
-        near = np.abs(np.mod(below + math.pi, 2.0 * math.pi) - math.pi) < self._reach
-        self.model.dof_frictionloss[self._pins] = np.where(near, self.parts.roller_dry_N_m, 0.0)
+        reach = 3.0 * math.pi / len(self.parts.rollers)
+        for pin, part in zip(self._pins[wheel], self.parts.rollers, strict=True):
+            near = abs(math.remainder(part.angle_rad - angle + 0.5 * math.pi, 2.0 * math.pi)) < reach
+            self.model.dof_frictionloss[pin] = self.parts.roller_dry_N_m if near else 0.0
 
     def _tread(self) -> None:
         """Give the rollers of each wheel the friction of the patch that it stands on."""
@@ -188,11 +199,6 @@ class MujocoWorld:
             x, y = self.data.xpos[hub][0:2]
             friction = self.floor.friction_at(float(x), float(y), self.parts.friction)
             self.model.geom_friction[self._rollers[wheel], 0] = friction
-
-    def _supply_V(self) -> float:
-        config = self._config
-        drawn_A = float(np.dot(self.current_A, self._duty))
-        return max(float(config.battery_V - config.battery_resistance_ohm * drawn_A), 0.0)
 
     def _yaw(self) -> float:
         w, x, y, z = self.data.qpos[3:7].tolist()
