@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hil_sim.c_scenario import scenario_world
 from hil_sim.external import ExternalWorldInputError, Sensed
-from hil_sim.floor import LEVEL, Floor
+from hil_sim.floor import LEVEL, Floor, read_floor
 from hil_sim.models.mjcf import FLOOR_BIT, ROLLER_BIT, mjcf
 from hil_sim.models.parts import RobotParts, robot_parts
 from hil_sim.scenario import Scenario
@@ -36,22 +37,26 @@ class MujocoWorld:
     begin turned at random, by the scenario's seed, so that another seed meets the rollers elsewhere.
     """
 
-    def __init__(self, scenario: Scenario, floor: Floor = LEVEL) -> None:
-        """Raises ExternalWorldInputError without the package ``mujoco``; PartsError, WorldError for the robot."""
+    def __init__(self, scenario: Scenario, floor: Floor | Path = LEVEL) -> None:
+        """Make it with a floor, or the path of a file with one.
+
+        Raises ExternalWorldInputError without the package ``mujoco``; PartsError, WorldError for the robot;
+        SchemaError for the floor.
+        """
         self._mujoco = _library()
         self._config = scenario_world(scenario)
         self.parts = robot_parts(scenario.world_robot or scenario.robot, self._config)
-        self.floor = floor
+        self.floor = read_floor(floor) if isinstance(floor, Path) else floor
         self.notes = _notes(scenario)
         """What the scenario asks for and this world has no such thing of; a sentence each."""
         config = self._config
         text = mjcf(self.parts, config.motor_inductance_H / config.motor_resistance_ohm, config.motor_constant_N_m_A)
         spec = self._mujoco.MjSpec.from_string(text)
-        bumps = floor.heights(_BUMP_ROWS)
+        bumps = self.floor.heights(_BUMP_ROWS)
         if bumps is not None:
-            _add_bumps(self._mujoco, spec, floor, bumps, self.parts)
+            _add_bumps(self._mujoco, spec, self.floor, bumps, self.parts)
         self.model: Any = spec.compile()
-        self.model.opt.gravity[:] = floor.gravity(GRAVITY_m_s2)
+        self.model.opt.gravity[:] = self.floor.gravity(GRAVITY_m_s2)
         if bumps is not None:
             self.model.hfield_data[:] = (bumps / max(float(bumps.max()), 1e-9)).ravel()
         self.data: Any = self._mujoco.MjData(self.model)

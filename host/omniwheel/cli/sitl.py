@@ -6,6 +6,7 @@ from __future__ import annotations
 import _thread
 import sys
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,9 +16,11 @@ import typer
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
 from omniwheel.cli.options import HostOption, ListenPortOption
-from omniwheel.cli.run_output import RobotOption, SeedOption
+from omniwheel.cli.run_output import RobotOption, SeedOption, WorldOption, world_of
+from omniwheel.errors import FirmwareEndedError
 
 if TYPE_CHECKING:
+    from hil_sim.scenario import Scenario
     from hil_sim.sitl import SimulatedRadio
     from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
@@ -30,8 +33,11 @@ EXAMPLES = examples(
     "omni sitl --radio 9600 --loss 0.2 --latency 0.2     # a second port, behind a bad XBee",
     'omni sitl --commands                    # type lines like {"fault": "ice", "on": true} while it runs',
     "omni sitl fault_battery_sag             # another scenario's world and faults",
+    "omni sitl --world mujoco                # MuJoCo in the place of our world",
+    "omni sitl --no-world                    # the firmware alone, for a simulator of your own",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
+_POLL_S = 0.1
 _PROFILES = (9600, 57600, 115200)
 
 ScenarioNameArgument = Annotated[
@@ -97,6 +103,11 @@ def sitl(
             '{"mend": true}, {"speed": 0.5}.',
         ),
     ] = False,
+    world: WorldOption = None,
+    no_world: Annotated[
+        bool,
+        typer.Option("--no-world", help="The firmware alone: it waits for the sensors of your simulator, in lockstep."),
+    ] = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the firmware as a process in a simulated world, in real time, until Ctrl-C: connect to it as to a robot.
@@ -105,6 +116,8 @@ def sitl(
 
     With --commands things break and are mended meanwhile; docs/guides/studio.md lists them. A line that is none
     is answered on standard error and changes nothing.
+
+    With --no-world, time stands still until something sends OMNI_HIL_SENSORS: docs/guides/external-worlds.md.
     """
     from hil_sim.scenario import load_scenario
     from hil_sim.sitl import start_sitl
@@ -114,8 +127,17 @@ def sitl(
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
+    if no_world:
+        if world is not None or world_robot is not None or simulated is not None or commands:
+            raise typer.BadParameter("--no-world is the firmware alone: without --world, --world-robot, --radio, --commands")
+        _alone(scenario, links, storage, end_with_stdin, json_wanted)
+        return
+    external = world_of(world, scenario, json_wanted)
     try:
-        with signals_interrupt(), start_sitl(scenario, links, storage=storage, radio=simulated) as running:
+        with (
+            signals_interrupt(),
+            start_sitl(scenario, links, storage=storage, radio=simulated, world=external) as running,
+        ):
             more = {"world": running.live.catalogue()} if commands else {}
             announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
             obeyed = Commands(running.live, json_wanted) if commands else None
@@ -126,6 +148,29 @@ def sitl(
                 running.advance()
                 if obeyed is not None:
                     obeyed.serve()
+    except KeyboardInterrupt:
+        return
+
+
+def _alone(
+    scenario: Scenario, links: Sequence[str], storage: Path | None, end_with_stdin: bool, json_wanted: bool
+) -> None:
+    """Run the firmware in lockstep until Ctrl-C, or until it ends."""
+    from omniwheel.firmware_process import FirmwareProcess
+
+    values = scenario.parameter_values()
+    robot = scenario.robot
+    try:
+        with (
+            signals_interrupt(),
+            FirmwareProcess(robot.source, links=links, lockstep=True, storage=storage, parameters=values) as firmware,
+        ):
+            announce(firmware.urls, robot.name, "No world: it ticks on your simulator's sensors", json_wanted)
+            if end_with_stdin:
+                threading.Thread(target=_read_input, args=(None, True), daemon=True).start()
+            while firmware.running:
+                time.sleep(_POLL_S)
+            raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
     except KeyboardInterrupt:
         return
 
