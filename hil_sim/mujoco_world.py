@@ -10,7 +10,9 @@ It needs the extra ``mujoco``. One world is for one thread.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
+from ctypes.util import find_library
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +20,10 @@ import numpy as np
 
 from hil_sim.c_scenario import scenario_world
 from hil_sim.external import ExternalWorldInputError, Sensed
-from hil_sim.floor import LEVEL, Floor, read_floor
 from hil_sim.models.mjcf import FLOOR_BIT, ROLLER_BIT, mjcf
 from hil_sim.models.parts import RobotParts, robot_parts
+from hil_sim.mujoco_film import FILM_FILE, Camera
+from hil_sim.mujoco_settings import Floor, Settings, read_settings
 from hil_sim.scenario import Scenario
 
 GRAVITY_m_s2 = 9.80665
@@ -37,16 +40,17 @@ class MujocoWorld:
     begin turned at random, by the scenario's seed, so that another seed meets the rollers elsewhere.
     """
 
-    def __init__(self, scenario: Scenario, floor: Floor | Path = LEVEL) -> None:
-        """Make it with a floor, or the path of a file with one.
+    def __init__(self, scenario: Scenario, settings: Settings | Path = Settings()) -> None:
+        """Make it with a floor and a film, or the path of a file that says them.
 
         Raises ExternalWorldInputError without the package ``mujoco``; PartsError, WorldError for the robot;
-        SchemaError for the floor.
+        SchemaError for the file.
         """
         self._mujoco = _library()
         self._config = scenario_world(scenario)
         self.parts = robot_parts(scenario.world_robot or scenario.robot, self._config)
-        self.floor = read_floor(floor) if isinstance(floor, Path) else floor
+        self.settings = read_settings(settings) if isinstance(settings, Path) else settings
+        self.floor = self.settings.floor
         self.notes = _notes(scenario)
         """What the scenario asks for and this world has no such thing of; a sentence each."""
         config = self._config
@@ -65,15 +69,16 @@ class MujocoWorld:
         self._duty, self._coast = (0.0,) * self._wheels, (1.0,) * self._wheels
         self._current_A, self._supply_V = [0.0] * self._wheels, float(config.battery_V)
         self._set_down(scenario)
+        film = self.settings.film
+        self._camera = None if film is None else Camera(self.model, film)
 
     def sense(self) -> Sensed:
         """Return encoder edges, supply under load and the true pose, in the floor's plane."""
-        angles, speeds = self._wheel_state()
         return Sensed(
-            counts=[math.floor(angle * self._edges_per_rad) for angle in angles],
+            counts=[math.floor(self._position[i] * self._edges_per_rad) for i in self._axles],
             supply_V=self._supply_V,
             pose=self.pose,
-            wheel_rad_s=speeds,
+            wheel_rad_s=self._wheel_rad_s,
             current_A=self._current_A,
         )
 
@@ -84,8 +89,7 @@ class MujocoWorld:
     def step(self) -> None:
         """Go on by 1 ms."""
         constant, per_ohm, data = self._constant, self._per_ohm, self.data
-        _, speeds = self._wheel_state()
-        supply_V = self._supply_V
+        supply_V, speeds = self._supply_V, self._wheel_rad_s
         data.ctrl[:] = [
             (duty * supply_V - (1.0 - coast) * constant * speed) * per_ohm
             for duty, coast, speed in zip(self._duty, self._coast, speeds, strict=True)
@@ -96,12 +100,18 @@ class MujocoWorld:
         self._current_A = data.act.tolist()
         drawn_A = sum(current * duty for current, duty in zip(self._current_A, self._duty, strict=True))
         self._supply_V = max(self._battery_V - self._battery_ohm * drawn_A, 0.0)
+        if self._camera is not None:
+            self._camera.look(self.data)
+
+    def finish(self, folder: Path) -> None:
+        """Write the film, if there is one, to ``world.gif`` in a folder. Raises OutputFileError."""
+        if self._camera is not None:
+            self._camera.write(folder / FILM_FILE)
 
     @property
     def pose(self) -> tuple[float, float, float]:
         """True x [m], y [m] in the floor's plane and theta [rad, not wrapped]."""
-        x, y = self.data.qpos[0:2].tolist()
-        return x, y, self._last_yaw + self._turns
+        return self._position[0], self._position[1], self._last_yaw + self._turns
 
     @property
     def gyro_rad_s(self) -> tuple[float, float, float]:
@@ -153,6 +163,7 @@ class MujocoWorld:
         data.qpos[0:3] = x, y, self.parts.wheels[0].radius_m + self.floor.height_m
         data.qpos[3:7] = math.cos(0.5 * theta), 0.0, 0.0, math.sin(0.5 * theta)
         data.qpos[self._axles] = np.random.default_rng(scenario.seed).uniform(0.0, 2.0 * math.pi, self._wheels)
+        self._look()
         for _ in range(SETTLE_STEPS):
             data.qvel[[0, 1, 5]] = 0.0
             data.qvel[6:] = 0.0
@@ -161,21 +172,24 @@ class MujocoWorld:
         data.qvel[:] = 0.0
         data.time = 0.0
         self._mujoco.mj_forward(self.model, data)
-        self._turns = 2.0 * math.pi * round((theta - self._yaw()) / (2.0 * math.pi))
-        self._last_yaw = self._yaw()
+        self._look()
+        self._turns = 2.0 * math.pi * round((theta - self._last_yaw) / (2.0 * math.pi))
 
     def _advance(self) -> None:
         self._rub()
         if self.floor.patches:
             self._tread()
         self._mujoco.mj_step(self.model, self.data)
-        yaw = self._yaw()
+        self._look()
+
+    def _look(self) -> None:
+        """Take over where everything is now."""
+        self._position, speeds = self.data.qpos.tolist(), self.data.qvel.tolist()
+        self._wheel_rad_s = [speeds[i] for i in self._speeds]
+        w, x, y, z = self._position[3:7]
+        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         self._turns += 2.0 * math.pi * round((self._last_yaw - yaw) / (2.0 * math.pi))
         self._last_yaw = yaw
-
-    def _wheel_state(self) -> tuple[list[float], list[float]]:
-        angles, speeds = self.data.qpos.tolist(), self.data.qvel.tolist()
-        return [angles[i] for i in self._axles], [speeds[i] for i in self._speeds]
 
     def _rub(self) -> None:
         """Give dry friction to the pins of those rollers that are near the floor; the others turn in the air.
@@ -184,12 +198,11 @@ class MujocoWorld:
         """
         if self.parts.roller_dry_N_m <= 0.0:
             return
-        angles = self.data.qpos.tolist()
         for wheel, axle in enumerate(self._axles):
-            part = math.floor(angles[axle] * len(self.parts.rollers) / (2.0 * math.pi))
+            part = math.floor(self._position[axle] * len(self.parts.rollers) / (2.0 * math.pi))
             if part != self._rubbing[wheel]:
                 self._rubbing[wheel] = part
-                self._let_rub(wheel, angles[axle])
+                self._let_rub(wheel, self._position[axle])
 
     def _let_rub(self, wheel: int, angle: float) -> None:
         # A positive turn is about minus x: a roller at angle a from y is lowest where a - turn is -90 degrees.
@@ -205,16 +218,14 @@ class MujocoWorld:
             friction = self.floor.friction_at(float(x), float(y), self.parts.friction)
             self.model.geom_friction[self._rollers[wheel], 0] = friction
 
-    def _yaw(self) -> float:
-        w, x, y, z = self.data.qpos[3:7].tolist()
-        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
     def _sensor(self, name: str) -> tuple[float, float, float]:
         x, y, z = self.data.sensor(name).data.tolist()
         return x, y, z
 
 
 def _library() -> Any:
+    if "DISPLAY" not in os.environ and find_library("OSMesa"):
+        os.environ.setdefault("MUJOCO_GL", "osmesa")
     try:
         import mujoco
     except ImportError as error:

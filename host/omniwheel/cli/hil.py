@@ -80,6 +80,8 @@ def hil(
                     world=external,
                 )
             )
+        if hasattr(external, "finish"):
+            external.finish(folder)
         store_and_print(run, folder, as_json=json_wanted, trouble=trouble)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The floor of a MuJoCo world: how steep, how slippery where, how bumpy. Written as a TOML file::
+"""A MuJoCo world's file: how steep, slippery and bumpy the floor is, and whether it is filmed. In TOML::
 
     [floor]
     slope_deg = 2.0               # 0: level
@@ -13,11 +13,17 @@
     x_m = [0.1, 0.4]
     y_m = [-0.5, 0.5]
     friction = 0.2
+
+    [film]                        # world.gif in the run's folder; left out: none
+    every_s = 0.1                 # simulated time between two pictures
+    width = 640                   # pixels
+    height = 480
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +41,17 @@ _RANGES = {
     "bumps_size_m": (0.5, 100.0),
     "seed": (0, 2**32 - 1),
 }
+_FILM_RANGES = {"every_s": (0.001, 60.0), "width": (16, 1920), "height": (16, 1080)}
+_WHOLE = ("seed", "width", "height")
+
+
+@dataclass(frozen=True)
+class Film:
+    """How the run is filmed: time between two pictures [s], and their size [pixels]."""
+
+    every_s: float = 0.1
+    width: int = 640
+    height: int = 480
 
 
 @dataclass(frozen=True)
@@ -90,25 +107,35 @@ class Floor:
         return (noise - noise.min()) * (self.bumps_m / float(np.ptp(noise)))
 
 
-LEVEL = Floor()
+@dataclass(frozen=True)
+class Settings:
+    """All that such a file says; by default a level floor and no film."""
+
+    floor: Floor = Floor()
+    film: Film | None = None
 
 
-def read_floor(path: Path) -> Floor:
-    """Read a floor from a TOML file. Raises SchemaError that names file, key, value and what is allowed."""
+def read_settings(path: Path) -> Settings:
+    """Read a file. Raises SchemaError that names file, key, value and what is allowed."""
     source, document = str(path), read_toml(path)
-    refuse_unknown_keys(source, "", document, ("floor", "patch"))
-    table = take_table(source, "floor", document.get("floor", {}))
-    refuse_unknown_keys(source, "floor.", table, tuple(_RANGES))
-    given: dict[str, Any] = {name: _within(source, f"floor.{name}", value, *_RANGES[name]) for name, value in table.items()}
-    if "seed" in given:
-        if given["seed"] != int(given["seed"]):
-            raise SchemaError(source, "floor.seed", f"is {given['seed']}; a whole number is needed")
-        given["seed"] = int(given["seed"])
+    refuse_unknown_keys(source, "", document, ("floor", "patch", "film"))
     entries = document.get("patch", [])
     if not isinstance(entries, list):
         raise SchemaError(source, "patch", "write each as a table [[patch]]")
     patches = tuple(_patch(source, f"patch[{number}]", entry) for number, entry in enumerate(entries, 1))
-    return Floor(**given, patches=patches)
+    floor = Floor(**_table(source, "floor", document.get("floor", {}), _RANGES), patches=patches)
+    film = Film(**_table(source, "film", document["film"], _FILM_RANGES)) if "film" in document else None
+    return Settings(floor, film)
+
+
+def _table(source: str, name: str, given: object, ranges: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+    table = take_table(source, name, given)
+    refuse_unknown_keys(source, f"{name}.", table, tuple(ranges))
+    numbers = {key: _within(source, f"{name}.{key}", value, *ranges[key]) for key, value in table.items()}
+    for key in set(numbers) & set(_WHOLE):
+        if numbers[key] != int(numbers[key]):
+            raise SchemaError(source, f"{name}.{key}", f"is {numbers[key]}; a whole number is needed")
+    return {key: int(number) if key in _WHOLE else number for key, number in numbers.items()}
 
 
 def _patch(source: str, key: str, entry: Any) -> Patch:
