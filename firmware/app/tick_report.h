@@ -16,6 +16,7 @@ struct TickReport {
     uint32_t ticks = 0;
     uint32_t overruns = 0;
     uint32_t i2c_errors = 0;
+    bool read_back_missing = false; ///< MotorDriver::read_back_missing()
     float battery_V = 0.0f;    ///< as measured
     float tick_us_mean = 0.0f; ///< of the last complete window of ticks
     float tick_us_max = 0.0f;

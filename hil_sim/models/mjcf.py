@@ -79,18 +79,16 @@ def _wheel(chassis: Xml.Element, parts: RobotParts, wheel: WheelPart, number: in
         damping=numbers(parts.motor_viscous_N_m_s), frictionloss=numbers(parts.motor_dry_N_m),
     )  # fmt: skip
     _inertial(body, wheel.hub, (0.0, 0.0, 0.0))
-    along = max(roller.along_m for roller in parts.rollers) + 0.5 * parts.roller_radius_m
     Xml.SubElement(
-        body, "geom", type="cylinder", size=numbers(wheel.radius_m - 2.0 * parts.roller_radius_m, along),
+        body, "geom", type="cylinder", size=numbers(wheel.radius_m - 2.0 * parts.roller_radius_m, 0.5 * parts.hub_length_m),
         quat=numbers(math.sqrt(0.5), 0, math.sqrt(0.5), 0), rgba="0.5 0.5 0.5 1", contype="0", conaffinity="0",
         mass="0",
     )  # fmt: skip
-    rim = wheel.radius_m - parts.roller_radius_m
     for index, part in enumerate(parts.rollers, 1):
         cosine, sine = math.cos(part.angle_rad), math.sin(part.angle_rad)
         name = f"roller_{number}_{index}"
         roller = Xml.SubElement(
-            body, "body", name=name, pos=numbers(part.along_m, rim * cosine, rim * sine),
+            body, "body", name=name, pos=numbers(*parts.roller_place(wheel, part)),
             xyaxes=numbers(1, 0, 0, 0, -cosine, -sine),
         )  # fmt: skip
         Xml.SubElement(

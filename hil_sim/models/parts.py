@@ -115,6 +115,28 @@ class RobotParts:
     roller_dry_N_m: float
     """Of one roller that carries its wheel's share of the weight."""
 
+    @property
+    def hub_length_m(self) -> float:
+        """Length of a wheel's hub along its axle, as it is drawn."""
+        return 2.0 * max(roller.along_m for roller in self.rollers) + self.roller_radius_m
+
+    def roller_place(self, wheel: WheelPart, part: RollerPart) -> tuple[float, float, float]:
+        """Return where a roller's middle is in the wheel's frame [m]. Its z axis is the wheel's, turned about x."""
+        rim = wheel.radius_m - self.roller_radius_m
+        return part.along_m, rim * math.cos(part.angle_rad), rim * math.sin(part.angle_rad)
+
+    def barrel_spheres(self, wheel: WheelPart, count: int = 5) -> list[tuple[float, float]]:
+        """Return spheres that fill a barrel for formats without ellipsoids: each one's place along it, and radius [m].
+
+        Each touches the wheel's rim from within.
+        """
+        spheres = []
+        for number in range(count):
+            offset = self.roller_half_length_m * (2.0 * number / (count - 1) - 1.0)
+            rim = wheel.radius_m - self.roller_radius_m
+            spheres.append((offset, wheel.radius_m - math.hypot(rim, offset)))
+        return spheres
+
     def barrel_half_axis_m(self, wheel: WheelPart) -> float:
         """Return the long half axis of the ellipsoid that has the wheel's curvature where it is thickest."""
         return math.sqrt(self.roller_radius_m * wheel.radius_m)
