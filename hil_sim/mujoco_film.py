@@ -29,7 +29,7 @@ class Camera:
         except Exception as error:  # every kind of OpenGL has its own
             raise ExternalWorldInputError(
                 f"MuJoCo cannot draw here: {type(error).__name__}: {error}",
-                hint="off screen it needs MUJOCO_GL=osmesa with libosmesa6 (apt-get install libosmesa6), or MUJOCO_GL=egl",
+                hint="off screen: apt-get install libosmesa6 and MUJOCO_GL=osmesa, or MUJOCO_GL=egl with a driver",
             ) from error
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_TRACKING
@@ -56,6 +56,5 @@ class Camera:
             return
         first, *others = self._pictures
         with files.replaced(path) as file:
-            first.save(
-                file, format="GIF", save_all=True, append_images=others, duration=round(1e3 * self._film.every_s), loop=0
-            )  # fmt: skip
+            shown_ms = round(1e3 * self._film.every_s)
+            first.save(file, format="GIF", save_all=True, append_images=others, duration=shown_ms, loop=0)

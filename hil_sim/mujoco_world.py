@@ -29,6 +29,8 @@ from hil_sim.scenario import Scenario
 GRAVITY_m_s2 = 9.80665
 SETTLE_STEPS = 300
 """The robot is set down on the floor before time 0."""
+PLAIN = Settings()
+"""A level floor and no film."""
 _BUMP_ROWS = 400
 """Points of the bumps' height along each side of the floor."""
 
@@ -40,7 +42,7 @@ class MujocoWorld:
     begin turned at random, by the scenario's seed, so that another seed meets the rollers elsewhere.
     """
 
-    def __init__(self, scenario: Scenario, settings: Settings | Path = Settings()) -> None:
+    def __init__(self, scenario: Scenario, settings: Settings | Path = PLAIN) -> None:
         """Make it with a floor and a film, or the path of a file that says them.
 
         Raises ExternalWorldInputError without the package ``mujoco``; PartsError, WorldError for the robot;

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from xml.etree import ElementTree as Xml
+import xml.etree.ElementTree as ET
 
 from hil_sim.models.parts import RobotParts, Solid, WheelPart
 from hil_sim.models.text import motor_note, numbers, xml_text
@@ -12,38 +12,36 @@ from hil_sim.models.text import motor_note, numbers, xml_text
 
 def sdf(parts: RobotParts) -> str:
     """Return the robot as text. The format knows no inertia of a motor behind a gear; a comment says what it is."""
-    root = Xml.Element("sdf", version="1.9")
-    model = Xml.SubElement(root, "model", name=parts.name)
-    model.append(Xml.Comment(motor_note(parts)))
+    root = ET.Element("sdf", version="1.9")
+    model = ET.SubElement(root, "model", name=parts.name)
+    model.append(ET.Comment(motor_note(parts)))
     _text(model, "pose", numbers(0, 0, parts.wheels[0].radius_m, 0, 0, 0))
     base = _link(model, "base_link", parts.chassis, (0.0, 0.0, parts.chassis_height_m))
     reach = min(wheel.distance_m for wheel in parts.wheels) - 0.6 * parts.wheels[0].radius_m
-    visual = Xml.SubElement(base, "visual", name="deck")
+    visual = ET.SubElement(base, "visual", name="deck")
     _cylinder(visual, reach, 0.5 * parts.wheels[0].radius_m)
     for number, wheel in enumerate(parts.wheels, 1):
         _wheel(model, parts, wheel, number)
     return xml_text(root)
 
 
-def _wheel(model: Xml.Element, parts: RobotParts, wheel: WheelPart, number: int) -> None:
+def _wheel(model: ET.Element, parts: RobotParts, wheel: WheelPart, number: int) -> None:
     name = f"wheel_{number}"
     x, y = wheel.distance_m * math.cos(wheel.bearing_rad), wheel.distance_m * math.sin(wheel.bearing_rad)
     link = _link(model, name, wheel.hub, (0.0, 0.0, 0.0), "base_link", (x, y, 0.0, 0.0, 0.0, wheel.bearing_rad))
-    visual = Xml.SubElement(link, "visual", name="hub")
+    visual = ET.SubElement(link, "visual", name="hub")
     _text(visual, "pose", numbers(0, 0, 0, 0, 0.5 * math.pi, 0))
     _cylinder(visual, wheel.radius_m - 2.0 * parts.roller_radius_m, parts.hub_length_m)
-    _joint(
-        model, f"axle_{number}", "base_link", name, (-1.0, 0.0, 0.0), parts.motor_viscous_N_m_s, parts.motor_dry_N_m
-    )
+    _joint(model, f"axle_{number}", "base_link", name, (-1.0, 0.0, 0.0), parts.motor_viscous_N_m_s, parts.motor_dry_N_m)
     radii = numbers(parts.roller_radius_m, parts.roller_radius_m, parts.barrel_half_axis_m(wheel))
     for index, part in enumerate(parts.rollers, 1):
         roller = f"roller_{number}_{index}"
         place = (*parts.roller_place(wheel, part), part.angle_rad + math.pi, 0.0, 0.0)
         link = _link(model, roller, parts.roller, (0.0, 0.0, 0.0), name, place)
         for kind in ("visual", "collision"):
-            shape = Xml.SubElement(link, kind, name=kind)
-            _text(Xml.SubElement(Xml.SubElement(shape, "geometry"), "ellipsoid"), "radii", radii)
-        surface = Xml.SubElement(Xml.SubElement(Xml.SubElement(shape, "surface"), "friction"), "ode")
+            shape = ET.SubElement(link, kind, name=kind)
+            _text(ET.SubElement(ET.SubElement(shape, "geometry"), "ellipsoid"), "radii", radii)
+        surface = ET.SubElement(ET.SubElement(ET.SubElement(shape, "surface"), "friction"), "ode")
         _text(surface, "mu", numbers(parts.friction))
         _text(surface, "mu2", numbers(parts.friction))
         _joint(
@@ -52,31 +50,31 @@ def _wheel(model: Xml.Element, parts: RobotParts, wheel: WheelPart, number: int)
         )  # fmt: skip
 
 
-def _text(parent: Xml.Element, tag: str, text: str, **attributes: str) -> None:
-    Xml.SubElement(parent, tag, attributes).text = text
+def _text(parent: ET.Element, tag: str, text: str, **attributes: str) -> None:
+    ET.SubElement(parent, tag, attributes).text = text
 
 
-def _cylinder(visual: Xml.Element, radius: float, length: float) -> None:
-    cylinder = Xml.SubElement(Xml.SubElement(visual, "geometry"), "cylinder")
+def _cylinder(visual: ET.Element, radius: float, length: float) -> None:
+    cylinder = ET.SubElement(ET.SubElement(visual, "geometry"), "cylinder")
     _text(cylinder, "radius", numbers(radius))
     _text(cylinder, "length", numbers(length))
 
 
 def _link(
-    model: Xml.Element,
+    model: ET.Element,
     name: str,
     solid: Solid,
     centre: tuple[float, float, float],
     parent: str = "",
     pose: tuple[float, ...] = (),
-) -> Xml.Element:
-    link = Xml.SubElement(model, "link", name=name)
+) -> ET.Element:
+    link = ET.SubElement(model, "link", name=name)
     if parent:
         _text(link, "pose", numbers(*pose), relative_to=parent)
-    inertial = Xml.SubElement(link, "inertial")
+    inertial = ET.SubElement(link, "inertial")
     _text(inertial, "pose", numbers(*centre, 0, 0, 0))
     _text(inertial, "mass", numbers(solid.mass_kg))
-    inertia = Xml.SubElement(inertial, "inertia")
+    inertia = ET.SubElement(inertial, "inertia")
     for tag, moment in zip(("ixx", "iyy", "izz"), solid.inertia_kg_m2, strict=True):
         _text(inertia, tag, numbers(moment))
     for tag in ("ixy", "ixz", "iyz"):
@@ -85,7 +83,7 @@ def _link(
 
 
 def _joint(
-    model: Xml.Element,
+    model: ET.Element,
     name: str,
     parent: str,
     child: str,
@@ -93,11 +91,11 @@ def _joint(
     damping: float,
     friction: float,
 ) -> None:
-    joint = Xml.SubElement(model, "joint", name=name, type="revolute")
+    joint = ET.SubElement(model, "joint", name=name, type="revolute")
     _text(joint, "parent", parent)
     _text(joint, "child", child)
-    element = Xml.SubElement(joint, "axis")
+    element = ET.SubElement(joint, "axis")
     _text(element, "xyz", numbers(*axis))
-    dynamics = Xml.SubElement(element, "dynamics")
+    dynamics = ET.SubElement(element, "dynamics")
     _text(dynamics, "damping", numbers(damping))
     _text(dynamics, "friction", numbers(friction))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from xml.etree import ElementTree as Xml
+import xml.etree.ElementTree as ET
 
 from hil_sim.models.parts import RobotParts
 
@@ -19,7 +19,7 @@ def motor_note(parts: RobotParts) -> str:
     return f"Made by omni robots export. Not in here: motor and gear turn with {inertia} kg.m^2 at each axle. SI units."
 
 
-def xml_text(root: Xml.Element) -> str:
+def xml_text(root: ET.Element) -> str:
     """Return an XML document, indented, with its declaration."""
-    Xml.indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"

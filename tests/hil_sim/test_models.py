@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
-from xml.etree import ElementTree as Xml
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def urdf_places(text: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return middle and axis of every joint in the chassis' frame."""
     frames = {"base_link": (np.zeros(3), np.eye(3))}
     places = {}
-    for joint in Xml.fromstring(text).iter("joint"):
+    for joint in ET.fromstring(text).iter("joint"):
         names = [joint.find(tag).get("link") for tag in ("parent", "child")]  # type: ignore[union-attr]
         origin, axis = joint.find("origin"), joint.find("axis")
         assert origin is not None
@@ -84,7 +84,7 @@ def urdf_places(text: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def sdf_places(text: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    model = Xml.fromstring(text).find("model")
+    model = ET.fromstring(text).find("model")
     assert model is not None
     frames = {"base_link": (np.zeros(3), np.eye(3))}
     for link in model.findall("link"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from ctypes.util import find_library
 from dataclasses import replace
 from pathlib import Path
@@ -17,13 +18,15 @@ from typer.testing import CliRunner
 from hil_sim.external import ExternalWorldError, load_world
 from hil_sim.hil import run_hil
 from hil_sim.models.parts import PartsError
-from hil_sim.mujoco_settings import Film, Floor, Patch, Settings
+from hil_sim.mujoco_figures import SHOWN, row, yaw_ripple
+from hil_sim.mujoco_settings import Film, Floor, Patch, Settings, read_settings
 from hil_sim.mujoco_world import GRAVITY_m_s2, MujocoWorld
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.summary import summarize
 from omniwheel.cli import app
 from omniwheel.errors import OmniError
+from tests.native import ROOT
 
 if "DISPLAY" not in os.environ and find_library("OSMesa"):
     os.environ.setdefault("MUJOCO_GL", "osmesa")  # before the package is imported
@@ -51,7 +54,7 @@ def test_the_model_has_the_files_mass_inertia_and_rollers(robot: str) -> None:
     world = MujocoWorld(standing(robot))
     file = world.parts
     simulation = standing(robot).robot.simulation
-    assert world.model.body_mass.sum() == pytest.approx(simulation["mass_kg"], rel=1e-8)
+    assert world.model.body_mass.sum() == pytest.approx(mass_kg, rel=1e-8)
     rollers = [world.model.body(number).name for number in range(world.model.nbody)]
     wheels = len(file.wheels)
     assert sum(name.startswith("roller_") for name in rollers) == 18 * wheels
@@ -60,7 +63,7 @@ def test_the_model_has_the_files_mass_inertia_and_rollers(robot: str) -> None:
     spin[5] = 1.0
     world._mujoco.mj_mulM(world.model, world.data, torque, spin)
     assert torque[5] == pytest.approx(simulation["inertia_kg_m2"], rel=0.01)
-    assert sum(world.wheel_load_N) == pytest.approx(simulation["mass_kg"] * GRAVITY_m_s2, rel=0.01)
+    assert sum(world.wheel_load_N) == pytest.approx(mass_kg * GRAVITY_m_s2, rel=0.01)
 
 
 def test_rollers_touch_the_floor_and_never_each_other() -> None:
@@ -80,7 +83,7 @@ def test_positive_duty_turns_the_body_and_the_encoders_counter_clockwise() -> No
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_spin_is_as_fast_as_motor_data_and_radius_say(robot: str) -> None:
-    """Steady: the motor's torque is its friction's. The lever arm is what the rows make of it, in the mean the file's."""
+    """Steady: the motor's torque is its friction's. The rows' lever arms are in the mean the file's."""
     world = MujocoWorld(standing(robot))
     wheels = len(world.parts.wheels)
     motor = standing(robot).robot.motor
@@ -159,7 +162,9 @@ def test_the_same_seed_is_the_same_run_and_another_meets_other_rollers() -> None
 
 
 def circle() -> Scenario:
-    scenario = load_scenario("fast").with_parameters({"TRJ_TYPE": 3.0, "TRJ_SIZE": 0.1, "TRJ_PERIOD": 2.0, "TRJ_LAPS": 1.0})
+    scenario = load_scenario("fast").with_parameters(
+        {"TRJ_TYPE": 3.0, "TRJ_SIZE": 0.1, "TRJ_PERIOD": 2.0, "TRJ_LAPS": 1.0}
+    )
     return replace(scenario, start_pose=(0.1, 0.0, 0.0), events=tuple(e for e in scenario.events if e.command))
 
 
@@ -190,7 +195,9 @@ def test_sitl_goes_on_with_it_and_offers_only_the_faults_that_it_has() -> None:
 
 
 def test_a_short_name_takes_a_file_and_a_wrong_file_is_told(tmp_path: Path) -> None:
-    (tmp_path / "ice.toml").write_text("[floor]\nslope_deg = 1.0\n[[patch]]\nx_m = [0, 1]\ny_m = [0, 1]\nfriction = 0.1\n")
+    (tmp_path / "ice.toml").write_text(
+        "[floor]\nslope_deg = 1.0\n[[patch]]\nx_m = [0, 1]\ny_m = [0, 1]\nfriction = 0.1\n"
+    )
     world: Any = load_world(f"mujoco:{tmp_path / 'ice.toml'}", standing())
     assert world.floor == Floor(slope_deg=1.0, patches=(Patch((0.0, 1.0), (0.0, 1.0), 0.1),))
     for text, said in (
@@ -225,8 +232,7 @@ def test_a_film_is_written(tmp_path: Path) -> None:
     try:
         world = MujocoWorld(standing(), Settings(film=Film(every_s=0.1, width=64, height=48)))
     except ExternalWorldError as error:
-        assert "MUJOCO_GL" in error.hint
-        pytest.skip("no OpenGL off screen here")
+        pytest.skip(f"no OpenGL off screen here: {error.hint}")
     driven(world, (0.3, 0.3, 0.3), 300)
     world.finish(tmp_path)
     assert (tmp_path / "world.gif").read_bytes()[:4] == b"GIF8"
@@ -237,3 +243,34 @@ def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPat
     with pytest.raises(OmniError) as caught:
         load_world("mujoco", standing())
     assert "omniwheel[mujoco]" in caught.value.hint
+
+
+def numbers_of(line: str) -> list[float]:
+    """Return the numbers of a row of the page's table, without its first cell."""
+    return [float(number) for number in re.findall(r"[\d.]+(?=[ |])", line.split("|", 2)[2])]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", SHOWN)
+def test_the_page_says_what_the_figures_command_says(name: str) -> None:
+    page = (ROOT / "docs" / "guides" / "mujoco.md").read_text(encoding="utf-8")
+    told = next(line for line in page.splitlines() if line.startswith(f"| `{name}`"))
+    found = row(name)
+    assert numbers_of(told) == pytest.approx(numbers_of(found), rel=0.1, abs=0.1), found
+
+
+def test_the_rows_make_yaw_swing_as_the_page_says() -> None:
+    page = (ROOT / "docs" / "guides" / "mujoco.md").read_text(encoding="utf-8")
+    told = re.search(r"swings by ([\d.]+) to ([\d.]+) %", page)
+    assert told is not None
+    assert float(told[1]) - 0.2 < yaw_ripple("fast_three_wheel") < float(told[2]) + 0.2
+
+
+def test_the_page_s_python_and_its_file_work(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "guides" / "mujoco.md").read_text(encoding="utf-8")
+    code, file = (re.search(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("python", "toml"))
+    assert code is not None
+    assert file is not None
+    exec(compile(code[1], "mujoco.md", "exec"), {})
+    (tmp_path / "steep.toml").write_text(file[1], encoding="utf-8")
+    assert read_settings(tmp_path / "steep.toml").floor.slope_deg == 2.0

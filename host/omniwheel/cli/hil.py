@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -80,8 +80,9 @@ def hil(
                     world=external,
                 )
             )
-        if hasattr(external, "finish"):
-            external.finish(folder)
+        finish: Any = getattr(external, "finish", None)
+        if finish is not None:
+            finish(folder)
         store_and_print(run, folder, as_json=json_wanted, trouble=trouble)
 
 

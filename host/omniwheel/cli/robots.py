@@ -89,11 +89,15 @@ def params(name: RobotArgument, as_json: JsonOption = False) -> None:
 
 @app.command(
     "export",
-    epilog=examples("omni robots export three_wheel three_wheel.urdf", "omni robots export mine.toml mine.xml --format mjcf"),
+    epilog=examples(
+        "omni robots export three_wheel three_wheel.urdf", "omni robots export mine.toml mine.xml --format mjcf"
+    ),
 )
 def export(
     name: RobotArgument,
-    file: Annotated[Path, typer.Argument(metavar="FILE", dir_okay=False, help="The file to write.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", dir_okay=False, help="The file to write.", show_default=False)
+    ],
     wanted: Annotated[
         str | None,
         typer.Option("--format", metavar="urdf|sdf|proto|mjcf", help="What to write. \\[default: the file's ending]"),

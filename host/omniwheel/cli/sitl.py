@@ -129,7 +129,9 @@ def sitl(
     links = link or [f"tcp:{host}:{port}"]
     if no_world:
         if world is not None or world_robot is not None or simulated is not None or commands:
-            raise typer.BadParameter("--no-world is the firmware alone: without --world, --world-robot, --radio, --commands")
+            raise typer.BadParameter(
+                "--no-world is the firmware alone: without --world, --world-robot, --radio, --commands"
+            )
         _alone(scenario, links, storage, end_with_stdin, json_wanted)
         return
     external = world_of(world, scenario, json_wanted)
