@@ -50,7 +50,8 @@ def row(name: str, seeds: Sequence[int] = SEEDS) -> str:
         world = _Weighed(scenario)
         run = run_hil(scenario, world=world)
         rmse = tracking_rmse(run.record)
-        assert run.done and rmse is not None
+        assert run.done
+        assert rmse is not None
         millimetres.append(1e3 * rmse.position_m)
         milliradians.append(1e3 * rmse.theta_rad)
         on_path = (run.record["phase"] == _PATH)[4::5]

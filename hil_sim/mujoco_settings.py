@@ -3,23 +3,23 @@
 
 It is a TOML file::
 
-[floor]
-slope_deg = 2.0               # 0: level
-uphill_deg = 90.0             # which way it rises: counter-clockwise from x
-bumps_m = 0.001               # highest above lowest point; 0: even
-bumps_length_m = 0.1          # from one bump to the next, about
-bumps_size_m = 4.0            # side of the square with bumps, its middle at 0, 0
-seed = 1                      # of the bumps
+    [floor]
+    slope_deg = 2.0               # 0: level
+    uphill_deg = 90.0             # which way it rises: counter-clockwise from x
+    bumps_m = 0.001               # highest above lowest point; 0: even
+    bumps_length_m = 0.1          # from one bump to the next, about
+    bumps_size_m = 4.0            # side of the square with bumps, its middle at 0, 0
+    seed = 1                      # of the bumps
 
-[[patch]]                     # the later one counts where two overlap
-x_m = [0.1, 0.4]
-y_m = [-0.5, 0.5]
-friction = 0.2
+    [[patch]]                     # the later one counts where two overlap
+    x_m = [0.1, 0.4]
+    y_m = [-0.5, 0.5]
+    friction = 0.2
 
-[film]                        # world.gif in the run's folder; left out: none
-every_s = 0.1                 # simulated time between two pictures
-width = 640                   # pixels
-height = 480
+    [film]                        # world.gif in the run's folder; left out: none
+    every_s = 0.1                 # simulated time between two pictures
+    width = 640                   # pixels
+    height = 480
 """
 
 from __future__ import annotations

@@ -80,7 +80,8 @@ def _wheel(chassis: ET.Element, parts: RobotParts, wheel: WheelPart, number: int
     )  # fmt: skip
     _inertial(body, wheel.hub, (0.0, 0.0, 0.0))
     ET.SubElement(
-        body, "geom", type="cylinder", size=numbers(wheel.radius_m - 2.0 * parts.roller_radius_m, 0.5 * parts.hub_length_m),
+        body, "geom", type="cylinder",
+        size=numbers(wheel.radius_m - 2.0 * parts.roller_radius_m, 0.5 * parts.hub_length_m),
         quat=numbers(math.sqrt(0.5), 0, math.sqrt(0.5), 0), rgba="0.5 0.5 0.5 1", contype="0", conaffinity="0",
         mass="0",
     )  # fmt: skip

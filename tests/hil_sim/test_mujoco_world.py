@@ -54,6 +54,8 @@ def test_the_model_has_the_files_mass_inertia_and_rollers(robot: str) -> None:
     world = MujocoWorld(standing(robot))
     file = world.parts
     simulation = standing(robot).robot.simulation
+    mass_kg = simulation["mass_kg"]
+    assert isinstance(mass_kg, float)
     assert world.model.body_mass.sum() == pytest.approx(mass_kg, rel=1e-8)
     rollers = [world.model.body(number).name for number in range(world.model.nbody)]
     wheels = len(file.wheels)
