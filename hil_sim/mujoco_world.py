@@ -156,7 +156,7 @@ class MujocoWorld:
             self._rollers.append(geoms)
             self._wheel_of_geom[geoms] = wheel
         self._pins = [[int(model.joint(f"pin_{w + 1}_{n + 1}").dofadr[0]) for n in range(count)] for w in range(wheels)]
-        self._rubbing: list[int] = [-1] * wheels
+        self._lowest: list[int] = [-1] * wheels
 
     def _set_down(self, scenario: Scenario) -> None:
         """Put the robot where it starts, let it come to rest on its wheels, and begin to count time."""
@@ -178,7 +178,7 @@ class MujocoWorld:
         self._turns = 2.0 * math.pi * round((theta - self._last_yaw) / (2.0 * math.pi))
 
     def _advance(self) -> None:
-        self._rub()
+        self._lower()
         if self.floor.patches:
             self._tread()
         self._mujoco.mj_step(self.model, self.data)
@@ -193,25 +193,27 @@ class MujocoWorld:
         self._turns += 2.0 * math.pi * round((self._last_yaw - yaw) / (2.0 * math.pi))
         self._last_yaw = yaw
 
-    def _rub(self) -> None:
-        """Give dry friction to the pins of those rollers that are near the floor; the others turn in the air.
+    def _lower(self) -> None:
+        """Let only those rollers touch and rub that are near the floor, whenever a wheel has turned by a roller.
 
-        Each pin with dry friction is one more unknown, so that all of them at once would be slow.
+        The others turn in the air. Looking at all of them, and dry friction in every pin, would make a step slower.
         """
-        if self.parts.roller_dry_N_m <= 0.0:
-            return
         for wheel, axle in enumerate(self._axles):
             part = math.floor(self._position[axle] * len(self.parts.rollers) / (2.0 * math.pi))
-            if part != self._rubbing[wheel]:
-                self._rubbing[wheel] = part
-                self._let_rub(wheel, self._position[axle])
+            if part != self._lowest[wheel]:
+                self._lowest[wheel] = part
+                self._choose(wheel, self._position[axle])
 
-    def _let_rub(self, wheel: int, angle: float) -> None:
+    def _choose(self, wheel: int, angle: float) -> None:
         # A positive turn is about minus x: a roller at angle a from y is lowest where a - turn is -90 degrees.
-        reach = 3.0 * math.pi / len(self.parts.rollers)
-        for pin, part in zip(self._pins[wheel], self.parts.rollers, strict=True):
+        reach, model = 2.0 * 2.0 * math.pi / len(self.parts.rollers), self.model
+        rollers = zip(self._pins[wheel], self._rollers[wheel], self.parts.rollers, strict=True)
+        for pin, geom, part in rollers:
             near = abs(math.remainder(part.angle_rad - angle + 0.5 * math.pi, 2.0 * math.pi)) < reach
-            self.model.dof_frictionloss[pin] = self.parts.roller_dry_N_m if near else 0.0
+            body = model.geom_bodyid[geom]
+            model.dof_frictionloss[pin] = self.parts.roller_dry_N_m if near else 0.0
+            model.geom_contype[geom] = model.body_contype[body] = ROLLER_BIT if near else 0
+            model.geom_conaffinity[geom] = model.body_conaffinity[body] = FLOOR_BIT if near else 0
 
     def _tread(self) -> None:
         """Give the rollers of each wheel the friction of the patch that it stands on."""
