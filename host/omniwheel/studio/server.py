@@ -38,9 +38,10 @@ from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
 PAGE_DIR = Path(__file__).parent / "page"
 _STOP_FIRST = "not done: a stop came first"
 _LOG = logging.getLogger(__name__)
-FRAME_S = 1 / 60
+SAMPLES_S = 0.008
+"""Time between two messages with samples: less than a frame of the screen lasts, so that each frame has new ones."""
 NEWS_EVERY = 6
-"""Frames between two looks at everything that is not a sample."""
+"""Messages with samples between two looks at everything else."""
 LARGEST_MESSAGE = 256 * 1024
 MOST_WAITING = 32
 """Requests of one page that may wait for the robot at once."""
@@ -158,7 +159,7 @@ class StudioServer:
                 task.cancel()
 
     async def _send(self, socket: WebSocket, page: Page, outbox: asyncio.Queue[str | bytes]) -> None:
-        frame = 0
+        turn = 0
         with suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 while not outbox.empty():
@@ -166,12 +167,12 @@ class StudioServer:
                 samples = self.studio.new_samples(page)
                 if samples:
                     await socket.send_bytes(samples)
-                if frame % NEWS_EVERY == 0:
+                if turn % NEWS_EVERY == 0:
                     news = self.studio.news(page)
                     if news:
                         await socket.send_text(json.dumps(news))
-                frame += 1
-                await asyncio.sleep(FRAME_S)
+                turn += 1
+                await asyncio.sleep(SAMPLES_S)
 
     async def _receive(
         self, page: Page, text: str | None, outbox: asyncio.Queue[str | bytes], waiting: set[asyncio.Task[None]]

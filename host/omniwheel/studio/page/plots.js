@@ -64,6 +64,9 @@ export class Plots {
     return { time: [...time], value: [...value] };
   }
 
+  /** The newest value of a signal that is shown; undefined before the first. */
+  latest(key) { return this.#buffer(key).latest; }
+
   limit_of(key) { return this.#signals.get(key)?.limit; }
 
   tables(signals) {
@@ -225,7 +228,7 @@ export class Plots {
           stroke: COLOURS[n % COLOURS.length],
           dash: DASHES[Math.floor(n / COLOURS.length) % DASHES.length].length
             ? DASHES[Math.floor(n / COLOURS.length) % DASHES.length] : DASHES[n % DASHES.length],
-          width: 1.5,
+          width: 1, // without a graphics processor, a wider line takes twice as long to draw
           spanGaps: true,
           points: { show: false },
           value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#info(key)?.unit ?? ""}`),
