@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hil_sim.scenario import Scenario
     from hil_sim.sitl import SimulatedRadio
     from omniwheel.cli.sitl_commands import Commands
+    from omniwheel.firmware_child import FirmwareChild
     from omniwheel.radio_model import RadioSettings
 
 EXAMPLES = examples(
@@ -37,7 +38,7 @@ EXAMPLES = examples(
     "omni sitl --no-world                    # the firmware alone, for a simulator of your own",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
-_POLL_S = 0.1
+POLL_S = 0.1
 _PROFILES = (9600, 57600, 115200)
 
 ScenarioNameArgument = Annotated[
@@ -124,22 +125,18 @@ def sitl(
     from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
 
+    if no_world:
+        _refuse_world(world, world_robot, radio, commands)
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     if no_world:
-        if world is not None or world_robot is not None or simulated is not None or commands:
-            raise typer.BadParameter(
-                "--no-world is the firmware alone: without --world, --world-robot, --radio, --commands"
-            )
         _alone(scenario, links, storage, end_with_stdin, json_wanted)
         return
     external = world_of(world, scenario, json_wanted)
     try:
-        with (
-            signals_interrupt(),
-            start_sitl(scenario, links, storage=storage, radio=simulated, world=external) as running,
-        ):
+        started = start_sitl(scenario, links, storage=storage, radio=simulated, world=external)
+        with signals_interrupt(), started as running:
             more = {"world": running.live.catalogue()} if commands else {}
             announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
             obeyed = Commands(running.live, json_wanted) if commands else None
@@ -152,6 +149,11 @@ def sitl(
                     obeyed.serve()
     except KeyboardInterrupt:
         return
+
+
+def _refuse_world(world: str | None, world_robot: str | None, radio: int | None, commands: bool) -> None:
+    if world is not None or world_robot is not None or radio is not None or commands:
+        raise typer.BadParameter("--no-world is the firmware alone: no --world, --world-robot, --radio or --commands")
 
 
 def _alone(
@@ -170,11 +172,16 @@ def _alone(
             announce(firmware.urls, robot.name, "No world: it ticks on your simulator's sensors", json_wanted)
             if end_with_stdin:
                 threading.Thread(target=_read_input, args=(None, True), daemon=True).start()
-            while firmware.running:
-                time.sleep(_POLL_S)
-            raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
+            wait_for_end(firmware)
     except KeyboardInterrupt:
         return
+
+
+def wait_for_end(firmware: FirmwareChild) -> NoReturn:
+    """Wait until Ctrl-C, or raise FirmwareEndedError when the firmware ends by itself."""
+    while firmware.running:
+        time.sleep(POLL_S)
+    raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
 
 
 def _read_input(commands: Commands | None, end_with_it: bool) -> None:
