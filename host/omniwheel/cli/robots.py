@@ -90,7 +90,7 @@ def params(name: RobotArgument, as_json: JsonOption = False) -> None:
 @app.command(
     "export",
     epilog=examples(
-        "omni robots export three_wheel three_wheel.urdf", "omni robots export mine.toml mine.xml --format mjcf"
+        "omni robots export three_wheel three_wheel.urdf", "omni robots export four_wheel robot.xml --format mjcf"
     ),
 )
 def export(
