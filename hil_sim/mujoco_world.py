@@ -20,10 +20,10 @@ import numpy as np
 
 from hil_sim.c_scenario import scenario_world
 from hil_sim.external import ExternalWorldInputError, Sensed
-from hil_sim.models.mjcf import FLOOR_BIT, ROLLER_BIT, mjcf
-from hil_sim.models.parts import RobotParts, robot_parts
+from hil_sim.models.mjcf import FLOOR_BIT, ROLLER_BIT, Bumps, mjcf
+from hil_sim.models.parts import robot_parts
 from hil_sim.mujoco_film import FILM_FILE, Camera
-from hil_sim.mujoco_settings import Floor, Settings, read_settings
+from hil_sim.mujoco_settings import Settings, read_settings
 from hil_sim.scenario import Scenario
 
 GRAVITY_m_s2 = 9.80665
@@ -56,15 +56,14 @@ class MujocoWorld:
         self.notes = _notes(scenario)
         """What the scenario asks for and this world has no such thing of; a sentence each."""
         config = self._config
-        text = mjcf(self.parts, config.motor_inductance_H / config.motor_resistance_ohm, config.motor_constant_N_m_A)
-        spec = self._mujoco.MjSpec.from_string(text)
-        bumps = self.floor.heights(_BUMP_ROWS)
-        if bumps is not None:
-            _add_bumps(self._mujoco, spec, self.floor, bumps, self.parts)
-        self.model: Any = spec.compile()
+        heights = self.floor.heights(_BUMP_ROWS)
+        bumps = None if heights is None else Bumps(_BUMP_ROWS, 0.5 * self.floor.bumps_size_m, self.floor.bumps_m)
+        seconds = config.motor_inductance_H / config.motor_resistance_ohm
+        text = mjcf(self.parts, seconds, config.motor_constant_N_m_A, bumps)
+        self.model: Any = self._mujoco.MjModel.from_xml_string(text)
         self.model.opt.gravity[:] = self.floor.gravity(GRAVITY_m_s2)
-        if bumps is not None:
-            self.model.hfield_data[:] = (bumps / max(float(bumps.max()), 1e-9)).ravel()
+        if heights is not None:
+            self.model.hfield_data[:] = (heights / self.floor.bumps_m).ravel()
         self.data: Any = self._mujoco.MjData(self.model)
         self._find(len(self.parts.wheels))
         self._turns, self._last_yaw = 0.0, 0.0
@@ -244,19 +243,3 @@ def _notes(scenario: Scenario) -> tuple[str, ...]:
     if not ours:
         return ()
     return (f"{', '.join(ours)} of the scenario is our world's: in MuJoCo wheels slip by what their contacts give.",)
-
-
-def _add_bumps(mujoco: Any, spec: Any, floor: Floor, heights: Any, parts: RobotParts) -> None:
-    """Put a height field in the place of the plane."""
-    rows = heights.shape[0]
-    half = 0.5 * floor.bumps_size_m
-    spec.add_hfield(
-        name="bumps", nrow=rows, ncol=rows, size=[half, half, max(float(heights.max()), 1e-9), 0.05],
-        userdata=heights.ravel().tolist(),
-    )  # fmt: skip
-    old = spec.geom("floor")
-    spec.delete(old)
-    spec.worldbody.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="bumps", contype=FLOOR_BIT,
-        conaffinity=ROLLER_BIT, condim=3, friction=[parts.friction, 0.0, 0.0], rgba=[0.8, 0.8, 0.8, 1.0],
-    )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 
 from hil_sim.models.parts import RobotParts, Solid, WheelPart
 from hil_sim.models.text import numbers, xml_text
@@ -15,8 +16,22 @@ CONTACT_TIME_s = 0.002
 FLOOR_BIT, ROLLER_BIT = 1, 2
 
 
-def mjcf(parts: RobotParts, inductance_time_s: float = 5e-4, constant_N_m_A: float = 1.0) -> str:
-    """Return the model as text. It stands on a flat floor at 0, 0, its x axis along the world's.
+@dataclass(frozen=True)
+class Bumps:
+    """A floor as a square height field around 0, 0: points along a side, half of the side [m], greatest height [m].
+
+    The heights themselves go into ``hfield_data`` of the compiled model, 0..1.
+    """
+
+    rows: int
+    half_m: float
+    height_m: float
+
+
+def mjcf(
+    parts: RobotParts, inductance_time_s: float = 5e-4, constant_N_m_A: float = 1.0, bumps: Bumps | None = None
+) -> str:
+    """Return the model as text. It stands at 0, 0, its x axis along the world's, on a flat floor or on ``bumps``.
 
     The actuator ``motor_N`` of wheel N takes the current [A] that its winding strives for. It has the winding's time
     constant ``inductance_time_s`` (L / R), and ``constant_N_m_A`` newton metres per ampere. Sensors: ``gyro``
@@ -30,12 +45,13 @@ def mjcf(parts: RobotParts, inductance_time_s: float = 5e-4, constant_N_m_A: flo
     )  # fmt: skip
     visual = ET.SubElement(root, "visual")
     ET.SubElement(visual, "global", offwidth="1920", offheight="1080")
-    _assets(root)
+    _assets(root, bumps)
     world = ET.SubElement(root, "worldbody")
     ET.SubElement(world, "light", pos="0 0 3", dir="0 0 -1", directional="true")
+    kind = {"type": "plane", "size": "0 0 0.1"} if bumps is None else {"type": "hfield", "hfield": "bumps"}
     ET.SubElement(
-        world, "geom", name="floor", type="plane", size="0 0 0.1", material="floor",
-        contype=str(FLOOR_BIT), conaffinity=str(ROLLER_BIT), friction=numbers(parts.friction, 0, 0), condim="3",
+        world, "geom", kind, name="floor", material="floor", contype=str(FLOOR_BIT), conaffinity=str(ROLLER_BIT),
+        friction=numbers(parts.friction, 0, 0), condim="3",
     )  # fmt: skip
     _robot(world, parts)
     _actuators(root, parts, inductance_time_s, constant_N_m_A)
@@ -43,13 +59,16 @@ def mjcf(parts: RobotParts, inductance_time_s: float = 5e-4, constant_N_m_A: flo
     return xml_text(root)
 
 
-def _assets(root: ET.Element) -> None:
+def _assets(root: ET.Element, bumps: Bumps | None) -> None:
     assets = ET.SubElement(root, "asset")
     ET.SubElement(
         assets, "texture", name="tiles", type="2d", builtin="checker", width="256", height="256",
         rgb1="0.85 0.85 0.85", rgb2="0.7 0.72 0.75",
     )  # fmt: skip
     ET.SubElement(assets, "material", name="floor", texture="tiles", texrepeat="5 5", texuniform="true")
+    if bumps is not None:
+        size = numbers(bumps.half_m, bumps.half_m, bumps.height_m, 0.05)
+        ET.SubElement(assets, "hfield", name="bumps", nrow=str(bumps.rows), ncol=str(bumps.rows), size=size)
 
 
 def _robot(world: ET.Element, parts: RobotParts) -> None:
