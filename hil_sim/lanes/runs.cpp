@@ -32,6 +32,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 #include "motors.c"
 #include "pca9685.c"
 #include "plant.c"
+#include "floor.c"
 #include "plant_contact.c"
 #include "plant_sources_gen.h"
 #include "sensor_sources_gen.h"

@@ -149,7 +149,7 @@ def robot_parts(robot: Robot, config: Any = None) -> RobotParts:
     """
     config = world_config(robot) if config is None else config
     radius = min(config.wheel_radius_m[i] for i in range(config.wheels))
-    shape = _shape(robot, radius)
+    shape = _shape(robot, config, radius)
     rows, count = int(shape["wheel_rows"]), int(shape["rollers_per_row"])
     a = shape["roller_radius_m"]
     if a >= 0.5 * radius:
@@ -176,9 +176,9 @@ def robot_parts(robot: Robot, config: Any = None) -> RobotParts:
     )
 
 
-def _shape(robot: Robot, radius: float) -> dict[str, float]:
+def _shape(robot: Robot, config: Any, radius: float) -> dict[str, float]:
     """Return every key of KEYS: the file's number, else what is assumed for a wheel of this radius."""
-    rows = _number(robot, "wheel_rows", 2.0)
+    rows = _number(robot, config, "wheel_rows", 2.0)
     assumed = {
         "wheel_rows": rows,
         "rollers_per_row": 18.0 / rows,
@@ -188,11 +188,16 @@ def _shape(robot: Robot, radius: float) -> dict[str, float]:
         "roller_bushing_friction": 0.02,
         "centre_of_mass_height_m": 1.5 * radius,
     }
-    return {name: _number(robot, name, value) for name, value in assumed.items()}
+    return {name: _number(robot, config, name, value) for name, value in assumed.items()}
 
 
-def _number(robot: Robot, name: str, assumed: float) -> float:
+def _number(robot: Robot, config: Any, name: str, assumed: float) -> float:
+    """Return the scenario's number, else the robot file's, else what is assumed; 0 rollers mean: not told."""
     value, key = robot.simulation.get(name, assumed), KEYS[name]
+    if getattr(config, name, 0) > 0:
+        value = float(getattr(config, name))
+    elif name == "rollers_per_row":
+        value = assumed
     what = f"a {'whole ' if key.whole else ''}number from {key.least:g} to {key.most:g}"
     if not isinstance(value, int | float) or not key.least <= value <= key.most or (key.whole and value != int(value)):
         raise PartsError(f"{robot.source}: simulation.{name} is {value!r}; allowed is {what}")

@@ -21,7 +21,7 @@ from playwright.sync_api import CDPSession, Page, sync_playwright
 
 from omniwheel.dialect import mavlink
 from tests.studio.measure import drive, prepared
-from tests.studio.parts import CHROMIUM, SAFE, running, studio
+from tests.studio.parts import CHROMIUM, SAFE, running, studio, until
 from tests.studio.wire import Wire
 
 BLOCK_S = 10
@@ -92,10 +92,13 @@ def repeated(page: Page, wire: Wire, telemetry: Telemetry, pid: int, hours: floa
     devtools = page.context.new_cdp_session(page)
     devtools.send("Performance.enable")
     codec = mavlink.MAVLink(None, srcSystem=telemetry.frames[0].get_srcSystem())
+    last_s = page.evaluate("studio.plots.newest")
     rows, blocks = [], int(hours * 3600 / BLOCK_S)
     began = time.monotonic()
     for number in range(1, blocks + 1):
         wire.send(telemetry.block(number, codec))
+        # The next block waits for this one: a heartbeat behind many blocks would come too late.
+        until(page, f"studio.plots.newest >= {last_s + (number - 1) * BLOCK_S}")
         if number % (3600 // BLOCK_S // rows_per_hour) == 0:
             row = {"hours": number * BLOCK_S / 3600, "server_MB": server_mb(pid), "page_MB": heap_mb(devtools)}
             row["newest_s"] = page.evaluate("studio.plots.newest")
