@@ -189,6 +189,7 @@ CASES = {
     "record": Case("record {disk}/r.tlog --duration 0.3 --link {link}", links=True),
     "replay": Case("replay {inputs}/run1.npz --robot {inputs}/robot.toml --csv {disk}/r.csv --plot {disk}/r.png"),
     "check-image": Case("check-image {inputs}/none.elf --out {disk}/page.md", during=_no_checks),
+    "robots export": Case("robots export three_wheel {disk}/robot.urdf"),
     "params save": Case("params save {disk}/p.toml --link {link}", links=True),
     "drive velocity": Case("drive velocity 0 0 0 --duration 0.1 --out {disk} --link {link}", links=True, step=5),
     "host-control pose": Case(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -24,11 +23,10 @@ from omniwheel.cli.sitl import (
     read_input,
     serve_world,
 )
-from omniwheel.errors import FirmwareEndedError
+from omniwheel.cli.sitl import wait_for_end as _wait_for_end
 
 if TYPE_CHECKING:
     from hil_sim.scenario import Scenario
-    from omniwheel.firmware_child import FirmwareChild
 
 EXAMPLES = examples(
     "omni emulate                                # a robot in a simulated world, as omni sitl",
@@ -131,12 +129,6 @@ def _image(
         what = scenario.description if world else "No world: its wheels stand still"
         announce(firmware.urls, scenario.robot.name, what, json_wanted)
         _wait_for_end(firmware)
-
-
-def _wait_for_end(firmware: FirmwareChild) -> NoReturn:
-    while firmware.running:
-        time.sleep(POLL_S)
-    raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
 
 
 def _bare(
