@@ -60,7 +60,8 @@ def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path
         files.create(path, text.encode("utf-8"))
         limited = edited(text, derived_limits(drive_model(read_robot(path))))
         files.write_text(path, limited)
-        files.write_text(path, edited(limited, derived_gains(read_robot(path))))
+        robot = read_robot(path)
+        files.write_text(path, edited(limited, {**supply_limits(robot), **derived_gains(robot)}))
         read_robot(path)
     except FileExistsError:
         raise RobotFileError(f"{path} exists already", hint="choose another name") from None
@@ -164,6 +165,21 @@ def derived_limits(model: DriveModel) -> Changes:
             ACCELERATION_SHARE * acceleration,
             f"m/s^2: {ACCELERATION_SHARE:.0%} of what motors and floor allow at half that speed",
         ),
+    }
+
+
+def supply_limits(robot: Robot) -> Changes:
+    """Return the voltages that depend on the supply, in the defaults' proportion; none where the defaults fit."""
+    table, supply_V = robot.table, robot.parameter_values()["BAT_V_NOM"]
+    usual_V = table["BAT_V_NOM"].default
+    if supply_V == usual_V:
+        return {}
+    return {
+        f"parameters.{name}": (
+            table[name].default / usual_V * supply_V,
+            f"V: the default's share of the supply, {table[name].default:g} of {usual_V:g} V",
+        )
+        for name in ("BAT_V_MIN", "SAFE_STALL_V")
     }
 
 

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import omniwheel.robot
+from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess, Robot
@@ -30,7 +31,6 @@ from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
 from omniwheel.paths import robots_dir
 from omniwheel.robots import read_robot
-from tests.host.cli_examples import SteppedLink
 
 WRONG = {
     "constant_N_m_A = 0.33462": "constant_N_m_A = 0.26",
