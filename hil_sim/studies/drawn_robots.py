@@ -19,7 +19,7 @@ from omni_schema import Robot
 from omniwheel import files
 from omniwheel.capability import drive_model
 from omniwheel.datasheet import GearMotor, RobotAnswers
-from omniwheel.datasheet.new_robot import derived_gains, derived_limits, write_designed_robot
+from omniwheel.datasheet.new_robot import derived_gains, derived_limits, supply_limits, write_designed_robot
 from omniwheel.robot_text import Changes, edited
 from omniwheel.robots import read_robot
 
@@ -163,7 +163,8 @@ def _scaled(path: Path, factors: dict[str, float]) -> Robot:
         changes = {**changes, key: (factor * float(getattr(robot, section)[name]), "drawn")}
     _edit(path, changes)
     _edit(path, derived_limits(drive_model(read_robot(path))))
-    _edit(path, derived_gains(read_robot(path)))
+    robot = read_robot(path)
+    _edit(path, {**supply_limits(robot), **derived_gains(robot)})
     return read_robot(path)
 
 

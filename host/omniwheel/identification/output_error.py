@@ -18,7 +18,7 @@ from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate, clustered_covariance, require_scipy
 from omniwheel.identification.model import STAND, Model
-from omniwheel.identification.segments import MOVING_rad_s, Segments, cut, measured_speed
+from omniwheel.identification.segments import MOVING_rad_s, WARM_MAX_S, Segments, cut, measured_speed
 
 Array = NDArray[np.float64]
 
@@ -72,8 +72,10 @@ class Fit:
         return float(1.0 - np.nansum(self.residual_rad_s**2) / np.sum((target - target.mean()) ** 2))
 
 
-def identify(runs: Sequence[Dataset], model: Model) -> Fit:
+def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S) -> Fit:
     """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them.
+
+    ``warm_s`` is how early a segment starts at most [s]: less for short runs with long time constants.
 
     Output error by least squares, then steps of the instrumental-variable equation Z' r = 0. Z is the model's slope
     along the noise-free instrument. Noise of the measured supply would pass through the model and bias its inertia
@@ -81,7 +83,7 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
     """
     _require_enough(runs)
     start = first_guess(runs, model)
-    segments, saturated = cut(runs, model, _time_constant_s(start))
+    segments, saturated = cut(runs, model, _time_constant_s(start), warm_s)
     _require_excited(segments, model, saturated)
     used = segments.weight > 0.0
     scale = _scales(start, model)
