@@ -33,7 +33,8 @@ PATIENCE_S = 3600.0
 FRESH_SEED = 1_000_000
 """The first seed that robots are judged by; the tuning's world has the robot's own seed."""
 JUDGING_RUNS = 16
-CHIRP_S, CHIRP_ROOM_M = 4.0, 2.0
+CHIRP_WHEEL_S, CHIRP_ROOM_M = 7.5, 2.0
+"""Length of the sweep times wheels: so much fits into the robot's memory."""
 TEXT = 160
 
 ROW = np.dtype(
@@ -109,7 +110,7 @@ def tune(drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = la
 
 def _measured_margins(robot: Robot) -> Margins:
     """Return the margins of all wheel loops together, turning, as ``omni experiment wheel-chirp`` measures them."""
-    plan = WheelPlan(duration_s=CHIRP_S)
+    plan = WheelPlan(duration_s=CHIRP_WHEEL_S / robot.parameters["WHEELS"])
     found = wheel_chirp(robot, plan, CHIRP_ROOM_M, lambda _: None)
     return Margins(*(found[name].measured for name in ("gain_margin", "phase_margin_rad", "distance")))
 
@@ -184,3 +185,8 @@ def grown(before: NDArray[Any], after: NDArray[Any]) -> float:
         return math.nan
     quantile = float(require_scipy("special").stdtrit(len(difference) - 1, 0.975))
     return float(np.mean(difference) - quantile * np.std(difference, ddof=1) / math.sqrt(len(difference)))
+
+
+def values_after(row: NDArray[Any]) -> dict[str, float]:
+    """Return the parameters that a robot ended with."""
+    return {name: float(row[f"{name}_after"]) for name in CHANGED}

@@ -121,10 +121,18 @@ def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Call
             robot.parameters.set_many(sets[index])
             tries[index].append(drive(robot, places, leg_s))
     verdicts = [] if old_swings else judge(*([entry.figures for entry in side] for side in tries))
-    kept = not any(verdict.shows and verdict.difference > 0.0 for verdict in verdicts)
+    kept = _worth_keeping(verdicts, old_fits=settings.required.kept_by(design.before.margins))
     robot.parameters.set_many(sets[1 if kept else 0])
-    traces = {name: [entry.trace for entry in side] for name, side in zip(("before", "after"), tries, strict=True)}
+    sides = zip(("before", "after"), tries, strict=True)
+    traces = {name: [entry.trace for entry in side] for name, side in sides if side}
     return Outcome(present, design, verdicts, traces, kept, old_swings)
+
+
+def _worth_keeping(verdicts: list[Verdict], *, old_fits: bool) -> bool:
+    """Whether no figure is seen to be worse, and there is a reason: one is better, or the old margins are too small."""
+    shown = [verdict for verdict in verdicts if verdict.shows]
+    worse = any(verdict.difference > 0.0 for verdict in shown)
+    return not worse and (bool(shown) or not old_fits)
 
 
 def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
