@@ -27,9 +27,8 @@ from omniwheel.errors import OmniError
 from omniwheel.experiments import LOWEST_HZ, WheelPlan, wheel_chirp
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.robot import Robot
+from omniwheel.tuning import ExperimentError
 
-PATIENCE_S = 3600.0
-"""Simulated time after which a tuning that does not end is broken off."""
 FRESH_SEED = 1_000_000
 """The first seed that robots are judged by; the tuning's world has the robot's own seed."""
 JUDGING_RUNS = 16
@@ -46,7 +45,6 @@ ROW = np.dtype(
         ("counts", "<f8"),
         ("top_m_s", "<f8"),
         ("simulated_s", "<f8"),
-        ("driven_s", "<f8"),
         ("wall_s", "<f8"),
         ("explained", "<f8"),
         *((f"{name}_{side}", "<f8") for name in ("completed", "position_m", "theta_rad") for side in ("before", "after")),
@@ -77,12 +75,13 @@ class Trial:
 
 
 @contextmanager
-def waiting_robot(drawn: DrawnRobot, end_s: float = PATIENCE_S) -> Iterator[tuple[Robot, SteppedLink]]:
+def waiting_robot(drawn: DrawnRobot) -> Iterator[tuple[Robot, SteppedLink]]:
     """Start the firmware with the wrong robot file in the true robot's world; it goes on while somebody waits."""
     scenario = drawn.tuning_scenario()
-    with FirmwareProcess(parameters=scenario.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as firmware:
+    parameters, links = scenario.parameter_values(), ["tcp:127.0.0.1:0"]
+    with FirmwareProcess(parameters=parameters, links=links, lockstep=True) as firmware:
         link = SteppedLink(firmware.open_link(), new_world(scenario))
-        link.end_s = end_s
+        link.end_s = math.inf
         with omniwheel.connect(link, clock=link.clock_s) as robot:
             yield robot, link
 
@@ -96,7 +95,7 @@ def tune(drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = la
             trial.outcome = autotune(robot, settings, True, tell)
         except OmniError as error:
             trial.error = error
-            trial.stopped = robot.status.state in ("failsafe", "estop")
+            trial.stopped = isinstance(error, ExperimentError)
         trial.simulated_s = link.clock_s()
         if trial.outcome is not None and trial.outcome.kept:
             try:

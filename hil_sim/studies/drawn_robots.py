@@ -136,7 +136,7 @@ def _truth(draw: np.random.Generator) -> tuple[RobotAnswers, dict[str, float], d
     world = {
         "friction_coefficient": float(draw.uniform(0.35, 0.9)),
         "slip_stiffness_N_s_m": mass_kg * _spread(draw, 150.0, 1500.0),
-        "roller_friction_N_s_m": mass_kg * float(draw.uniform(0.0, 0.2)),
+        "roller_friction_N_s_m": mass_kg * float(draw.uniform(0.0, 0.1)),
         "slip_max": float(draw.uniform(0.0, 0.1)),
         "battery_V": supply_V * float(draw.uniform(0.9, 1.1)),
         "battery_resistance_ohm": ohm / wheels * float(draw.uniform(0.0, 0.1)),

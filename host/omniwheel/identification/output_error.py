@@ -30,7 +30,7 @@ EXCITED_SHARE = 0.05
 EXCITE_HINT = "drive circles and spins both ways, with changing speed"
 IV_STEPS_MAX = 20
 SETTLED = 5e-3
-"""Steps end when no parameter moves by more than this share of itself."""
+"""Steps end when no parameter moves by more than this share of itself; drag, of the speed gain it is added to."""
 COARSE = 5
 """The first search takes one segment in so many."""
 UNSHOWN = {
@@ -97,7 +97,7 @@ def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S) 
         if not np.all(x > _lower_bounds(model)):
             name = model.names[int(np.argmin(x - _lower_bounds(model)))]
             raise IdentificationError(UNSHOWN.get(name, f"{name} cannot be told from these runs"), hint=EXCITE_HINT)
-        if np.max(np.abs(step)) < SETTLED:
+        if np.max(np.abs(step) * scale / _sizes(scale, model)) < SETTLED:
             break
     else:
         raise IdentificationError(_UNSETTLED, hint=_UNSETTLED_HINT)
@@ -172,6 +172,14 @@ def _scales(start: Array, model: Model) -> Array:
     if model.names != STAND:
         scale[4] = 0.01 * start[0]
     return np.asarray(scale, dtype=np.float64)
+
+
+def _sizes(scale: Array, model: Model) -> Array:
+    """Return what a step is small against."""
+    sizes = scale.copy()
+    if model.names != STAND:
+        sizes[4] = scale[0]
+    return sizes
 
 
 def _numbered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
