@@ -33,7 +33,11 @@ ROW = np.dtype(
         ("why", f"S{TEXT}"),
         ("simulated_s", "<f8"),
         ("wall_s", "<f8"),
-        *((f"{name}_{side}", "<f8") for name in ("completed", "position_m", "theta_rad") for side in ("autotune", "rival")),
+        *(
+            (f"{name}_{side}", "<f8")
+            for name in ("completed", "position_m", "theta_rad")
+            for side in ("autotune", "rival")
+        ),
     ]
 )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,7 +24,7 @@ from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
 from omniwheel.autotune.procedure import CHANGED, Outcome, Settings, autotune
 from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
 from omniwheel.errors import OmniError
-from omniwheel.experiments import LOWEST_HZ, WheelPlan, wheel_chirp
+from omniwheel.experiments import WheelPlan, wheel_chirp
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
@@ -47,7 +47,11 @@ ROW = np.dtype(
         ("simulated_s", "<f8"),
         ("wall_s", "<f8"),
         ("explained", "<f8"),
-        *((f"{name}_{side}", "<f8") for name in ("completed", "position_m", "theta_rad") for side in ("before", "after")),
+        *(
+            (f"{name}_{side}", "<f8")
+            for name in ("completed", "position_m", "theta_rad")
+            for side in ("before", "after")
+        ),
         *((f"{name}_worse", "<f8") for name in ("position", "theta")),
         *((f"{name}_{side}", "<f8") for name in ("gain", "phase", "distance") for side in ("promised", "measured")),
         ("margin_why", f"S{TEXT}"),

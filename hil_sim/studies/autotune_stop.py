@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A tuning that is stopped at a random moment: is the robot at rest, and has it its old parameters?"""
+"""A tuning is stopped at a random moment. The robot should be at rest then, with its old parameters."""
 
 from __future__ import annotations
 
@@ -83,9 +83,7 @@ def stop_row(seed: int, settings: Settings) -> NDArray[Any]:
     with TemporaryDirectory() as folder:
         storage = Path(folder) / "storage"
         world = new_world(scenario)
-        with FirmwareProcess(
-            parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True, storage=storage
-        ) as firmware:
+        with FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True, storage=storage) as firmware:
             link = StoppedLink(firmware.open_link(), world)
             link.end_s, link.kind, link.moment_s = math.inf, kind, moment_s
             robot = omniwheel.connect(link, clock=link.clock_s)
@@ -93,9 +91,7 @@ def stop_row(seed: int, settings: Settings) -> NDArray[Any]:
             row["why"] = _tuned(robot, settings).encode()[:TEXT]
             row["stopped"] = link.happened
             link.run(round(REST_S * 1e3), link.drop_received)
-            row["at_rest"] = bool(
-                np.hypot(*world.twist[:2]) < REST_M_S and abs(world.twist[2]) < REST_RAD_S
-            )
+            row["at_rest"] = bool(np.hypot(*world.twist[:2]) < REST_M_S and abs(world.twist[2]) < REST_RAD_S)
             row["simulated_s"] = link.clock_s()
             after = before if kind == "power" else _parameters(link)
             link.close()

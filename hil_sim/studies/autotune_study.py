@@ -11,9 +11,8 @@ import hashlib
 import io
 import json
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -114,22 +113,25 @@ def _done(
                 told(1, 0.0, kept=True)
             else:
                 missing[seed] = argument
-        with _workers(jobs) as pool:
-            waiting = {pool.submit(part.work, seed, argument): seed for seed, argument in missing.items()}
-            for future in as_completed(waiting):
-                folder.store.put(_key(waiting[future]), future.result())
-                told(1, float(future.result()["simulated_s"][0]), kept=False)
+        for seed, row in _rows(part, missing, jobs):
+            folder.store.put(_key(seed), row)
+            told(1, float(row["simulated_s"][0]), kept=False)
         return np.concatenate([folder.store.get(_key(seed), 1) for seed in seeds])
 
 
-@contextmanager
-def _workers(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Give processes that are ended without waiting if this one is interrupted."""
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+def _rows(part: Part, missing: Mapping[int, Any], jobs: int) -> Iterator[tuple[int, Array]]:
+    """Yield each row as it gets done: here, or by several processes."""
+    if jobs == 1:
+        for seed, argument in missing.items():
+            yield seed, part.work(seed, argument)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        waiting = {pool.submit(part.work, seed, argument): seed for seed, argument in missing.items()}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _key(seed: int) -> bytes:

@@ -71,7 +71,7 @@ def _margins(rows: Array) -> dict[str, Any]:
     found: dict[str, Any] = {"not_measured": int(np.sum(np.isnan(kept["distance_measured"])))}
     for name in ("gain", "phase", "distance"):
         measured, promised = kept[f"{name}_measured"], kept[f"{name}_promised"]
-        seen = np.isfinite(measured) & np.isfinite(promised)
+        seen = np.isfinite(measured) & np.isfinite(promised) & (promised > 0.0)
         off = measured[seen] / promised[seen] - 1.0
         found[name] = {
             "measured": len(off),
@@ -123,9 +123,8 @@ def page(summary: dict[str, Any]) -> str:
     ]
     for name in ("gain", "phase", "distance"):
         part = margins[name]
-        lines.append(
-            f"| {name} margin within {MARGIN_TOLERANCE:.0%} of the promise | {part['as_promised']} of {part['measured']} |"
-        )
+        kept = f"{part['as_promised']} of {part['measured']}"
+        lines.append(f"| {name} margin within {MARGIN_TOLERANCE:.0%} of the promise | {kept} |")
     lines.append(f"| margins that could not be measured | {margins['not_measured']} |")
     if "rivals" in summary:
         part = summary["rivals"]

@@ -69,8 +69,14 @@ class DrawnRobot:
         period_s = math.pi * max(3.0 * size / speed, math.sqrt(10.0 * size / acceleration))
         turn_rad = min(TURN_RAD, TURN_SHARE * turn * period_s / (2.0 * math.pi * TURN_PERIODS))
         path = {
-            **{"TRJ_TYPE": 4.0, "TRJ_PETALS": float(PETALS), "TRJ_SIZE": size, "TRJ_PERIOD": period_s},
-            **{"TRJ_LAPS": 1.0, "TRJ_ROT": 2.0, "TRJ_ROT_AMP": turn_rad, "TRJ_ROT_N": TURN_PERIODS},
+            "TRJ_TYPE": 4.0,
+            "TRJ_PETALS": float(PETALS),
+            "TRJ_SIZE": size,
+            "TRJ_PERIOD": period_s,
+            "TRJ_LAPS": 1.0,
+            "TRJ_ROT": 2.0,
+            "TRJ_ROT_AMP": turn_rad,
+            "TRJ_ROT_N": TURN_PERIODS,
         }
         return self._scenario("no_slip", path, (size, 0.0, 0.0))
 

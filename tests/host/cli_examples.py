@@ -316,6 +316,7 @@ RULES = (
     Rule("montecarlo", STUDY, ("--cluster",)),
     Rule("sweep", STUDY),
     Rule("optimize", f"--trials 2 {STUDY}", codes=(0, 1)),
+    Rule("study", "--robots 2 --rivals 0 --stops 0 --workers 1", during=CASES["study autotune"].during),
     Rule("soak", during=no_soak),
     Rule("bench", "--duration 1 --repeat 1", during=one_loop),
     Rule("robots new mine --ask", answers="\n" * 40, new="mine.toml", codes=(0, 1, 2)),

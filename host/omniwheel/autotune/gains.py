@@ -115,7 +115,7 @@ def design_position(
 
     The latter is the present ``stiffness_1_s``, or less where lambda is small. Raises AutotuneError if none does.
     """
-    for lam in POSITION_1_S[POSITION_1_S <= required.quickest_1_s * (1.0 + 1e-9)].tolist():
+    for lam in POSITION_1_S[required.quickest_1_s * (1.0 + 1e-9) >= POSITION_1_S].tolist():
         stiffness = min(stiffness_1_s, STIFFNESS_SHARE * lam)
         found = [position_margins(loop, wheels, lam, stiffness) for loop in floor]
         if all(required.kept_by(entry) for entry in found):

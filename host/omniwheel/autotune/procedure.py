@@ -19,8 +19,7 @@ from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
 from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed
 from omniwheel.errors import AutotuneError
 from omniwheel.frames import Pose
-from omniwheel.identification.model import Layout, Model
-from omniwheel.identification.output_error import Fit, identify
+from omniwheel.identification.model import Layout
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 from omniwheel.tuning import Trace

@@ -174,7 +174,9 @@ class WheelLoop:
         """Return the wheel's speed per wanted speed; ``feed_forward`` [V s/rad] goes past the controller."""
         pi, angle = self._controller(proportional, integral), self._angle
         own = 1.0 + pi * self._from_volts
-        return np.asarray(self._speed * (pi + feed_forward) / (own + pi * self._from_angle * angle), dtype=np.complex128)
+        return np.asarray(
+            self._speed * (pi + feed_forward) / (own + pi * self._from_angle * angle), dtype=np.complex128
+        )
 
     def counted(self, proportional: float, integral: float, feed_forward: float = 0.0) -> Complex:
         """Return the same as an encoder shows it: the mean speed over the tick that begins with the wanted one."""

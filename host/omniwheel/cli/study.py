@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni study``: does a tool keep what it promises, on very many robots drawn at random?"""
+"""``omni study``: whether a tool keeps what it promises, on very many robots drawn at random."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def autotune(
     before and after, on seeds that the tuning never saw. Interrupted, the same command goes on; a larger --robots adds
     to what is there.
     """
-    from hil_sim.studies.autotune_study import PAGE_FILE, Plan, run_study
+    from hil_sim.studies.autotune_study import Plan, run_study
+    from hil_sim.studies.autotune_summary import page
     from hil_sim.studies.pools import LocalPool
 
     plan = Plan(robots, seed, min(rivals, robots), stops)
@@ -50,5 +51,5 @@ def autotune(
     if json_wanted:
         print_json({**summary, "folder": str(path)})
         return
-    console.print((path / PAGE_FILE).read_text(encoding="utf-8"), markup=False, highlight=False)
+    console.print(page(summary), markup=False, highlight=False)
     print_end(progress, str(path))

@@ -18,7 +18,7 @@ from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate, clustered_covariance, require_scipy
 from omniwheel.identification.model import STAND, Model
-from omniwheel.identification.segments import MOVING_rad_s, WARM_MAX_S, Segments, cut, measured_speed
+from omniwheel.identification.segments import WARM_MAX_S, MOVING_rad_s, Segments, cut, measured_speed
 
 Array = NDArray[np.float64]
 
