@@ -3,7 +3,7 @@
 
 The margins are data (Requirements). A set of gains must keep them with every inertia that a wheel has on the floor,
 turning on the spot and translating. A lifted wheel moves itself alone, and half of the margins must be left then.
-Among those sets the stiffest one wins: the one with which a disturbing voltage moves the wheel least, over the
+Among those sets the stiffest one wins: with it a disturbing voltage moves the wheel least. What counts are the
 frequencies at which a robot tracks a path.
 """
 
