@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.c_scenario import scenario_world
 from hil_sim.studies import optimize
 from hil_sim.studies.autotune_robot import FRESH_SEED, TEXT, judge
 from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
@@ -66,7 +67,7 @@ def known_values(drawn: DrawnRobot) -> dict[str, float]:
     """Return the true robot's motors, inertia and friction as parameters."""
     truth = drawn.truth.parameter_values()
     values = {name: truth[name] for name in ("MOT_K", "MOT_B", "MOT_J", "KF_J", "MOT_R", "MOT_L")}
-    friction = float(drawn.truth.simulation["coulomb_friction_N_m"]) * truth["MOT_R"] / truth["MOT_K"]
+    friction = scenario_world(drawn.judging_scenario()).motor_coulomb_N_m * truth["MOT_R"] / truth["MOT_K"]
     return {**values, "WS_FF_S": min(friction, drawn.believed.table["WS_FF_S"].maximum)}
 
 

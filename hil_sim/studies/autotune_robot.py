@@ -21,7 +21,8 @@ from hil_sim.batch import run_batch
 from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
-from omniwheel.autotune.procedure import CHANGED, Outcome, Settings, autotune
+from omniwheel.autotune.design import CHANGED
+from omniwheel.autotune.procedure import Outcome, Settings, autotune
 from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
 from omniwheel.errors import OmniError
 from omniwheel.experiments import WheelPlan, wheel_chirp

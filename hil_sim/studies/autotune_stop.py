@@ -17,7 +17,8 @@ from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.studies.autotune_robot import TEXT
 from hil_sim.studies.drawn_robots import draw_robot
-from omniwheel.autotune.procedure import CHANGED, Settings, autotune
+from omniwheel.autotune.design import CHANGED
+from omniwheel.autotune.procedure import Settings, autotune
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkLostError, OmniError
 from omniwheel.firmware_process import FirmwareProcess

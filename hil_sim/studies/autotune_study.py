@@ -86,7 +86,7 @@ def run_study(plan: Plan, path: Path, jobs: int = 1, *, fresh: bool = False, pro
     rivals = _done(PARTS[1], plan, path, [int(seed) for seed, _ in tuned], [v for _, v in tuned], jobs, fresh, told)
     stops = range(plan.first_seed, plan.first_seed + plan.stops)
     stopped = _done(PARTS[2], plan, path, stops, [plan.settings] * plan.stops, jobs, fresh, told)
-    summary = finite(document(robots, rivals, stopped))
+    summary: dict[str, Any] = finite(document(robots, rivals, stopped))
     files.write_text(path / SUMMARY_FILE, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     files.write_text(path / ROBOTS_FILE, robot_table(robots))
     files.write_text(path / PAGE_FILE, page(summary))
@@ -142,9 +142,10 @@ def robot_table(rows: Array) -> str:
     """Return the robots as CSV, a line each."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(rows.dtype.names)
+    names = rows.dtype.names or ()
+    writer.writerow(names)
     for row in rows:
-        writer.writerow([_cell(row[name]) for name in rows.dtype.names])
+        writer.writerow([_cell(row[name]) for name in names])
     return out.getvalue()
 
 

@@ -55,17 +55,16 @@ def reach_of(side_m: float, body_m: float) -> float:
 def points(here: Pose, reach_m: float, turn_rad: float, legs: int, seed: int) -> list[Pose]:
     """Return the ends of ``legs``, from where the robot stands and back, headings within ``turn_rad`` of the first.
 
-    They lie in a square around it. The first one is where it stands, or the robot would hurry to it. Headings go to one
-    side and the other in turns, because a turn is what moves the wheels least.
+    They lie in a square around it. The first one is where it stands, or the robot would hurry to it.
     """
     draw = np.random.default_rng(seed)
     places = [
         Pose(
             here.x + reach_m * draw.uniform(-1.0, 1.0),
             here.y + reach_m * draw.uniform(-1.0, 1.0),
-            here.theta + turn_rad * draw.uniform(0.5, 1.0) * (-1.0) ** leg,
+            here.theta + turn_rad * draw.uniform(-1.0, 1.0),
         )
-        for leg in range(legs - 1)
+        for _ in range(legs - 1)
     ]
     return [here, *places, here]
 

@@ -19,9 +19,10 @@ from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess, Robot
+from omniwheel.autotune.design import CHANGED
 from omniwheel.autotune.motor_values import motor_values
 from omniwheel.autotune.page import write_page
-from omniwheel.autotune.procedure import CHANGED, Settings, autotune
+from omniwheel.autotune.procedure import Settings, autotune
 from omniwheel.autotune.robot_file import write_robot_file
 from omniwheel.autotune.room import PEAK_ACCELERATION, PEAK_SPEED, leg_time, points, reach_of
 from omniwheel.dialect import mavlink
