@@ -18,6 +18,8 @@ import numpy as np
 
 from hil_sim.hil import run_hil
 from hil_sim.scenario import load_scenario
+from hil_sim.studies.autotune_robot import ROW
+from hil_sim.studies.autotune_study import PARTS, Part
 from omniwheel import FirmwareProcess
 from omniwheel.autotune.gains import WheelGains
 from omniwheel.autotune.wheel_loop import Margins
@@ -110,7 +112,20 @@ def _tuned(*_: Any) -> Any:
     fit = SimpleNamespace(estimate=Estimate(FLOOR, np.ones(5), np.eye(5), 50.0), fit=0.9)
     design = SimpleNamespace(fit=fit, values=values, before=gains, after=gains, position=gains.margins)
     traces = {"before": [_rounds()[0][0][0]], "after": [_rounds()[0][0][0]]}
-    return SimpleNamespace(old=values, new=values, design=design, verdicts=[], traces=traces, kept=False)
+    return SimpleNamespace(
+        old=values, new=values, design=design, verdicts=[], traces=traces, kept=False, old_swings=False
+    )
+
+
+def robot_row(seed: int, _: Any) -> Any:
+    """Return what a study keeps of a robot that autotune refused."""
+    row = np.zeros(1, ROW)
+    row["seed"], row["outcome"] = seed, "refused"
+    return row
+
+
+def _no_tuning() -> Any:
+    return _patched(hil_sim__studies__autotune_study__PARTS=(Part("robots", ROW, robot_row), *PARTS[1:]))
 
 
 def _shown(*_: Any) -> Outcome:
@@ -183,6 +198,9 @@ CASES = {
         links=True,
         tells="WS_P 1 → 1",
         during=lambda: _patched(omniwheel__autotune__procedure__autotune=_tuned),
+    ),
+    "study autotune": Case(
+        "study autotune --robots 2 --workers 1 --out {disk}/st", during=_no_tuning, again=True, step=2
     ),
     "plot": Case("plot {inputs}/run --out {disk}/plot.png"),
     "reproduce": Case("reproduce diagrams --out {disk}", step=4),
