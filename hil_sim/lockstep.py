@@ -24,6 +24,10 @@ WORLD_SYSTEM_ID = 254
 WORLD_COMPONENT_ID = 1
 ANY_WHEEL = 255
 RECORD_ROWS = 1000
+STEP_TICKS = 10
+"""How far a read of a :class:`SteppedLink` goes on at most."""
+PATIENCE_S = 60.0
+"""Simulated time after which whoever still talks over a :class:`SteppedLink` gets Ctrl-C, unless told otherwise."""
 LOG_BYTES = 8 * lib.HIL_LOCKSTEP_RX
 
 
@@ -193,3 +197,23 @@ class LockstepLink:
                 message, hint="do firmware and this package have the same version? `omni doctor` shows both"
             )
         return LinkLostError(f"the robot closed the link {after}", hint="did the firmware end or restart?")
+
+
+class SteppedLink(LockstepLink):
+    """A link in simulated time: reading makes robot and world go on, so nothing waits for a real clock.
+
+    Beyond ``end_s`` of simulated time a read raises KeyboardInterrupt.
+    """
+
+    end_s = PATIENCE_S
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what the robot sent, after a few ticks if there is nothing yet."""
+        data = self._take()
+        if not data and timeout_s > 0.0:
+            self.run(min(STEP_TICKS, max(1, round(timeout_s * 1e3))))
+            self.forget_samples()
+            data = self._take()
+        if self.clock_s() > self.end_s:
+            raise KeyboardInterrupt
+        return data

@@ -18,6 +18,8 @@ import numpy as np
 
 from hil_sim.hil import run_hil
 from hil_sim.scenario import load_scenario
+from hil_sim.studies.autotune_robot import ROW
+from hil_sim.studies.autotune_study import PARTS, Part
 from omniwheel import FirmwareProcess
 from omniwheel.autotune.gains import WheelGains
 from omniwheel.autotune.wheel_loop import Margins
@@ -38,12 +40,14 @@ class Case:
 
     ``links``: it needs a robot, whose link takes the place of {link}. ``again``: after a failure the same command goes
     on in the same folder. ``during`` is a context for its run. ``step``: every so many calls one fails, for slow ones.
+    ``tells``: what is said whatever fails, because it took the robot minutes.
     """
 
     line: str
     links: bool = False
     again: bool = False
     step: int = 1
+    tells: str = ""
     during: Callable[[], Any] = field(default=ExitStack)
 
     @property
@@ -98,7 +102,7 @@ def _live() -> Iterator[None]:
 
 def _rounds(*_: Any) -> Any:
     trace = Trace(np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
-    return [[(trace, Figures(0.0, 0.0))]] * 2
+    return [[(trace, Figures(0.012, 0.0))] * 2] * 2
 
 
 def _tuned(*_: Any) -> Any:
@@ -108,7 +112,20 @@ def _tuned(*_: Any) -> Any:
     fit = SimpleNamespace(estimate=Estimate(FLOOR, np.ones(5), np.eye(5), 50.0), fit=0.9)
     design = SimpleNamespace(fit=fit, values=values, before=gains, after=gains, position=gains.margins)
     traces = {"before": [_rounds()[0][0][0]], "after": [_rounds()[0][0][0]]}
-    return SimpleNamespace(old=values, new=values, design=design, verdicts=[], traces=traces, kept=False)
+    return SimpleNamespace(
+        old=values, new=values, design=design, verdicts=[], traces=traces, kept=False, old_swings=False
+    )
+
+
+def robot_row(seed: int, _: Any) -> Any:
+    """Return what a study keeps of a robot that autotune refused."""
+    row = np.zeros(1, ROW)
+    row["seed"], row["outcome"] = seed, "refused"
+    return row
+
+
+def _no_tuning() -> Any:
+    return _patched(hil_sim__studies__autotune_study__PARTS=(Part("robots", ROW, robot_row), *PARTS[1:]))
 
 
 def _shown(*_: Any) -> Outcome:
@@ -171,14 +188,19 @@ CASES = {
         step=2,
     ),
     "tune": Case(
-        "tune --set WS_P=6 --size 0.02 --duration 0.2 --revert --out {disk}/t.png --link {link}",
+        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk}/t.png --link {link}",
         links=True,
+        tells="12.00",
         during=lambda: _patched(omniwheel__tuning_rounds__run_rounds=_rounds),
     ),
     "autotune": Case(
         "autotune --out {disk} --link {link}",
         links=True,
+        tells="WS_P 1 → 1",
         during=lambda: _patched(omniwheel__autotune__procedure__autotune=_tuned),
+    ),
+    "study autotune": Case(
+        "study autotune --robots 2 --workers 1 --out {disk}/st", during=_no_tuning, again=True, step=2
     ),
     "plot": Case("plot {inputs}/run --out {disk}/plot.png"),
     "reproduce": Case("reproduce diagrams --out {disk}", step=4),
@@ -201,7 +223,10 @@ CASES = {
     "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
     "bringup all": Case("bringup all --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
     "experiment wheel-step": Case(
-        "experiment wheel-step --out {disk} --link {link}", links=True, step=10, during=_short_experiment
+        "experiment wheel-step --out {disk} --link {link}",
+        links=True,
+        step=10,
+        during=_short_experiment,
     ),
     "identify logs": Case(
         "identify logs {inputs}/run1.npz {inputs}/run2.npz --turn {inputs}/run2.npz --lifted "

@@ -24,7 +24,7 @@ from typer.testing import CliRunner
 
 import omniwheel.robot
 from hil_sim.hil import run_hil
-from hil_sim.lockstep import LockstepLink
+from hil_sim.lockstep import PATIENCE_S, SteppedLink
 from hil_sim.loop_speed import loops
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
@@ -38,28 +38,8 @@ from tests.faults.commands import CASES
 from tests.host.logs import synthetic
 from tests.quick_scenario import QUICK
 
-STEP_TICKS = 10
 SIMULATOR = "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass MyWorld(TinyWorld):\n    fixes = False\n"
-PATIENCE_S = 60.0
-"""Simulated time after which whoever still talks to the robot gets Ctrl-C."""
 LINK = ("--link", "-l")
-
-
-class SteppedLink(LockstepLink):
-    """A link in simulated time: reading makes robot and world go on, so nothing waits for a real clock."""
-
-    end_s = PATIENCE_S
-
-    def read(self, timeout_s: float) -> bytes:
-        """Return what the robot sent, after a few ticks if there is nothing yet."""
-        data = self._take()
-        if not data and timeout_s > 0.0:
-            self.run(min(STEP_TICKS, max(1, round(timeout_s * 1e3))))
-            self.forget_samples()
-            data = self._take()
-        if self.clock_s() > self.end_s:
-            raise KeyboardInterrupt
-        return data
 
 
 @contextmanager
@@ -339,6 +319,7 @@ RULES = (
     Rule("montecarlo", STUDY, ("--cluster",)),
     Rule("sweep", STUDY),
     Rule("optimize", f"--trials 2 {STUDY}", codes=(0, 1)),
+    Rule("study", "--robots 2 --rivals 0 --stops 0 --workers 1", during=CASES["study autotune"].during),
     Rule("soak", during=no_soak),
     Rule("bench", "--duration 1 --repeat 1", during=one_loop),
     Rule("robots new mine --ask", answers="\n" * 40, new="mine.toml", codes=(0, 1, 2)),

@@ -3,8 +3,8 @@
 
 The margins are data (Requirements). A set of gains must keep them with every inertia that a wheel has on the floor,
 turning on the spot and translating. A lifted wheel moves itself alone, and half of the margins must be left then.
-Among those sets the one with the largest integral gain wins. After a step of the load the integral of the error is
-1 / WS_I, so that one forgets disturbances soonest.
+Among those sets the stiffest one wins: with it a disturbing voltage moves the wheel least. What counts are the
+frequencies at which a robot tracks a path.
 """
 
 from __future__ import annotations
@@ -18,24 +18,32 @@ import numpy as np
 from omniwheel.autotune.wheel_loop import Complex, Margins, WheelLoop, margins
 from omniwheel.errors import AutotuneError
 
-PROPORTIONAL = np.geomspace(0.002, 200.0, 45)
+PROPORTIONAL = np.geomspace(0.02, 50.0, 28)
 """Candidates for WS_P, in units of the motor's volts per rad/s, so that they fit any motor."""
-RESET_S = np.geomspace(0.005, 1.0, 16)
+RESET_S = np.geomspace(0.01, 1.0, 12)
 """Candidates for WS_P / WS_I [s]."""
-POSITION_1_S = np.geomspace(20.0, 0.2, 50)
+POSITION_1_S = np.geomspace(12.0, 0.2, 45)
 """Candidates for lambda [1/s], the quickest first; beyond that the noise of the pose moves the robot."""
+TRACKED_HZ = (0.2, 4.0)
+"""Frequencies at which a robot tracks a path and meets friction, slip and a sagging supply."""
+PROPORTIONAL_MOST, INTEGRAL_MOST = 200.0, 5000.0
+"""What WS_P and WS_I take."""
 STIFFNESS_SHARE = 0.25
 """k / phi is at most this share of lambda, as in the defaults: then its integral acts slower than lambda does."""
 
 
 @dataclass(frozen=True)
 class Requirements:
-    """What gains must keep: margins as in Margins, and the ``noise`` of the voltage (share of the supply)."""
+    """What gains must keep: margins as in Margins, and the ``noise`` of the voltage (share of the supply).
 
-    gain: float = 3.0
-    phase_rad: float = math.radians(60.0)
-    distance: float = 0.6
-    noise: float = 0.012
+    ``quickest_1_s`` is the largest lambda of the position loop.
+    """
+
+    gain: float = 2.0
+    phase_rad: float = math.radians(45.0)
+    distance: float = 0.5
+    noise: float = 0.03
+    quickest_1_s: float = 12.0
 
     def half(self) -> Requirements:
         """Return what must be left of a loop whose wheel is lifted."""
@@ -69,25 +77,35 @@ def worst(loops: Sequence[WheelLoop], proportional: float, integral: float) -> W
     )
 
 
-def design_wheels(floor: Sequence[WheelLoop], lifted: WheelLoop, supply_V: float, required: Requirements) -> WheelGains:
-    """Return the gains with the largest WS_I that keep what is required. Raises AutotuneError if none do."""
+def compliance(loops: Sequence[WheelLoop], proportional: float, integral: float) -> float:
+    """Return the wheel's speed per disturbing volt [rad/s/V], RMS over TRACKED_HZ, of the loop where it is largest."""
+    return max(loop.compliance(proportional, integral, *TRACKED_HZ) for loop in loops)
+
+
+def design_wheels(
+    floor: Sequence[WheelLoop],
+    lifted: WheelLoop,
+    supply_V: float,
+    required: Requirements,
+    present: Sequence[tuple[float, float]] = (),
+) -> WheelGains:
+    """Return the stiffest gains that keep what is required. Raises AutotuneError if none do.
+
+    ``present``: further candidates, such as the gains that the robot has.
+    """
     unit = floor[0].motor.speed_gain
-    best: WheelGains | None = None
-    for proportional in PROPORTIONAL * unit:
-        for reset in RESET_S:
-            gains = float(proportional), float(proportional / reset)
-            if best is not None and gains[1] <= best.integral:
-                continue
-            found = worst(floor, *gains)
-            noisy = found.noise_V > required.noise * supply_V
-            if not noisy and required.kept_by(found.margins) and required.half().kept_by(lifted.margins(*gains)):
-                best = found
-    if best is None:
-        raise AutotuneError(
-            "no gains of the wheel loops keep the margins without more noise than wanted",
-            hint="more encoder counts, or check what was identified: omni identify",
-        )
-    return best
+    grid = [(float(p), float(p / reset)) for p in PROPORTIONAL * unit for reset in RESET_S]
+    possible = [entry for entry in (*present, *grid) if entry[0] <= PROPORTIONAL_MOST and entry[1] <= INTEGRAL_MOST]
+    for gains in sorted(possible, key=lambda entry: compliance(floor, *entry)):
+        if max(loop.noise_V(*gains) for loop in floor) > required.noise * supply_V:
+            continue
+        found = worst(floor, *gains)
+        if required.kept_by(found.margins) and required.half().kept_by(lifted.margins(*gains)):
+            return found
+    raise AutotuneError(
+        "no gains of the wheel loops keep the margins without more noise than wanted",
+        hint="more encoder counts, or check what was identified: omni identify",
+    )
 
 
 def design_position(
@@ -97,7 +115,7 @@ def design_position(
 
     The latter is the present ``stiffness_1_s``, or less where lambda is small. Raises AutotuneError if none does.
     """
-    for lam in POSITION_1_S.tolist():
+    for lam in POSITION_1_S[required.quickest_1_s * (1.0 + 1e-9) >= POSITION_1_S].tolist():
         stiffness = min(stiffness_1_s, STIFFNESS_SHARE * lam)
         found = [position_margins(loop, wheels, lam, stiffness) for loop in floor]
         if all(required.kept_by(entry) for entry in found):

@@ -27,8 +27,9 @@ _WHY = {
     "MOT_J": "measured inertia; the share that is the wheel's own stays the robot file's",
     "KF_J": "measured inertia when the robot translates: what a wheel moves on the floor",
     "WS_FF_S": "measured dry friction, at the lower end of its interval, so that it is never too much",
-    "WS_P": "with WS_I: the quickest loop that keeps the margins",
-    "WS_I": "as large as margins and noise allow",
+    "KF_Q_W": "how far the wheel filter trusts the model: the candidate with the stiffest loop",
+    "WS_P": "with WS_I: the stiffest loop that keeps margins and limit of noise",
+    "WS_I": "see WS_P",
     "ISMC_LAM_XY": "the quickest position loop that keeps the margins",
     "ISMC_PHI_XY": "so that ISMC_K_XY / ISMC_PHI_XY is at most a quarter of ISMC_LAM_XY",
     "ISMC_LAM_TH": "the same for the heading",
@@ -107,12 +108,15 @@ def _margins(outcome: Outcome, required: Requirements) -> list[str]:
 
 def _verdicts(outcome: Outcome) -> list[str]:
     end = "The new parameters were kept." if outcome.kept else "The robot has its old parameters again."
+    lines = [f"- {verdict.sentence()}" for verdict in outcome.verdicts]
+    if outcome.old_swings:
+        lines = ["The old values were not driven: on the robot as it was measured, they hardly damp its wheels."]
     return [
         "## What they did",
         "",
         f"![Errors before and after]({PICTURE})",
         "",
-        *(f"- {verdict.sentence()}" for verdict in outcome.verdicts),
+        *lines,
         "",
         end,
     ]

@@ -10,24 +10,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.gains import (
-    Requirements,
-    WheelGains,
-    design_position,
-    design_wheels,
-    position_margins,
-    worst,
-)
+from omniwheel.autotune.design import CHANGED, Design, design_from, gentle_values
+from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.motor_values import PARAMETERS as MOTOR_PARAMETERS
-from omniwheel.autotune.motor_values import Measured, motor_values
 from omniwheel.autotune.room import MOST_LEGS, SETTINGS, Drive, drive, leg_time, points, reach_of
-from omniwheel.autotune.wheel_loop import ANGLE_FILTER, Margins, loaded, loop_of, motor_of
+from omniwheel.autotune.wheel_loop import ANGLE_FILTER
 from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
 from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed
 from omniwheel.errors import AutotuneError
 from omniwheel.frames import Pose
-from omniwheel.identification.model import Layout, Model
-from omniwheel.identification.output_error import Fit, identify
+from omniwheel.identification.model import Layout
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 from omniwheel.tuning import Trace
@@ -36,15 +28,9 @@ from omniwheel.tuning_verdict import Verdict, judge
 
 GENTLE, QUICK = 0.25, 0.7
 """Shares of the robot's speed and acceleration limits: first one, then the other."""
-LEAST_EXPLAINED = 0.8
-"""Share of the wheels' speeds that a model must explain before gains are designed from it."""
 MARGIN_M = 0.03
 """What a wheel is wide and a tracking error long: added to the robot's size."""
-CHANGED = (
-    *("MOT_K", "MOT_B", "MOT_J", "KF_J", "WS_FF_S", "WS_P", "WS_I"),
-    *("ISMC_LAM_XY", "ISMC_PHI_XY", "ISMC_LAM_TH", "ISMC_PHI_TH"),
-)
-_READ = (*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "ISMC_K_XY", "ISMC_K_TH")
+_READ = (*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")
 _LIMITS = ("LIM_V", "LIM_W", "LIM_A", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
 REACH_S, TURN_RAD = 0.6, 1.2
@@ -72,26 +58,18 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Design:
-    """What was found and what follows: new parameters, and the margins that the model promises of old and new ones."""
-
-    fit: Fit
-    measured: Measured
-    values: dict[str, float]
-    before: WheelGains
-    after: WheelGains
-    position: Margins
-
-
-@dataclass(frozen=True)
 class Outcome:
-    """``old`` and ``new`` parameters, the design, verdicts of the comparison, the traces, and whether it was kept."""
+    """``old`` and ``new`` parameters, the design, verdicts of the comparison, the traces, and whether it was kept.
+
+    ``old_swings``: the old values have so little margin on the measured robot that they were not driven; no verdicts.
+    """
 
     old: dict[str, float]
     design: Design
     verdicts: list[Verdict]
     traces: dict[str, list[Trace]]
     kept: bool
+    old_swings: bool = False
 
     @property
     def new(self) -> dict[str, float]:
@@ -126,22 +104,35 @@ def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Call
     fast, turn = _top_speeds(robot, old)
     reach = min(reach_of(settings.room_m, old["WHEEL_DIST"] + MARGIN_M), REACH_S * fast)
     places = points(here, reach, min(TURN_RAD, REACH_S * turn), settings.legs, settings.seed)
+    present = {name: old[name] for name in CHANGED}
+    robot.parameters.set_many({**present, **gentle_values(old)})
     drives = [_drive(robot, places, old, share, tell) for share in (GENTLE, QUICK)]
     design = design_from(drives, old, _layout(robot, old), settings.required)
-    present = {name: old[name] for name in CHANGED}
     sets = (present, {**present, **design.values})
+    old_swings = not settings.required.half().kept_by(design.before.margins)
+    if old_swings:
+        tell("the old values are not driven: with the robot as it was measured, they hardly damp its wheels")
     tries: list[list[Drive]] = [[], []]
+    leg_s = _leg(robot, places, old, QUICK)
     for number in range(settings.rounds):
-        for index in order(2, number):
+        for index in (1,) if old_swings else order(2, number):
             tell(f"round {number + 1} of {settings.rounds}, with the {('old', 'new')[index]} parameters")
             robot.parameters.set_many(sets[index])
-            tries[index].append(drive(robot, places, _leg(robot, places, old, QUICK)))
+            tries[index].append(drive(robot, places, leg_s))
     old_figures, new_figures = ([entry.figures for entry in side] for side in tries)
-    verdicts = judge(old_figures, new_figures)
-    kept = not any(verdict.shows and verdict.difference > 0.0 for verdict in verdicts)
+    verdicts = [] if old_swings else judge(old_figures, new_figures)
+    kept = _worth_keeping(verdicts, old_fits=settings.required.kept_by(design.before.margins))
     robot.parameters.set_many(sets[1 if kept else 0])
-    traces = {name: [entry.trace for entry in side] for name, side in zip(("before", "after"), tries, strict=True)}
-    return Outcome(present, design, verdicts, traces, kept)
+    sides = zip(("before", "after"), tries, strict=True)
+    traces = {name: [entry.trace for entry in side] for name, side in sides if side}
+    return Outcome(present, design, verdicts, traces, kept, old_swings)
+
+
+def _worth_keeping(verdicts: list[Verdict], *, old_fits: bool) -> bool:
+    """Whether no figure is seen to be worse, and there is a reason: one is better, or the old margins are too small."""
+    shown = [verdict for verdict in verdicts if verdict.shows]
+    worse = any(verdict.difference > 0.0 for verdict in shown)
+    return not worse and (bool(shown) or not old_fits)
 
 
 def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
@@ -171,31 +162,3 @@ def _drive(
 def _layout(robot: Robot, old: Mapping[str, float]) -> Layout:
     angles = [math.radians(robot.parameters[f"W{wheel + 1}_ANGLE"]) for wheel in range(int(old["WHEELS"]))]
     return Layout(old["WHEEL_RADIUS"], old["WHEEL_DIST"], np.array(angles))
-
-
-def design_from(drives: list[Drive], old: Mapping[str, float], layout: Layout, required: Requirements) -> Design:
-    """Identify from drives and design. Raises AutotuneError, IdentificationError."""
-    fit = identify([entry.data for entry in drives], Model.floor(layout))
-    if fit.fit < LEAST_EXPLAINED:
-        raise AutotuneError(
-            f"the model explains only {fit.fit:.0%} of the wheels' motion", hint="did the wheels slip or stall?"
-        )
-    measured = motor_values(fit.estimate, old)
-    found = {**old, **measured.values}
-    motor = motor_of(found)
-    floor = [loop_of(found, loaded(motor, inertia)) for inertia in (measured.turning, measured.translating)]
-    after = design_wheels(floor, loop_of(found, loaded(motor, measured.lifted)), old["BAT_V_NOM"], required)
-    position: dict[str, float] = {}
-    for axis in ("XY", "TH"):
-        gain = old[f"ISMC_K_{axis}"]
-        lam, stiffness = design_position(floor, after, gain / old[f"ISMC_PHI_{axis}"], required)
-        position |= {f"ISMC_LAM_{axis}": lam, f"ISMC_PHI_{axis}": gain / stiffness}
-    old_floor = [loop_of(old, loaded(motor, inertia)) for inertia in (measured.turning, measured.translating)]
-    return Design(
-        fit,
-        measured,
-        {**measured.values, "WS_P": after.proportional, "WS_I": after.integral, **position},
-        worst(old_floor, old["WS_P"], old["WS_I"]),
-        after,
-        position_margins(floor[-1], after, position["ISMC_LAM_XY"], old["ISMC_K_XY"] / position["ISMC_PHI_XY"]),
-    )

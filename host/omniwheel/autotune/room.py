@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -23,6 +23,8 @@ MOST_LEGS = 31
 """The robot keeps 32 waypoints."""
 LEAST_ROOM_M = 0.05
 SAMPLE_HZ = 50.0
+ROUNDING_SHARE, MOST_MERGED = 0.05, 4
+"""Rounding of the encoders by the wheels' speed, and of how many samples a row is made until it is below that."""
 PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774
 """Peaks of a leg, which is a quintic from rest to rest: times way / time and way / time^2."""
 SETTINGS = ("TRJ_TYPE", "TRJ_PERIOD", "TRJ_LAPS", "TRJ_SCALE", "TRJ_RAMP")
@@ -96,4 +98,15 @@ def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
         remove()
         robot.set_message_interval("OMNI_SAMPLE", None)
         robot.set_message_interval(Tracking.message, None)
-    return Drive(from_messages(seen, robot.url, parameters), trace, figures)
+    return Drive(merged(seen, robot.url, parameters), trace, figures)
+
+
+def merged(samples: Sequence[Message], name: str, parameters: Mapping[str, float]) -> Dataset:
+    """Return samples as a dataset. Where encoders have few counts, several samples make a row: their sums add up."""
+    data = from_messages(samples, name, parameters)
+    assert data.wheel_angle_rad is not None
+    steps = np.diff(data.wheel_angle_rad, axis=0)
+    rounding = 2.0 * math.pi / parameters["ENC_CPR"] / math.sqrt(6.0)
+    wanted = rounding / (ROUNDING_SHARE * max(float(np.sqrt(np.mean(steps**2))), 1e-9))
+    every = int(np.clip(math.ceil(wanted), 1, MOST_MERGED))
+    return data if every == 1 else from_messages(samples[::every], name, parameters)

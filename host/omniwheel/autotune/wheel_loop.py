@@ -125,7 +125,8 @@ class WheelLoop:
         keep = np.eye(3) - np.outer(gain, [1.0, 0.0, 0.0])
         self._filter = (keep @ model, keep @ volts, gain)
         eye = np.eye(3)
-        self._angle = _response(self._z, a, b)[:, 0]
+        answer = _response(self._z, a, b)
+        self._angle, self._speed = answer[:, 0], answer[:, 1]
         inside = self._z[:, None, None] * eye - keep @ model
         # z(k) = F z(k-1) + G v(k-1) + L y(k): from v and from y to the speed at the same tick.
         column = (len(self._z), 3, 1)
@@ -172,14 +173,15 @@ class WheelLoop:
     def closed(self, proportional: float, integral: float, feed_forward: float = 0.0) -> Complex:
         """Return the wheel's speed per wanted speed; ``feed_forward`` [V s/rad] goes past the controller."""
         pi, angle = self._controller(proportional, integral), self._angle
-        speed = self._motor_speed()
         own = 1.0 + pi * self._from_volts
-        return np.asarray(speed * (pi + feed_forward) / (own + pi * self._from_angle * angle), dtype=np.complex128)
+        return np.asarray(
+            self._speed * (pi + feed_forward) / (own + pi * self._from_angle * angle), dtype=np.complex128
+        )
 
     def counted(self, proportional: float, integral: float, feed_forward: float = 0.0) -> Complex:
         """Return the same as an encoder shows it: the mean speed over the tick that begins with the wanted one."""
         whole = self.closed(proportional, integral, feed_forward)
-        return np.asarray(whole / self._motor_speed() * self.counted_per_volt, dtype=np.complex128)
+        return np.asarray(whole / self._speed * self.counted_per_volt, dtype=np.complex128)
 
     def estimated(self, proportional: float, integral: float, feed_forward: float = 0.0) -> Complex:
         """Return the same as the wheel filter estimates it: what the robot itself believes."""
@@ -197,14 +199,17 @@ class WheelLoop:
         """What makes a mean speed over the next tick of an angle."""
         return np.asarray((self._z - 1.0) / TICK_S, dtype=np.complex128)
 
-    def _motor_speed(self) -> Complex:
-        return np.asarray(_response(self._z, *self._motor)[:, 1], dtype=np.complex128)
-
     def bandwidth_hz(self, proportional: float, integral: float) -> float:
         """Return up to which frequency errors of the wheel are made smaller: where the open loop falls below 1."""
         size = np.abs(self.open(proportional, integral))
         above = np.flatnonzero(size >= 1.0)
         return float(self.frequency_hz[above[-1]]) if len(above) else 0.0
+
+    def compliance(self, proportional: float, integral: float, low_hz: float, high_hz: float) -> float:
+        """Return the wheel's speed per disturbing volt [rad/s/V]: RMS over the frequencies between two."""
+        among = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
+        moved = self._speed[among] / (1.0 + self.open(proportional, integral)[among])
+        return float(np.sqrt(np.mean(np.abs(moved) ** 2)))
 
     def noise_V(self, proportional: float, integral: float) -> float:
         """Return the standard deviation of the voltage that the encoder's rounding alone makes [V]."""

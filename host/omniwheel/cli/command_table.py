@@ -66,6 +66,7 @@ TABLE = (
     Entry("montecarlo", STUDY, "Run a scenario with very many seeds", "montecarlo", "montecarlo"),
     Entry("sweep", STUDY, "Run a scenario at many settings", "sweep", "sweep"),
     Entry("optimize", STUDY, "Search good parameters, check them on other seeds", "optimize", "optimize"),
+    Entry("study", STUDY, "Does a tool keep its promises, on many random robots?", "study"),
     Entry("soak", STUDY, "Drive for hours on an emulated Cortex-M7", "soak", "soak"),
     Entry("bench", STUDY, "Measure how fast the simulations are here", "bench", "bench"),
     Entry("robots", BUILD, "Start, check, show and wire robot files", "robots"),

@@ -13,11 +13,15 @@ from omniwheel.cli.common import JsonOption, examples, signals_interrupt
 from omniwheel.cli.options import HostOption, ListenPortOption
 from omniwheel.cli.run_output import ImageOption, RobotOption, SeedOption
 from omniwheel.cli.sitl import (
+    CommandsOption,
+    EndWithStdinOption,
     LinksOption,
     ScenarioNameArgument,
     StorageOption,
     WorldRobotOption,
     announce,
+    read_input,
+    serve_world,
 )
 from omniwheel.cli.sitl import wait_for_end as _wait_for_end
 
@@ -29,6 +33,7 @@ EXAMPLES = examples(
     "omni emulate --robot four_wheel --link pty:/tmp/robot",
     "omni emulate --no-world                     # the board alone, for:",
     "omni hil --link tcp:127.0.0.1:5760",
+    'omni emulate --commands                     # type lines like {"mend": true}, as for omni sitl',
     "omni emulate --image firmware.elf           # the very image that is flashed, on an emulated Teensy 4.0",
     "omni emulate --image firmware.elf --link usb=pty:/tmp/teensy --link uart=tcp:127.0.0.1:5761",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
@@ -57,6 +62,8 @@ def emulate(
     ] = False,
     image: ImageOption = None,
     seed: SeedOption = None,
+    end_with_stdin: EndWithStdinOption = False,
+    commands: CommandsOption = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the firmware on an emulated Cortex-M7 (QEMU), in real time, until Ctrl-C: connect to it as to a robot.
@@ -70,10 +77,14 @@ def emulate(
 
     if lockstep and world and image is None:
         raise typer.BadParameter("--lockstep needs --no-world: the world drives the ticks itself")
+    if commands and (image is not None or not world):
+        raise typer.BadParameter("--commands are for the simulated world around QEMU: not with --image or --no-world")
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     try:
         with signals_interrupt():
+            if end_with_stdin and (image is not None or not world):
+                read_input(None, end_with_stdin)
             if image is not None:
                 _image(
                     image,
@@ -88,9 +99,7 @@ def emulate(
             if not world:
                 _bare(links, scenario.robot.name, storage, lockstep, json_wanted, scenario.parameter_values())
             with start_sitl(scenario, links, storage=storage, emulated=True) as running:
-                announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
-                while True:
-                    running.advance()
+                serve_world(running, scenario, json_wanted, commands=commands, end_with_stdin=end_with_stdin)
     except KeyboardInterrupt:
         return
 

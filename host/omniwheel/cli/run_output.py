@@ -245,7 +245,8 @@ def store(
         from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import
 
         draw_run(summary, run.record, folder / PICTURE_FILE)
-    except OutputFileError:
+    except OutputFileError as error:
+        error.found = summary
         if not as_json:
             show()
         raise

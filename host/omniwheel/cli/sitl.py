@@ -21,7 +21,7 @@ from omniwheel.errors import FirmwareEndedError
 
 if TYPE_CHECKING:
     from hil_sim.scenario import Scenario
-    from hil_sim.sitl import SimulatedRadio
+    from hil_sim.sitl import SimulatedRadio, Sitl
     from omniwheel.cli.sitl_commands import Commands
     from omniwheel.firmware_child import FirmwareChild
     from omniwheel.radio_model import RadioSettings
@@ -67,6 +67,17 @@ LinksOption = Annotated[
 StorageOption = Annotated[
     Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
 ]
+EndWithStdinOption = Annotated[
+    bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
+]
+CommandsOption = Annotated[
+    bool,
+    typer.Option(
+        "--commands",
+        help='Take commands from standard input, a JSON object per line: {"fault": NAME, "wheel": N, "on": true}, '
+        '{"mend": true}, {"speed": 0.5}.',
+    ),
+]
 
 
 def sitl(
@@ -93,17 +104,8 @@ def sitl(
         float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
     ] = 0.02,
     seed: SeedOption = None,
-    end_with_stdin: Annotated[
-        bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
-    ] = False,
-    commands: Annotated[
-        bool,
-        typer.Option(
-            "--commands",
-            help='Take commands from standard input, a JSON object per line: {"fault": NAME, "wheel": N, "on": true}, '
-            '{"mend": true}, {"speed": 0.5}.',
-        ),
-    ] = False,
+    end_with_stdin: EndWithStdinOption = False,
+    commands: CommandsOption = False,
     world: WorldOption = None,
     no_world: Annotated[
         bool,
@@ -122,7 +124,6 @@ def sitl(
     """
     from hil_sim.scenario import load_scenario
     from hil_sim.sitl import start_sitl
-    from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
 
     if no_world:
@@ -137,18 +138,31 @@ def sitl(
     try:
         started = start_sitl(scenario, links, storage=storage, radio=simulated, world=external)
         with signals_interrupt(), started as running:
-            more = {"world": running.live.catalogue()} if commands else {}
-            announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
-            obeyed = Commands(running.live, json_wanted) if commands else None
-            if end_with_stdin or commands:
-                reader = (obeyed, end_with_stdin)
-                threading.Thread(target=_read_input, args=reader, daemon=True).start()
-            while True:
-                running.advance()
-                if obeyed is not None:
-                    obeyed.serve()
+            serve_world(running, scenario, json_wanted, commands=commands, end_with_stdin=end_with_stdin)
     except KeyboardInterrupt:
         return
+
+
+def serve_world(
+    running: Sitl, scenario: Scenario, json_wanted: bool, *, commands: bool, end_with_stdin: bool
+) -> NoReturn:
+    """Say where the robot is, and keep its world going until KeyboardInterrupt; obey commands if wanted."""
+    from omniwheel.cli.sitl_commands import Commands
+
+    more = {"world": running.live.catalogue()} if commands else {}
+    announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
+    obeyed = Commands(running.live, json_wanted) if commands else None
+    if end_with_stdin or commands:
+        read_input(obeyed, end_with_stdin)
+    while True:
+        running.advance()
+        if obeyed is not None:
+            obeyed.serve()
+
+
+def read_input(commands: Commands | None, end_with_it: bool) -> None:
+    """Read standard input in a thread of its own; its end is a KeyboardInterrupt if ``end_with_it``."""
+    threading.Thread(target=_read_input, args=(commands, end_with_it), daemon=True).start()
 
 
 def _refuse_world(world: str | None, world_robot: str | None, radio: int | None, commands: bool) -> None:
@@ -171,7 +185,7 @@ def _alone(
         ):
             announce(firmware.urls, robot.name, "No world: it ticks on your simulator's sensors", json_wanted)
             if end_with_stdin:
-                threading.Thread(target=_read_input, args=(None, True), daemon=True).start()
+                read_input(None, True)
             wait_for_end(firmware)
     except KeyboardInterrupt:
         return

@@ -30,6 +30,8 @@ ACCELERATION_SHARE = 0.5
 """LIM_A by what motors and floor allow at half the speed."""
 SLIP_SHARE = 0.1
 """ISMC_K_XY and ISMC_K_TH by the speed limits: a switching gain that covers wheels which slip by so much."""
+COUNTS_PER_TICK, TICKS_PER_S = 0.5, 1000.0
+"""What the robot needs to tell a slow wheel from one that stands, and how often it looks."""
 DIRECTIONS = 36
 DEFAULT_LINES = 2500.0
 TEMPLATES = {3: "three_wheel", 4: "four_wheel"}
@@ -60,7 +62,8 @@ def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path
         files.create(path, text.encode("utf-8"))
         limited = edited(text, derived_limits(drive_model(read_robot(path))))
         files.write_text(path, limited)
-        files.write_text(path, edited(limited, derived_gains(read_robot(path))))
+        robot = read_robot(path)
+        files.write_text(path, edited(limited, {**supply_limits(robot), **derived_gains(robot)}))
         read_robot(path)
     except FileExistsError:
         raise RobotFileError(f"{path} exists already", hint="choose another name") from None
@@ -165,6 +168,28 @@ def derived_limits(model: DriveModel) -> Changes:
             f"m/s^2: {ACCELERATION_SHARE:.0%} of what motors and floor allow at half that speed",
         ),
     }
+
+
+def supply_limits(robot: Robot) -> Changes:
+    """Return the voltages that depend on supply and encoder; none where the defaults fit.
+
+    A stall is told from single counts, tick by tick. So a wheel under SAFE_STALL_V must give COUNTS_PER_TICK even if it
+    turns at a third of its free speed. With few counts that voltage is beyond the supply: a stall is not detected then.
+    """
+    table, values = robot.table, robot.parameter_values()
+    supply_V, usual_V = values["BAT_V_NOM"], table["BAT_V_NOM"].default
+    least_V, stall_V = (table[name].default / usual_V * supply_V for name in ("BAT_V_MIN", "SAFE_STALL_V"))
+    changes: dict[str, tuple[Value, str]] = {}
+    if supply_V != usual_V:
+        changes["parameters.BAT_V_MIN"] = (least_V, "V: the default's share of the supply")
+        changes["parameters.SAFE_STALL_V"] = (stall_V, "V: the default's share of the supply")
+    gain = values["MOT_K"] + values["MOT_R"] * values["MOT_B"] / values["MOT_K"]
+    told_V = 3.0 * COUNTS_PER_TICK * TICKS_PER_S * 2.0 * math.pi / values["ENC_CPR"] * gain
+    if told_V > stall_V:
+        most_V = table["SAFE_STALL_V"].maximum
+        why = "V: below that the encoder's counts come too seldom to tell a stall"
+        changes["parameters.SAFE_STALL_V"] = (min(told_V, most_V), why)
+    return changes
 
 
 def derived_gains(robot: Robot) -> Changes:

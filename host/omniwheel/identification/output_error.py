@@ -18,7 +18,7 @@ from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate, clustered_covariance, require_scipy
 from omniwheel.identification.model import STAND, Model
-from omniwheel.identification.segments import MOVING_rad_s, Segments, cut, measured_speed
+from omniwheel.identification.segments import WARM_MAX_S, MOVING_rad_s, Segments, cut, measured_speed
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ EXCITED_SHARE = 0.05
 EXCITE_HINT = "drive circles and spins both ways, with changing speed"
 IV_STEPS_MAX = 20
 SETTLED = 5e-3
-"""Steps end when no parameter moves by more than this share of itself."""
+"""Steps end when no parameter moves by more than this share of itself; drag, of the speed gain it is added to."""
 COARSE = 5
 """The first search takes one segment in so many."""
 UNSHOWN = {
@@ -72,8 +72,10 @@ class Fit:
         return float(1.0 - np.nansum(self.residual_rad_s**2) / np.sum((target - target.mean()) ** 2))
 
 
-def identify(runs: Sequence[Dataset], model: Model) -> Fit:
+def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S) -> Fit:
     """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them.
+
+    ``warm_s`` is how early a segment starts at most [s]: less for short runs with long time constants.
 
     Output error by least squares, then steps of the instrumental-variable equation Z' r = 0. Z is the model's slope
     along the noise-free instrument. Noise of the measured supply would pass through the model and bias its inertia
@@ -81,7 +83,7 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
     """
     _require_enough(runs)
     start = first_guess(runs, model)
-    segments, saturated = cut(runs, model, _time_constant_s(start))
+    segments, saturated = cut(runs, model, _time_constant_s(start), warm_s)
     _require_excited(segments, model, saturated)
     used = segments.weight > 0.0
     scale = _scales(start, model)
@@ -95,7 +97,7 @@ def identify(runs: Sequence[Dataset], model: Model) -> Fit:
         if not np.all(x > _lower_bounds(model)):
             name = model.names[int(np.argmin(x - _lower_bounds(model)))]
             raise IdentificationError(UNSHOWN.get(name, f"{name} cannot be told from these runs"), hint=EXCITE_HINT)
-        if np.max(np.abs(step)) < SETTLED:
+        if np.max(np.abs(step) * scale / _sizes(scale, model)) < SETTLED:
             break
     else:
         raise IdentificationError(_UNSETTLED, hint=_UNSETTLED_HINT)
@@ -170,6 +172,14 @@ def _scales(start: Array, model: Model) -> Array:
     if model.names != STAND:
         scale[4] = 0.01 * start[0]
     return np.asarray(scale, dtype=np.float64)
+
+
+def _sizes(scale: Array, model: Model) -> Array:
+    """Return what a step is small against."""
+    sizes = scale.copy()
+    if model.names != STAND:
+        sizes[4] = scale[0]
+    return sizes
 
 
 def _numbered(labels: NDArray[np.int64]) -> NDArray[np.int64]:

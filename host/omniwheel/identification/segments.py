@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 WARM_TIME_CONSTANTS = 8.0
 WARM_MAX_ROWS = 200
+WARM_MAX_S = 1000.0
 BODY_ROWS = 16
 CLUSTER_S = 1.0
 FULL_DUTY = 0.98
@@ -67,10 +68,13 @@ class _Rows:
     moving: NDArray[np.bool_]
 
 
-def cut(runs: Sequence[Dataset], model: Model, time_constant_s: float) -> tuple[Segments, float]:
+def cut(
+    runs: Sequence[Dataset], model: Model, time_constant_s: float, warm_s: float = WARM_MAX_S
+) -> tuple[Segments, float]:
     """Cut runs into segments; return them and the share of moving rows at full duty. Raises IdentificationError."""
     period_s = max(run.period_s for run in runs)
-    warm = int(np.clip(np.ceil(WARM_TIME_CONSTANTS * time_constant_s / period_s), 2, WARM_MAX_ROWS))
+    warm_s = min(WARM_TIME_CONSTANTS * time_constant_s, warm_s)
+    warm = int(np.clip(np.ceil(warm_s / period_s), 2, WARM_MAX_ROWS))
     body = max(BODY_ROWS, 2 * warm)
     means = all(run.wheel_angle_rad is not None for run in runs)
     pieces: list[dict[str, Any]] = []

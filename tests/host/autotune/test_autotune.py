@@ -15,12 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import omniwheel.robot
+from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess, Robot
+from omniwheel.autotune.design import CHANGED
 from omniwheel.autotune.motor_values import motor_values
 from omniwheel.autotune.page import write_page
-from omniwheel.autotune.procedure import CHANGED, Settings, autotune
+from omniwheel.autotune.procedure import Settings, autotune
 from omniwheel.autotune.robot_file import write_robot_file
 from omniwheel.autotune.room import PEAK_ACCELERATION, PEAK_SPEED, leg_time, points, reach_of
 from omniwheel.dialect import mavlink
@@ -30,7 +32,6 @@ from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
 from omniwheel.paths import robots_dir
 from omniwheel.robots import read_robot
-from tests.host.cli_examples import SteppedLink
 
 WRONG = {
     "constant_N_m_A = 0.33462": "constant_N_m_A = 0.26",

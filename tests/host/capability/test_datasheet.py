@@ -163,3 +163,25 @@ def test_new_refuses_and_leaves_no_file(tmp_path: Path, words: list[str], said: 
     assert code == 2, output
     assert said in output
     assert list(tmp_path.iterdir()) == []
+
+
+def answers(voltage_V: float, no_load_rad_s: float, lines: float) -> RobotAnswers:
+    motor = GearMotor(voltage_V, no_load_rad_s, 0.5, encoder_lines=lines)
+    return RobotAnswers(3, 0.08, 0.12, 2.0, motor)
+
+
+def test_a_small_battery_is_not_taken_for_an_empty_one(tmp_path: Path) -> None:
+    """The default of 9 V kept robots of 6 V from arming."""
+    values = read_robot(write_designed_robot("small", answers(6.0, 40.0, 2500.0), tmp_path)).parameter_values()
+    assert values["BAT_V_MIN"] == pytest.approx(4.5)
+    assert values["SAFE_STALL_V"] == pytest.approx(2.0)
+
+
+def test_a_wheel_with_few_counts_is_not_taken_for_a_stalled_one(tmp_path: Path) -> None:
+    """A turning wheel gave less than a count each third tick: the robot stopped itself, with `stall`."""
+    coarse = read_robot(write_designed_robot("coarse", answers(12.0, 10.0, 49.0), tmp_path)).parameter_values()
+    fine = read_robot(write_designed_robot("fine", answers(12.0, 40.0, 2500.0), tmp_path)).parameter_values()
+    gain = coarse["MOT_K"] + coarse["MOT_R"] * coarse["MOT_B"] / coarse["MOT_K"]
+    third_of_free_rad_s = coarse["SAFE_STALL_V"] / gain / 3.0
+    assert third_of_free_rad_s * coarse["ENC_CPR"] / (2.0 * math.pi) == pytest.approx(500.0, rel=1e-3)
+    assert fine["SAFE_STALL_V"] == fine["BAT_V_MIN"] * 4.0 / 9.0 == 4.0

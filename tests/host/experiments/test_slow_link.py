@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import omniwheel.robot
+from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess, Robot
@@ -18,7 +19,6 @@ from omniwheel.dialect import mavlink
 from omniwheel.errors import OmniError
 from omniwheel.experiments import WheelPlan, wheel_step
 from omniwheel.radio_model import RadioSettings
-from tests.host.cli_examples import SteppedLink
 from tests.host.experiments.test_wheel import step
 from tests.radio.simulated_radio import RadioLink
 

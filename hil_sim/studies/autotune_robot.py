@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: MIT
+"""One drawn robot is tuned by ``omni autotune``'s own code on the real firmware, in simulated time, and judged.
+
+Judged on its true pose, over seeds that the tuning never saw. Before and after drive the same path on the same seeds.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import omniwheel
+from hil_sim.batch import run_batch
+from hil_sim.lockstep import SteppedLink
+from hil_sim.runs import new_world
+from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
+from omniwheel.autotune.design import CHANGED
+from omniwheel.autotune.procedure import Outcome, Settings, autotune
+from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
+from omniwheel.errors import OmniError
+from omniwheel.experiments import WheelPlan, wheel_chirp
+from omniwheel.firmware_process import FirmwareProcess
+from omniwheel.robot import Robot
+from omniwheel.tuning import ExperimentError
+
+FRESH_SEED = 1_000_000
+"""The first seed that robots are judged by; the tuning's world has the robot's own seed."""
+JUDGING_RUNS = 16
+CHIRP_WHEEL_S, CHIRP_ROOM_M = 7.5, 2.0
+"""Length of the sweep times wheels: so much fits into the robot's memory."""
+TEXT = 160
+
+ROW = np.dtype(
+    [
+        ("seed", "<u8"),
+        ("outcome", "S16"),
+        ("why", f"S{TEXT}"),
+        ("wheels", "<f8"),
+        ("counts", "<f8"),
+        ("top_m_s", "<f8"),
+        ("simulated_s", "<f8"),
+        ("wall_s", "<f8"),
+        ("explained", "<f8"),
+        *(
+            (f"{name}_{side}", "<f8")
+            for name in ("completed", "position_m", "theta_rad")
+            for side in ("before", "after")
+        ),
+        *((f"{name}_worse", "<f8") for name in ("position", "theta")),
+        *((f"{name}_{side}", "<f8") for name in ("gain", "phase", "distance") for side in ("promised", "measured")),
+        ("margin_why", f"S{TEXT}"),
+        *((f"{name}_{side}", "<f8") for name in CHANGED for side in ("before", "after")),
+    ]
+)
+"""What is kept of a robot. ``outcome``: kept, reverted, refused (autotune said no) or stopped (a safety fault).
+
+``position_worse``: lower end of the 95 % interval by which the figure grew, paired by seed; above 0: worse.
+"""
+
+
+@dataclass
+class Trial:
+    """A robot's tuning as far as it went."""
+
+    outcome: Outcome | None = None
+    error: OmniError | None = None
+    stopped: bool = False
+    parameters: dict[str, float] = field(default_factory=dict)
+    before: dict[str, float] = field(default_factory=dict)
+    simulated_s: float = 0.0
+    measured: Margins | None = None
+    margin_error: str = ""
+
+
+@contextmanager
+def waiting_robot(drawn: DrawnRobot) -> Iterator[tuple[Robot, SteppedLink]]:
+    """Start the firmware with the wrong robot file in the true robot's world; it goes on while somebody waits."""
+    scenario = drawn.tuning_scenario()
+    parameters, links = scenario.parameter_values(), ["tcp:127.0.0.1:0"]
+    with FirmwareProcess(parameters=parameters, links=links, lockstep=True) as firmware:
+        link = SteppedLink(firmware.open_link(), new_world(scenario))
+        link.end_s = math.inf
+        with omniwheel.connect(link, clock=link.clock_s) as robot:
+            yield robot, link
+
+
+def tune(drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = lambda _: None) -> Trial:
+    """Tune a robot; the margins are measured afterwards if it keeps its new values."""
+    trial = Trial()
+    with waiting_robot(drawn) as (robot, link):
+        trial.before = {name: robot.parameters[name] for name in CHANGED}
+        try:
+            trial.outcome = autotune(robot, settings, True, tell)
+        except OmniError as error:
+            trial.error = error
+            trial.stopped = isinstance(error, ExperimentError)
+        trial.simulated_s = link.clock_s()
+        if trial.outcome is not None and trial.outcome.kept:
+            try:
+                trial.measured = _measured_margins(robot)
+            except OmniError as error:
+                trial.margin_error = str(error)
+        robot.parameters.forget()
+        trial.parameters = {name: robot.parameters[name] for name in CHANGED}
+    return trial
+
+
+def _measured_margins(robot: Robot) -> Margins:
+    """Return the margins of all wheel loops together, turning, as ``omni experiment wheel-chirp`` measures them."""
+    plan = WheelPlan(duration_s=CHIRP_WHEEL_S / robot.parameters["WHEELS"])
+    found = wheel_chirp(robot, plan, CHIRP_ROOM_M, lambda _: None)
+    return Margins(*(found[name].measured for name in ("gain_margin", "phase_margin_rad", "distance")))
+
+
+def promised_margins(drawn: DrawnRobot, outcome: Outcome) -> Margins:
+    """Return what autotune's model says of the same loop."""
+    values = {**drawn.tuning_scenario().parameter_values(), **outcome.new}
+    loop = loop_of(values, loaded(motor_of(values), outcome.design.measured.turning))
+    return loop.margins(values["WS_P"], values["WS_I"])
+
+
+def judge(drawn: DrawnRobot, parameters: Mapping[str, float], runs: int = JUDGING_RUNS) -> NDArray[Any]:
+    """Return the rows of fresh seeds with these parameters."""
+    return run_batch(drawn.judging_scenario().with_parameters(parameters), FRESH_SEED, runs).rows
+
+
+def robot_row(seed: int, settings: Settings) -> NDArray[Any]:
+    """Tune the robot of a seed, judge it, and return its ROW."""
+    started = time.perf_counter()
+    row = np.zeros(1, ROW)
+    for name in ROW.names or ():
+        if row.dtype[name].kind == "f":
+            row[name] = math.nan
+    drawn = draw_robot(seed)
+    trial = tune(drawn, settings)
+    truth = drawn.truth.parameter_values()
+    row["seed"], row["wheels"], row["counts"] = seed, drawn.truth.wheels, truth["ENC_CPR"]
+    row["top_m_s"], row["simulated_s"] = truth["LIM_V"], trial.simulated_s
+    row["outcome"] = _word(trial)
+    row["why"] = str(trial.error or "").encode()[:TEXT]
+    for name in CHANGED:
+        row[f"{name}_before"], row[f"{name}_after"] = trial.before[name], trial.parameters[name]
+    if trial.outcome is not None:
+        row["explained"] = trial.outcome.design.fit.fit
+    _fill_margins(row, drawn, trial)
+    _fill_judgement(row, judge(drawn, trial.before), judge(drawn, trial.parameters))
+    row["wall_s"] = time.perf_counter() - started
+    return row
+
+
+def _word(trial: Trial) -> str:
+    if trial.outcome is not None:
+        return "kept" if trial.outcome.kept else "reverted"
+    return "stopped" if trial.stopped else "refused"
+
+
+def _fill_margins(row: NDArray[Any], drawn: DrawnRobot, trial: Trial) -> None:
+    row["margin_why"] = trial.margin_error.encode()[:TEXT]
+    if trial.outcome is None or trial.measured is None:
+        return
+    for side, found in (("promised", promised_margins(drawn, trial.outcome)), ("measured", trial.measured)):
+        for name, value in (("gain", found.gain), ("phase", found.phase_rad), ("distance", found.distance)):
+            row[f"{name}_{side}"] = value
+
+
+def _fill_judgement(row: NDArray[Any], before: NDArray[Any], after: NDArray[Any]) -> None:
+    both = (before["completed"] > 0.0) & (after["completed"] > 0.0)
+    for side, rows in (("before", before), ("after", after)):
+        row[f"completed_{side}"] = np.mean(rows["completed"])
+        for name in ("position_m", "theta_rad"):
+            row[f"{name}_{side}"] = np.mean(rows[name][both]) if np.any(both) else math.nan
+    for name in ("position_m", "theta_rad"):
+        row[f"{name.partition('_')[0]}_worse"] = grown(before[name][both], after[name][both])
+
+
+def grown(before: NDArray[Any], after: NDArray[Any]) -> float:
+    """Return the lower end of the 95 % interval by which a figure grew, paired by seed; NaN for less than two."""
+    from omniwheel.identification.estimate import require_scipy
+
+    difference = np.asarray(after - before, dtype=np.float64)
+    if len(difference) < 2:
+        return math.nan
+    quantile = float(require_scipy("special").stdtrit(len(difference) - 1, 0.975))
+    return float(np.mean(difference) - quantile * np.std(difference, ddof=1) / math.sqrt(len(difference)))
+
+
+def values_after(row: NDArray[Any]) -> dict[str, float]:
+    """Return the parameters that a robot ended with."""
+    return {name: float(row[f"{name}_after"]) for name in CHANGED}

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: MIT
+"""A tuning is stopped at a random moment. The robot should be at rest then, with its old parameters."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import omniwheel
+from hil_sim.lockstep import SteppedLink
+from hil_sim.runs import new_world
+from hil_sim.studies.autotune_robot import TEXT
+from hil_sim.studies.drawn_robots import draw_robot
+from omniwheel.autotune.design import CHANGED
+from omniwheel.autotune.procedure import Settings, autotune
+from omniwheel.dialect import mavlink
+from omniwheel.errors import LinkLostError, OmniError
+from omniwheel.firmware_process import FirmwareProcess
+from omniwheel.robot import Robot
+
+STREAM = 15
+LATEST_S = 400.0
+"""Moments are drawn up to here; a tuning that is over sooner was not stopped."""
+KINDS = ("interrupt", "estop", "link", "power")
+REST_S = 4.0
+"""How long the robot has to come to rest: SAFE_LINK_TO and the way until it stands."""
+REST_M_S, REST_RAD_S = 1e-3, 1e-2
+ROW = np.dtype(
+    [
+        ("seed", "<u8"),
+        ("kind", "S16"),
+        ("why", f"S{TEXT}"),
+        ("moment_s", "<f8"),
+        ("simulated_s", "<f8"),
+        ("wall_s", "<f8"),
+        *((name, "<f8") for name in ("stopped", "at_rest", "old_parameters")),
+    ]
+)
+
+
+class StoppedLink(SteppedLink):
+    """A link over which something happens at ``moment_s``."""
+
+    kind = ""
+    moment_s = math.inf
+    happened = False
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what the robot sent, unless the moment has come."""
+        data = super().read(timeout_s)
+        if not self.happened and self.clock_s() >= self.moment_s:
+            self.happened = True
+            if self.kind == "interrupt":
+                raise KeyboardInterrupt
+            if self.kind == "estop":
+                command = mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_OMNI_ESTOP, 0, 1.0, *[0.0] * 6)
+                self.write(command.pack(mavlink.MAVLink(None, 255, 0)))
+        if self.happened and self.kind in ("link", "power"):
+            raise LinkLostError("the cable is out")
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send, unless the cable is out."""
+        if self.happened and self.kind in ("link", "power"):
+            raise LinkLostError("the cable is out")
+        super().write(data)
+
+
+def stop_row(seed: int, settings: Settings) -> NDArray[Any]:
+    """Stop the tuning of a seed's robot at a random moment, in one of KINDS, and return its ROW."""
+    started = time.perf_counter()
+    draw = np.random.default_rng([STREAM, seed])
+    row = np.zeros(1, ROW)
+    kind, moment_s = KINDS[int(draw.integers(len(KINDS)))], float(draw.uniform(0.0, LATEST_S))
+    row["seed"], row["kind"], row["moment_s"] = seed, kind, moment_s
+    scenario = draw_robot(seed).tuning_scenario()
+    values = scenario.parameter_values()
+    with TemporaryDirectory() as folder:
+        storage = Path(folder) / "storage"
+        world = new_world(scenario)
+        with FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True, storage=storage) as firmware:
+            link = StoppedLink(firmware.open_link(), world)
+            link.end_s, link.kind, link.moment_s = math.inf, kind, moment_s
+            robot = omniwheel.connect(link, clock=link.clock_s)
+            before = {name: robot.parameters[name] for name in CHANGED}
+            row["why"] = _tuned(robot, settings).encode()[:TEXT]
+            row["stopped"] = link.happened
+            link.run(round(REST_S * 1e3), link.drop_received)
+            row["at_rest"] = bool(np.hypot(*world.twist[:2]) < REST_M_S and abs(world.twist[2]) < REST_RAD_S)
+            row["simulated_s"] = link.clock_s()
+            after = before if kind == "power" else _parameters(link)
+            link.close()
+        if kind == "power" and link.happened:
+            after = _after_power_cycle(values, storage)
+    row["old_parameters"] = after == before
+    row["wall_s"] = time.perf_counter() - started
+    return row
+
+
+def _tuned(robot: Robot, settings: Settings) -> str:
+    try:
+        autotune(robot, settings, False, lambda _: None)
+    except KeyboardInterrupt:
+        return "interrupted"
+    except OmniError as error:
+        return str(error)
+    return ""
+
+
+def _parameters(link: StoppedLink) -> dict[str, float]:
+    """Return the robot's parameters, asked anew once its cable is in again."""
+    link.kind = ""
+    robot = omniwheel.connect(link, clock=link.clock_s)
+    robot.parameters.forget()
+    return {name: robot.parameters[name] for name in CHANGED}
+
+
+def _after_power_cycle(values: dict[str, float], storage: Path) -> dict[str, float]:
+    with (
+        FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], storage=storage) as firmware,
+        omniwheel.connect(firmware.urls[0]) as robot,
+    ):
+        return {name: robot.parameters[name] for name in CHANGED}

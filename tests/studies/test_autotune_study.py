@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: MIT
+"""The study of autotune: robots that are drawn, what is said of them, and a few that are really tuned."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil_sim.studies import autotune_study
+from hil_sim.studies.autotune_rival import known_values, rival_row
+from hil_sim.studies.autotune_robot import ROW, grown, judge, robot_row, values_after
+from hil_sim.studies.autotune_stop import stop_row
+from hil_sim.studies.autotune_study import PARTS, Part, Plan, run_study
+from hil_sim.studies.autotune_summary import document, page
+from hil_sim.studies.drawn_robots import COUNTS, ERROR, WRONG, DrawnRobot, draw_robot
+from hil_sim.studies.errors import StudyFolderError
+from omni_schema import Robot
+from omniwheel.autotune.procedure import Settings
+
+
+def number(robot: Robot, key: str) -> float:
+    section, _, name = key.partition(".")
+    return float(getattr(robot, section)[name])
+
+
+@pytest.fixture(scope="module")
+def drawn() -> list[DrawnRobot]:
+    return [draw_robot(seed) for seed in range(1, 9)]
+
+
+def test_robots_differ_and_their_files_are_wrong_by_at_most_what_is_stated(drawn: list[DrawnRobot]) -> None:
+    errors = np.array([[number(one.believed, key) / number(one.truth, key) - 1.0 for key in WRONG] for one in drawn])
+    assert np.all(np.abs(errors) <= ERROR + 1e-4)
+    assert np.all(np.std(errors, axis=0) > 0.02)
+    assert {one.truth.wheels for one in drawn} == {3, 4}
+    counts = [one.truth.parameter_values()["ENC_CPR"] for one in drawn]
+    assert COUNTS[0] <= min(counts) < max(counts) <= COUNTS[1]
+    assert [one.believed.parameter_values()["ENC_CPR"] for one in drawn] == counts
+
+
+def test_a_seed_is_a_robot(drawn: list[DrawnRobot]) -> None:
+    again = draw_robot(drawn[2].seed)
+    assert again.believed.parameter_values() == drawn[2].believed.parameter_values()
+    assert again.world == drawn[2].world
+
+
+def test_the_world_has_the_true_robot_and_the_firmware_the_wrong_one(drawn: list[DrawnRobot]) -> None:
+    one = drawn[0]
+    scenario = one.judging_scenario()
+    assert scenario.world_robot is one.truth
+    assert (
+        scenario.parameter_values()["MASS"]
+        == one.believed.parameter_values()["MASS"]
+        != number(one.truth, "simulation.mass_kg")
+    )
+
+
+def test_the_path_that_judges_can_be_driven_and_is_the_same_for_all_parameters(drawn: list[DrawnRobot]) -> None:
+    for one in drawn[:3]:
+        rows = judge(one, {}, 8)
+        assert np.all(rows["completed"] == 1.0)
+        assert judge(one, known_values(one), 8)["ticks"].tolist() == rows["ticks"].tolist()
+        assert np.all(rows["peak_wheel_rad_s"] < one.truth.parameter_values()["LIM_WHEEL"])
+
+
+def test_a_figure_that_grew_by_less_than_its_noise_has_not_grown() -> None:
+    before = np.linspace(1.0, 2.0, 16)
+    noise = 0.1 * np.sin(np.arange(16.0) * 7.0)
+    assert grown(before, before + noise) < 0.0 < grown(before, before + 0.2 + noise)
+    assert math.isnan(grown(before[:1], before[:1]))
+
+
+def made_row(seed: int, outcome: str = "kept", **values: Any) -> np.ndarray[Any, Any]:
+    row = np.zeros(1, ROW)
+    row["seed"], row["outcome"] = seed, outcome
+    row["position_m_before"] = row["theta_rad_before"] = row["completed_before"] = row["completed_after"] = 1.0
+    row["position_m_after"] = row["theta_rad_after"] = 0.9
+    for name, value in values.items():
+        row[name] = value
+    return row
+
+
+def test_the_summary_counts_what_is_worse_and_what_was_promised() -> None:
+    rows = np.concatenate(
+        [
+            made_row(1, distance_promised=0.5, distance_measured=0.59),
+            made_row(2, distance_promised=0.5, distance_measured=0.35, position_worse=1e-6),
+            made_row(3, distance_promised=0.5, distance_measured=math.nan, completed_after=0.5),
+            made_row(4, "refused", why=b"the fit did not settle", distance_measured=math.nan),
+            made_row(5, "stopped", why=b"the robot stopped by itself: stall"),
+        ]
+    )
+    found = document(rows, np.empty(0), np.empty(0))
+    assert found["robots"]["outcomes"] == {"kept": 3, "refused": 1, "stopped": 1}
+    assert found["robots"]["worse_seeds"] == [2, 3]
+    assert found["robots"]["stopped_seeds"] == [5]
+    assert found["margins"]["distance"]["measured"] == 2
+    assert found["margins"]["distance"]["as_promised"] == 1
+    assert found["margins"]["not_measured"] == 1
+    assert "| worse than before | 2 |" in page(found)
+
+
+asked: list[int] = []
+
+
+def counted_row(seed: int, _: Any) -> np.ndarray[Any, Any]:
+    asked.append(seed)
+    return made_row(seed)
+
+
+def test_a_study_goes_on_where_it_ended_and_refuses_another_ones_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked.clear()
+    monkeypatch.setattr(autotune_study, "PARTS", (Part("robots", ROW, counted_row), *PARTS[1:]))
+    run_study(Plan(2), tmp_path / "study")
+    summary = run_study(Plan(4), tmp_path / "study")
+    assert asked == [1, 2, 3, 4]
+    assert summary["robots"]["count"] == 4
+    assert json.loads((tmp_path / "study" / "summary.json").read_text()) == summary
+    assert len((tmp_path / "study" / "robots.csv").read_text().splitlines()) == 5
+    with pytest.raises(StudyFolderError, match="another study"):
+        run_study(Plan(4, settings=Settings(rounds=5)), tmp_path / "study")
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [1, 6, 14])
+def test_a_robot_is_tuned_and_never_becomes_much_worse(seed: int) -> None:
+    (row,) = robot_row(seed, Settings())
+    assert row["outcome"] in (b"kept", b"reverted"), row["why"]
+    assert row["completed_after"] == 1.0
+    assert row["position_m_after"] <= 1.05 * row["position_m_before"]
+    assert row["explained"] > 0.8
+    if row["outcome"] == b"kept":
+        assert row["distance_measured"] == pytest.approx(row["distance_promised"], rel=0.2)
+    else:
+        assert row["position_m_after"] == row["position_m_before"]
+
+
+@pytest.mark.nightly
+def test_an_optimiser_that_knows_the_robot_is_a_rival() -> None:
+    drawn = draw_robot(4)
+    present = {name: drawn.believed.parameter_values()[name] for name in values_after(np.zeros(1, ROW)[0])}
+    (row,) = rival_row(4, present, 12)
+    assert row["why"] == b""
+    assert row["completed_rival"] == 1.0
+    assert 0.0 < row["position_m_rival"] < 2.0 * row["position_m_autotune"]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5, 6])
+def test_a_tuning_that_is_stopped_leaves_a_robot_at_rest(seed: int) -> None:
+    """With its old parameters, unless the cable was pulled: nobody is there to give them back."""
+    (row,) = stop_row(seed, Settings(legs=4, rounds=2))
+    assert row["at_rest"] == 1.0
+    assert row["old_parameters"] == 1.0 or row["kind"] == b"link"
