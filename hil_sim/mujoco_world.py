@@ -13,6 +13,7 @@ import math
 import os
 from collections.abc import Sequence
 from ctypes.util import find_library
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from hil_sim.external import ExternalWorldInputError, Sensed
 from hil_sim.models.mjcf import FLOOR_BIT, ROLLER_BIT, Bumps, mjcf
 from hil_sim.models.parts import robot_parts
 from hil_sim.mujoco_film import FILM_FILE, Camera
-from hil_sim.mujoco_settings import Settings, read_settings
+from hil_sim.mujoco_settings import Floor, Settings, read_settings
 from hil_sim.scenario import Scenario
 
 GRAVITY_m_s2 = 9.80665
@@ -52,8 +53,8 @@ class MujocoWorld:
         self._config = scenario_world(scenario)
         self.parts = robot_parts(scenario.world_robot or scenario.robot, self._config)
         self.settings = read_settings(settings) if isinstance(settings, Path) else settings
-        self.floor = self.settings.floor
-        self.notes = _notes(scenario)
+        self.floor = _floor(self.settings.floor, self._config)
+        self.notes = _notes(self._config)
         """What the scenario asks for and this world has no such thing of; a sentence each."""
         config = self._config
         heights = self.floor.heights(_BUMP_ROWS)
@@ -238,8 +239,22 @@ def _library() -> Any:
     return mujoco
 
 
-def _notes(scenario: Scenario) -> tuple[str, ...]:
-    ours = [name for name in ("slip_max", "slip_speed_max_m_s") if scenario.world.get(name, 0.0) > 0.0]
-    if not ours:
-        return ()
-    return (f"{', '.join(ours)} of the scenario is our world's: in MuJoCo wheels slip by what their contacts give.",)
+def _floor(floor: Floor, config: Any) -> Floor:
+    """Return the floor of the settings; one that is level there has the scenario's slope."""
+    if floor.slope_deg > 0.0 or config.floor_slope_rad <= 0.0:
+        return floor
+    slope, uphill = math.degrees(config.floor_slope_rad), math.degrees(config.floor_uphill_rad)
+    return replace(floor, slope_deg=slope, uphill_deg=uphill)
+
+
+def _notes(config: Any) -> tuple[str, ...]:
+    slips = [name for name in ("slip_max", "slip_speed_max_m_s") if getattr(config, name) > 0.0]
+    shapes = [
+        name for name in ("roller_dip_m", "wheel_stiffness_N_m", "wheel_damping_N_s_m") if getattr(config, name) > 0.0
+    ]
+    notes = []
+    if slips:
+        notes.append(f"{', '.join(slips)} is our world's: in MuJoCo wheels slip by what their contacts give.")
+    if shapes:
+        notes.append(f"{', '.join(shapes)} is our world's: in MuJoCo the rollers' shape and its contacts say that.")
+    return tuple(notes)
