@@ -15,8 +15,10 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from hil_sim.c_scenario import scenario_world
 from hil_sim.scenario import Scenario
 from hil_sim.world import DEFAULT_PLANT, TICK_US, World
 from omni_schema.errors import did_you_mean
@@ -26,6 +28,8 @@ from omniwheel.errors import OmniError
 Result = TypeVar("Result")
 
 METHODS = ("sense", "apply", "step")
+SHORT_NAMES = {"mujoco": "hil_sim.mujoco_world:MujocoWorld"}
+"""Worlds that come with the package. ``NAME:FILE`` gives their class a second argument, the path of a file."""
 REFUSED_FAULTS = ("battery_sag", "motor_stalled", "tick_late", "wheel_turned")
 """Faults of what the other simulator has: it cannot be told to have them."""
 _OWN_NUMBERS = ("fix_", "pca9685_", "i2c_", "output_enable_")
@@ -123,11 +127,14 @@ def check_scenario(scenario: Scenario) -> None:
 def load_world(place: str, scenario: Scenario) -> ExternalWorld:
     """Make the world ``module:Class`` for a scenario: ``Class(scenario)``. Raises ExternalWorldInputError.
 
-    Modules are looked for in the current folder first.
+    Modules are looked for in the current folder first. ``mujoco`` and ``mujoco:FLOOR.toml`` are SHORT_NAMES; what
+    such a world says of the robot or the file comes as it is: OmniError, SchemaError.
     """
-    module_name, _, class_name = place.partition(":")
+    short, _, file = place.partition(":")
+    module_name, _, class_name = SHORT_NAMES.get(short, place).partition(":")
     if not module_name or not class_name.isidentifier():
-        raise ExternalWorldInputError(f"--world {place}: write MODULE:CLASS, as my_simulator:MyWorld")
+        known = ", ".join(SHORT_NAMES)
+        raise ExternalWorldInputError(f"--world {place}: write MODULE:CLASS, as my_simulator:MyWorld, or {known}")
     kind = _class_of(place, _module(place, module_name), class_name)
     missing = [name for name in METHODS if not callable(getattr(kind, name, None))]
     if missing:
@@ -135,6 +142,9 @@ def load_world(place: str, scenario: Scenario) -> ExternalWorld:
             f"--world {place}: {class_name} has no method {', '.join(missing)}",
             hint=f"a world has {', '.join(METHODS)}; docs/guides/external-worlds.md says what each does",
         )
+    if short in SHORT_NAMES:
+        packaged: ExternalWorld = kind(scenario, Path(file)) if file else kind(scenario)
+        return packaged
     try:
         world: ExternalWorld = kind(scenario)
     except Exception as error:
@@ -299,3 +309,9 @@ class OutsideWorld(World):
         except Exception as error:
             message = f"{self.name}.{method} failed at {self._now_s:.3f} s: {_said(error)}"
             raise ExternalWorldError(message, hint=_where(error)) from error
+
+
+def outside_world(scenario: Scenario, world: ExternalWorld) -> OutsideWorld:
+    """Return the electronics of a scenario around a world; ExternalWorldInputError if it asks for what that lacks."""
+    check_scenario(scenario)
+    return OutsideWorld(scenario_world(scenario), world)

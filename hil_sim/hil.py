@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 import omniwheel
 from hil_sim import core
-from hil_sim.c_scenario import scenario_world
-from hil_sim.external import ExternalWorld, OutsideWorld, check_scenario
+from hil_sim.external import ExternalWorld, OutsideWorld, outside_world
 from hil_sim.image_firmware import ImageFirmware
 from hil_sim.lockstep import LockstepLink, Served
 from hil_sim.runs import Run, finish, new_world
@@ -232,7 +231,7 @@ def run_hil(
     end. ExternalWorldError tells what ``world`` did wrong, ExternalWorldInputError what it cannot do.
     """
     scenario = scenario.with_seed(seed)
-    outside = None if world is None else _outside(scenario, world)
+    outside = None if world is None else outside_world(scenario, world)
     run: Run | None = None
     try:
         with _closed_loop(
@@ -244,11 +243,6 @@ def run_hil(
             raise
         raise AfterRunError(run, error) from error
     return run if outside is None else replace(run, world=outside.name)
-
-
-def _outside(scenario: Scenario, world: ExternalWorld) -> OutsideWorld:
-    check_scenario(scenario)
-    return OutsideWorld(scenario_world(scenario), world)
 
 
 @contextmanager

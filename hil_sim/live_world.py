@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hil_sim.external import REFUSED_FAULTS, OutsideWorld
 from hil_sim.faults import MAX_FAULTS, Fault
 from hil_sim.live_faults import ICE, LIVE_FAULTS, LiveFault
 from hil_sim.lockstep import LockstepLink
@@ -67,7 +68,9 @@ class LiveWorld:
         self._known = {
             fault.name: fault
             for fault in LIVE_FAULTS
-            if (fixes or not fault.needs_fixes) and (plant_slips or fault.name != ICE)
+            if (fixes or not fault.needs_fixes)
+            and (plant_slips or fault.name != ICE)
+            and not (isinstance(world, OutsideWorld) and fault.name in (ICE, *REFUSED_FAULTS))
         }
         self._least_supply_V = scenario.parameter_values()["BAT_V_MIN"]
 

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import omniwheel
+from hil_sim.external import ExternalWorld, outside_world
 from hil_sim.live_world import LiveWorld
 from hil_sim.lockstep import LockstepLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario
+from hil_sim.world import World
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
@@ -78,29 +80,36 @@ def start_sitl(
     realtime_factor: float = 1.0,
     radio: SimulatedRadio | None = None,
     emulated: bool = False,
+    world: ExternalWorld | None = None,
 ) -> Iterator[Sitl]:
     """Start firmware with these links in the scenario's world; ``storage`` keeps parameters over restarts.
+
+    ``world`` takes the place of the simulated one; at the end its motors coast. Raises ExternalWorldInputError.
 
     With ``radio``, of one link given, a second is behind it (not on the emulated processor). The world's own link is
     never a radio.
     """
-    if emulated:
-        with _start_emulated(scenario, links, storage, realtime_factor) as running:
-            yield running
-    else:
-        with _start_process(scenario, links, storage, realtime_factor, radio) as running:
-            yield running
+    with ExitStack() as stack:
+        if world is None:
+            around = new_world(scenario)
+        else:
+            outside = outside_world(scenario, world)
+            stack.callback(outside.release)
+            around = outside
+        if emulated:
+            yield stack.enter_context(_start_emulated(scenario, links, storage, realtime_factor, around))
+        else:
+            yield stack.enter_context(_start_process(scenario, links, storage, realtime_factor, radio, around))
 
 
 @contextmanager
 def _start_emulated(
-    scenario: Scenario, links: Sequence[str], storage: Path | None, realtime_factor: float
+    scenario: Scenario, links: Sequence[str], storage: Path | None, realtime_factor: float, world: World
 ) -> Iterator[Sitl]:
     parameters = scenario.parameter_values()
     with EmulatedFirmware(links=[*links, DIRECT], lockstep=True, storage=storage, parameters=parameters) as firmware:
         base = firmware.open_link(len(links))
         try:
-            world = new_world(scenario)
             link = LockstepLink(base, world, realtime_factor=realtime_factor)
             link.run(1)
             yield Sitl(firmware.urls[:-1], firmware, link, LiveWorld(scenario, link, world))
@@ -115,6 +124,7 @@ def _start_process(
     storage: Path | None,
     realtime_factor: float,
     radio: SimulatedRadio | None,
+    world: World,
 ) -> Iterator[Sitl]:
     parameters = {**scenario.parameter_values(), **(radio.parameters() if radio is not None else {})}
     inner = [*links, *([WORLD_LINK] if radio is not None else [])]
@@ -133,7 +143,6 @@ def _start_process(
         base = open_link(firmware.urls[-1])
         robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
         robot.enter_hil()
-        world = new_world(scenario)
         link = LockstepLink(base, world, realtime_factor=realtime_factor)
         link.run(1)
         yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), bridge)

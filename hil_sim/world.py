@@ -255,7 +255,8 @@ class World:
     def set_friction(self, coefficient: float) -> None:
         """Give the floor another friction coefficient (above 0), from the next step on; plants full and slip."""
         config = self.c.config
-        self.c.plant.inverse_limit_N *= config.friction_coefficient / coefficient
+        for wheel in range(self.wheels):
+            self.c.plant.inverse_limit_N[wheel] *= config.friction_coefficient / coefficient
         config.friction_coefficient = coefficient
 
     def sense(self) -> Any:

@@ -121,4 +121,4 @@ def _creep_power(world: World, body: Array, wheel: Array) -> Array:
     along = np.array([list(column)[:n] for column in (plant.along_x, plant.along_y, plant.arm_m)])
     creep = wheel * np.array(list(plant.radius_m)[:n]) - body @ along
     wish = plant.stiffness_N_s_m * creep
-    return np.asarray((creep * wish / np.hypot(1.0, wish * plant.inverse_limit_N)).sum(axis=1))
+    return np.asarray((creep * wish / np.hypot(1.0, wish * np.array(list(plant.inverse_limit_N)[:n]))).sum(axis=1))

@@ -45,6 +45,10 @@ uint8_t Arming::arm(size_t link) {
         heartbeats_.commanded(link);
         return MAV_RESULT_ACCEPTED;
     }
+    if (robot_.misfit() != nullptr) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: own values do not fit"));
+        return MAV_RESULT_DENIED;
+    }
     if (conditions_.hil.hil_silent()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: no OMNI_HIL_SENSORS yet"));
         return MAV_RESULT_TEMPORARILY_REJECTED;

@@ -2,6 +2,7 @@
 #include "app/hil.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 
 #include "app/mavlink_types.h"
@@ -84,6 +85,18 @@ void Hil::take(const Frame &frame, TickSensors *sensors) {
     bus.answer(message.i2c_status, message.i2c_read);
 }
 
+/// The steps are those that every driver sends; the output enable decides whether they reach the motors.
+/// Voltages are in the wheel's direction already, duties in the motor's.
+void Hil::tell_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const {
+    const bool on = out.drive && output_enable.level() == 1;
+    for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        const omni_bridge_counts_t bridge = omni_bridge_counts(out.duty[i], on);
+        const int steps = std::abs(static_cast<int>(bridge.in1) - static_cast<int>(bridge.in2));
+        message->duty[i] = static_cast<int16_t>(out.voltage_V[i] < 0.0f ? -steps : steps);
+        message->coast = static_cast<uint8_t>(message->coast | (on ? 0u : 1u << i));
+    }
+}
+
 void Hil::answer(const omni_outputs_t &out, Link &link) {
     mavlink_omni_hil_actuators_t message{};
     message.time_us = out.time_us;
@@ -102,6 +115,7 @@ void Hil::answer(const omni_outputs_t &out, Link &link) {
     message.state = out.state;
     message.phase = static_cast<uint8_t>(out.reference.phase);
     message.output_enable = output_enable.level();
+    tell_bridges(out, &message);
     message.i2c_length = bus.take(message.i2c);
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
         message.motor_pins[2 * i] = motor_pins.steps()[i].first;

@@ -9,6 +9,7 @@
 #include "app/board.h"
 #include "app/control_loop.h"
 #include "app/link.h"
+#include "app/mavlink_types.h"
 
 namespace omni {
 
@@ -81,6 +82,8 @@ public:
     bool button_open() const { return button_open_; }
 
 private:
+    void tell_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const;
+
     bool heard_ = false;
     bool button_open_ = false;
     uint32_t sequence_ = 0;

@@ -56,6 +56,8 @@ public:
     /// Updates in a row that did not arrive. One is due in each tick: one that turns out lost after three ticks was
     /// three.
     virtual uint16_t failures() const = 0;
+    /// The hardware takes everything and what it reads back is never right, so that nobody knows what it does.
+    virtual bool read_back_missing() const { return false; }
     /// Failed updates since boot.
     virtual uint32_t errors() const = 0;
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/parameters.h"
 
+#include <cmath>
 #include <cstring>
 
 namespace omni {
@@ -15,6 +16,11 @@ Text parameter_text(int32_t index) {
 const char *problem_at_boot(StoreResult result) {
     return result == StoreResult::foreign ? "stored parameters are too old: not used"
                                           : "stored parameters do not fit: not used";
+}
+
+/// A value of the robot's own may be no number: it is then the same as itself.
+bool values_differ(omni_real_t a, omni_real_t b) {
+    return a != b && !(std::isnan(a) && std::isnan(b));
 }
 
 /// Frame length of a PARAM_VALUE.
@@ -47,7 +53,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
     bool whole = fits(values, &bad);
-    while (!whole && bad >= 0 && values[bad] != own[bad]) {
+    while (!whole && bad >= 0 && values_differ(values[bad], own[bad])) {
         misfits_.add(bad, values[bad]);
         values[bad] = own[bad];
         whole = fits(values, &bad);
@@ -60,7 +66,7 @@ void Parameters::leave_out_what_clashes(omni_real_t *values) {
     std::memcpy(values, own, sizeof stored);
     for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
         values[i] = stored[i];
-        if (stored[i] != own[i] && !fits(values, &bad)) {
+        if (values_differ(stored[i], own[i]) && !fits(values, &bad)) {
             misfits_.add(i, stored[i]);
             values[i] = own[i];
         }
@@ -80,20 +86,26 @@ StoreResult Parameters::adopt_stored() {
     leave_out_what_clashes(values);
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
-    return adopt(values, &bad, &why) ? StoreResult::ok : StoreResult::failed;
+    if (!adopt(values, &bad, &why)) {
+        return StoreResult::failed;
+    }
+    robot_.set_misfit(nullptr);
+    return StoreResult::ok;
 }
 
 void Parameters::boot() {
-    omni_real_t values[OMNI_PARAM_COUNT];
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     boot_damaged_ = store_.damaged_slot();
     boot_result_ = adopt_stored();
-    if (boot_result_ != StoreResult::ok && !adopt(board_.robot_values, &bad, &why)) {
-        // A board hands over checked values; the table's defaults are the way out if it did not.
-        omni_params_defaults(values);
-        adopt(values, &bad, &why);
+    if (boot_result_ == StoreResult::ok || adopt(board_.robot_values, &bad, &why)) {
+        return;
     }
+    // A board hands over checked values. If it did not, the links work, and nothing drives.
+    robot_.set_misfit(bad >= 0 ? omni_param_table[bad].name : "WHEELS, W*_ANGLE");
+    omni_real_t values[OMNI_PARAM_COUNT];
+    fallback_values(values);
+    adopt(values, &bad, &why);
 }
 
 bool Parameters::send_value(size_t link, int32_t index, Priority priority) {
@@ -257,6 +269,9 @@ uint8_t Parameters::storage_command(float action) {
 }
 
 void Parameters::say_boot_problems() {
+    if (robot_.misfit() != nullptr) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text().add("own values do not fit: ").add(robot_.misfit()));
+    }
     if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
     } else {

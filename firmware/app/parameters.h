@@ -26,7 +26,8 @@ public:
           store_(*board.storage) {}
 
     /// Robot's own values, then what is stored. A stored value that does not fit is left out: the robot's own is used,
-    /// and that is said once a link is there.
+    /// and that is said once a link is there. If its own make no robot, it comes up with fallback_values() and does not
+    /// arm until a stored set that fits has been loaded.
     void boot();
 
     void on_request_list(const Sender &sender);

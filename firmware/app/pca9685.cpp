@@ -66,6 +66,7 @@ void Pca9685::restart() {
     busy_ticks_ = 0;
     failures_ = 0;
     since_health_ = 0;
+    wrong_looks_ = 0;
 }
 
 void Pca9685::set_wiring(const Wiring &wiring) {
@@ -79,12 +80,13 @@ void Pca9685::set_wiring(const Wiring &wiring) {
 void Pca9685::succeeded(const uint8_t *read) {
     failures_ = 0;
     if (health_asked_) {
-        suspicious_ = false;
         since_health_ = 0;
-        if (phase_ == Phase::ready && read[0] != mode1_awake) {
-            phase_ = Phase::off; // it lost its power in between
+        suspicious_ = phase_ == Phase::ready && read[0] != mode1_awake;
+        if (suspicious_) {
+            looked_wrong();
             return;
         }
+        wrong_looks_ = 0;
     }
     if (phase_ == Phase::off) {
         phase_ = Phase::configure;
@@ -92,6 +94,15 @@ void Pca9685::succeeded(const uint8_t *read) {
         phase_ = Phase::wake;
     } else if (phase_ == Phase::wake) {
         phase_ = Phase::settle;
+    }
+}
+
+/// It lost its power in between; or nothing reads it back, and then no set-up helps.
+void Pca9685::looked_wrong() {
+    phase_ = Phase::off;
+    wrong_looks_ = omni_more_failures(wrong_looks_, 1);
+    if (read_back_missing()) {
+        ++errors_;
     }
 }
 

@@ -36,10 +36,14 @@ public:
     static bool submit_all_off(I2cBus &bus);
     /// The power-up sequence is complete.
     bool ready() const override { return phase_ == Phase::ready; }
-    uint16_t failures() const override { return failures_; }
+    uint16_t failures() const override { return read_back_missing() ? UINT16_MAX : failures_; }
+    bool read_back_missing() const override { return wrong_looks_ >= wrong_looks_allowed; }
     uint32_t errors() const override { return errors_; }
 
 private:
+    /// So often MODE1 may read wrong, each time after a complete set-up: a chip that lost its power does so once.
+    static constexpr uint16_t wrong_looks_allowed = 3;
+
     enum class Phase : uint8_t { off, configure, wake, settle, ready };
 
     void lay_out_update();
@@ -48,6 +52,7 @@ private:
     void send_setup(I2cBus &bus, uint64_t now_us);
     size_t fill_update(const omni_real_t *duty, bool on);
     void succeeded(const uint8_t *read);
+    void looked_wrong();
     void failed(I2cBus &bus, bool stuck, uint32_t updates);
 
     Wiring wiring_;
@@ -62,6 +67,7 @@ private:
     uint32_t busy_ticks_ = 0;
     uint16_t failures_ = 0;
     uint16_t since_health_ = 0; ///< updates since MODE1 was last read back
+    uint16_t wrong_looks_ = 0;  ///< looks at MODE1 in a row that read something else
     uint32_t errors_ = 0;
     uint64_t awake_us_ = 0;
 };

@@ -48,4 +48,14 @@ omni_result_t make_robot_setup(RobotSetup &setup, const omni_real_t *values, int
     return *bad_index < 0 ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
+void fallback_values(omni_real_t *values) {
+    omni_params_defaults(values);
+    const auto wheels = static_cast<size_t>(values[OMNI_PARAM_WHEELS]);
+    for (size_t i = 0; i < wheels; ++i) {
+        values[OMNI_PARAM_W1_ANGLE + i] = 360.0f / static_cast<float>(wheels) * static_cast<float>(i);
+        values[OMNI_PARAM_W1_IN1_CH + i] = static_cast<float>(2 * i);
+        values[OMNI_PARAM_W1_IN2_CH + i] = static_cast<float>(2 * i + 1);
+    }
+}
+
 } // namespace omni

@@ -18,4 +18,9 @@ struct RobotSetup {
 /// @return OMNI_ERR_RANGE where two bridge inputs are on one channel of the PWM chip; otherwise as omni_robot_config().
 omni_result_t make_robot_setup(RobotSetup &setup, const omni_real_t *values, int32_t *bad_index);
 
+/// Values that make a setup on every board: the table's defaults with wheels evenly spread and wired apart. For a
+/// program that has no robot's values; nothing is known of the motors, so it must not drive. @param values out,
+/// OMNI_PARAM_COUNT entries.
+void fallback_values(omni_real_t *values);
+
 } // namespace omni

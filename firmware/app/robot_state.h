@@ -50,6 +50,9 @@ public:
     /// Host-in-the-loop. The application enters and leaves it.
     bool hil() const { return hil_; }
     void set_hil(bool hil) { hil_ = hil; }
+    /// Name of a value of the robot's own that fits no robot: it works with others, and does not arm. nullptr: all fit.
+    const char *misfit() const { return misfit_; }
+    void set_misfit(const char *name) { misfit_ = name; }
     /// A reboot was asked for.
     bool reboot() const { return reboot_; }
     void ask_reboot() { reboot_ = true; }
@@ -60,6 +63,7 @@ private:
     uint8_t stopping_ = 0;  ///< reports to wait for until one tells what became of a disarm or an emergency stop
     uint8_t releasing_ = 0; ///< reports to wait for until one tells what became of a release
     uint8_t arming_ = 0;    ///< reports to wait for until one tells what became of an accepted arm command
+    const char *misfit_ = nullptr;
     bool hil_ = false;
     bool reboot_ = false;
 };

@@ -70,61 +70,71 @@ void refuse_mission(Links &links, const Sender &sender, uint8_t mission_type) {
 }
 
 template <class Message>
-bool refuse_mission(Links &links, const Frame &frame, const Sender &sender) {
+void refuse_mission(Links &links, const Frame &frame, const Sender &sender) {
     refuse_mission(links, sender, frame.as<Message>().mission_type);
-    return true;
 }
 
-bool refuse_missions(Links &links, const Frame &frame, const Sender &sender) {
+void refuse_missions(Links &links, const Frame &frame, const Sender &sender) {
     switch (frame.id) {
     case MAVLINK_MSG_ID_MISSION_COUNT:
-        return refuse_mission<mavlink_mission_count_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_count_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_ITEM:
-        return refuse_mission<mavlink_mission_item_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_item_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_ITEM_INT:
-        return refuse_mission<mavlink_mission_item_int_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_item_int_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_REQUEST:
-        return refuse_mission<mavlink_mission_request_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_request_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_REQUEST_INT:
-        return refuse_mission<mavlink_mission_request_int_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_request_int_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_REQUEST_PARTIAL_LIST:
-        return refuse_mission<mavlink_mission_request_partial_list_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_request_partial_list_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST:
-        return refuse_mission<mavlink_mission_write_partial_list_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_write_partial_list_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_CLEAR_ALL:
-        return refuse_mission<mavlink_mission_clear_all_t>(links, frame, sender);
+        refuse_mission<mavlink_mission_clear_all_t>(links, frame, sender);
+        break;
     case MAVLINK_MSG_ID_MISSION_SET_CURRENT:
         refuse_mission(links, sender, MAV_MISSION_TYPE_MISSION);
-        return true;
+        break;
     default:
-        return false;
+        break;
     }
 }
 
 /// What a station asks of this very robot. To everybody nobody says no: a fleet would answer in chorus.
-bool refuse_politely(Links &links, const Frame &frame, const Sender &sender) {
+void refuse_politely(Links &links, const Frame &frame, const Sender &sender) {
     if (frame.id == MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL) {
         refuse_file_transfer(links, frame, sender);
-        return true;
+    } else {
+        refuse_missions(links, frame, sender);
     }
-    return refuse_missions(links, frame, sender);
 }
 
 } // namespace
 
-bool serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender) {
+void serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender) {
     switch (frame.id) {
     case MAVLINK_MSG_ID_TIMESYNC:
         answer_timesync(links, clock, frame, sender);
-        return true;
+        break;
     case MAVLINK_MSG_ID_PING:
         answer_ping(links, frame, sender);
-        return true;
+        break;
     case MAVLINK_MSG_ID_MISSION_REQUEST_LIST:
         answer_mission_list(links, frame, sender);
-        return true;
+        break;
     default:
-        return frame.target_system != 0 && refuse_politely(links, frame, sender);
+        if (frame.target_system != 0) {
+            refuse_politely(links, frame, sender);
+        }
+        break;
     }
 }
 

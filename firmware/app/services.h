@@ -8,7 +8,7 @@
 
 namespace omni {
 
-/// @return false if the message is not one of theirs.
-bool serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender);
+/// Answer a message if it is one of theirs.
+void serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender);
 
 } // namespace omni

@@ -26,6 +26,7 @@ void StatusTexts::restart() {
     phase_ = OMNI_PHASE_NONE;
     history_ = 0;
     slowed_said_us_ = 0;
+    read_back_said_ = false;
 }
 
 void StatusTexts::say_state(uint8_t state) {
@@ -67,6 +68,15 @@ void StatusTexts::say_button() {
         }
         button_said_[link] = pressed && links_[link].connected();
     }
+}
+
+/// Once when it begins: armed or not, the motors stay off from then on.
+void StatusTexts::say_read_back() {
+    const bool missing = robot_.latest().read_back_missing;
+    if (missing && !read_back_said_) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text().add("PWM chip: MODE1 does not read back as 0x20"));
+    }
+    read_back_said_ = missing;
 }
 
 /// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
@@ -147,6 +157,7 @@ void StatusTexts::say_slowed() {
 void StatusTexts::serve() {
     say_links();
     say_button();
+    say_read_back();
     const omni_outputs_t &out = robot_.latest().outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {
         say_failsafe();

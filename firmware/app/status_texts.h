@@ -26,6 +26,7 @@ private:
     void say_state(uint8_t state);
     void say_links();
     void say_button();
+    void say_read_back();
     void say_failsafe();
     void say_cause();
     void say_slowed();
@@ -41,6 +42,7 @@ private:
     uint8_t phase_ = OMNI_PHASE_NONE;
     uint32_t history_ = 0;
     uint64_t slowed_said_us_ = 0; ///< 0: not yet
+    bool read_back_said_ = false;
     bool button_said_[Board::max_ports] = {};
 };
 

@@ -26,6 +26,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 
 #include "drv8871.c"
 #include "faults.c"
+#include "floor.c"
 #include "in_process.c"
 #include "metrics.c"
 #include "milestones.c"

@@ -28,6 +28,7 @@ typedef struct hil_contact_t {
 
 /** Width of the smoothed sign of Coulomb friction, at a wheel. */
 static const double HIL_COULOMB_WIDTH_rad_s = 0.01;
+static const double HIL_GRAVITY_m_s2 = 9.80665;
 static const double HIL_ROSENBROCK_GAMMA = 0.29289321881345254;
 
 /** A plant: what the world asks of it. hil_plant_NAME for each row of [plants] in shared/world.toml. */
@@ -73,6 +74,12 @@ void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, c
                          hil_motion_t *y);
 /** A tick of a plant that is nothing but wheels on the floor, with the constants of its hil_plant_t. */
 void hil_contact_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
+
+/* floor.c: real wheels on a real floor, for plant full */
+/** Does anything of it act? If so, prepare it. After the constants that all plants share. */
+void hil_floor_init(hil_plant_t *plant, const hil_world_config_t *config);
+/** Before a tick: which roller carries each wheel, the wheels' loads, slope and dry drag. */
+void hil_floor_step(hil_world_t *world, double step_s);
 
 /* plant_kinematic.c */
 /** Body velocity that fits the wheels' speeds and the imposed slip best, in least squares. */

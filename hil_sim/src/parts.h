@@ -16,7 +16,8 @@ enum {
     HIL_STREAM_FIX_Y,
     HIL_STREAM_FIX_THETA,
     HIL_STREAM_FIX_DROP,
-    HIL_STREAM_ENCODER = 24 /* per wheel */
+    HIL_STREAM_ENCODER = 24, /* per wheel */
+    HIL_STREAM_ROLLERS = 28  /* per wheel */
 };
 
 /** Bits of i2c_status. */

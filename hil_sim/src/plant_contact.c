@@ -67,7 +67,7 @@ HIL_INLINE void wheel_forces(const hil_world_t *world, const hil_contact_t *c, c
             plant->along_x[i] * y->v[0] + plant->along_y[i] * y->v[1] + plant->arm_m[i] * y->v[2];
         const hil_real_t creep_m_s = c->rim_m[i] * y->w[i] - world->slip_speed_m_s[i] - floor_m_s;
         const hil_real_t linear_N = plant->stiffness_N_s_m * creep_m_s;
-        const hil_real_t x = linear_N * plant->inverse_limit_N;
+        const hil_real_t x = linear_N * plant->inverse_limit_N[i];
         slopes->floor_q[i] = 1.0 / hil_sqrt(1.0 + x * x);
         slopes->traction_N[i] = linear_N * slopes->floor_q[i];
     }
@@ -107,6 +107,10 @@ HIL_INLINE void body_forces(const hil_world_t *world, const hil_motion_t *y, con
     force[0] = turning * y->v[1] - plant->drag_xx * y->v[0] - plant->drag_xy * y->v[1];
     force[1] = -turning * y->v[0] - plant->drag_xy * y->v[0] - plant->drag_yy * y->v[1];
     force[2] = 0.0;
+    if (plant->uneven) {
+        force[0] += world->floor_N[0];
+        force[1] += world->floor_N[1];
+    }
     for (int i = 0; i < n; i++) {
         force[0] += plant->along_x[i] * slopes->traction_N[i];
         force[1] += plant->along_y[i] * slopes->traction_N[i];

@@ -5,8 +5,6 @@
 #include "motion.h"
 #include "spd3.h"
 
-static const double GRAVITY_m_s2 = 9.80665;
-
 static void wheels_init(hil_plant_t *plant, const hil_world_config_t *config) {
     double rolling[6] = {0.0};
     for (uint32_t i = 0; i < config->wheels; i++) {
@@ -27,9 +25,11 @@ static void wheels_init(hil_plant_t *plant, const hil_world_config_t *config) {
 void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config) {
     *plant = (hil_plant_t){0};
     wheels_init(plant, config);
-    const double load_N = config->mass_kg * GRAVITY_m_s2 / config->wheels;
+    const double load_N = config->mass_kg * HIL_GRAVITY_m_s2 / config->wheels;
     plant->stiffness_N_s_m = config->slip_stiffness_N_s_m;
-    plant->inverse_limit_N = 1.0 / (config->friction_coefficient * load_N);
+    for (uint32_t i = 0; i < config->wheels; i++) {
+        plant->inverse_limit_N[i] = 1.0 / (config->friction_coefficient * load_N);
+    }
     plant->inverse_mass = 1.0 / config->mass_kg;
     plant->inverse_inertia = 1.0 / config->inertia_kg_m2;
     plant->inverse_motor_inertia = 1.0 / config->motor_inertia_kg_m2;

@@ -259,6 +259,12 @@ def _listen(host: str, port: int) -> socket.socket:
     return listener
 
 
+def require_emulator() -> None:
+    """Raise FirmwareNotFoundError, which says what to install, where QEMU or the firmware for it is missing."""
+    _emulator()
+    _program()
+
+
 def _program() -> Path:
     try:
         return emulated_firmware_path()

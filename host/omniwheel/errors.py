@@ -50,8 +50,9 @@ The command line ends with ``error.exit_code``: 2 for bad input, 1 otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 from omniwheel.moved import moved
 
@@ -266,7 +267,12 @@ class IdentificationError(OmniError):
 
 
 class OutputFileError(OmniError):
-    """A file cannot be written, because the disk is full or broken. What stood there before is untouched."""
+    """A file cannot be written, because the disk is full or broken. What stood there before is untouched.
+
+    ``found`` is what a command had found by then: its JSON holds it beside the error.
+    """
+
+    found: Mapping[str, Any] = MappingProxyType({})
 
 
 class OutputPathError(OutputFileError, ValueError):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from statistics import median
 
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
@@ -75,6 +76,13 @@ class TimeSync:
         """The sample that bounds the offset best now; None before the first answer."""
         now_s = self._connection.clock()
         return min(self._samples, key=lambda sample: sample.error_s(now_s), default=None)
+
+    def round_trip_s(self, within_s: float) -> float | None:
+        """Return the median of the latest round trips [s]; None without an answer in the last ``within_s``."""
+        latest = tuple(self._samples)[-_QUICK_SAMPLES:]
+        if not latest or self._connection.clock() - latest[-1].taken_s > within_s:
+            return None
+        return median(sample.round_trip_s for sample in latest)
 
     @property
     def synchronised(self) -> bool:

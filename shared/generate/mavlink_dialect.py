@@ -156,12 +156,16 @@ def _run_mavgen(xml: Path, output: Path, language: str) -> None:
         raise SchemaError(str(xml), "", "mavgen refused this file; see above")
 
 
-def familiar_messages() -> dict[int, tuple[int, int]]:
-    """Return checksum seed and length without extensions of every message that ground stations may send, by number."""
+def familiar_messages(own: Path | None = None) -> dict[int, tuple[int, int]]:
+    """Return checksum seed and length without extensions of every message that ground stations may send, by number.
+
+    ``own`` is a document whose messages are added.
+    """
     messages: dict[int, tuple[int, int]] = {}
+    files = [*(standard_xml_dir() / name for name in FAMILIAR_FILES), *([] if own is None else [own])]
     with contextlib.redirect_stdout(io.StringIO()):
-        for name in FAMILIAR_FILES:
-            for message in mavparse.MAVXML(str(standard_xml_dir() / name), mavparse.PROTOCOL_2_0).message:
+        for path in files:
+            for message in mavparse.MAVXML(str(path), mavparse.PROTOCOL_2_0).message:
                 messages[message.id] = (message.crc_extra, message.wire_min_length)
     return messages
 
@@ -202,6 +206,7 @@ def generate_c(link_dir: Path, out: Path) -> None:
 def generate_python(link_dir: Path, out: Path) -> None:
     """Write the Python dialect ``out/dialects/omni.py``: all of common, which mavutil needs, and our messages.
 
+    Its ``familiar_messages`` is what it takes to tell a frame of any of them, or of any standard message, from noise.
     ``out/python/telemetry_gen.py`` are the host's classes for them.
     """
     folder = out / "mavlink_xml" / "python"
@@ -219,6 +224,10 @@ def generate_python(link_dir: Path, out: Path) -> None:
     module = out / "dialects" / f"{DIALECT}.py"
     module.parent.mkdir(parents=True, exist_ok=True)
     _run_mavgen(xml, module, "Python3")
+    with module.open("a", encoding="utf-8") as file:
+        file.write(
+            f"\n# Number: checksum seed, length without extensions.\nfamiliar_messages = {familiar_messages(xml)!r}\n"
+        )
     classes = out / "python" / "telemetry_gen.py"
     classes.parent.mkdir(parents=True, exist_ok=True)
     classes.write_text(python_module(telemetry_table(link_dir)), encoding="utf-8")

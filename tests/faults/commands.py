@@ -40,12 +40,14 @@ class Case:
 
     ``links``: it needs a robot, whose link takes the place of {link}. ``again``: after a failure the same command goes
     on in the same folder. ``during`` is a context for its run. ``step``: every so many calls one fails, for slow ones.
+    ``tells``: what is said whatever fails, because it took the robot minutes.
     """
 
     line: str
     links: bool = False
     again: bool = False
     step: int = 1
+    tells: str = ""
     during: Callable[[], Any] = field(default=ExitStack)
 
     @property
@@ -100,7 +102,7 @@ def _live() -> Iterator[None]:
 
 def _rounds(*_: Any) -> Any:
     trace = Trace(np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
-    return [[(trace, Figures(0.0, 0.0))]] * 2
+    return [[(trace, Figures(0.012, 0.0))] * 2] * 2
 
 
 def _tuned(*_: Any) -> Any:
@@ -186,13 +188,15 @@ CASES = {
         step=2,
     ),
     "tune": Case(
-        "tune --set WS_P=6 --size 0.02 --duration 0.2 --revert --out {disk}/t.png --link {link}",
+        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk}/t.png --link {link}",
         links=True,
+        tells="12.00",
         during=lambda: _patched(omniwheel__tuning_rounds__run_rounds=_rounds),
     ),
     "autotune": Case(
         "autotune --out {disk} --link {link}",
         links=True,
+        tells="WS_P 1 → 1",
         during=lambda: _patched(omniwheel__autotune__procedure__autotune=_tuned),
     ),
     "study autotune": Case(
@@ -203,6 +207,7 @@ CASES = {
     "record": Case("record {disk}/r.tlog --duration 0.3 --link {link}", links=True),
     "replay": Case("replay {inputs}/run1.npz --robot {inputs}/robot.toml --csv {disk}/r.csv --plot {disk}/r.png"),
     "check-image": Case("check-image {inputs}/none.elf --out {disk}/page.md", during=_no_checks),
+    "robots export": Case("robots export three_wheel {disk}/robot.urdf"),
     "params save": Case("params save {disk}/p.toml --link {link}", links=True),
     "drive velocity": Case("drive velocity 0 0 0 --duration 0.1 --out {disk} --link {link}", links=True, step=5),
     "host-control pose": Case(
@@ -218,7 +223,10 @@ CASES = {
     "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
     "bringup all": Case("bringup all --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
     "experiment wheel-step": Case(
-        "experiment wheel-step --out {disk} --link {link}", links=True, step=10, during=_short_experiment
+        "experiment wheel-step --out {disk} --link {link}",
+        links=True,
+        step=10,
+        during=_short_experiment,
     ),
     "identify logs": Case(
         "identify logs {inputs}/run1.npz {inputs}/run2.npz --turn {inputs}/run2.npz --lifted "

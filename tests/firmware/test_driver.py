@@ -144,3 +144,42 @@ def test_with_other_wires_the_chip_is_set_up_anew(robot: Client) -> None:
     robot.set("W1_IN1_CH", 15)
     written = [data for tick in robot.ticks(10) for _, data, _ in tick.i2c]
     assert bytes([MODE1, 0x20]) in written
+
+
+def test_a_read_back_that_never_comes_stops_the_robot_with_its_name_and_a_sentence(robot: Client) -> None:
+    """A simulator without it, or a bus whose reads fail: no set-up helps, and the motors would stay off unsaid."""
+    robot.armed()
+    ticks = []
+    for _ in range(200):
+        robot.heartbeat()
+        ticks.append(robot.tick())
+        robot.read = robot.read and b"\0"
+    texts = [m.text for tick in ticks for m in tick.others if m.get_type() == "STATUSTEXT"]
+    assert texts.count("PWM chip: MODE1 does not read back as 0x20") == 1
+    assert "failsafe: driver" in texts
+    assert ticks[-1].actuators.state == FAILSAFE
+    first = next(number for number, tick in enumerate(ticks) if tick.actuators.faults & 1 << 7)
+    assert first < 90  # the look after 64 updates, and two more, each after a set-up
+    assert all(tick.actuators.faults & 1 << 7 for tick in ticks[first:])
+    assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    robot.ticks(40)  # now it does read back
+    robot.armed()
+    assert robot.ticks(10)[-1].actuators.faults & 1 << 7 == 0
+
+
+def test_the_answer_says_duty_and_coast_of_each_wheel_as_its_bytes_do(robot: Client) -> None:
+    """A wheel whose motor is wired the other way is driven counter-clockwise by a negative voltage."""
+    robot.set("W2_MOT_DIR", -1.0)
+    directions = (1, -1, 1)
+    assert [tick.actuators.coast for tick in robot.ticks(5)] == [0b1111] * 5
+    robot.armed()
+    send_velocity(robot, 0.1, 0.05, 0.2)
+    ticks = robot.ticks(60)
+    assert max(abs(duty) for duty in ticks[-1].actuators.duty) > 200
+    for wheel, (in1, in2) in enumerate(((9, 8), (13, 14), (3, 2))):
+        share = (robot.channel(in1) - robot.channel(in2)) * directions[wheel]
+        assert ticks[-1].actuators.duty[wheel] == share
+    assert ticks[-1].actuators.coast == 0
+    robot.command(ARM, 0)
+    off = robot.ticks(3)[-1].actuators
+    assert (list(off.duty), off.coast) == ([0] * 4, 0b1111)

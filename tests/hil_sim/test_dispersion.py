@@ -94,7 +94,14 @@ def test_the_summary_says_what_was_drawn() -> None:
 
 
 def test_every_number_of_the_world_that_can_differ_is_there() -> None:
-    fixed = {"output_enable_wired", "output_enable_rest_V", "pca9685_address", "i2c_stranger"}
+    fixed = {
+        "output_enable_wired",
+        "output_enable_rest_V",
+        "pca9685_address",
+        "i2c_stranger",
+        "rollers_per_row",
+        "wheel_rows",
+    }
     assert set(WORLD_NUMBERS) - fixed <= set(QUANTITIES)
     one = scenario_world(scenario(*(Dispersion(name, 1e-4, 2e-4) for name in QUANTITIES)))
     other = scenario_world(load_scenario("demo"))

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import json
 import math
+import socket
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,10 +23,12 @@ from hil_sim.external import ExternalWorldError, ExternalWorldInputError, Fix, S
 from hil_sim.faults import Fault
 from hil_sim.hil import run_hil
 from hil_sim.scenario import Event, Scenario, load_scenario
+from hil_sim.sitl import start_sitl
 from hil_sim.summary import TLOG_FILE, summarize
 from hil_sim.world import World
 from omniwheel import FirmwareProcess
 from omniwheel.cli import app
+from tests.firmware.client import Client
 from tests.hil_sim.tiny_world import TinyWorld
 
 CIRCLE = """
@@ -292,3 +297,37 @@ def test_the_command_runs_it_and_keeps_the_folder_of_one_that_failed(folder: Pat
     assert bad.exit_code == 1
     assert "late:Late.step failed at 0.699 s: AssertionError: out of floor" in " ".join(bad.output.split())
     assert (folder / "bad" / "circle-seed1" / TLOG_FILE).stat().st_size > 1000
+
+
+def test_sitl_without_a_world_waits_for_the_sensors_of_another_simulator() -> None:
+    command = [sys.executable, "-m", "omniwheel", "sitl", "--no-world", "--port", "0", "--json", "--end-with-stdin"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        host, port = json.loads(process.stdout.readline())["links"][0].removeprefix("tcp:").split(":")
+        with socket.create_connection((host, int(port))) as wire:
+            client = Client(wire)
+            client.heartbeat()
+            assert [tick.actuators.sequence for tick in client.ticks(30)] == list(range(1, 31))
+        process.communicate(timeout=60)
+    assert process.returncode == 0
+
+
+def test_sitl_without_a_world_refuses_what_needs_one() -> None:
+    for words in (["--world", PLACE], ["--commands"], ["--world-robot", "four_wheel"], ["--radio", "9600"]):
+        refused = CliRunner().invoke(app, ["sitl", "--no-world", "--port", "0", *words])
+        assert refused.exit_code == 2
+        assert "--no-world is the firmware alone" in " ".join(refused.output.replace("│", " ").split())
+
+
+def test_sitl_runs_a_world_of_ones_own_and_tells_its_mistake(circle: Scenario) -> None:
+    world = TinyWorld(circle)
+    with start_sitl(circle, ["tcp:127.0.0.1:0"], realtime_factor=0.0, world=world) as running:
+        running.advance(100)
+    assert world.ticks >= 100
+    assert world.duty == (0.0, 0.0, 0.0)
+    broken = spoiled("step", 50, raises)(circle)
+    with (
+        pytest.raises(ExternalWorldError, match="no floor"),
+        start_sitl(circle, ["tcp:127.0.0.1:0"], realtime_factor=0.0, world=broken) as running,
+    ):
+        running.advance(100)

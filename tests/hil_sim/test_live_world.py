@@ -104,13 +104,13 @@ def test_a_sagging_supply_is_below_the_robots_own_limit() -> None:
 
 def test_ice_lowers_the_friction_and_mending_brings_it_back() -> None:
     live, world, _ = made()
-    grip, limit = world.c.config.friction_coefficient, world.c.plant.inverse_limit_N
+    grip, limit = world.c.config.friction_coefficient, world.c.plant.inverse_limit_N[0]
     obey(live, fault=ICE, on=True)
     assert world.c.config.friction_coefficient == pytest.approx(ICE_FRICTION)
-    assert world.c.plant.inverse_limit_N == pytest.approx(limit * grip / ICE_FRICTION)
+    assert world.c.plant.inverse_limit_N[0] == pytest.approx(limit * grip / ICE_FRICTION)
     obey(live, fault=ICE, on=True)
     obey(live, mend=True)
-    assert world.c.plant.inverse_limit_N == pytest.approx(limit)
+    assert world.c.plant.inverse_limit_N[0] == pytest.approx(limit)
     assert on(live) == []
 
 

@@ -294,7 +294,7 @@ def test_slip_becomes_kinematic_with_grip_and_light_bodies(any_robot: Robot, mak
     light = {"mass_kg": 0.01, "inertia_kg_m2": 1e-4, "motor_inertia_kg_m2": 1e-5, "motor_inductance_H": 1e-6}
     kinematic = make_world(any_robot, plant="kinematic")
     slip = make_world(any_robot, plant="slip", slip_stiffness_N_s_m=1e6, **light)
-    slip.c.plant.inverse_limit_N = 0.0
+    slip.c.plant.inverse_limit_N = [0.0] * 4
     rng = np.random.default_rng(1)
     length_m = 0.0
     for _ in range(40):
@@ -329,7 +329,7 @@ def test_linear_is_slip_with_perfect_grip(any_robot: Robot, make_world: Any, vol
     options = {**FREE, "motor_viscous_N_m_s": 0.2, "motor_inductance_H": 1e-6, "slip_stiffness_N_s_m": 1e6}
     slip = make_world(any_robot, plant="slip", **options)
     linear = make_world(any_robot, plant="linear", **options)
-    slip.c.plant.inverse_limit_N = 0.0
+    slip.c.plant.inverse_limit_N = [0.0] * 4
     for ticks in (20, 100, 1000):
         expected = twist_after(slip, volts, ticks)
         got = twist_after(linear, volts, ticks)

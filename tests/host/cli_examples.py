@@ -125,7 +125,10 @@ def soon_over() -> Iterator[None]:
         advance(running)
         raise KeyboardInterrupt
 
-    with patch.object(Sitl, "advance", once):
+    def end(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with patch.object(Sitl, "advance", once), patch("omniwheel.cli.sitl.wait_for_end", end):
         yield
 
 

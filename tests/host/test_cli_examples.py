@@ -28,6 +28,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("line", EXAMPLES)
 def test_an_example_does_its_work(line: str, files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "--world mujoco" in line:
+        pytest.importorskip("mujoco", reason="needs pip install 'omniwheel[mujoco]'")
     rule = rule_of(line)
     folder = tmp_path / "scratch"
     shutil.copytree(files, folder)

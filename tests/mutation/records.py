@@ -188,9 +188,11 @@ def table(rows: Sequence[tuple[str, Score]]) -> str:
 
 
 def report(pairs: Sequence[tuple[Mutant, Result]], judged: dict[str, Judgement]) -> str:
-    """Return the tables by area and by operator."""
-    rows = [(f"`{f}`", score([p for p in pairs if p[0].file.startswith(f + "/")], judged)) for f in FOLDERS]
-    by_operator = [(name, score([p for p in pairs if p[0].operator == name], judged)) for name in OPERATORS]
+    """Return the tables by area and by operator, without those of which none has been run."""
+    here = [folder for folder in FOLDERS if any(mutant.file.startswith(folder + "/") for mutant, _ in pairs)]
+    rows = [(f"`{f}`", score([p for p in pairs if p[0].file.startswith(f + "/")], judged)) for f in here]
+    used = [name for name in OPERATORS if any(mutant.operator == name for mutant, _ in pairs)]
+    by_operator = [(name, score([p for p in pairs if p[0].operator == name], judged)) for name in used]
     return "\n\n".join((table([*rows, ("**all**", score(pairs, judged))]), table(by_operator)))
 
 

@@ -144,6 +144,7 @@ struct Robot {
     std::optional<App> app;
     bool lockstep = false;
     uint32_t radio = 1; ///< port
+    omni_real_t own[OMNI_PARAM_COUNT] = {};
     alignas(8) uint8_t burst_memory[64 * 1024];
 
     void boot() {
@@ -173,7 +174,8 @@ Robot *robot_new(const uint8_t *image, int lockstep, uint32_t radio) {
     }
     robot->ports[radio].radio = true;
     robot->radio = radio;
-    board.robot_values = omni_builtin_robots[omni_builtin_robot_find("three_wheel")].values;
+    std::copy_n(omni_builtin_robots[omni_builtin_robot_find("three_wheel")].values, OMNI_PARAM_COUNT, robot->own);
+    board.robot_values = robot->own;
     robot->ports[radio].paced = true;
     std::memcpy(robot->storage.bytes, image, storage_size);
     robot->lockstep = lockstep != 0;
@@ -183,6 +185,15 @@ Robot *robot_new(const uint8_t *image, int lockstep, uint32_t radio) {
 
 void robot_delete(Robot *robot) {
     delete robot;
+}
+
+/// As another robot's image would: from the next boot on. @return 0 if there is no such parameter.
+int robot_set_own(Robot *robot, const char *name, float value) {
+    const int32_t index = omni_param_find(name);
+    if (index >= 0) {
+        robot->own[index] = value;
+    }
+    return index >= 0 ? 1 : 0;
 }
 
 void robot_reboot(Robot *robot) {

@@ -55,6 +55,10 @@ class MemoryRobot:
         """Serve the links without time going on."""
         self._lib.robot_background(self._c)
 
+    def set_own(self, name: str, value: float) -> None:
+        """Change a value that the robot has from its image; it counts from the next start on."""
+        assert self._lib.robot_set_own(self._c, name.encode(), ctypes.c_float(value)), name
+
     def reboot(self) -> None:
         """Power off and on."""
         self._lib.robot_reboot(self._c)

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests.studio.parts import CHROMIUM, SAFE, WAIT_MS, Opener
+from tests.studio.parts import CHROMIUM, SAFE, WAIT_MS, Opener, Program, studio
 
 
 @pytest.fixture(scope="session")
@@ -22,6 +22,13 @@ def browser() -> Iterator[Browser]:
         found = playwright.chromium.launch(executable_path=CHROMIUM, args=SAFE)
         yield found
         found.close()
+
+
+@pytest.fixture(scope="session")
+def shared_studio(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """A studio with a simulated robot, for tests that leave it disarmed."""
+    with studio("sitl", "--out", str(tmp_path_factory.mktemp("shared") / "runs")) as program:
+        yield program
 
 
 @pytest.fixture

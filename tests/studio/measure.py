@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests.studio.parts import CHROMIUM, SAFE, Program, studio, until
+from tests.studio.parts import CHROMIUM, SAFE, Program, running, studio, until
+from tests.studio.wire import Wire
 
 PLOTS = [
     ["tracking.pose.x", "tracking.pose.y", "tracking.pose.theta"],
@@ -53,11 +54,11 @@ CHANGE_GAIN = """([name, value]) => new Promise((done) => {
   field.dispatchEvent(new Event("change"));
 })"""
 PRESS_STOP = """() => new Promise((done) => {
-  const last = (key) => studio.plots.samples_of(key).value.at(-1);
   const begin = performance.now();
   document.body.dispatchEvent(new KeyboardEvent("keydown", { code: "Space", bubbles: true }));
   const look = () => {
-    if (["1", "2", "3"].every((n) => last(`wheels.duty.${n}`) === 0)) done(performance.now() - begin);
+    if (["1", "2", "3"].every((n) => studio.plots.latest(`wheels.duty.${n}`) === 0))
+      done([performance.timeOrigin + begin, performance.now() - begin]);
     else setTimeout(look, 0);
   };
   look();
@@ -76,7 +77,8 @@ def _open(browser: Browser, url: str) -> Page:
     return page
 
 
-def _prepared(browser: Browser, program: Program) -> Page:
+def prepared(browser: Browser, program: Program) -> Page:
+    """Return a page with the four plots, after enough time to fill them."""
     page = _open(browser, program.url)
     page.evaluate(f"localStorage.setItem('omniwheel-plots', JSON.stringify({json.dumps(PLOTS)}))")
     page.reload()
@@ -88,47 +90,72 @@ def _prepared(browser: Browser, program: Program) -> Page:
     return page
 
 
-def _drive(page: Page) -> None:
+def drive(page: Page) -> None:
+    """Arm the robot and let it follow a path; a stop is released first."""
     if page.evaluate("studio.state.robot.state") == "estop":
         page.click("#release")
         until(page, "robot.state === 'disarmed'")
     page.click("#arm")
     until(page, "robot.armed")
     page.click("#start-path")
-    until(page, "Math.abs(studio.plots.samples_of('wheels.duty.1').value.at(-1)) > 0.01")
+    until(page, "Math.abs(studio.plots.latest('wheels.duty.1')) > 0.01")
+
+
+def _median_and_p99(figures_ms: list[float]) -> dict[str, float]:
+    return {"median": float(np.median(figures_ms)), "p99": float(np.percentile(figures_ms, 99))}
 
 
 def measured(seconds: float, repeats: int) -> dict[str, Any]:
-    """Return the figures."""
-    began = time.monotonic()
-    with studio("fast") as program, sync_playwright() as playwright:
+    """Return the figures. The browser runs before the studio is started, as a user's does."""
+    with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SAFE)
+        return _measured_in(browser, seconds, repeats)
+
+
+def _start_s(browser: Browser) -> float:
+    began = time.monotonic()
+    with studio("fast") as program:
         page = _open(browser, program.url)
         until(page, "window.studio?.plots.drawn.samples > 0")
         start_s = time.monotonic() - began
         page.close()
-        page = _prepared(browser, program)
-        _drive(page)
-        before, at = _processor_s(program.process.pid), time.monotonic()
-        flow = page.evaluate(COUNT_FRAMES, seconds)
-        share = (_processor_s(program.process.pid) - before) / (time.monotonic() - at)
-        gains = [page.evaluate(CHANGE_GAIN, [GAIN, 6 + 0.1 * (number + 1)]) for number in range(repeats)]
-        stops = []
-        for _ in range(repeats):
-            stops.append(page.evaluate(PRESS_STOP))
-            until(page, "robot.state === 'estop'")
-            _drive(page)
-        browser.close()
+    return start_s
+
+
+def _measured_in(browser: Browser, seconds: float, repeats: int) -> dict[str, Any]:
+    start_s = _start_s(browser)
+    with running("sitl", "fast", "--port", "0") as robot:
+        wire = Wire(robot.ready["links"][0])
+        with studio("--link", wire.url) as program:
+            page = prepared(browser, program)
+            drive(page)
+            before, at = _processor_s(program.process.pid), time.monotonic()
+            flow = page.evaluate(COUNT_FRAMES, seconds)
+            share = (_processor_s(program.process.pid) - before) / (time.monotonic() - at)
+            gains = [page.evaluate(CHANGE_GAIN, [GAIN, 6 + 0.1 * (number + 1)]) for number in range(repeats)]
+            stops = [_stopped(page, wire) for _ in range(repeats)]
+            page.close()
+        wire.close()
     ages = np.array(flow["ages"])
     return {
         "frames_per_s": flow["frames_s"],
         "shown_samples_per_s": flow["samples_s"],
         "arrival_to_drawn_ms": {"median": float(np.median(ages)), "p95": float(np.percentile(ages, 95))},
         "gain_to_mark_ms": {"median": float(np.median(gains)), "largest": max(gains)},
-        "stop_to_zero_duty_seen_ms": {"median": float(np.median(stops)), "p99": float(np.percentile(stops, 99))},
+        "stop_to_zero_duty_on_the_wire_ms": _median_and_p99([on_wire for on_wire, _ in stops]),
+        "stop_to_zero_duty_on_page_ms": _median_and_p99([on_page for _, on_page in stops]),
         "start_to_first_sample_s": start_s,
         "server_processor_share": share,
     }
+
+
+def _stopped(page: Page, wire: Wire) -> tuple[float, float]:
+    """Return the time from the space bar until the robot says zero duty, and until the page has that [ms]."""
+    pressed_ms, on_page_ms = page.evaluate(PRESS_STOP)
+    on_wire_ms = 1000 * wire.first_zero_s(pressed_ms / 1000) - pressed_ms
+    until(page, "robot.state === 'estop'")
+    drive(page)
+    return on_wire_ms, on_page_ms
 
 
 def main() -> int:

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -16,6 +18,7 @@ from urllib.request import urlopen
 
 from playwright.sync_api import Page
 
+os.environ.setdefault("OMNI_STATE_DIR", tempfile.mkdtemp(prefix="omni-state-"))  # what a person sees stays alone
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 WAIT_MS = 60_000
 """For what comes in a moment on an idle machine."""
@@ -64,13 +67,13 @@ def studio(*words: str) -> AbstractContextManager[Program]:
     return running("studio", "--no-browser", "--port", "0", *words)
 
 
-def until(page: Page, condition: str) -> None:
+def until(page: Page, condition: str, wait_s: float = WAIT_MS / 1000) -> None:
     """Wait until a JavaScript expression is true; it may use ``studio``, ``state`` and ``robot``.
 
     Playwright's own waiting evaluates text inside the page, which the page's security policy forbids.
     """
     look = f"() => {{ const state = window.studio?.state, robot = state?.robot; return Boolean({condition}); }}"
-    end_s = time.monotonic() + WAIT_MS / 1000
+    end_s = time.monotonic() + wait_s
     while not page.evaluate(look):
         if time.monotonic() > end_s:
             seen = page.evaluate("() => [document.getElementById('notice')?.textContent, window.studio?.state]")

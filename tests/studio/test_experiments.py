@@ -17,6 +17,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 from websockets.sync.client import ClientConnection, connect
 
+from omniwheel.robots import read_robot
 from omniwheel.studio.experiments import KINDS, Experiment, Wanted
 from omniwheel.studio.session import Session
 from tests.studio.parts import Opener, Program, studio, until
@@ -85,15 +86,24 @@ def test_a_step_is_shown_as_figures_and_picture_and_leaves_the_robot_as_it_was(p
     assert [(one["id"], [node["html"] for node in one["nodes"]]) for one in found] == []
 
 
-def test_a_push_can_be_chosen_by_wheel(page: Page) -> None:
+def test_a_push_can_be_chosen_by_wheel_size_and_time(page: Page) -> None:
     page.select_option("#experiment-kind", "disturbance")
     page.locator("#experiment-choices select").first.select_option(label="wheel 3")
+    page.get_by_label("Amplitude [V]").fill("99")
+    page.click("#experiment-look")
+    until(page, f"{TEXT} !== ''")
+    assert "LIM_WHEEL" in page.evaluate(TEXT)
+    assert page.is_disabled("#experiment-start")
+    page.get_by_label("Amplitude [V]").fill("1.5")
+    page.get_by_label("Lasts [s]").fill("0.2")
     page.click("#experiment-look")
     until(page, "!document.getElementById('experiment-start').disabled")
     page.click("#experiment-start")
     until(page, f"{TEXT}.startsWith('disturbance is done')")
     settings = json.loads((Path(page.evaluate("studio.state.experiment.folder")) / "experiment.json").read_text())
     assert settings["settings"]["wheel"] == 3
+    assert settings["settings"]["amplitude_V"] == 1.5
+    assert settings["settings"]["duration_s"] == 0.2
 
 
 def test_too_little_room_is_refused_before_it_can_be_started(page: Page) -> None:
@@ -169,6 +179,25 @@ def test_autotune_measures_and_tells_what_came_of_it(page: Page) -> None:
     assert {"autotune.md", "autotune.png", "before.toml", "after.toml"} <= {path.name for path in folder.iterdir()}
 
 
+@pytest.mark.nightly
+def test_identification_leaves_a_robot_file(page: Page) -> None:
+    page.select_option("#experiment-kind", "identify")
+    page.get_by_label("Robot file", exact=True).first.select_option("three_wheel")
+    page.get_by_label("Side of the free square").fill("2")
+    page.click("#experiment-look")
+    until(page, "!document.getElementById('experiment-start').disabled")
+    assert "circles and spins for 160 s in a square of about" in (page.text_content("#experiment-needs") or "")
+    page.click("#experiment-start")
+    until(page, f"{RUN}?.running")
+    until(page, f"!{RUN}.running", 900.0)
+    assert page.evaluate(f"studio.{RUN}.trouble".replace("?", "")) == ""
+    folder = Path(page.evaluate("studio.state.experiment.folder"))
+    found = read_robot(str(folder / "identified.toml"))
+    assert found.motor["coulomb_friction_N_m"] == pytest.approx(0.05, rel=0.5)
+    assert page.is_hidden("#experiment-picture")
+    assert "motor inertia" in (page.text_content("#experiment-figures") or "")
+
+
 def test_a_closed_page_ends_it(page: Page, simulated: Program) -> None:
     start(page, LONG)
     until(page, f"{RUN}.phase === 'moving'")
@@ -236,6 +265,19 @@ BAD: list[dict[str, Any]] = [
     {"name": "position-step", "axis": "z"},
     {"name": "position-step", "axis": ["x"]},
     {"name": "disturbance", "wheel": 0},
+    {"name": "identify", "room_m": 10},
+    {"name": "identify", "room_m": 10, "file": "no such robot"},
+    {"name": "identify", "room_m": 10, "file": ["three_wheel"]},
+    {"name": "identify", "room_m": 10, "file": "four_wheel"},
+    {"name": "identify", "room_m": 0.5, "file": "three_wheel"},
+    {"name": "wheel-step", "file": "three_wheel"},
+    {"name": "disturbance", "amplitude": 0},
+    {"name": "disturbance", "amplitude": "1"},
+    {"name": "disturbance", "amplitude": 1e300},
+    {"name": "position-step", "amplitude": 100},
+    {"name": "wheel-step", "duration_s": 0},
+    {"name": "wheel-step", "duration_s": 1000},
+    {"name": "wheel-step", "duration_s": None},
     {"name": "autotune", "rounds": 3},
     {"name": "autotune", "rounds": "many"},
 ]

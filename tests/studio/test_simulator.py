@@ -17,7 +17,7 @@ from playwright.sync_api import Page
 from websockets.sync.client import connect
 
 from omniwheel.errors import LinkError
-from omniwheel.studio.simulated import SimulatedRobot
+from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from tests.studio.parts import Opener, Program, running, studio, until
 from tests.studio.test_hostile import ask, socket_url, wait
 from tests.studio.test_page import arm
@@ -204,7 +204,7 @@ def test_a_world_that_hangs_holds_up_no_stop() -> None:
 
 
 def test_commands_to_a_world_that_hangs_are_refused_once_its_pipe_is_full() -> None:
-    robot = SimulatedRobot("sitl", None, 1)
+    robot = SimulatedRobot(Simulation("sitl"))
     try:
         os.kill(robot.process_id, signal.SIGSTOP)
         with pytest.raises(LinkError, match="takes no commands"):

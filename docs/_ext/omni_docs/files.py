@@ -41,7 +41,8 @@ def _robot_page(root: Path) -> str:
         "## Everything else",
         "`[parameters]` sets any parameter by its [name](parameters.md). "
         "`[simulation]` is what the simulated world adds: "
-        "[the world's numbers](scenario.md#world).",
+        "[the world's numbers](scenario.md#world), and for MuJoCo and exports "
+        "[how the wheels are built](../../guides/robot-file.md#rollers).",
     )
 
 

@@ -116,7 +116,7 @@ typedef struct hil_plant_t {
     hil_real_t drag_xy;
     hil_real_t drag_yy;
     hil_real_t stiffness_N_s_m;
-    hil_real_t inverse_limit_N; /**< 1 / (mu N) */
+    hil_real_t inverse_limit_N[HIL_MAX_WHEELS]; /**< 1 / (mu N), N: the wheel's load */
     hil_real_t inverse_mass;
     hil_real_t inverse_inertia;
     hil_real_t inverse_motor_inertia;
@@ -127,7 +127,10 @@ typedef struct hil_plant_t {
     hil_spd3_t rolling;           /**< sum over the wheels of the square of (along_x, along_y, arm) */
     hil_real_t linear_viscous[3]; /**< plant `linear`: along body x, y, about z */
     hil_real_t linear_coulomb[3];
-    hil_real_t coulomb_width[3]; /**< speed [m/s, m/s, rad/s] below which Coulomb friction fades */
+    hil_real_t coulomb_width[3];             /**< speed [m/s, m/s, rad/s] below which Coulomb friction fades */
+    bool uneven;                             /**< floor.c changes arms, radii and limits with each tick */
+    hil_real_t roller_phase[HIL_MAX_WHEELS]; /**< where on the rollers a wheel stands at angle 0 [rollers] */
+    hil_real_t inverse_tilt_inertia;         /**< of the body about x and y, 1 / (kg m^2) */
 } hil_plant_t;
 
 typedef struct hil_world_t {
@@ -145,8 +148,12 @@ typedef struct hil_world_t {
     hil_real_t slip_ratio[HIL_MAX_WHEELS];     /**< imposed */
     hil_real_t slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step that begins now */
     hil_real_t traction_N[HIL_MAX_WHEELS];     /**< 0 on plants without a contact */
-    hil_real_t supply_V;                       /**< under load */
-    hil_real_t in1[HIL_MAX_WHEELS];            /**< share of the period IN1 is high */
+    hil_real_t load_N[HIL_MAX_WHEELS];         /**< of the floor on each wheel, across the floor; 0: it has lifted */
+    hil_real_t rise[3];             /**< body above where it stands at rest: up [m], about body x and y [rad] */
+    hil_real_t rise_rate[3];        /**< of that [m/s, rad/s] */
+    hil_real_t floor_N[2];          /**< body frame: slope and dry drag of the rollers */
+    hil_real_t supply_V;            /**< under load */
+    hil_real_t in1[HIL_MAX_WHEELS]; /**< share of the period IN1 is high */
     hil_real_t in2[HIL_MAX_WHEELS];
     hil_drv8871_t bridge[HIL_MAX_WHEELS];
     uint32_t source;                          /**< hil_source_t */

@@ -20,6 +20,9 @@ from omniwheel.bringup.stops import check_stops
 from omniwheel.limits import RADIO_BAUD
 from omniwheel.robot import Robot
 
+CHECKS = ("link", "i2c", "encoders", "motors", "estop", "oe", "button", "drive")
+"""In order, by the names of the commands. The radio's needs a second link."""
+
 
 def bring_up(
     robot: Robot,
@@ -29,21 +32,31 @@ def bring_up(
     radio: Robot | None = None,
     baud: int = RADIO_BAUD,
     keep_going: bool = False,
+    only: str | None = None,
 ) -> Iterator[Result]:
-    """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it."""
-    checks: list[Callable[[], Result]] = [
-        lambda: check_link(robot, file, radio),
-        lambda: check_i2c(robot),
-        lambda: check_encoders(robot, person),
-        lambda: check_motors(robot, person),
-        lambda: check_stops(robot, person),
-        lambda: check_output_enable(robot, person, file=file),
-        *([] if not _has_button(file) else [lambda: check_stop_button(robot, person, file=file)]),
-        lambda: check_drive(robot, person),
-    ]
+    """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it.
+
+    The stop button's is left out for a robot file without one. ``only`` is the one of CHECKS to run, whatever the
+    robot file says.
+    """
+    checks: dict[str, Callable[[], Result]] = {
+        "link": lambda: check_link(robot, file, radio),
+        "i2c": lambda: check_i2c(robot),
+        "encoders": lambda: check_encoders(robot, person),
+        "motors": lambda: check_motors(robot, person),
+        "estop": lambda: check_stops(robot, person),
+        "oe": lambda: check_output_enable(robot, person, file=file),
+        "button": lambda: check_stop_button(robot, person, file=file),
+        "drive": lambda: check_drive(robot, person),
+    }
+    if only is not None:
+        yield checks[only]()
+        return
+    if not _has_button(file):
+        del checks["button"]
     if radio is not None:
-        checks.append(lambda: check_radio(radio, baud=baud))
-    for check in checks:
+        checks["radio"] = lambda: check_radio(radio, baud=baud)
+    for check in checks.values():
         result = check()
         yield result
         if not result.ok and not keep_going:

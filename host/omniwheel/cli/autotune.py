@@ -24,6 +24,7 @@ from omniwheel.cli.common import (
 from omniwheel.cli.log_options import RobotOption
 from omniwheel.cli.options import DEFAULT_OUT, KEEP, NameOption, OutOption, OwnSeedOption, RoomOption, rounds_option
 from omniwheel.cli.params_output import StoreOption
+from omniwheel.errors import OutputFileError
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
 if TYPE_CHECKING:
@@ -78,19 +79,30 @@ def autotune(
         recorder.measured({v.kind.key: (v.before, v.after) for v in outcome.verdicts})
         if outcome.kept and store:
             robot.store()
-        folder = new_run_folder(out, "autotune")
-        page = write_page(outcome, settings.required, robot.table, folder)
+        try:
+            folder = new_run_folder(out, "autotune")
+            page = write_page(outcome, settings.required, robot.table, folder)
+        except OutputFileError as error:  # minutes of driving are told before that
+            error.found = _document(outcome)
+            _show(outcome, quiet=json_wanted)
+            raise
     if name and outcome.kept:
         note(f"{write_robot_file(outcome, name, robot_file, Path())} written", quiet=json_wanted)
     if json_wanted:
         print_json({**_document(outcome), "folder": str(folder)})
+        return
+    _show(outcome)
+    console.print(f"\n[bold]{page}[/] says why", soft_wrap=True)
+
+
+def _show(outcome: Outcome, *, quiet: bool = False) -> None:
+    if quiet:
         return
     for name, value in outcome.new.items():
         console.print(f"{name} {outcome.old[name]:.4g} → {value:.4g}", markup=False, highlight=False)
     for verdict in outcome.verdicts:
         console.print(verdict.sentence(), markup=False, highlight=False)
     console.print("kept" if outcome.kept else "old values restored")
-    console.print(f"\n[bold]{page}[/] says why", soft_wrap=True)
 
 
 def _document(outcome: Outcome) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -14,23 +13,27 @@ from omniwheel.cli.common import JsonOption, examples, signals_interrupt
 from omniwheel.cli.options import HostOption, ListenPortOption
 from omniwheel.cli.run_output import ImageOption, RobotOption, SeedOption
 from omniwheel.cli.sitl import (
+    CommandsOption,
+    EndWithStdinOption,
     LinksOption,
     ScenarioNameArgument,
     StorageOption,
     WorldRobotOption,
     announce,
+    read_input,
+    serve_world,
 )
-from omniwheel.errors import FirmwareEndedError
+from omniwheel.cli.sitl import wait_for_end as _wait_for_end
 
 if TYPE_CHECKING:
     from hil_sim.scenario import Scenario
-    from omniwheel.firmware_child import FirmwareChild
 
 EXAMPLES = examples(
     "omni emulate                                # a robot in a simulated world, as omni sitl",
     "omni emulate --robot four_wheel --link pty:/tmp/robot",
     "omni emulate --no-world                     # the board alone, for:",
     "omni hil --link tcp:127.0.0.1:5760",
+    'omni emulate --commands                     # type lines like {"mend": true}, as for omni sitl',
     "omni emulate --image firmware.elf           # the very image that is flashed, on an emulated Teensy 4.0",
     "omni emulate --image firmware.elf --link usb=pty:/tmp/teensy --link uart=tcp:127.0.0.1:5761",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
@@ -59,6 +62,8 @@ def emulate(
     ] = False,
     image: ImageOption = None,
     seed: SeedOption = None,
+    end_with_stdin: EndWithStdinOption = False,
+    commands: CommandsOption = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run the firmware on an emulated Cortex-M7 (QEMU), in real time, until Ctrl-C: connect to it as to a robot.
@@ -72,10 +77,14 @@ def emulate(
 
     if lockstep and world and image is None:
         raise typer.BadParameter("--lockstep needs --no-world: the world drives the ticks itself")
+    if commands and (image is not None or not world):
+        raise typer.BadParameter("--commands are for the simulated world around QEMU: not with --image or --no-world")
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     try:
         with signals_interrupt():
+            if end_with_stdin and (image is not None or not world):
+                read_input(None, end_with_stdin)
             if image is not None:
                 _image(
                     image,
@@ -90,9 +99,7 @@ def emulate(
             if not world:
                 _bare(links, scenario.robot.name, storage, lockstep, json_wanted, scenario.parameter_values())
             with start_sitl(scenario, links, storage=storage, emulated=True) as running:
-                announce(running.urls, scenario.robot.name, scenario.description, json_wanted)
-                while True:
-                    running.advance()
+                serve_world(running, scenario, json_wanted, commands=commands, end_with_stdin=end_with_stdin)
     except KeyboardInterrupt:
         return
 
@@ -122,12 +129,6 @@ def _image(
         what = scenario.description if world else "No world: its wheels stand still"
         announce(firmware.urls, scenario.robot.name, what, json_wanted)
         _wait_for_end(firmware)
-
-
-def _wait_for_end(firmware: FirmwareChild) -> NoReturn:
-    while firmware.running:
-        time.sleep(POLL_S)
-    raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
 
 
 def _bare(

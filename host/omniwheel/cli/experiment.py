@@ -25,6 +25,7 @@ from omniwheel.cli.common import (
     signals_interrupt,
 )
 from omniwheel.cli.options import DEFAULT_OUT, Axis, AxisOption, OutOption, RoomOption, takes
+from omniwheel.errors import OutputFileError
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
 if TYPE_CHECKING:
@@ -194,21 +195,34 @@ def _experiment(name: str, wanted: _Wanted, run: Callable[[Robot, Callable[[str]
     from omniwheel.drive_log import DriveLog
     from omniwheel.experiments.folder import PICTURE_FILE, write_outcome
 
-    with ExitStack() as stack:
-        stack.enter_context(signals_interrupt())
-        log = stack.enter_context(DriveLog(wanted.out, name, name))
-        robot = stack.enter_context(open_robot(wanted.link, timeout_s=wanted.timeout_s, recorder=log.write))
-        stack.callback(log.leaving)
-        log.connected(robot)
-        outcome = run(robot, partial(note, quiet=wanted.json_wanted))
-        write_outcome(outcome, log.folder)
+    outcome: Outcome | None = None
+    try:
+        with ExitStack() as stack:
+            stack.enter_context(signals_interrupt())
+            log = stack.enter_context(DriveLog(wanted.out, name, name))
+            robot = stack.enter_context(open_robot(wanted.link, timeout_s=wanted.timeout_s, recorder=log.write))
+            stack.callback(log.leaving)
+            log.connected(robot)
+            outcome = run(robot, partial(note, quiet=wanted.json_wanted))
+            write_outcome(outcome, log.folder)
+    except OutputFileError as error:
+        if outcome is not None:  # what the robot has driven is told before that
+            error.found = outcome.document()
+            _show(outcome, quiet=wanted.json_wanted)
+        raise
     if wanted.json_wanted:
         print_json({**outcome.document(), "folder": str(log.folder)})
+        return
+    _show(outcome)
+    console.print(f"[bold]{log.folder / PICTURE_FILE}[/]", soft_wrap=True)
+
+
+def _show(outcome: Outcome, *, quiet: bool = False) -> None:
+    if quiet:
         return
     console.print(_table(outcome))
     for remark in outcome.remarks:
         console.print(f"[yellow]{remark}[/]")
-    console.print(f"[bold]{log.folder / PICTURE_FILE}[/]", soft_wrap=True)
 
 
 def _table(outcome: Outcome) -> Table:

@@ -134,5 +134,6 @@ def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -
         error_console.print(f"[dim]hint:[/] {escape(hint)}", soft_wrap=True)
     if ctx.meta.get(JSON_WANTED):
         with suppress(OSError):  # it may be standard output that fails
-            print_json({"error": {"type": type(error).__name__, "message": str(error), "hint": hint}})
+            problem = {"type": type(error).__name__, "message": str(error), "hint": hint}
+            print_json({**getattr(error, "found", {}), "error": problem})
     return typer.Exit(exit_code)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,12 +19,14 @@ from omniwheel.cli.run_output import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    WorldOption,
     run_folder,
     run_progress,
     scenario_help,
     scenario_of,
     store_and_print,
     tried,
+    world_of,
 )
 
 EXAMPLES = examples(
@@ -35,6 +37,7 @@ EXAMPLES = examples(
     "omni hil --image firmware.elf          # the very image that is flashed, on an emulated Teensy",
     "omni hil --link /dev/ttyACM0           # a Teensy, its motors unplugged",
     "omni hil --world my_simulator:MyWorld  # a simulator of your own around the firmware",
+    "omni hil no_slip --world mujoco        # every roller a body: needs pip install 'omniwheel[mujoco]'",
 )
 
 
@@ -51,25 +54,17 @@ def hil(
     settings: SetOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
-    world: Annotated[
-        str | None,
-        typer.Option(
-            "--world",
-            metavar="MODULE:CLASS",
-            help="A Python class that simulates motors, robot and floor instead of our world: made by CLASS(scenario).",
-        ),
-    ] = None,
+    world: WorldOption = None,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
-    from hil_sim.external import load_world
     from hil_sim.hil import run_hil
 
     if sum((emulated, image is not None, link is not None)) > 1:
         raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
     scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
-    external = None if world is None else load_world(world, scenario)
+    external = world_of(world, scenario, json_wanted)
     with run_folder(out, scenario) as folder:
         note(scenario.description, quiet=json_wanted)
         with run_progress(scenario.name, json_wanted) as progress:
@@ -85,6 +80,9 @@ def hil(
                     world=external,
                 )
             )
+        finish: Any = getattr(external, "finish", None)
+        if finish is not None:
+            finish(folder)
         store_and_print(run, folder, as_json=json_wanted, trouble=trouble)
 
 

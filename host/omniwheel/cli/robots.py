@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from omni_schema import Robot
+from omniwheel import files
 from omniwheel.cli import completion, robots_new
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.robots_new import print_warnings, warnings_of
@@ -84,6 +85,42 @@ def params(name: RobotArgument, as_json: JsonOption = False) -> None:
         return
     for key, value in values.items():
         typer.echo(f"{key}={format_value(None, value)}")
+
+
+@app.command(
+    "export",
+    epilog=examples(
+        "omni robots export three_wheel three_wheel.urdf", "omni robots export four_wheel robot.xml --format mjcf"
+    ),
+)
+def export(
+    name: RobotArgument,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", dir_okay=False, help="The file to write.", show_default=False)
+    ],
+    wanted: Annotated[
+        str | None,
+        typer.Option("--format", metavar="urdf|sdf|proto|mjcf", help="What to write. \\[default: the file's ending]"),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a robot's bodies for another simulator: chassis, wheels, and every roller with its hinge.
+
+    URDF for ROS and many others, SDF for Gazebo, PROTO for Webots, MJCF for MuJoCo. Motors and their electronics are
+    not in it; docs/guides/external-worlds.md says how a simulator speaks to the firmware.
+    """
+    from hil_sim.models.export import FORMATS
+
+    chosen = wanted or file.suffix.removeprefix(".")
+    if chosen not in FORMATS:
+        asked = f"--format {wanted}" if wanted else str(file)
+        raise typer.BadParameter(f"{asked}: give --format, one of {', '.join(FORMATS)}")
+    robot = read_robot(name)
+    files.write_text(file, FORMATS[chosen](robot))
+    if as_json:
+        print_json({"name": robot.name, "format": chosen, "file": str(file)})
+        return
+    console.print(f"{file} written: {robot.name} as {chosen.upper()}")
 
 
 @app.command("check", epilog=examples("omni robots check mine.toml", "omni robots check four_wheel --plot speeds.png"))

@@ -19,13 +19,14 @@ from hil_sim.limits import MAX_SEED
 from hil_sim.schema import WORLD
 from omni_schema.errors import did_you_mean
 from omniwheel.cli import completion
-from omniwheel.cli.common import console, error_console, print_json
+from omniwheel.cli.common import console, error_console, note, print_json
 from omniwheel.errors import OmniError, OutputFileError
 from omniwheel.plain import shown
 from omniwheel.presets import read_preset
 
 if TYPE_CHECKING:
     from hil_sim import timeline
+    from hil_sim.external import ExternalWorld
     from hil_sim.hil import AfterRunError
     from hil_sim.runs import Run
     from hil_sim.scenario import Scenario
@@ -100,6 +101,15 @@ SetOption = Annotated[
     ),
 ]
 
+WorldOption = Annotated[
+    str | None,
+    typer.Option(
+        "--world",
+        metavar="MODULE:CLASS|mujoco",
+        help="What simulates motors, robot and floor instead of our world: a Python class, or mujoco\\[:FLOOR.toml].",
+    ),
+]
+
 Figures = Mapping[str, Any]
 _MM, _MRAD = 1e3, 1e3
 
@@ -108,6 +118,18 @@ class RunFolderError(OmniError):
     """A run folder cannot be made or read."""
 
     exit_code = 2
+
+
+def world_of(place: str | None, scenario: Scenario, quiet: bool) -> ExternalWorld | None:
+    """Make the world that --world names, and say what it leaves out of the scenario; None without the option."""
+    from hil_sim.external import load_world
+
+    if place is None:
+        return None
+    world = load_world(place, scenario)
+    for line in getattr(world, "notes", ()):
+        note(escape(line), quiet=quiet)
+    return world
 
 
 def scenario_help() -> str:
@@ -223,7 +245,8 @@ def store(
         from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import
 
         draw_run(summary, run.record, folder / PICTURE_FILE)
-    except OutputFileError:
+    except OutputFileError as error:
+        error.found = summary
         if not as_json:
             show()
         raise

@@ -6,20 +6,24 @@ from __future__ import annotations
 import _thread
 import sys
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
 from omniwheel.cli.options import HostOption, ListenPortOption
-from omniwheel.cli.run_output import RobotOption, SeedOption
+from omniwheel.cli.run_output import RobotOption, SeedOption, WorldOption, world_of
+from omniwheel.errors import FirmwareEndedError
 
 if TYPE_CHECKING:
-    from hil_sim.sitl import SimulatedRadio
+    from hil_sim.scenario import Scenario
+    from hil_sim.sitl import SimulatedRadio, Sitl
     from omniwheel.cli.sitl_commands import Commands
+    from omniwheel.firmware_child import FirmwareChild
     from omniwheel.radio_model import RadioSettings
 
 EXAMPLES = examples(
@@ -30,8 +34,11 @@ EXAMPLES = examples(
     "omni sitl --radio 9600 --loss 0.2 --latency 0.2     # a second port, behind a bad XBee",
     'omni sitl --commands                    # type lines like {"fault": "ice", "on": true} while it runs',
     "omni sitl fault_battery_sag             # another scenario's world and faults",
+    "omni sitl --world mujoco                # MuJoCo in the place of our world",
+    "omni sitl --no-world                    # the firmware alone, for a simulator of your own",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
+POLL_S = 0.1
 _PROFILES = (9600, 57600, 115200)
 
 ScenarioNameArgument = Annotated[
@@ -60,6 +67,17 @@ LinksOption = Annotated[
 StorageOption = Annotated[
     Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
 ]
+EndWithStdinOption = Annotated[
+    bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
+]
+CommandsOption = Annotated[
+    bool,
+    typer.Option(
+        "--commands",
+        help='Take commands from standard input, a JSON object per line: {"fault": NAME, "wheel": N, "on": true}, '
+        '{"mend": true}, {"speed": 0.5}.',
+    ),
+]
 
 
 def sitl(
@@ -86,16 +104,12 @@ def sitl(
         float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
     ] = 0.02,
     seed: SeedOption = None,
-    end_with_stdin: Annotated[
-        bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
-    ] = False,
-    commands: Annotated[
+    end_with_stdin: EndWithStdinOption = False,
+    commands: CommandsOption = False,
+    world: WorldOption = None,
+    no_world: Annotated[
         bool,
-        typer.Option(
-            "--commands",
-            help='Take commands from standard input, a JSON object per line: {"fault": NAME, "wheel": N, "on": true}, '
-            '{"mend": true}, {"speed": 0.5}.',
-        ),
+        typer.Option("--no-world", help="The firmware alone: it waits for the sensors of your simulator, in lockstep."),
     ] = False,
     json_wanted: JsonOption = False,
 ) -> None:
@@ -105,29 +119,83 @@ def sitl(
 
     With --commands things break and are mended meanwhile; docs/guides/studio.md lists them. A line that is none
     is answered on standard error and changes nothing.
+
+    With --no-world, time stands still until something sends OMNI_HIL_SENSORS: docs/guides/external-worlds.md.
     """
     from hil_sim.scenario import load_scenario
     from hil_sim.sitl import start_sitl
-    from omniwheel.cli.sitl_commands import Commands
     from omniwheel.radio_model import RadioSettings
 
+    if no_world:
+        _refuse_world(world, world_robot, radio, commands)
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
+    if no_world:
+        _alone(scenario, links, storage, end_with_stdin, json_wanted)
+        return
+    external = world_of(world, scenario, json_wanted)
     try:
-        with signals_interrupt(), start_sitl(scenario, links, storage=storage, radio=simulated) as running:
-            more = {"world": running.live.catalogue()} if commands else {}
-            announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
-            obeyed = Commands(running.live, json_wanted) if commands else None
-            if end_with_stdin or commands:
-                reader = (obeyed, end_with_stdin)
-                threading.Thread(target=_read_input, args=reader, daemon=True).start()
-            while True:
-                running.advance()
-                if obeyed is not None:
-                    obeyed.serve()
+        started = start_sitl(scenario, links, storage=storage, radio=simulated, world=external)
+        with signals_interrupt(), started as running:
+            serve_world(running, scenario, json_wanted, commands=commands, end_with_stdin=end_with_stdin)
     except KeyboardInterrupt:
         return
+
+
+def serve_world(
+    running: Sitl, scenario: Scenario, json_wanted: bool, *, commands: bool, end_with_stdin: bool
+) -> NoReturn:
+    """Say where the robot is, and keep its world going until KeyboardInterrupt; obey commands if wanted."""
+    from omniwheel.cli.sitl_commands import Commands
+
+    more = {"world": running.live.catalogue()} if commands else {}
+    announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
+    obeyed = Commands(running.live, json_wanted) if commands else None
+    if end_with_stdin or commands:
+        read_input(obeyed, end_with_stdin)
+    while True:
+        running.advance()
+        if obeyed is not None:
+            obeyed.serve()
+
+
+def read_input(commands: Commands | None, end_with_it: bool) -> None:
+    """Read standard input in a thread of its own; its end is a KeyboardInterrupt if ``end_with_it``."""
+    threading.Thread(target=_read_input, args=(commands, end_with_it), daemon=True).start()
+
+
+def _refuse_world(world: str | None, world_robot: str | None, radio: int | None, commands: bool) -> None:
+    if world is not None or world_robot is not None or radio is not None or commands:
+        raise typer.BadParameter("--no-world is the firmware alone: no --world, --world-robot, --radio or --commands")
+
+
+def _alone(
+    scenario: Scenario, links: Sequence[str], storage: Path | None, end_with_stdin: bool, json_wanted: bool
+) -> None:
+    """Run the firmware in lockstep until Ctrl-C, or until it ends."""
+    from omniwheel.firmware_process import FirmwareProcess
+
+    values = scenario.parameter_values()
+    robot = scenario.robot
+    try:
+        with (
+            signals_interrupt(),
+            FirmwareProcess(robot.source, links=links, lockstep=True, storage=storage, parameters=values) as firmware,
+        ):
+            announce(firmware.urls, robot.name, "No world: it ticks on your simulator's sensors", json_wanted)
+            if end_with_stdin:
+                read_input(None, True)
+            wait_for_end(firmware)
+    except KeyboardInterrupt:
+        return
+
+
+def wait_for_end(firmware: FirmwareChild) -> NoReturn:
+    """Wait until Ctrl-C, or raise FirmwareEndedError when the firmware ends by itself."""
+    while firmware.running:
+        time.sleep(POLL_S)
+    raise FirmwareEndedError(firmware.exit_code or 0, firmware.messages)
 
 
 def _read_input(commands: Commands | None, end_with_it: bool) -> None:

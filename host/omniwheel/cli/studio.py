@@ -60,6 +60,7 @@ def studio(
         raise MissingPackageError(f"this needs the package {error.name}, which is not installed", hint=hint) from error
     from hil_sim.scenario import load_scenario, scenario_names
     from omniwheel.studio.access import Access
+    from omniwheel.studio.simulated import Simulation
     from omniwheel.studio.studio import Studio
 
     listener = _listen(host, port)
@@ -70,7 +71,7 @@ def studio(
     try:
         if scenario:
             load_scenario(scenario, robot)  # what is wrong with it is said here
-            model.simulate(scenario, robot, seed)
+            model.simulate(Simulation(scenario, robot, seed))
         elif link:
             model.connect(link)
         address = _address(listener, access.token)

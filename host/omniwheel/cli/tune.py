@@ -32,6 +32,7 @@ from omniwheel.cli.common import (
 )
 from omniwheel.cli.old_options import with_old_key
 from omniwheel.cli.options import ASSIGNMENTS, KEEP, PLOT, Axis, AxisOption, rounds_option
+from omniwheel.errors import OutputFileError
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
 if TYPE_CHECKING:
@@ -103,7 +104,8 @@ def tune(
     from omniwheel.tuning_rounds import run_rounds
 
     target, plan = writable_path(out, "the picture"), _Plan(experiment, axis, size, duration_s)
-    kept = None
+    kept: int | None = None
+    unwritten: OutputFileError | None = None
     with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
         recorder = keep_history(robot, why)
         sets = _Sets(robot, wanted)
@@ -111,10 +113,13 @@ def tune(
             tries = run_rounds(robot, sets.values, rounds, plan.run, partial(_say, sets.names, rounds, json_wanted))
             outcome = _Outcome(sets, [[figures for _, figures in entry] for entry in tries])
             traces = {name: [trace for trace, _ in entry] for name, entry in zip(sets.names, tries, strict=True)}
-            draw_tuning(traces, sets.title, target)
+            try:
+                draw_tuning(traces, sets.title, target)
+            except OutputFileError as error:  # all rounds are told, and their best kept, before that
+                unwritten = error
             if not json_wanted:
                 outcome.show()
-                console.print(f"\n[bold]{target}[/]")
+                console.print(f"\n[bold]{target}[/]" if unwritten is None else "")
             kept = _chosen(keep, len(wanted), json_wanted)
         finally:
             robot.parameters.set_many(sets.values[kept or 0])
@@ -122,11 +127,14 @@ def tune(
             recorder.measured(outcome.pairs(kept))
             if store:
                 robot.store()
-    if json_wanted:
-        told = {"experiment": experiment.value, "old": sets.values[0], "kept": kept is not None, "picture": str(target)}
-        print_json(with_old_key({**told, **outcome.document()}, "picture"))
-    else:
+    if not json_wanted:
         console.print("old values restored" if kept is None else f"kept: {sets.names[kept]}")
+    told = {"experiment": experiment.value, "old": sets.values[0], "kept": kept is not None}
+    if unwritten is not None:
+        unwritten.found = {**told, **outcome.document()}
+        raise unwritten
+    if json_wanted:
+        print_json(with_old_key({**told, "picture": str(target), **outcome.document()}, "picture"))
 
 
 def _wanted(

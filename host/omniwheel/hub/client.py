@@ -6,12 +6,13 @@ from __future__ import annotations
 from typing import Any
 
 from omniwheel.dialect import Message, mavlink
+from omniwheel.hub.frame_finder import SILENCE_S, FrameFinder
+from omniwheel.hub.rules import Kind, kind_of
 
 HUB_COMPONENT = mavlink.MAV_COMP_ID_UART_BRIDGE
 TEXT_PERIOD_S = 2.0
 """A client is told the same thing once in this time."""
 TEXT_CHARACTERS = 50
-_NAMES = frozenset(message.msgname for message in mavlink.mavlink_map.values())
 
 
 class _Collector:
@@ -34,14 +35,20 @@ class Client:
         self.systems: set[int] = set()
         self.out = bytearray()
         self.left_out = 0
-        self._parser: Any = mavlink.MAVLink(None)
-        self._parser.robust_parsing = True
+        self._finder = FrameFinder(lambda message: kind_of(message) is Kind.STOP)
+        self._heard_s = float("-inf")
         self._speaker: Any = mavlink.MAVLink(_Collector(self.out), 1, HUB_COMPONENT)
         self._told_s: dict[str, float] = {}
 
-    def parse(self, data: bytes) -> list[Message]:
-        """Return the messages of the dialect that are complete with ``data``."""
-        return [m for m in self._parser.parse_buffer(data) or () if m.get_type() in _NAMES]
+    def parse(self, data: bytes, now_s: float) -> list[Message]:
+        """Return the messages of the dialect that are complete with ``data``, which has just come."""
+        self._heard_s = now_s
+        return self._finder.take(data)
+
+    def parse_rest(self, now_s: float) -> list[Message]:
+        """Return the messages inside half a frame whose rest has not come for too long."""
+        late = self._finder.waits and now_s - self._heard_s > SILENCE_S
+        return self._finder.give_up() if late else []
 
     def tell(self, system: int, text: str, severity: int, now_s: float, about: str = "") -> None:
         """Send a status text of the hub. With ``about``, at most one about this in two seconds."""

@@ -169,7 +169,10 @@ class Hub:
     def from_client(self, number: int, data: bytes) -> None:
         """Take what a client sent."""
         client = self.clients[number]
-        for message in client.parse(data):
+        self._take_all(client, client.parse(data, self._clock()))
+
+    def _take_all(self, client: Client, messages: list[Message]) -> None:
+        for message in messages:
             client.raw = client.raw or wire.is_signed(message)
             client.systems.add(message.get_srcSystem())
             self._take(client, message)
@@ -371,6 +374,8 @@ class Hub:
 
     def _do_due(self) -> None:
         now_s = self._clock()
+        for client in self.clients.values():
+            self._take_all(client, client.parse_rest(now_s))
         if self.command.is_idle(now_s):
             holder = self.command.holder
             self.command.release()

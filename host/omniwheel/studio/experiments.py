@@ -7,6 +7,7 @@ page, and how it is begun, watched and ended.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -22,20 +23,21 @@ from omniwheel.drive_log import DriveLog
 from omniwheel.errors import LimitError, OmniError
 from omniwheel.plain import finite
 from omniwheel.robot import Robot
+from omniwheel.robots import robot_names
 from omniwheel.studio.actions import BadRequestError, Request, number_of
 from omniwheel.studio.session import Session, WorkEndedError
 from omniwheel.tuning import AXES
 
 if TYPE_CHECKING:
     from omniwheel.experiments import Outcome
+    from omniwheel.studio.identified import Identified
     from omniwheel.studio.tuned import Tuned
 
 SMALLEST_ROOM_M, LARGEST_ROOM_M, USUAL_ROOM_M = 0.1, 20.0, 1.0
 _ALL = 0
-_POSITION_TIMES_S = {"position-step": 1.0, "position-sweep": 12.0}
-_WHEEL_TIMES_S = {"wheel-step": 0.5, "wheel-chirp": 2.5}
-_PUSH_S = 0.1
-_AUTOTUNE = "autotune"
+SHORTEST_S, LONGEST_S = 0.05, 120.0
+_POSITION, _WHEEL = ("position-step", "position-sweep"), ("wheel-step", "wheel-chirp")
+_AUTOTUNE, _IDENTIFY = "autotune", "identify"
 _ROUNDS = ((2, "quick: 2 rounds"), (4, "4 rounds"), (10, "sure: 10 rounds"))
 _PHASES = ("preparing", "moving", "fetching the recording", "drawing")
 
@@ -47,22 +49,33 @@ class Kind:
     name: str
     words: str
     choices: tuple[str, ...]
+    unit: str = ""
+    """Of the signal's size; "" where there is none to choose."""
+    duration_s: float = 0.0
+    """Of the signal, usually."""
 
 
 KINDS = (
-    Kind("wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand")),
-    Kind("wheel-chirp", "Bandwidth, margins and delay of a wheel's loop", ("wheel or all", "on_stand")),
-    Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",)),
-    Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",)),
-    Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",)),
+    Kind(
+        "wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand"), "rad/s", 0.5
+    ),
+    Kind("wheel-chirp", "Bandwidth, margins and delay of a wheel's loop", ("wheel or all", "on_stand"), "rad/s", 2.5),
+    Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",), "m or rad", 1.0),
+    Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",), "m or rad", 12.0),
+    Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",), "V", 0.1),
     Kind(_AUTOTUNE, "Measure the robot, choose its gains from that, and try them", ("rounds",)),
+    Kind(_IDENTIFY, "Measure motors, friction and inertia, and write a robot file", ("file",)),
 )
 """In the order of docs/guides/experiments.md, then autotune. Each moves the robot by itself."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a page chose. ``wheel`` counts from 1; 0 is all of them."""
+    """What a page chose. ``wheel`` counts from 1; 0 is all of them.
+
+    ``file`` is the robot file whose layout it has. ``amplitude`` is the signal's size in its own unit; NaN: as the
+    robot allows.
+    """
 
     name: str
     room_m: float
@@ -70,8 +83,11 @@ class Wanted:
     axis: str
     on_stand: bool
     rounds: int = 4
+    file: str = ""
+    amplitude: float = math.nan
+    duration_s: float = 1.0
 
-    def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome | Tuned:
+    def run(self, robot: Robot, tell: Callable[[str], None]) -> Outcome | Tuned | Identified:
         """Do it; the first thing told is what it needs. Raises LimitError before the robot moves, ExperimentError."""
         from omniwheel import experiments
 
@@ -79,15 +95,21 @@ class Wanted:
             from omniwheel.studio.tuned import tune
 
             return tune(robot, self.room_m, self.rounds, tell)
-        if self.name in _WHEEL_TIMES_S:
+        if self.name == _IDENTIFY:
+            from omniwheel.studio.identified import identify
+
+            return identify(robot, self.file, self.room_m, tell)
+        if self.name in _WHEEL:
             wheel_run = experiments.wheel_step if self.name == "wheel-step" else experiments.wheel_chirp
-            wheels = experiments.WheelPlan(self.wheel, duration_s=_WHEEL_TIMES_S[self.name], on_stand=self.on_stand)
+            wheels = experiments.WheelPlan(
+                self.wheel, amplitude_rad_s=self.amplitude, duration_s=self.duration_s, on_stand=self.on_stand
+            )
             return wheel_run(robot, wheels, self.room_m, tell)
-        if self.name in _POSITION_TIMES_S:
+        if self.name in _POSITION:
             run = experiments.position_step if self.name == "position-step" else experiments.position_sweep
-            plan = experiments.PositionPlan(self.axis, duration_s=_POSITION_TIMES_S[self.name])
+            plan = experiments.PositionPlan(self.axis, self.amplitude, self.duration_s)
             return run(robot, plan, self.room_m, tell)
-        push = experiments.PushPlan(self.wheel, duration_s=_PUSH_S)
+        push = experiments.PushPlan(self.wheel, self.amplitude, self.duration_s)
         return experiments.disturbance(robot, push, self.room_m, tell)
 
 
@@ -98,7 +120,7 @@ class _SaidEnoughError(Exception):
 def catalogue(robot: Robot) -> list[dict[str, Any]]:
     """Return the experiments as a page shows them; each choice has ``key``, ``label`` and its ``options``, or a range.
 
-    An option is a value and its words.
+    An option is a value and its words. A range without a default may stay empty.
     """
     wheels = [[number, f"wheel {number}"] for number in range(1, int(robot.parameters.known["WHEELS"]) + 1)]
     choices = {
@@ -106,6 +128,7 @@ def catalogue(robot: Robot) -> list[dict[str, Any]]:
         "wheel or all": {"key": "wheel", "label": "Wheel", "options": [[_ALL, "all alike"], *wheels]},
         "axis": {"key": "axis", "label": "Axis", "options": [[axis, axis] for axis in AXES]},
         "rounds": {"key": "rounds", "label": "Old and new in turns", "options": [list(option) for option in _ROUNDS]},
+        "file": {"key": "file", "label": "Robot file", "options": [[name, name] for name in robot_names()]},
         "on_stand": {
             "key": "on_stand",
             "label": "The robot",
@@ -120,9 +143,22 @@ def catalogue(robot: Robot) -> list[dict[str, Any]]:
         "default": USUAL_ROOM_M,
     }
     return [
-        {"name": kind.name, "words": kind.words, "choices": [*(choices[name] for name in kind.choices), room]}
+        {
+            "name": kind.name,
+            "words": kind.words,
+            "choices": [*(choices[name] for name in kind.choices), *_signal(kind), room],
+        }
         for kind in KINDS
     ]
+
+
+def _signal(kind: Kind) -> list[dict[str, Any]]:
+    """Return the fields for the size of an experiment's signal, which may stay empty, and for its duration."""
+    if not kind.unit:
+        return []
+    size = {"key": "amplitude", "label": f"Amplitude [{kind.unit}]", "min": None, "max": None, "default": None}
+    time = {"key": "duration_s", "label": "Lasts [s]", "min": SHORTEST_S, "max": LONGEST_S, "default": kind.duration_s}
+    return [size, time]
 
 
 def wanted_of(request: Request) -> Wanted:
@@ -139,10 +175,20 @@ def wanted_of(request: Request) -> Wanted:
         raise BadRequestError(f"room_m has to be from {SMALLEST_ROOM_M:g} to {LARGEST_ROOM_M:g}, not {room_m:g}")
     if not wheel.is_integer():
         raise BadRequestError(f"there is no wheel {wheel:g}")
+    usual_s = next(kind.duration_s for kind in KINDS if kind.name == name)
+    amplitude, duration_s = request.get("amplitude"), number_of(request, "duration_s", usual_s or SHORTEST_S)
+    if not SHORTEST_S <= duration_s <= LONGEST_S:
+        raise BadRequestError(f"duration_s has to be from {SHORTEST_S:g} to {LONGEST_S:g}, not {duration_s:g}")
+    size = math.nan if amplitude is None else number_of(request, "amplitude")
+    if size == 0.0:
+        raise BadRequestError("an experiment's signal cannot have the size 0", hint="leave it empty: it is chosen then")
     rounds = number_of(request, "rounds", _ROUNDS[0][0])
     if rounds not in {number for number, _ in _ROUNDS}:
         raise BadRequestError(f"rounds has to be {', '.join(str(number) for number, _ in _ROUNDS)}, not {rounds:g}")
-    return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds))
+    file = request.get("file", "")
+    if file not in (robot_names() if name == _IDENTIFY else ("",)):
+        raise BadRequestError(f"there is no robot file {file!r}")
+    return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds), file, size, duration_s)
 
 
 def needs_of(robot: Robot, wanted: Wanted) -> str:
@@ -170,7 +216,7 @@ def prepare() -> None:
 
     for module in ("linalg", "signal", "special"):
         require_scipy(module)
-    for module in ("experiments.folder", "studio.tuned"):
+    for module in ("experiments.folder", "studio.identified", "studio.tuned"):
         import_module(f"omniwheel.{module}")
 
 
@@ -185,7 +231,7 @@ class Experiment:
         self._began_s = time.monotonic()
         self._phase = _PHASES[0]
         self._needs = self._step = self._trouble = ""
-        self._outcome: Outcome | Tuned | None = None
+        self._outcome: Outcome | Tuned | Identified | None = None
         self._folder = ""
         self._thread = threading.Thread(target=self._run, name=f"experiment {wanted.name}", daemon=True)
 
@@ -224,7 +270,7 @@ class Experiment:
             self._trouble = f"a mistake in this program, please report it: {error!r}"
             raise
 
-    def _measured(self, robot: Robot, log: DriveLog) -> Outcome | Tuned:
+    def _measured(self, robot: Robot, log: DriveLog) -> Outcome | Tuned | Identified:
         """Run in the robot's thread. The robot is disarmed at the end, whatever happens."""
         if self._session.stops != self._stops:
             raise WorkEndedError("stopped")
@@ -251,11 +297,15 @@ class Experiment:
             self._phase = _PHASES[2]
 
 
-def _written(outcome: Outcome | Tuned, folder: Path) -> Path:
-    """Write everything into a folder and return the picture. Raises OutputFileError."""
+def _written(outcome: Outcome | Tuned | Identified, folder: Path) -> Path | None:
+    """Write everything into a folder and return the picture, if there is one. Raises OmniError."""
     from omniwheel.experiments.folder import PICTURE_FILE, write_outcome
+    from omniwheel.studio.identified import Identified
     from omniwheel.studio.tuned import Tuned
 
+    if isinstance(outcome, Identified):
+        outcome.write(folder)
+        return None
     if isinstance(outcome, Tuned):
         return outcome.write(folder)
     write_outcome(outcome, folder)

@@ -12,18 +12,21 @@ from typing import Any
 from omniwheel.drive_log.folder import BEFORE_FILE, DRIVE_FILE, TLOG_FILE
 from omniwheel.drive_log.listing import RunEntry, cell, compare, different_parameters, find_run, headline, list_runs
 from omniwheel.errors import LogError
-from omniwheel.logs.run_folder import SUMMARY_FILE
+from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
 from omniwheel.parameter_file import format_value
 from omniwheel.robots import parameter_table
+from omniwheel.studio.bounds import SIGNAL_LIMITS, limit_of
 from omniwheel.studio.recorded_log import RecordedLog
 from omniwheel.studio.samples import SAMPLES_WINDOW, packed
 from omniwheel.studio.signals import signals_as_json
+from omniwheel.studio.simulated_log import SimulatedLog
+from omniwheel.studio.spectra import spectrum
 
 MOST_LISTED = 500
 LONGEST_NAME = 255
 _OPEN = 3
 _HINT = "press Refresh: it may have been renamed or deleted"
-_logs: OrderedDict[Path, tuple[tuple[int, int], RecordedLog]] = OrderedDict()
+_logs: OrderedDict[Path, tuple[tuple[int, int], RecordedLog | SimulatedLog]] = OrderedDict()
 
 
 def listing(root: Path, text: str) -> dict[str, Any]:
@@ -50,13 +53,15 @@ def comparison(root: Path, one: str, other: str) -> dict[str, Any]:
 
 
 def run_log(root: Path, name: str) -> Path:
-    """Return the telemetry log of a run below ``root``, never of a place outside. Raises LogError."""
-    path = run_folder(root, name) / TLOG_FILE
-    if not path.is_file():
-        raise LogError(
-            f"the run {name} has no telemetry log", hint="simulated runs have a picture: `omni plot` draws it"
-        )
-    return path
+    """Return a run's telemetry log, or a simulated run's record, below ``root``, never outside. Raises LogError."""
+    found = _log_in(run_folder(root, name))
+    if found is None:
+        raise LogError(f"the run {name} has neither a telemetry log nor a record", hint=_HINT)
+    return found
+
+
+def _log_in(folder: Path) -> Path | None:
+    return next((path for path in (folder / TLOG_FILE, folder / RECORD_FILE) if path.is_file()), None)
 
 
 def run_folder(root: Path, name: str) -> Path:
@@ -72,8 +77,10 @@ def opened(path: Path) -> dict[str, Any]:
     log = _log(path, fresh=True)
     return {
         "duration_s": log.end_s - log.start_s,
-        "signals": signals_as_json(log.signals()),
+        "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(log.signals())],
+        "limits": {name: value for name, value in log.parameters().items() if name in SIGNAL_LIMITS.values()},
         "marks": log.marks(),
+        "path_s": log.path_s(),
         "lost_bytes": log.lost_bytes,
         "bad_frames": log.bad_frames,
     }
@@ -85,7 +92,12 @@ def window(path: Path, keys: Sequence[str], begin_s: float, end_s: float, width:
     return packed(SAMPLES_WINDOW, 0.0, log.window(keys, begin_s, end_s, width), keys)
 
 
-def _log(path: Path, fresh: bool = False) -> RecordedLog:
+def spectra(path: Path, keys: Sequence[str], begin_s: float, end_s: float) -> list[dict[str, Any]]:
+    """Return the spectra of signals between two times. Raises LogError, TooFewSamplesError."""
+    return [spectrum(trace).as_json() for trace in _log(path).samples(keys, begin_s, end_s)]
+
+
+def _log(path: Path, fresh: bool = False) -> RecordedLog | SimulatedLog:
     """Return an open log; if ``fresh``, read again if the file has changed."""
     try:
         about = path.stat()
@@ -97,7 +109,7 @@ def _log(path: Path, fresh: bool = False) -> RecordedLog:
         log.close()
         log = None
     if log is None:
-        seen, log = now, RecordedLog(path)
+        seen, log = now, SimulatedLog(path) if path.name == RECORD_FILE else RecordedLog(path)
     _logs[path] = (seen, log)
     while len(_logs) > _OPEN:
         _logs.popitem(last=False)[1][1].close()
@@ -108,7 +120,7 @@ def _is_inside(root: Path, folder: Path) -> bool:
     whole = root.resolve()
     if folder.resolve().parent != whole:
         return False
-    files = (folder / name for name in (DRIVE_FILE, SUMMARY_FILE, BEFORE_FILE, TLOG_FILE))
+    files = (folder / name for name in (DRIVE_FILE, SUMMARY_FILE, RECORD_FILE, BEFORE_FILE, TLOG_FILE))
     return all(file.resolve().parent.parent == whole for file in files)
 
 
@@ -126,7 +138,7 @@ def _as_json(entry: RunEntry) -> dict[str, Any]:
         "asked": entry.asked,
         "end": entry.end,
         "figures": ", ".join(headline(entry)),
-        "has_log": (entry.folder / TLOG_FILE).is_file(),
+        "has_log": _log_in(entry.folder) is not None,
     }
 
 

@@ -23,7 +23,7 @@ from omniwheel.studio.log_frames import LONGEST_RECORD, Array, Clock, Kind, Piec
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import Trace, extremes, thinned
 from omniwheel.studio.signals import KINDS, Signal, all_signals, signals_of
-from omniwheel.telemetry import Control
+from omniwheel.telemetry import Control, Tracking
 
 PIECE_BYTES = 1 << 20
 MOST_PIECES = 32
@@ -161,15 +161,47 @@ class RecordedLog:
 
     def window(self, keys: Sequence[str], begin_s: float, end_s: float, width: int) -> list[Trace]:
         """Return of each of these signals what a plot of ``width`` pixels shows between two times."""
-        wanted = {signal.key: signal for kind in KINDS for signal in signals_of(kind) if kind in self._overviews}
+        pieces = self._pieces(begin_s, end_s)
+        return [thinned(self._trace(signal, begin_s, end_s, pieces), width) for signal in self._wanted(keys)]
+
+    def samples(self, keys: Sequence[str], begin_s: float, end_s: float) -> list[Trace]:
+        """Return every sample of these signals between two times. Raises LogError for too long a stretch."""
+        pieces = self._pieces(begin_s, end_s)
+        if pieces is None:
+            raise LogError("this stretch of the log is too long for that", hint="choose a shorter one with the mouse")
+        return [self._trace(signal, begin_s, end_s, pieces) for signal in self._wanted(keys)]
+
+    def path_s(self) -> float | None:
+        """Return when the robot began to follow its path, past the way to its beginning; None if it never did.
+
+        In a long log to within a bin of the overview.
+        """
+        overview = self._overviews.get(Tracking)
+        if overview is None:
+            return None
+        times, values = overview.all()
+        row = next(signal.column for signal in signals_of(Tracking) if signal.key == _PATH_TIME)
+        on_path = np.flatnonzero(values[row] > 0.0)
+        return None if not len(on_path) else float(times[row][on_path[0]] - self.start_s)
+
+    def parameters(self) -> dict[str, float]:
+        """Return what the log tells of the parameters at its end, and what lies beside it."""
+        return dict(self._known)
+
+    def _wanted(self, keys: Sequence[str]) -> list[Signal]:
+        known = {signal.key: signal for kind in KINDS for signal in signals_of(kind) if kind in self._overviews}
+        return [known[key] for key in keys if key in known]
+
+    def _pieces(self, begin_s: float, end_s: float) -> list[Piece] | None:
+        """Return the pieces that hold what is between two times; None if they are too many."""
         begin, end = begin_s + self.start_s, end_s + self.start_s
         times = [time_s for _, _, time_s in self._begins]
         first = max(int(np.searchsorted(times, begin)) - 1, 0)
         last = int(np.searchsorted(times, end, side="right"))
-        pieces = None if last - first > MOST_PIECES else [self._cached(n) for n in range(first, last)]
-        return [self._trace(wanted[key], begin, end, width, pieces) for key in keys if key in wanted]
+        return None if last - first > MOST_PIECES else [self._cached(n) for n in range(first, last)]
 
-    def _trace(self, signal: Signal, begin: float, end: float, width: int, pieces: list[Piece] | None) -> Trace:
+    def _trace(self, signal: Signal, begin_s: float, end_s: float, pieces: list[Piece] | None) -> Trace:
+        begin, end = begin_s + self.start_s, end_s + self.start_s
         row = signal.column
         if pieces is None:
             times, values = self._overviews[signal.kind].all()
@@ -181,7 +213,7 @@ class RecordedLog:
         inside = np.isfinite(value) & (time_s >= begin) & (time_s <= end)
         time_s, value = time_s[inside], value[inside]
         newer = np.diff(np.maximum.accumulate(time_s), prepend=-np.inf) > 0.0  # a plot's times rise
-        return thinned(Trace(signal.key, time_s[newer] - self.start_s, value[newer]), width)
+        return Trace(signal.key, time_s[newer] - self.start_s, value[newer])
 
     def _cached(self, number: int) -> Piece:
         piece = self._cache.pop(number, None)
@@ -197,6 +229,7 @@ class RecordedLog:
 
 _HINT = "give a .tlog file, as `omni record`, `omni drive` and the studio write it"
 _SEQUENCE = "control.config_sequence"
+_PATH_TIME = "tracking.path_time"
 
 
 def _new_sequences(piece: Piece) -> list[tuple[float, int]]:

@@ -48,6 +48,7 @@ class Runs:
             "runs": self._list,
             "open_run": self._open,
             "compare_runs": self._compare,
+            "run_spectrum": self._spectrum,
             "record": self._record,
         }
 
@@ -79,6 +80,13 @@ class Runs:
     async def _compare(self, _page: Page, request: Mapping[str, Any]) -> Any:
         names = [_text(request, name) for name in ("one", "other")]
         return await _answer(self._studio.worker.ask(reading.comparison, self._studio.recorder.root, *names))
+
+    async def _spectrum(self, _page: Page, request: Mapping[str, Any]) -> Any:
+        keys = _keys_of(request)
+        begin_s, end_s = number_of(request, "begin_s"), number_of(request, "end_s")
+        return await _answer(
+            self._logs.ask(reading.spectra, await self._path(request.get("log")), keys, begin_s, end_s)
+        )
 
     async def _record(self, _page: Page, request: Mapping[str, Any]) -> Any:
         if request.get("on") is not True:
@@ -119,13 +127,11 @@ class Runs:
             raise BadRequestError("that is no request of this page") from error
         if not isinstance(wanted, dict):
             raise BadRequestError("that is no request of this page")
-        keys = wanted.get("signals")
-        if not isinstance(keys, list) or len(keys) > MOST_SIGNALS or not all(isinstance(key, str) for key in keys):
-            raise BadRequestError(f"signals has to be a list of at most {MOST_SIGNALS} names")
+        keys = _keys_of(wanted)
         width = min(max(int(number_of(wanted, "width", 1000.0)), _WIDTHS[0]), _WIDTHS[1])
         begin_s, end_s = number_of(wanted, "begin_s"), number_of(wanted, "end_s")
         path = await self._path(wanted.get("log"))
-        found = await _answer(self._logs.ask(reading.window, path, list(dict.fromkeys(keys)), begin_s, end_s, width))
+        found = await _answer(self._logs.ask(reading.window, path, keys, begin_s, end_s, width))
         return Response(found, media_type=_TYPE, headers=self._headers)
 
     async def _take(self, request: Request) -> Response:
@@ -179,6 +185,13 @@ def _too_large() -> LogError:
     return LogError(
         f"this file is larger than {most}", hint="record shorter pieces; runs of the folder may have any size"
     )
+
+
+def _keys_of(request: Mapping[str, Any]) -> list[str]:
+    keys = request.get("signals")
+    if not isinstance(keys, list) or len(keys) > MOST_SIGNALS or not all(isinstance(key, str) for key in keys):
+        raise BadRequestError(f"signals has to be a list of at most {MOST_SIGNALS} names")
+    return list(dict.fromkeys(keys))
 
 
 def _text(request: Mapping[str, Any], name: str) -> str:

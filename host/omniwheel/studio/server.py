@@ -31,16 +31,20 @@ from omniwheel.robots import robot_names
 from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import ACTIONS, BadRequestError, number_of
+from omniwheel.studio.bringup_walk import wiring_picture
 from omniwheel.studio.parameter_view import values_as_json
+from omniwheel.studio.processors import IMAGE, PC, WORDS, processors
 from omniwheel.studio.runs import Runs
+from omniwheel.studio.simulated import Simulation
 from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
 
 PAGE_DIR = Path(__file__).parent / "page"
 _STOP_FIRST = "not done: a stop came first"
 _LOG = logging.getLogger(__name__)
-FRAME_S = 1 / 60
+SAMPLES_S = 0.008
+"""Time between two messages with samples: less than a frame of the screen lasts, so that each frame has new ones."""
 NEWS_EVERY = 6
-"""Frames between two looks at everything that is not a sample."""
+"""Messages with samples between two looks at everything else."""
 LARGEST_MESSAGE = 256 * 1024
 MOST_WAITING = 32
 """Requests of one page that may wait for the robot at once."""
@@ -78,6 +82,9 @@ class StudioServer:
             "disconnect": self._disconnect,
             "simulate": self._simulate,
             "world": self._world,
+            "flash": self._flash,
+            "save_view": self._save_view,
+            "bring_up": self._bring_up,
             "experiment": self._experiment,
             "load": self._load,
             **self.runs.actions,
@@ -91,6 +98,7 @@ class StudioServer:
                 Route("/state.json", self._state),
                 Route("/parameters.toml", self._parameters),
                 Route("/experiment.png", self._picture),
+                Route("/wiring.svg", self._wiring),
                 Route("/page/{name}", self._file),
                 Route("/vendor/{name}", self._vendor),
                 *self.runs.routes(),
@@ -121,6 +129,16 @@ class StudioServer:
         if picture is None or not picture.is_file():
             return self._refusal(request) or PlainTextResponse("there is no experiment yet\n", 404)
         return self._refusal(request) or FileResponse(picture, media_type="image/png", headers=_SECURITY)
+
+    async def _wiring(self, request: Request) -> Response:
+        refused = self._refusal(request)
+        if refused is not None:
+            return refused
+        try:
+            picture = await asyncio.to_thread(wiring_picture, request.query_params.get("robot", ""))
+        except OmniError as error:
+            return PlainTextResponse(f"{error}\n", 404)
+        return Response(picture, media_type=_TYPES[".svg"], headers=_SECURITY)
 
     async def _parameters(self, request: Request) -> Response:
         refused = self._refusal(request)
@@ -158,7 +176,7 @@ class StudioServer:
                 task.cancel()
 
     async def _send(self, socket: WebSocket, page: Page, outbox: asyncio.Queue[str | bytes]) -> None:
-        frame = 0
+        turn = 0
         with suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 while not outbox.empty():
@@ -166,12 +184,12 @@ class StudioServer:
                 samples = self.studio.new_samples(page)
                 if samples:
                     await socket.send_bytes(samples)
-                if frame % NEWS_EVERY == 0:
+                if turn % NEWS_EVERY == 0:
                     news = self.studio.news(page)
                     if news:
                         await socket.send_text(json.dumps(news))
-                frame += 1
-                await asyncio.sleep(FRAME_S)
+                turn += 1
+                await asyncio.sleep(SAMPLES_S)
 
     async def _receive(
         self, page: Page, text: str | None, outbox: asyncio.Queue[str | bytes], waiting: set[asyncio.Task[None]]
@@ -205,7 +223,7 @@ class StudioServer:
     ) -> None:
         """Do what a page asked for; ``stops`` is how many stops had been asked for before, None for a stop."""
         try:
-            if stops is not None and stops < self.studio.stops and action in (*ACTIONS, "experiment"):
+            if stops is not None and stops < self.studio.stops and action in (*ACTIONS, "experiment", "bring_up"):
                 raise BadRequestError(_STOP_FIRST)
             local = self._local.get(action)
             if local is not None:
@@ -255,9 +273,10 @@ class StudioServer:
     async def _choices(self, _page: Page, _request: Mapping[str, Any]) -> dict[str, Any]:
         ports = await asyncio.to_thread(serial_ports)
         return {
-            "ports": [{"url": port.device, "what": port.guess or port.description} for port in ports],
+            "ports": [{"url": port.device, "what": port.guess or _known(port.description)} for port in ports],
             "scenarios": await asyncio.to_thread(self._scenarios),
             "robots": robot_names(),
+            "processors": await asyncio.to_thread(processors),
         }
 
     async def _connect(self, page: Page, request: Mapping[str, Any]) -> None:
@@ -275,11 +294,25 @@ class StudioServer:
             raise BadRequestError(f"there is no scenario {scenario!r}")
         if robot is not None and robot not in robot_names():
             raise BadRequestError(f"there is no robot {robot!r}")
-        seed = int(number_of(request, "seed", 1.0))
-        await self._change(page, lambda: self.studio.simulate(str(scenario), robot, seed))
+        processor, image = request.get("processor", PC), request.get("image") or ""
+        if processor not in WORDS:
+            raise BadRequestError(f"there is no processor {processor!r}")
+        if not isinstance(image, str) or (processor == IMAGE) != bool(image):
+            raise BadRequestError("which image? a file's path is missing", hint="build one: make firmware")
+        wanted = Simulation(str(scenario), robot, int(number_of(request, "seed", 1.0)), processor, image)
+        await self._change(page, lambda: self.studio.simulate(wanted))
 
     async def _world(self, page: Page, request: Mapping[str, Any]) -> None:
         self.studio.change_world(page, request)
+
+    async def _save_view(self, page: Page, request: Mapping[str, Any]) -> None:
+        await asyncio.to_thread(self.studio.save_view, page, request.get("view"))
+
+    async def _bring_up(self, page: Page, request: Mapping[str, Any]) -> None:
+        self.studio.walk(page, request)
+
+    async def _flash(self, page: Page, request: Mapping[str, Any]) -> None:
+        await self._change(page, lambda: self.studio.flash(page, request))
 
     async def _experiment(self, page: Page, request: Mapping[str, Any]) -> Any:
         stops = self.studio.stops
@@ -302,6 +335,10 @@ class StudioServer:
         self.studio.require_command(page)
         async with self._changing:
             await asyncio.to_thread(change)
+
+
+def _known(description: str) -> str:
+    return "" if description == "n/a" else description
 
 
 def _keys_of(request: Mapping[str, Any]) -> list[str]:

@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 from typing import Any, TypeVar
 
 from omniwheel.connection import Recorder
@@ -19,6 +20,7 @@ from omniwheel.history import ChangeRecorder, history_of
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
 from omniwheel.studio.edits import Edits
+from omniwheel.studio.link_quality import LinkQuality
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.signals import KINDS
@@ -81,10 +83,13 @@ class Session:
         """Why there is no connection, in words."""
         self.robot: Robot | None = None
         self.edits: Edits | None = None
+        self.history: Path | None = None
+        """Where the changes of this robot's parameters are kept; None before it is known."""
         self.page_heard_s = float("-inf")
         """When the page that commands was heard last, on the monotonic clock."""
         self.page_commands = False
         self.rx_bytes_s = 0.0
+        self.quality: LinkQuality | None = None
         self.connections = 0
         """How often it has been connected: after a loss, everything may be another robot's."""
         self.stops = 0
@@ -183,7 +188,7 @@ class Session:
                 self.phase = "lost"
                 self.trouble = f"an error of the studio's own: {type(error).__name__}: {error}"
             finally:
-                self.robot = self._link = None
+                self.robot = self._link = self.quality = None
                 self._work.drop()
             self._closing.wait(RETRY_S)
         self.phase = "closed"
@@ -205,9 +210,11 @@ class Session:
             self.connections += 1
             self.phase, self.trouble = "connected", link.notice
             counted_s, counted = time.monotonic(), robot.connection.rx_bytes
+            self.quality = quality = LinkQuality(robot)
             while not self._closing.is_set():
                 self._mind_the_page(robot)
                 self._do_next(robot)
+                quality.serve()
                 now_s = time.monotonic()
                 if now_s - counted_s >= _BYTES_OVER_S:
                     self.rx_bytes_s = (robot.connection.rx_bytes - counted) / (now_s - counted_s)
@@ -284,7 +291,9 @@ class Session:
                 self.texts.append((self.text_count, text))
 
     def _keep_history(self, robot: Robot) -> None:
-        recorder = ChangeRecorder(robot, history_of(robot), "omni studio", "", self._warn)
+        history = history_of(robot)
+        self.history = history.path
+        recorder = ChangeRecorder(robot, history, "omni studio", "", self._warn)
         write = recorder.changed
 
         def changed(changes: Any) -> None:

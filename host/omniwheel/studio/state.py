@@ -20,12 +20,14 @@ _DIRECTIONS = 72
 def link_state(session: Session | None) -> dict[str, Any]:
     """Return what is known of the connection."""
     if session is None:
-        return {"phase": "none", "url": "", "trouble": "", "bytes_per_s": 0}
+        return {"phase": "none", "url": "", "trouble": "", "bytes_per_s": 0, "quality": None}
+    quality = session.quality
     return {
         "phase": session.phase,
         "url": session.url,
         "trouble": session.trouble,
         "bytes_per_s": round(session.rx_bytes_s),
+        "quality": None if quality is None else quality.state(),
     }
 
 
@@ -41,6 +43,7 @@ def robot_state(robot: Robot) -> dict[str, Any]:
         "supply_V": None if status.battery is None else finite(status.battery.voltage_V),
         "silent_s": round(status.heartbeat_age_s, 1),
         **_pose_state(status),
+        "slip_m_s": [] if status.wheels is None else [finite(round(slip, 3)) for slip in status.wheels.slip_m_s],
         **_loop_state(status),
     }
 
@@ -48,10 +51,13 @@ def robot_state(robot: Robot) -> dict[str, Any]:
 def shape_as_json(robot: Robot) -> dict[str, Any]:
     """Return what a map draws and what driving by keys may ask: wheels, size, top speeds, paths.
 
+    ``path`` is the one that its parameters choose.
+
     ``speed`` is what the robot reaches in every direction [m/s] and by turning [rad/s].
     """
     values = robot.parameters.known
     model = robot.drive_model()
+    path = round(values["TRJ_TYPE"])
     directions = (2 * math.pi * number / _DIRECTIONS for number in range(_DIRECTIONS))
     return {
         "wheels": [math.radians(values[f"W{number}_ANGLE"]) for number in range(1, int(values["WHEELS"]) + 1)],
@@ -65,6 +71,7 @@ def shape_as_json(robot: Robot) -> dict[str, Any]:
             for name, number in robot.table["TRJ_TYPE"].values.items()
             if not lib.omni_trajectory_needs_waypoints(number)
         ],
+        "path": next((name for name, number in robot.table["TRJ_TYPE"].values.items() if number == path), None),
     }
 
 

@@ -13,15 +13,19 @@ from typing import Any
 from omniwheel.errors import OmniError
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
+from omniwheel.studio.bringup_walk import BringUp
+from omniwheel.studio.bringup_walk import catalogue as bring_up_catalogue
 from omniwheel.studio.experiments import Experiments, catalogue
+from omniwheel.studio.flasher import Flasher, firmware_of
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
 from omniwheel.studio.recording import Recorder
 from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import Signal, all_signals, signals_as_json
-from omniwheel.studio.simulated import SimulatedRobot
+from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from omniwheel.studio.spectra import spectrum
 from omniwheel.studio.state import link_state, robot_state, shape_as_json
+from omniwheel.studio.views import checked_view, read_view, view_file, write_view
 from omniwheel.studio.worker import Worker
 
 MOST_SIGNALS = 64
@@ -56,6 +60,8 @@ class Studio:
         self.experiments = Experiments(out)
         self.worker = Worker()
         self.recorder = Recorder(out, self.worker)
+        self.flasher = Flasher()
+        self.bring_up = BringUp(out)
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
         self.pages: list[Page] = []
@@ -94,7 +100,8 @@ class Studio:
     # ---- the robot
 
     def connect(self, url: str) -> None:
-        """Connect to a robot instead of the one before."""
+        """Connect to a robot instead of the one before. Raises BadRequestError during an upload to one."""
+        self.flasher.require_idle()
         self.disconnect()
         self._begin(url)
 
@@ -118,15 +125,30 @@ class Studio:
 
     def close(self) -> None:
         """Let go of everything; a recording gets its figures before."""
+        self.flasher.close()
         self.disconnect()
         self.recorder.close()
         self.worker.close()
 
-    def simulate(self, scenario: str, robot: str | None, seed: int) -> None:
+    def simulate(self, wanted: Simulation) -> None:
         """Start a simulated robot and connect to it. Raises FirmwareStartError."""
         self.disconnect()
-        self.simulated = SimulatedRobot(scenario, robot, seed)
+        self.simulated = SimulatedRobot(wanted)
         self._begin(self.simulated.url)
+
+    def flash(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Check firmware, upload what was checked with ``"upload": true``, or end that. Raises BadRequestError.
+
+        An upload lets go of the robot before: its port is needed, and it is disarmed.
+        """
+        self.require_command(page)
+        if request.get("end") is True:
+            self.flasher.end()
+        elif request.get("upload") is True:
+            self.disconnect()
+            self.flasher.upload(firmware_of(request))
+        else:
+            self.flasher.check(firmware_of(request))
 
     def require_command(self, page: Page) -> None:
         """Raise BadRequestError for a page that only watches."""
@@ -146,18 +168,31 @@ class Studio:
             raise BadRequestError("the robot is not simulated here")
         if "speed" in request:
             self.experiments.require_idle()
+            self.bring_up.require_idle()
         self.simulated.change(request)
 
     def experiment(self, page: Page, request: Mapping[str, Any]) -> Future[Any] | None:
         """Begin an experiment; without ``"start": true`` only say what it will use. Raises BadRequestError."""
         self.require_command(page)
         session = self.require_session()
+        self.bring_up.require_idle()
         if request.get("start") is not True:
             return self.experiments.needs(session, request)
         if self.simulated is not None and self.simulated.speed != 1.0:
             raise BadRequestError("the simulation is not in real time", hint="an experiment needs real time")
         self.experiments.start(session, request)
         return None
+
+    def walk(self, page: Page, request: Mapping[str, Any]) -> None:
+        """Begin the bring-up with ``"start": true``, or answer what it asks. Raises BadRequestError."""
+        self.require_command(page)
+        if request.get("start") is not True:
+            self.bring_up.answer(request)
+            return
+        self.experiments.require_idle()
+        if self.simulated is not None and self.simulated.speed != 1.0:
+            raise BadRequestError("the simulation is not in real time", hint="the bring-up needs real time")
+        self.bring_up.start(self.require_session(), request)
 
     def stop(self) -> bool:
         """Emergency stop, before everything; return whether a robot could be told."""
@@ -181,6 +216,7 @@ class Studio:
             self.require_command(page)
         session = self.require_session()
         self.experiments.require_idle()
+        self.bring_up.require_idle()
         if action in MOVES:
             return session.do_long(lambda robot: work(robot, _edits(session), request))
         return session.do(lambda robot: work(robot, _edits(session), request), is_setpoint=action in SETPOINTS)
@@ -278,14 +314,28 @@ class Studio:
             found["texts"] = [{"severity": text.severity, "text": text.text} for _, text in texts]
         return found
 
+    def save_view(self, page: Page, view: Any) -> None:
+        """Keep what the plots of this robot show. Raises BadRequestError, OutputFileError."""
+        self.require_command(page)
+        path = self._view_file()
+        if path is None:
+            raise BadRequestError("no robot is connected")
+        write_view(path, checked_view(view))
+
+    def _view_file(self) -> Path | None:
+        history = None if self.session is None else self.session.history
+        return None if history is None else view_file(history, "" if self.simulated is None else self.simulated.robot)
+
     def tables(self) -> dict[str, Any]:
         """Return what stays the same as long as a robot is connected: its signals and its parameters' table."""
         session = self.session
         robot = None if session is None else session.robot
         return {
             "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(self.signals())],
+            "view": None if (path := self._view_file()) is None else read_view(path),
             "parameters": [] if robot is None else table_as_json(robot.table),
             "world": None if self.simulated is None else self.simulated.catalogue,
+            "bring_up": bring_up_catalogue(None if self.simulated is None else self.simulated.robot),
             "version": "" if robot is None else str(robot.version),
             **({} if robot is None else {**shape_as_json(robot), "experiments": catalogue(robot)}),
         }
@@ -298,11 +348,13 @@ class Studio:
         undo, redo = (0, 0) if edits is None else edits.steps
         return {
             "link": link_state(session),
-            "simulated": None if self.simulated is None else self.simulated.scenario,
+            "simulated": None if self.simulated is None else str(self.simulated.wanted),
             "world": None if self.simulated is None else self.simulated.state(),
             "experiment": self.experiments.state(),
             "robot": None if robot is None else robot_state(robot),
             "recording": self.recorder.state(),
+            "flash": self.flasher.state(),
+            "bring_up": self.bring_up.state(),
             "undo": undo,
             "redo": redo,
             "commands": self._who_commands(page),

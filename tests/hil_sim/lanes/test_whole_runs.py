@@ -109,7 +109,9 @@ def _best_level() -> Iterator[None]:
     lib.hil_lanes_use(lib.HIL_LANES_BEST)
 
 
-@pytest.mark.parametrize("name", ["demo", "four_wheel", "no_slip", "comparison", "hands", "original_law"])
+@pytest.mark.parametrize(
+    "name", ["demo", "four_wheel", "no_slip", "comparison", "hands", "original_law", "fast_rollers"]
+)
 def test_runs_in_lanes_are_the_runs_alone(name: str) -> None:
     stats = assert_the_same(load_scenario(name))
     assert stats.together > 0.8 * (stats.together + stats.alone)

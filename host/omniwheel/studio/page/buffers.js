@@ -8,6 +8,8 @@ export class Buffer {
   value = new Float32Array(1024);
   count = 0;
 
+  get latest() { return this.count ? this.value[this.count - 1] : undefined; }
+
   replace(time, value) {
     this.count = 0;
     this.append(time, value);

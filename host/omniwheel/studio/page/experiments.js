@@ -26,7 +26,7 @@ export class Experiments {
     this.#id("experiment-form").oninput = () => { this.#looked = false; this.#buttons(); };
   }
 
-  /** kinds: [{name, words, choices: [{key, label, options} or {key, label, min, max, default}]}] */
+  /** kinds: [{name, words, choices: [{key, label, options} or {key, label, min, max, default}]}]; default null: it may stay empty */
   tables(kinds = []) {
     this.#kinds = new Map(kinds.map((kind) => [kind.name, kind]));
     this.#id("experiment-kind").replaceChildren(...kinds.map(({ name, words }) => new Option(`${words} (${name})`, name)));
@@ -49,8 +49,10 @@ export class Experiments {
       field.append(...options.map(([, words], place) => new Option(words, place)));
       this.#fields.set(key, () => options[Number(field.value)][0]);
     } else {
-      Object.assign(field, { type: "number", min, max, step: "any", required: true, value: usual });
-      this.#fields.set(key, () => Number(field.value));
+      Object.assign(field, { type: "number", min: min ?? "", max: max ?? "", step: "any", required: usual !== null });
+      field.value = usual ?? "";
+      if (usual === null) field.placeholder = "chosen for you";
+      this.#fields.set(key, () => (field.value === "" ? null : Number(field.value)));
     }
     return made;
   }
@@ -105,7 +107,7 @@ export class Experiments {
     if (run.figures) this.#result(run);
   }
 
-  #result({ number, name, figures, remarks }) {
+  #result({ number, name, figures, remarks, picture }) {
     this.#id("experiment-caption").textContent = name;
     this.#id("experiment-figures").replaceChildren(...figures.map((figure) => {
       const row = document.createElement("tr");
@@ -120,6 +122,8 @@ export class Experiments {
       return row;
     }));
     show_lines(this.#id("experiment-remarks"), remarks);
+    this.#id("experiment-picture").hidden = !picture;
+    if (!picture) return;
     const token = encodeURIComponent(this.socket.token);
     this.#id("experiment-picture").src = `experiment.png?token=${token}&number=${number}`;
   }

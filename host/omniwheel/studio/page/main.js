@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Puts the page together. What the robot is and does comes from the server; nothing here knows it.
 
+import { BringUp } from "./bringup.js";
 import { Chooser } from "./connect.js";
 import { DrawnPath } from "./draw.js";
 import { Experiments } from "./experiments.js";
+import { Flasher } from "./flasher.js";
 import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
@@ -17,6 +19,8 @@ import { in_words, show_lines } from "./words.js";
 
 const id = (name) => document.getElementById(name);
 const TEXTS_KEPT = 100;
+const LOSSY = 0.05; // a share of frames lost that makes plots and commands worse
+const OFF_PACE = 0.1; // a robot whose clock is off by this share lives in a simulation that is not in real time
 const WARNING = 4; // severity as in syslog
 let state = null;
 
@@ -33,7 +37,8 @@ const socket = new Socket({
 const runs = new Runs(socket, say);
 const parameters = new ParameterList(id("parameter-list"), socket);
 const plots = new Plots(id("panels"), socket, say, { limit: (name) => parameters.value_of(name) });
-const chooser = new Chooser(socket);
+const flasher = new Flasher(socket);
+const chooser = new Chooser(socket, flasher, say);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
   arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
@@ -43,6 +48,7 @@ const map = new FloorMap(id("map"), socket, {
 });
 const drawn = new DrawnPath(map, ask, armed);
 const experiments = new Experiments(socket);
+const bring_up = new BringUp(socket);
 const simulator = new Simulator(id("simulator"), ask);
 const velocity = new HeldVelocity(socket, { refused: say, moving: (words) => put("key-text", words) });
 const keys = new Keys(velocity);
@@ -59,17 +65,20 @@ function news(message) {
   if (message.error) say(message.error);
 }
 
-function tables({ signals, parameters: infos, speed, wheels, radius_m, paths, world, experiments: kinds }) {
+function tables({ signals, view, parameters: infos, speed, wheels, radius_m, paths, path, world, experiments: kinds, bring_up: checks }) {
   experiments.tables(kinds);
   simulator.tables(world);
+  bring_up.tables(checks, wheels);
   parameters.tables(infos);
-  plots.tables(signals);
+  plots.tables(signals, view);
+  if (view) id("span").value = view.span_s;
   velocity.top = speed;
   id("draw-speed").value = (speed.v / 2).toPrecision(2);
   map.wheels = wheels;
   map.radius = radius_m;
   map.clear();
   id("path").replaceChildren(...paths.map((name) => new Option(name, name)));
+  if (paths.includes(path)) id("path").value = path;
 }
 
 function add_text({ severity, text }) {
@@ -86,9 +95,12 @@ function show_state(now) {
   runs.recording(now?.recording, now?.link.phase === "connected");
   const robot = now?.robot ?? null;
   const link = now?.link ?? { phase: "none" };
-  const phases = { none: "no robot", connecting: "connecting …", lost: "lost", closed: "no robot" };
+  const connecting = robot ? "reading its parameters …" : "connecting …";
+  const phases = { none: "no robot", connecting, lost: "lost", closed: "no robot" };
   const where = now?.simulated ? `simulated: ${now.simulated}` : link.url;
-  put("fact-link", link.phase === "connected" ? `${where}, ${link.bytes_per_s} B/s` : phases[link.phase] ?? link.phase);
+  put("fact-link", link.phase === "connected" ? where : phases[link.phase] ?? link.phase);
+  put("fact-quality", link.quality ? quality_in_words(link) : "–");
+  id("fact-quality").className = link.quality?.lost >= LOSSY ? "bad" : "";
   id("fact-link").className = link.phase === "lost" ? "bad" : "";
   put("fact-state", robot ? robot.state : "–");
   id("fact-state").className = robot ? `state-${robot.state}` : "";
@@ -97,16 +109,19 @@ function show_state(now) {
   put("fact-commands", now?.commands ?? "–");
   const trouble = link.phase === "connected" ? "" : link.trouble ?? "";
   put("faults", robot?.faults.length ? `Faults: ${robot.faults.join(", ")}` : trouble);
+  id("welcome").hidden = !now || link.phase !== "none";
   id("take-over").hidden = !now || now.commands === "this page";
   id("release").hidden = robot?.state !== "estop";
-  id("arm").disabled = !robot || robot.armed;
+  id("arm").disabled = !robot || robot.armed || link.phase !== "connected";
   id("disarm").disabled = !robot;
   for (const name of ["undo", "redo"]) {
     id(name).disabled = !now?.[name];
     put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
   }
   experiments.state(now);
+  flasher.state(now?.flash ?? null);
   simulator.state(now?.world ?? null);
+  bring_up.state(now);
   if (!robot?.armed) gamepad.mustRest();
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
@@ -119,6 +134,17 @@ function show_state(now) {
 
 function put(name, words) {
   if (id(name).textContent !== words) id(name).textContent = words;
+}
+
+function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, asking, budget_B_s, pace, radio } }) {
+  const kilo = (bytes) => (bytes / 1000).toPrecision(3);
+  return [
+    radio ? "radio, at its own rates" : "",
+    lost === null ? "no frames" : `${(100 * lost).toFixed(1)} % lost`,
+    round_trip_ms === null ? (asking ? "no answer" : "") : `${round_trip_ms.toFixed(0)} ms`,
+    `${kilo(bytes_per_s)}${budget_B_s ? ` of ${kilo(budget_B_s)}` : ""} kB/s`,
+    pace !== null && Math.abs(pace - 1) > OFF_PACE ? `runs at ${pace.toFixed(2)} × real time` : "",
+  ].filter(Boolean).join(", ");
 }
 
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
@@ -152,6 +178,7 @@ for (const button of document.querySelectorAll(".stop")) { // one in each window
   button.onclick = stop;
   button.onpointerdown = stop; // already when the finger comes down
 }
+id("welcome-connect").onclick = () => chooser.open();
 id("arm").onclick = () => ask("arm");
 id("disarm").onclick = () => {
   map.cancel();
@@ -186,6 +213,10 @@ plots.on_measure = (seconds, lines) => {
   show_lines(id("measured"), lines);
 };
 id("add-plot").onclick = () => plots.add();
+id("add-xy").onclick = () => plots.addXY();
+plots.on_view = (view) => { // kept with the robot by the page that commands; others keep it in the browser
+  if (state?.robot && state.commands === "this page") ask("save_view", { view });
+};
 id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };
 id("clear-trail").onclick = () => map.clear();
@@ -209,7 +240,7 @@ function fill_target({ x, y, theta }) {
 
 function armed() {
   if (state?.robot?.armed) return true;
-  say("The robot is not armed: press Arm first.");
+  say(state?.robot ? "The robot is not armed: press Arm first." : "No robot is connected: press Connect first.");
   return false;
 }
 

@@ -9,6 +9,7 @@ const SEND_MS = 100; // a target is repeated, so that a dead page stops the robo
 const CLOSE_M = 0.005;
 const CLOSE_RAD = 0.02;
 const SIGMA = 3;
+const SLIP_S = 0.5; // a wheel's slip is drawn as the way of so long
 const DRAW_STEP_M = 0.005;
 const DRAW_MOST = 5000;
 
@@ -167,6 +168,7 @@ export class FloorMap {
     if (!pose) return;
     this.#ellipse(c, pose, this.#state.pose_sd ?? [0, 0], colour("--warn"));
     this.#robot(c, pose, colour("--text"), []);
+    this.#slips(c, pose, this.#state.slip_m_s ?? [], colour("--warn"));
   }
 
   #grid(c, line, text) {
@@ -212,6 +214,20 @@ export class FloorMap {
       stroke(c, [[wx - tx, wy - ty], [wx + tx, wy + ty]]);
       c.lineWidth = devicePixelRatio;
     }
+  }
+
+  /** A bar outwards from each wheel, as long as it slips in SLIP_S. */
+  #slips(c, pose, slips, colour) {
+    const [x, y] = this.#pixel(pose);
+    const radius = (this.radius ?? 0.12) * this.#scale();
+    c.strokeStyle = colour;
+    c.lineWidth = 5 * devicePixelRatio;
+    for (const [wheel, angle] of (this.wheels ?? []).entries()) {
+      const bearing = pose[2] + angle;
+      const end = radius + Math.abs(slips[wheel] ?? 0) * SLIP_S * this.#scale();
+      stroke(c, [radius, end].map((r) => [x + r * Math.cos(bearing), y - r * Math.sin(bearing)]));
+    }
+    c.lineWidth = devicePixelRatio;
   }
 
   #ellipse(c, pose, sd, colour) {

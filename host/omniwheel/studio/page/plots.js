@@ -7,6 +7,7 @@ import { measured } from "./measure.js";
 import { chooseSignals } from "./signals.js";
 import { showSpectrum } from "./spectrum.js";
 import { axis_style } from "./words.js";
+import { axisFields, XYPlot } from "./xy.js";
 
 // Okabe and Ito's colours, which colour-blind people tell apart; dashes repeat the difference.
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b88a00", "#56b4e9"];
@@ -15,7 +16,7 @@ const NEAR_PX = 8;
 const HEIGHT_PX = 190;
 const STORED = "omniwheel-plots";
 const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], info: () => undefined,
-  limit: () => undefined, live: true };
+  limit: () => undefined };
 const FIRST_VIEW = [
   ["tracking.pose.x", "tracking.pose.y", "tracking.reference.x", "tracking.reference.y"],
   ["wheels.speed.1", "wheels.reference.1"],
@@ -38,7 +39,7 @@ export class Plots {
 
   /**
    * options: where the view is stored, what a plot is called, the saved file's name; series and info of a key; limit,
-   * the value of a limit by its name, undefined if it is not known; live, whether the server has spectra of it.
+   * the value of a limit by its name, undefined if it is not known.
    */
   constructor(root, socket, say, options = {}) {
     this.options = { ...LIVE, ...options };
@@ -64,12 +65,33 @@ export class Plots {
     return { time: [...time], value: [...value] };
   }
 
+  /** The newest value of a signal that is shown; undefined before the first. */
+  latest(key) { return this.#buffer(key).latest; }
+
   limit_of(key) { return this.#signals.get(key)?.limit; }
 
-  tables(signals) {
+  /** view: what is kept of this robot, as view gives it; null: nothing, and what is shown stays. */
+  tables(signals, view = null) {
     this.#signals = new Map(signals.map((signal) => [signal.key, signal]));
-    if (this.#panels.length === 0) this.#restore();
+    if (view) this.#show(view);
+    else if (this.#panels.length === 0) this.#restore();
     this.#subscribe();
+  }
+
+  /** What is shown, to be kept: {plots: [{keys, xy}], span_s}. */
+  get view() {
+    return { plots: this.#panels.map(({ keys, xy }) => ({ keys: [...keys], xy })), span_s: this.#span };
+  }
+
+  #show({ plots, span_s }) {
+    for (const panel of this.#panels) {
+      panel.plot?.destroy();
+      panel.root.remove();
+    }
+    this.#panels = plots.map(({ keys, xy }) => this.#panel(keys.filter((key) => this.#signals.has(key)), xy));
+    this.#span = span_s;
+    this.#store();
+    this.#rebuild();
   }
 
   /** Show a recording instead of what is live: the whole of it, until the mouse has chosen a part. */
@@ -105,6 +127,7 @@ export class Plots {
     this.#span = seconds;
     this.live();
     this.#subscribe();
+    this.on_view?.(this.view);
   }
 
   live() {
@@ -122,12 +145,18 @@ export class Plots {
     this.#stale = true;
   }
 
-  add(keys = []) {
-    const panel = { keys: [...keys], root: document.createElement("div"), plot: null };
+  add(keys = [], xy = false) {
+    this.#panels.push(this.#panel(keys, xy));
+    this.#changed();
+  }
+
+  /** Add a plot of the second signal over the first. */
+  addXY() { this.add([...this.#signals.keys()].slice(0, 2), true); }
+
+  #panel(keys, xy) {
+    const panel = { keys: [...keys], xy, root: document.createElement("div"), plot: null };
     panel.root.className = "panel";
     this.root.append(panel.root);
-    this.#panels.push(panel);
-    this.#changed();
     return panel;
   }
 
@@ -155,15 +184,22 @@ export class Plots {
   #series(panel) { return panel.keys.filter((key) => this.#signals.has(key)).flatMap(this.options.series); }
 
   #restore() {
-    let views = FIRST_VIEW;
-    try { views = JSON.parse(localStorage.getItem(this.options.stored)) ?? FIRST_VIEW; } catch { /* the first view, then */ }
-    for (const keys of views) this.add(keys.filter((key) => this.#signals.has(key)));
+    let plots = FIRST_VIEW;
+    try { plots = JSON.parse(localStorage.getItem(this.options.stored)) ?? FIRST_VIEW; } catch { /* the first view, then */ }
+    this.#show({ plots: plots.map((entry) => (entry.xy ? { keys: entry.xy, xy: true } : { keys: entry, xy: false })),
+      span_s: this.#span });
+  }
+
+  #store() {
+    const plots = this.#panels.map(({ keys, xy }) => (xy ? { xy: keys } : keys));
+    localStorage.setItem(this.options.stored, JSON.stringify(plots));
   }
 
   #changed() {
-    localStorage.setItem(this.options.stored, JSON.stringify(this.#panels.map((panel) => panel.keys)));
+    this.#store();
     this.#rebuild();
     this.#subscribe();
+    this.on_view?.(this.view);
   }
 
   #subscribe() {
@@ -212,6 +248,10 @@ export class Plots {
     const keys = this.#series(panel);
     if (keys.length === 0) return;
     const axis = axis_style();
+    if (panel.xy) {
+      this.#build_xy(panel, keys);
+      return;
+    }
     const units = [...new Set(keys.map((key) => this.#info(key)?.unit ?? ""))];
     panel.plot = new uPlot({
       width: this.root.clientWidth || 600,
@@ -225,7 +265,7 @@ export class Plots {
           stroke: COLOURS[n % COLOURS.length],
           dash: DASHES[Math.floor(n / COLOURS.length) % DASHES.length].length
             ? DASHES[Math.floor(n / COLOURS.length) % DASHES.length] : DASHES[n % DASHES.length],
-          width: 1.5,
+          width: 1, // without a graphics processor, a wider line takes twice as long to draw
           spanGaps: true,
           points: { show: false },
           value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#info(key)?.unit ?? ""}`),
@@ -241,6 +281,19 @@ export class Plots {
     over.addEventListener("dblclick", () => this.live());
   }
 
+  /** keys: one per log of the first signal, then one per log of the second. */
+  #build_xy(panel, keys) {
+    const count = keys.length / 2;
+    const [x, y] = [keys[0], keys[count]].map((key) => this.#words_of(key));
+    const with_unit = ({ label, unit }) => (unit ? `${label} [${unit}]` : label);
+    panel.plot = new XYPlot(panel.root, this.root.clientWidth || 600, {
+      labels: [with_unit(x), with_unit(y)],
+      names: keys.slice(count).map((key) => this.#words_of(key).label),
+      colours: keys.slice(count).map((_, n) => COLOURS[n % COLOURS.length]),
+      alike: x.unit === y.unit,
+    });
+  }
+
   #head(panel) {
     const head = document.createElement("div");
     head.className = "head";
@@ -254,13 +307,17 @@ export class Plots {
       found.addEventListener("click", action);
       return found;
     };
+    const chosen = panel.xy ? axisFields([...this.#signals.values()], panel.keys, number, (keys) => {
+      panel.keys = keys;
+      this.#changed();
+    }) : [button("Signals …", `Signals of ${this.options.what}`, async () => {
+      panel.keys = await chooseSignals([...this.#signals.values()], panel.keys);
+      this.#changed();
+    })];
     head.append(
       title,
-      button("Signals …", `Signals of ${this.options.what}`, async () => {
-        panel.keys = await chooseSignals([...this.#signals.values()], panel.keys);
-        this.#changed();
-      }),
-      ...(this.options.live ? [button("Spectrum", "Spectrum of plot", () => this.#spectrum(panel))] : []),
+      ...chosen,
+      ...(panel.xy ? [] : [button("Spectrum", `Spectrum of ${this.options.what}`, () => this.#spectrum(panel))]),
       button("PNG", `Picture of ${this.options.what}`, () => panel.plot?.root.querySelector("canvas").toBlob(
         (blob) => save(blob, `${this.options.file}-plot.png`))),
       button("✕", `Remove ${this.options.what}`, () => {
@@ -326,12 +383,13 @@ export class Plots {
   }
 
   #spectrum(panel) {
-    const words = panel.keys.map((key) => this.#words_of(key));
+    const signals = this.#series(panel);
+    const words = signals.map((key) => this.#words_of(key));
     return showSpectrum(this.socket, {
-      signals: panel.keys,
+      signals,
       labels: words.map(({ label }) => label),
       units: words.map(({ unit }) => unit),
-      colours: panel.keys.map((_, n) => COLOURS[n % COLOURS.length]),
+      colours: signals.map((_, n) => COLOURS[n % COLOURS.length]),
       ...this.#view(),
     });
   }

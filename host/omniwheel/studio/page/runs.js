@@ -14,6 +14,7 @@ const id = (name) => document.getElementById(name);
 export class Runs {
   #open = []; // [{log, title, run, about}], one or two
   #infos = new Map();
+  #later = [0]; // by how much each log is shown earlier than its own clock [s]
   #busy = false;
   #next = {}; // what is asked for next, by kind
   #recording = null;
@@ -22,7 +23,8 @@ export class Runs {
     this.socket = socket;
     this.say = say;
     this.plots = new Plots(id("run-panels"), { ask: (action, content) => this.#samples(action, content) }, say, {
-      stored: "omniwheel-run-plots", what: "run plot", file: "omniwheel-run", live: false,
+      stored: "omniwheel-run-plots", what: "run plot", file: "omniwheel-run",
+      limit: (name) => this.#limit(name),
       series: (key) => this.#open.map((_, n) => `${n}${BETWEEN}${key}`),
       info: (key) => this.#info(key),
     });
@@ -36,6 +38,8 @@ export class Runs {
     id("run-refresh").onclick = () => this.refresh();
     id("run-file").onchange = (event) => this.#upload(event.target);
     id("run-add-plot").onclick = () => this.plots.add();
+    id("run-add-xy").onclick = () => this.plots.addXY();
+    id("run-align").onchange = () => this.#show(this.#open, false);
     id("run-whole").onclick = () => this.plots.live();
     id("run-csv").onclick = () => this.plots.csv();
     id("run-close").onclick = () => this.#show([]);
@@ -80,7 +84,7 @@ export class Runs {
       found.textContent = words;
       found.setAttribute("aria-label", `${words} ${run.name}`);
       found.disabled = !run.has_log;
-      if (!run.has_log) found.title = "It has no telemetry log.";
+      if (!run.has_log) found.title = "It has neither a telemetry log nor a record.";
       found.onclick = action;
       show.append(found, " ");
     };
@@ -102,25 +106,36 @@ export class Runs {
     id("run-view").scrollIntoView({ block: "nearest" });
   }
 
-  #show(logs) {
+  #show(logs, anew = true) {
     this.#open = logs;
     id("run-view").hidden = logs.length === 0;
-    id("run-compared").replaceChildren();
+    if (anew) id("run-compared").replaceChildren();
     id("run-mark-text").textContent = "";
     if (logs.length === 0) return;
     const letter = (n) => (logs.length > 1 ? `${LETTERS[n]}: ` : "");
     id("run-name").textContent = logs.map(({ title }, n) => letter(n) + title).join(", ");
     const signals = new Map(logs.flatMap(({ about }) => about.signals).map((signal) => [signal.key, signal]));
     this.#infos = signals;
-    const marks = logs.flatMap(({ about }, n) => about.marks.map((mark) => ({ ...mark, before: letter(n) })));
-    const end = Math.max(...logs.map(({ about }) => about.duration_s), 1e-3);
-    this.plots.recorded([...signals.values()], marks, { begin: 0, end });
+    const known = logs.length > 1 && logs.every(({ about }) => about.path_s !== null);
+    id("run-align-label").hidden = !known;
+    const aligned = known && id("run-align").checked;
+    this.#later = logs.map(({ about }) => (aligned ? about.path_s - logs[0].about.path_s : 0));
+    const marks = logs.flatMap(({ about }, n) => about.marks.map(
+      (mark) => ({ ...mark, time_s: mark.time_s - this.#later[n], before: letter(n) })));
+    const end = Math.max(...logs.map(({ about }, n) => about.duration_s - this.#later[n]), 1e-3);
+    this.plots.recorded([...signals.values()], marks, { begin: Math.min(0, ...this.#later.map((s) => -s)), end });
   }
 
   #info(key) {
     const [number, signal] = key.split(BETWEEN);
     const found = this.#infos.get(signal);
     return found && this.#open.length > 1 ? { ...found, label: `${LETTERS[number]}: ${found.label}` } : found;
+  }
+
+  /** The value of a limit, if all logs that are shown have the same. */
+  #limit(name) {
+    const values = new Set(this.#open.map(({ about }) => about.limits[name]));
+    return values.size === 1 ? [...values][0] : undefined;
   }
 
   async #compare() {
@@ -149,8 +164,9 @@ export class Runs {
 
   /** What the plots ask for, as of a live robot. Only the newest request is done: the wheel makes many. */
   async #samples(action, content) {
+    if (action === "spectrum") return this.#spectra(content);
     if (action === "show") this.keys = content.signals;
-    this.#next[action] = action === "show" ? { begin_s: 0, end_s: Number.MAX_SAFE_INTEGER, width: WIDTH } : content;
+    this.#next[action] = action === "show" ? { begin_s: -Number.MAX_SAFE_INTEGER, end_s: Number.MAX_SAFE_INTEGER, width: WIDTH } : content;
     if (this.#busy) return;
     this.#busy = true;
     try {
@@ -164,17 +180,33 @@ export class Runs {
     }
   }
 
+  async #spectra({ signals, begin_s, end_s }) {
+    const found = new Map();
+    for (const [n, { log }] of this.#open.entries()) {
+      const mine = signals.filter((key) => key.startsWith(`${n}${BETWEEN}`)).map((key) => key.split(BETWEEN)[1]);
+      if (mine.length === 0) continue;
+      const range = { begin_s: begin_s + this.#later[n], end_s: end_s + this.#later[n] };
+      for (const one of await this.socket.ask("run_spectrum", { log, signals: mine, ...range })) {
+        found.set(`${n}${BETWEEN}${one.key}`, { ...one, key: `${n}${BETWEEN}${one.key}` });
+      }
+    }
+    return signals.map((key) => found.get(key)).filter(Boolean);
+  }
+
   async #fetch(keys, range, isWindow) {
-    const logs = this.#open;
+    const [logs, later] = [this.#open, this.#later];
     const traces = await Promise.all(logs.map(async ({ log }, n) => {
       const mine = keys.map((key, place) => ({ key, place })).filter(({ key }) => key.startsWith(`${n}${BETWEEN}`));
       if (mine.length === 0) return [];
       const signals = mine.map(({ key }) => key.split(BETWEEN)[1]);
-      const answer = await this.#post("run-samples", JSON.stringify({ log, signals, ...range }));
+      const { begin_s, end_s, width } = range;
+      const wanted = { log, signals, begin_s: begin_s + later[n], end_s: end_s + later[n], width };
+      const answer = await this.#post("run-samples", JSON.stringify(wanted));
       const [, found] = unpacked(await answer.arrayBuffer());
-      return found.map((trace) => ({ ...trace, place: mine[trace.place].place }));
+      return found.map(({ place, time, value }) => (
+        { place: mine[place].place, time: time.map((t) => t - later[n]), value }));
     }));
-    if (logs !== this.#open || this.keys !== keys || (isWindow && !this.plots.paused)) return; // wanted no more
+    if (logs !== this.#open || later !== this.#later || this.keys !== keys || (isWindow && !this.plots.paused)) return; // wanted no more
     this.plots.samples(isWindow, traces.flat(), 0);
   }
 

@@ -23,6 +23,7 @@ export async function showSpectrum(socket, { signals, labels, units, colours, be
     id("spectrum-range").textContent = in_words(refusal);
     return;
   }
+  const places = found.map(({ key }) => signals.indexOf(key)); // not every log has every signal
   const axis = axis_style();
   const data = [];
   for (const { Hz, amplitude, peak } of found) {
@@ -35,12 +36,13 @@ export async function showSpectrum(socket, { signals, labels, units, colours, be
     axes: [{ ...axis, label: "frequency [Hz]", size: 34, labelSize: 16 },
       { ...axis, label: `amplitude ${[...new Set(units)].join(", ")}`, size: 62 }],
     series: [{ label: "frequency [Hz]", value: (_, f) => (f == null ? "–" : f.toFixed(3)) },
-      ...labels.map((label, n) => ({
-        label, stroke: colours[n], width: 1.5, spanGaps: true, points: { show: false },
+      ...places.map((n) => ({
+        label: labels[n], stroke: colours[n], width: 1.5, spanGaps: true, points: { show: false },
         value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(4))} ${units[n]}`),
       }))],
   }, uPlot.join(data), id("spectrum-plot"));
-  show_lines(id("spectrum-list"), found.map(({ peak, resolution_Hz }, n) => {
+  show_lines(id("spectrum-list"), found.map(({ peak, resolution_Hz }, place) => {
+    const n = places[place];
     const in_unit = units[n] ? ` ${units[n]}` : "";
     return `${labels[n]}: largest at ${peak.Hz} Hz, ${peak.amplitude}${in_unit}; resolution ${resolution_Hz} Hz`;
   }));

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: MIT
+// Bring-up: what is said and asked, the wheel that is meant, what was found. All words come from the server.
+
+import { in_words, show_lines } from "./words.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const ANSWERS = {
+  confirm: [["Yes, go on", true], ["No", false]],
+  saw: [["Yes", true], ["No", false], ["I did not look", null]],
+};
+const put = (place, words) => { if (place.textContent !== words) place.textContent = words; };
+
+export class BringUp {
+  #id = (name) => document.getElementById(name);
+  #told = "";
+  #asked = 0;
+
+  constructor(socket) {
+    this.socket = socket;
+    this.#id("bring-up-form").onsubmit = (event) => {
+      event.preventDefault();
+      const robot = this.#id("bring-up-robot").value || null;
+      this.#ask({ start: true, check: this.#id("bring-up-check").value, robot });
+    };
+    this.#id("bring-up-robot").onchange = () => this.#wiring();
+    this.#id("wiring").ontoggle = () => this.#wiring();
+  }
+
+  /** catalogue: {checks: [[name, words]], robots, robot}; wheels: their bearings in the robot [rad] */
+  tables({ checks, robots, robot }, wheels = []) {
+    this.#id("bring-up-check").replaceChildren(...checks.map(([name, words]) => new Option(words, name)));
+    this.#id("bring-up-robot").replaceChildren(new Option("none", ""), ...robots.map((name) => new Option(name, name)));
+    this.#id("bring-up-robot").value = robot ?? "";
+    this.#draw(wheels);
+    this.#wiring();
+  }
+
+  /** The robot from above, its front up: x is up, y to the left. */
+  #draw(wheels) {
+    const made = (tag, attributes, ...children) => {
+      const found = document.createElementNS(SVG, tag);
+      for (const [name, value] of Object.entries(attributes)) found.setAttribute(name, value);
+      found.append(...children);
+      return found;
+    };
+    const at = (bearing, radius, along = 0) => [
+      -radius * Math.sin(bearing) - along * Math.cos(bearing), -radius * Math.cos(bearing) + along * Math.sin(bearing)];
+    this.#id("bring-up-drawing").replaceChildren(
+      made("circle", { r: 1 }), made("path", { d: "M0 .25 V-.5 M-.12 -.35 L0 -.5 L.12 -.35" }),
+      made("text", { x: 0, y: -0.72 }, "front"),
+      ...wheels.map((bearing, wheel) => {
+        const [[x1, y1], [x2, y2], [x, y]] = [at(bearing, 1, -0.28), at(bearing, 1, 0.28), at(bearing, 1.35)];
+        return made("g", { "data-wheel": wheel + 1 }, made("line", { x1, y1, x2, y2, class: "wheel" }),
+          made("text", { x, y }, String(wheel + 1)));
+      }));
+  }
+
+  #wiring() {
+    const robot = this.#id("bring-up-robot").value;
+    this.#id("wiring").hidden = !robot;
+    if (!robot || !this.#id("wiring").open) return;
+    const token = encodeURIComponent(this.socket.token);
+    this.#id("wiring-picture").src = `wiring.svg?robot=${encodeURIComponent(robot)}&token=${token}`;
+  }
+
+  async #ask(content) {
+    try {
+      await this.socket.ask("bring_up", content);
+    } catch (refusal) {
+      put(this.#id("bring-up-state"), in_words(refusal));
+    }
+  }
+
+  /** now: the whole state, null without a server */
+  state(now) {
+    const walk = now?.bring_up ?? null;
+    const ready = Boolean(now?.robot) && !now.robot.armed && now.link.phase === "connected";
+    this.#id("bring-up-start").disabled = !ready || (walk?.running ?? false);
+    const told = JSON.stringify(walk);
+    if (walk === null || told === this.#told) return;
+    this.#told = told;
+    const passed = walk.results.filter(({ ok }) => ok).length;
+    const done = walk.results.length ? `${passed} of ${walk.results.length} passed. ${walk.folder}` : "";
+    put(this.#id("bring-up-state"), walk.running ? "under way" : [walk.trouble, done].filter(Boolean).join(" "));
+    show_lines(this.#id("bring-up-lines"), walk.lines);
+    for (const group of this.#id("bring-up-drawing").querySelectorAll("g")) {
+      group.classList.toggle("meant", Number(group.dataset.wheel) === walk.wheel);
+    }
+    this.#id("bring-up-drawing").setAttribute("aria-label",
+      walk.wheel ? `This robot from above; wheel ${walk.wheel} is meant` : "This robot from above");
+    this.#question(walk.question);
+    this.#id("bring-up-results").replaceChildren(...walk.results.map((result) => this.#result(result)));
+  }
+
+  #question(question) {
+    put(this.#id("bring-up-question"), question?.text ?? "");
+    if ((question?.number ?? 0) === this.#asked) return; // the focus stays on its buttons
+    this.#asked = question?.number ?? 0;
+    this.#id("bring-up-answers").replaceChildren(...(question ? ANSWERS[question.kind] : []).map(([words, yes]) => {
+      const button = document.createElement("button");
+      button.textContent = words;
+      button.onclick = () => this.#ask({ number: question.number, yes });
+      return button;
+    }));
+  }
+
+  #result({ check, ok, findings }) {
+    const table = document.createElement("table");
+    table.createCaption().textContent = `${check}: ${ok ? "pass" : "not yet"}`;
+    for (const finding of findings) {
+      const row = table.insertRow();
+      for (const words of [finding.ok ? "✓" : "✗", finding.name, [finding.seen, finding.advice].filter(Boolean).join(" → ")]) {
+        row.insertCell().textContent = words;
+      }
+    }
+    return table;
+  }
+}
