@@ -66,7 +66,7 @@ void Pca9685::restart() {
     busy_ticks_ = 0;
     failures_ = 0;
     since_health_ = 0;
-    wrong_looks_ = 0;
+    wrong_looks_ = failures_at_best_ = 0;
 }
 
 void Pca9685::set_wiring(const Wiring &wiring) {
@@ -78,7 +78,6 @@ void Pca9685::set_wiring(const Wiring &wiring) {
 }
 
 void Pca9685::succeeded(const uint8_t *read) {
-    failures_ = 0;
     if (health_asked_) {
         since_health_ = 0;
         suspicious_ = phase_ == Phase::ready && read[0] != mode1_awake;
@@ -86,8 +85,9 @@ void Pca9685::succeeded(const uint8_t *read) {
             looked_wrong();
             return;
         }
-        wrong_looks_ = 0;
+        wrong_looks_ = failures_at_best_ = 0;
     }
+    failures_ = failures_at_best_;
     if (phase_ == Phase::off) {
         phase_ = Phase::configure;
     } else if (phase_ == Phase::configure) {
@@ -101,9 +101,11 @@ void Pca9685::succeeded(const uint8_t *read) {
 void Pca9685::looked_wrong() {
     phase_ = Phase::off;
     wrong_looks_ = omni_more_failures(wrong_looks_, 1);
-    if (read_back_missing()) {
+    if (wrong_looks_ >= wrong_looks_allowed) {
+        failures_at_best_ = UINT16_MAX;
         ++errors_;
     }
+    failures_ = failures_at_best_;
 }
 
 void Pca9685::failed(I2cBus &bus, bool stuck, uint32_t updates) {

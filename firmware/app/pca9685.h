@@ -36,8 +36,8 @@ public:
     static bool submit_all_off(I2cBus &bus);
     /// The power-up sequence is complete.
     bool ready() const override { return phase_ == Phase::ready; }
-    uint16_t failures() const override { return read_back_missing() ? UINT16_MAX : failures_; }
-    bool read_back_missing() const override { return wrong_looks_ >= wrong_looks_allowed; }
+    uint16_t failures() const override { return failures_; }
+    bool read_back_missing() const override { return failures_at_best_ != 0; }
     uint32_t errors() const override { return errors_; }
 
 private:
@@ -66,8 +66,9 @@ private:
     bool suspicious_ = false;   ///< a batch failed since MODE1 was last read back
     uint32_t busy_ticks_ = 0;
     uint16_t failures_ = 0;
-    uint16_t since_health_ = 0; ///< updates since MODE1 was last read back
-    uint16_t wrong_looks_ = 0;  ///< looks at MODE1 in a row that read something else
+    uint16_t since_health_ = 0;     ///< updates since MODE1 was last read back
+    uint16_t wrong_looks_ = 0;      ///< looks at MODE1 in a row that read something else
+    uint16_t failures_at_best_ = 0; ///< after an update that arrived: UINT16_MAX while nothing can be read back
     uint32_t errors_ = 0;
     uint64_t awake_us_ = 0;
 };

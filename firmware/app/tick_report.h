@@ -16,9 +16,8 @@ struct TickReport {
     uint32_t ticks = 0;
     uint32_t overruns = 0;
     uint32_t i2c_errors = 0;
-    bool read_back_missing = false; ///< MotorDriver::read_back_missing()
-    float battery_V = 0.0f;         ///< as measured
-    float tick_us_mean = 0.0f;      ///< of the last complete window of ticks
+    float battery_V = 0.0f;    ///< as measured
+    float tick_us_mean = 0.0f; ///< of the last complete window of ticks
     float tick_us_max = 0.0f;
     float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
     uint32_t last_tick_ns = 0;       ///< how long the tick before took; only while a burst is recorded
@@ -27,6 +26,7 @@ struct TickReport {
     uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
     I2cStats i2c;
     I2cFound i2c_found;
+    bool read_back_missing = false; ///< MotorDriver::read_back_missing()
 };
 
 } // namespace omni
