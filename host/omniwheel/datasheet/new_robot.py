@@ -188,6 +188,8 @@ def supply_limits(robot: Robot) -> Changes:
     if told_V > stall_V:
         most_V = table["SAFE_STALL_V"].maximum
         why = "V: below that the encoder's counts come too seldom to tell a stall"
+        if told_V > supply_V:
+            why += ". The supply never reaches it: A BLOCKED WHEEL IS NOT NOTICED; take an encoder with more counts"
         changes["parameters.SAFE_STALL_V"] = (min(told_V, most_V), why)
     return changes
 
