@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import active_children, get_context
 from pathlib import Path
+from threading import Thread
 from typing import Any, TypeVar
 
 from omni_schema.toml_file import read_toml
@@ -112,10 +113,13 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
         try:
             yield pool
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+            # Waited for in the end: a pool that is still closing when Python ends prints a traceback of its own.
+            closing = Thread(target=pool.shutdown, kwargs={"cancel_futures": True})
+            closing.start()
             time.sleep(DRAIN_S)
             for worker in active_children():
                 worker.terminate()
+            closing.join()
             raise
 
 
