@@ -287,6 +287,22 @@ def test_a_path_asked_for_in_the_very_ticks_of_arming_begins(robot: FakeRobot, t
     assert robot.asked("OMNI_TRACKING").phase in (1, 2)
 
 
+@pytest.mark.parametrize("ticks", range(5))
+def test_an_excitation_asked_for_in_the_very_ticks_of_arming_is_for_later(robot: FakeRobot, ticks: int) -> None:
+    """Not "arm first": it was armed."""
+    robot.ready()
+    robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0.0))
+    robot.tick(5)
+    assert robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)) == mav.MAV_RESULT_ACCEPTED
+    robot.tick(ticks)
+    step_of_pose = command(mav.MAV_CMD_OMNI_EXCITE, 3.0, 0.0, 1e-5, 0.5)
+    first = robot.ask(USB, step_of_pose)
+    assert first in (mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_TEMPORARILY_REJECTED)
+    robot.tick(5)
+    assert robot.ask(USB, step_of_pose) == mav.MAV_RESULT_ACCEPTED
+    assert not any("arm first" in text for text in robot.texts())
+
+
 @pytest.mark.parametrize(("x", "y"), [(21.0, 0.0), (0.0, 21.0), (-21.0, 0.0), (0.0, -21.0)])
 def test_a_waypoint_beyond_the_limit_of_either_axis_is_refused(robot: FakeRobot, x: float, y: float) -> None:
     assert robot.ask(USB, waypoint(0, x, y, 0.0)) == mav.MAV_RESULT_DENIED
