@@ -36,7 +36,7 @@ class Bench:
         self.wheels = int(self.values[lib.OMNI_PARAM_WHEELS])
         self.time_us = 0
         self.alive = True
-        self.turning = True
+        self.turning: float = 1.0  # share of the speed that a free wheel has
         self.crossed: int | None = None  # wheel whose encoder wires are swapped
         self.plan: Any = None
 

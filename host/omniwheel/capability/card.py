@@ -30,6 +30,8 @@ SLOWEST_M_S = 0.02
 FASTEST_M_S = 20.0
 """No-load rim speeds between which a robot with omni wheels is believable."""
 MOST_CURRENT_A = 200.0
+SLOW_TO_NOTICE = 2.0
+"""A blocked wheel that is noticed later than so many times SAFE_STALL_T is worth a warning."""
 HELD_BACK = 0.6
 """A limit below this share of what the motors could is worth a warning."""
 
@@ -106,6 +108,7 @@ def _motor_rows(model: DriveModel) -> list[Row]:
         Row("stall_current", "current of a motor, standing still", model.stall_current_A, "A"),
         Row("supply_current", "current of all motors, standing still", model.wheels * model.stall_current_A, "A"),
         Row("counts_per_mm", "encoder counts per millimetre", per_mm, "1/mm"),
+        Row("blocked", f"a blocked wheel is noticed, at {model.stall_V:g} V, after", model.blocked_s, "s"),
         Row("condition", "condition of the kinematics", model.condition, ""),
     ]
 
@@ -164,6 +167,11 @@ def warnings(model: DriveModel) -> list[str]:
         found.append(
             f"LIM_WHEEL = {model.wheel_limit_rad_s:g} rad/s is more than the motors can ({could:.3g} m/s forward): "
             "a path planned for it cannot be followed."
+        )
+    if model.blocked_s > SLOW_TO_NOTICE * model.stall_s:
+        found.append(
+            f"A blocked wheel is noticed after {model.blocked_s:.2g} s, not SAFE_STALL_T = {model.stall_s:g} s: "
+            f"{model.counts_per_revolution:g} counts per turn come too seldom. An encoder with more counts helps."
         )
     grip, motors = (bound.value for bound in reversed(acceleration_bounds(model, direction(0.0))))
     possible = min(grip, motors)

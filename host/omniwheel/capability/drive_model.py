@@ -55,6 +55,19 @@ class DriveModel:
     speed_limit_m_s: float
     turn_limit_rad_s: float
     acceleration_limit_m_s2: float
+    stall_V: float
+    stall_s: float
+
+    @property
+    def blocked_s(self) -> float:
+        """How long a blocked wheel gets ``stall_V`` at most until the robot stops.
+
+        ``stall_s``, or longer with few counts: a wheel at a tenth of its speed must give one to be told from it.
+        """
+        gain = self.constant_N_m_A + self.resistance_ohm * self.viscous_N_m_s / self.constant_N_m_A
+        count_s = 2.0 * np.pi / self.counts_per_revolution / (0.1 * self.stall_V / gain)
+        windows = np.floor(self.stall_s / count_s) + 1.0
+        return float(max(self.stall_s, count_s * windows))
 
     @property
     def stall_torque_N_m(self) -> float:
@@ -131,4 +144,6 @@ def model_from_parameters(values: Mapping[str, float], simulation: Mapping[str, 
         speed_limit_m_s=values["LIM_V"],
         turn_limit_rad_s=values["LIM_W"],
         acceleration_limit_m_s2=values["LIM_A"],
+        stall_V=values["SAFE_STALL_V"],
+        stall_s=values["SAFE_STALL_T"],
     )

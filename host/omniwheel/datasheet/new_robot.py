@@ -30,8 +30,6 @@ ACCELERATION_SHARE = 0.5
 """LIM_A by what motors and floor allow at half the speed."""
 SLIP_SHARE = 0.1
 """ISMC_K_XY and ISMC_K_TH by the speed limits: a switching gain that covers wheels which slip by so much."""
-COUNTS_PER_TICK, TICKS_PER_S = 0.5, 1000.0
-"""What the robot needs to tell a slow wheel from one that stands, and how often it looks."""
 DIRECTIONS = 36
 DEFAULT_LINES = 2500.0
 TEMPLATES = {3: "three_wheel", 4: "four_wheel"}
@@ -171,27 +169,15 @@ def derived_limits(model: DriveModel) -> Changes:
 
 
 def supply_limits(robot: Robot) -> Changes:
-    """Return the voltages that depend on supply and encoder; none where the defaults fit.
-
-    A stall is told from single counts, tick by tick. So a wheel under SAFE_STALL_V must give COUNTS_PER_TICK even if it
-    turns at a third of its free speed. With few counts that voltage is beyond the supply: a stall is not detected then.
-    """
+    """Return the voltages that go with the supply; none where the defaults fit."""
     table, values = robot.table, robot.parameter_values()
     supply_V, usual_V = values["BAT_V_NOM"], table["BAT_V_NOM"].default
-    least_V, stall_V = (table[name].default / usual_V * supply_V for name in ("BAT_V_MIN", "SAFE_STALL_V"))
-    changes: dict[str, tuple[Value, str]] = {}
-    if supply_V != usual_V:
-        changes["parameters.BAT_V_MIN"] = (least_V, "V: the default's share of the supply")
-        changes["parameters.SAFE_STALL_V"] = (stall_V, "V: the default's share of the supply")
-    gain = values["MOT_K"] + values["MOT_R"] * values["MOT_B"] / values["MOT_K"]
-    told_V = 3.0 * COUNTS_PER_TICK * TICKS_PER_S * 2.0 * math.pi / values["ENC_CPR"] * gain
-    if told_V > stall_V:
-        most_V = table["SAFE_STALL_V"].maximum
-        why = "V: below that the encoder's counts come too seldom to tell a stall"
-        if told_V > supply_V:
-            why += ". The supply never reaches it: A BLOCKED WHEEL IS NOT NOTICED; take an encoder with more counts"
-        changes["parameters.SAFE_STALL_V"] = (min(told_V, most_V), why)
-    return changes
+    if supply_V == usual_V:
+        return {}
+    return {
+        f"parameters.{name}": (table[name].default / usual_V * supply_V, "V: the default's share of the supply")
+        for name in ("BAT_V_MIN", "SAFE_STALL_V")
+    }
 
 
 def derived_gains(robot: Robot) -> Changes:

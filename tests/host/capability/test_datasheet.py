@@ -177,20 +177,8 @@ def test_a_small_battery_is_not_taken_for_an_empty_one(tmp_path: Path) -> None:
     assert values["SAFE_STALL_V"] == pytest.approx(2.0)
 
 
-def test_a_wheel_with_few_counts_is_not_taken_for_a_stalled_one(tmp_path: Path) -> None:
-    """A turning wheel gave less than a count each third tick: the robot stopped itself, with `stall`."""
-    coarse = read_robot(write_designed_robot("coarse", answers(12.0, 10.0, 49.0), tmp_path)).parameter_values()
-    fine = read_robot(write_designed_robot("fine", answers(12.0, 40.0, 2500.0), tmp_path)).parameter_values()
-    gain = coarse["MOT_K"] + coarse["MOT_R"] * coarse["MOT_B"] / coarse["MOT_K"]
-    third_of_free_rad_s = coarse["SAFE_STALL_V"] / gain / 3.0
-    assert third_of_free_rad_s * coarse["ENC_CPR"] / (2.0 * math.pi) == pytest.approx(500.0, rel=1e-3)
-    assert fine["SAFE_STALL_V"] == fine["BAT_V_MIN"] * 4.0 / 9.0 == 4.0
-
-
 @pytest.mark.parametrize(("lines", "warned"), [(12.0, True), (2500.0, False)])
-def test_a_robot_whose_stall_nobody_notices_is_told(lines: float, warned: bool, tmp_path: Path) -> None:
-    path = write_designed_robot("coarse", answers(12.0, 10.0, lines), tmp_path)
-    robot = read_robot(path)
-    beyond = robot.parameter_values()["SAFE_STALL_V"] > robot.parameter_values()["BAT_V_NOM"]
-    assert beyond is warned
-    assert ("A BLOCKED WHEEL IS NOT NOTICED" in path.read_text()) is warned
+def test_a_robot_that_notices_a_blocked_wheel_late_is_told(lines: float, warned: bool, tmp_path: Path) -> None:
+    model = drive_model(read_robot(write_designed_robot("coarse", answers(12.0, 10.0, lines), tmp_path)))
+    assert any("A blocked wheel is noticed after" in warning for warning in warnings(model)) is warned
+    assert (model.blocked_s > 0.4) is warned

@@ -45,6 +45,7 @@ typedef struct omni_limits_t {
     omni_real_t error_rad;
     omni_real_t stall_s;
     omni_real_t stall_V;
+    omni_real_t count_due; /**< voltage times ticks after which a wheel at a tenth of its speed gives a count [V] */
     omni_real_t battery_min_V;
     omni_real_t supply_nominal_V;
     uint16_t driver_failures;
@@ -210,15 +211,23 @@ typedef struct omni_estimator_t {
     omni_pose_ekf_state_t pose_ekf;
 } omni_estimator_t;
 
+/** Whether a wheel under voltage turns. All 0 while its voltage is below `stall_V`. */
+typedef struct omni_stall_watch_t {
+    omni_real_t ticks;     /**< since the wheel was last judged */
+    omni_real_t due;       /**< its voltage over these ticks [V ticks]: what it should have turned */
+    omni_real_t counts;    /**< what it did turn, by its encoder; positive the way it is driven */
+    omni_real_t stalled_s; /**< how long it has looked stalled or reversed: 0 to 2 stall_s */
+} omni_stall_watch_t;
+
 /** What the supervising stage keeps: the safety state, and for how long things have looked wrong. */
 typedef struct omni_supervisor_t {
     uint64_t armed_since_us;
     omni_safety_state_t state;
-    omni_uint_t faults;                     /**< omni_fault_t bits present in the last tick */
-    uint32_t fault_history;                 /**< stop faults since arming */
-    omni_stop_t stop;                       /**< of the latest one */
-    omni_real_t stalled_s[OMNI_MAX_WHEELS]; /**< how long each wheel has looked stalled or reversed */
-    uint32_t battery_ticks;                 /**< ticks in a row with too little voltage */
+    omni_uint_t faults;     /**< omni_fault_t bits present in the last tick */
+    uint32_t fault_history; /**< stop faults since arming */
+    omni_stop_t stop;       /**< of the latest one */
+    omni_stall_watch_t stall[OMNI_MAX_WHEELS];
+    uint32_t battery_ticks; /**< ticks in a row with too little voltage */
 } omni_supervisor_t;
 
 /** What the referencing stage keeps. */

@@ -18,8 +18,8 @@ static const omni_real_t brake_share = 0.5f;
 
 static bool pose_inputs_are_finite(const omni_pose_t *pose, const omni_twist_t *rate,
                                    const omni_reference_t *reference) {
-    return omni_pose_is_finite(pose) && omni_twist_is_finite(rate) && omni_pose_is_finite(&reference->pose) &&
-           omni_twist_is_finite(&reference->rate) && omni_twist_is_finite(&reference->acceleration);
+    return omni_motion_is_finite(pose, rate) && omni_motion_is_finite(&reference->pose, &reference->rate) &&
+           omni_twist_is_finite(&reference->acceleration);
 }
 
 /* [report eq. 29], with the signs that make e'' = -K_d e' - K_p e. */

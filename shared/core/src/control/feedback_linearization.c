@@ -27,8 +27,7 @@ omni_twist_t omni_fl_step(omni_fl_state_t *state, const omni_fl_config_t *config
                           omni_flag_t hold_integral, omni_control_terms_t *terms) {
     omni_twist_t wanted = {0.0f, 0.0f, 0.0f};
     memset(terms, 0, sizeof *terms);
-    if (!omni_pose_is_finite(pose) || !omni_twist_is_finite(rate) || !omni_pose_is_finite(reference) ||
-        !omni_twist_is_finite(reference_rate)) {
+    if (!omni_motion_is_finite(pose, rate) || !omni_motion_is_finite(reference, reference_rate)) {
         return wanted;
     }
     omni_pose_error(pose, reference, terms->error);

@@ -49,7 +49,7 @@ omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *
                             const omni_pose_t *reference, const omni_twist_t *reference_rate, omni_flag_t hold_integral,
                             omni_control_terms_t *terms) {
     omni_twist_t wanted = {0.0f, 0.0f, 0.0f};
-    if (!omni_pose_is_finite(pose) || !omni_pose_is_finite(reference) || !omni_twist_is_finite(reference_rate)) {
+    if (!omni_pose_is_finite(pose) || !omni_motion_is_finite(reference, reference_rate)) {
         memset(terms, 0, sizeof *terms);
         return wanted;
     }

@@ -72,7 +72,7 @@ void omni_original_step(omni_original_state_t *state, const omni_original_config
         return;
     }
     state->tick = 0;
-    if (!omni_pose_is_finite(pose) || !omni_pose_is_finite(reference) || !omni_twist_is_finite(reference_rate)) {
+    if (!omni_pose_is_finite(pose) || !omni_motion_is_finite(reference, reference_rate)) {
         omni_original_reset(state);
         return;
     }

@@ -55,4 +55,11 @@ OMNI_INLINE bool omni_twist_is_finite(const omni_twist_t *twist) {
     return (twist->vx - twist->vx) + (twist->vy - twist->vy) + (twist->wz - twist->wz) == 0.0f;
 }
 
+/* Are a pose and a twist both finite? One comparison for the two. */
+static inline bool omni_motion_is_finite(const omni_pose_t *pose, const omni_twist_t *twist) {
+    return ((pose->x - pose->x) + (pose->y - pose->y) + (pose->theta - pose->theta)) +
+               ((twist->vx - twist->vx) + (twist->vy - twist->vy) + (twist->wz - twist->wz)) ==
+           0.0f;
+}
+
 #endif

@@ -30,7 +30,7 @@ static bool is_to_blame(const omni_robot_t *robot, omni_uint_t faults, uint8_t w
     const bool blind = (faults & (uint32_t)OMNI_FAULT_ENCODER) != 0 &&
                        robot->estimator.encoder_ticks[wheel] >= (uint32_t)OMNI_ENCODER_TICKS;
     const bool stalled = (faults & (uint32_t)OMNI_FAULT_STALL) != 0 &&
-                         robot->supervisor.stalled_s[wheel] > robot->config->limits.stall_s;
+                         robot->supervisor.stall[wheel].stalled_s > robot->config->limits.stall_s;
     return blind || stalled;
 }
 

@@ -140,6 +140,7 @@ static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
     l->error_rad = v[OMNI_PARAM_SAFE_ERR_TH];
     l->stall_s = v[OMNI_PARAM_SAFE_STALL_T];
     l->stall_V = v[OMNI_PARAM_SAFE_STALL_V];
+    l->count_due = c->rad_per_count * c->speed_gain_V_s / (0.1f * c->step_s);
     l->battery_min_V = v[OMNI_PARAM_BAT_V_MIN];
     l->supply_nominal_V = v[OMNI_PARAM_BAT_V_NOM];
     l->driver_failures = (uint16_t)v[OMNI_PARAM_SAFE_I2C_N];

@@ -1,32 +1,58 @@
 /* SPDX-License-Identifier: MIT */
 #include "robot_internal.h"
 
+#include <string.h>
+
 #include "../math/invariant.h"
 #include "../math/math_inline.h"
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
- * believes its motor model too. A wheel that turns at a tenth of what the voltage gives is let through. One that stands
- * still uses up stall_s as time goes by. One that turns the other way does so at most twice as
- * fast; a reversal of the voltage is legal. */
-static omni_uint_t supervise_wheels(omni_real_t *stalled_s, const omni_robot_config_t *c,
-                                    const omni_estimate_t *estimate, const omni_real_t *applied_V) {
-    const omni_real_t tenth_per_V = 0.1f / c->speed_gain_V_s;
+ * believes its motor model too. A wheel is judged whenever one that turns at a tenth of what the voltage gives would
+ * have moved by a count: any sooner, a slow wheel between two counts looks like one that stands. One at that tenth is
+ * let through. One that stands still uses up stall_s as time goes by. One that turns the other way does so at most
+ * twice as fast; a reversal of the voltage is legal. */
+static omni_uint_t judge_wheel(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
     omni_uint_t faults = 0;
-    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        const omni_real_t voltage = applied_V[i];
-        const omni_flag_t pushed = omni_absf(voltage) >= c->limits.stall_V;
+    const omni_real_t behind = watch->due - watch->counts * c->limits.count_due;
+    if (omni_any(behind > 0.0f) || omni_any(watch->stalled_s > 0.0f)) {
+        const omni_real_t share = behind / watch->due;
+        const omni_real_t longer_s =
+            watch->stalled_s + c->step_s * watch->ticks * omni_select(share < 2.0f, share, 2.0f);
+        const omni_real_t stalled_s = omni_select(longer_s > 0.0f, longer_s, 0.0f);
+        watch->stalled_s = omni_select(judged, stalled_s, watch->stalled_s);
+        if (watch->stalled_s > c->limits.stall_s) {
+            faults |= OMNI_FAULT_STALL;
+        }
+    }
+    watch->ticks = omni_select(judged, 0.0f, watch->ticks);
+    watch->due = omni_select(judged, 0.0f, watch->due);
+    watch->counts = omni_select(judged, 0.0f, watch->counts);
+    return faults;
+}
+
+static omni_uint_t supervise_wheels(omni_stall_watch_t *watch, const omni_robot_config_t *c,
+                                    const omni_estimate_t *estimate, const omni_real_t *applied_V) {
+    const omni_real_t steps = (omni_real_t)estimate->steps;
+    const omni_real_t stall_V = c->limits.stall_V;
+    const omni_real_t count_due = c->limits.count_due;
+    const uint8_t wheels = c->kinematics.wheels;
+    omni_uint_t faults = 0;
+    for (uint8_t i = 0; i < wheels; ++i, ++watch) {
+        const omni_real_t volts = omni_absf(applied_V[i]);
+        const omni_flag_t pushed = volts >= stall_V;
         if (!omni_any(pushed)) {
-            stalled_s[i] = 0.0f;
+            memset(watch, 0, sizeof *watch);
             continue;
         }
-        const omni_real_t elapsed = c->step_s * (omni_real_t)estimate->steps;
-        const omni_real_t enough = omni_absf(voltage) * tenth_per_V * elapsed;
-        const omni_real_t moved = (omni_real_t)estimate->delta_counts[i] * c->rad_per_count * omni_signf(voltage);
-        const omni_real_t missing = omni_clampf(1.0f - moved / enough, -2.0f, 2.0f);
-        const omni_real_t longer_s = omni_clampf(stalled_s[i] + elapsed * missing, 0.0f, 2.0f * c->limits.stall_s);
-        stalled_s[i] = omni_select(pushed, longer_s, 0.0f);
-        if (stalled_s[i] > c->limits.stall_s) {
-            faults |= OMNI_FAULT_STALL;
+        const omni_real_t delta = (omni_real_t)estimate->delta_counts[i];
+        const omni_real_t onward = omni_select(applied_V[i] < 0.0f, -delta, delta);
+        watch->stalled_s = omni_select(pushed, watch->stalled_s, 0.0f);
+        watch->ticks = omni_select(pushed, watch->ticks + steps, 0.0f);
+        watch->due = omni_select(pushed, watch->due + volts * steps, 0.0f);
+        watch->counts = omni_select(pushed, watch->counts + onward, 0.0f);
+        const omni_flag_t judged = watch->due >= count_due;
+        if (omni_any(judged)) {
+            faults |= judge_wheel(watch, c, judged);
         }
     }
     return faults;
@@ -52,8 +78,7 @@ static omni_uint_t supervise_link(const omni_limits_t *limits, const omni_inputs
 }
 
 static bool setpoint_is_finite(const omni_setpoint_t *setpoint) {
-    return omni_pose_is_finite(&setpoint->pose) && omni_twist_is_finite(&setpoint->twist) &&
-           omni_all_finite(setpoint->duty, OMNI_MAX_WHEELS);
+    return omni_motion_is_finite(&setpoint->pose, &setpoint->twist) && omni_all_finite(setpoint->duty, OMNI_MAX_WHEELS);
 }
 
 static bool is_beyond(const omni_limits_t *limits, const omni_pose_t *pose) {
@@ -89,13 +114,13 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
                                  const omni_inputs_t *inputs, const omni_estimate_t *estimate,
                                  const omni_applied_t *last, uint8_t *kind) {
     omni_uint_t faults = inputs->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
-    if (!omni_pose_is_finite(&estimate->pose) || !omni_twist_is_finite(&estimate->rate)) {
+    if (!omni_motion_is_finite(&estimate->pose, &estimate->rate)) {
         faults |= OMNI_FAULT_NOT_FINITE;
     }
     if (is_beyond(&config->limits, &estimate->pose)) {
         faults |= OMNI_FAULT_POSITION;
     }
-    faults |= supervise_wheels(supervisor->stalled_s, config, estimate, last->voltage_V);
+    faults |= supervise_wheels(supervisor->stall, config, estimate, last->voltage_V);
     faults |= supervise_supply(&supervisor->battery_ticks, &config->limits, inputs, estimate->supply_V);
     faults |= supervise_link(&config->limits, inputs);
     faults |= supervise_setpoint(supervisor, &config->limits, inputs, kind);

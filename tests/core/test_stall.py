@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""A wheel that is blocked stops the motors; one that turns does not, however few counts its encoder gives."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from omniwheel._core import ffi, lib
+from omniwheel.capability.drive_model import model_from_parameters
+from omniwheel.robots import parameter_table
+from tests.core.test_robot import TICK_US, Bench
+
+COUNTS_PER_TURN = [4, 12, 48, 200, 1024, 10_000]
+STALL_T = 0.2
+LOAD = 1 / 3
+"""A wheel that pushes the robot up a slope turns at a third of its free speed."""
+
+
+def driven(counts_per_turn: int, duty: float, seconds: float, turning: float = 1.0) -> Bench:
+    """Return the bench after all wheels got this duty for so long, or until the robot stopped."""
+    bench = Bench(ENC_CPR=float(counts_per_turn), SAFE_STALL_T=STALL_T)
+    bench.arm()
+    bench.turning = turning
+    drive_on(bench, duty, seconds)
+    return bench
+
+
+def drive_on(bench: Bench, duty: float, seconds: float) -> float:
+    """Go on with this duty; return after how long the robot stopped [s], or the seconds it was to drive."""
+    for tick in range(round(seconds * 1e6 / TICK_US)):
+        bench.command(lib.OMNI_SETPOINT_DUTY, duty=(duty,) * 4)
+        if bench.tick().state != lib.OMNI_STATE_ARMED:
+            return tick * TICK_US * 1e-6
+    return seconds
+
+
+def volts(bench: Bench, duty: float) -> float:
+    """Return what the wheels get once the duty is there."""
+    return abs(duty) * float(bench.outputs.supply_V)
+
+
+def count_due_s(bench: Bench, duty: float) -> float:
+    """Return how long a wheel at a tenth of its speed takes for a count."""
+    speed = 0.1 * volts(bench, duty) / lib.omni_motor_speed_gain(ffi.addressof(bench.config, "motor"))
+    return 2 * math.pi / bench.values[lib.OMNI_PARAM_ENC_CPR] / speed
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+@pytest.mark.parametrize("duty", [0.35, -0.6, 1.0])
+@pytest.mark.parametrize("turning", [1.0, LOAD])
+def test_a_wheel_that_turns_is_let_through(counts_per_turn: int, duty: float, turning: float) -> None:
+    bench = driven(counts_per_turn, duty, 4.0, turning)
+    assert volts(bench, duty) > bench.values[lib.OMNI_PARAM_SAFE_STALL_V], "supervised at all"
+    assert bench.outputs.state == lib.OMNI_STATE_ARMED
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+@pytest.mark.parametrize("duty", [0.35, 1.0])
+def test_a_blocked_wheel_stops_the_motors_in_time(counts_per_turn: int, duty: float) -> None:
+    bench = Bench(ENC_CPR=float(counts_per_turn), SAFE_STALL_T=STALL_T)
+    bench.arm()
+    bench.turning = False
+    stopped_s = drive_on(bench, duty, 20.0)
+    assert bench.outputs.fault_history & lib.OMNI_FAULT_STALL
+    assert STALL_T <= stopped_s + 2e-3
+    assert stopped_s <= STALL_T + count_due_s(bench, duty) + 0.05, "its voltage needs some ticks to rise"
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+@pytest.mark.parametrize("every", [1, 3, 10, 70])
+def test_an_encoder_on_an_edge_does_not_hide_a_blocked_wheel(counts_per_turn: int, every: int) -> None:
+    bench = Bench(ENC_CPR=float(counts_per_turn), SAFE_STALL_T=STALL_T)
+    bench.arm()
+    bench.turning = False
+    for tick in range(10_000):
+        bench.angle = [math.pi / counts_per_turn * (1 if tick // every % 2 else -1)] * 4
+        bench.command(lib.OMNI_SETPOINT_DUTY, duty=(1.0,) * 4)
+        if bench.tick().state != lib.OMNI_STATE_ARMED:
+            break
+    assert bench.outputs.fault_history & lib.OMNI_FAULT_STALL
+    assert tick * TICK_US * 1e-6 <= STALL_T + 2 * count_due_s(bench, 1.0) + 0.05
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+def test_a_reversal_at_full_speed_is_legal(counts_per_turn: int) -> None:
+    bench = driven(counts_per_turn, 1.0, 1.0)
+    assert drive_on(bench, -1.0, 1.0) == 1.0
+    assert drive_on(bench, 1.0, 1.0) == 1.0
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+def test_a_wheel_that_counts_backwards_stops_the_motors(counts_per_turn: int) -> None:
+    bench = Bench(ENC_CPR=float(counts_per_turn), SAFE_STALL_T=STALL_T)
+    bench.arm()
+    bench.crossed = 1
+    stopped_s = drive_on(bench, 0.8, 10.0)
+    assert bench.outputs.fault_history & lib.OMNI_FAULT_STALL
+    assert STALL_T / 2 <= stopped_s <= STALL_T + count_due_s(bench, 0.8) + 0.05
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+def test_the_card_tells_how_long_a_blocked_wheel_gets_its_voltage(counts_per_turn: int) -> None:
+    bench = Bench(ENC_CPR=float(counts_per_turn), SAFE_STALL_T=STALL_T, SAFE_STALL_V=4.0)
+    bench.arm()
+    bench.turning = False
+    stopped_s = drive_on(bench, 4.001 / bench.values[lib.OMNI_PARAM_BAT_V_NOM], 20.0)
+    table = parameter_table()
+    values = {name: bench.values[index] for index, name in enumerate(table)}
+    assert stopped_s == pytest.approx(model_from_parameters(values, {}).blocked_s, abs=0.05)
