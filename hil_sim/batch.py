@@ -13,7 +13,6 @@ run them, changes no bit of it. And ``run_in_process`` with that seed is the sam
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Generator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from hil_sim.c_scenario import CScenario
 from hil_sim.limits import MAX_SEED
+from hil_sim.processes import usable_processors
 from hil_sim.record import struct_dtype
 from hil_sim.scenario import Scenario
 from hil_sim.statistics import Spread, Statistics
@@ -168,7 +168,7 @@ def run_batches(
     """
     plan, cancel = prepare(spec), Cancel()
     piece = BLOCK * min(max(count // 64, 1), 8)  # not by the number of workers: merging must round alike for all
-    threads = workers or os.cpu_count() or 1
+    threads = workers or usable_processors()
     with ThreadPoolExecutor(threads) as pool:
         pending: deque[Future[BatchResult]] = deque()
         try:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from hil_sim.hil import run_hil
-from hil_sim.metrics import tracking_rmse
+from hil_sim.metrics import on_path, tracking_rmse
 from hil_sim.mujoco_world import MujocoWorld
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
@@ -22,7 +22,6 @@ SHOWN = {
     "fast_no_slip": "fast robot, none",
 }
 """Scenarios, and in a few words what they are."""
-_PATH = 2
 _SPIN_DUTY, _SPIN_TICKS = 0.1, 4000
 
 
@@ -54,8 +53,8 @@ def row(name: str, seeds: Sequence[int] = SEEDS) -> str:
         assert rmse is not None
         millimetres.append(1e3 * rmse.position_m)
         milliradians.append(1e3 * rmse.theta_rad)
-        on_path = (run.record["phase"] == _PATH)[4::5]
-        loads += [load for load, counts in zip(world.loads, on_path, strict=False) if counts]
+        shown = on_path(run.record)[4::5]
+        loads += [load for load, counts in zip(world.loads, shown, strict=False) if counts]
     ours = tracking_rmse(run_in_process(load_scenario(name).with_seed(seeds[0])).record)
     assert ours is not None
     weighed = np.array(loads)

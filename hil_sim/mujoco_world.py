@@ -26,8 +26,8 @@ from hil_sim.models.parts import robot_parts
 from hil_sim.mujoco_film import FILM_FILE, Camera
 from hil_sim.mujoco_settings import Floor, Settings, read_settings
 from hil_sim.scenario import Scenario
+from hil_sim.world import GRAVITY_M_S2
 
-GRAVITY_m_s2 = 9.80665
 SETTLE_STEPS = 300
 """The robot is set down on the floor before time 0."""
 PLAIN = Settings()
@@ -62,7 +62,7 @@ class MujocoWorld:
         seconds = config.motor_inductance_H / config.motor_resistance_ohm
         text = mjcf(self.parts, seconds, config.motor_constant_N_m_A, bumps)
         self.model: Any = self._mujoco.MjModel.from_xml_string(text)
-        self.model.opt.gravity[:] = self.floor.gravity(GRAVITY_m_s2)
+        self.model.opt.gravity[:] = self.floor.gravity(GRAVITY_M_S2)
         if heights is not None:
             self.model.hfield_data[:] = (heights / self.floor.bumps_m).ravel()
         self.data: Any = self._mujoco.MjData(self.model)

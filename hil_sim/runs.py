@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +16,7 @@ from hil_sim import core
 from hil_sim.c_events import NEVER, TICKS_PER_S
 from hil_sim.c_scenario import CScenario, scenario_world
 from hil_sim.metrics import STATE_ARMED
+from hil_sim.processes import usable_processors
 from hil_sim.record import Record
 from hil_sim.scenario import Scenario
 from hil_sim.timeline import Applied, Played, Progress, RunError
@@ -145,7 +145,7 @@ def run_in_process(scenario: Scenario, seed: int | None = None, progress: Progre
 
 def run_seeds(scenario: Scenario, seeds: Iterable[int], measure: Callable[[Run], Measure]) -> Iterator[Measure]:
     """Run a scenario with several seeds on all processors; yield what ``measure`` says of each, in their order."""
-    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(usable_processors()) as pool:
         yield from pool.map(lambda seed: measure(run_in_process(scenario, seed)), seeds)
 
 

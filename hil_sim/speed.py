@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil_sim.processes import usable_processors
+
 Measurement = Callable[[], float]
 """Does its work once and returns its figure, a time or a time per something: the smaller the better."""
 
@@ -46,7 +48,7 @@ def alternate(
 
 def machine() -> str:
     """Return the processor's name, the number of processors to be used, and how busy they were in the last minute."""
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    usable = usable_processors()
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     return f"{_processor()}, {usable} processor{'s' if usable > 1 else ''}{load}"
 

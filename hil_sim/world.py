@@ -20,6 +20,8 @@ from omniwheel._core import ffi, lib
 from omniwheel.errors import OmniError
 
 TICK_US: int = lib.OMNI_TICK_US
+GRAVITY_M_S2 = 9.80665
+"""Standard gravity, as the world in C has it."""
 
 DEFAULT_PLANT = "full"
 PLANTS: dict[str, int] = {name: plant.number for name, plant in WORLD.plants.items()}

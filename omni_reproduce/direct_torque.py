@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from hil_sim.world import GRAVITY_M_S2
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.torque_loop import TICK_S, Array, Case, Law, Trace, goals_of, law_of, simulate
 from omni_reproduce.torque_pictures import draw_points, draw_rose, draw_slippery
 
 NAME = "direct_torque"
 MM, MRAD = 1e3, 1e3
-GRAVITY_M_S2 = 9.80665
 
 
 @dataclass(frozen=True)

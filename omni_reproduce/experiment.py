@@ -3,25 +3,19 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import time
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from multiprocessing import active_children, get_context
 from pathlib import Path
-from threading import Thread
 from typing import Any, TypeVar
 
+from hil_sim.processes import usable_processors
 from omni_schema.toml_file import read_toml
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 CHUNKS = 16
-DRAIN_S = 0.3  # what the pool's thread takes to drop the work that waits
 """How many parts a map is cut into, so that no process is left with a long rest."""
 
 EXPERIMENTS_FOLDER = Path(__file__).parent / "experiments"
@@ -72,7 +66,7 @@ class Context:
     folder: Path
     quick: bool = False
     seeds: int | None = None
-    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    workers: int = field(default_factory=usable_processors)
     pool: Executor | None = None
     progress: Callable[[float], None] = _ignore
 
@@ -92,35 +86,6 @@ class Context:
             answers.append(answer)
             self.progress(len(answers) / len(work))
         return answers
-
-
-@contextmanager
-def worker_pool(workers: int | None = None) -> Iterator[Executor]:
-    """Yield a pool of processes, by default as many as there are processors."""
-    # Not forked: other threads of this process may hold locks. Ctrl-C reaches the whole process group. The workers
-    # leave it to this process, which drops what waits before it ends them. Otherwise the pool prints tracebacks.
-    context = get_context("spawn")
-    ignore = (signal.SIGINT, signal.SIG_IGN)
-    count = workers or os.cpu_count() or 1
-    with ProcessPoolExecutor(count, context, signal.signal, ignore) as pool:
-        # They start with the first work and inherit what is ignored: the initializer alone comes after their imports.
-        before = signal.signal(*ignore)
-        try:
-            for _ in range(count):
-                pool.submit(int)
-        finally:
-            signal.signal(signal.SIGINT, before)
-        try:
-            yield pool
-        except BaseException:
-            # Waited for in the end: a pool that is still closing when Python ends prints a traceback of its own.
-            closing = Thread(target=pool.shutdown, kwargs={"cancel_futures": True})
-            closing.start()
-            time.sleep(DRAIN_S)
-            for worker in active_children():
-                worker.terminate()
-            closing.join()
-            raise
 
 
 def read_spec(name: str) -> dict[str, Any]:

@@ -322,6 +322,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.ticks = ticks_;
     out.overruns = sensors.overruns;
     out.i2c_errors = driver_->errors();
+    // Asked only once the updates have failed for good: most ticks need not look at the driver.
     out.read_back_missing = inputs_.driver_failures == UINT16_MAX && driver_->read_back_missing();
     out.battery_V = sensors.battery_V;
     out.tick_us_mean = tick_us_mean_;

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from hil_sim.world import world_config
+from hil_sim.world import GRAVITY_M_S2, world_config
 from omni_schema import Robot
 from omniwheel.errors import OmniError
 
@@ -158,7 +158,7 @@ def robot_parts(robot: Robot, config: Any = None) -> RobotParts:
     roller = _cylinder(ROLLER_DENSITY_kg_m3 * math.pi * a**2 * 2.0 * half, a, 2.0 * half)
     wheels = tuple(_wheel(robot, config, i, shape, roller) for i in range(config.wheels))
     chassis = _chassis(robot, config, wheels, shape, roller.mass_kg * rows * count)
-    load_N = 9.80665 * config.mass_kg / config.wheels
+    load_N = GRAVITY_M_S2 * config.mass_kg / config.wheels
     return RobotParts(
         name=robot.name,
         chassis=chassis,

@@ -21,6 +21,8 @@ static const double LEAST_SHARE = 1e-3;    /* of the load at rest: a wheel in th
 void hil_floor_init(hil_plant_t *plant, const hil_world_config_t *config) {
     const bool rollers = config->rollers_per_row > 0, springs = config->wheel_stiffness_N_m > 0.0;
     plant->uneven = rollers || springs || config->roller_bushing_friction > 0.0 || config->floor_slope_rad > 0.0;
+    plant->weight_N = config->mass_kg * HIL_GRAVITY_m_s2 * cos(config->floor_slope_rad);
+    plant->downhill_N = config->mass_kg * HIL_GRAVITY_m_s2 * sin(config->floor_slope_rad);
     const hil_real_t h = config->centre_of_mass_height_m;
     /* A cylinder as high as its centre of mass says, and as heavy and wide as its inertia about z says. */
     plant->inverse_tilt_inertia = 1.0 / (0.5 * config->inertia_kg_m2 + config->mass_kg * h * h * (1.0 / 3.0));
@@ -56,11 +58,11 @@ static void hil_floor_tractions(const hil_world_t *world, hil_real_t *sum_N) {
 
 /* One piece of the body's rise. Loads are added to world->load_N. */
 static void hil_floor_rise(hil_world_t *world, const hil_real_t *dip_m, const hil_real_t *sinking_m_s,
-                           const hil_real_t *traction_N, hil_real_t weight_N, double piece_s) {
+                           const hil_real_t *traction_N, double piece_s) {
     const hil_world_config_t *config = &world->config;
     const hil_plant_t *plant = &world->plant;
-    const hil_real_t pressed_m = weight_N * (1.0 / (config->wheels * config->wheel_stiffness_N_m));
-    hil_real_t up = -weight_N;
+    const hil_real_t pressed_m = plant->weight_N * (1.0 / (config->wheels * config->wheel_stiffness_N_m));
+    hil_real_t up = -plant->weight_N;
     hil_real_t about_x = config->centre_of_mass_height_m * traction_N[1];
     hil_real_t about_y = -config->centre_of_mass_height_m * traction_N[0];
     for (uint32_t i = 0; i < config->wheels; i++) {
@@ -84,7 +86,7 @@ static void hil_floor_rise(hil_world_t *world, const hil_real_t *dip_m, const hi
 }
 
 /* Slope and dry drag of the rollers, in the body frame. */
-static void hil_floor_forces(hil_world_t *world, hil_real_t weight_N, hil_real_t along_N) {
+static void hil_floor_forces(hil_world_t *world) {
     const hil_world_config_t *config = &world->config;
     const hil_plant_t *plant = &world->plant;
     hil_real_t cos_sin[2], uphill[2];
@@ -92,12 +94,12 @@ static void hil_floor_forces(hil_world_t *world, hil_real_t weight_N, hil_real_t
     hil_cos_sin(config->floor_uphill_rad - world->pose[2], uphill);
     const hil_real_t vx = cos_sin[0] * world->twist[0] + cos_sin[1] * world->twist[1];
     const hil_real_t vy = cos_sin[0] * world->twist[1] - cos_sin[1] * world->twist[0];
-    world->floor_N[0] = -along_N * uphill[0];
-    world->floor_N[1] = -along_N * uphill[1];
+    world->floor_N[0] = -plant->downhill_N * uphill[0];
+    world->floor_N[1] = -plant->downhill_N * uphill[1];
     for (uint32_t i = 0; i < config->wheels; i++) {
         const hil_real_t out_x = plant->along_y[i], out_y = -plant->along_x[i];
         const hil_real_t across_m_s = out_x * vx + out_y * vy;
-        const hil_real_t load_N = hil_max(world->load_N[i], weight_N * (LEAST_SHARE / config->wheels));
+        const hil_real_t load_N = hil_max(world->load_N[i], plant->weight_N * (LEAST_SHARE / config->wheels));
         const hil_real_t drag_N = config->roller_bushing_friction * load_N * across_m_s /
                                   hil_sqrt(across_m_s * across_m_s + DRY_WIDTH_m_s * DRY_WIDTH_m_s);
         world->floor_N[0] -= drag_N * out_x;
@@ -108,20 +110,18 @@ static void hil_floor_forces(hil_world_t *world, hil_real_t weight_N, hil_real_t
 
 void hil_floor_step(hil_world_t *world, double step_s) {
     const hil_world_config_t *config = &world->config;
-    const hil_real_t weight_N = config->mass_kg * HIL_GRAVITY_m_s2 * cos(config->floor_slope_rad);
-    const hil_real_t along_N = config->mass_kg * HIL_GRAVITY_m_s2 * sin(config->floor_slope_rad);
     hil_real_t dip_m[HIL_MAX_WHEELS] = {0.0}, sinking_m_s[HIL_MAX_WHEELS] = {0.0}, traction_N[2];
     for (uint32_t i = 0; i < config->wheels; i++) {
         if (config->rollers_per_row > 0) {
             sinking_m_s[i] = hil_floor_roller(world, i, &dip_m[i]);
         }
-        world->load_N[i] = weight_N * (config->wheel_stiffness_N_m > 0.0 ? 0.0 : 1.0 / config->wheels);
+        world->load_N[i] = world->plant.weight_N * (config->wheel_stiffness_N_m > 0.0 ? 0.0 : 1.0 / config->wheels);
     }
     if (config->wheel_stiffness_N_m > 0.0) {
         hil_floor_tractions(world, traction_N);
         for (int n = 0; n < PIECES; n++) {
-            hil_floor_rise(world, dip_m, sinking_m_s, traction_N, weight_N, step_s / PIECES);
+            hil_floor_rise(world, dip_m, sinking_m_s, traction_N, step_s / PIECES);
         }
     }
-    hil_floor_forces(world, weight_N, along_N);
+    hil_floor_forces(world);
 }

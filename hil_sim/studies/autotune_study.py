@@ -10,9 +10,8 @@ import csv
 import hashlib
 import io
 import json
-import multiprocessing
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,10 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import omniwheel.autotune
+from hil_sim.processes import worker_pool
 from hil_sim.studies import autotune_rival, autotune_robot, autotune_stop, drawn_robots, engine
 from hil_sim.studies.autotune_summary import document, page
 from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.store import KEY_BYTES
+from hil_sim.studies.study import Progress, no_progress
 from omniwheel import files
 from omniwheel.autotune.procedure import Settings
 from omniwheel.plain import finite
@@ -63,13 +64,6 @@ PARTS = (
 )
 
 
-class Progress:
-    """Is told of every robot that gets done; does nothing."""
-
-    def __call__(self, runs: int, simulated_s: float, *, kept: bool) -> None:
-        """Take note of so many robots; ``kept``: an earlier session did them."""
-
-
 def sources_digest() -> str:
     """Return a digest of the code whose results are kept: autotune's, and how robots are drawn."""
     folder = Path(next(iter(omniwheel.autotune.__path__)))
@@ -77,9 +71,10 @@ def sources_digest() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:16]
 
 
-def run_study(plan: Plan, path: Path, jobs: int = 1, *, fresh: bool = False, progress: Any = None) -> dict[str, Any]:
+def run_study(
+    plan: Plan, path: Path, jobs: int = 1, *, fresh: bool = False, told: Progress = no_progress
+) -> dict[str, Any]:
     """Do what is missing and write the results; return the summary. Raises StudyFolderError, OutputFileError."""
-    told = progress or Progress()
     seeds = range(plan.first_seed, plan.first_seed + plan.robots)
     robots = _done(PARTS[0], plan, path, seeds, [plan.settings] * plan.robots, jobs, fresh, told)
     tuned = [(row["seed"], autotune_robot.values_after(row)) for row in robots[: plan.rivals]]
@@ -94,7 +89,14 @@ def run_study(plan: Plan, path: Path, jobs: int = 1, *, fresh: bool = False, pro
 
 
 def _done(
-    part: Part, plan: Plan, path: Path, seeds: Sequence[int], given: Sequence[Any], jobs: int, fresh: bool, told: Any
+    part: Part,
+    plan: Plan,
+    path: Path,
+    seeds: Sequence[int],
+    given: Sequence[Any],
+    jobs: int,
+    fresh: bool,
+    told: Progress,
 ) -> Array:
     """Return the rows of these seeds; those that the folder does not hold are made first."""
     if not seeds:
@@ -125,13 +127,10 @@ def _rows(part: Part, missing: Mapping[int, Any], jobs: int) -> Iterator[tuple[i
         for seed, argument in missing.items():
             yield seed, part.work(seed, argument)
         return
-    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with worker_pool(jobs) as pool:
         waiting = {pool.submit(part.work, seed, argument): seed for seed, argument in missing.items()}
-        try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
 
 
 def _key(seed: int) -> bytes:

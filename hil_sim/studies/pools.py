@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import threading
 from collections.abc import Iterable, Iterator
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.batch import BatchCancelledError, Cancel
+from hil_sim.processes import usable_processors
 from hil_sim.studies import engine
 from hil_sim.studies.plan import Batch
 from hil_sim.world import WorldError
@@ -60,7 +60,7 @@ class LocalPool:
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        self.workers = workers if workers is not None else len(os.sched_getaffinity(0)) if _HAS_AFFINITY else _count()
+        self.workers = workers if workers is not None else usable_processors()
 
     def results(self, batches: Iterable[Batch]) -> Iterator[Done]:
         """Do batches on all threads."""
@@ -89,13 +89,6 @@ class LocalPool:
 
     def close(self) -> None:
         """Nothing is held between two calls of results."""
-
-
-_HAS_AFFINITY = hasattr(os, "sched_getaffinity")
-
-
-def _count() -> int:
-    return os.cpu_count() or 1
 
 
 def _take(source: Iterator[Batch], count: int) -> Iterator[Batch]:

@@ -64,7 +64,7 @@ def test_a_blocked_wheel_stops_the_motors_in_time(counts_per_turn: int, duty: fl
     bench.turning = False
     stopped_s = drive_on(bench, duty, 20.0)
     assert bench.outputs.fault_history & lib.OMNI_FAULT_STALL
-    assert STALL_T <= stopped_s + 2e-3
+    assert stopped_s + 2e-3 >= STALL_T
     assert stopped_s <= STALL_T + count_due_s(bench, duty) + 0.05, "its voltage needs some ticks to rise"
 
 

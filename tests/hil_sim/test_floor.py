@@ -4,21 +4,16 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from hil_sim.runs import run_in_process
-from hil_sim.scenario import load_scenario
 from hil_sim.world import World
 from omni_schema import Robot
-from omniwheel._core import ffi, lib
-from tests.parity.budget_page import replace_block
+from omniwheel._core import ffi
+from tests.hil_sim.rollers_page import PAGE, error_of, written
 
 GRAVITY = 9.80665
 SPRINGS = {"wheel_stiffness_N_m": 1e5, "wheel_damping_N_s_m": 100.0, "centre_of_mass_height_m": 0.06}
@@ -204,35 +199,12 @@ def test_a_tick_begins_with_the_loads_that_it_uses(changed: Changed) -> None:
         assert limits == pytest.approx(world.c.config.friction_coefficient * np.maximum(loads(world), least))
 
 
-PAGE = Path(__file__).parents[2] / "docs" / "concepts" / "real-wheels.md"
-SCENARIOS = ("demo", "rollers", "no_slip", "rollers_no_fixes", "fast", "fast_rollers")
-
-
-@cache
-def figures_of(name: str) -> tuple[float, float]:
-    """Return the tracking error of a scenario: position [mm] and heading [mrad], as root mean squares on the path."""
-    record = run_in_process(load_scenario(name)).record
-    driven = record[record["phase"] == lib.OMNI_PHASE_PATH]
-    error = driven["truth"] - driven["reference"]
-    return (
-        1e3 * float(np.sqrt((error[:, :2] ** 2).sum(axis=1).mean())),
-        1e3 * float(np.sqrt((error[:, 2] ** 2).mean())),
-    )
-
-
 def test_the_page_says_what_rollers_cost() -> None:
-    """``OMNI_WRITE_PAGES=1`` writes the table."""
-    table = ["| scenario | position | heading |", "|---|---:|---:|"]
-    table += [f"| `{name}` | {figures_of(name)[0]:.2f} mm | {figures_of(name)[1]:.2f} mrad |" for name in SCENARIOS]
-    text = PAGE.read_text()
-    wanted = replace_block(text, "real-wheels", table)
-    if os.environ.get("OMNI_WRITE_PAGES"):
-        PAGE.write_text(wanted)
-    assert PAGE.read_text() == wanted
+    assert PAGE.read_text() == written()
 
 
 def test_rollers_cost_dead_reckoning_and_hardly_a_robot_with_fixes() -> None:
     """An independent MuJoCo model of this robot, by nobody of this project: 1.26 mm with fixes, 5.7 mm without."""
-    assert figures_of("rollers")[0] == pytest.approx(1.26, rel=0.2)
-    assert figures_of("rollers_no_fixes")[0] == pytest.approx(5.7, rel=0.2)
-    assert figures_of("no_slip")[0] < 0.2
+    assert 1e3 * error_of("rollers").position_m == pytest.approx(1.26, rel=0.2)
+    assert 1e3 * error_of("rollers_no_fixes").position_m == pytest.approx(5.7, rel=0.2)
+    assert 1e3 * error_of("no_slip").position_m < 0.2

@@ -9,7 +9,8 @@ import time
 from contextlib import nullcontext
 from pathlib import Path
 
-from omni_reproduce.experiment import Context, worker_pool
+from hil_sim.processes import worker_pool
+from omni_reproduce.experiment import Context
 
 
 def square(number: int) -> int:

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil_sim.processes import worker_pool
 from omni_reproduce import table2
-from omni_reproduce.experiment import Context, read_spec, worker_pool
+from omni_reproduce.experiment import Context, read_spec
 from omni_reproduce.loops import one_step_limit
 
 SPEC = read_spec("table2")

@@ -18,6 +18,7 @@ from typing import Any
 
 from hil_sim.speed import machine
 from tests.parity.budget_page import replace_block
+from tests.studio.memory import LARGEST_GROWTH_MB_PER_H
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "build" / "studio-figures"
@@ -127,7 +128,7 @@ def main() -> int:
         text = replace_block(text, name, lines)
     if options.write:
         PAGE.write_text(text)
-    flat = max(memory["growth_MB_per_h"].values()) < 0.5
+    flat = max(memory["growth_MB_per_h"].values()) < LARGEST_GROWTH_MB_PER_H
     return 0 if flat and all(figure.reached(figure.of(speed)) for figure in FIGURES) else 1
 
 

@@ -131,6 +131,8 @@ typedef struct hil_plant_t {
     bool uneven;                             /**< floor.c changes arms, radii and limits with each tick */
     hil_real_t roller_phase[HIL_MAX_WHEELS]; /**< where on the rollers a wheel stands at angle 0 [rollers] */
     hil_real_t inverse_tilt_inertia;         /**< of the body about x and y, 1 / (kg m^2) */
+    hil_real_t weight_N;                     /**< of the robot, across the floor */
+    hil_real_t downhill_N;                   /**< the same along it */
 } hil_plant_t;
 
 typedef struct hil_world_t {

@@ -53,8 +53,9 @@ def reproduce(
     Prints a table per experiment: published figure, ours (mean and standard deviation over the seeds), theoretical
     limit, and what explains a difference. Writes the figures and a page, reproduction.html, to put beside the report.
     """
+    from hil_sim.processes import worker_pool
     from omni_reproduce import page, study
-    from omni_reproduce.experiment import Context, worker_pool
+    from omni_reproduce.experiment import Context
     from omni_reproduce.registry import select
 
     chosen = select(names or [])

@@ -39,15 +39,15 @@ def autotune(
     before and after, on seeds that the tuning never saw. Interrupted, the same command goes on; a larger --robots adds
     to what is there.
     """
+    from hil_sim.processes import usable_processors
     from hil_sim.studies.autotune_study import Plan, run_study
     from hil_sim.studies.autotune_summary import page
-    from hil_sim.studies.pools import LocalPool
 
     plan = Plan(robots, seed, min(rivals, robots), stops)
     path: Path = out if out is not None else DEFAULT_OUT / "study-autotune"
     total = robots + plan.rivals + stops
     with study_progress("autotune", total, path, json_wanted) as progress:
-        summary = run_study(plan, path, LocalPool(workers).workers, fresh=fresh, progress=progress)
+        summary = run_study(plan, path, workers or usable_processors(), fresh=fresh, told=progress)
     if json_wanted:
         print_json({**summary, "folder": str(path)})
         return

@@ -7,10 +7,10 @@
 #include "../math/math_inline.h"
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
- * believes its motor model too. A wheel is judged whenever one that turns at a tenth of what the voltage gives would
- * have moved by a count: any sooner, a slow wheel between two counts looks like one that stands. One at that tenth is
- * let through. One that stands still uses up stall_s as time goes by. One that turns the other way does so at most
- * twice as fast; a reversal of the voltage is legal. */
+ * believes its motor model too. A wheel is judged when one at a tenth of the voltage's speed would have given a count.
+ * Judged any sooner, a slow wheel between two counts looks like one that stands. One at that tenth is let through. One
+ * that stands still uses up stall_s as time goes by. One that turns the other way does so at most twice as fast; a
+ * reversal of the voltage is legal. */
 static omni_uint_t judge_wheel(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
     omni_uint_t faults = 0;
     const omni_real_t behind = watch->due - watch->counts * c->limits.count_due;
