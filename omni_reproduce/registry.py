@@ -61,6 +61,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment("diagrams", "Figures 9 and 12: block diagrams", "diagrams", ("fig9", "fig12")),
     Experiment("controllers", "Every controller on every path", "controllers"),
     Experiment("original_law", "The original law of the three-wheel robot", "original_law"),
+    Experiment("physics", "Two physics engines on one robot file", "physics"),
 )
 
 

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: MIT
+"""Both worlds get the same: wheels, floor, duties. What our world says was written down before MuJoCo was asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_sim.metrics import on_path
+from hil_sim.runs import new_world, run_in_process
+from omni_reproduce.experiment import Context, read_spec
+from omni_reproduce.physics import LEAST, QUANTITIES, SPEEDS, Case, agree, both, duties, ours, predict, scenario_of
+
+SPEC = read_spec("physics")
+CASE = Case("fast_three_wheel", "level", "rose_3", 1, 2.0)
+
+
+def test_there_are_twenty_manoeuvres_three_robots_and_three_floors() -> None:
+    assert [len(SPEC[name]) for name in ("manoeuvre", "robot", "floor")] == [20, 3, 3]
+    assert set(SPEC["wanted"]) == set(QUANTITIES) == set(LEAST)
+
+
+@pytest.mark.parametrize("floor", SPEC["floor"])
+def test_duties_played_open_loop_give_the_same_run_in_our_world(floor: str) -> None:
+    scenario = scenario_of(SPEC, replace(CASE, floor=floor), fixes=False)
+    record = run_in_process(scenario).record
+    world = new_world(scenario)
+    poses = []
+    for duty, armed in duties(record, 3):
+        poses.append(world.truth)
+        if armed:
+            world.drive_voltage(float(world.c.config.battery_V) * duty)
+        world.step()
+    driven = on_path(record)
+    assert np.abs(np.array(poses) - record["truth"])[driven].max() < 1e-12
+    assert np.ptp(record["truth"][:, 0]) > 0.2
+
+
+def test_the_floor_makes_a_difference() -> None:
+    found = {floor: ours(replace(CASE, floor=floor)) for floor in SPEC["floor"]}
+    assert found["slippery"] != found["level"] != found["slope"]
+
+
+def test_figures_agree_within_what_is_wanted() -> None:
+    assert agree(SPEC, SPEEDS, 1.019, 1.0)
+    assert not agree(SPEC, SPEEDS, 1.021, 1.0)
+    assert agree(SPEC, SPEEDS, 0.0005, 0.0), "both are next to nothing"
+
+
+def test_wheel_speeds_are_those_of_mujoco_within_two_percent() -> None:
+    pytest.importorskip("mujoco", reason="needs pip install 'omniwheel[mujoco]'")
+    our, their = both(replace(CASE, driven_s=1.0))
+    assert our[SPEEDS] == pytest.approx(their[SPEEDS], rel=0.02)
+
+
+@pytest.mark.nightly
+def test_the_prediction_is_what_our_world_says() -> None:
+    found = predict(Context(Path()))
+    assert found == {robot: SPEC["prediction"][robot] for robot in SPEC["robot"]}
