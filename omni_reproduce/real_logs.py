@@ -26,13 +26,16 @@ ROBOT_FOLDER = Path(__file__).parent / "real_three_wheel"
 SETTINGS = {
     "nominal": (
         "nominal geometry",
-        "Radius and distance from the builder's drawing, every count as logged, IMU heading.",
+        "Radius and distance from the robot's drawing, every count as logged, IMU heading.",
     ),
     "held_out": (
         "identified on the other runs",
         "Radii by wheel and direction, motor curve and filter noise; IMU heading.",
     ),
-    "held_out_wheels_only": ("identified on the other runs, wheels only", "One radius and the distance; no IMU."),
+    "held_out_wheels_only": (
+        "identified on the other runs, wheels only",
+        "No IMU: one radius for all says the heading, radii by wheel and direction the path on it.",
+    ),
     "held_out_duty_only": ("identified on the other runs, duty only", "The counts of the run itself are left aside."),
 }
 

@@ -94,13 +94,16 @@ def replay(
 ) -> Replay:
     """Run a log through the estimators of the robot file, from the pose zero.
 
-    The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. With a
+    The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. Without it,
+    a calibration's ``turn_scale`` says the heading first, and the path follows on that, unless there are fixes. With a
     calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds. Without one it
     takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
     """
     check_log_fits(log, robot)
     engine = _Engine(log, robot, calibration)
     heading = log.heading_rad if use_heading else np.full(len(log.time_s), np.nan)
+    if calibration is not None and calibration.turn_scale is not None and fixes is None and not use_heading:
+        heading = replay(log, robot, calibration.for_turning(), use_heading=False).pose[:, 2]
     ignores = engine.config.pose_ekf.mode == lib.OMNI_EKF_MODE_ODOMETRY
     if ignores and (fixes is not None or np.any(np.isfinite(heading))):
         hint = "set EKF_MODE = 1 under [parameters], or leave the heading (--no-heading) and the fixes out"
@@ -133,6 +136,15 @@ def replay(
         accepted=int(engine.ekf.accepted),
         refused=int(engine.ekf.refused),
     )
+
+
+def require_curve(log: WheelLog, calibration: Calibration | None) -> None:
+    """Raise LogError unless wheel speeds can be had from the log's duties alone: they need the motors' curve."""
+    if calibration is None:
+        hint = "omni identify logs writes one beside the robot file; or give it with --calibration"
+        raise LogError(f"{log.name}: without counts a calibration with the motors' curve is needed", hint=hint)
+    if not np.any(log.duty):
+        raise LogError(f"{log.name} holds no duty", hint="map its columns ([duty] in the mapping)")
 
 
 def filter_wheels(log: WheelLog, robot: Robot, calibration: Calibration | None = None) -> tuple[Array, Array, Array]:

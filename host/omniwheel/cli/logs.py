@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.log_options import (
@@ -55,6 +56,11 @@ def import_command(
     noise = ", ".join(f"{value:.1f}" for value in summary.noise_counts)
     console.print(f"{out}: {summary.rows} rows; {summary.dropped_rows} dropped, {summary.missing_rows} missing")
     console.print(f"spikes rejected per wheel: {shares}; noise left: {noise} counts per period")
+    for stretch in summary.frozen:
+        console.print(
+            f"[yellow]{escape(stretch.column)} is frozen[/] from {stretch.start_s:.2f} to {stretch.stop_s:.2f} s: "
+            "what it says there is not measured"
+        )
     for time in summary.heading_restarts_s:
         console.print(f"[yellow]the heading sensor restarted at {time:.2f} s:[/] what it turned until then is lost")
 

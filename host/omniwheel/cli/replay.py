@@ -43,6 +43,9 @@ def replay_command(
     calibration: CalibrationOption = None,
     no_calibration: NoCalibrationOption = False,
     no_heading: Annotated[bool, typer.Option("--no-heading", help="Leave a measured heading aside.")] = False,
+    no_counts: Annotated[
+        bool, typer.Option("--no-counts", help="Leave the counts aside: wheel speeds from the duties alone.")
+    ] = False,
     fixes: Annotated[
         float, typer.Option("--fixes", min=0.0, max=1000.0, metavar="HZ", help="Truth as pose fixes, so often.")
     ] = 0.0,
@@ -61,13 +64,16 @@ def replay_command(
     """
     from omniwheel.log_sources import open_log
     from omniwheel.logs.alignment import align
-    from omniwheel.replay import fixes_from_truth, replay
+    from omniwheel.replay import fixes_from_truth, replay, require_curve
 
     for path, what in ((plot, "the picture"), (csv, "the table")):
         if path is not None:
             writable_path(path, what)
     model, used, source = robot_and_calibration(robot, calibration, no_calibration)
     run_log = open_log(log, model, mapping, truth)
+    if no_counts:
+        require_curve(run_log, used)
+        run_log = run_log.without_counts()
     run = replay(run_log, model, used, use_heading=not no_heading)
     aligned = None
     if run_log.truth is not None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,8 +41,7 @@ class Scored:
     """One run, dead-reckoned in several ways.
 
     With the ``nominal`` geometry; with what was ``identified`` from all runs; with what the other runs say
-    (``held_out``). The last is also there without the heading (one radius for all), and without the counts (what the
-    duty alone tells).
+    (``held_out``). The last is also there without the heading, and without the counts (what the duty alone tells).
     ``nis_mean`` of the truth used as fixes, with ``nis_degrees`` degrees of freedom each.
     """
 
@@ -126,8 +125,8 @@ def score(log: WheelLog, nominal: Robot, whole: Odometry, other: Odometry) -> Sc
         nominal_replay(log, nominal),
         dead_reckon(log, whole.robot, whole.calibration),
         (held_run, held),
-        dead_reckon(log, other.plain_robot, other.plain_calibration, use_heading=False),
-        dead_reckon(replace(log, good=np.zeros_like(log.good)), other.robot, other.calibration),
+        dead_reckon(log, other.robot, other.calibration, use_heading=False),
+        dead_reckon(log.without_counts(), other.robot, other.calibration),
     ]
     fixes = fixes_from_truth(log, held, FIX_RATE_HZ)
     fixed = replay(log, other.robot, other.calibration, fixes=fixes)

@@ -8,8 +8,8 @@ drawn towards their mean where the runs do not excite them. This goes on in turn
 distance follows from the measured heading and the wheels' common turning.
 
 The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are right
-for the path on a measured heading. As a heading of their own they are not, so that without one a single common radius
-does better.
+for the path on a measured heading. As a heading of their own they are not: without one, a single common radius says
+the heading, and the radii by direction the path on it.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ NOISE_CANDIDATES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 class Odometry:
     """One identification: radii (wheels,) [m] by direction, wheel distance [m], the motors' curve, filter noise.
 
-    ``robot`` and ``calibration`` hold the same for the core: together they are what a replay needs. ``plain_robot`` and
-    ``plain_calibration`` have one radius for all, ``plain_radius_m``: for dead reckoning without a measured heading.
+    ``robot`` and ``calibration`` hold the same for the core: together they are what a replay needs. ``plain_radius_m``
+    is the one radius for all; without a measured heading, the calibration's heading follows from it.
     """
 
     forward_radius_m: Array
@@ -61,8 +61,6 @@ class Odometry:
     robot: Robot
     calibration: Calibration
     plain_radius_m: float
-    plain_robot: Robot
-    plain_calibration: Calibration
 
 
 def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[WheelLog] = ()) -> Odometry:
@@ -90,8 +88,8 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
     )
     distances = [_wheel_distance((*runs, *turns), speeds, inverse, each) for each in (radii, plain)]
     known = [nominal["WHEEL_DIST"] if distance is None else distance for distance in distances]
-    identified, calibration = _packed(filtered, radii, known[0], curve.curve)
-    plain_robot, plain_calibration = _packed(filtered, plain, known[1], curve.curve)
+    turning_m = float(plain[0]) * known[0] / known[1]
+    identified, calibration = _packed(filtered, radii, known[0], curve.curve, turning_m)
     return Odometry(
         forward_radius_m=radii[: robot.wheels],
         reverse_radius_m=radii[robot.wheels :],
@@ -103,8 +101,6 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
         robot=identified,
         calibration=calibration,
         plain_radius_m=float(plain[0]),
-        plain_robot=plain_robot,
-        plain_calibration=plain_calibration,
     )
 
 
@@ -258,11 +254,17 @@ def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse
     return wheels / heading
 
 
-def _packed(robot: Robot, radii: Array, distance_m: float, curve: MotorCurve) -> tuple[Robot, Calibration]:
-    """Put the radii (forward, then reverse) into robot (per wheel) and calibration (what is left, by direction)."""
+def _packed(
+    robot: Robot, radii: Array, distance_m: float, curve: MotorCurve, turning_m: float
+) -> tuple[Robot, Calibration]:
+    """Put the radii (forward, then reverse) into robot (per wheel) and calibration (what is left, by direction).
+
+    ``turning_m`` is the radius of all wheels that turns the robot right with this ``distance_m``.
+    """
     forward, reverse = radii[: robot.wheels], radii[robot.wheels :]
     radius = float(np.mean(radii))
     scale = np.clip(0.5 * (forward + reverse) / radius, *SCALE_LIMITS)
     values = {f"W{wheel + 1}_RSCALE": float(value) for wheel, value in enumerate(scale)}
     packed = _with(robot, WHEEL_RADIUS=radius, WHEEL_DIST=distance_m, **values)
-    return packed, Calibration(forward / (radius * scale), reverse / (radius * scale), curve)
+    file_m = radius * scale
+    return packed, Calibration(forward / file_m, reverse / file_m, curve, turning_m / file_m)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,11 +47,22 @@ class MotorCurve:
 
 @dataclass(frozen=True)
 class Calibration:
-    """``forward_scale``, ``reverse_scale`` (wheels,): effective radius over the robot file's; the motors' curve."""
+    """``forward_scale``, ``reverse_scale`` (wheels,): effective radius over the robot file's; the motors' curve.
+
+    ``turn_scale`` (wheels,) is the same for the heading where none was measured: None, the two above are. Radii by
+    direction take in a camera's perspective; one common radius turns better.
+    """
 
     forward_scale: Array
     reverse_scale: Array
     curve: MotorCurve
+    turn_scale: Array | None = None
+
+    def for_turning(self) -> Calibration:
+        """Return the calibration that the heading follows from; this one itself without a ``turn_scale``."""
+        if self.turn_scale is None:
+            return self
+        return replace(self, forward_scale=self.turn_scale, reverse_scale=self.turn_scale, turn_scale=None)
 
     def rolled(self, turned_rad: Array) -> Array:
         """Wheel angles that would have moved the robot file's wheels as far as ``turned_rad`` moved the real ones."""
@@ -66,11 +77,9 @@ def calibration_path(robot_file: Path) -> Path:
 def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write a calibration. Raises OutputFileError."""
     curve = calibration.curve
+    scales = ("forward_scale", "reverse_scale", *(("turn_scale",) if calibration.turn_scale is not None else ()))
     document = {
-        "odometry": {
-            "forward_scale": _rounded(calibration.forward_scale),
-            "reverse_scale": _rounded(calibration.reverse_scale),
-        },
+        "odometry": {name: _rounded(getattr(calibration, name)) for name in scales},
         "motor_curve": {name: _rounded(getattr(curve, name)) for name in MotorCurve.__dataclass_fields__},
     }
     files.write_text(path, tomli_w.dumps(document))
@@ -83,6 +92,7 @@ def load_calibration(path: Path, wheels: int) -> Calibration:
     return Calibration(
         forward_scale=_numbers(path, odometry, "forward_scale", wheels),
         reverse_scale=_numbers(path, odometry, "reverse_scale", wheels),
+        turn_scale=_numbers(path, odometry, "turn_scale", wheels) if "turn_scale" in odometry else None,
         curve=MotorCurve(
             **{
                 name: _numbers(path, curve, name, wheels, zero=name.endswith("dead_band"))

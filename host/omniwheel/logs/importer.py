@@ -22,9 +22,27 @@ MAX_TURN_RAD_S = 20.0
 """A heading that changes faster than this has been restarted."""
 
 
+FROZEN_S = 0.5
+"""A column that often changes and then keeps one value for so long is frozen."""
+OFTEN = 0.1
+"""Share of the rows in which a column changes that is said to change often."""
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """A column kept one value from a time on, to another [s], though it changes often elsewhere."""
+
+    column: str
+    start_s: float
+    stop_s: float
+
+
 @dataclass(frozen=True)
 class ImportSummary:
-    """What the import did to the rows: shares are of the rows that are left, per wheel."""
+    """What the import did to the rows: shares are of the rows that are left, per wheel.
+
+    ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped.
+    """
 
     rows: int
     dropped_rows: int
@@ -32,6 +50,7 @@ class ImportSummary:
     rejected_share: tuple[float, ...]
     heading_restarts_s: tuple[float, ...]
     noise_counts: tuple[float, ...]
+    frozen: tuple[Frozen, ...]
 
 
 def read_columns(path: Path, delimiter: str) -> dict[str, Array]:
@@ -123,8 +142,23 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         rejected_share=tuple(float(share) for share in 1.0 - good.mean(axis=0)),
         heading_restarts_s=tuple(float(log.time_s[row]) for row in restarts),
         noise_counts=noise,
+        frozen=frozen_columns({name: values[keep] for name, values in columns.items()}, time[keep]),
     )
     return replace(log, good=good), summary
+
+
+def frozen_columns(columns: dict[str, Array], time_s: Array) -> tuple[Frozen, ...]:
+    """Return the longest time that each column was frozen; a set-point, which seldom changes, never is."""
+    found = []
+    for name, values in columns.items():
+        changes = np.flatnonzero(np.diff(values) != 0.0)
+        edges = np.concatenate(([-1], changes, [len(values) - 1]))
+        longest = int(np.argmax(np.diff(edges)))
+        first, last = int(edges[longest]) + 1, int(edges[longest + 1])
+        elsewhere = len(values) - (last - first + 1)
+        if time_s[last] - time_s[first] >= FROZEN_S and len(changes) > OFTEN * elsewhere:
+            found.append(Frozen(name, float(time_s[first]), float(time_s[last])))
+    return tuple(found)
 
 
 def _rising(time: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

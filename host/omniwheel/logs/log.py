@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +101,10 @@ class WheelLog:
     def has_heading(self) -> bool:
         """Whether there is a heading at all."""
         return bool(np.any(np.isfinite(self.heading_rad)))
+
+    def without_counts(self) -> WheelLog:
+        """Return the same log with no count good: what is left is the duty, and the heading if there is one."""
+        return replace(self, good=np.zeros_like(self.good))
 
     def require_truth(self) -> Truth:
         """Return the ground truth; LogError if there is none."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from omniwheel.errors import LogError
-from omniwheel.logs.importer import import_log, unwrap_heading
+from omniwheel.logs.importer import Frozen, frozen_columns, import_log, unwrap_heading
 from omniwheel.logs.log import WheelLog, load_log, save_log
 from omniwheel.logs.mapping import Mapping, read_mapping
 from tests.host.logs import synthetic
@@ -144,3 +144,14 @@ def test_another_delimiter_and_a_row_that_was_cut_off_are_named(tmp_path: Path, 
 def test_a_csv_file_is_no_imported_log(files: Path) -> None:
     with pytest.raises(LogError, match=r"is no imported log$"):
         load_log(files / "run1.csv")
+
+
+def test_a_sensor_that_stops_is_named_and_a_set_point_is_not() -> None:
+    time = np.round(np.arange(0.0, 10.0, 0.01), 2)
+    draw = np.random.default_rng(4)
+    stopped = draw.normal(size=len(time))
+    stopped[420:600] = stopped[420]
+    pause = draw.normal(size=len(time))
+    pause[100:140] = pause[100]
+    columns = {"imu": stopped, "pause": pause, "wanted": np.where(time < 5.0, 0.0, 1.0), "dead": np.zeros(len(time))}
+    assert frozen_columns(columns, time) == (Frozen("imu", 4.2, 5.99),)

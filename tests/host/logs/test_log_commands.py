@@ -70,6 +70,10 @@ def test_identified_on_some_runs_replays_another(imported: Path, files: Path, tm
     assert nominal["calibration"] is None
     assert replayed["rms_m"] < min(0.012, 0.5 * nominal["rms_m"])
     assert replayed["fixes"]["looked_at"] > 60
+    told_by_duty = omni_json("replay", imported / "run3.npz", "--robot", out, "--no-counts")
+    assert replayed["rms_m"] != told_by_duty["rms_m"] < 0.5 * nominal["rms_m"]
+    without_curve = omni("replay", imported / "run3.npz", "--robot", files / "robot.toml", "--no-counts", code=2)
+    assert "motors' curve" in without_curve
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert np.loadtxt(table, delimiter=",", skiprows=1).shape == (1600, 9)
     straight = omni_json(

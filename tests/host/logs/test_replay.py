@@ -99,6 +99,27 @@ def test_a_calibration_drives_the_filters_by_the_motor_curve(tmp_path: Path, cle
     assert np.abs(run.wheel_rad_s - speed).max() < 0.15
 
 
+def test_without_a_heading_the_turn_scale_says_it_and_the_other_scales_the_path(
+    tmp_path: Path, clean: WheelLog, robot: Robot
+) -> None:
+    """Wheels of a robot file that is 10 % too small turn right with 1.1, and roll 20 % too far with 1.2."""
+    _, pose = synthetic.motion(KNOWN, synthetic.duties(1))
+    values = robot.parameter_values()
+    small = replace(robot, overrides={**robot.overrides, "WHEEL_RADIUS": values["WHEEL_RADIUS"] / 1.1})
+    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.dead_band)
+    curve = MotorCurve(slope, slope, dead, dead, np.full(3, KNOWN.lag_s))
+    given = Calibration(np.full(3, 1.32), np.full(3, 1.32), curve, np.full(3, 1.1))
+    save_calibration(given, tmp_path / "robot.calibration.toml")
+    calibration = load_calibration(tmp_path / "robot.calibration.toml", 3)
+    plain = replay(clean, small, replace(given, turn_scale=None), use_heading=False).pose
+    assert calibration.turn_scale is not None
+    turned = replay(clean, small, calibration, use_heading=False).pose
+    wanted = np.unwrap(pose[:, 2]) - pose[0, 2]
+    assert np.abs(turned[:, 2] - wanted).max() < 0.1 * np.abs(plain[:, 2] - wanted).max()
+    way, true_way = (np.hypot(*np.diff(each[::50, :2], axis=0).T).sum() for each in (turned, pose))
+    assert way / true_way == pytest.approx(1.2, abs=0.02)
+
+
 def test_a_wrong_calibration_is_named(tmp_path: Path) -> None:
     path = tmp_path / "robot.calibration.toml"
     path.write_text("[odometry]\nforward_scale = [1.0, nan, 1.0]\n[motor_curve]\n", encoding="utf-8")
