@@ -8,8 +8,8 @@ drawn towards their mean where the runs do not excite them. This goes on in turn
 distance follows from the measured heading and the wheels' common turning.
 
 The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are right
-for the path on a measured heading. As a heading of their own they are not: without one, a single common radius says
-the heading, and the radii by direction the path on it.
+for the path on a measured heading. As a heading of their own they are not. Without a measured one, a single common
+radius says the heading, and the radii by direction the path on it.
 """
 
 from __future__ import annotations
