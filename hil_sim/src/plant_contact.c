@@ -17,6 +17,7 @@
 #include "spd3.h"
 
 enum { N = HIL_MAX_WHEELS };
+static const double CHOP_s = 25e-6; /* how long a DRV8871 shorts the winding after its trip current */
 
 /* The solved form of (1 - g h A) for one substep. */
 typedef struct solver_t {
@@ -204,6 +205,21 @@ HIL_INLINE void rosenbrock(const hil_world_t *world, const hil_electrics_t *elec
     add(y, y, 0.5 * c->h, &k2, n);
 }
 
+/* A bridge that drives chops at its trip current: the winding is shorted for 25 us, then driven again. What is left in
+ * the mean is the trip current less half the ripple. A bridge that brakes does not chop. */
+HIL_INLINE void chop(const hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, int n) {
+    const hil_world_config_t *config = &world->config;
+    for (int i = 0; i < n; i++) {
+        const hil_real_t volts = electrics->gain[i] * world->supply_V + electrics->offset_V[i];
+        const hil_real_t side = hil_select(volts > 0.0, 1.0, hil_select(volts < 0.0, -1.0, 0.0));
+        const hil_real_t falling_V =
+            config->motor_resistance_ohm * config->bridge_trip_A + side * config->motor_constant_N_m_A * y->w[i];
+        const hil_real_t ripple_A = hil_max(falling_V, 0.0) * world->plant.inverse_inductance * CHOP_s;
+        const hil_real_t most_A = hil_max(config->bridge_trip_A - 0.5 * ripple_A, 0.0);
+        y->i[i] = hil_select(side * y->i[i] > most_A, side * most_A, y->i[i]);
+    }
+}
+
 HIL_INLINE void contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
                                 hil_motion_t *y, int n) {
     slopes_t slopes;
@@ -212,6 +228,9 @@ HIL_INLINE void contact_substep(hil_world_t *world, const hil_electrics_t *elect
         world->traction_N[i] = slopes.traction_N[i];
     }
     world->supply_V = slopes.supply_V;
+    if (world->config.bridge_trip_A > 0.0) {
+        chop(world, electrics, y, n);
+    }
 }
 
 void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const hil_electrics_t *electrics,

@@ -13,7 +13,7 @@ import pytest
 from hil_sim import core
 from hil_sim.batch import run_batch
 from hil_sim.faults import Fault
-from hil_sim.runs import new_world
+from hil_sim.runs import new_world, run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from omniwheel._core import ffi, lib
 
@@ -115,6 +115,14 @@ def _best_level() -> Iterator[None]:
 def test_runs_in_lanes_are_the_runs_alone(name: str) -> None:
     stats = assert_the_same(load_scenario(name))
     assert stats.together > 0.8 * (stats.together + stats.alone)
+
+
+def test_bridges_that_chop_do_so_in_lanes_as_alone() -> None:
+    """At 0.4 A the demo's robot cannot keep up: some of its runs chop where others do not."""
+    scenario = load_scenario("demo").with_parameters(SHORT).with_world({"bridge_trip_A": 0.4})
+    plain = load_scenario("demo").with_parameters(SHORT)
+    assert_the_same(scenario)
+    assert (run_in_process(scenario).record["truth"][-1] != run_in_process(plain).record["truth"][-1]).any()
 
 
 def test_any_processor_gives_the_same_bits() -> None:
