@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,9 @@ class Case:
 def run(context: Context) -> Result:
     """Run every case in both worlds; rows have the medians over a robot's cases, and how many cases agree."""
     spec = read_spec(NAME)
+    if find_spec("mujoco") is None:
+        missing = "Not run: it needs MuJoCo. pip install 'omniwheel[mujoco]'"
+        return Result((Row(NAME, "not run", FIXES, QUANTITIES[FIXES], None, explanation=missing),))
     head, quick = spec["experiment"], context.quick
     cases = [
         Case(robot, floor, manoeuvre, head["seed"], head["quick_s"] if quick else head["longest_s"])
@@ -184,8 +188,9 @@ def _rows(
     share = np.mean([agree(spec, quantity, a, b) for a, b in zip(our, their, strict=True)])
     unit, within = QUANTITIES[quantity], f"{quantity}: cases within {100 * spec['wanted'][quantity]:.0f} %"
     why = spec["explanation"].get(robot, {}).get(quantity, "")
+    told = f"predicted, with other seeds: {spec['prediction'][robot][quantity]:.3g}"
     return [
-        Row(NAME, robot, f"{quantity}, our world", unit, float(np.median(our))),
+        Row(NAME, robot, f"{quantity}, our world", unit, float(np.median(our)), explanation=told),
         Row(NAME, robot, f"{quantity}, MuJoCo", unit, float(np.median(their))),
         Row(NAME, robot, within, "%", 100.0 * float(share), explanation=why),
     ]

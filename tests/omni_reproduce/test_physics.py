@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,20 @@ import pytest
 from hil_sim.metrics import on_path
 from hil_sim.runs import new_world, run_in_process
 from omni_reproduce.experiment import Context, read_spec
-from omni_reproduce.physics import LEAST, QUANTITIES, SPEEDS, Case, agree, both, duties, ours, predict, scenario_of
+from omni_reproduce.physics import (
+    END,
+    FIXES,
+    LEAST,
+    QUANTITIES,
+    SPEEDS,
+    Case,
+    agree,
+    both,
+    duties,
+    ours,
+    predict,
+    scenario_of,
+)
 
 SPEC = read_spec("physics")
 CASE = Case("fast_three_wheel", "level", "rose_3", 1, 2.0)
@@ -60,3 +74,36 @@ def test_wheel_speeds_are_those_of_mujoco_within_two_percent() -> None:
 def test_the_prediction_is_what_our_world_says() -> None:
     found = predict(Context(Path()))
     assert found == {robot: SPEC["prediction"][robot] for robot in SPEC["robot"]}
+
+
+def test_creep_is_what_a_slope_costs_without_fixes() -> None:
+    """The reason given for the slow robot: with stiffer rubber most of the difference to MuJoCo is gone."""
+    errors = []
+    for stiffness in (2e3, 2e4):
+        scenario = scenario_of(SPEC, Case("three_wheel", "slope", "circle", 1, 4.0), fixes=False)
+        record = run_in_process(scenario.with_world({"slip_stiffness_N_s_m": stiffness})).record
+        last = record[on_path(record)][-1]
+        errors.append(float(np.hypot(*(last["estimate"] - last["truth"])[:2])))
+    assert errors[1] < 0.3 * errors[0]
+    assert errors[0] > 2e-3
+
+
+def test_the_guide_says_what_the_table_says() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    table = (docs / "report" / "results.md").read_text(encoding="utf-8")
+    shares = {
+        name: [round(float(row)) for row in re.findall(rf"\| {name}: cases within 20 % \| % \| – \| ([\d.]+) ", table)]
+        for name in (FIXES, END)
+    }
+    guide = " ".join((docs / "guides" / "mujoco.md").read_text(encoding="utf-8").split())
+    assert "in {}, {} and {} % of the cases".format(*shares[FIXES]) in guide
+    assert f"in {min(shares[END])} to {max(shares[END])} % of the cases" in guide
+
+
+def test_the_page_has_the_prediction_and_what_was_found() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "report" / "results.md").read_text(encoding="utf-8")
+    part = page[page.index("## Two physics engines") :]
+    for robot in SPEC["robot"]:
+        for quantity in QUANTITIES:
+            assert f"| {robot} | {quantity}, MuJoCo |" in part
+            assert f"predicted, with other seeds: {SPEC['prediction'][robot][quantity]:.3g}\n" in part
