@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -93,6 +94,17 @@ def test_the_help_page_names_every_command_in_its_group() -> None:
     shown = dict(zip(panels[1::2], panels[2::2], strict=True))
     for entry in TABLE:
         assert re.search(rf"^│ {re.escape(entry.name)} ", shown[entry.group], re.MULTILINE), entry
+
+
+@pytest.mark.parametrize("words", [["stop"], ["params", "diff"]])
+def test_a_help_page_fills_the_lines_of_the_terminal(words: list[str]) -> None:
+    """Typer keeps the line breaks of a docstring: at 80 columns every second line had one word."""
+    lines = [
+        line.strip() for line in CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "80"}).output.splitlines()
+    ]
+    text = lines[1 : next(at for at, line in enumerate(lines) if line.startswith("╭"))]
+    for line, after in itertools.pairwise(text):
+        assert not (line and after) or len(line) + 1 + len(after.split()[0]) > 78, line
 
 
 @pytest.mark.parametrize("words", [["--help"], ["--version"], []])

@@ -53,7 +53,7 @@ def autotune(
     timeout_s: TimeoutOption = DEFAULT_TIMEOUT_S,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Measure the robot's motors and inertia, choose gains with margins from that, try them in turns, keep the better.
+    """Measure the robot's motors and inertia, choose gains from that, drive with old and new in turns, keep the better.
 
     The robot drives by itself, for a few minutes, in a square around where it stands: first slowly, then at 70 % of
     its limits. Leave it room, and stand by to stop it. No gain is raised until something swings: all follow from the

@@ -46,7 +46,9 @@ app = typer.Typer(
 
 YesOption = Annotated[
     bool,
-    typer.Option("--yes", "-y", help="Ask nothing: the robot is ready, and nobody looks at it. Mind your fingers."),
+    typer.Option(
+        "--yes", "-y", help="Ask nothing. The wheels turn at once, and mistakes that only eyes can see are not found."
+    ),
 ]
 RobotFileOption = Annotated[
     str | None,
@@ -61,9 +63,9 @@ RobotFileOption = Annotated[
 ]
 RadioOption = Annotated[
     str | None,
-    typer.Option("--radio", metavar="URL", help="The same robot over its other link.", show_default=False),
+    typer.Option("--radio", metavar="URL", help="The robot's other link, to check both.", show_default=False),
 ]
-DutyOption = Annotated[float, typer.Option("--duty", min=0.05, max=0.5, help="How hard the motors are driven, 0..1.")]
+DutyOption = Annotated[float, typer.Option("--duty", min=0.05, max=0.5, help="Duty of the motors.")]
 
 
 def _finish(result: Result, as_json: bool) -> None:
@@ -108,7 +110,7 @@ def link_command(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Heartbeats, firmware and parameter versions, the robot's numbers, latency, restarts."""
+    """Check the link: heartbeats, firmware and parameter versions, the robot's numbers, latency, restarts."""
     from omniwheel.bringup import check_link
 
     file = None if robot_file is None else read_robot(robot_file)
@@ -122,7 +124,7 @@ def link_command(
 @app.command("i2c", epilog=examples("omni bringup i2c"))
 @takes(RobotOptions)
 def i2c(*, wanted: RobotOptions) -> None:
-    """Ask who answers on the I2C bus: the PWM board should, at 0x40."""
+    """Ask which chips answer on the I2C bus: the PWM board should, at 0x40."""
     from omniwheel.bringup import check_i2c
 
     _checked(wanted, True, lambda robot, _: check_i2c(robot))
@@ -131,7 +133,7 @@ def i2c(*, wanted: RobotOptions) -> None:
 @app.command("encoders", epilog=examples("omni bringup encoders"))
 @takes(RobotOptions)
 def encoders(*, wanted: RobotOptions) -> None:
-    """Turn each wheel by hand when asked: right encoder, direction, counts per turn, noise. Nothing is armed."""
+    """Check the encoders while you turn each wheel by hand: order, direction, counts, noise. Nothing is armed."""
     from omniwheel.bringup import check_encoders
 
     _checked(wanted, False, check_encoders)
@@ -145,7 +147,7 @@ def motors(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On a stand, wheel by wheel at low duty: right motor, direction, speed, dead band."""
+    """Check the motors on a stand, wheel by wheel at low duty: order, direction, speed, dead band."""
     from omniwheel.bringup import check_motors
 
     _checked(wanted, yes, lambda robot, person: check_motors(robot, person, duty=duty))
@@ -158,7 +160,7 @@ def estop(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On a stand, wheels turning: emergency stop, stop without set-points, stop without heartbeats, and how soon."""
+    """On a stand, measure how soon an emergency stop, missing set-points and missing heartbeats stop the wheels."""
     from omniwheel.bringup import check_stops
 
     _checked(wanted, yes, check_stops)
@@ -171,13 +173,13 @@ def estop(
 def output_enable(
     robot_file: RobotFileOption = None,
     duty: Annotated[
-        float, typer.Option("--duty", min=0.05, max=OUTPUT_ENABLE_LARGEST_DUTY, help="How hard, 0..0.3.")
+        float, typer.Option("--duty", min=0.05, max=OUTPUT_ENABLE_LARGEST_DUTY, help="Duty of the motors meanwhile.")
     ] = OUTPUT_ENABLE_DUTY,
     yes: YesOption = False,
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On a stand, wheels turning: the output-enable pin alone stops them, and its pull-up when nobody drives it."""
+    """On a stand, check that the output-enable pin alone stops the wheels, and so does its pull-up."""
     from omniwheel.bringup import check_output_enable
 
     file = None if robot_file is None else read_robot(robot_file)
@@ -195,7 +197,7 @@ def stop_button(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On a stand, wheels turning: press the stop button when asked; it stops, holds, and needs a release."""
+    """On a stand, check that the stop button, which you press when asked, stops the wheels until a release."""
     from omniwheel.bringup import check_stop_button
 
     file = None if robot_file is None else read_robot(robot_file)
@@ -209,7 +211,7 @@ def drive(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On the floor: a square of 20 cm and two turns at low speed; directions and odometry must agree."""
+    """On the floor, drive a square of 20 cm and turn twice at low speed, and check directions and odometry."""
     from omniwheel.bringup import check_drive
 
     _checked(wanted, yes, check_drive)
@@ -225,18 +227,19 @@ def radio_command(
     ] = 10.0,
     baud: BaudOption = RADIO_BAUD,
     loss: Annotated[
-        float, typer.Option("--loss", min=0.0, max=1.0, help="Share that may get lost.")
+        float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the messages that may get lost.")
     ] = RADIO_LOSS_LIMIT,
     round_trip: Annotated[
-        float, typer.Option("--round-trip", min=0.001, metavar="S", help="Longest of 95 % of the round trips.")
+        float,
+        typer.Option("--round-trip", min=0.001, metavar="S", help="Time within which 95 % of the answers must come."),
     ] = RADIO_ROUND_TRIP_LIMIT_S,
     watch: Annotated[
-        bool, typer.Option("--watch", help="A line every 2 s until Ctrl-C: for a walk with the robot.")
+        bool, typer.Option("--watch", help="Print a line every 2 s until Ctrl-C, while you walk away with the robot.")
     ] = False,
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Round trips and losses of the radio, within 30 % of its bytes. Connect over the radio."""
+    """Measure losses and round trips of the radio, with 30 % of its bytes at most. Connect over the radio."""
     from omniwheel.bringup import check_radio
 
     with wanted.open() as robot:
@@ -285,7 +288,7 @@ def all_command(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """All of them in order, up to the first that fails; leaves bringup.json and bringup.md."""
+    """Run all checks in order, up to the first that fails; write bringup.json and bringup.md."""
     from omniwheel.bringup import Assumed
     from omniwheel.bringup.results_page import as_dict, write_results
     from omniwheel.bringup.sequence import bring_up

@@ -41,7 +41,8 @@ class Depth(str, Enum):
 
 def check_image(
     image: Annotated[
-        Path | None, typer.Argument(metavar="FIRMWARE.ELF", help="What `make firmware` has linked.", show_default=False)
+        Path | None,
+        typer.Argument(metavar="FIRMWARE.ELF", help="The image: firmware.elf of `make firmware`.", show_default=False),
     ] = None,
     robot: Annotated[
         str,
@@ -53,8 +54,11 @@ def check_image(
             autocompletion=completion.robots,
         ),
     ] = "three_wheel",
-    depth: Annotated[Depth, typer.Option("--depth", help="short: before an upload. nightly: all of it.")] = Depth.ci,
-    only: Annotated[list[str] | None, typer.Option("--only", metavar="CHECK", help="These checks; see --list.")] = None,
+    depth: Annotated[Depth, typer.Option("--depth", help="How much is tried. short: as before an upload.")] = Depth.ci,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="CHECK", help="Run only this check; --list names them. Repeatable."),
+    ] = None,
     seed: OwnSeedOption = 1,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Checks that run at the same time.")] = 2,
     page_file: Annotated[Path | None, page_option("FILE.md")] = None,

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from inspect import cleandoc
 from typing import Any
 
 import typer
@@ -38,7 +39,16 @@ def load(entry: Entry) -> Any:
     else:
         parent.add_typer(module.app, name=entry.name)
     parent.callback()(lambda: None)  # or a single command would take the group's place
-    return take_words_as_they_are(typer.main.get_group(parent).commands[entry.name])
+    return take_words_as_they_are(fill_lines(typer.main.get_group(parent).commands[entry.name]))
+
+
+def fill_lines(command: Any) -> Any:
+    """Return a command, or a group, whose help fills the terminal's lines. Typer keeps those of the docstring."""
+    paragraphs = cleandoc(command.help or "").split("\n\n")
+    command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+    for inner in getattr(command, "commands", {}).values():
+        fill_lines(inner)
+    return command
 
 
 DRIVE, TUNE, SIMULATE = "Drive a robot", "Tune a robot", "Simulate a robot"
@@ -50,26 +60,26 @@ TABLE = (
     Entry("monitor", DRIVE, "Show state, pose, wheels and faults", "monitor", "monitor"),
     Entry("mocap", DRIVE, "Send motion-capture poses to a robot, or record them", "mocap"),
     Entry("link", DRIVE, "Let several programs use one port at once", "link", "link"),
-    Entry("radio", DRIVE, "The radio's signing key", "radio"),
+    Entry("radio", DRIVE, "Protect the radio with a key", "radio"),
     Entry("host-control", DRIVE, "Drive the original four-wheel robot from this computer", "host_control"),
     Entry("studio", TUNE, "See, drive and tune a robot in the browser", "studio", "studio"),
     Entry("params", TUNE, "Read, set, save and compare parameters", "params"),
     Entry("tune", TUNE, "Try other gains, compare, keep them or go back", "tune", "tune"),
     Entry("autotune", TUNE, "Measure the robot and choose its gains from that", "autotune", "autotune"),
-    Entry("experiment", TUNE, "See how a loop answers, beside the model", "experiment"),
+    Entry("experiment", TUNE, "Measure how well a control loop follows", "experiment"),
     Entry("identify", TUNE, "Find a robot's parameters from how it moves", "identify"),
     Entry("demo", SIMULATE, "See a simulated robot drive with its real firmware", "demo", "demo"),
     Entry("sitl", SIMULATE, "Run the firmware and a world here, in real time", "sitl", "sitl"),
-    Entry("emulate", SIMULATE, "The same on an emulated Cortex-M7 or Teensy", "emulate", "emulate"),
-    Entry("hil", SIMULATE, "Run a scenario around the real firmware, in lockstep", "hil", "hil"),
-    Entry("sim", SIMULATE, "Run a scenario in this process, fast", "sim", "sim"),
+    Entry("emulate", SIMULATE, "Run the firmware on an emulated Cortex-M7 or Teensy", "emulate", "emulate"),
+    Entry("hil", SIMULATE, "Run a scenario with the real firmware, in simulated time", "hil", "hil"),
+    Entry("sim", SIMULATE, "Run a scenario without the firmware, fast", "sim", "sim"),
     Entry("montecarlo", STUDY, "Run a scenario with very many seeds", "montecarlo", "montecarlo"),
     Entry("sweep", STUDY, "Run a scenario at many settings", "sweep", "sweep"),
     Entry("optimize", STUDY, "Search good parameters, check them on other seeds", "optimize", "optimize"),
-    Entry("study", STUDY, "Does a tool keep its promises, on many random robots?", "study"),
+    Entry("study", STUDY, "Test a tool on very many random robots", "study"),
     Entry("soak", STUDY, "Drive for hours on an emulated Cortex-M7", "soak", "soak"),
     Entry("bench", STUDY, "Measure how fast the simulations are here", "bench", "bench"),
-    Entry("robots", BUILD, "Start, check, show and wire robot files", "robots"),
+    Entry("robots", BUILD, "Write, check, show and wire robot files", "robots"),
     Entry("flash", BUILD, "Build the firmware, check it and upload it", "flash", "flash"),
     Entry("check-image", BUILD, "Run a firmware image on an emulated Teensy", "check_image", "check_image"),
     Entry("bringup", BUILD, "Check a new robot step by step", "bringup"),

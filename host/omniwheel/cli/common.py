@@ -68,8 +68,8 @@ LinkOption = Annotated[
         "-l",
         envvar="OMNI_LINK",
         metavar="URL",
-        help="Robot: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one Teensy. "
-        "A radio with a key: --signing-key FILE.",
+        help="Where the robot is: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one "
+        "Teensy that is connected. If the radio has a key, add --signing-key FILE.",
         show_default=False,
         autocompletion=completion.ports,
     ),

@@ -66,7 +66,9 @@ DurationOption = Annotated[
     float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="How long to drive.")
 ]
 SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="How fast to drive \\[m/s].")]
-LapsOption = Annotated[float | None, typer.Option("--laps", min=0.0, help="Instead of TRJ_LAPS; 0: endless.")]
+LapsOption = Annotated[
+    float | None, typer.Option("--laps", min=0.0, help="How many laps, instead of TRJ_LAPS; 0: endless.")
+]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
 
@@ -209,7 +211,7 @@ def pose(
             min=0.0,
             metavar="S",
             show_default=False,
-            help="Give up after this time. Default: half as long again as the way should take.",
+            help="Give up after this time. Default: 1.5 times what the way should take.",
         ),
     ] = None,
     *,
@@ -312,7 +314,11 @@ def path(
     laps: LapsOption = None,
     heading: Annotated[
         str | None,
-        typer.Option("--heading", show_default=False, help="Kept all the way \\[rad], or 90deg. Default: along it."),
+        typer.Option(
+            "--heading",
+            show_default=False,
+            help="Heading to keep all the way \\[rad], or 90deg. Default: the path's direction.",
+        ),
     ] = None,
     duration: Annotated[float, stop_after_option(0.0)] = math.inf,
     *,
@@ -356,7 +362,10 @@ def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
 )
 @takes(DriveOptions)
 def duty(
-    duties: Annotated[list[float], typer.Argument(metavar="DUTY...", help="-1..1 per wheel, + counter-clockwise.")],
+    duties: Annotated[
+        list[float],
+        typer.Argument(metavar="DUTY...", help="A duty of -1..1 for each wheel; + turns the body counter-clockwise."),
+    ],
     duration: DurationOption = 1.0,
     *,
     wanted: DriveOptions,

@@ -57,7 +57,7 @@ def emulate(
         bool,
         typer.Option(
             "--lockstep",
-            help="With --no-world: tick only when a host sends sensors; with --image: its time stands still meanwhile.",
+            help="Tick only when a host sends sensors; time stands still meanwhile. Needs --no-world or --image.",
         ),
     ] = False,
     image: ImageOption = None,

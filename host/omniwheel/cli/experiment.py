@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
 
 app = typer.Typer(
-    help="See how a loop of the robot answers, beside what the model predicts. The robot moves: leave it room, and "
+    help="Measure how well a control loop follows, and compare with the model. The robot moves: leave it room, and "
     "stand by to stop it. It is disarmed at the end, on Ctrl-C and on any error.",
     no_args_is_help=True,
 )
@@ -58,13 +58,18 @@ SpeedOption = Annotated[
         "--wheel-speed",
         min=0.001,
         metavar="RAD/S",
-        help="What all wheels turn at meanwhile, so that none reverses.",
+        help="Speed of all wheels meanwhile, so that none reverses.",
         show_default=False,
     ),
 ]
 AmplitudeOption = Annotated[
     float | None,
-    typer.Option("--amplitude", metavar="SIZE", help="Size of what is added, in its own unit.", show_default=False),
+    typer.Option(
+        "--amplitude",
+        metavar="SIZE",
+        help="Amplitude of the signal: rad/s for wheel speeds, V for a push, m or rad for a pose.",
+        show_default=False,
+    ),
 ]
 TimeOption = Annotated[
     float, typer.Option("--time", min=0.05, max=120.0, metavar="S", help="How long the signal lasts.")
@@ -139,7 +144,7 @@ def wheel_chirp(
 def position_step(
     axis: AxisOption = Axis.X, amplitude: AmplitudeOption = None, time_s: TimeOption = 1.0, *, wanted: _Wanted
 ) -> None:
-    """Step the wanted pose, past all ramps, while the robot holds its place: rise time, overshoot, settling.
+    """Step the wanted pose while the robot holds its place, without limits on the way: rise time, overshoot, settling.
 
     Where you leave the size out, it is one at which the sliding mode is still linear.
     """

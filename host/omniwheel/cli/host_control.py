@@ -60,11 +60,13 @@ SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and came
 PortOption = Annotated[str | None, XBEE]
 SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="Poses: vicon:HOST/OBJECT.")]
 ParamOption = Annotated[list[str] | None, ASSIGNMENTS]
-PwmMinOption = Annotated[int, typer.Option("--pwm-min", help="PWM below which the wheels stand; compensated.")]
+PwmMinOption = Annotated[
+    int, typer.Option("--pwm-min", help="PWM below which the wheels do not turn. The controller makes up for it.")
+]
 FullSpeedOption = Annotated[
     float | None, typer.Option("--full-speed", help="Wheel speed at PWM 255 \\[rad/s]. \\[default: the robot file's]")
 ]
-DelayOption = Annotated[float, typer.Option("--delay", help="From sending PWM until the wheels follow \\[s].")]
+DelayOption = Annotated[float, typer.Option("--delay", help="Time from sending PWM until the wheels follow \\[s].")]
 DurationOption = Annotated[float, stop_after_option(0.1)]
 PlotOption = Annotated[Path | None, PLOT]
 StartOption = Annotated[
@@ -72,7 +74,7 @@ StartOption = Annotated[
     typer.Option("--start", help="Where the simulated robot stands: x, y \\[m], theta \\[rad]."),
 ]
 DeadBandOption = Annotated[
-    float, typer.Option("--dead-band", min=0.0, max=250.0, help="PWM up to which the simulated wheels stand.")
+    float, typer.Option("--dead-band", min=0.0, max=250.0, help="PWM up to which the simulated wheels do not turn.")
 ]
 
 
@@ -162,7 +164,9 @@ def trajectory(
     ),
 )
 def motor(
-    number: Annotated[int, typer.Argument(min=1, max=HOST_CONTROL_MOTORS, help="Which motor: its place in the line.")],
+    number: Annotated[
+        int, typer.Argument(min=1, max=HOST_CONTROL_MOTORS, help="Which motor: its place in pwm1,pwm2,pwm3,pwm4*.")
+    ],
     pwm: Annotated[int, typer.Argument(min=-HOST_CONTROL_FULL_PWM, max=HOST_CONTROL_FULL_PWM, help="PWM.")],
     port: Annotated[str, XBEE],
     baud: BaudOption = RADIO_BAUD,

@@ -45,7 +45,7 @@ app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 RobotOption = Annotated[
     str,
     typer.Option(
-        "--robot", "-r", metavar="NAME|FILE", help="Robot or file whose layout it has; the new file is its copy."
+        "--robot", "-r", metavar="NAME|FILE", help="Robot or file with the same layout; the new file is a copy of it."
     ),
 ]
 MassOption = Annotated[
@@ -55,7 +55,10 @@ MassOption = Annotated[
 ResistanceOption = Annotated[
     float | None,
     typer.Option(
-        "--resistance", metavar="OHM", help="Measured winding. Default: the robot file's.", show_default=False
+        "--resistance",
+        metavar="OHM",
+        help="Measured resistance of a winding. Default: the robot file's.",
+        show_default=False,
     ),
 ]
 ConstantOption = Annotated[
@@ -75,7 +78,12 @@ StandOption = Annotated[
 ]
 ValidateOption = Annotated[
     list[Path] | None,
-    typer.Option("--validate", metavar="LOG", help="A log to predict, not to fit; repeatable.", show_default=False),
+    typer.Option(
+        "--validate",
+        metavar="LOG",
+        help="A log that is only predicted, to check the result; repeatable.",
+        show_default=False,
+    ),
 ]
 PartDurationOption = Annotated[
     float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
@@ -142,7 +150,10 @@ def live(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Drive circles and spins both ways (Appendix D) with open-loop duty, record, identify. The robot needs room."""
+    """Drive circles and spins both ways with fixed duties, record, and identify. The robot needs room.
+
+    No controller holds the robot on its path: stand by to stop it.
+    """
     from omniwheel.identification import excitation
     from omniwheel.identification.live import excite
     from omniwheel.identification.model import layout_of
@@ -187,7 +198,7 @@ def simulate(
     folder: RobotFolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
-    """Try it without a robot: identify a simulated one with parameters drawn by chance, and compare with the truth."""
+    """Try it without a robot: identify a simulated one with random parameters, and compare with the truth."""
     from hil_sim.known_robot import SimulatedRobot
     from omniwheel.identification import excitation
     from omniwheel.identification.model import layout_of

@@ -38,7 +38,7 @@ def identify_logs(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Identify effective radius per wheel and direction, wheel distance and motor curves from foreign logs.
+    """Identify effective radius per wheel and direction, wheel distance and motor curves from logs of other robots.
 
     Every run is also dead-reckoned with what the other runs say: that is the figure to trust. Writes the robot file,
     its calibration beside it, and a page that says what can be trusted.

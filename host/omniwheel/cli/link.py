@@ -54,7 +54,7 @@ def link(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Own the robot's port and serve any number of programs, until Ctrl-C. One of them commands at a time.
+    """Share the robot's port among any number of programs, until Ctrl-C. One of them commands at a time.
 
     Only programs on this computer reach it, unless --listen says otherwise. Anybody who does can drive the robot.
     """

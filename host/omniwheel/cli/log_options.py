@@ -28,7 +28,7 @@ CalibrationOption = Annotated[
         "--calibration", metavar="FILE", help="Default: ROBOT.calibration.toml beside the robot file, if there is one."
     ),
 ]
-NoCalibrationOption = Annotated[bool, typer.Option("--no-calibration", help="Leave the calibration aside.")]
+NoCalibrationOption = Annotated[bool, typer.Option("--no-calibration", help="Do not use a calibration file.")]
 
 
 def robot_and_calibration(

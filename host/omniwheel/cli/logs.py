@@ -40,7 +40,7 @@ def import_command(
     truth: TruthOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Read a foreign log with its column mapping, recover counts, reject spikes, unwrap the heading."""
+    """Read another robot's log with its column mapping, recover counts, mark spikes, unwrap the heading."""
     from omniwheel.logs.importer import import_log
     from omniwheel.logs.log import save_log
 
@@ -91,12 +91,16 @@ def align_command(
     search: Annotated[
         float | None,
         typer.Option(
-            "--search", min=0.0, max=60.0, metavar="S", help=f"Largest offset. \\[default: {ALIGN_WITHIN_S:g}]"
+            "--search",
+            min=0.0,
+            max=60.0,
+            metavar="S",
+            help=f"Largest clock offset to try. \\[default: {ALIGN_WITHIN_S:g}]",
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Find clock offset, rotation, shift and mirroring between a log's dead-reckoned path and its truth."""
+    """Find clock offset, rotation, shift and mirroring that bring a log's dead-reckoned path to its truth."""
     import numpy as np
 
     from omniwheel.log_sources import open_log

@@ -74,7 +74,7 @@ def bridge(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Send poses to a robot as pose fixes, stamped in its own time, within the radio's budget."""
+    """Send poses to a robot as pose fixes, with the time of the robot's clock, within the radio's budget."""
     from omniwheel.mocap.bridge import Bridge, BridgeSettings
     from omniwheel.mocap.streams import open_source
 

@@ -38,7 +38,8 @@ def montecarlo(
     scenario_name: ScenarioArgument = "demo",
     worst: Annotated[int, typer.Option("--worst", min=0, max=1000, help="How many of the worst runs to keep.")] = 5,
     worst_by: Annotated[
-        str, typer.Option("--worst-by", metavar="FIGURE", help=f"What makes a run bad: {', '.join(FIGURES)}.")
+        str,
+        typer.Option("--worst-by", metavar="FIGURE", help=f"Figure by which runs are the worst: {', '.join(FIGURES)}."),
     ] = "position_m",
     *,
     wanted: StudyOptions,

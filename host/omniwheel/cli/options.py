@@ -42,14 +42,16 @@ ListenPortOption = Annotated[
 ]
 HostOption = Annotated[str, typer.Option("--host", help="Address to listen on.")]
 RobotFolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write NAME.toml.")]
-ListOption = Annotated[bool, typer.Option("--list", help="Say what there is, and do nothing.")]
+ListOption = Annotated[bool, typer.Option("--list", help="List what there is, and do nothing else.")]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the folder with the results is made.")]
 DEFAULT_OUT = Path("runs")
 NameOption = Annotated[str, typer.Option("--name", metavar="NAME", help="Name of the new robot: NAME.toml.")]
 RoomOption = Annotated[
     float, typer.Option("--room", min=0.1, max=20.0, metavar="M", help="Side of the square that the robot may use.")
 ]
-KEEP = typer.Option("--keep/--revert", help="Keep the new values or go back; see above for what happens without.")
+KEEP = typer.Option(
+    "--keep/--revert", help="Keep the new values, or go back to the old ones. Without either, see above."
+)
 PLOT = typer.Option("--plot", metavar="FILE.png", help="Draw the result there.")
 XBEE = typer.Option(
     "--link",
@@ -81,12 +83,20 @@ def simulated_time_option(least_s: float, most_s: float) -> Any:
 
 def rounds_option(least: int) -> Any:
     """Return the option of how often old and new values are tried, from ``least``."""
-    return typer.Option("--rounds", min=least, max=100, metavar="N", help="Try each so often; 2 or more: a verdict.")
+    return typer.Option(
+        "--rounds",
+        min=least,
+        max=100,
+        metavar="N",
+        help="How often each set is tried. With 2 or more each figure gets a verdict.",
+    )
 
 
 def stop_after_option(least_s: float) -> Any:
     """Return the option of when a drive ends at the latest, from ``least_s``."""
-    return typer.Option("--duration", "-d", "--for", min=least_s, metavar="S", help="Stop then at the latest.")
+    return typer.Option(
+        "--duration", "-d", "--for", min=least_s, metavar="S", help="Stop after this time at the latest."
+    )
 
 
 def takes(kind: type[Any], **defaults: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:

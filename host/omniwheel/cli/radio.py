@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
     from omniwheel.telemetry import SigningStatus
 
-app = typer.Typer(help="The robot's radio: its signing key.", no_args_is_help=True)
+app = typer.Typer(help="Protect the robot's radio with a key.", no_args_is_help=True)
 key_app = typer.Typer(
-    help="Who has the key commands the robot by radio; without one, anybody does. Keys go in and out over USB only.",
+    help="The key that protects the radio. Without one anybody can command the robot by radio. Set it over USB.",
     no_args_is_help=True,
 )
 app.add_typer(key_app, name="key")
@@ -47,7 +47,7 @@ def new(file: FileArgument, as_json: JsonOption = False) -> None:
 def set_key(
     file: FileArgument, link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, as_json: JsonOption = False
 ) -> None:
-    """Give the robot this key, over USB and while it is disarmed. From then on its radio wants signed frames."""
+    """Give the robot this key, over USB and while it is disarmed. From then on its radio takes only signed messages."""
     from omniwheel import signing
 
     key = signing.read_key_file(file)

@@ -42,18 +42,26 @@ def replay_command(
     truth: TruthOption = None,
     calibration: CalibrationOption = None,
     no_calibration: NoCalibrationOption = False,
-    no_heading: Annotated[bool, typer.Option("--no-heading", help="Leave a measured heading aside.")] = False,
+    no_heading: Annotated[bool, typer.Option("--no-heading", help="Do not use a measured heading.")] = False,
     no_counts: Annotated[
-        bool, typer.Option("--no-counts", help="Leave the counts aside: wheel speeds from the duties alone.")
+        bool, typer.Option("--no-counts", help="Do not use the counts: wheel speeds come from the duties alone.")
     ] = False,
     fixes: Annotated[
-        float, typer.Option("--fixes", min=0.0, max=1000.0, metavar="HZ", help="Truth as pose fixes, so often.")
+        float,
+        typer.Option(
+            "--fixes", min=0.0, max=1000.0, metavar="HZ", help="Also feed the truth as pose fixes, so many per second."
+        ),
     ] = 0.0,
     fix_sd: Annotated[
-        float, typer.Option("--fix-sd", min=0.0, max=10.0, metavar="M", help="Their standard deviation; 0: EKF_R_XY.")
+        float,
+        typer.Option(
+            "--fix-sd", min=0.0, max=10.0, metavar="M", help="Standard deviation of these fixes; 0: EKF_R_XY."
+        ),
     ] = 0.0,
     plot: Annotated[Path | None, PLOT] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Write estimate and truth.")] = None,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE.csv", help="Write estimate and truth to this file.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Feed a log's counts tick by tick through the robot's own wheel filters and pose EKF.

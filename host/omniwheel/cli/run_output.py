@@ -71,7 +71,7 @@ PlantOption = Annotated[
         "--plant",
         metavar="|".join(PLANTS),
         callback=_known_plant,
-        help="What stands in for the robot: the full physics or a model of the report. \\[default: the scenario's]",
+        help="Model of motors, body and floor: the full physics or a simpler one. \\[default: the scenario's]",
     ),
 ]
 PresetOption = Annotated[
@@ -97,7 +97,10 @@ RobotOption = Annotated[
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="NAME=VALUE", help="A parameter, or world.NAME a number of the world.", show_default=False
+        "--set",
+        metavar="NAME=VALUE",
+        help="Change a parameter; world.NAME: a number of the world. Repeatable.",
+        show_default=False,
     ),
 ]
 

@@ -29,7 +29,9 @@ DEFAULT_FOLDER = Path("runs")
 @app.callback(epilog=examples("omni runs", "omni runs --find rose", "omni runs compare demo-seed1 demo-seed1-2"))
 def runs(
     ctx: typer.Context,
-    find: Annotated[str, typer.Option("--find", metavar="TEXT", help="Only those with this in name or request.")] = "",
+    find: Annotated[
+        str, typer.Option("--find", metavar="TEXT", help="Only runs with this text in their name or request.")
+    ] = "",
     folder: FolderOption = DEFAULT_FOLDER,
     as_json: JsonOption = False,
 ) -> None:

@@ -70,7 +70,7 @@ def sim(
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Run a scenario in this process: the same world and the same control core, without firmware and link."""
+    """Run a scenario without the firmware and its link, fast: the same world and control core in one process."""
     from hil_sim.runs import run_in_process
 
     scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)

@@ -45,7 +45,7 @@ ScenarioNameArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENARIO",
-        help="World, faults and parameters; its events are not played.",
+        help="Scenario with world, faults and parameters; its events are left out.",
         autocompletion=completion.scenarios,
     ),
 ]
@@ -54,7 +54,7 @@ WorldRobotOption = Annotated[
     typer.Option(
         "--world-robot",
         metavar="NAME|FILE",
-        help="The robot that is really there, if the firmware is to be wrong about it: to try `omni bringup`.",
+        help="The simulated robot, if it shall differ from what the firmware believes: to try `omni bringup`.",
         autocompletion=completion.robots,
     ),
 ]
@@ -117,8 +117,8 @@ def sitl(
 
     A TCP port serves one client at a time; give --link more than once for several.
 
-    With --commands things break and are mended meanwhile; docs/guides/studio.md lists them. A line that is none
-    is answered on standard error and changes nothing.
+    With --commands you break and mend things while it runs; docs/guides/studio.md lists them. A line that is no
+    command is answered on standard error and changes nothing.
 
     With --no-world, time stands still until something sends OMNI_HIL_SENSORS: docs/guides/external-worlds.md.
     """

@@ -28,7 +28,7 @@ def soak(
     seed: SeedOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Drive round and round on an emulated Cortex-M7 that ticks by its own timer, the world in step with its clock.
+    """Drive for long on an emulated Cortex-M7 that ticks by its own timer, the world in step with its clock.
 
     Exit code 1 if a tick was missed, the clock drifted, bytes piled up or got lost, or the robot stopped.
     """

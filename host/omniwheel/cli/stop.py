@@ -39,10 +39,11 @@ def stop(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Stop the robot at once: an emergency stop. It outlives a restart and leaves only by --release.
+    """Stop the robot at once: an emergency stop. It stays until --release, also over a restart.
 
-    It is said before the robot is heard, to every robot that hears it, and again until one confirms it. Exit code 1:
-    none did. A button that cuts the motors' supply works without a computer.
+    The stop goes out at once, before the robot has been heard, and again until a robot confirms it. It stops every
+    robot that receives it. Exit code 1: none has confirmed it. Do not rely on it alone: a button that cuts the motors'
+    supply works without a computer.
     """
     from omniwheel.robot import connect
 

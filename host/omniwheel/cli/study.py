@@ -17,16 +17,19 @@ EXAMPLES = examples(
     "omni study autotune --robots 1000 --rivals 100 --stops 200 --workers 8 --out runs/study",
 )
 
-app = typer.Typer(no_args_is_help=True, help="Study a tool on very many robots drawn at random.")
+app = typer.Typer(no_args_is_help=True, help="Test a tool on very many robots drawn at random.")
 
 
 @app.command("autotune", epilog=EXAMPLES)
 def autotune(
     robots: Annotated[int, typer.Option("--robots", min=1, max=100_000, help="Robots to draw, tune and judge.")] = 20,
     rivals: Annotated[
-        int, typer.Option("--rivals", min=0, help="How many of them an optimiser that knows the true robot searches.")
+        int,
+        typer.Option(
+            "--rivals", min=0, help="For so many of them an optimiser that knows the true robot searches gains, too."
+        ),
     ] = 0,
-    stops: Annotated[int, typer.Option("--stops", min=0, help="Tunings that are stopped at random moments.")] = 0,
+    stops: Annotated[int, typer.Option("--stops", min=0, help="Tunings that are interrupted at random moments.")] = 0,
     seed: OwnSeedOption = 1,
     workers: WorkersOption = None,
     out: StudyOutOption = None,
