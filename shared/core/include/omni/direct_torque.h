@@ -15,9 +15,9 @@
  * prints tau = M* (q''_d - u) with u = -K_d e' - K_p e and negative gains [report eq. 28-32]. In the signs used here
  * these are kp = -5 and kd = -4.1, which has a root at +5.08 1/s. Gains of either sign are accepted.
  *
- * A torque is no speed: where a wheel loses the floor nothing but its own inertia stops it. Two bounds guard against
- * that. The grip, if it is known, limits what is asked of the floor. The function omni_direct_torque_protect fades
- * out the torque that drives a wheel away from the speed of the floor below it.
+ * A torque sets no speed: a wheel that loses its grip spins faster and faster. Two bounds guard against that. The grip,
+ * if it is known, limits what the wheels ask of the floor. The function omni_direct_torque_protect fades out the torque
+ * that drives a wheel away from the speed of the floor below it.
  */
 #ifndef OMNI_DIRECT_TORQUE_H
 #define OMNI_DIRECT_TORQUE_H

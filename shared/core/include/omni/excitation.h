@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file excitation.h
- * A signal made on the robot, in its own tick, and added to one place of the loop. Experiments show by it how the loop
- * answers. A
- * wheel's wanted speed may step or sweep, its voltage may be pushed, and the wanted pose may step.
+ * A signal that the robot makes in its own tick and adds to one place of its control loop. Experiments use it to see how
+ * the loop answers. A wheel's wanted speed may step or sweep, its voltage may be pushed, and the wanted pose may
+ * step.
  *
- * Why on the robot: a set-point that comes over a link is late, comes 20 times a second and passes the ramps.
+ * Why on the robot: set-points over a link come late, come 20 times a second, and are limited in their acceleration.
  *
  *   step    s(n) = amplitude
  *   sweep   s(n) = amplitude sin(phi(n)),  phi(n+1) = phi(n) + step(n),  step(n+1) = step(n) + rise
@@ -13,7 +13,7 @@
  * with phi(0) = 0, for n = 0 ... ticks - 1. What follows in the loop limits it as it limits everything: LIM_WHEEL
  * scales wanted speeds, LIM_DUTY and the supply bound the voltages.
  *
- * It ends by itself. Before that it ends for good in the tick in which the robot is no longer armed or is told to hold.
+ * It ends by itself. It ends earlier, for good, in the tick in which the robot is no longer armed or is told to hold.
  * Another kind of set-point and another position controller end it, too.
  */
 #ifndef OMNI_EXCITATION_H
@@ -42,7 +42,7 @@ typedef struct omni_excitation_t {
     omni_real_t rise_rad;  /**< how much more phase each tick has than the one before */
 } omni_excitation_t;
 
-/** One that goes on. All zero: none does. */
+/** An excitation under way. All zero: there is none. */
 typedef struct omni_exciter_t {
     omni_excitation_t plan;
     uint32_t left;         /**< ticks; 0: off */
@@ -55,13 +55,13 @@ typedef struct omni_exciter_t {
 } omni_exciter_t;
 
 /**
- * Begin with the next tick, in place of one that goes on.
+ * Begin with the next tick, in place of one that is under way.
  * @param wheels of the robot. @return OMNI_ERR_RANGE or OMNI_ERR_NOT_FINITE for a plan beyond what is said above; none
  * goes on then.
  */
 omni_result_t omni_excitation_start(omni_exciter_t *exciter, const omni_excitation_t *plan, uint8_t wheels);
 
-/** The value of the next tick, while one goes on (`left` > 0). */
+/** Compute the value of the next tick, while an excitation is under way (`left` > 0). */
 void omni_excitation_next(omni_exciter_t *exciter);
 
 #endif

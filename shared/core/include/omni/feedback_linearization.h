@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file feedback_linearization.h
- * P, PD and PID control of the pose after feedback linearisation. They take the wheels to roll without slip.
+ * P, PD and PID control of the pose after feedback linearisation. They assume that the wheels roll without slip.
  *
  * With e = xi - xi_d (heading error wrapped), per axis of the world frame:
  *

@@ -22,10 +22,11 @@ bool omni_motor_power(bool drive, bool was_on, uint16_t failures);
 /** Failed updates in a row after `more` of them: it stays at its largest value. */
 uint16_t omni_more_failures(uint16_t failures, uint32_t more);
 
-/** Follow a plan from this tick on. A stop of the path before it in this tick is over with it. */
+/** Follow a plan from this tick on. It cancels a stop of the former path that came in the same
+ * tick. */
 void omni_follow_plan(omni_inputs_t *inputs, const omni_trajectory_t *plan);
 
-/** Leave the path in this tick and hold the pose; no set-point from before is in force any more. */
+/** Leave the path in this tick and hold the pose; earlier set-points no longer count. */
 void omni_leave_plan(omni_inputs_t *inputs);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file numbers.h
- * The numbers that the control core computes with. All that eight runs at once (hil_sim/lanes) ask of the core stands
- * here.
+ * The types of numbers that the control core computes with. They let the simulation compute eight runs at once
+ * (hil_sim/lanes).
  *
  * The simulation compiles the core's sources a second time, with numbers of its own that hold eight values. What may
  * differ from run to run is one of these types. Everything else is common to the runs. The rules are one page:

@@ -31,13 +31,14 @@ enum {
     OMNI_BATTERY_TICKS = 50    /**< low readings in a row that raise OMNI_FAULT_BATTERY */
 };
 
+/** Limits and time-outs, from the parameters LIM_*, SAFE_*, FIX_TIMEOUT, TRJ_MARGIN and BAT_*. */
 typedef struct omni_limits_t {
     omni_real_t wheel_rad_s;
     omni_real_t speed_m_s;
     omni_real_t turn_rad_s;
     omni_real_t acceleration_m_s2;
     omni_real_t position_m;
-    omni_real_t reference_share; /**< share of wheel_rad_s a governed reference may use */
+    omni_real_t reference_share; /**< share of wheel_rad_s for the way to a pose set-point */
     omni_real_t command_timeout_s;
     omni_real_t link_timeout_s;
     omni_real_t fix_timeout_s;
@@ -108,7 +109,7 @@ typedef enum omni_event_t {
     OMNI_EVENT_SET_POSE = 1 << 6          /**< restart the pose estimate at inputs.pose */
 } omni_event_t;
 
-/** What one tick is told. The readings of the sensors, counts and battery_V among them, come from [sensors] of
+/** What one tick gets. The readings of the sensors, counts and battery_V among them, come from [sensors] of
  * shared/world.toml. */
 typedef struct omni_inputs_t {
     uint64_t time_us; /**< robot clock, monotonic */
@@ -133,9 +134,10 @@ typedef enum omni_velocity_limit_t {
 
 /** What the robot saw when a stop fault stopped it. All zero until one does; kept until the next arming. */
 typedef struct omni_stop_t {
-    uint8_t wheel; /**< a wheel that has stalled or whose encoder has failed, from 1; 0: the fault is about none */
-    omni_real_t voltage_V;   /**< it was given */
-    omni_real_t wheel_rad_s; /**< it turned at, by its encoder in that tick */
+    uint8_t
+        wheel; /**< a wheel that has stalled or whose encoder has failed, from 1; 0: the fault is not about a wheel */
+    omni_real_t voltage_V;   /**< that this wheel was given */
+    omni_real_t wheel_rad_s; /**< at which it turned, by its encoder in that tick */
     omni_real_t supply_V;
     omni_real_t error[OMNI_AXES]; /**< of the pose, world frame [m, m, rad]; 0 unless a pose was tracked */
 } omni_stop_t;
@@ -182,7 +184,7 @@ typedef enum omni_demand_kind_t {
     OMNI_DEMAND_NONE = 0, /**< nothing: poses are not tracked, only their rates are followed */
     OMNI_DEMAND_TWIST,    /**< a body twist: inverse kinematics, slip, wheel-speed loops; held for CTL_PERIOD */
     OMNI_DEMAND_TORQUE,   /**< torques: runaway protection, torque curve; held for CTL_PERIOD */
-    OMNI_DEMAND_DUTY,     /**< duties as they are: the way of open-loop set-points, no controller's */
+    OMNI_DEMAND_DUTY,     /**< duties as they are: of open-loop set-points; no controller asks for them */
     OMNI_DEMAND_VOLTAGE   /**< voltages: nothing but the duty limit; stepped in every tick, it counts its own period */
 } omni_demand_kind_t;
 
@@ -230,7 +232,7 @@ typedef struct omni_supervisor_t {
     uint32_t battery_ticks; /**< ticks in a row with too little voltage */
 } omni_supervisor_t;
 
-/** What the referencing stage keeps. */
+/** What the stage that makes the reference keeps. */
 typedef struct omni_guide_t {
     uint64_t trajectory_start_us;
     const omni_trajectory_t *trajectory; /**< being followed, or NULL */
@@ -250,7 +252,7 @@ typedef struct omni_control_state_t {
     omni_demand_t demand;
 } omni_control_state_t;
 
-/** What the judgement of condition 44 keeps. */
+/** What the check of the ISMC's gain keeps (the report's condition 44). */
 typedef struct omni_gain_margin_t {
     omni_real_t uncovered_s; /**< how long the condition has been violated */
     omni_flag_t uncovered;   /**< it counts as violated */
@@ -282,7 +284,7 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config);
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config);
 
 /** One tick. Never fails: whatever comes in, duties and voltages are finite, |duty| <= 1, and 0 unless armed and
- * healthy. Other outputs are finite for poses within LIM_POS; a pose of 3e38 m, say, gives a reference that is none. */
+ * healthy. Other outputs are finite for poses within LIM_POS; a pose of 3e38 m, say, gives a reference that is not. */
 /*@ ensures duty_in_range: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==>
         \is_finite(outputs->duty[i]) && -1.0 <= outputs->duty[i] <= 1.0;
     ensures voltage_finite: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> \is_finite(outputs->voltage_V[i]);
@@ -296,7 +298,7 @@ const char *omni_controller_name(uint8_t controller);
 /** What a position controller asks for, omni_demand_kind_t. @return OMNI_DEMAND_NONE beyond OMNI_CTL_MODE_COUNT. */
 uint8_t omni_controller_demand(uint8_t controller);
 
-/** All position controllers forget: integrals, and the tick of their period. */
+/** Clear the state of all position controllers: integrals, and the tick of their period. */
 void omni_controllers_reset(omni_control_state_t *control);
 
 /**
@@ -311,7 +313,8 @@ omni_result_t omni_controller_step(omni_control_state_t *control, const omni_rob
                                    const omni_pose_t *pose, const omni_twist_t *rate, const omni_reference_t *reference,
                                    omni_flag_t saturated);
 
-/** May it be added while this kind of set-point (omni_setpoint_kind_t) is in force? */
+/** May a signal be added at this place (omni_excitation_place_t) while this kind of set-point
+ * (omni_setpoint_kind_t) is in force? */
 bool omni_excitation_fits(uint8_t place, uint8_t kind);
 
 /** May the robot be armed now? @return 0, or the stop fault bits that prevent it; state other than DISARMED:

@@ -5,7 +5,7 @@
  *
  *   INIT -> DISARMED -> ARMED -> FAILSAFE (stop fault) -> DISARMED (disarm)
  *
- * ESTOP is latched until cleared while disarmed.
+ * ESTOP is latched: whatever the state was, an emergency stop leads to it, and only a clear leads out, to DISARMED.
  */
 #ifndef OMNI_SAFETY_H
 #define OMNI_SAFETY_H
