@@ -82,9 +82,7 @@ def tune(
         ),
     ] = None,
     keep: Annotated[bool | None, KEEP] = None,
-    store: Annotated[
-        bool, typer.Option("--store", help="With --keep: also store them, so that they outlive a restart.")
-    ] = False,
+    store: Annotated[bool, typer.Option("--store", help="With --keep: keep them over a restart too.")] = False,
     why: WhyOption = "",
     out: Annotated[Path, PLOT] = Path("tune.png"),
     timeout_s: TimeoutOption = DEFAULT_TIMEOUT_S,

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file excitation.h
- * A signal that the robot makes in its own tick and adds to one place of its control loop. Experiments use it to see how
- * the loop answers. A wheel's wanted speed may step or sweep, its voltage may be pushed, and the wanted pose may
+ * A signal that the robot makes in its own tick and adds to one place of its control loop. Experiments use it to see
+ * how the loop answers. A wheel's wanted speed may step or sweep, its voltage may be pushed, and the wanted pose may
  * step.
  *
  * Why on the robot: set-points over a link come late, come 20 times a second, and are limited in their acceleration.
