@@ -44,7 +44,7 @@ def volts(bench: Bench, duty: float) -> float:
 def count_due_s(bench: Bench, duty: float) -> float:
     """Return how long a wheel at a tenth of its speed takes for a count."""
     speed = 0.1 * volts(bench, duty) / lib.omni_motor_speed_gain(ffi.addressof(bench.config, "motor"))
-    return 2 * math.pi / bench.values[lib.OMNI_PARAM_ENC_CPR] / speed
+    return 2 * math.pi / float(bench.values[lib.OMNI_PARAM_ENC_CPR]) / float(speed)
 
 
 @pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)

@@ -20,11 +20,11 @@ from hil_sim.hil import run_hil
 from hil_sim.models.parts import PartsError
 from hil_sim.mujoco_figures import SHOWN, row, yaw_ripple
 from hil_sim.mujoco_settings import Film, Floor, Patch, Settings, read_settings
-from hil_sim.mujoco_world import GRAVITY_m_s2, MujocoWorld
+from hil_sim.mujoco_world import MujocoWorld
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.summary import summarize
-from hil_sim.world import WorldError
+from hil_sim.world import GRAVITY_M_S2, WorldError
 from omniwheel.cli import app
 from omniwheel.errors import OmniError
 from tests.native import ROOT
@@ -66,7 +66,7 @@ def test_the_model_has_the_files_mass_inertia_and_rollers(robot: str) -> None:
     spin[5] = 1.0
     world._mujoco.mj_mulM(world.model, world.data, torque, spin)
     assert torque[5] == pytest.approx(simulation["inertia_kg_m2"], rel=0.01)
-    assert sum(world.wheel_load_N) == pytest.approx(mass_kg * GRAVITY_m_s2, rel=0.01)
+    assert sum(world.wheel_load_N) == pytest.approx(mass_kg * GRAVITY_M_S2, rel=0.01)
 
 
 def test_rollers_touch_the_floor_and_never_each_other() -> None:
@@ -141,7 +141,7 @@ def test_a_slope_pulls_downhill_and_ice_lets_it() -> None:
     slid = MujocoWorld(standing("three_wheel"), icy)
     moved = [driven(world, (0.0, 0.0, 0.0), 500)[-1][1] for world in (held, slid)]
     assert moved[1] < -0.05 < moved[0]
-    assert held.accelerometer_m_s2[1] == pytest.approx(GRAVITY_m_s2 * math.sin(math.radians(10.0)), abs=0.3)
+    assert held.accelerometer_m_s2[1] == pytest.approx(GRAVITY_M_S2 * math.sin(math.radians(10.0)), abs=0.3)
 
 
 def test_bumps_shake_the_body_and_the_same_seed_is_the_same_floor() -> None:

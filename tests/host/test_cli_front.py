@@ -33,8 +33,8 @@ HEAVY = DRAWING | {
 }
 """Packages that take long to import. Help and completion need none of them."""
 LIGHT = {
-    *("hil_sim", "hil_sim.limits", "hil_sim.schema", "hil_sim.studies", "hil_sim.studies.errors"),
-    *("hil_sim.studies.figures", "hil_sim.image_check", "hil_sim.image_check.check"),
+    *("hil_sim", "hil_sim.limits", "hil_sim.processes", "hil_sim.schema", "hil_sim.studies"),
+    *("hil_sim.studies.errors", "hil_sim.studies.figures", "hil_sim.image_check", "hil_sim.image_check.check"),
     *("omni_reproduce", "omni_reproduce.experiment", "omni_reproduce.registry"),
 }
 """Modules of heavy packages of our own that hold bounds and names for help pages, and import nothing heavy."""
