@@ -162,9 +162,12 @@ def find_scenario(name_or_path: str) -> Path:
     path = scenario_dir() / f"{name_or_path}.toml"
     if not path.is_file():
         names = scenario_names()
-        hint = did_you_mean(name_or_path, names)
+        guess = did_you_mean(name_or_path, names)
         raise SchemaError(
-            name_or_path, "", f"no such scenario{hint}; there are {', '.join(names)}, or give a .toml file"
+            name_or_path,
+            "",
+            f"no such scenario{guess}; there are {', '.join(names)}",
+            hint="give one of these names, or a .toml file of your own",
         )
     return path
 

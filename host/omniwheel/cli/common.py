@@ -38,6 +38,9 @@ BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130
 JSON_WANTED = "omniwheel.json"
+_WHERE_ROBOTS_ARE = (
+    "give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760. No robot at hand? `omni sitl` simulates one"
+)
 WARNING_SEVERITY = 4
 """MAVLink's severities: this one and lower numbers want somebody's attention."""
 
@@ -114,7 +117,7 @@ def link_url(link: str | None) -> str:
     if len(found) == 1:
         return found[0]
     what = f"{len(found)} Teensys are connected: {', '.join(found)}" if found else "no Teensy is connected"
-    raise LinkUrlError(f"which robot? {what}", hint="give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760")
+    raise LinkUrlError(f"which robot? {what}", hint=_WHERE_ROBOTS_ARE)
 
 
 def open_robot(

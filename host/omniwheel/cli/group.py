@@ -77,7 +77,7 @@ class OmniGroup(TyperGroup):
 
             if not isinstance(error, SchemaError):
                 raise
-            raise _reported(ctx, error, "correct the file and try again", BAD_INPUT) from error
+            raise _reported(ctx, error, error.hint, BAD_INPUT) from error
         except MissingFileError as error:
             raise _reported(ctx, error, "", FAILED) from error
         except OSError as error:  # a disk that fails where nobody expects it, also the one behind standard output

@@ -38,6 +38,10 @@ def plot(
     if log.suffix == ".tlog":
         _plot_log(log, out, json_wanted)
         return
+    if not run.exists():
+        raise RunFolderError(
+            f"there is no {run}", hint="give a .tlog file or the folder of a run; `omni runs` lists them"
+        )
     try:
         summary, samples = load_run(run)
     except (OSError, ValueError, KeyError) as error:

@@ -10,11 +10,12 @@ from collections.abc import Iterable
 class SchemaError(ValueError):
     """A parameter or robot file is missing, malformed or out of range.
 
-    The message names the file, the key, the value and what is allowed.
+    The message names the file, the key, the value and what is allowed; ``hint`` says what to do.
     """
 
-    def __init__(self, source: str, key: str, problem: str) -> None:
+    def __init__(self, source: str, key: str, problem: str, hint: str = "correct the file and try again") -> None:
         self.source = source
+        self.hint = hint
         self.key = key
         self.problem = problem
         where = f"{source}: {key}" if key else source

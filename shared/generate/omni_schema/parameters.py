@@ -151,8 +151,10 @@ class ParameterTable(Mapping[str, Parameter]):
         """Return the parameter called ``name``, or raise a SchemaError about ``key`` of ``source``."""
         parameter = self._by_name.get(name)
         if parameter is None:
-            hint = did_you_mean(name, self)
-            raise SchemaError(source, key, f"there is no parameter {name}{hint}")
+            guess = did_you_mean(name, self)
+            raise SchemaError(
+                source, key, f"there is no parameter {name}{guess}", hint="`omni robots params NAME` prints all"
+            )
         return parameter
 
     def defaults(self) -> dict[str, float]:
