@@ -24,7 +24,10 @@ FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Wc
 EIGEN = Path("/usr/include/eigen3")
 CORE_PARTS = (
     *("control/original_law", "control/saturation", "kinematics/kinematics", "math/math"),
-    *(f"estimation/{part}" for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_history")),
+    *(
+        f"estimation/{part}"
+        for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_history", "pose_ekf_turn")
+    ),
 )
 METER = ROOT / "tests" / "parity" / "budgets"
 TIMEOUT_S = 300

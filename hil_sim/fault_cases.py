@@ -16,6 +16,8 @@ TURN = "turn"
 CIRCLE = "circle"
 
 _POSE = {"fix_rate_Hz": 50.0, "fix_sd_xy_m": 0.002, "fix_sd_theta_rad": 0.002, "fix_delay_s": 0.02}
+_GYRO = {**_POSE, "gyro_rate_Hz": 1000.0}
+_USED = {"GYRO_AXIS": 3.0}
 _WITHOUT_PIN = {"output_enable_wired": 0.0}
 
 
@@ -158,6 +160,33 @@ CASES: tuple[FaultCase, ...] = (
         (Kind("pose_delay", value=0.1),),
         drive=CIRCLE,
         world=_POSE,
+    ),
+    FaultCase(
+        "gyro_silent",
+        "gyro sends nothing",
+        (Kind("gyro_silent"),),
+        drive=CIRCLE,
+        warns="gyro",
+        world=_GYRO,
+        parameters=_USED,
+    ),
+    FaultCase(
+        "gyro_stuck",
+        "gyro repeats its last reading",
+        (Kind("gyro_stuck"),),
+        drive=CIRCLE,
+        warns="gyro",
+        world=_GYRO,
+        parameters=_USED,
+    ),
+    FaultCase(
+        "gyro_saturated",
+        "gyro at the end of its range",
+        (Kind("gyro_offset", value=90.0),),
+        drive=CIRCLE,
+        warns="gyro",
+        world=_GYRO,
+        parameters=_USED,
     ),
     FaultCase("clock_forward", "clock jumps ahead by 0.1 s", (Kind("clock_jump", value=0.1),), "time", "0"),
     FaultCase("clock_back", "clock jumps back by 0.1 s", (Kind("clock_jump", value=-0.1),), "time", "0"),

@@ -30,6 +30,7 @@ namespace core {
 #include "estimation/pose_ekf.c"
 #include "estimation/pose_ekf_correct.c"
 #include "estimation/pose_ekf_history.c"
+#include "estimation/pose_ekf_turn.c"
 #include "kinematics/kinematics.c"
 #include "math/math.c"
 

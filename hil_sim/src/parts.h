@@ -17,7 +17,9 @@ enum {
     HIL_STREAM_FIX_THETA,
     HIL_STREAM_FIX_DROP,
     HIL_STREAM_ENCODER = 24, /* per wheel */
-    HIL_STREAM_ROLLERS = 28  /* per wheel */
+    HIL_STREAM_ROLLERS = 28, /* per wheel */
+    HIL_STREAM_GYRO = 40,    /* per axis */
+    HIL_STREAM_GYRO_BIAS = 43
 };
 
 /** Bits of i2c_status. */

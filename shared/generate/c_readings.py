@@ -77,6 +77,9 @@ def _copies(reading: Reading, to: tuple[str, str], source: tuple[str, str]) -> l
         lines = [f"    std::memcpy({target}, {from_prefix}{from_name}, sizeof {target});"]
     else:
         lines = [f"    {to_prefix}{to_name} = {from_prefix}{from_name};"]
+    if reading.valid and reading.kind == "real":
+        # What is not new is not copied, so that robots without the sensor do not pay for it in each tick.
+        lines = [f"    if ({from_prefix}{reading.valid} != 0) {{", *("    " + line for line in lines), "    }"]
     if reading.valid:
         lines.append(f"    {to_prefix}{reading.valid} = {from_prefix}{reading.valid};")
     return lines

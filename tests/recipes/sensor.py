@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""docs/how-to-add/sensor.md, followed word by word, gives a gyro: in a process, by the link, in lanes, on its chip."""
+"""docs/how-to-add/sensor.md, followed word by word, gives a spin sensor: in a process, by link, in lanes, on a chip."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.native import ROOT, build_library
 from tests.recipes.drive import OWN_PACKAGES, run_program, scenario
 from tests.recipes.recipe import Scratch
 
-SCENARIO = scenario('TRJ_TYPE = "circle"\nTRJ_PERIOD = 8.0', more="[world]\ngyro_sd_rad_s = GYRO_SD\nslip_max = 0.1")
+SCENARIO = scenario('TRJ_TYPE = "circle"\nTRJ_PERIOD = 8.0', more="[world]\nspin_sd_rad_s = SPIN_SD\nslip_max = 0.1")
 """A circle with slipping wheels and no pose fixes: the heading comes from wheels and gyro alone."""
 
 _RUNS = (
@@ -26,7 +26,7 @@ from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
 def scenario(sd):
     path = Path(sys.argv[2])
-    path.write_text(sys.argv[3].replace("GYRO_SD", str(sd)), encoding="utf-8")
+    path.write_text(sys.argv[3].replace("SPIN_SD", str(sd)), encoding="utf-8")
     return load_scenario(str(path))
 def look(way, sd):
     run = (run_hil if way == "link" else run_in_process)(scenario(sd))
@@ -45,7 +45,7 @@ def eight(lanes):
     assert not lanes or lib.hil_lanes_advance(each, 100) == 100
     for run in each:
         lib.hil_run_advance(run, 0 if lanes else 100)
-    return [[run.inputs.gyro_rad_s, run.inputs.gyro_valid, run.robot.estimator.pose_ekf.pose.theta] for run in each]
+    return [[run.inputs.spin_rad_s, run.inputs.spin_valid, run.robot.estimator.pose_ekf.pose.theta] for run in each]
 found = {f"{way} {sd}": look(way, sd) for way in ("process", "link") for sd in (0.0, 0.01, 0.5)}
 print(json.dumps(found | {"lanes": eight(True), "alone": eight(False)}))
 """
@@ -64,17 +64,17 @@ extern "C" void begin() { board.use_teensy40(); }
 extern "C" uint32_t converting() { return ADC2_HC0; }
 extern "C" void converted(uint32_t steps) { ADC2_R0 = steps; ADC2_HS = ADC_HS_COCO0; ADC2_HC0 = 0x1F; }
 extern "C" void taken() { ADC2_HS = 0; }
-extern "C" unsigned read_gyro(float *rad_s) { return board.gyro(rad_s); }
+extern "C" unsigned read_spin(float *rad_s) { return board.spin(rad_s); }
 """
 
-Q_THETA, PERIOD_S, GYRO_SD = 0.004**2 * 1e-3, 1e-3, 0.01
+Q_THETA, PERIOD_S, SPIN_SD = 0.004**2 * 1e-3, 1e-3, 0.01
 """EKF_Q_TH of a tick, the tick, and the noise that the page's measurement expects."""
 
 
 def check(copy: Scratch) -> None:
     """It helps where wheels slip, its noise arrives, and the chip's voltage becomes a turn rate."""
     runs = _runs(copy)
-    gain = Q_THETA / (Q_THETA + (GYRO_SD * PERIOD_S) ** 2)
+    gain = Q_THETA / (Q_THETA + (SPIN_SD * PERIOD_S) ** 2)
     for way in ("process", "link"):
         without, precise, noisy = (runs[f"{way} {sd}"] for sd in (0.0, 0.01, 0.5))
         assert not without["faults"] + precise["faults"] + noisy["faults"]
@@ -89,7 +89,7 @@ def check(copy: Scratch) -> None:
 
 
 def _runs(copy: Scratch) -> dict[str, Any]:
-    path = copy.root / "build" / "gyro.toml"
+    path = copy.root / "build" / "spin.toml"
     found: dict[str, Any] = json.loads(run_program(copy, _RUNS, str(path), SCENARIO))
     return found
 
@@ -99,15 +99,15 @@ def _look_at_the_driver(copy: Scratch) -> None:
     converter.write_text(_CONVERTER, encoding="utf-8")
     generated = copy.root / "build" / "recipe" / "generated" / "include"
     folders = [ROOT / "tests" / "boards" / "teensy40" / "fakes_system", copy.root / "firmware", generated]
-    driver = copy.root / "firmware" / "boards" / "teensy40" / "gyro.cpp"
-    chip = ctypes.CDLL(str(build_library(converter.parent, "gyro", [driver, converter], folders)))
+    driver = copy.root / "firmware" / "boards" / "teensy40" / "spin.cpp"
+    chip = ctypes.CDLL(str(build_library(converter.parent, "spin", [driver, converter], folders)))
     chip.begin()
     rad_s = ctypes.c_float(9.0)
     assert chip.converting() == 3
-    assert (chip.read_gyro(ctypes.byref(rad_s)), rad_s.value) == (0, 9.0)
+    assert (chip.read_spin(ctypes.byref(rad_s)), rad_s.value) == (0, 9.0)
     chip.converted(4095)
-    assert chip.read_gyro(ctypes.byref(rad_s)) == 1
+    assert chip.read_spin(ctypes.byref(rad_s)) == 1
     assert math.isclose(rad_s.value, (3.3 - 1.65) * 5.0, rel_tol=1e-5)
     assert chip.converting() == 3
     chip.taken()
-    assert chip.read_gyro(ctypes.byref(rad_s)) == 0
+    assert chip.read_spin(ctypes.byref(rad_s)) == 0

@@ -28,6 +28,7 @@ class Together:
 TOGETHER = (
     Together("hil_sim/rt1062", r".*", "machine", "one chip: each peripheral's state is a member of the machine's"),
     Together("hil_sim/src", r"parts", "world", "what the sources of the world share is the inside of world.h"),
+    Together("shared/core", r"pose_ekf_motion", "pose_ekf", "the inside of pose_ekf.h, in two sources"),
     Together("hil_sim/src", r"filter_study_(?:lanes|parts)", "filter_study", "the inside of filter_study.h"),
 )
 

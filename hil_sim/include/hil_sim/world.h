@@ -178,6 +178,11 @@ typedef struct hil_world_t {
     uint8_t i2c_read[HIL_MAX_I2C_READ];
     uint64_t fixes_taken;
     hil_real_t frozen_pose[3]; /**< of the last fix before the pose sensor froze */
+    hil_real_t gyro_bias[3];   /**< of each axis of its chip [rad/s] */
+    hil_real_t gyro_rad_s[3];  /**< latest sample */
+    uint64_t gyro_samples;     /**< taken so far */
+    uint64_t gyro_bias_step;   /**< number of the bias's last draw */
+    bool gyro_new;             /**< the latest sample is of this tick */
     uint32_t fix_head;
     uint32_t fix_count;
     hil_fix_t fix[HIL_MAX_FIXES];

@@ -4,6 +4,7 @@
 namespace {
 
 constexpr Setting ismc{OMNI_PARAM_CTL_MODE, OMNI_CTL_MODE_ISMC};
+constexpr Setting gyro{OMNI_PARAM_GYRO_AXIS, 3};
 constexpr Setting rose{OMNI_PARAM_TRJ_TYPE, OMNI_TRJ_TYPE_ROSE};
 
 constexpr Setting controller(int mode) {
@@ -21,6 +22,9 @@ constexpr Case cases[] = {
     {"every_filter_late_fix", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 250, {ismc, rose}, 2},
     {"four_wheels", "four_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose}, 2},
     {"four_wheels_late_fix", "four_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 250, {ismc, rose}, 2},
+    {"gyro", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose, gyro}, 3, false, true},
+    {"gyro_late_fix", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 250, {ismc, rose, gyro}, 3, false, true},
+    {"gyro_four_wheels", "four_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose, gyro}, 3, false, true},
     {"super_twisting",
      "three_wheel",
      OMNI_SETPOINT_TRAJECTORY,

@@ -22,6 +22,7 @@ struct Case {
     Setting settings[max_settings];
     size_t settings_used;
     bool burst = false; ///< everything is being recorded meanwhile
+    bool gyro = false;  ///< it reads in every tick
 };
 
 extern const Case cases[];

@@ -86,6 +86,7 @@ private:
     omni::ControlLoop loop_;
     const omni_robot_config_t *config_ = nullptr;
     world_t world_{};
+    omni_real_t theta_ = 0.0f; ///< heading of the tick before
     random_t random_{};
     uint32_t tick_ = 0;
     Bus bus_;
@@ -145,10 +146,10 @@ void Bench::ask(uint64_t now_us) {
         setpoint.twist = {0.08f, 0.02f, 0.1f};
         loop_.set_setpoint(setpoint);
     }
-    if (tick_ == 100) {
+    if (tick_ == (case_.gyro ? 360 : 100)) { // a gyro learns its bias first
         loop_.request_event(OMNI_EVENT_ARM);
     }
-    if (tick_ == 102 && case_.setpoint == OMNI_SETPOINT_TRAJECTORY) {
+    if (tick_ == (case_.gyro ? 362 : 102) && case_.setpoint == OMNI_SETPOINT_TRAJECTORY) {
         loop_.plans.publish();
     }
 }
@@ -171,6 +172,12 @@ void Bench::tick(uint64_t now_us, bool counted) {
     std::memcpy(sensors.counts, world_.counts, sizeof sensors.counts);
     sensors.counts_valid = 0x0F;
     sensors.battery_V = 12.0f;
+    if (case_.gyro) {
+        const omni_real_t turned = omni_wrap_pi(world_.pose.theta - theta_);
+        theta_ = world_.pose.theta;
+        sensors.gyro_rad_s[2] = turned * 1000.0f + 0.002f * random_normal(&random_);
+        sensors.gyro_valid = 7;
+    }
     depth_before_ = an500::stack_depth();
     const uint32_t begin = meter::timer();
     loop_.tick(sensors, wires_, stopwatch_);

@@ -63,6 +63,9 @@ void coverage_note(coverage_t *coverage, const scene_t *scene) {
         scene->robot.estimator.pose_ekf.restarts > 0 && scene->robot.estimator.pose_ekf.last_fix_us == scene->now_us
             ? 1u
             : 0u;
+    coverage->gyro_leads += scene->robot.estimator.gyro.turn.leads ? 1u : 0u;
+    coverage->gyro_rests += scene->robot.estimator.gyro.turn.rest ? 1u : 0u;
+    coverage->gyro_rejected += scene->robot.estimator.gyro.rejected ? 1u : 0u;
     if (out->state == OMNI_STATE_ARMED) {
         note_armed(coverage, scene);
     }
@@ -120,12 +123,14 @@ bool coverage_report(const coverage_t *coverage, const scene_t *scene, uint32_t 
     reached = lines("wheel filter", wheel_filters, coverage->wheel_filter, 3, least) && reached;
     reached = lines("pose filter", pose_filters, coverage->pose_filter, 3, least) && reached;
     reached = lines("switching", switchings, coverage->switching, 3, least) && reached;
-    const char *const other[] = {"three wheels", "four wheels",   "between control steps", "cut",
-                                 "fixes used",   "fixes refused", "pose restarts",         "changes while armed",
-                                 "sets refused", "plans refused"};
-    const uint32_t figures[] = {coverage->wheels[3], coverage->wheels[4],        coverage->held,
-                                coverage->cut,       coverage->fixes_used,       coverage->fixes_refused,
-                                coverage->restarts,  scene->changes_while_armed, scene->configs_refused,
-                                scene->plans_refused};
+    const char *const other[] = {
+        "three wheels",  "four wheels",   "between control steps", "cut",          "fixes used",
+        "fixes refused", "pose restarts", "changes while armed",   "sets refused", "plans refused",
+        "gyro leads",    "gyro at rest",  "gyro rejected"};
+    const uint32_t figures[] = {coverage->wheels[3],    coverage->wheels[4],        coverage->held,
+                                coverage->cut,          coverage->fixes_used,       coverage->fixes_refused,
+                                coverage->restarts,     scene->changes_while_armed, scene->configs_refused,
+                                scene->plans_refused,   coverage->gyro_leads,       coverage->gyro_rests,
+                                coverage->gyro_rejected};
     return lines("other", other, figures, sizeof figures / sizeof figures[0], least < 1 ? least : 1) && reached;
 }

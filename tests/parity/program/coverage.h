@@ -31,6 +31,9 @@ typedef struct coverage_t {
     uint32_t fixes_used;
     uint32_t fixes_refused;
     uint32_t restarts; /**< of the pose estimate */
+    uint32_t gyro_leads;
+    uint32_t gyro_rests;
+    uint32_t gyro_rejected;
 } coverage_t;
 
 /** Note one tick, after it. */

@@ -59,12 +59,16 @@ static const field_t fields[] = {
     REALS(nis),
     WHOLE(fixes_accepted),
     WHOLE(fixes_refused),
+    REALS(gyro_rad_s),
+    REALS(gyro_bias),
+    REALS(gyro_bias_sd),
+    WHOLE(gyro_used),
 };
 
 enum {
     FIELDS = sizeof fields / sizeof fields[0],
-    /* After config_sequence 2, after stop.wheel 3. */
-    PADDING = 5
+    /* After config_sequence 2, after stop.wheel 3, after gyro_used 3. */
+    PADDING = 5 + 3
 };
 
 bool digest_is_complete(void) {

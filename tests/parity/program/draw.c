@@ -40,16 +40,25 @@ static bool is_wiring(uint32_t index) {
     return channel || index == OMNI_PARAM_MOT_DRIVER;
 }
 
+/* Drawn by draw_gyro, from numbers of its own: robots without one see what they would see if there were none. */
+static bool is_gyro(uint32_t index) {
+    return index >= OMNI_PARAM_GYRO_AXIS && index <= OMNI_PARAM_GYRO_S_SD;
+}
+
+static bool is_left_out(uint32_t index) {
+    return is_wiring(index) || is_gyro(index);
+}
+
 /* Any parameter that the core may read: one that tells of the wiring more or less changes no draw. */
 static uint32_t draw_index(random_t *random) {
     uint32_t others = 0;
     for (uint32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
-        others += !is_wiring(i);
+        others += !is_left_out(i);
     }
     uint32_t left = random_below(random, others);
     uint32_t index = 0;
-    while (is_wiring(index) || left > 0) {
-        left -= !is_wiring(index);
+    while (is_left_out(index) || left > 0) {
+        left -= !is_left_out(index);
         ++index;
     }
     return index;

@@ -112,9 +112,11 @@ static void begin_episode(scene_t *scene) {
     omni_real_t values[OMNI_PARAM_COUNT];
     draw_style_t style = styles[random_below(random, 4)];
     draw_parameters(random, scene->episode, style, values);
+    gyro_draw(&scene->gyro, scene->episode, values);
     while (!configure(scene, values)) {
         style = DRAW_OWN;
         draw_parameters(random, scene->episode, style, values);
+        gyro_draw(&scene->gyro, scene->episode, values);
     }
     scene->episode_ends = scene->tick + SHORTEST + random_below(random, LONGEST - SHORTEST);
     scene->setpoint_ends = scene->tick;
@@ -272,6 +274,7 @@ static void happen(scene_t *scene) {
 void scene_init(scene_t *scene, uint32_t seed) {
     memset(scene, 0, sizeof *scene);
     scene->random.state = seed;
+    scene->gyro.random.state = seed + 1;
 }
 
 void scene_step(scene_t *scene) {
@@ -282,6 +285,7 @@ void scene_step(scene_t *scene) {
     count_troubles(scene);
     pass_time(scene);
     move_world(scene);
+    gyro_read(&scene->gyro, &scene->world, config_of(scene), &scene->inputs);
     see_pose(scene);
     read_supply(scene);
     listen(scene);

@@ -48,6 +48,12 @@ static void make_state(void) {
     robot.margin.uncovered = any_bool();
     robot.applied.off_track = any_bool();
     robot.exciter.begun = any_bool();
+    omni_gyro_state_t *gyro = &robot.estimator.gyro;
+    gyro->ready = any_bool();
+    gyro->trouble = any_bool();
+    gyro->rejected = any_bool();
+    gyro->turn.leads = any_bool();
+    gyro->turn.rest = any_bool();
 }
 
 /* What make_state takes for granted holds again. */

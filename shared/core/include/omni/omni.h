@@ -6,6 +6,7 @@
 #include "omni/bridge.h"
 #include "omni/direct_torque.h"
 #include "omni/feedback_linearization.h"
+#include "omni/gyro.h"
 #include "omni/ismc.h"
 #include "omni/kinematics.h"
 #include "omni/loop.h"

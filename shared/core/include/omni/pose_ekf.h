@@ -4,7 +4,8 @@
  * Extended Kalman filter of the pose, from wheel motion and pose fixes. Fixes may be late and irregular, those that do
  * not fit are refused, and each wheel's slip ratio may be a state.
  *
- * State (x, y, theta [, s_1..s_n]): wheel i moves the contact point r phi'_i (1 - s_i), so v_s,i = s_i r phi'_i.
+ * State (x, y, theta [, s_1..s_n] [, b, k]): wheel i moves the contact point r phi'_i (1 - s_i), so that
+ * v_s,i = s_i r phi'_i. A gyro has a bias b [rad/s] and an error k of its scale (omni/gyro.h).
  *
  *   d     = B+ (r dphi - v_s T)                             body motion over a tick, dphi from counts [report eq. 59]
  *   xi    = xi + R(theta + d_theta / 2)^T d                 prediction, heading of mid-step [report eq. 61]
@@ -24,6 +25,13 @@
  *
  * which is exact for fixes that come in the order in which they were taken (docs/concepts/derivations/delayed_fix.md).
  * The cost is an ordinary update plus about 100 operations per history slot since t_f.
+ *
+ * With a gyro, its rate z gives the turn of a tick in place of the wheels, d_theta = (1 + k) (z - b) T. What the wheels
+ * say of the turn then measures the slip ratios, once per history slot. At rest they say 0, which measures the bias:
+ *
+ *   0 = sum over the slot of (1 + k) (z - b) T - sum over the wheels of B+_theta,i r dphi_i (1 - s_i) + noise
+ *
+ * (docs/concepts/derivations/gyro.md).
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
@@ -33,9 +41,12 @@
 #include "omni/types.h"
 
 enum {
-    OMNI_EKF_STATES = OMNI_AXES + OMNI_MAX_WHEELS,
-    OMNI_EKF_HISTORY = 64,  /**< slots of the motion history */
-    OMNI_EKF_SLOT_TICKS = 4 /**< ticks per slot: 256 ticks of reach */
+    OMNI_EKF_BIAS = OMNI_MAX_WHEELS,                /**< the gyro's bias among what follows the pose in the state */
+    OMNI_EKF_SCALE,                                 /**< and the error of its scale */
+    OMNI_EKF_COLUMNS,                               /**< slip ratios, bias and scale */
+    OMNI_EKF_STATES = OMNI_AXES + OMNI_EKF_COLUMNS, /**< with the pose */
+    OMNI_EKF_HISTORY = 64,                          /**< slots of the motion history */
+    OMNI_EKF_SLOT_TICKS = 4                         /**< ticks per slot: 256 ticks of reach */
 };
 
 typedef struct omni_pose_fix_t {
@@ -58,22 +69,35 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t gate;      /**< NIS above this is refused; 0: no gate */
     uint16_t gate_restart; /**< refused fixes in a row after which the estimate restarts */
     omni_real_t step_s;
+    bool gyro;           /**< there is one: its bias and the error of its scale are states */
+    omni_real_t q_turn;  /**< variance that the gyro's noise adds to theta per step, rad^2 */
+    omni_real_t q_bias;  /**< variance added to the bias per step, (rad/s)^2 */
+    omni_real_t p_bias;  /**< its variance when the gyro is switched on */
+    omni_real_t p_scale; /**< variance of the scale's error then */
 } omni_pose_ekf_config_t;
+
+/** What a gyro says of a tick. */
+typedef struct omni_ekf_turn_t {
+    omni_real_t rate_rad_s; /**< counter-clockwise, bias included; finite */
+    omni_flag_t leads;      /**< it gives the turn; otherwise the wheels do */
+    omni_flag_t rest;       /**< the wheels stand still, so it is the bias; never together with `leads` */
+} omni_ekf_turn_t;
 
 /** What moved during one history slot, seen from the heading at its start. */
 typedef struct omni_ekf_slot_t {
-    omni_real_t move[OMNI_AXES];                  /**< dx, dy [m], dtheta [rad] with the slip ratios below */
-    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS]; /**< d move / d s_i */
-    omni_real_t slip[OMNI_MAX_WHEELS];            /**< slip ratios that `move` was computed with */
-    omni_real_t noise[OMNI_MAX_WHEELS];           /**< variance each slip ratio gathered */
-    omni_real_t steps;                            /**< nominal steps in the slot */
+    omni_real_t move[OMNI_AXES];                   /**< dx, dy [m], dtheta [rad] with the slip ratios below */
+    omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /**< d move / d s_i, d b, d k */
+    omni_real_t slip[OMNI_EKF_COLUMNS];            /**< slip ratios, bias, scale that `move` was computed with */
+    omni_real_t noise[OMNI_MAX_WHEELS];            /**< variance each slip ratio gathered */
+    omni_real_t steps;                             /**< nominal steps in the slot */
+    omni_real_t turn_noise;                        /**< variance that theta gathered, with a gyro */
     uint32_t duration_us;
 } omni_ekf_slot_t;
 
 typedef struct omni_pose_ekf_state_t {
-    omni_pose_t pose;                                /**< estimate; theta in [-pi, pi) */
-    omni_real_t carry[OMNI_AXES];                    /**< what rounding has kept from `pose` so far */
-    omni_real_t slip[OMNI_MAX_WHEELS];               /**< slip ratios s_i, -0.5..0.5 */
+    omni_pose_t pose;                   /**< estimate; theta in [-pi, pi) */
+    omni_real_t carry[OMNI_AXES];       /**< what rounding has kept from `pose` so far */
+    omni_real_t slip[OMNI_EKF_COLUMNS]; /**< slip ratios s_i; of the gyro: bias [rad/s], scale; all -0.5..0.5 */
     omni_real_t p[OMNI_EKF_STATES][OMNI_EKF_STATES]; /**< covariance; unused wheels' rows are zero */
     omni_ekf_slot_t history[OMNI_EKF_HISTORY];
     omni_real_t wheel_m[OMNI_MAX_WHEELS]; /**< r phi of each wheel in the slot being filled */
@@ -89,14 +113,36 @@ typedef struct omni_pose_ekf_state_t {
     omni_uint_t accepted;              /**< fixes used */
     omni_uint_t refused;               /**< fixes gated out, too old, from the future, or not finite */
     omni_uint_t restarts;
-    uint16_t refused_in_row; /**< gated out in a row */
-    uint64_t last_fix_us;    /**< arrival of the last accepted fix; 0: none yet */
-    uint64_t last_taken_us;  /**< when the last accepted fix was taken; 0: none yet */
+    uint16_t refused_in_row;   /**< gated out in a row */
+    uint64_t last_fix_us;      /**< arrival of the last accepted fix; 0: none yet */
+    uint64_t last_taken_us;    /**< when the last accepted fix was taken; 0: none yet */
+    omni_real_t turn_noise;    /**< variance of theta that is not in `p` yet: too little for its last bit */
+    omni_real_t slot_turn_rad; /**< gyro's rate summed over the slot being filled, bias included */
+    omni_real_t slot_turn_s;   /**< time over which it was summed */
+    omni_real_t slot_rest;     /**< ticks of the slot at rest, and those in which the gyro gave the turn */
+    omni_real_t slot_turns;
 } omni_pose_ekf_state_t;
+
+/** What is known of a gyro: bias [rad/s], error of the scale. */
+typedef struct omni_ekf_gyro_t {
+    omni_real_t value[2];
+    omni_real_t p[2][2]; /**< their covariance */
+} omni_ekf_gyro_t;
 
 /** Start at `pose` with standard deviations sd_xy [m], sd_theta [rad]. */
 void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,
                          omni_real_t sd_xy, omni_real_t sd_theta);
+
+/** A gyro has been switched on: bias and error of the scale are 0, with variances p_bias and p_scale. */
+void omni_pose_ekf_start_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config);
+
+/** What the filter knows of the gyro, to be kept over a restart. */
+void omni_pose_ekf_get_gyro(const omni_pose_ekf_state_t *state, omni_ekf_gyro_t *known);
+void omni_pose_ekf_set_gyro(omni_pose_ekf_state_t *state, const omni_ekf_gyro_t *known);
+
+/** The gyro that gave the turn for duration_s has proved wrong: take what it turned more than the wheels back. */
+void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, omni_real_t turned_rad,
+                             omni_real_t duration_s);
 
 /** Start at `pose`, known as well as a pose fix is by default. @param time_us robot clock; 0: no tick yet. */
 void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,
@@ -110,6 +156,12 @@ void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
  */
 void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                            const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint64_t time_us);
+
+/** The same with a gyro; `gyro` must be set in the configuration. @param turn what it says; neither leads nor rest: the
+ * wheels alone count. */
+void omni_pose_ekf_predict_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad,
+                                const omni_ekf_turn_t *turn, uint64_t time_us);
 
 /**
  * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.

@@ -12,6 +12,7 @@
 #define OMNI_ROBOT_H
 
 #include "omni/excitation.h"
+#include "omni/gyro.h"
 #include "omni/kinematics.h"
 #include "omni/modules_gen.h"
 #include "omni/motor.h"
@@ -58,6 +59,7 @@ typedef struct omni_robot_config_t {
     omni_motor_config_t motor;
     omni_motor_kf_config_t motor_kf;
     omni_pose_ekf_config_t pose_ekf;
+    omni_gyro_config_t gyro;
     omni_torque_curve_t torque_curve;
     OMNI_CTL_MODE_CONFIG_MEMBERS /* of the controllers: omni_ismc_config_t ismc; and so on */
         omni_wheel_speed_config_t wheel_speed;
@@ -177,6 +179,10 @@ typedef struct omni_outputs_t {
     omni_real_t nis;
     omni_uint_t fixes_accepted;
     omni_uint_t fixes_refused;
+    omni_real_t gyro_rad_s;   /**< turn rate by the gyro, bias taken off; 0 while its readings are left out */
+    omni_real_t gyro_bias;    /**< rad/s */
+    omni_real_t gyro_bias_sd; /**< standard deviation */
+    omni_flag_t gyro_used;    /**< it gives the turn, or learns its bias */
 } omni_outputs_t;
 
 /** What a position controller asks for, and so what follows it on the way to the wheels. */
@@ -211,6 +217,7 @@ typedef struct omni_estimator_t {
     uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
     bool primed;                             /**< last_* hold a first sample */
     omni_pose_ekf_state_t pose_ekf;
+    omni_gyro_state_t gyro;
 } omni_estimator_t;
 
 /** Whether a wheel under voltage turns. All 0 while its voltage is below `stall_V`. */

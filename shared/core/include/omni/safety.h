@@ -51,8 +51,9 @@ typedef enum omni_fault_t {
     OMNI_WARN_SATURATED = 1 << 19,    /**< wheel speeds or duties are being cut */
     OMNI_WARN_ENCODER = 1 << 20,      /**< a single impossible count was thrown away */
     OMNI_WARN_ISMC_GAIN = 1 << 21,    /**< k of the ISMC does not cover the slip that may be there (condition 44) */
+    OMNI_WARN_GYRO = 1 << 22,         /**< the gyro's readings are missing, cannot be true, or contradict the wheels */
     OMNI_FAULT_STOP_MASK = 0xfff,
-    OMNI_WARN_MASK = 0x3f0000
+    OMNI_WARN_MASK = 0x7f0000
 } omni_fault_t;
 
 /** The next state. An event or state out of range gives OMNI_STATE_ESTOP. */

@@ -14,7 +14,7 @@ typedef omni_real_t wide_matrix_t[OMNI_AXES][OMNI_EKF_STATES];
 
 /* One fix on its way into the estimate. */
 typedef struct update_t {
-    uint8_t slips;
+    uint8_t columns;
     uint8_t states;
     uint32_t age_us;
     omni_ekf_window_t window;
@@ -26,7 +26,7 @@ typedef struct update_t {
     omni_real_t factor[OMNI_AXES][OMNI_AXES]; /* Cholesky factor of S */
 } update_t;
 
-static inline void measurement_matrix(update_t *u, uint8_t slips) {
+static inline void measurement_matrix(update_t *u, uint8_t columns) {
     const omni_real_t dx = u->window.move[0];
     const omni_real_t dy = u->window.move[1];
     const omni_real_t pose[OMNI_AXES][OMNI_AXES] = {{1.0f, 0.0f, dy}, {0.0f, 1.0f, -dx}, {0.0f, 0.0f, 1.0f}};
@@ -35,7 +35,7 @@ static inline void measurement_matrix(update_t *u, uint8_t slips) {
             u->h[row][axis] = pose[row][axis];
         }
     }
-    for (uint8_t i = 0; i < slips; ++i) {
+    for (uint8_t i = 0; i < columns; ++i) {
         const omni_real_t turned = u->window.gain[2][i];
         u->h[0][OMNI_AXES + i] = -u->window.gain[0][i] - dy * turned;
         u->h[1][OMNI_AXES + i] = -u->window.gain[1][i] + dx * turned;
@@ -154,7 +154,7 @@ static inline void measurement_update_states(const update_t *u, omni_pose_ekf_st
             state->p[a][b] = state->p[b][a];
         }
     }
-    omni_ekf_shift(state, delta, u->slips);
+    omni_ekf_shift(state, delta, u->columns);
 }
 
 /* The count as a constant lets the compiler unroll the loops; three wheels and no slip are the ones to be fast. */
@@ -168,19 +168,20 @@ static void measurement_update(const update_t *u, omni_pose_ekf_state_t *state) 
     }
 }
 
-static inline bool innovation_covariance_states(update_t *u, const omni_pose_ekf_state_t *state, uint8_t slips) {
-    const uint8_t states = (uint8_t)(OMNI_AXES + slips);
-    measurement_matrix(u, slips);
+static inline bool innovation_covariance_states(update_t *u, const omni_pose_ekf_state_t *state, uint8_t columns) {
+    const uint8_t states = (uint8_t)(OMNI_AXES + columns);
+    measurement_matrix(u, columns);
     fill_m(u, state, states);
     return factor_innovation_covariance(u, states);
 }
 
 /* As in `measurement_update`. @return false if the innovation's covariance is not positive definite. */
 static bool innovation_covariance(update_t *u, const omni_pose_ekf_state_t *state) {
-    if (u->slips == 3) {
+    if (u->columns == 3) {
         return innovation_covariance_states(u, state, 3);
     }
-    return u->slips == 0 ? innovation_covariance_states(u, state, 0) : innovation_covariance_states(u, state, u->slips);
+    return u->columns == 0 ? innovation_covariance_states(u, state, 0)
+                           : innovation_covariance_states(u, state, u->columns);
 }
 
 static void set_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
@@ -199,14 +200,14 @@ static void move_to_fix(const update_t *u, omni_pose_ekf_state_t *state) {
     const omni_real_t dy = u->window.move[1];
     const omni_real_t delta[OMNI_EKF_STATES] = {u->innovation[0] + (cosine - 1.0f) * dx - sine * dy,
                                                 u->innovation[1] + sine * dx + (cosine - 1.0f) * dy, u->innovation[2]};
-    omni_ekf_shift(state, delta, u->slips);
+    omni_ekf_shift(state, delta, u->columns);
 }
 
-/* The estimate contradicts too many fixes in a row: take over this one, carried to now; slips start anew. */
+/* The estimate contradicts too many fixes in a row: take over this one, carried to now; columns start anew. */
 static void reinitialise_filter(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                                 const omni_pose_fix_t *fix, omni_pose_ekf_state_t *state) {
-    omni_ekf_restart_slips(state, config, u->slips);
-    omni_ekf_history_rebase(state, u->slips);
+    omni_ekf_restart_slips(state, config, omni_ekf_slips(config, k));
+    omni_ekf_history_rebase(state, u->columns);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
     set_innovation(u, state, fix);
     move_to_fix(u, state);
@@ -236,8 +237,8 @@ static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *st
     if (!omni_ekf_history_window(state, config, k, u->age_us, &u->window)) {
         return OMNI_ERR_TIME;
     }
-    u->slips = omni_ekf_slips(config, k);
-    u->states = (uint8_t)(OMNI_AXES + u->slips);
+    u->columns = omni_ekf_columns(config, k);
+    u->states = (uint8_t)(OMNI_AXES + u->columns);
     u->r[0] = variance_of(fix->sd_xy, config->r_xy);
     u->r[1] = u->r[0];
     u->r[2] = variance_of(fix->sd_theta, config->r_theta);
@@ -267,6 +268,9 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     update_t u; /* Only what its number of states needs gets a value, and is used. */
     if (config->mode == OMNI_EKF_MODE_ODOMETRY) {
         return OMNI_ERR_LOCKED;
+    }
+    if (config->gyro) {
+        omni_ekf_settle_turn_noise(state);
     }
     if (!omni_pose_is_finite(&fix->pose) || !omni_is_finite(fix->sd_xy) || !omni_is_finite(fix->sd_theta)) {
         return refuse_fix(state, OMNI_ERR_NOT_FINITE);

@@ -13,6 +13,15 @@ static inline omni_real_t omni_pose_ekf_variance(const omni_pose_ekf_state_t *st
     return state->p[axis][axis];
 }
 
+/** Bias of the gyro [rad/s], and its variance. */
+static inline omni_real_t omni_pose_ekf_bias(const omni_pose_ekf_state_t *state) {
+    return state->slip[OMNI_EKF_BIAS];
+}
+
+static inline omni_real_t omni_pose_ekf_bias_variance(const omni_pose_ekf_state_t *state) {
+    return state->p[OMNI_AXES + OMNI_EKF_BIAS][OMNI_AXES + OMNI_EKF_BIAS];
+}
+
 /** Variance of sum row[i] s_i, the slip ratios weighted with `row`. @param wheels entries of `row`; mode slip only. */
 static inline omni_real_t omni_pose_ekf_slip_variance(const omni_pose_ekf_state_t *state, const omni_real_t *row,
                                                       uint8_t wheels) {

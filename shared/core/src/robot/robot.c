@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "../estimation/pose_ekf_inline.h"
 #include "../math/invariant.h"
 #include "../math/math_inline.h"
 #include "omni/kinematics.h"
@@ -92,6 +93,16 @@ static omni_uint_t seal_actuation(omni_supervisor_t *supervisor, omni_real_t sup
     return finite ? (omni_uint_t)0u : (omni_uint_t)OMNI_FAULT_NOT_FINITE;
 }
 
+static void report_gyro(const omni_estimator_t *estimator, omni_outputs_t *outputs) {
+    const omni_ekf_turn_t *turn = &estimator->gyro.turn;
+    const omni_flag_t used = turn->leads || turn->rest;
+    const omni_real_t bias = omni_pose_ekf_bias(&estimator->pose_ekf);
+    outputs->gyro_bias = bias;
+    outputs->gyro_bias_sd = omni_sqrtf(omni_pose_ekf_bias_variance(&estimator->pose_ekf));
+    outputs->gyro_rad_s = omni_select(used, turn->rate_rad_s - bias, 0.0f);
+    outputs->gyro_used = used;
+}
+
 static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
                             const omni_estimate_t *estimate, omni_outputs_t *outputs) {
     const bool filtered = config->motor_kf.mode != OMNI_KF_MODE_OFF;
@@ -108,6 +119,13 @@ static void report_estimate(const omni_estimator_t *estimator, const omni_robot_
     outputs->nis = estimate->nis;
     outputs->fixes_accepted = estimate->fixes_accepted;
     outputs->fixes_refused = estimate->fixes_refused;
+    outputs->gyro_rad_s = 0.0f;
+    outputs->gyro_bias = 0.0f;
+    outputs->gyro_bias_sd = 0.0f;
+    outputs->gyro_used = false;
+    if (config->gyro.axis != 0) {
+        report_gyro(estimator, outputs);
+    }
 }
 
 static void report_control(const omni_robot_t *robot, const omni_target_t *target, const omni_actuation_t *actuation,

@@ -72,6 +72,18 @@ static omni_result_t set_motor(omni_robot_config_t *c, const omni_real_t *v) {
     return omni_motor_discretise(&on_floor, c->step_s, &kf->model);
 }
 
+static void set_gyro(omni_robot_config_t *c, const omni_real_t *v) {
+    omni_pose_ekf_config_t *e = &c->pose_ekf;
+    c->gyro.axis = (int8_t)v[OMNI_PARAM_GYRO_AXIS];
+    c->gyro.scale = v[OMNI_PARAM_GYRO_SCALE];
+    c->gyro.range_rad_s = v[OMNI_PARAM_GYRO_MAX];
+    e->gyro = c->gyro.axis != 0;
+    e->q_turn = v[OMNI_PARAM_GYRO_ND] * v[OMNI_PARAM_GYRO_ND] * c->step_s;
+    e->q_bias = v[OMNI_PARAM_GYRO_BRW] * v[OMNI_PARAM_GYRO_BRW] * c->step_s;
+    e->p_bias = v[OMNI_PARAM_GYRO_B_SD] * v[OMNI_PARAM_GYRO_B_SD];
+    e->p_scale = v[OMNI_PARAM_GYRO_S_SD] * v[OMNI_PARAM_GYRO_S_SD];
+}
+
 static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     omni_pose_ekf_config_t *e = &c->pose_ekf;
     e->mode = (uint8_t)v[OMNI_PARAM_EKF_MODE];
@@ -193,6 +205,7 @@ omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *
         return result;
     }
     set_pose_ekf(config, values);
+    set_gyro(config, values);
     set_wheel_speed(config, values);
     set_limits(config, values);
     set_trajectory(config, values);

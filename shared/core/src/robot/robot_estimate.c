@@ -113,6 +113,32 @@ static bool fix_is_fresh(const omni_pose_ekf_state_t *ekf, const omni_robot_conf
     return ekf->last_fix_us != 0 && omni_robot_age_s(now_us, ekf->last_fix_us) <= c->limits.fix_timeout_s;
 }
 
+/* The gyro gives the turn of this tick, if its reading can be used. */
+static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_robot_config_t *c,
+                                     const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t trusted,
+                                     bool timed, const omni_real_t *turned_rad) __attribute__((noinline));
+
+static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_robot_config_t *c,
+                                     const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t trusted,
+                                     bool timed, const omni_real_t *turned_rad) {
+    omni_gyro_tick_t tick = {.time_us = inputs->time_us,
+                             .reading = inputs->gyro_rad_s,
+                             .valid = inputs->gyro_valid,
+                             .timed = timed,
+                             .duration_s = c->step_s * (omni_real_t)estimate->steps};
+    omni_twist_t body;
+    omni_kinematics_forward(&c->kinematics, estimate->wheel_rad_s, NULL, &body);
+    tick.wheels_rad_s = body.wz;
+    tick.still = trusted == (1u << c->kinematics.wheels) - 1u;
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        tick.still = tick.still && estimate->delta_counts[i] == 0;
+    }
+    const bool usable = omni_gyro_step(&estimator->gyro, &c->gyro, &tick, &estimator->pose_ekf, &c->pose_ekf);
+    omni_pose_ekf_predict_turn(&estimator->pose_ekf, &c->pose_ekf, &c->kinematics, turned_rad, &estimator->gyro.turn,
+                               inputs->time_us);
+    return usable ? (omni_uint_t)0u : (omni_uint_t)OMNI_WARN_GYRO;
+}
+
 static omni_uint_t use_fix(omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, const omni_inputs_t *inputs,
                            bool *is_fresh) {
     omni_uint_t faults = 0;
@@ -173,8 +199,13 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
     if (estimator->primed) {
         omni_real_t turned_rad[OMNI_MAX_WHEELS] = {0};
         estimate_wheels(estimator, config, &counted, last->voltage_V, estimate, turned_rad);
-        omni_pose_ekf_predict(&estimator->pose_ekf, &config->pose_ekf, &config->kinematics, turned_rad,
-                              inputs->time_us);
+        if (config->gyro.axis == 0) {
+            omni_pose_ekf_predict(&estimator->pose_ekf, &config->pose_ekf, &config->kinematics, turned_rad,
+                                  inputs->time_us);
+        } else {
+            const bool timed = (faults & (uint32_t)OMNI_FAULT_TIME) == 0;
+            faults |= predict_with_gyro(estimator, config, inputs, estimate, counted.trusted, timed, turned_rad);
+        }
         faults |= use_fix(&estimator->pose_ekf, config, inputs, &estimate->fix_is_fresh);
     }
     estimator->primed = true;
@@ -185,7 +216,10 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
 
 void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
                          omni_estimate_t *estimate) {
+    omni_ekf_gyro_t gyro;
+    omni_pose_ekf_get_gyro(&estimator->pose_ekf, &gyro);
     omni_pose_ekf_set_pose(&estimator->pose_ekf, &config->pose_ekf, &inputs->pose, inputs->time_us);
+    omni_pose_ekf_set_gyro(&estimator->pose_ekf, &gyro);
     read_pose(&estimator->pose_ekf, estimate);
     for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
         estimate->slip_ratio[i] = slip_ratio(&estimator->pose_ekf, config, i);
@@ -203,5 +237,6 @@ void omni_robot_restart_filters(omni_estimator_t *estimator, const omni_robot_co
     if (!omni_pose_is_finite(&estimate->pose)) {
         const omni_pose_t origin = {0.0f, 0.0f, 0.0f};
         omni_pose_ekf_reset(&estimator->pose_ekf, &config->pose_ekf, &origin, config->limits.position_m, OMNI_PI_F);
+        memset(&estimator->gyro, 0, sizeof estimator->gyro);
     }
 }

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: MIT
+"""What a gyro is worth, for docs/guides/gyro.md: python -m hil_sim.gyro_figures [--seeds 50] [--first 1000].
+
+Each world is driven twice with the same seeds, without and with the gyro. Only the demo's was looked at while the
+filter was made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim import core
+from hil_sim.runs import new_world
+from hil_sim.scenario import Scenario, load_scenario
+from omniwheel._core import ffi, lib
+
+Array = NDArray[np.float64]
+STAND_TICKS, LOOK_TICKS = 3000, 500
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A world: a scenario, and what is different in it. ``scale_sd`` is drawn for each seed."""
+
+    title: str
+    scenario: str = "no_fixes"
+    robot: str | None = None
+    world: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    scale_sd: float = 0.0
+    seconds: int = 120
+
+
+_NONE = {"fix_rate_Hz": 0.0}
+SETTINGS = (
+    Setting("no fixes"),
+    Setting("no fixes, slip to 30 %", world={"slip_max": 0.3}),
+    Setting("no fixes, slip drawn each 0.5 s", world={"slip_time_s": 0.5}),
+    Setting("no fixes, scale off by 0.5 %, tilt 2°", world={"gyro_tilt_rad": 0.035}, scale_sd=0.005),
+    Setting("no fixes, noise of a BMI270", world={"gyro_noise_density": 1.22e-4}, parameters={"GYRO_ND": 1.22e-4}),
+    Setting("no fixes, four wheels", robot="four_wheel"),
+    Setting(
+        "no fixes, real rollers", scenario="rollers_no_fixes", parameters={"EKF_MODE": 2.0}, world={"slip_max": 0.1}
+    ),
+    Setting("no fixes, fast robot", scenario="fast", world=_NONE, seconds=40),
+    Setting("fixes", scenario="demo", seconds=60),
+    Setting("fixes, slip to 30 %", scenario="demo", world={"slip_max": 0.3}, seconds=60),
+    Setting("fixes, four wheels", scenario="demo", robot="four_wheel", seconds=60),
+    Setting("fixes, fast robot", scenario="fast", seconds=25),
+    Setting("no fixes, 7 min", seconds=420),
+)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of all looks at all runs: heading [rad], position [m], and NEES of the heading, which should be 1."""
+
+    heading: Array
+    position: Array
+    nees: Array
+    warned: int
+
+    @property
+    def rms_heading(self) -> float:
+        """Root mean square [rad]."""
+        return float(np.sqrt(np.mean(self.heading**2)))
+
+    @property
+    def rms_position(self) -> float:
+        """Root mean square [m]."""
+        return float(np.sqrt(np.mean(self.position**2)))
+
+
+def scenario_of(setting: Setting, seed: int, gyro: bool) -> Scenario:
+    """Return the scenario of one run."""
+    found = load_scenario(setting.scenario, setting.robot).with_seed(seed)
+    world = {**found.world, **setting.world}
+    parameters = {**found.parameters, **setting.parameters, "TRJ_LAPS": 0.0, "GYRO_AXIS": 3.0 if gyro else 0.0}
+    if gyro:
+        scale = float(np.random.default_rng(seed).normal(0.0, setting.scale_sd)) if setting.scale_sd else 0.0
+        world |= {"gyro_rate_Hz": 1000.0, "gyro_scale_error": scale}
+    return replace(found, world=world, parameters=parameters)
+
+
+def drive(setting: Setting, seed: int, gyro: bool) -> tuple[Array, bool]:
+    """Stand for three seconds, then drive. Return a row per look, and whether the gyro's warning showed.
+
+    A row is heading error [rad], its variance as the filter has it, x and y error [m]. Raises RuntimeError.
+    """
+    scenario = scenario_of(setting, seed, gyro)
+    world = new_world(scenario).c
+    config = core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)
+    run, why = ffi.new("hil_run_t *"), ffi.new("char[]", 160)
+    if lib.hil_run_init(run, ffi.addressof(world, "config"), config, why, len(why)) != lib.HIL_OK:
+        raise RuntimeError(ffi.string(why).decode())
+    lib.hil_run_advance(run, 1)
+    run.inputs.pose.x, run.inputs.pose.y, run.inputs.pose.theta = run.world.pose
+    run.inputs.events |= lib.OMNI_EVENT_SET_POSE
+    lib.hil_run_advance(run, 1)
+    for axis in range(3):  # it is told exactly, not as well as a fix
+        run.robot.estimator.pose_ekf.p[axis][axis] = 1e-10
+    lib.hil_run_advance(run, STAND_TICKS)
+    if lib.hil_run_start_trajectory(run) != lib.OMNI_OK:
+        raise RuntimeError(f"{setting.title}: the path cannot be driven")
+    run.inputs.events |= lib.OMNI_EVENT_ARM
+    rows, faults = [], 0
+    for _ in range(setting.seconds * 1000 // LOOK_TICKS):
+        lib.hil_run_advance(run, LOOK_TICKS)
+        ekf, truth = run.robot.estimator.pose_ekf, run.world.pose
+        heading = math.remainder(ekf.pose.theta - truth[2], 2.0 * math.pi)
+        rows.append([heading, ekf.p[2][2], ekf.pose.x - truth[0], ekf.pose.y - truth[1]])
+        faults |= int(run.outputs.faults)
+    if faults & lib.OMNI_FAULT_STOP_MASK:
+        raise RuntimeError(f"{setting.title}, seed {seed}: stopped by faults {faults:#x}")
+    return np.array(rows), bool(faults & lib.OMNI_WARN_GYRO)
+
+
+def measure(setting: Setting, seeds: range, gyro: bool) -> Errors:
+    """Drive all seeds; the first two seconds of each count for nothing."""
+    runs, warned = zip(*(drive(setting, seed, gyro) for seed in seeds), strict=True)
+    looks = np.concatenate([rows[2000 // LOOK_TICKS :] for rows in runs])
+    nees = looks[:, 0] ** 2 / looks[:, 1]
+    return Errors(looks[:, 0], np.hypot(looks[:, 2], looks[:, 3]), nees, sum(warned))
+
+
+def table(seeds: range) -> Iterator[str]:
+    """Yield the page's lines: without / with the gyro."""
+    yield f"Seeds {seeds.start} to {seeds.stop - 1}, without / with the gyro:"
+    yield ""
+    yield "| World | heading, RMS [mrad] | position, RMS [mm] | NEES of heading (right: 1) | warned |"
+    yield "|---|---|---|---|---|"
+    for setting in SETTINGS:
+        old, new = (measure(setting, seeds, gyro) for gyro in (False, True))
+        yield (
+            f"| {setting.title} | {1e3 * old.rms_heading:.2f} / {1e3 * new.rms_heading:.2f} | "
+            f"{1e3 * old.rms_position:.2f} / {1e3 * new.rms_position:.2f} | "
+            f"{np.mean(old.nees):.2f} / {np.mean(new.nees):.2f} | {new.warned} of {len(seeds)} |"
+        )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="what a gyro is worth")
+    parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--first", type=int, default=1000)
+    options = parser.parse_args()
+    for line in table(range(options.first, options.first + options.seeds)):
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
