@@ -37,6 +37,7 @@ static const field_t fields[] = {
     REALS(pose),
     REALS(rate),
     REALS(pose_sd),
+    REALS(pose_xy_m2),
     REALS(reference.pose),
     REALS(reference.rate),
     REALS(reference.acceleration),
