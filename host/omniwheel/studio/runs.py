@@ -21,6 +21,7 @@ from omniwheel.studio import reading
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import BadRequestError, number_of
 from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
+from omniwheel.studio.words import hint_of
 from omniwheel.studio.worker import Worker
 
 T = TypeVar("T")
@@ -111,7 +112,7 @@ class Runs:
         try:
             return await work(request)
         except OmniError as error:
-            return JSONResponse({"error": str(error), "hint": error.hint}, 400, self._headers)
+            return JSONResponse({"error": str(error), "hint": hint_of(error)}, 400, self._headers)
         except ClientDisconnect:
             return PlainTextResponse("gone\n", 400)
 

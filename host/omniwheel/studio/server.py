@@ -37,6 +37,7 @@ from omniwheel.studio.processors import IMAGE, PC, WORDS, processors
 from omniwheel.studio.runs import Runs
 from omniwheel.studio.simulated import Simulation
 from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
+from omniwheel.studio.words import hint_of
 
 PAGE_DIR = Path(__file__).parent / "page"
 _STOP_FIRST = "not done: a stop came first"
@@ -231,7 +232,7 @@ class StudioServer:
             else:
                 result = await asyncio.wrap_future(self.studio.ask(page, action, request))
         except OmniError as error:
-            await outbox.put(_answer(request, error=str(error), hint=error.hint))
+            await outbox.put(_answer(request, error=str(error), hint=hint_of(error)))
             return
         except Exception as error:
             _LOG.exception("%s failed", action)
