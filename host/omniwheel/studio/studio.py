@@ -24,7 +24,7 @@ from omniwheel.studio.session import Session
 from omniwheel.studio.signals import Signal, all_signals, signals_as_json
 from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from omniwheel.studio.spectra import spectrum
-from omniwheel.studio.state import link_state, robot_state, shape_as_json
+from omniwheel.studio.state import fix_as_json, link_state, robot_state, shape_as_json
 from omniwheel.studio.views import checked_view, read_view, view_file, write_view
 from omniwheel.studio.worker import Worker
 
@@ -43,6 +43,7 @@ class Page:
         self.session: Session | None = None
         self.connection = 0
         self.text_count = 0
+        self.fix_count = 0
         self.mark_changes = -1
         self.values: dict[str, float] = {}
         self.state: dict[str, Any] = {}
@@ -296,7 +297,8 @@ class Studio:
             return found
         if page.session is not session or page.connection != session.connections:
             page.session, page.connection = session, session.connections
-            page.text_count, page.mark_changes, page.values = 0, -1, {}
+            page.text_count, page.fix_count = 0, session.fix_count  # a map shows fixes from now on
+            page.mark_changes, page.values = -1, {}
             found["tables"] = self.tables()
         values = session.robot.parameters.known
         if values != page.values:
@@ -307,9 +309,13 @@ class Studio:
         with session.lock:
             texts = [(number, text) for number, text in session.texts if number > page.text_count]
             page.text_count = session.text_count
+            fixes = [fix for number, fix in session.fixes if number > page.fix_count]
+            page.fix_count = session.fix_count
             if session.mark_changes != page.mark_changes:
                 page.mark_changes = session.mark_changes
                 found["marks"] = [mark.as_json() for mark in session.marks.all()]
+        if fixes:
+            found["fixes"] = [fix_as_json(fix) for fix in fixes]
         if texts:
             found["texts"] = [{"severity": text.severity, "text": text.text} for _, text in texts]
         return found

@@ -60,6 +60,7 @@ function news(message) {
   if (message.tables) tables(message.tables);
   if (message.parameters) parameters.values(message.parameters);
   if (message.marks) plots.marks(message.marks);
+  if (message.fixes) map.fixes(message.fixes);
   if (message.texts) message.texts.forEach(add_text);
   if (message.state) show_state(message.state);
   if (message.error) say(message.error);
@@ -125,6 +126,7 @@ function show_state(now) {
   if (!robot?.armed) gamepad.mustRest();
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
+  put("fix-text", robot ? fixes_in_words(robot.fixes, map.refused, link.quality?.radio) : "");
   if (robot?.pose) {
     const [x, y, theta] = robot.pose;
     id("map").setAttribute("aria-label",
@@ -145,6 +147,12 @@ function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, asking,
     `${kilo(bytes_per_s)}${budget_B_s ? ` of ${kilo(budget_B_s)}` : ""} kB/s`,
     pace !== null && Math.abs(pace - 1) > OFF_PACE ? `runs at ${pace.toFixed(2)} × real time` : "",
   ].filter(Boolean).join(", ");
+}
+
+function fixes_in_words(counts, why, radio) {
+  if (!counts) return radio ? "Pose fixes are not shown: this slow link does not bring them. Samples asks for them." : "";
+  const reason = why ? `, the last because ${why}` : "";
+  return `Pose fixes since the robot's start: ${counts.used} used, ${counts.refused} refused${reason}.`;
 }
 
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
@@ -219,7 +227,7 @@ plots.on_view = (view) => { // kept with the robot by the page that commands; ot
 };
 id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };
-id("clear-trail").onclick = () => map.clear();
+id("clear-trail").onclick = () => map.clear_trail();
 id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.stop(); };
 id("gamepad").onchange = (event) => gamepad.enable(event.target.checked);
 id("key-speed").oninput = (event) => { velocity.share = Number(event.target.value) / 100; };
