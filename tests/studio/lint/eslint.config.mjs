@@ -24,6 +24,8 @@ export default [
       "no-shadow": "error",
       "no-var": "error",
       "prefer-const": "error",
+      "max-len": ["error", { code: 120 }],
+      "max-lines": ["error", 499],
     },
   },
 ];

@@ -43,6 +43,7 @@ export class FloorMap {
       this.#stale = true;
     }, { passive: false });
     canvas.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0 || !event.isPrimary) return; // a right click or a second finger moves no robot
       const [x, y] = this.#floor(event);
       canvas.setPointerCapture(event.pointerId);
       if (this.drawing) this.#draw_from(x, y);
@@ -50,18 +51,21 @@ export class FloorMap {
     });
     canvas.addEventListener("pointermove", (event) => {
       const [x, y] = this.#floor(event);
-      if (this.drawing && event.buttons) this.#draw_to(x, y);
-      if (!this.#drag) return;
+      if (this.drawing && event.isPrimary && event.buttons & 1) this.#draw_to(x, y);
+      if (!this.#drag || !event.isPrimary) return;
       const [dx, dy] = [x - this.#drag.x, y - this.#drag.y];
       if (Math.hypot(dx, dy) > 0.03) this.#drag.theta = Math.atan2(dy, dx);
       this.#target = { ...this.#drag };
       this.#stale = true;
     });
-    canvas.addEventListener("pointerup", () => {
-      if (this.#drag) this.on.target(this.#drag);
-      if (this.drawing && this.#drawn.length > 1) this.on.drawn(this.#drawn);
+    canvas.addEventListener("pointerup", (event) => {
+      if (event.button !== 0 || !event.isPrimary) return;
+      const drag = this.#drag;
       this.#drag = null;
+      if (drag) this.on.target(drag);
+      else if (this.drawing && this.#drawn.length > 1) this.on.drawn(this.#drawn);
     });
+    canvas.addEventListener("pointercancel", () => { this.#drag = null; }); // the browser took it for something else
     new ResizeObserver(() => { this.#stale = true; }).observe(canvas);
     const draw = () => { this.#draw(); requestAnimationFrame(draw); };
     requestAnimationFrame(draw);
@@ -142,12 +146,13 @@ export class FloorMap {
     this.cancel();
     this.#target = target;
     const send = () => this.socket.ask("pose", target).catch((refusal) => {
+      if (!this.going || this.#target !== target) return; // it was cancelled, or another one is wanted by now
       this.cancel();
       this.on.refused(in_words(refusal));
     });
-    send();
     this.#timer = setInterval(send, SEND_MS);
     this.on.going(true);
+    send();
   }
 
   cancel() {
