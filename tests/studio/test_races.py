@@ -234,6 +234,21 @@ def test_a_browser_that_keeps_nothing_shows_plots_all_the_same(program: Program,
     assert run(page, "plots.add(['b']); return plots.view.plots.length;") == 2
 
 
+def test_open_groups_of_parameters_stay_open_when_the_link_comes_back(page: Page) -> None:
+    found = page.evaluate(
+        """async () => {
+        const { ParameterList } = await import("/page/parameters.js");
+        const list = new ParameterList(document.createElement("div"), null);
+        const info = (name, group) => ({ name, group, kind: "int", unit: "", min: 0, max: 1, default: 0, doc: "",
+          values: {}, disarmed_only: false });
+        list.tables([info("A_1", "A"), info("B_1", "B")]);
+        list.root.querySelectorAll("details")[1].open = true;
+        list.tables([info("A_1", "A"), info("B_1", "B")]);
+        return [...list.root.querySelectorAll("details")].map(({ open }) => open); }"""
+    )
+    assert found == [False, True]
+
+
 def test_a_signal_too_many_is_refused_in_words(page: Page) -> None:
     page.evaluate(
         """async () => {

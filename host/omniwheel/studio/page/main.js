@@ -155,7 +155,7 @@ function fixes_in_words(counts, why, radio) {
   const missing = "Pose fixes are not shown: this slow link does not bring them. Samples asks for them.";
   if (!counts) return radio ? missing : "";
   const reason = why ? `, the last because ${why}` : "";
-  return `Pose fixes since the robot's start: ${counts.used} used, ${counts.refused} refused${reason}.`;
+  return `Pose fixes: ${counts.used} used, ${counts.refused} refused${reason}.`;
 }
 
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);

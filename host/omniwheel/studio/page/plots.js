@@ -298,7 +298,7 @@ export class Plots {
       hooks: {
         draw: [(plot) => { this.#draw_limits(panel); this.#draw_marks(plot); }],
         setCursor: [(plot) => this.#near_mark(plot)],
-        setSelect: [() => this.#select(panel)],
+        setSelect: [(plot) => this.#select(plot)],
       },
     }, [[]], panel.root);
     const over = panel.plot.over;
@@ -424,13 +424,14 @@ export class Plots {
     this.on_mark?.(near.length ? mark_in_words(near[near.length - 1]) : "");
   }
 
-  #select(panel) {
-    const { plot } = panel;
+  /** The plots mark the same stretch together, so all signals are measured. */
+  #select(plot) {
     const { left, width } = plot.select;
     if (width < 4) return;
     const [begin, end] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    const pieces = this.#series(panel).map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
+    const keys = new Set(this.#panels.filter(({ xy }) => !xy).flatMap((panel) => this.#series(panel)));
+    const pieces = [...keys].map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
     this.on_measure?.(end - begin, measured(pieces, begin, end));
     this.pause(begin, end);
   }
