@@ -22,14 +22,20 @@ const LOSSY = 0.05; // a share of frames lost that makes plots and commands wors
 const OFF_PACE = 0.1; // a robot whose clock is off by this share lives in a simulation that is not in real time
 const WARNING = 4; // severity as in syslog
 let state = null;
+let unfinished = 0; // requests that a lost server has not answered
 
 const say = (words) => put("notice", words);
 const ask = (action, content) => socket.ask(action, content).then(
   (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
 
 const socket = new Socket({
-  open: () => { say(""); runs.refresh(); },
-  lost: () => {
+  open: () => {
+    say(unfinished ? "The studio's server is there again. What was asked for last may not have been done." : "");
+    unfinished = 0;
+    runs.refresh();
+  },
+  lost: (requests) => {
+    unfinished += requests;
     show_state(null);
     say("The studio's server is gone or does not answer. This page waits for it. If it has ended, start omni studio.");
   },

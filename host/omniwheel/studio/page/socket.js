@@ -3,19 +3,22 @@
 
 const RETRY_MS = 500;
 const HERE_MS = 250; // the server takes a page for lost that is silent for 2 s
-const SILENT_MS = 5000; // the page takes a server for lost that leaves it without an answer for so long
+const MOST_UNANSWERED = 20; // the page takes a server for lost that leaves so many without an answer: 5 s
 export const [MORE, WHOLE, PART] = [1, 2, 3]; // what came since, all that is kept, what lies between two times
 
 const GONE = { error: "the studio's server is gone", hint: "Start omni studio again" };
 
 export class Socket {
   #socket = null; // once it is open
-  #unanswered = null; // since when an answer is due [ms]
+  #unanswered = 0; // how often the page has said that it lives, and heard nothing
   #waiting = new Map();
   #number = 0;
   #token = new URLSearchParams(location.search).get("token") ?? "";
 
-  /** on: {open, lost, news, samples}; samples gets what `unpacked` returns */
+  /**
+   * on: {open, lost, news, samples}; lost gets how many requests were left without an answer, samples what `unpacked`
+   * returns.
+   */
   constructor(on) {
     this.on = on;
     this.#open();
@@ -30,30 +33,33 @@ export class Socket {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.#socket = socket;
-      this.#unanswered = null;
+      this.#unanswered = 0;
       this.on.open();
     };
     socket.onmessage = (event) => {
-      this.#unanswered = null;
+      this.#unanswered = 0;
       this.#receive(event.data);
     };
     socket.onclose = () => this.#lose(socket);
   }
 
-  /** Tell the server that this page lives. A network that was cut, or a server that hangs, closes nothing. */
+  /**
+   * Tell the server that this page lives. A network that was cut, or a server that hangs, closes nothing. What counts
+   * is how often, not how long: a page that was busy has answers waiting behind this call.
+   */
   #here() {
-    const now = performance.now();
-    if (this.#socket && this.#unanswered !== null && now - this.#unanswered > SILENT_MS) this.#lose(this.#socket);
-    else if (this.send({ do: "here" })) this.#unanswered ??= now;
+    if (this.#socket && this.#unanswered >= MOST_UNANSWERED) this.#lose(this.#socket);
+    else if (this.send({ do: "here" })) this.#unanswered += 1;
   }
 
   #lose(socket) {
     socket.onopen = socket.onmessage = socket.onclose = null;
     socket.close();
     this.#socket = null;
+    const unfinished = this.#waiting.size;
     for (const { fail } of this.#waiting.values()) fail(GONE);
     this.#waiting.clear();
-    setTimeout(() => this.on.lost()); // after those who waited have said so
+    setTimeout(() => this.on.lost(unfinished)); // after those who waited have said so
     setTimeout(() => this.#open(), RETRY_MS);
   }
 
