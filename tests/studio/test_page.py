@@ -313,6 +313,8 @@ def test_signals_are_found_and_shown(page: Page) -> None:
 
 
 def test_parameters_are_saved_and_loaded(page: Page, simulated: Program) -> None:
+    page.click("#store")
+    until(page, "document.getElementById('notice').textContent.startsWith('Stored')")
     with page.expect_download() as download:
         page.click("#save")
     path = download.value.path()
