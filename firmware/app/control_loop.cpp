@@ -69,6 +69,10 @@ void ControlLoop::restart() {
     while (fixes_.front() != nullptr) {
         fixes_.drop();
     }
+    fixes_seen_ = 0;
+    looked_at_fix_ = false;
+    fix_report.writing() = {};
+    fix_report.publish();
     flags_.fetch_and(OMNI_EVENT_ESTOP);
     if (robot_.supervisor.state == OMNI_STATE_ESTOP && !released) {
         stop(OMNI_EVENT_ESTOP);
@@ -147,15 +151,39 @@ void ControlLoop::take_excitation() {
     }
 }
 
-/// One per tick; the next one waits.
+/// One per tick; the next one waits. In the tick after it, which looks here once more, it is told what became of it.
 void ControlLoop::take_fix() {
+    if (looked_at_fix_) {
+        report_fix();
+    }
     const omni_pose_fix_t *fix = fixes_.front();
     inputs_.has_fix = fix != nullptr;
+    looked_at_fix_ = inputs_.has_fix;
     if (fix != nullptr) {
         inputs_.fix = *fix;
         fixes_.drop();
         tell(news_fix);
+        const omni_pose_ekf_state_t &ekf = robot_.estimator.pose_ekf;
+        accepted_before_ = ekf.accepted;
+        refused_before_ = ekf.refused;
+        nis_before_ = ekf.nis;
     }
+}
+
+/// Of the tick before. The filter has a new innovation of every fix that it could compare with its estimate.
+void ControlLoop::report_fix() {
+    FixReport &out = fix_report.writing();
+    out.pose = inputs_.fix.pose;
+    out.number = ++fixes_seen_;
+    out.age_s = static_cast<float>(static_cast<int32_t>(outputs_->time_us - inputs_.fix.time_us)) * 1e-6f;
+    if (outputs_->fixes_accepted != accepted_before_) {
+        out.use = FixUse::used;
+    } else if (outputs_->fixes_refused == refused_before_) {
+        out.use = FixUse::ignored;
+    } else {
+        out.use = outputs_->nis != nis_before_ ? FixUse::too_far : FixUse::unusable;
+    }
+    fix_report.publish();
 }
 
 /// @param flags the stops among them are in the tick's events before anything else is looked at. A request that came

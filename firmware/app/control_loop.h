@@ -95,7 +95,8 @@ public:
     Handover<RobotSetup> setups;
     Handover<omni_trajectory_t> plans;
     Snapshot<TickReport> report;
-    BurstRecorder burst; ///< of what the report says
+    BurstRecorder burst;            ///< of what the report says
+    Snapshot<FixReport> fix_report; ///< of the latest fix; it comes only in the tick after one
 
 private:
     struct OrderedSetpoint {
@@ -110,6 +111,7 @@ private:
     void take_news(uint32_t flags);
     void take_excitation();
     void take_fix();
+    void report_fix();
     void take_plan();
     void apply(const Request &request);
     void forget_setpoints(uint32_t before);
@@ -165,6 +167,11 @@ private:
     uint32_t last_tick_ns_ = 0;
     float tick_us_mean_ = 0.0f;
     float tick_us_max_ = 0.0f;
+    bool looked_at_fix_ = false;   ///< the tick before had one
+    uint32_t fixes_seen_ = 0;      ///< by the tick
+    uint32_t accepted_before_ = 0; ///< the pose filter's counters and innovation, before the tick that has a fix
+    uint32_t refused_before_ = 0;
+    float nis_before_ = 0.0f;
 };
 
 } // namespace omni

@@ -130,6 +130,12 @@ std::array<uint16_t, Board::max_ports> of_each_link(const ReportSources &sources
     return counts;
 }
 
+/// 0 where a standard deviation is 0 or beyond all numbers.
+float correlation_of_xy(const omni_outputs_t &out) {
+    const float ratio = out.pose_xy_m2 / (out.pose_sd[0] * out.pose_sd[1]);
+    return omni_is_finite(ratio) ? omni_clampf(ratio, -1.0f, 1.0f) : 0.0f;
+}
+
 struct Angle {
     omni_real_t sine = 0.0f;
     omni_real_t cosine = 1.0f;

@@ -12,6 +12,7 @@ constexpr uint8_t reports_until_known = 3;
 
 void RobotState::restart(bool stopped) {
     latest_ = TickReport{};
+    fix_ = FixReport{};
     if (stopped) {
         latest_.outputs.state = OMNI_STATE_ESTOP; // as the first tick will say
     }

@@ -19,10 +19,14 @@ public:
     void restart(bool stopped);
     /// The tick has reported once more.
     void take(const TickReport &report);
+    /// The tick has looked at a pose fix.
+    void take(const FixReport &fix) { fix_ = fix; }
     /// Show in the last report whether the latest set-point was refused, which the tick never sees.
     void show_refused_setpoint(bool refused);
     /// Report of the last tick, refreshed once per background pass.
     const TickReport &latest() const { return latest_; }
+    /// The latest pose fix that the tick has looked at.
+    const FixReport &fix() const { return fix_; }
     uint8_t state() const { return latest_.outputs.state; }
 
     /// An arm command was accepted.
@@ -60,6 +64,7 @@ public:
 private:
     Texts &texts_;
     TickReport latest_;
+    FixReport fix_;
     uint8_t stopping_ = 0;  ///< reports to wait for until one tells what became of a disarm or an emergency stop
     uint8_t releasing_ = 0; ///< reports to wait for until one tells what became of a release
     uint8_t arming_ = 0;    ///< reports to wait for until one tells what became of an accepted arm command

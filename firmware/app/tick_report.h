@@ -10,6 +10,23 @@
 
 namespace omni {
 
+/// What became of a pose fix. OMNI_FIX_RESULT has these numbers.
+enum class FixUse : uint8_t {
+    none,     ///< no fix yet
+    used,     ///< the estimate has taken it in
+    too_far,  ///< refused: it contradicts the estimate (EKF_GATE)
+    unusable, ///< refused: too old, out of order, ahead of the robot's clock, or no number
+    ignored   ///< the robot takes no fixes: EKF_MODE is odometry
+};
+
+/// A pose fix that a tick has looked at.
+struct FixReport {
+    omni_pose_t pose{};
+    uint32_t number = 0; ///< which one it is, counted from 1; 0: none yet
+    float age_s = 0.0f;  ///< how old it was then; negative: ahead of the robot's clock
+    FixUse use = FixUse::none;
+};
+
 struct TickReport {
     omni_outputs_t outputs{};
     uint32_t arming_faults = OMNI_FAULT_CONFIG; ///< 0: arming is possible

@@ -441,7 +441,8 @@ class Robot:
 
     def _storage(self, action: int, what: str) -> None:
         self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
-        self.parameters.forget()
+        if action != _STORE:  # storing changes no value
+            self.parameters.forget()
 
     def reboot(self) -> None:
         """Restart the firmware; refused while armed."""

@@ -33,6 +33,19 @@ def test_how_sure_the_pose_is_is_told_per_axis() -> None:
     assert 0.0 < told[0] < told[2]
 
 
+@pytest.mark.parametrize(("way", "sign"), [((1.0, 1.0), -1.0), ((1.0, -1.0), 1.0)])
+def test_how_x_and_y_depend_on_each_other_is_told(way: tuple[float, float], sign: float) -> None:
+    """An unsure heading makes the robot unsure across its way: to the left of (1, 1) x falls while y rises."""
+    bench = Bench(EKF_MODE=1, EKF_Q_XY=0.001, EKF_Q_TH=0.1)
+    bench.arm()
+    for _ in range(100):
+        bench.command(lib.OMNI_SETPOINT_VELOCITY_WORLD, twist=(0.2 * way[0], 0.2 * way[1], 0.0))
+        out = bench.tick(count=20)
+    assert out.pose_xy_m2 == bench.robot.estimator.pose_ekf.p[0][1]
+    correlation = out.pose_xy_m2 / (out.pose_sd[0] * out.pose_sd[1])
+    assert 0.5 < sign * correlation < 1.0
+
+
 @pytest.mark.parametrize("robot_name", ["three_wheel", "four_wheel"])
 def test_the_original_law_has_every_wheel_and_its_wishes_are_told(robot_name: str) -> None:
     bench = Bench(robot_name, CTL_MODE=float(lib.OMNI_CTL_MODE_ORIGINAL))

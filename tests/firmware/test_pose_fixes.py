@@ -200,6 +200,65 @@ def test_fixes_without_a_time_are_taken_from_the_first_moment_on(robot: FakeRobo
     assert robot.asked("OMNI_CONTROL").fixes_accepted == before + 10
 
 
+NONE_YET, USED, TOO_FAR, UNUSABLE, IGNORED = range(5)
+"""OMNI_FIX_RESULT.result."""
+
+
+def looked_at(robot: FakeRobot, place: Place, time_us: int = 0) -> tuple[int, int]:
+    """Send a fix and return its number and what became of it: the tick after the one that looked at it tells."""
+    robot.send(USB, vicon(place, time_us))
+    robot.tick(3)
+    told = robot.asked("OMNI_FIX_RESULT")
+    x, y, theta = told.pose
+    assert (x, -y, -theta) == pytest.approx(place, abs=1e-6)
+    return int(told.number), int(told.result)
+
+
+def test_what_became_of_a_fix_is_told() -> None:
+    robot = FakeRobot()
+    robot.tick(10)
+    first = robot.asked("OMNI_FIX_RESULT")
+    assert (first.number, first.result) == (0, NONE_YET)
+    robot.ready()
+    put(robot, (0.0, 0.0, 0.0))
+    robot.tick(300)
+    before = robot.asked("OMNI_FIX_RESULT").number
+    near, far = (0.001, -0.002, 0.003), (0.8, 0.4, 0.0)
+    assert looked_at(robot, near, now_us(robot)) == (before + 1, USED)
+    robot.tick(10)
+    assert looked_at(robot, far, now_us(robot)) == (before + 2, TOO_FAR)
+    assert looked_at(robot, near, now_us(robot) - 200_000) == (before + 3, UNUSABLE), "an older one than the last used"
+    assert looked_at(robot, far, now_us(robot)) == (before + 4, TOO_FAR)
+    told, control = robot.asked("OMNI_FIX_RESULT"), robot.asked("OMNI_CONTROL")
+    assert control.fixes_refused >= 3
+    assert (told.number, told.result) == (before + 4, TOO_FAR), "the same number: the same fix"
+    robot.send(USB, frame("param_set", 1, 1, b"EKF_MODE", 0.0, mav.MAV_PARAM_TYPE_REAL32))
+    robot.tick(3)
+    assert looked_at(robot, near, now_us(robot)) == (before + 5, IGNORED)
+    robot.close()
+
+
+@pytest.mark.parametrize("age_us", [0, 100_000, -3_000])
+def test_how_old_a_fix_was_is_told(robot: FakeRobot, age_us: int) -> None:
+    put(robot, (0.0, 0.0, 0.0))
+    robot.tick(300)
+    robot.send(USB, vicon((0.001, 0.0, 0.0), now_us(robot) - age_us))
+    robot.tick(3)
+    assert robot.asked("OMNI_FIX_RESULT").age == pytest.approx(1e-6 * age_us, abs=2.1e-3)
+
+
+def test_fixes_of_the_time_before_are_not_told_in_the_loop(robot: FakeRobot) -> None:
+    robot.send(USB, vicon((0.001, 0.0, 0.0), now_us(robot)))
+    robot.tick(3)
+    assert robot.asked("OMNI_FIX_RESULT").number > 0
+    assert robot.ask(USB, HIL_ON) == mav.MAV_RESULT_ACCEPTED
+    robot.hil_restart()
+    robot.tick(3)
+    robot.hil_tick(USB, 10)
+    told = robot.asked("OMNI_FIX_RESULT")
+    assert (told.number, told.result, list(told.pose)) == (0, NONE_YET, [0.0, 0.0, 0.0])
+
+
 def test_a_fix_refused_before_the_loop_does_not_silence_the_first_one_in_it(robot: FakeRobot) -> None:
     """The loop's clock begins at zero: what was said by the other one was not said just now."""
     bad = vicon((math.nan, 0.0, 0.0))

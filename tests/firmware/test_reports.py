@@ -71,8 +71,13 @@ def test_one_moment_in_all_frames(robot: FakeRobot, request_: bytes) -> None:
     assert odometry.yawspeed == attitude.yawspeed != 0.0
     assert math.copysign(1.0, attitude.yawspeed) == math.copysign(1.0, attitude.yaw)
     assert (local.vx, local.vy) == pytest.approx((target.vx, target.vy), abs=0.02)
-    variances = {place: value for place, value in enumerate(odometry.pose_covariance) if value != 0.0}
-    assert variances == {place: pytest.approx(sd**2) for place, sd in zip((0, 6, 20), ours.pose_sd, strict=True)}
+    covariance = {place: value for place, value in enumerate(odometry.pose_covariance) if value != 0.0}
+    sd_x, sd_y, sd_theta = ours.pose_sd
+    assert abs(ours.pose_correlation) > 0.01
+    xy = -ours.pose_correlation * sd_x * sd_y  # east is our -y
+    assert covariance == {
+        place: pytest.approx(m2) for place, m2 in zip((0, 1, 6, 20), (sd_x**2, xy, sd_y**2, sd_theta**2), strict=True)
+    }
     assert math.isnan(odometry.velocity_covariance[0])
     assert (odometry.frame_id, odometry.child_frame_id) == (mav.MAV_FRAME_LOCAL_NED, mav.MAV_FRAME_BODY_FRD)
     assert list(sample.pose) == list(ours.pose)

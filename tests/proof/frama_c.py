@@ -156,4 +156,5 @@ def core_functions(sources: Sequence[Path]) -> set[str]:
     definition = re.compile(
         r"^(?!static const|typedef|return|else)[A-Za-z][\w \t*]*?\b(\w+)\([^;{}]*\) \{$", re.MULTILINE
     )
-    return {name for path in sources for name in definition.findall(path.read_text(encoding="utf-8"))}
+    texts = (re.sub(r"__attribute__\(\(.*?\)\) ", "", path.read_text(encoding="utf-8")) for path in sources)
+    return {name for text in texts for name in definition.findall(text)}

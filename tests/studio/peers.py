@@ -2,7 +2,8 @@
 """How fast others draw what the studio draws: ``python -m tests.studio.peers``, in headless Chromium on this machine.
 
 Four plots of three traces of 2000 points each, 850 by 190 pixels, move on with every frame. npm fetches ECharts and
-Plotly into ``build``; uPlot is the studio's. Matplotlib draws the same into memory, without a window.
+Plotly into ``build``; uPlot is the studio's. Matplotlib draws the same into memory, without a window. MAVProxy's graph
+(:mod:`tests.studio.mavproxy_graph`) is measured if Debian's wxPython and a virtual screen are installed.
 """
 
 from __future__ import annotations
@@ -143,6 +144,9 @@ def main() -> int:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SAFE)
         frames_s = {name: page_frames_s(browser, name, options.seconds) for name in DRAW}
     frames_s["Matplotlib"] = matplotlib_frames_s(options.seconds)
+    command = [sys.executable, "-m", "tests.studio.mavproxy_graph", "--seconds", str(options.seconds)]
+    graph = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=False)  # it says what it misses
+    frames_s |= json.loads(graph.stdout or "{}")
     sys.stdout.write(json.dumps(frames_s, indent=1) + "\n")
     return 0
 

@@ -273,6 +273,7 @@ def test_pausing_loses_nothing(page: Page) -> None:
 def test_a_stretch_is_measured_and_has_a_spectrum(page: Page) -> None:
     follow_a_circle(page)
     plot = page.locator("#panels .u-over").first
+    plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
@@ -280,6 +281,7 @@ def test_a_stretch_is_measured_and_has_a_spectrum(page: Page) -> None:
     page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 20)
     page.mouse.up()
     until(page, "document.querySelectorAll('#measured li').length > 0")
+    assert page.locator("#measured li").count() == len(page.evaluate("studio.plots.keys")), "every signal that is shown"
     first = page.locator("#measured li").first.text_content() or ""
     assert re.match(r".*: -?[\d.e-]+ to -?[\d.e-]+( \S+)?, mean -?[\d.e-]+ ± [\d.e-]+, change -?[\d.e-]+", first)
     page.get_by_label("Spectrum of plot 2").click()
@@ -311,6 +313,8 @@ def test_signals_are_found_and_shown(page: Page) -> None:
 
 
 def test_parameters_are_saved_and_loaded(page: Page, simulated: Program) -> None:
+    page.click("#store")
+    until(page, "document.getElementById('notice').textContent.startsWith('Stored')")
     with page.expect_download() as download:
         page.click("#save")
     path = download.value.path()

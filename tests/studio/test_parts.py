@@ -31,7 +31,7 @@ from omniwheel.telemetry import Battery, Tracking, Wheels
 
 def tracking(time_s: float, x: float) -> Tracking:
     still = Twist(0.0, 0.0, 0.0)
-    return Tracking(time_s, Pose(0.0, 0.0, 0.0), still, Pose(x, 0.0, 0.0), (0.1, 0.1, 0.1), 0.0, "none")
+    return Tracking(time_s, Pose(0.0, 0.0, 0.0), still, Pose(x, 0.0, 0.0), (0.1, 0.1, 0.1), 0.0, "none", 0.0)
 
 
 SIGNAL_X = next(signal for signal in signals_of(Tracking) if signal.key == "tracking.pose.x")
@@ -45,7 +45,7 @@ def test_every_number_of_telemetry_is_a_signal_with_unit_and_sentence() -> None:
         assert signals_of(kind), kind
         own = [field for field in fields(kind) if field.name != "time_s"]
         words = {signal.key.split(".")[1] for signal in signals_of(kind)}
-        texts = {"state", "faults", "fault_history", "phase", "reset_cause"}
+        texts = {"state", "faults", "fault_history", "phase", "reset_cause", "result"}
         assert len(words) == len([field for field in own if field.name not in texts])
     assert SIGNAL_X.unit == "m"
     assert "pose" in SIGNAL_X.doc

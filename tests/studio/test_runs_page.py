@@ -160,3 +160,20 @@ def test_a_lost_robot_ends_the_recording_which_is_kept(tmp_path: Path, open_page
         until(page, "document.querySelector('#run-list tbody')?.textContent.includes('the link was lost')")
         page.get_by_label("Open studio").click()
         until(page, f"{WHOLE}.length > 20")
+
+
+def test_a_comparison_that_comes_late_is_not_shown_beside_other_runs(page: Page) -> None:
+    page.evaluate(
+        """() => { const { socket } = studio.runs, ask = socket.ask.bind(socket);
+        socket.ask = (action, content) => (action === "compare_runs"
+          ? new Promise((done) => { window.answer = () => done({ numbers: [["late", "1", "2"]], parameters: [] }); })
+          : ask(action, content)); }"""
+    )
+    page.get_by_label("Open slow").click()
+    until(page, "studio.runs.shown.length === 1")
+    page.get_by_label("Compare quick").click()
+    until(page, "studio.runs.shown.length === 2 && window.answer")
+    page.get_by_label("Open quick").click()
+    until(page, "studio.runs.shown.length === 1")
+    page.evaluate("async () => { window.answer(); await new Promise((done) => setTimeout(done, 100)); }")
+    assert page.text_content("#run-compared") == ""

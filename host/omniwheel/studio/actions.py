@@ -20,6 +20,7 @@ from omniwheel.studio.session import automatic_rate, set_rate
 
 Request = Mapping[str, Any]
 LARGEST_RATE_HZ = 200.0
+MOST_SIGNALS = 64
 
 
 class BadRequestError(OmniError):
@@ -32,6 +33,14 @@ def number_of(request: Request, name: str, default: float | None = None) -> floa
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise BadRequestError(f"{name} has to be a number, not {value!r}")
     return float(value)
+
+
+def keys_of(request: Request) -> list[str]:
+    """Return the names of signals, each once. Raises BadRequestError."""
+    keys = request.get("signals")
+    if not isinstance(keys, list) or len(keys) > MOST_SIGNALS or not all(isinstance(key, str) for key in keys):
+        raise BadRequestError(f"signals has to be a list of at most {MOST_SIGNALS} names", hint="show fewer signals")
+    return list(dict.fromkeys(keys))
 
 
 def _values(request: Request) -> dict[str, float | str]:

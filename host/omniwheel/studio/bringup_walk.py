@@ -20,6 +20,7 @@ from omniwheel.robot import Robot
 from omniwheel.robots import read_robot, robot_names
 from omniwheel.studio.actions import BadRequestError
 from omniwheel.studio.session import Session, automatic_rate, set_rate
+from omniwheel.studio.words import in_words
 
 ALL = "all"
 WORDS = {
@@ -172,8 +173,7 @@ class BringUp:
     def _ended(self, future: Future[Any]) -> None:
         error = None if future.cancelled() else future.exception()
         if error is not None:
-            hint = error.hint if isinstance(error, OmniError) else ""
-            self._trouble = f"{error}. {hint}" if hint else str(error)
+            self._trouble = in_words(error)
         if not self._results:
             return
         from omniwheel.bringup.results_page import write_results

@@ -26,6 +26,7 @@ from omniwheel.robot import Robot
 from omniwheel.robots import robot_names
 from omniwheel.studio.actions import BadRequestError, Request, number_of
 from omniwheel.studio.session import Session, WorkEndedError
+from omniwheel.studio.words import in_words
 from omniwheel.tuning import AXES
 
 if TYPE_CHECKING:
@@ -318,12 +319,6 @@ def _both(one: Recorder, other: Recorder) -> Recorder:
         other(frame)
 
     return record
-
-
-def in_words(error: OmniError) -> str:
-    """Return an error and its hint; options of the command are fields on the page."""
-    hint = (error.hint or "").replace("--", "")
-    return f"{error}. {hint[:1].upper()}{hint[1:]}" if hint else str(error)
 
 
 class Experiments:

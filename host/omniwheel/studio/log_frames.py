@@ -14,14 +14,19 @@ from numpy.typing import NDArray
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_log.record import ROBOT_COMPONENT
 from omniwheel.studio.signals import KINDS, parts_of, signals_of, values
-from omniwheel.telemetry import Control, Telemetry, Tracking, Wheels
+from omniwheel.telemetry import Control, Fix, Telemetry, Tracking, Wheels
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Kind = type[Telemetry]
 STAMP, HEAD, CHECKSUM, SIGNATURE = 8, 10, 2, 13
 LONGEST_RECORD = STAMP + HEAD + 255 + CHECKSUM + SIGNATURE
-AS_ARRAYS: Mapping[Kind, tuple[str, ...]] = {Tracking: ("phase",), Wheels: (), Control: ()}
+AS_ARRAYS: Mapping[Kind, tuple[str, ...]] = {
+    Tracking: ("phase",),
+    Wheels: (),
+    Control: (),
+    Fix: ("result",),
+}
 """Kinds that come fast and can be decoded from arrays, and their fields that hold the number of a name: left 0."""
 SAID = ("HEARTBEAT", "STATUSTEXT", "PARAM_VALUE", "OMNI_STATUS")
 """Messages that tell of events."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from omniwheel.errors import OmniError
 from omniwheel.flashing.source import source_dir
+from omniwheel.studio.words import in_words
 
 PC, EMULATED, IMAGE = "pc", "emulated", "image"
 WORDS = {
@@ -47,7 +48,7 @@ def _without_emulator() -> str:
     try:
         require_emulator()
     except OmniError as error:
-        return f"{error}. {error.hint}"
+        return in_words(error)
     return ""
 
 

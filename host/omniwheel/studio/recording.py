@@ -23,6 +23,7 @@ from omniwheel.errors import OmniError, OutputFileError
 from omniwheel.logs.run_folder import new_run_folder
 from omniwheel.robots import parameter_table
 from omniwheel.studio.session import Session
+from omniwheel.studio.words import in_words
 from omniwheel.studio.worker import Worker
 from omniwheel.tlog import TlogWriter, wall_clock_us
 
@@ -130,7 +131,7 @@ class Recording:
         self._writer.flush_if_due()
 
     def _fail(self, error: OmniError) -> None:
-        self.trouble = self.trouble or (f"{error}. {error.hint}" if error.hint else str(error))
+        self.trouble = self.trouble or in_words(error)
 
     def _remove(self) -> None:
         with suppress(OSError):

@@ -19,8 +19,9 @@ from starlette.routing import Route
 from omniwheel.errors import LogError, OmniError
 from omniwheel.studio import reading
 from omniwheel.studio.access import Access
-from omniwheel.studio.actions import BadRequestError, number_of
-from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
+from omniwheel.studio.actions import BadRequestError, keys_of, number_of
+from omniwheel.studio.studio import Page, Studio
+from omniwheel.studio.words import hint_of
 from omniwheel.studio.worker import Worker
 
 T = TypeVar("T")
@@ -82,7 +83,7 @@ class Runs:
         return await _answer(self._studio.worker.ask(reading.comparison, self._studio.recorder.root, *names))
 
     async def _spectrum(self, _page: Page, request: Mapping[str, Any]) -> Any:
-        keys = _keys_of(request)
+        keys = keys_of(request)
         begin_s, end_s = number_of(request, "begin_s"), number_of(request, "end_s")
         return await _answer(
             self._logs.ask(reading.spectra, await self._path(request.get("log")), keys, begin_s, end_s)
@@ -111,7 +112,7 @@ class Runs:
         try:
             return await work(request)
         except OmniError as error:
-            return JSONResponse({"error": str(error), "hint": error.hint}, 400, self._headers)
+            return JSONResponse({"error": str(error), "hint": hint_of(error)}, 400, self._headers)
         except ClientDisconnect:
             return PlainTextResponse("gone\n", 400)
 
@@ -127,7 +128,7 @@ class Runs:
             raise BadRequestError("that is no request of this page") from error
         if not isinstance(wanted, dict):
             raise BadRequestError("that is no request of this page")
-        keys = _keys_of(wanted)
+        keys = keys_of(wanted)
         width = min(max(int(number_of(wanted, "width", 1000.0)), _WIDTHS[0]), _WIDTHS[1])
         begin_s, end_s = number_of(wanted, "begin_s"), number_of(wanted, "end_s")
         path = await self._path(wanted.get("log"))
@@ -185,13 +186,6 @@ def _too_large() -> LogError:
     return LogError(
         f"this file is larger than {most}", hint="record shorter pieces; runs of the folder may have any size"
     )
-
-
-def _keys_of(request: Mapping[str, Any]) -> list[str]:
-    keys = request.get("signals")
-    if not isinstance(keys, list) or len(keys) > MOST_SIGNALS or not all(isinstance(key, str) for key in keys):
-        raise BadRequestError(f"signals has to be a list of at most {MOST_SIGNALS} names")
-    return list(dict.fromkeys(keys))
 
 
 def _text(request: Mapping[str, Any], name: str) -> str:

@@ -18,8 +18,10 @@ CAPACITY = 150_000
 """Samples kept per message: 12.5 minutes at 200 Hz. The oldest ones go."""
 _GAP_S = 1.0
 _BLOCK = struct.Struct("<II")
-_HEADER = struct.Struct("<IId")
-SAMPLES_SINCE, SAMPLES_WINDOW = 1, 2
+_HEADER = struct.Struct("<HHId")
+SAMPLES_SINCE, SAMPLES_WINDOW, SAMPLES_PART = 1, 2, 3
+"""What came since the last message; everything that a page keeps; what a plot sees between two times."""
+MOST_NUMBER = 0xFFFF
 
 Array = NDArray[np.float64]
 
@@ -132,15 +134,16 @@ def extremes(value: NDArray[np.float32], size: int) -> NDArray[np.int64]:
     return np.asarray(places.reshape(rows, 2 * bins), dtype=np.int64)
 
 
-def packed(kind: int, arrived_s: float, traces: Sequence[Trace], keys: Sequence[str]) -> bytes:
+def packed(kind: int, arrived_s: float, traces: Sequence[Trace], keys: Sequence[str], number: int = 0) -> bytes:
     """Return traces as the page reads them, little-endian.
 
-    First two u32, ``kind`` and the number of traces, and an f64: when the newest message arrived, on this computer's
-    clock [s since 1970]. Then for each trace two u32: its place in the page's list of signals, and its number n of
-    samples. Behind them n f64 times [s] and n f32 values, padded to 8 bytes.
+    First two u16, ``kind`` and ``number``: which list of signals the page had asked for. Then a u32, how many traces
+    there are, and an f64: when the newest message arrived, on this computer's clock [s since 1970]. Then for each trace
+    two u32: its place in that list of signals, and its number n of samples. Behind them n f64 times [s] and n f32
+    values, padded to 8 bytes.
     """
     places = {key: place for place, key in enumerate(keys)}
-    parts = [_HEADER.pack(kind, len(traces), arrived_s)]
+    parts = [_HEADER.pack(kind, number, len(traces), arrived_s)]
     for trace in traces:
         value = trace.value.astype("<f4").tobytes()
         parts += [

@@ -22,7 +22,7 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from omniwheel import parameter_file
 from omniwheel.errors import OmniError
@@ -30,16 +30,20 @@ from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
 from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
-from omniwheel.studio.actions import ACTIONS, BadRequestError, number_of
+from omniwheel.studio.actions import ACTIONS, BadRequestError, keys_of, number_of
 from omniwheel.studio.bringup_walk import wiring_picture
 from omniwheel.studio.parameter_view import values_as_json
 from omniwheel.studio.processors import IMAGE, PC, WORDS, processors
 from omniwheel.studio.runs import Runs
+from omniwheel.studio.samples import MOST_NUMBER
 from omniwheel.studio.simulated import Simulation
-from omniwheel.studio.studio import MOST_SIGNALS, Page, Studio
+from omniwheel.studio.studio import Page, Studio
+from omniwheel.studio.words import hint_of
 
 PAGE_DIR = Path(__file__).parent / "page"
 _STOP_FIRST = "not done: a stop came first"
+_OWN_ERROR = 1011
+"""WebSocket's number for an error of the server's own."""
 _LOG = logging.getLogger(__name__)
 SAMPLES_S = 0.008
 """Time between two messages with samples: less than a frame of the screen lasts, so that each frame has new ones."""
@@ -176,20 +180,29 @@ class StudioServer:
                 task.cancel()
 
     async def _send(self, socket: WebSocket, page: Page, outbox: asyncio.Queue[str | bytes]) -> None:
+        """Tell a page everything until it has gone. A page that can be told nothing more is closed: it comes anew."""
+        try:
+            await self._send_all(socket, page, outbox)
+        except Exception:
+            if socket.application_state is WebSocketState.CONNECTED:
+                _LOG.exception("a page could not be told what is new")
+                with suppress(Exception):
+                    await socket.close(_OWN_ERROR)
+
+    async def _send_all(self, socket: WebSocket, page: Page, outbox: asyncio.Queue[str | bytes]) -> None:
         turn = 0
-        with suppress(WebSocketDisconnect, RuntimeError):
-            while True:
-                while not outbox.empty():
-                    await _send_one(socket, outbox.get_nowait())
-                samples = self.studio.new_samples(page)
-                if samples:
-                    await socket.send_bytes(samples)
-                if turn % NEWS_EVERY == 0:
-                    news = self.studio.news(page)
-                    if news:
-                        await socket.send_text(json.dumps(news))
-                turn += 1
-                await asyncio.sleep(SAMPLES_S)
+        while True:
+            while not outbox.empty():
+                await _send_one(socket, outbox.get_nowait())
+            samples = self.studio.new_samples(page)
+            if samples:
+                await socket.send_bytes(samples)
+            if turn % NEWS_EVERY == 0:
+                news = self.studio.news(page)
+                if news:
+                    await socket.send_text(json.dumps(news))
+            turn += 1
+            await asyncio.sleep(SAMPLES_S)
 
     async def _receive(
         self, page: Page, text: str | None, outbox: asyncio.Queue[str | bytes], waiting: set[asyncio.Task[None]]
@@ -231,7 +244,7 @@ class StudioServer:
             else:
                 result = await asyncio.wrap_future(self.studio.ask(page, action, request))
         except OmniError as error:
-            await outbox.put(_answer(request, error=str(error), hint=error.hint))
+            await outbox.put(_answer(request, error=str(error), hint=hint_of(error)))
             return
         except Exception as error:
             _LOG.exception("%s failed", action)
@@ -259,14 +272,17 @@ class StudioServer:
         self.studio.take_over(page)
 
     async def _show(self, page: Page, request: Mapping[str, Any]) -> bytes:
-        return self.studio.show(page, _keys_of(request), number_of(request, "span_s", 10.0))
+        number = int(number_of(request, "number", 0.0))
+        if not 0 <= number <= MOST_NUMBER:
+            raise BadRequestError(f"number has to be from 0 to {MOST_NUMBER}, not {number}")
+        return self.studio.show(page, keys_of(request), number_of(request, "span_s", 10.0), number)
 
     async def _window(self, page: Page, request: Mapping[str, Any]) -> bytes:
         width = min(max(int(number_of(request, "width", 1000.0)), 10), 4000)
         return self.studio.window(page, number_of(request, "begin_s"), number_of(request, "end_s"), width)
 
     async def _spectrum(self, _page: Page, request: Mapping[str, Any]) -> list[dict[str, Any]]:
-        keys = _keys_of(request)
+        keys = keys_of(request)
         begin_s, end_s = number_of(request, "begin_s"), number_of(request, "end_s")
         return await asyncio.to_thread(self.studio.spectra, keys, begin_s, end_s)
 
@@ -339,13 +355,6 @@ class StudioServer:
 
 def _known(description: str) -> str:
     return "" if description == "n/a" else description
-
-
-def _keys_of(request: Mapping[str, Any]) -> list[str]:
-    keys = request.get("signals")
-    if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys) or len(keys) > MOST_SIGNALS:
-        raise BadRequestError(f"signals has to be a list of names, {MOST_SIGNALS} at most")
-    return keys
 
 
 def _answer(request: Mapping[str, Any], **content: Any) -> str:

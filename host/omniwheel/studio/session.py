@@ -9,13 +9,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 from omniwheel.connection import Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_log import is_slow
-from omniwheel.errors import LinkError, LinkLostError, OmniError
+from omniwheel.errors import CommandRefusedError, LinkError, LinkLostError, OmniError
 from omniwheel.history import ChangeRecorder, history_of
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
@@ -25,8 +26,9 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.signals import KINDS
 from omniwheel.studio.urgent_link import UrgentLink
+from omniwheel.studio.words import in_words
 from omniwheel.studio.work_queue import DISARM, SETPOINT, STOP, WorkQueue
-from omniwheel.telemetry import Control, StatusText, decode
+from omniwheel.telemetry import Control, Fix, StatusText, Telemetry, decode
 
 _LOG = logging.getLogger(__name__)
 CONNECT_TIMEOUT_S = 3.0
@@ -38,9 +40,12 @@ _SILENT_S = 5.0
 PAGE_SILENT_S = 2.0
 """A page that says nothing for so long is closed, frozen or lost."""
 TEXTS_KEPT = 200
+FIXES_KEPT = 200
 _BYTES_OVER_S = 1.0
 PLOT_MESSAGES, PLOT_RATE_HZ = ("OMNI_TRACKING", "OMNI_WHEELS", "OMNI_CONTROL"), 100.0
 """What a link that is no slow radio is asked for, as long as the studio is connected."""
+FIX_MESSAGE = "OMNI_FIX_RESULT"
+"""The same. An older firmware does not have it."""
 
 T = TypeVar("T")
 
@@ -54,6 +59,8 @@ def set_rate(robot: Robot, rate_hz: float | None) -> None:
     """Set the rate of what is plotted; None restores the rates at boot."""
     for name in PLOT_MESSAGES:
         robot.set_message_interval(name, rate_hz)
+    with suppress(CommandRefusedError):
+        robot.set_message_interval(FIX_MESSAGE, rate_hz)
 
 
 class WorkEndedError(LinkError):
@@ -64,7 +71,8 @@ class Session:
     """The connection to one link, from the first attempt to :meth:`close`. It connects again after a loss.
 
     Everything that touches the robot runs in this object's thread; other threads hand it work by :meth:`do`. A stop
-    (:meth:`stop_now`) waits for none of that work. ``lock`` guards :attr:`store`, :attr:`marks` and :attr:`texts`.
+    (:meth:`stop_now`) waits for none of that work. ``lock`` guards :attr:`store`, :attr:`marks`, :attr:`texts` and
+    :attr:`fixes`.
     ``slowness`` says how many times slower than real time the robot lives, if it is simulated.
     """
 
@@ -76,6 +84,9 @@ class Session:
         self.marks = Marks()
         self.texts: deque[tuple[int, StatusText]] = deque(maxlen=TEXTS_KEPT)
         self.text_count = 0
+        self.fixes: deque[tuple[int, Fix]] = deque(maxlen=FIXES_KEPT)
+        """Pose fixes that the robot has looked at, with our own count of them: the robot's begins anew."""
+        self.fix_count = 0
         self.mark_changes = 0
         self.phase = "connecting"
         """connecting, connected, lost or closed."""
@@ -182,7 +193,7 @@ class Session:
             try:
                 self._serve()
             except OmniError as error:
-                self.phase, self.trouble = "lost", f"{error}. {error.hint}" if error.hint else str(error)
+                self.phase, self.trouble = "lost", in_words(error)
             except Exception as error:
                 _LOG.exception("the robot's thread failed")
                 self.phase = "lost"
@@ -281,14 +292,22 @@ class Session:
                 telemetry = decode(kind, message)
                 assert telemetry is not None
                 with self.lock:
-                    time_s = self.store.take(telemetry)
-                    if isinstance(telemetry, Control):
-                        self.mark_changes += self.marks.sequence(telemetry.config_sequence, time_s) is not None
+                    self._keep(telemetry)
         text = decode(StatusText, message)
         if text is not None:
             with self.lock:
                 self.text_count += 1
                 self.texts.append((self.text_count, text))
+
+    def _keep(self, telemetry: Telemetry) -> None:
+        if isinstance(telemetry, Fix):
+            if telemetry.number == (self.fixes[-1][1].number if self.fixes else 0):
+                return  # the same fix once more: there is no newer one
+            self.fix_count += 1
+            self.fixes.append((self.fix_count, telemetry))
+        time_s = self.store.take(telemetry)
+        if isinstance(telemetry, Control):
+            self.mark_changes += self.marks.sequence(telemetry.config_sequence, time_s) is not None
 
     def _keep_history(self, robot: Robot) -> None:
         history = history_of(robot)

@@ -16,9 +16,9 @@ from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
 from omniwheel.frames import Pose, Twist
-from omniwheel.telemetry import Battery, Control, Health, Status, Telemetry, Tracking, Wheels
+from omniwheel.telemetry import Battery, Control, Fix, Health, Status, Telemetry, Tracking, Wheels
 
-KINDS: tuple[type[Telemetry], ...] = (Tracking, Wheels, Control, Battery, Status, Health)
+KINDS: tuple[type[Telemetry], ...] = (Tracking, Wheels, Control, Fix, Battery, Status, Health)
 """In the order in which a page lists them."""
 _UNIT_ENDINGS = ("_rad_s", "_m_s", "_us_mean", "_us_max", "_us", "_V", "_A", "_s")
 _AXES = ("x", "y", "theta")

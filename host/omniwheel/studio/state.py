@@ -12,6 +12,7 @@ from omniwheel.plain import finite
 from omniwheel.robot import Robot
 from omniwheel.status import RobotStatus
 from omniwheel.studio.session import Session
+from omniwheel.telemetry import Fix
 
 _DIGITS = 5
 _DIRECTIONS = 72
@@ -44,7 +45,17 @@ def robot_state(robot: Robot) -> dict[str, Any]:
         "silent_s": round(status.heartbeat_age_s, 1),
         **_pose_state(status),
         "slip_m_s": [] if status.wheels is None else [finite(round(slip, 3)) for slip in status.wheels.slip_m_s],
+        "fixes": _fix_counts(status),
         **_loop_state(status),
+    }
+
+
+def fix_as_json(fix: Fix) -> dict[str, Any]:
+    """Return a pose fix and what became of it, for the map: place [m, m, rad], age [s] when it was looked at."""
+    return {
+        "pose": [finite(round(value, _DIGITS)) for value in fix.pose],
+        "age_s": finite(round(fix.age_s, 4)),
+        "result": fix.result,
     }
 
 
@@ -83,9 +94,16 @@ def _pose_state(status: RobotStatus) -> dict[str, Any]:
         "pose": [round(value, _DIGITS) for value in tracking.pose],
         "reference": [round(value, _DIGITS) for value in tracking.reference],
         "pose_sd": [finite(round(value, _DIGITS)) for value in tracking.pose_sd],
+        "pose_correlation": finite(round(tracking.pose_correlation, _DIGITS)),
         "phase": tracking.phase,
         "path_time_s": round(tracking.path_time_s, 2),
     }
+
+
+def _fix_counts(status: RobotStatus) -> dict[str, int] | None:
+    """Return how many fixes the robot has used and refused since its start; None before it has said so."""
+    control = status.control
+    return None if control is None else {"used": control.fixes_accepted, "refused": control.fixes_refused}
 
 
 def _loop_state(status: RobotStatus) -> dict[str, Any]:

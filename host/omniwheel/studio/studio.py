@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omniwheel.errors import OmniError
+from omniwheel.robot import Robot
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
 from omniwheel.studio.bringup_walk import BringUp
@@ -19,17 +20,17 @@ from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.flasher import Flasher, firmware_of
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
 from omniwheel.studio.recording import Recorder
-from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
+from omniwheel.studio.samples import CAPACITY, SAMPLES_PART, SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
 from omniwheel.studio.session import Session
 from omniwheel.studio.signals import Signal, all_signals, signals_as_json
 from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from omniwheel.studio.spectra import spectrum
-from omniwheel.studio.state import link_state, robot_state, shape_as_json
+from omniwheel.studio.state import fix_as_json, link_state, robot_state, shape_as_json
 from omniwheel.studio.views import checked_view, read_view, view_file, write_view
 from omniwheel.studio.worker import Worker
 
-MOST_SIGNALS = 64
 HISTORY_WIDTH = 2000
+MOST_WHEELS = 4
 
 
 class Page:
@@ -38,11 +39,14 @@ class Page:
     def __init__(self, number: int) -> None:
         self.name = f"page {number}"
         self.shown: list[Signal] = []
+        self.shown_number = 0
+        """What the page calls this list of signals: it may have asked for another one meanwhile."""
         self.sent: dict[str, int] = {}
         """Number of the next sample, by signal."""
         self.session: Session | None = None
         self.connection = 0
         self.text_count = 0
+        self.fix_count = 0
         self.mark_changes = -1
         self.values: dict[str, float] = {}
         self.state: dict[str, Any] = {}
@@ -223,10 +227,10 @@ class Studio:
 
     # ---- what a page is told
 
-    def show(self, page: Page, keys: Sequence[str], span_s: float) -> bytes:
-        """Note which signals a page shows; return what was there of them in the last ``span_s``."""
+    def show(self, page: Page, keys: Sequence[str], span_s: float, number: int = 0) -> bytes:
+        """Note which signals a page shows, as its list ``number``; return what was there in the last ``span_s``."""
         known = {signal.key: signal for signal in self.signals()}
-        page.shown = [known[key] for key in keys if key in known]
+        page.shown, page.shown_number = [known[key] for key in keys if key in known], number
         page.sent = {}
         session = self.session
         if session is None:
@@ -236,7 +240,7 @@ class Studio:
             traces = [session.store.window(signal, begin_s, float("inf"), HISTORY_WIDTH) for signal in page.shown]
             page.sent = {signal.key: session.store.count(signal) for signal in page.shown}
             arrived_s = session.store.arrived_s
-        return packed(SAMPLES_WINDOW, arrived_s, traces, page.keys)
+        return packed(SAMPLES_WINDOW, arrived_s, traces, page.keys, page.shown_number)
 
     def window(self, page: Page, begin_s: float, end_s: float, width: int) -> bytes:
         """Return what a plot of the shown signals sees between two times."""
@@ -246,7 +250,7 @@ class Studio:
         with session.lock:
             traces = [session.store.window(signal, begin_s, end_s, width) for signal in page.shown]
             arrived_s = session.store.arrived_s
-        return packed(SAMPLES_WINDOW, arrived_s, traces, page.keys)
+        return packed(SAMPLES_PART, arrived_s, traces, page.keys, page.shown_number)
 
     def spectra(self, keys: Sequence[str], begin_s: float, end_s: float) -> list[dict[str, Any]]:
         """Return the spectra of signals between two times. Raises TooFewSamplesError."""
@@ -276,14 +280,15 @@ class Studio:
             arrived_s = session.store.arrived_s
         if not any(len(trace.time_s) for trace in traces):
             return b""
-        return packed(SAMPLES_SINCE, arrived_s, [thinned(trace, HISTORY_WIDTH) for trace in traces], page.keys)
+        thin = [thinned(trace, HISTORY_WIDTH) for trace in traces]
+        return packed(SAMPLES_SINCE, arrived_s, thin, page.keys, page.shown_number)
 
     def signals(self) -> list[Signal]:
         """Return the signals of the connected robot."""
         session = self.session
         robot = None if session is None else session.robot
-        wheels = 4 if robot is None else int(robot.parameters.known.get("WHEELS", 4))
-        return all_signals(wheels)
+        wheels = MOST_WHEELS if robot is None else robot.parameters.known.get("WHEELS", MOST_WHEELS)
+        return all_signals(int(wheels))
 
     def news(self, page: Page) -> dict[str, Any]:
         """Return what a page has not been told yet: state, parameters, texts, marks, tables of a new robot."""
@@ -292,13 +297,16 @@ class Studio:
         state = self.state(page)
         if state != page.state:
             page.state = found["state"] = state
-        if session is None or session.edits is None or session.robot is None:
+        robot = None if session is None else session.robot  # once: its own thread lets go of it
+        if session is None or session.edits is None or robot is None:
             return found
         if page.session is not session or page.connection != session.connections:
+            again = page.session is session
             page.session, page.connection = session, session.connections
-            page.text_count, page.mark_changes, page.values = 0, -1, {}
-            found["tables"] = self.tables()
-        values = session.robot.parameters.known
+            page.text_count, page.fix_count = 0, session.fix_count  # a map shows fixes from now on
+            page.mark_changes, page.values = -1, {}
+            found["tables"] = {**self.tables(robot), "again": again}
+        values = robot.parameters.known
         if values != page.values:
             found["parameters"] = values_as_json(
                 {name: value for name, value in values.items() if page.values.get(name) != value}
@@ -307,9 +315,13 @@ class Studio:
         with session.lock:
             texts = [(number, text) for number, text in session.texts if number > page.text_count]
             page.text_count = session.text_count
+            fixes = [fix for number, fix in session.fixes if number > page.fix_count]
+            page.fix_count = session.fix_count
             if session.mark_changes != page.mark_changes:
                 page.mark_changes = session.mark_changes
                 found["marks"] = [mark.as_json() for mark in session.marks.all()]
+        if fixes:
+            found["fixes"] = [fix_as_json(fix) for fix in fixes]
         if texts:
             found["texts"] = [{"severity": text.severity, "text": text.text} for _, text in texts]
         return found
@@ -326,18 +338,18 @@ class Studio:
         history = None if self.session is None else self.session.history
         return None if history is None else view_file(history, "" if self.simulated is None else self.simulated.robot)
 
-    def tables(self) -> dict[str, Any]:
+    def tables(self, robot: Robot) -> dict[str, Any]:
         """Return what stays the same as long as a robot is connected: its signals and its parameters' table."""
-        session = self.session
-        robot = None if session is None else session.robot
+        signals = signals_as_json(all_signals(int(robot.parameters.known.get("WHEELS", MOST_WHEELS))))
         return {
-            "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(self.signals())],
+            "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals],
             "view": None if (path := self._view_file()) is None else read_view(path),
-            "parameters": [] if robot is None else table_as_json(robot.table),
+            "parameters": table_as_json(robot.table),
             "world": None if self.simulated is None else self.simulated.catalogue,
             "bring_up": bring_up_catalogue(None if self.simulated is None else self.simulated.robot),
-            "version": "" if robot is None else str(robot.version),
-            **({} if robot is None else {**shape_as_json(robot), "experiments": catalogue(robot)}),
+            "version": str(robot.version),
+            **shape_as_json(robot),
+            "experiments": catalogue(robot),
         }
 
     def state(self, page: Page | None = None) -> dict[str, Any]:

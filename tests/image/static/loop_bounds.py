@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from hil_sim.image_file import Image
+from omniwheel._core import lib
 from omniwheel.robots import parameter_table
 from tests.image.flashed import ROOT
 from tests.image.static.code import CodeError, Function
@@ -22,17 +23,18 @@ else:
 TABLE = Path(__file__).with_name("loops.toml")
 SOURCES = (ROOT / "firmware", ROOT / "shared")
 LINES_BACK = 4
-POSE_STATES = 3
 _LOOP = re.compile(r"\b(for|while) \(.*|\} while \(.*")
 
 
 class LoopBounds:
-    """Looks a loop's bound up."""
+    """Looks a loop's bound up, for a robot with so many wheels, with a gyro or without."""
 
-    def __init__(self, image: Image, wheels: int) -> None:
+    def __init__(self, image: Image, wheels: int, *, gyro: bool = False) -> None:
         self._image = image
         controllers = len(parameter_table()["CTL_MODE"].values)
-        self._named = {"wheels": wheels, "states": POSE_STATES + wheels, "controllers": controllers}
+        columns = int(lib.OMNI_EKF_COLUMNS) if gyro else wheels
+        states = int(lib.OMNI_AXES) + columns
+        self._named = {"wheels": wheels, "controllers": controllers, "columns": columns, "states": states}
         self._rules = tomllib.loads(TABLE.read_text())["loops"]
         self.used: dict[tuple[str, int], int] = {}
         """Bounds that were asked for, by function and address of the loop's first block."""

@@ -38,7 +38,7 @@ def bounds(elf_file: Path, wheels: int) -> dict[str, int]:
     """Return the most instructions of each part. Raises CodeError."""
     image = read_image(elf_file)
     calls = Calls(Program(elf_file), image)
-    longest = Longest(calls, LoopBounds(image, wheels))
+    longest = Longest(calls, LoopBounds(image, wheels, gyro=True))
     return {part: longest.below(calls.matching(symbol)) for part, symbol in PARTS.items()}
 
 

@@ -37,6 +37,7 @@ static const field_t fields[] = {
     REALS(pose),
     REALS(rate),
     REALS(pose_sd),
+    REALS(pose_xy_m2),
     REALS(reference.pose),
     REALS(reference.rate),
     REALS(reference.acceleration),
@@ -67,8 +68,8 @@ static const field_t fields[] = {
 
 enum {
     FIELDS = sizeof fields / sizeof fields[0],
-    /* After config_sequence 2, after stop.wheel 3, after gyro_used 3. */
-    PADDING = 5 + 3
+    /* After config_sequence 2, after stop.wheel 3, at the end 7. */
+    PADDING = 5 + 7
 };
 
 bool digest_is_complete(void) {

@@ -1,36 +1,34 @@
 // SPDX-License-Identifier: MIT
 // Bring-up: what is said and asked, the wheel that is meant, what was found. All words come from the server.
 
-import { in_words, show_lines } from "./words.js";
+import { id, in_words, put, show_lines } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const ANSWERS = {
   confirm: [["Yes, go on", true], ["No", false]],
   saw: [["Yes", true], ["No", false], ["I did not look", null]],
 };
-const put = (place, words) => { if (place.textContent !== words) place.textContent = words; };
 
 export class BringUp {
-  #id = (name) => document.getElementById(name);
   #told = "";
   #asked = 0;
 
   constructor(socket) {
     this.socket = socket;
-    this.#id("bring-up-form").onsubmit = (event) => {
+    id("bring-up-form").onsubmit = (event) => {
       event.preventDefault();
-      const robot = this.#id("bring-up-robot").value || null;
-      this.#ask({ start: true, check: this.#id("bring-up-check").value, robot });
+      const robot = id("bring-up-robot").value || null;
+      this.#ask({ start: true, check: id("bring-up-check").value, robot });
     };
-    this.#id("bring-up-robot").onchange = () => this.#wiring();
-    this.#id("wiring").ontoggle = () => this.#wiring();
+    id("bring-up-robot").onchange = () => this.#wiring();
+    id("wiring").ontoggle = () => this.#wiring();
   }
 
   /** catalogue: {checks: [[name, words]], robots, robot}; wheels: their bearings in the robot [rad] */
   tables({ checks, robots, robot }, wheels = []) {
-    this.#id("bring-up-check").replaceChildren(...checks.map(([name, words]) => new Option(words, name)));
-    this.#id("bring-up-robot").replaceChildren(new Option("none", ""), ...robots.map((name) => new Option(name, name)));
-    this.#id("bring-up-robot").value = robot ?? "";
+    id("bring-up-check").replaceChildren(...checks.map(([name, words]) => new Option(words, name)));
+    id("bring-up-robot").replaceChildren(new Option("none", ""), ...robots.map((name) => new Option(name, name)));
+    id("bring-up-robot").value = robot ?? "";
     this.#draw(wheels);
     this.#wiring();
   }
@@ -45,7 +43,7 @@ export class BringUp {
     };
     const at = (bearing, radius, along = 0) => [
       -radius * Math.sin(bearing) - along * Math.cos(bearing), -radius * Math.cos(bearing) + along * Math.sin(bearing)];
-    this.#id("bring-up-drawing").replaceChildren(
+    id("bring-up-drawing").replaceChildren(
       made("circle", { r: 1 }), made("path", { d: "M0 .25 V-.5 M-.12 -.35 L0 -.5 L.12 -.35" }),
       made("text", { x: 0, y: -0.72 }, "front"),
       ...wheels.map((bearing, wheel) => {
@@ -56,18 +54,18 @@ export class BringUp {
   }
 
   #wiring() {
-    const robot = this.#id("bring-up-robot").value;
-    this.#id("wiring").hidden = !robot;
-    if (!robot || !this.#id("wiring").open) return;
+    const robot = id("bring-up-robot").value;
+    id("wiring").hidden = !robot;
+    if (!robot || !id("wiring").open) return;
     const token = encodeURIComponent(this.socket.token);
-    this.#id("wiring-picture").src = `wiring.svg?robot=${encodeURIComponent(robot)}&token=${token}`;
+    id("wiring-picture").src = `wiring.svg?robot=${encodeURIComponent(robot)}&token=${token}`;
   }
 
   async #ask(content) {
     try {
       await this.socket.ask("bring_up", content);
     } catch (refusal) {
-      put(this.#id("bring-up-state"), in_words(refusal));
+      put("bring-up-state", in_words(refusal));
     }
   }
 
@@ -75,28 +73,28 @@ export class BringUp {
   state(now) {
     const walk = now?.bring_up ?? null;
     const ready = Boolean(now?.robot) && !now.robot.armed && now.link.phase === "connected";
-    this.#id("bring-up-start").disabled = !ready || (walk?.running ?? false);
+    id("bring-up-start").disabled = !ready || (walk?.running ?? false);
     const told = JSON.stringify(walk);
     if (walk === null || told === this.#told) return;
     this.#told = told;
     const passed = walk.results.filter(({ ok }) => ok).length;
     const done = walk.results.length ? `${passed} of ${walk.results.length} passed. ${walk.folder}` : "";
-    put(this.#id("bring-up-state"), walk.running ? "under way" : [walk.trouble, done].filter(Boolean).join(" "));
-    show_lines(this.#id("bring-up-lines"), walk.lines);
-    for (const group of this.#id("bring-up-drawing").querySelectorAll("g")) {
+    put("bring-up-state", walk.running ? "under way" : [walk.trouble, done].filter(Boolean).join(" "));
+    show_lines(id("bring-up-lines"), walk.lines);
+    for (const group of id("bring-up-drawing").querySelectorAll("g")) {
       group.classList.toggle("meant", Number(group.dataset.wheel) === walk.wheel);
     }
-    this.#id("bring-up-drawing").setAttribute("aria-label",
+    id("bring-up-drawing").setAttribute("aria-label",
       walk.wheel ? `This robot from above; wheel ${walk.wheel} is meant` : "This robot from above");
     this.#question(walk.question);
-    this.#id("bring-up-results").replaceChildren(...walk.results.map((result) => this.#result(result)));
+    id("bring-up-results").replaceChildren(...walk.results.map((result) => this.#result(result)));
   }
 
   #question(question) {
-    put(this.#id("bring-up-question"), question?.text ?? "");
+    put("bring-up-question", question?.text ?? "");
     if ((question?.number ?? 0) === this.#asked) return; // the focus stays on its buttons
     this.#asked = question?.number ?? 0;
-    this.#id("bring-up-answers").replaceChildren(...(question ? ANSWERS[question.kind] : []).map(([words, yes]) => {
+    id("bring-up-answers").replaceChildren(...(question ? ANSWERS[question.kind] : []).map(([words, yes]) => {
       const button = document.createElement("button");
       button.textContent = words;
       button.onclick = () => this.#ask({ number: question.number, yes });
@@ -109,7 +107,8 @@ export class BringUp {
     table.createCaption().textContent = `${check}: ${ok ? "pass" : "not yet"}`;
     for (const finding of findings) {
       const row = table.insertRow();
-      for (const words of [finding.ok ? "✓" : "✗", finding.name, [finding.seen, finding.advice].filter(Boolean).join(" → ")]) {
+      const seen = [finding.seen, finding.advice].filter(Boolean).join(" → ");
+      for (const words of [finding.ok ? "✓" : "✗", finding.name, seen]) {
         row.insertCell().textContent = words;
       }
     }

@@ -54,15 +54,30 @@ function lower(times, count, wanted) {
   return low;
 }
 
-/** One time axis for several signals: [time, value, value ...], null where a signal has no sample. */
+/** One time axis for several signals: [time, value, value ...], undefined where a signal has no sample. */
 export function aligned(pieces) {
   if (pieces.length === 0) return [[]];
-  const same = pieces.every(({ time }) => time.length === pieces[0].time.length && time[0] === pieces[0].time[0]);
-  if (same) return [pieces[0].time, ...pieces.map(({ value }) => value)];
-  const times = [...new Set(pieces.flatMap(({ time }) => [...time]))].sort((a, b) => a - b);
-  const columns = pieces.map(({ time, value }) => {
-    let at = 0;
-    return times.map((t) => (at < time.length && time[at] === t ? value[at++] : undefined));
-  });
-  return [times, ...columns];
+  const [{ time: first }] = pieces;
+  if (pieces.every(({ time }) => alike(time, first))) return [first, ...pieces.map(({ value }) => value)];
+  const times = [];
+  const columns = pieces.map(() => []);
+  const at = pieces.map(() => 0);
+  for (;;) {
+    let next = Infinity;
+    for (let k = 0; k < pieces.length; k++) {
+      if (at[k] < pieces[k].time.length) next = Math.min(next, pieces[k].time[at[k]]);
+    }
+    if (next === Infinity) return [times, ...columns];
+    times.push(next);
+    for (let k = 0; k < pieces.length; k++) {
+      const here = at[k] < pieces[k].time.length && pieces[k].time[at[k]] === next;
+      columns[k].push(here ? pieces[k].value[at[k]++] : undefined);
+    }
+  }
+}
+
+function alike(one, other) {
+  if (one.length !== other.length) return false;
+  for (let i = 0; i < one.length; i++) if (one[i] !== other[i]) return false;
+  return true;
 }

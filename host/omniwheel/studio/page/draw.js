@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A path drawn on the map: what the robot would follow is asked of the server, and shown before it is driven.
 
-const id = (name) => document.getElementById(name);
+import { id, put } from "./words.js";
 
 export class DrawnPath {
   /** @param armed function: whether the robot is armed; it says so if not */
@@ -15,7 +15,9 @@ export class DrawnPath {
       this.ask("follow_line", this.#request());
     };
     id("forget-line").onclick = () => this.#forget();
-    for (const name of ["draw-speed", "draw-heading", "laps"]) id(name).addEventListener("change", () => this.#preview());
+    for (const name of ["draw-speed", "draw-heading", "laps"]) {
+      id(name).addEventListener("change", () => this.#preview());
+    }
   }
 
   /** The mouse has drawn a line. */
@@ -27,7 +29,7 @@ export class DrawnPath {
   #draw(on) {
     this.map.drawing = on;
     id("draw").setAttribute("aria-pressed", on);
-    if (on) id("draw-text").textContent = "press on the map and draw";
+    if (on) put("draw-text", "press on the map and draw");
   }
 
   #request() {
@@ -42,17 +44,18 @@ export class DrawnPath {
   async #preview() {
     if (this.map.line.length < 2) return;
     const found = await this.ask("preview_path", this.#request());
+    if (this.map.line.length < 2) return; // it was forgotten meanwhile
     this.map.planned(found?.line ?? []);
     id("follow-line").disabled = !found;
     id("forget-line").disabled = false;
-    id("draw-text").textContent = found ? plan_in_words(found) : "";
+    put("draw-text", found ? plan_in_words(found) : "");
   }
 
   #forget() {
     this.#draw(false);
     this.map.planned(null);
     id("follow-line").disabled = id("forget-line").disabled = true;
-    id("draw-text").textContent = "";
+    put("draw-text", "");
   }
 }
 

@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Experiments: choose one, see what it will use, start it, see its result. All names and words come from the server.
 
-import { in_words, show_lines } from "./words.js";
+import { id, in_words, put, show_lines } from "./words.js";
 
 const shown = (number) => (number === null ? "–" : String(Number(number.toPrecision(4))));
-const put = (name, words) => {
-  const place = document.getElementById(name);
-  if (place.textContent !== words) place.textContent = words;
-};
 
 export class Experiments {
-  #id = (name) => document.getElementById(name);
   #kinds = new Map();
   #fields = new Map(); // by key: returns its value
   #looked = false; // what will be done has been said, and nothing was changed since
@@ -20,23 +15,27 @@ export class Experiments {
 
   constructor(socket) {
     this.socket = socket;
-    this.#id("experiment-kind").onchange = () => this.#choose();
-    this.#id("experiment-look").onclick = () => this.#look();
-    this.#id("experiment-form").onsubmit = (event) => { event.preventDefault(); this.#start(); };
-    this.#id("experiment-form").oninput = () => { this.#looked = false; this.#buttons(); };
+    id("experiment-kind").onchange = () => this.#choose();
+    id("experiment-look").onclick = () => this.#look();
+    id("experiment-form").onsubmit = (event) => { event.preventDefault(); this.#start(); };
+    id("experiment-form").oninput = () => { this.#looked = false; this.#buttons(); };
   }
 
-  /** kinds: [{name, words, choices: [{key, label, options} or {key, label, min, max, default}]}]; default null: it may stay empty */
+  /**
+   * kinds: [{name, words, choices}], choices: [{key, label, options} or {key, label, min, max, default}]; default null:
+   * it may stay empty.
+   */
   tables(kinds = []) {
     this.#kinds = new Map(kinds.map((kind) => [kind.name, kind]));
-    this.#id("experiment-kind").replaceChildren(...kinds.map(({ name, words }) => new Option(`${words} (${name})`, name)));
+    id("experiment-kind").replaceChildren(
+      ...kinds.map(({ name, words }) => new Option(`${words} (${name})`, name)));
     this.#choose();
   }
 
   #choose() {
-    const kind = this.#kinds.get(this.#id("experiment-kind").value);
+    const kind = this.#kinds.get(id("experiment-kind").value);
     this.#fields.clear();
-    this.#id("experiment-choices").replaceChildren(...(kind?.choices ?? []).map((choice) => this.#field(choice)));
+    id("experiment-choices").replaceChildren(...(kind?.choices ?? []).map((choice) => this.#field(choice)));
     this.#looked = false;
     this.#buttons();
   }
@@ -59,11 +58,11 @@ export class Experiments {
 
   #wanted() {
     const values = [...this.#fields].map(([key, value]) => [key, value()]);
-    return { name: this.#id("experiment-kind").value, ...Object.fromEntries(values) };
+    return { name: id("experiment-kind").value, ...Object.fromEntries(values) };
   }
 
   async #look() {
-    if (!this.#id("experiment-form").reportValidity()) return;
+    if (!id("experiment-form").reportValidity()) return;
     try {
       put("experiment-needs", `It ${await this.socket.ask("experiment", this.#wanted())}.`);
       put("experiment-text", "");
@@ -86,8 +85,8 @@ export class Experiments {
   }
 
   #buttons() {
-    this.#id("experiment-look").disabled = !this.#ready || this.#running;
-    this.#id("experiment-start").disabled = !this.#ready || this.#running || !this.#looked;
+    id("experiment-look").disabled = !this.#ready || this.#running;
+    id("experiment-start").disabled = !this.#ready || this.#running || !this.#looked;
   }
 
   /** now: the whole state, null without a server */
@@ -101,15 +100,15 @@ export class Experiments {
     this.#last = told;
     put("experiment-needs", run.needs && `It ${run.needs}.`);
     put("experiment-seconds", run.running ? `${run.seconds} s` : "");
-    if (run.running) put("experiment-text", `${run.name}: ${run.phase}`);
-    else put("experiment-text", run.trouble ? `${run.name} ended: ${run.trouble}` : `${run.name} is done: ${run.folder}`);
-    this.#id("experiment-result").hidden = !run.figures;
+    const ended = run.trouble ? `${run.name} ended: ${run.trouble}` : `${run.name} is done: ${run.folder}`;
+    put("experiment-text", run.running ? `${run.name}: ${run.phase}` : ended);
+    id("experiment-result").hidden = !run.figures;
     if (run.figures) this.#result(run);
   }
 
   #result({ number, name, figures, remarks, picture }) {
-    this.#id("experiment-caption").textContent = name;
-    this.#id("experiment-figures").replaceChildren(...figures.map((figure) => {
+    id("experiment-caption").textContent = name;
+    id("experiment-figures").replaceChildren(...figures.map((figure) => {
       const row = document.createElement("tr");
       const head = document.createElement("th");
       head.scope = "row";
@@ -121,10 +120,10 @@ export class Experiments {
       }));
       return row;
     }));
-    show_lines(this.#id("experiment-remarks"), remarks);
-    this.#id("experiment-picture").hidden = !picture;
+    show_lines(id("experiment-remarks"), remarks);
+    id("experiment-picture").hidden = !picture;
     if (!picture) return;
     const token = encodeURIComponent(this.socket.token);
-    this.#id("experiment-picture").src = `experiment.png?token=${token}&number=${number}`;
+    id("experiment-picture").src = `experiment.png?token=${token}&number=${number}`;
   }
 }

@@ -6,6 +6,8 @@ const DIRECTIONS = {
   ArrowUp: [1, 0, 0], ArrowDown: [-1, 0, 0], ArrowLeft: [0, 1, 0], ArrowRight: [0, -1, 0],
 };
 
+const TYPED = "input:not([type=checkbox]), select, textarea, dialog"; // there a key is something else
+
 export class Keys {
   #held = new Set();
   enabled = false;
@@ -25,7 +27,7 @@ export class Keys {
 
   #down(event) {
     if (!this.enabled || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (!(event.code in DIRECTIONS) || event.target.closest?.("input:not([type=checkbox]), select, textarea, dialog")) return;
+    if (!(event.code in DIRECTIONS) || event.target.closest?.(TYPED)) return;
     event.preventDefault();
     this.#held.add(event.code);
     this.velocity.hold(() => this.#direction());

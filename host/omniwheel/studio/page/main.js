@@ -15,23 +15,31 @@ import { Runs } from "./runs.js";
 import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
 import { HeldVelocity } from "./velocity.js";
-import { in_words, show_lines } from "./words.js";
+import { id, in_words, put, show_lines } from "./words.js";
 
-const id = (name) => document.getElementById(name);
 const TEXTS_KEPT = 100;
 const LOSSY = 0.05; // a share of frames lost that makes plots and commands worse
 const OFF_PACE = 0.1; // a robot whose clock is off by this share lives in a simulation that is not in real time
 const WARNING = 4; // severity as in syslog
 let state = null;
+let unfinished = 0; // requests that a lost server has not answered
 
-const say = (words) => { id("notice").textContent = words; };
+const say = (words) => put("notice", words);
 const ask = (action, content) => socket.ask(action, content).then(
   (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
 
 const socket = new Socket({
-  open: () => { say(""); runs.refresh(); },
-  lost: () => { show_state(null); say("The studio's server is gone. Start omni studio again; this page waits for it."); },
-  samples: (...found) => plots.samples(...found),
+  open: () => {
+    say(unfinished ? "The studio's server is there again. What was asked for last may not have been done." : "");
+    unfinished = 0;
+    runs.refresh();
+  },
+  lost: (requests) => {
+    unfinished += requests;
+    show_state(null);
+    say("The studio's server is gone or does not answer. This page waits for it. If it has ended, start omni studio.");
+  },
+  samples: (found) => plots.samples(found),
   news,
 });
 const runs = new Runs(socket, say);
@@ -60,23 +68,28 @@ function news(message) {
   if (message.tables) tables(message.tables);
   if (message.parameters) parameters.values(message.parameters);
   if (message.marks) plots.marks(message.marks);
+  if (message.fixes) map.fixes(message.fixes);
   if (message.texts) message.texts.forEach(add_text);
   if (message.state) show_state(message.state);
   if (message.error) say(message.error);
 }
 
-function tables({ signals, view, parameters: infos, speed, wheels, radius_m, paths, path, world, experiments: kinds, bring_up: checks }) {
-  experiments.tables(kinds);
-  simulator.tables(world);
-  bring_up.tables(checks, wheels);
-  parameters.tables(infos);
-  plots.tables(signals, view);
-  if (view) id("span").value = view.span_s;
+/** again: the link came back, and what was shown before goes on. */
+function tables({ again, signals, view, wheels, radius_m, speed, paths, path, ...lists }) {
+  experiments.tables(lists.experiments);
+  simulator.tables(lists.world);
+  bring_up.tables(lists.bring_up, wheels);
+  parameters.tables(lists.parameters);
+  plots.tables(signals, view, again);
+  if (view && !again) id("span").value = view.span_s;
+  id("rate").value = ""; // each connection begins with its automatic rates
   velocity.top = speed;
-  id("draw-speed").value = (speed.v / 2).toPrecision(2);
   map.wheels = wheels;
   map.radius = radius_m;
-  map.clear();
+  if (!again) {
+    id("draw-speed").value = (speed.v / 2).toPrecision(2);
+    map.clear();
+  }
   id("path").replaceChildren(...paths.map((name) => new Option(name, name)));
   if (paths.includes(path)) id("path").value = path;
 }
@@ -125,15 +138,12 @@ function show_state(now) {
   if (!robot?.armed) gamepad.mustRest();
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
+  put("fix-text", robot ? fixes_in_words(robot.fixes, map.refused, link.quality?.radio) : "");
   if (robot?.pose) {
     const [x, y, theta] = robot.pose;
     id("map").setAttribute("aria-label",
       `Robot at x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, heading ${degrees(theta)}°. The fields below set a target.`);
   }
-}
-
-function put(name, words) {
-  if (id(name).textContent !== words) id(name).textContent = words;
 }
 
 function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, asking, budget_B_s, pace, radio } }) {
@@ -145,6 +155,13 @@ function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, asking,
     `${kilo(bytes_per_s)}${budget_B_s ? ` of ${kilo(budget_B_s)}` : ""} kB/s`,
     pace !== null && Math.abs(pace - 1) > OFF_PACE ? `runs at ${pace.toFixed(2)} × real time` : "",
   ].filter(Boolean).join(", ");
+}
+
+function fixes_in_words(counts, why, radio) {
+  const missing = "Pose fixes are not shown: this slow link does not bring them. Samples asks for them.";
+  if (!counts) return radio ? missing : "";
+  const reason = why ? `, the last because ${why}` : "";
+  return `Pose fixes: ${counts.used} used, ${counts.refused} refused${reason}.`;
 }
 
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
@@ -190,7 +207,9 @@ id("disarm").onclick = () => {
 id("release").onclick = () => ask("release");
 id("take-over").onclick = () => ask("take_over");
 for (const name of ["undo", "redo"]) id(name).onclick = () => ask(name);
-id("store").onclick = async () => { if (await ask("store") !== undefined) say("Stored: the robot keeps this when it is switched off."); };
+id("store").onclick = async () => {
+  if (await ask("store") !== undefined) say("Stored: the robot keeps this when it is switched off.");
+};
 id("save").href = `parameters.toml?token=${encodeURIComponent(socket.token)}`;
 id("load").onchange = async (event) => {
   const [file] = event.target.files;
@@ -219,7 +238,7 @@ plots.on_view = (view) => { // kept with the robot by the page that commands; ot
 };
 id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };
-id("clear-trail").onclick = () => map.clear();
+id("clear-trail").onclick = () => map.clear_trail();
 id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.stop(); };
 id("gamepad").onchange = (event) => gamepad.enable(event.target.checked);
 id("key-speed").oninput = (event) => { velocity.share = Number(event.target.value) / 100; };

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The floor from above: robot, its way, its uncertainty, what it follows, and the target that a click sets.
 
+import { ellipse } from "./ellipse.js";
+import { Fixes } from "./fixes.js";
 import { in_words } from "./words.js";
 
 const TRAIL_MOST = 4000;
@@ -9,6 +11,7 @@ const SEND_MS = 100; // a target is repeated, so that a dead page stops the robo
 const CLOSE_M = 0.005;
 const CLOSE_RAD = 0.02;
 const SIGMA = 3;
+const FADE_MS = 100; // between two drawings of fixes that fade
 const SLIP_S = 0.5; // a wheel's slip is drawn as the way of so long
 const DRAW_STEP_M = 0.005;
 const DRAW_MOST = 5000;
@@ -24,6 +27,8 @@ export class FloorMap {
   #drag = null;
   #drawn = [];
   #planned = [];
+  #fixes = new Fixes();
+  #drawn_at = 0;
   #stale = true;
 
   constructor(canvas, socket, on) {
@@ -38,6 +43,7 @@ export class FloorMap {
       this.#stale = true;
     }, { passive: false });
     canvas.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0 || !event.isPrimary) return; // a right click or a second finger moves no robot
       const [x, y] = this.#floor(event);
       canvas.setPointerCapture(event.pointerId);
       if (this.drawing) this.#draw_from(x, y);
@@ -45,18 +51,21 @@ export class FloorMap {
     });
     canvas.addEventListener("pointermove", (event) => {
       const [x, y] = this.#floor(event);
-      if (this.drawing && event.buttons) this.#draw_to(x, y);
-      if (!this.#drag) return;
+      if (this.drawing && event.isPrimary && event.buttons & 1) this.#draw_to(x, y);
+      if (!this.#drag || !event.isPrimary) return;
       const [dx, dy] = [x - this.#drag.x, y - this.#drag.y];
       if (Math.hypot(dx, dy) > 0.03) this.#drag.theta = Math.atan2(dy, dx);
       this.#target = { ...this.#drag };
       this.#stale = true;
     });
-    canvas.addEventListener("pointerup", () => {
-      if (this.#drag) this.on.target(this.#drag);
-      if (this.drawing && this.#drawn.length > 1) this.on.drawn(this.#drawn);
+    canvas.addEventListener("pointerup", (event) => {
+      if (event.button !== 0 || !event.isPrimary) return;
+      const drag = this.#drag;
       this.#drag = null;
+      if (drag) this.on.target(drag);
+      else if (this.drawing && this.#drawn.length > 1) this.on.drawn(this.#drawn);
     });
+    canvas.addEventListener("pointercancel", () => { this.#drag = null; }); // the browser took it for something else
     new ResizeObserver(() => { this.#stale = true; }).observe(canvas);
     const draw = () => { this.#draw(); requestAnimationFrame(draw); };
     requestAnimationFrame(draw);
@@ -79,10 +88,34 @@ export class FloorMap {
     this.#stale = true;
   }
 
-  clear() {
+  /** The robot has looked at these pose fixes. */
+  fixes(fixes) {
+    this.#fixes.add(fixes, performance.now());
+    this.#stale = true;
+  }
+
+  /** Pose fixes that are shown, oldest first: [{x, y, result, at}]. */
+  get marked() { return this.#fixes.shown; }
+
+  /** Why the last refused fix was refused; "": none was. */
+  get refused() { return this.#fixes.refused; }
+
+  /** The ellipse around the robot; null without a robot. Half axes in metres, the angle in radians. */
+  get ellipse() {
+    const { pose, pose_sd, pose_correlation } = this.#state ?? {};
+    return pose ? ellipse((pose_sd ?? [0, 0]).map((sd) => sd ?? 0), pose_correlation ?? 0, SIGMA) : null;
+  }
+
+  clear_trail() {
     this.#trail = [];
     this.#wanted = [];
     this.#stale = true;
+  }
+
+  /** Forget what was: another robot may have come. */
+  clear() {
+    this.#fixes.clear();
+    this.clear_trail();
   }
 
   /** What is drawn so far, as [x, y] in metres. */
@@ -113,12 +146,13 @@ export class FloorMap {
     this.cancel();
     this.#target = target;
     const send = () => this.socket.ask("pose", target).catch((refusal) => {
+      if (!this.going || this.#target !== target) return; // it was cancelled, or another one is wanted by now
       this.cancel();
       this.on.refused(in_words(refusal));
     });
-    send();
     this.#timer = setInterval(send, SEND_MS);
     this.on.going(true);
+    send();
   }
 
   cancel() {
@@ -148,8 +182,11 @@ export class FloorMap {
   }
 
   #draw() {
-    if (!this.#stale || document.hidden) return;
+    const now = performance.now();
+    const fading = this.#fixes.shown.length > 0 && now - this.#drawn_at > FADE_MS;
+    if (!(this.#stale || fading) || document.hidden) return;
     this.#stale = false;
+    this.#drawn_at = now;
     const { canvas } = this;
     const size = Math.round(canvas.clientWidth * devicePixelRatio);
     if (canvas.width !== size) canvas.width = canvas.height = size;
@@ -159,6 +196,7 @@ export class FloorMap {
     c.clearRect(0, 0, canvas.width, canvas.height);
     c.lineWidth = devicePixelRatio;
     this.#grid(c, colour("--line"), colour("--quiet"));
+    this.#fixes.draw(c, (place) => this.#pixel(place), colour, now);
     this.#line(c, this.#wanted, colour("--warn"), [6, 4]);
     if (this.#planned.length) this.#line(c, this.#planned, colour("--good"), []);
     else this.#line(c, this.#drawn, colour("--good"), [2, 3]);
@@ -166,7 +204,7 @@ export class FloorMap {
     if (this.#target) this.#robot(c, [this.#target.x, this.#target.y, this.#target.theta], colour("--quiet"), [4, 3]);
     const pose = this.#state?.pose;
     if (!pose) return;
-    this.#ellipse(c, pose, this.#state.pose_sd ?? [0, 0], colour("--warn"));
+    this.#draw_ellipse(c, pose, colour("--warn"));
     this.#robot(c, pose, colour("--text"), []);
     this.#slips(c, pose, this.#state.slip_m_s ?? [], colour("--warn"));
   }
@@ -230,12 +268,13 @@ export class FloorMap {
     c.lineWidth = devicePixelRatio;
   }
 
-  #ellipse(c, pose, sd, colour) {
+  #draw_ellipse(c, pose, colour) {
     const [x, y] = this.#pixel(pose);
+    const { major, minor, angle } = this.ellipse;
     c.strokeStyle = colour;
     c.setLineDash([]);
     c.beginPath();
-    c.ellipse(x, y, SIGMA * (sd[0] ?? 0) * this.#scale(), SIGMA * (sd[1] ?? 0) * this.#scale(), 0, 0, 2 * Math.PI);
+    c.ellipse(x, y, major * this.#scale(), minor * this.#scale(), -angle, 0, 2 * Math.PI); // y of pixels points down
     c.stroke();
   }
 }

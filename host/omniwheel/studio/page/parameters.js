@@ -20,11 +20,13 @@ export class ParameterList {
 
   tables(infos) {
     this.#entries.clear();
+    const open = new Set([...this.root.querySelectorAll("details[open] > summary")].map((title) => title.textContent));
     const groups = Map.groupBy(infos, (info) => info.group);
     this.root.replaceChildren(...[...groups].map(([name, members]) => {
       const group = document.createElement("details");
       const title = document.createElement("summary");
       title.textContent = name;
+      group.open = open.has(name);
       group.append(title, ...members.map((info) => this.#row(info)));
       return group;
     }));

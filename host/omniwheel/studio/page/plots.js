@@ -5,8 +5,9 @@ import uPlot from "../vendor/uPlot.esm.js";
 import { aligned, Buffer } from "./buffers.js";
 import { measured } from "./measure.js";
 import { chooseSignals } from "./signals.js";
+import { MORE, PART } from "./socket.js";
 import { showSpectrum } from "./spectrum.js";
-import { axis_style } from "./words.js";
+import { axis_style, in_words } from "./words.js";
 import { axisFields, XYPlot } from "./xy.js";
 
 // Okabe and Ito's colours, which colour-blind people tell apart; dashes repeat the difference.
@@ -15,6 +16,7 @@ const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3], [5, 5], [14, 4]];
 const NEAR_PX = 8;
 const HEIGHT_PX = 190;
 const STORED = "omniwheel-plots";
+const NUMBERS = 0x10000;
 const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], info: () => undefined,
   limit: () => undefined };
 const FIRST_VIEW = [
@@ -28,6 +30,7 @@ export class Plots {
   #buffers = new Map(); // by key
   #frozen = new Map();
   #shown = []; // keys in the order in which the server numbers them
+  #number = 0; // of this list: samples of another one are not for it
   #marks = [];
   #signals = new Map();
   #span = 10;
@@ -70,12 +73,24 @@ export class Plots {
 
   limit_of(key) { return this.#signals.get(key)?.limit; }
 
-  /** view: what is kept of this robot, as view gives it; null: nothing, and what is shown stays. */
-  tables(signals, view = null) {
+  /**
+   * view: what is kept of this robot, as view gives it; null: nothing, and what is shown stays. again: the link to it
+   * came back, and the plots go on.
+   */
+  tables(signals, view = null, again = false) {
     this.#signals = new Map(signals.map((signal) => [signal.key, signal]));
-    if (view) this.#show(view);
+    if (!again) this.#begin();
+    if (view && !again) this.#show(view);
     else if (this.#panels.length === 0) this.#restore();
+    else this.#rebuild();
     this.#subscribe();
+  }
+
+  /** Forget the robot before: this one's clock is another. */
+  #begin() {
+    this.#buffers.clear();
+    this.#now = 0;
+    this.live();
   }
 
   /** What is shown, to be kept: {plots: [{keys, xy}], span_s}. */
@@ -97,11 +112,8 @@ export class Plots {
   /** Show a recording instead of what is live: the whole of it, until the mouse has chosen a part. */
   recorded(signals, marks, whole) {
     this.#whole = whole;
-    this.#buffers.clear();
-    this.live();
     this.tables(signals);
     this.marks(marks);
-    this.#rebuild();
   }
 
   marks(marks) {
@@ -109,14 +121,16 @@ export class Plots {
     this.#stale = true;
   }
 
-  samples(isWindow, traces, arrived) {
+  /** kind: MORE is added, WHOLE replaces what is kept, PART is what a pause shows. number: of the list of signals. */
+  samples({ kind, number, traces, arrived }) {
+    if (number !== this.#number || (kind === PART && !this.paused)) return; // asked for before, wanted no more
     this.#arrived = arrived;
     for (const { place, time, value } of traces) {
       const key = this.#shown[place];
       if (key === undefined) continue;
-      if (isWindow && this.#pausedAt) this.#frozen.set(key, { time, value });
-      else if (isWindow || this.#whole) this.#buffer(key).replace(time, value);
-      else this.#buffer(key).append(time, value);
+      if (kind === PART) this.#frozen.set(key, { time, value });
+      else if (kind === MORE) this.#buffer(key).append(time, value);
+      else this.#buffer(key).replace(time, value);
       if (time.length) this.#now = Math.max(this.#now, time[time.length - 1]);
       this.drawn.samples += time.length;
     }
@@ -140,10 +154,17 @@ export class Plots {
   pause(begin = this.#now - this.#span, end = this.#now) {
     this.#pausedAt = { begin, end };
     this.on_pause?.(true);
-    const width = Math.round(this.root.clientWidth) || 800;
-    this.socket.ask("window", { begin_s: begin, end_s: end, width }).catch((refusal) => this.say(refusal.error));
+    this.#ask_part();
     this.#stale = true;
   }
+
+  #ask_part() {
+    const { begin, end } = this.#pausedAt;
+    const width = Math.round(this.root.clientWidth) || 800;
+    this.#ask("window", { begin_s: begin, end_s: end, width });
+  }
+
+  #ask(action, content) { this.socket.ask(action, content).catch((refusal) => this.say(in_words(refusal))); }
 
   add(keys = [], xy = false) {
     this.#panels.push(this.#panel(keys, xy));
@@ -185,14 +206,18 @@ export class Plots {
 
   #restore() {
     let plots = FIRST_VIEW;
-    try { plots = JSON.parse(localStorage.getItem(this.options.stored)) ?? FIRST_VIEW; } catch { /* the first view, then */ }
+    try {
+      plots = JSON.parse(localStorage.getItem(this.options.stored)) ?? FIRST_VIEW;
+    } catch { /* the first view, then */ }
     this.#show({ plots: plots.map((entry) => (entry.xy ? { keys: entry.xy, xy: true } : { keys: entry, xy: false })),
       span_s: this.#span });
   }
 
   #store() {
     const plots = this.#panels.map(({ keys, xy }) => (xy ? { xy: keys } : keys));
-    localStorage.setItem(this.options.stored, JSON.stringify(plots));
+    try {
+      localStorage.setItem(this.options.stored, JSON.stringify(plots));
+    } catch { /* the browser keeps nothing: the view is as long as the page */ }
   }
 
   #changed() {
@@ -204,11 +229,11 @@ export class Plots {
 
   #subscribe() {
     const wanted = [...new Set(this.#panels.flatMap((panel) => this.#series(panel)))];
-    if (this.#pausedAt) this.live();
     this.#shown = wanted;
+    this.#number = (this.#number + 1) % NUMBERS;
     for (const key of this.#buffers.keys()) if (!wanted.includes(key)) this.#buffers.delete(key);
-    this.socket.ask("show", { signals: wanted, span_s: Math.max(this.#span, 10) })
-      .catch((refusal) => this.say(refusal.error));
+    this.#ask("show", { signals: wanted, number: this.#number, span_s: Math.max(this.#span, 10) });
+    if (this.paused) this.#ask_part();
   }
 
   // ---- drawing
@@ -273,7 +298,7 @@ export class Plots {
       hooks: {
         draw: [(plot) => { this.#draw_limits(panel); this.#draw_marks(plot); }],
         setCursor: [(plot) => this.#near_mark(plot)],
-        setSelect: [() => this.#select(panel)],
+        setSelect: [(plot) => this.#select(plot)],
       },
     }, [[]], panel.root);
     const over = panel.plot.over;
@@ -399,13 +424,14 @@ export class Plots {
     this.on_mark?.(near.length ? mark_in_words(near[near.length - 1]) : "");
   }
 
-  #select(panel) {
-    const { plot } = panel;
+  /** The plots mark the same stretch together, so all signals are measured. */
+  #select(plot) {
     const { left, width } = plot.select;
     if (width < 4) return;
     const [begin, end] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    const pieces = this.#series(panel).map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
+    const keys = new Set(this.#panels.filter(({ xy }) => !xy).flatMap((panel) => this.#series(panel)));
+    const pieces = [...keys].map((key) => ({ ...this.#words_of(key), ...this.#piece(key, begin, end) }));
     this.on_measure?.(end - begin, measured(pieces, begin, end));
     this.pause(begin, end);
   }

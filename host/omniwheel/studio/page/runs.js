@@ -2,14 +2,13 @@
 // Earlier drives: their list, their plots, two of them beside each other; and the recording of the next one.
 
 import { Plots } from "./plots.js";
-import { unpacked } from "./socket.js";
-import { in_words } from "./words.js";
+import { PART, unpacked, WHOLE } from "./socket.js";
+import { id, in_words, put } from "./words.js";
 
 const LETTERS = ["A", "B"];
 const SEARCH_MS = 250;
-const WIDTH = 2000;
+const EVERYTHING = { begin_s: -Number.MAX_SAFE_INTEGER, end_s: Number.MAX_SAFE_INTEGER, width: 2000 };
 const BETWEEN = "|"; // a series is the number of a log and a signal's key
-const id = (name) => document.getElementById(name);
 
 export class Runs {
   #open = []; // [{log, title, run, about}], one or two
@@ -17,6 +16,7 @@ export class Runs {
   #later = [0]; // by how much each log is shown earlier than its own clock [s]
   #busy = false;
   #next = {}; // what is asked for next, by kind
+  #shown = { signals: [], number: 0 }; // what the plots want to show
   #recording = null;
 
   constructor(socket, say) {
@@ -29,9 +29,10 @@ export class Runs {
       info: (key) => this.#info(key),
     });
     this.plots.on_pause = (paused) => { id("run-whole").disabled = !paused; };
-    this.plots.on_mark = (words) => { id("run-mark-text").textContent = words; };
+    this.plots.on_mark = (words) => { put("run-mark-text", words); };
     this.plots.on_measure = (seconds, lines) => {
-      id("run-mark-text").textContent = [`${seconds.toPrecision(4)} s chosen; double-click shows the whole run`, ...lines].join(". ");
+      const chosen = `${seconds.toPrecision(4)} s chosen; double-click shows the whole run`;
+      put("run-mark-text", [chosen, ...lines].join(". "));
     };
     let timer = 0;
     id("run-search").oninput = () => { clearTimeout(timer); timer = setTimeout(() => this.refresh(), SEARCH_MS); };
@@ -55,7 +56,7 @@ export class Runs {
     const changed = before && now && (before.on !== now.on || before.completed !== now.completed);
     this.#recording = now ?? null;
     const words = now?.on ? `on: ${now.folder}` : now?.trouble ? `off: ${now.trouble}` : "off";
-    if (id("fact-recording").textContent !== words) id("fact-recording").textContent = words;
+    put("fact-recording", words);
     id("fact-recording").className = now?.on ? "on" : now?.trouble ? "bad" : "";
     id("record").textContent = now?.on ? "End recording" : "Record";
     id("record").setAttribute("aria-pressed", Boolean(now?.on));
@@ -68,10 +69,11 @@ export class Runs {
       const found = await this.socket.ask("runs", { find: id("run-search").value });
       this.largest = found.largest_upload;
       const more = found.more ? `, and ${found.more} older ones: search for them` : "";
-      id("run-hint").textContent = `${found.runs.length} in ${found.folder}${more}. `
-        + `A log of up to ${Math.round(found.largest_upload / 2 ** 20)} MB can be opened from elsewhere.`;
+      put("run-hint", `${found.runs.length} in ${found.folder}${more}. `
+        + `A log of up to ${Math.round(found.largest_upload / 2 ** 20)} MB can be opened from elsewhere.`);
       const rows = found.runs.map((run) => this.#row(run));
-      id("run-list").replaceChildren(...(rows.length ? [table(["Name", "When", "Robot", "What", "Figures", "Show"], rows)] : []));
+      const heads = ["Name", "When", "Robot", "What", "Figures", "Show"];
+      id("run-list").replaceChildren(...(rows.length ? [table(heads, rows)] : []));
     });
   }
 
@@ -94,13 +96,14 @@ export class Runs {
   }
 
   async #add(before, { log, title, run }) {
-    id("run-text").textContent = `Reading ${title} …`;
+    put("run-text", `Reading ${title} …`);
     const about = await this.#try(() => this.socket.ask("open_run", { log }));
-    id("run-text").textContent = "";
+    put("run-text", "");
     if (!about) return;
     this.#show([...before, { log, title, run, about }]);
     if (about.lost_bytes || about.bad_frames) {
-      this.say(`${title} is damaged: ${about.lost_bytes} bytes and ${about.bad_frames} messages of it cannot be read. The rest is shown.`);
+      const what = `${about.lost_bytes} bytes and ${about.bad_frames} messages of it cannot be read`;
+      this.say(`${title} is damaged: ${what}. The rest is shown.`);
     }
     await this.#compare();
     id("run-view").scrollIntoView({ block: "nearest" });
@@ -110,7 +113,7 @@ export class Runs {
     this.#open = logs;
     id("run-view").hidden = logs.length === 0;
     if (anew) id("run-compared").replaceChildren();
-    id("run-mark-text").textContent = "";
+    put("run-mark-text", "");
     if (logs.length === 0) return;
     const letter = (n) => (logs.length > 1 ? `${LETTERS[n]}: ` : "");
     id("run-name").textContent = logs.map(({ title }, n) => letter(n) + title).join(", ");
@@ -139,11 +142,12 @@ export class Runs {
   }
 
   async #compare() {
-    if (this.#open.length < 2) return;
-    const names = this.#open.map(({ run }) => run);
+    const logs = this.#open;
+    if (logs.length < 2) return;
+    const names = logs.map(({ run }) => run);
     if (names.some((name) => !name)) return; // a log from elsewhere has neither figures nor parameters
     const found = await this.#try(() => this.socket.ask("compare_runs", { one: names[0], other: names[1] }));
-    if (!found) return;
+    if (!found || logs !== this.#open) return; // other ones are shown by now
     const rows = (lines) => lines.map((line) => line.map(cell));
     const parameters = found.parameters.length ? [table(["Parameter", "A", "B"], rows(found.parameters))]
       : ["No parameter that both know differs."];
@@ -154,8 +158,9 @@ export class Runs {
     const [file] = field.files;
     if (!file) return;
     await this.#try(async () => {
-      if (file.size > this.largest) throw { error: `${file.name} is larger than ${Math.round(this.largest / 2 ** 20)} MB` };
-      id("run-text").textContent = `Reading ${file.name} …`;
+      const most = Math.round(this.largest / 2 ** 20);
+      if (file.size > this.largest) throw { error: `${file.name} is larger than ${most} MB` };
+      put("run-text", `Reading ${file.name} …`);
       const { log } = await (await this.#post("run-log", file)).json();
       await this.#add([], { log, title: file.name, run: "" });
     });
@@ -165,15 +170,15 @@ export class Runs {
   /** What the plots ask for, as of a live robot. Only the newest request is done: the wheel makes many. */
   async #samples(action, content) {
     if (action === "spectrum") return this.#spectra(content);
-    if (action === "show") this.keys = content.signals;
-    this.#next[action] = action === "show" ? { begin_s: -Number.MAX_SAFE_INTEGER, end_s: Number.MAX_SAFE_INTEGER, width: WIDTH } : content;
+    if (action === "show") this.#shown = content;
+    this.#next[action] = action === "show" ? EVERYTHING : content;
     if (this.#busy) return;
     this.#busy = true;
     try {
       for (let kind; (kind = Object.keys(this.#next).sort()[0]);) { // the whole before a part of it
         const { begin_s, end_s, width } = this.#next[kind];
         delete this.#next[kind];
-        await this.#fetch(this.keys ?? [], { begin_s, end_s, width }, kind === "window");
+        await this.#fetch(this.#shown, { begin_s, end_s, width }, kind === "window" ? PART : WHOLE);
       }
     } finally {
       this.#busy = false;
@@ -193,21 +198,22 @@ export class Runs {
     return signals.map((key) => found.get(key)).filter(Boolean);
   }
 
-  async #fetch(keys, range, isWindow) {
+  async #fetch(shown, range, kind) {
     const [logs, later] = [this.#open, this.#later];
     const traces = await Promise.all(logs.map(async ({ log }, n) => {
-      const mine = keys.map((key, place) => ({ key, place })).filter(({ key }) => key.startsWith(`${n}${BETWEEN}`));
+      const mine = shown.signals.map((key, place) => ({ key, place }))
+        .filter(({ key }) => key.startsWith(`${n}${BETWEEN}`));
       if (mine.length === 0) return [];
       const signals = mine.map(({ key }) => key.split(BETWEEN)[1]);
       const { begin_s, end_s, width } = range;
       const wanted = { log, signals, begin_s: begin_s + later[n], end_s: end_s + later[n], width };
       const answer = await this.#post("run-samples", JSON.stringify(wanted));
-      const [, found] = unpacked(await answer.arrayBuffer());
-      return found.map(({ place, time, value }) => (
+      const found = unpacked(await answer.arrayBuffer());
+      return found.traces.map(({ place, time, value }) => (
         { place: mine[place].place, time: time.map((t) => t - later[n]), value }));
     }));
-    if (logs !== this.#open || later !== this.#later || this.keys !== keys || (isWindow && !this.plots.paused)) return; // wanted no more
-    this.plots.samples(isWindow, traces.flat(), 0);
+    if (logs !== this.#open || later !== this.#later) return; // wanted no more
+    this.plots.samples({ kind, number: shown.number, traces: traces.flat(), arrived: 0 });
   }
 
   async #post(where, body) {
@@ -227,7 +233,7 @@ export class Runs {
       return result;
     } catch (refusal) {
       if (!refusal.error) throw refusal;
-      id("run-text").textContent = "";
+      put("run-text", "");
       this.say(in_words(refusal));
       return undefined;
     }

@@ -1,26 +1,30 @@
 // SPDX-License-Identifier: MIT
 // The dialog in which the signals of a plot are chosen.
 
+import { id, put } from "./words.js";
+
 const MOST = 12;
 
 /** Show the list; resolves with the chosen keys once the dialog is closed. */
 export function chooseSignals(signals, chosen) {
-  const dialog = document.getElementById("signal-dialog");
-  const list = document.getElementById("signal-list");
-  const search = document.getElementById("signal-search");
+  const dialog = id("signal-dialog");
+  const list = id("signal-list");
+  const search = id("signal-search");
   const wanted = new Set(chosen);
   const show = () => {
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const fits = (signal) => words.every((word) => `${signal.key} ${signal.label} ${signal.doc}`.toLowerCase().includes(word));
+    const text = ({ key, label, doc }) => `${key} ${label} ${doc}`.toLowerCase();
+    const fits = (signal) => words.every((word) => text(signal).includes(word));
     const groups = Map.groupBy(signals.filter(fits), (signal) => signal.group);
     list.replaceChildren(...[...groups].map(([name, members]) => group(name, members, wanted)));
   };
   search.value = "";
+  put("signal-text", "");
   search.oninput = show;
   show();
   dialog.showModal();
   search.focus();
-  document.getElementById("close-signals").onclick = () => dialog.close();
+  id("close-signals").onclick = () => dialog.close();
   return new Promise((done) => {
     dialog.onclose = () => done(signals.map(({ key }) => key).filter((key) => wanted.has(key)));
   });
@@ -37,7 +41,9 @@ function group(name, members, wanted) {
     box.checked = wanted.has(signal.key);
     box.value = signal.key;
     box.onchange = () => {
-      if (box.checked && wanted.size >= MOST) box.checked = false;
+      const full = box.checked && wanted.size >= MOST;
+      put("signal-text", full ? `A plot shows ${MOST} signals at most: take one away first.` : "");
+      if (full) box.checked = false;
       else if (box.checked) wanted.add(signal.key);
       else wanted.delete(signal.key);
     };

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // What can be broken in the simulated world, and how fast it runs. All names and words come from the server.
 
+import { id, put } from "./words.js";
+
 const element = (tag, properties = {}, ...children) => {
   const made = Object.assign(document.createElement(tag), properties);
   made.append(...children);
@@ -9,15 +11,14 @@ const element = (tag, properties = {}, ...children) => {
 const key_of = (fault, wheel) => `${fault} ${wheel ?? ""}`;
 
 export class Simulator {
-  #id = (name) => document.getElementById(name);
   #buttons = new Map(); // by fault and wheel: {button, words}
 
   /** ask(action, content) sends a request and says a refusal. */
   constructor(section, ask) {
     this.section = section;
     this.ask = ask;
-    this.#id("mend").onclick = () => ask("world", { mend: true });
-    this.#id("world-speed").onchange = (event) => ask("world", { speed: Number(event.target.value) });
+    id("mend").onclick = () => ask("world", { mend: true });
+    id("world-speed").onchange = (event) => ask("world", { speed: Number(event.target.value) });
   }
 
   /** catalogue: {faults: [{name, group, words, reaction, wheels}], speeds}; null: the robot is not simulated here */
@@ -25,12 +26,14 @@ export class Simulator {
     this.#buttons.clear();
     const groups = new Map();
     for (const fault of catalogue?.faults ?? []) {
-      if (!groups.has(fault.group)) groups.set(fault.group, element("div", {}, element("h3", { textContent: fault.group })));
-      groups.get(fault.group).append(this.#row(fault));
+      const { group } = fault;
+      if (!groups.has(group)) groups.set(group, element("div", {}, element("h3", { textContent: group })));
+      groups.get(group).append(this.#row(fault));
     }
-    this.#id("world-faults").replaceChildren(...groups.values());
-    this.#id("world-speed").replaceChildren(
-      ...(catalogue?.speeds ?? []).map((speed) => new Option(speed === 1 ? "real time" : `${speed} × real time`, speed)));
+    id("world-faults").replaceChildren(...groups.values());
+    id("world-speed").replaceChildren(
+      ...(catalogue?.speeds ?? []).map(
+        (speed) => new Option(speed === 1 ? "real time" : `${speed} × real time`, speed)));
   }
 
   #row({ name, words, reaction, wheels }) {
@@ -59,9 +62,9 @@ export class Simulator {
     const on = new Set(now.on.map(({ fault, wheel }) => key_of(fault, wheel)));
     for (const [key, { button }] of this.#buttons) button.setAttribute("aria-pressed", String(on.has(key)));
     const broken = [...on].map((key) => this.#buttons.get(key)?.words ?? key);
-    this.#id("mend").disabled = on.size === 0;
+    id("mend").disabled = on.size === 0;
     const text = now.refusal || (broken.length ? `Broken now: ${broken.join("; ")}` : "Nothing is broken.");
-    if (this.#id("world-text").textContent !== text) this.#id("world-text").textContent = text;
-    if (document.activeElement !== this.#id("world-speed")) this.#id("world-speed").value = String(now.speed);
+    put("world-text", text);
+    if (document.activeElement !== id("world-speed")) id("world-speed").value = String(now.speed);
   }
 }

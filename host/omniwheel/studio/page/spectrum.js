@@ -2,34 +2,44 @@
 // The frequencies in what a plot shows. The server computes them.
 
 import uPlot from "../vendor/uPlot.esm.js";
-import { axis_style, in_words, show_lines } from "./words.js";
+import { axis_style, id, in_words, put, show_lines } from "./words.js";
 
 const HEIGHT_PX = 320;
 const LEAST_SHARE = 1e-5; // of the largest line: the axis is logarithmic, and has no zero
-const id = (name) => document.getElementById(name);
+
+let shown = null; // {plot}, what the window shows: another object once something else is asked for
+
+function forget() {
+  shown?.plot?.destroy();
+  shown = null;
+}
 
 /** Show the spectra of these signals between two times, in a window of its own. */
 export async function showSpectrum(socket, { signals, labels, units, colours, begin, end }) {
   const dialog = id("spectrum-dialog");
+  forget();
+  const mine = shown = { plot: null };
   id("spectrum-list").replaceChildren();
   id("spectrum-plot").replaceChildren();
   id("spectrum-range").textContent = `${begin.toFixed(2)} s to ${end.toFixed(2)} s`;
   if (!dialog.open) dialog.showModal();
   id("close-spectrum").onclick = () => dialog.close();
+  dialog.onclose = forget;
   let found;
   try {
     found = await socket.ask("spectrum", { signals, begin_s: begin, end_s: end });
   } catch (refusal) {
-    id("spectrum-range").textContent = in_words(refusal);
+    if (shown === mine) put("spectrum-range", in_words(refusal));
     return;
   }
+  if (shown !== mine) return; // closed, or another one was asked for
   const places = found.map(({ key }) => signals.indexOf(key)); // not every log has every signal
   const axis = axis_style();
   const data = [];
   for (const { Hz, amplitude, peak } of found) {
     data.push([Hz, amplitude.map((value) => Math.max(value, peak.amplitude * LEAST_SHARE) || null)]);
   }
-  new uPlot({
+  mine.plot = new uPlot({
     width: Math.min(560, innerWidth - 70),
     height: HEIGHT_PX,
     scales: { x: { time: false }, y: { distr: 3 } },

@@ -1,6 +1,14 @@
 // SPDX-License-Identifier: MIT
 // What every part of the page says and shows in the same way.
 
+/** The element with this id. */
+export const id = (name) => document.getElementById(name);
+
+/** Show words in the element with this id. The same words again are left alone: a screen reader would repeat them. */
+export function put(name, words) {
+  if (id(name).textContent !== words) id(name).textContent = words;
+}
+
 /** A refusal of the server in words. */
 export const in_words = ({ error, hint }) => (hint ? `${error}. ${hint}` : error);
 

@@ -7,7 +7,7 @@ import { axis_style } from "./words.js";
 const HEIGHT_PX = 320;
 const MARGIN = 0.05;
 
-const values = (_, splits) => splits.map((value) => String(Number(value.toPrecision(6))));
+const in_words = (_, splits) => splits.map((value) => String(Number(value.toPrecision(6))));
 
 /** Ranges of both axes that hold all points; as many pixels per unit on both if they have the same unit. */
 function ranges(points, width, height, alike) {
@@ -50,7 +50,7 @@ export class XYPlot {
 
   /** labels: of both axes, with units; names: of the curves, one per pair of columns; alike: the same unit on both */
   constructor(root, width, { labels, names, colours, alike }) {
-    const axis = axis_style();
+    const axis = { ...axis_style(), values: in_words };
     this.alike = alike;
     this.count = names.length;
     this.#plot = new uPlot({
@@ -60,7 +60,7 @@ export class XYPlot {
       cursor: { drag: { x: false, y: false } },
       legend: { show: names.length > 1, live: false },
       scales: { x: { time: false, range: () => this.#ranges[0] }, y: { range: () => this.#ranges[1] } },
-      axes: [{ ...axis, label: labels[0], labelSize: 16, size: 34, values }, { ...axis, label: labels[1], size: 62, values }],
+      axes: [{ ...axis, label: labels[0], labelSize: 16, size: 34 }, { ...axis, label: labels[1], size: 62 }],
       series: [{}, ...names.map((label, n) => ({
         label,
         stroke: colours[n],

@@ -176,6 +176,7 @@ typedef struct omni_outputs_t {
     omni_uint_t velocity_limits; /**< omni_velocity_limit_t that cut it; the highest bit is the one that decided */
     omni_stop_t stop;
     omni_real_t supply_V;
+    omni_real_t pose_xy_m2; /**< covariance of the estimate's x and y, world frame */
     omni_real_t nis;
     omni_uint_t fixes_accepted;
     omni_uint_t fixes_refused;

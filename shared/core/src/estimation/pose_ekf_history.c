@@ -81,6 +81,7 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
     if (columns == OMNI_EKF_COLUMNS) {
         return omni_ekf_turn_window(state, config, k, age_us, window);
     }
+    OMNI_INVARIANT(columns == 0 || columns == OMNI_MAX_WHEELS);
     return columns == 0 ? fill_window(state, config, k, age_us, window, 0)
-                        : fill_window(state, config, k, age_us, window, columns);
+                        : fill_window(state, config, k, age_us, window, OMNI_MAX_WHEELS);
 }

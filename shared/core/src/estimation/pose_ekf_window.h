@@ -139,11 +139,9 @@ static inline __attribute__((always_inline)) bool fill_window(const omni_pose_ek
             return false;
         }
         const omni_ekf_slot_t *slot = &state->history[(state->newest + OMNI_EKF_HISTORY - back) % OMNI_EKF_HISTORY];
-        if (slot->duration_us == 0) {
-            continue;
-        }
+        /* The slot being filled may be empty: it moved nothing, whatever its share. */
         const uint32_t used_us = left_us < slot->duration_us ? left_us : slot->duration_us;
-        const omni_real_t share = (omni_real_t)used_us / (omni_real_t)slot->duration_us;
+        const omni_real_t share = (omni_real_t)used_us / (omni_real_t)(slot->duration_us > 0 ? slot->duration_us : 1u);
         const slot_motion_t s = slot_motion(state, slot, columns, state->pose.theta - window->move[2], share);
         prepend_slot(config, slot, &s, share, columns, slip_noise, window);
         left_us -= used_us;

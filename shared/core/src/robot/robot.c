@@ -115,7 +115,10 @@ static void report_estimate(const omni_estimator_t *estimator, const omni_robot_
     outputs->supply_V = estimate->supply_V;
     outputs->pose = estimate->pose;
     outputs->rate = estimate->rate;
-    memcpy(outputs->pose_sd, estimate->pose_sd, sizeof outputs->pose_sd);
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        outputs->pose_sd[axis] = omni_sqrtf(omni_pose_ekf_variance(&estimator->pose_ekf, axis));
+    }
+    outputs->pose_xy_m2 = estimator->pose_ekf.p[0][1];
     outputs->nis = estimate->nis;
     outputs->fixes_accepted = estimate->fixes_accepted;
     outputs->fixes_refused = estimate->fixes_refused;

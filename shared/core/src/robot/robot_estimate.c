@@ -175,9 +175,6 @@ static void derive_motion(const omni_pose_ekf_state_t *ekf, const omni_robot_con
     omni_twist_t body;
     omni_kinematics_forward(&c->kinematics, estimate->wheel_rad_s, estimate->slip_m_s, &body);
     estimate->rate = omni_rotate_to_world(&body, &estimate->heading);
-    for (int axis = 0; axis < OMNI_AXES; ++axis) {
-        estimate->pose_sd[axis] = omni_sqrtf(omni_pose_ekf_variance(ekf, axis));
-    }
     estimate->nis = ekf->nis;
     estimate->fixes_accepted = ekf->accepted;
     estimate->fixes_refused = ekf->refused;

@@ -28,7 +28,6 @@ typedef struct omni_estimate_t {
     omni_real_t supply_V;                    /**< > 0 */
     omni_pose_t pose;
     omni_twist_t rate; /**< world twist from the wheels */
-    omni_real_t pose_sd[OMNI_AXES];
     omni_real_t nis;
     omni_uint_t fixes_accepted;
     omni_uint_t fixes_refused;
