@@ -100,7 +100,7 @@ OMNI_COLD uint8_t Excitations::start(const Wanted &wanted, int32_t receipt) {
     }
     const char *why = check_numbers(wanted);
     why = why != nullptr ? why : check_amplitude(wanted);
-    if (why == nullptr && robot_.arming() && !robot_.stopping()) {
+    if (why == nullptr && robot_.state() != OMNI_STATE_ARMED && robot_.arming() && !robot_.stopping()) {
         return MAV_RESULT_TEMPORARILY_REJECTED; // armed in a moment: no report tells yet which set-point is in force
     }
     why = why != nullptr ? why : check_state(static_cast<uint8_t>(wanted.place));
