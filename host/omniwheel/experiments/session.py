@@ -17,8 +17,11 @@ from omniwheel.frames import Pose
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
 
-REPEAT_S = 0.1
-"""How often a set-point is sent: a radio of 9600 baud carries that."""
+REPEAT_S = 0.15
+"""How often a set-point is sent: beside telemetry, a radio of 9600 baud carries no more.
+
+One that is lost must not make the last older than SAFE_CMD_TO, 0.5 s by default: so it cannot be much longer.
+"""
 MODE_TIMEOUT_S = 5.0
 SILENT_S = 3.0
 TAIL_S = 0.3
