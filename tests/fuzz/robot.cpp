@@ -154,7 +154,11 @@ void Robot::boot() {
     board_.watchdog = &watchdog;
     const int32_t number = omni_builtin_robot_find(setup.robot);
     check(number >= 0, "the robot is built in", number);
-    board_.robot_values = omni_builtin_robots[number].values;
+    std::copy_n(omni_builtin_robots[number].values, OMNI_PARAM_COUNT, own_values_.begin());
+    if (own_values_[OMNI_PARAM_WHEELS] > 3.0f) {
+        own_values_[OMNI_PARAM_GYRO_AXIS] = 3.0f; // no shipped robot has a gyro; this one does
+    }
+    board_.robot_values = own_values_.data();
     motor_pins.driver = static_cast<uint8_t>(board_.robot_values[OMNI_PARAM_MOT_DRIVER]);
     motor_pins.restart();
     board_.motor_pins = motor_pins.driver == OMNI_MOT_DRIVER_PCA9685 ? nullptr : &motor_pins;
@@ -280,6 +284,10 @@ Bytes Robot::hil_sensors(const Form &form) {
     message.counts_valid = encoders.valid;
     message.i2c_status = bus.fate == omni::I2cStatus::done ? 0 : 1;
     std::memcpy(message.i2c_read, hil_read_, sizeof hil_read_);
+    constexpr uint32_t spread = 2654435761u; // noise: equal readings would be those of a stuck gyro
+    const auto noise = static_cast<float>((hil_sequence_ * spread) >> 24);
+    std::fill_n(message.gyro_rad_s, std::size(message.gyro_rad_s), 1e-5f * noise);
+    message.gyro_valid = 0x7;
     hil_us += OMNI_TICK_US;
     return frame_of(MAVLINK_MSG_ID_OMNI_HIL_SENSORS, message, form);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -182,6 +183,7 @@ private:
     void note_arming(size_t port, const Bytes &bytes);
 
     alignas(8) uint8_t burst_memory_[4096];
+    std::array<float, OMNI_PARAM_COUNT> own_values_{};
     omni::Board board_;
     std::optional<omni::App> app_;
     Chip hil_chip_;
