@@ -133,7 +133,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
         "firmware/app/arming.cpp",
         "if (wanted == 1.0f) {",
         "if (wanted > 0.5f) {",
-        "no motor is driven",
+        "the robot arms when asked to and not otherwise",
     ),
     "a disarm that is left out while nothing drives yet": (
         "sequence",

@@ -25,7 +25,7 @@ def page(lines: Sequence[str]) -> str:
 
 def test_the_page_that_was_written_says_what_was_measured() -> None:
     measured = block(USAGE, "three_wheel", GCC_12)
-    assert "| ITCM | 148 | 160 | 512 |" in measured[5]
+    assert "| ITCM | 148 | 192 | 512 |" in measured[5]
     assert "267 left" in measured[-1]
     assert difference(page(measured), measured) == ""
 

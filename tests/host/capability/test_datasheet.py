@@ -177,7 +177,7 @@ def test_a_small_battery_is_not_taken_for_an_empty_one(tmp_path: Path) -> None:
     assert values["SAFE_STALL_V"] == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize(("lines", "warned"), [(12.0, True), (2500.0, False)])
+@pytest.mark.parametrize(("lines", "warned"), [(6.0, True), (2500.0, False)])
 def test_a_robot_that_notices_a_blocked_wheel_late_is_told(lines: float, warned: bool, tmp_path: Path) -> None:
     model = drive_model(read_robot(write_designed_robot("coarse", answers(12.0, 10.0, lines), tmp_path)))
     assert any("A blocked wheel is noticed after" in warning for warning in warnings(model)) is warned
