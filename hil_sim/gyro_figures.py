@@ -22,6 +22,8 @@ from omniwheel._core import ffi, lib
 
 Array = NDArray[np.float64]
 STAND_TICKS, LOOK_TICKS = 3000, 500
+SEEDS = range(1000, 1050)
+"""Of the page's table."""
 
 
 @dataclass(frozen=True)
@@ -136,19 +138,24 @@ def table(seeds: range) -> Iterator[str]:
     yield "| World | heading, RMS [mrad] | position, RMS [mm] | NEES of heading (right: 1) | warned |"
     yield "|---|---|---|---|---|"
     for setting in SETTINGS:
-        old, new = (measure(setting, seeds, gyro) for gyro in (False, True))
-        yield (
-            f"| {setting.title} | {1e3 * old.rms_heading:.2f} / {1e3 * new.rms_heading:.2f} | "
-            f"{1e3 * old.rms_position:.2f} / {1e3 * new.rms_position:.2f} | "
-            f"{np.mean(old.nees):.2f} / {np.mean(new.nees):.2f} | {new.warned} of {len(seeds)} |"
-        )
+        yield row(setting, seeds)
+
+
+def row(setting: Setting, seeds: range) -> str:
+    """Return a world's line of the table."""
+    old, new = (measure(setting, seeds, gyro) for gyro in (False, True))
+    return (
+        f"| {setting.title} | {1e3 * old.rms_heading:.2f} / {1e3 * new.rms_heading:.2f} | "
+        f"{1e3 * old.rms_position:.2f} / {1e3 * new.rms_position:.2f} | "
+        f"{np.mean(old.nees):.2f} / {np.mean(new.nees):.2f} | {new.warned} of {len(seeds)} |"
+    )
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description="what a gyro is worth")
-    parser.add_argument("--seeds", type=int, default=50)
-    parser.add_argument("--first", type=int, default=1000)
+    parser.add_argument("--seeds", type=int, default=len(SEEDS))
+    parser.add_argument("--first", type=int, default=SEEDS.start)
     options = parser.parse_args()
     for line in table(range(options.first, options.first + options.seeds)):
         print(line, flush=True)

@@ -73,15 +73,22 @@ def run(context: Context) -> Result:
 
 def both(case: Case) -> tuple[dict[str, float], dict[str, float]]:
     """Return every quantity of a case in our world and in MuJoCo, in the units of QUANTITIES."""
-    return ours(case), theirs(case)
+    spec = read_spec(NAME)
+    with_fixes, scenario = (scenario_of(spec, case, fixes=fixes) for fixes in (True, False))
+    given = run_in_process(scenario).record
+    return _ours(spec, with_fixes, scenario, given), _theirs(spec, with_fixes, scenario, given)
 
 
 def ours(case: Case) -> dict[str, float]:
     """Return every quantity in our world."""
     spec = read_spec(NAME)
-    scenario = scenario_of(spec, case, fixes=False)
-    fixed = run_in_process(scenario_of(spec, case, fixes=True)).record
-    dead = run_in_process(scenario).record
+    with_fixes, scenario = (scenario_of(spec, case, fixes=fixes) for fixes in (True, False))
+    return _ours(spec, with_fixes, scenario, run_in_process(scenario).record)
+
+
+def _ours(spec: Mapping[str, Any], with_fixes: Scenario, scenario: Scenario, dead: NDArray[Any]) -> dict[str, float]:
+    """``dead``: our run without fixes."""
+    fixed = run_in_process(with_fixes).record
     world = new_world(scenario)
     battery_V = float(world.c.config.battery_V)
     loads = []
@@ -93,14 +100,10 @@ def ours(case: Case) -> dict[str, float]:
     return {**_closed(fixed, dead), **_open(spec, scenario, dead, np.array(loads))}
 
 
-def theirs(case: Case) -> dict[str, float]:
-    """Return every quantity in MuJoCo. The open loop gets the duties of our run."""
-    spec = read_spec(NAME)
-    scenario = scenario_of(spec, case, fixes=False)
-    with_fixes = scenario_of(spec, case, fixes=True)
+def _theirs(spec: Mapping[str, Any], with_fixes: Scenario, scenario: Scenario, given: NDArray[Any]) -> dict[str, float]:
+    """The open loop gets the duties of ``given``, our run without fixes."""
     fixed = run_hil(with_fixes, world=MujocoWorld(with_fixes)).record
     dead = run_hil(scenario, world=MujocoWorld(scenario)).record
-    given = run_in_process(scenario).record
     world, played, loads = MujocoWorld(scenario), given.copy(), []
     wheels = scenario.robot.wheels
     for number, (duty, armed) in enumerate(duties(given, wheels)):

@@ -102,9 +102,10 @@ def replay(
     check_log_fits(log, robot)
     engine = _Engine(log, robot, calibration)
     heading = log.heading_rad if use_heading else np.full(len(log.time_s), np.nan)
-    if calibration is not None and calibration.turn_scale is not None and fixes is None and not use_heading:
-        heading = replay(log, robot, calibration.for_turning(), use_heading=False).pose[:, 2]
     ignores = engine.config.pose_ekf.mode == lib.OMNI_EKF_MODE_ODOMETRY
+    turning = None if calibration is None or use_heading or ignores or fixes is not None else calibration.for_turning()
+    if turning is not None:
+        heading = replay(log, robot, turning, use_heading=False).pose[:, 2]
     if ignores and (fixes is not None or np.any(np.isfinite(heading))):
         hint = "set EKF_MODE = 1 under [parameters], or leave the heading (--no-heading) and the fixes out"
         raise LogError(f"{robot.source}: with EKF_MODE odometry no heading and no fix can be used", hint=hint)

@@ -275,13 +275,18 @@ def test_who_says_where_to_go_has_the_command_if_it_was_accepted(
     assert goes_on == (result == mav.MAV_RESULT_ACCEPTED)
 
 
-@pytest.mark.parametrize("ticks", range(5))
-def test_a_path_asked_for_in_the_very_ticks_of_arming_begins(robot: FakeRobot, ticks: int) -> None:
+def arm_again(robot: FakeRobot, ticks: int) -> None:
+    """Disarm and arm; return so many ticks after the answer."""
     robot.ready()
     robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0.0))
     robot.tick(5)
     assert robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)) == mav.MAV_RESULT_ACCEPTED
     robot.tick(ticks)
+
+
+@pytest.mark.parametrize("ticks", range(5))
+def test_a_path_asked_for_in_the_very_ticks_of_arming_begins(robot: FakeRobot, ticks: int) -> None:
+    arm_again(robot, ticks)
     assert robot.ask(USB, command(mav.MAV_CMD_OMNI_TRAJECTORY_START, 3.0, 1.0)) == mav.MAV_RESULT_ACCEPTED
     robot.tick(20)
     assert robot.asked("OMNI_TRACKING").phase in (1, 2)
@@ -290,11 +295,7 @@ def test_a_path_asked_for_in_the_very_ticks_of_arming_begins(robot: FakeRobot, t
 @pytest.mark.parametrize("ticks", range(5))
 def test_an_excitation_asked_for_in_the_very_ticks_of_arming_is_for_later(robot: FakeRobot, ticks: int) -> None:
     """Not "arm first": it was armed."""
-    robot.ready()
-    robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0.0))
-    robot.tick(5)
-    assert robot.ask(USB, command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)) == mav.MAV_RESULT_ACCEPTED
-    robot.tick(ticks)
+    arm_again(robot, ticks)
     step_of_pose = command(mav.MAV_CMD_OMNI_EXCITE, 3.0, 0.0, 1e-5, 0.5)
     first = robot.ask(USB, step_of_pose)
     assert first in (mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_TEMPORARILY_REJECTED)

@@ -14,6 +14,7 @@ from hil_sim import gyro_figures
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
+from tests.native import ROOT
 
 
 def readings(ticks: int, seed: int = 1, faults: Any = (), **world: float) -> tuple[Any, Any]:
@@ -86,3 +87,15 @@ def test_the_heading_is_better_and_as_sure_as_it_says(title: str) -> None:
     assert new.rms_position < 1.02 * old.rms_position
     assert 0.02 < float(np.mean(new.nees)) < 1.6
     assert new.warned == 0
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        pytest.param(each, id=each.title, marks=[] if each.title == "fixes, fast robot" else pytest.mark.nightly)
+        for each in gyro_figures.SETTINGS
+    ],
+)
+def test_the_page_says_what_the_figures_command_says(setting: gyro_figures.Setting) -> None:
+    page = (ROOT / "docs" / "guides" / "gyro.md").read_text(encoding="utf-8")
+    assert gyro_figures.row(setting, gyro_figures.SEEDS) in page.splitlines()

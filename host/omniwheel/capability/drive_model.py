@@ -64,10 +64,9 @@ class DriveModel:
 
         ``stall_s``, or longer with few counts: a wheel at a tenth of its speed must give one to be told from it.
         """
-        gain = self.constant_N_m_A + self.resistance_ohm * self.viscous_N_m_s / self.constant_N_m_A
-        count_s = 2.0 * np.pi / self.counts_per_revolution / (0.1 * self.stall_V / gain)
-        windows = np.floor(self.stall_s / count_s) + 1.0
-        return float(max(self.stall_s, count_s * windows))
+        volts_s = self.braking_N_m_s * self.resistance_ohm / self.constant_N_m_A
+        count_s = 2.0 * np.pi / self.counts_per_revolution / (0.1 * self.stall_V / volts_s)
+        return float(count_s * (np.floor(self.stall_s / count_s) + 1.0))
 
     @property
     def stall_torque_N_m(self) -> float:

@@ -58,10 +58,10 @@ class Calibration:
     curve: MotorCurve
     turn_scale: Array | None = None
 
-    def for_turning(self) -> Calibration:
-        """Return the calibration that the heading follows from; this one itself without a ``turn_scale``."""
+    def for_turning(self) -> Calibration | None:
+        """Return the calibration that the heading follows from; None if this one has nothing of its own for it."""
         if self.turn_scale is None:
-            return self
+            return None
         return replace(self, forward_scale=self.turn_scale, reverse_scale=self.turn_scale, turn_scale=None)
 
     def rolled(self, turned_rad: Array) -> Array:

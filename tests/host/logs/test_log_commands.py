@@ -51,6 +51,18 @@ def test_show_and_align_say_what_a_log_holds(imported: Path, files: Path) -> Non
     assert "mm RMS" in omni("logs", "align", imported / "run1.npz", "--robot", files / "robot.toml")
 
 
+def test_the_import_names_a_frozen_column(files: Path, tmp_path: Path) -> None:
+    lines = (files / "run1.csv").read_text(encoding="utf-8").splitlines()
+    column = [name.strip() for name in lines[0].split(",")].index("w2")
+    rows = [line.split(",") for line in lines]
+    for row in rows[400:500]:
+        row[column] = rows[400][column]
+    frozen = tmp_path / "frozen.csv"
+    frozen.write_text("\n".join(",".join(row) for row in rows) + "\n", encoding="utf-8")
+    said = omni("logs", "import", frozen, "--mapping", files / "mapping.toml", "--out", tmp_path / "frozen.npz")
+    assert "w2 is frozen from" in said
+
+
 def test_identified_on_some_runs_replays_another(imported: Path, files: Path, tmp_path: Path) -> None:
     out = tmp_path / "identified.toml"
     told = omni_json(

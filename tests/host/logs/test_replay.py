@@ -118,6 +118,8 @@ def test_without_a_heading_the_turn_scale_says_it_and_the_other_scales_the_path(
     assert np.abs(turned[:, 2] - wanted).max() < 0.1 * np.abs(plain[:, 2] - wanted).max()
     way, true_way = (np.hypot(*np.diff(each[::50, :2], axis=0).T).sum() for each in (turned, pose))
     assert way / true_way == pytest.approx(1.2, abs=0.02)
+    odometry = replace(small, overrides={**small.overrides, "EKF_MODE": 0.0})
+    assert np.isfinite(replay(clean, odometry, calibration, use_heading=False).pose).all(), "no fix of a heading there"
 
 
 def test_a_wrong_calibration_is_named(tmp_path: Path) -> None:
