@@ -8,13 +8,9 @@ import statistics
 from bench.options import Options
 from bench.peers.ardupilot_download import VALUE_BYTES, download_s
 from bench.tables import Cell, Row, Table, with_ratios
-from omniwheel import Robot, connect
-from omniwheel.connection import Connection
-from omniwheel.presets import read_preset
 from omniwheel.radio_model import RadioSettings
 from omniwheel.robots import parameter_table
-from tests.radio.memory_robot import USB, MemoryLink, MemoryRobot
-from tests.radio.simulated_radio import RadioLink
+from tests.radio.download_page import ours_s
 
 BAUD = 9600
 OURS = "ours: firmware and client, telemetry going on"
@@ -27,8 +23,6 @@ RADIOS = {
     "no loss, s": RadioSettings(baud=BAUD),
     "a fifth lost, 200 ms each way, s": RadioSettings(baud=BAUD, loss=0.2, latency_s=0.2),
 }
-SETTLE_TICKS = 3000
-HEARTBEAT_S = 20.0
 
 
 def measure(options: Options) -> list[Table]:
@@ -38,7 +32,7 @@ def measure(options: Options) -> list[Table]:
     cells: dict[str, dict[str, Cell]] = {label: {} for label in (OURS, *PEERS, LINE)}
     for heading, radio in RADIOS.items():
         options.say(f"parameter download, {heading}")
-        cells[OURS][heading] = statistics.mean(our_download_s(radio, seed) for seed in seeds)
+        cells[OURS][heading] = statistics.mean(ours_s(radio, seed, signed=False) for seed in seeds)
         for label, streamed in PEERS.items():
             cells[label][heading] = statistics.mean(download_s(count, radio, streamed, seed) for seed in seeds)
     cells[LINE] = {next(iter(RADIOS)): count * VALUE_BYTES * RadioSettings(baud=BAUD).character_s}
@@ -53,22 +47,3 @@ def measure(options: Options) -> list[Table]:
         f"from {options.seed}. The peers are a model of their timing and send nothing else."
     )
     return [Table("download", f"parameters at {BAUD} baud", tuple(columns), tuple(rows), note)]
-
-
-def our_download_s(settings: RadioSettings, seed: int) -> float:
-    """Return the simulated time that our client needs for all parameters of our firmware [s]."""
-    table = parameter_table()
-    with MemoryRobot() as robot:
-        usb = MemoryLink(robot, USB)
-        with connect(usb, clock=usb.clock_s) as there:
-            there.parameters.set_many(read_preset(f"radio_{BAUD}", table).parameters)
-        robot.run(SETTLE_TICKS)
-        robot.read(1)
-        link = RadioLink(robot, settings, seed=seed)
-        connection = Connection(link, clock=link.clock_s)
-        connection.target_system, connection.target_component = 1, 1
-        if connection.wait(lambda message: message.get_type() == "HEARTBEAT", HEARTBEAT_S) is None:
-            raise TimeoutError("no heartbeat over the modelled radio")
-        start_s = link.clock_s()
-        Robot(connection, table=table).parameters.download()
-        return link.clock_s() - start_s

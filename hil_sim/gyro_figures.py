@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hil_sim import core
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.world import IDEAL_WHEELS
 from omniwheel._core import ffi, lib
 
 Array = NDArray[np.float64]
@@ -47,9 +48,7 @@ SETTINGS = (
     Setting("no fixes, scale off by 0.5 %, tilt 2°", world={"gyro_tilt_rad": 0.035}, scale_sd=0.005),
     Setting("no fixes, noise of a BMI270", world={"gyro_noise_density": 1.22e-4}, parameters={"GYRO_ND": 1.22e-4}),
     Setting("no fixes, four wheels", robot="four_wheel"),
-    Setting(
-        "no fixes, real rollers", scenario="rollers_no_fixes", parameters={"EKF_MODE": 2.0}, world={"slip_max": 0.1}
-    ),
+    Setting("no fixes, ideal wheels", world=IDEAL_WHEELS),
     Setting("no fixes, fast robot", scenario="fast", world=_NONE, seconds=40),
     Setting("fixes", scenario="demo", seconds=60),
     Setting("fixes, slip to 30 %", scenario="demo", world={"slip_max": 0.3}, seconds=60),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.world import PoseSensor, World, world_config
+from hil_sim.world import GRAVITY_M_S2, IDEAL_WHEELS, PoseSensor, World, world_config
 from omni_schema import Robot
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.excitation import PERIOD_S
@@ -56,11 +56,15 @@ class SimulatedRobot:
         scales = 1.0 + GEOMETRY_SPREAD * draw.uniform(-1, 1, robot.wheels)
         return SimulatedRobot(robot, seed, changes, tuple(scales), 1.0 + GEOMETRY_SPREAD * float(draw.uniform(-1, 1)))
 
+    def on_ideal_wheels(self) -> SimulatedRobot:
+        """Return the same robot on round wheels without dry drag: those that identification's model knows."""
+        return replace(self, changes={**self.changes, **IDEAL_WHEELS})
+
     def config(self, sensor: PoseSensor, seed: int, **overrides: float) -> Any:
         """Return the world's configuration, ``hil_world_config_t *``."""
         config = world_config(self.robot, seed=seed, pose_sensor=sensor)
         for name, value in {**self.changes, **overrides}.items():
-            setattr(config, name, value)
+            setattr(config, name, type(getattr(config, name))(value))
         for wheel in range(self.robot.wheels):
             config.wheel_radius_m[wheel] *= self.radius_scale[wheel] if self.radius_scale else 1.0
             config.wheel_distance_m[wheel] *= self.distance_scale
@@ -69,7 +73,9 @@ class SimulatedRobot:
     def true_values(self) -> dict[str, float]:
         """Return what an identification should find: the parameters of ``model`` and the robot's own, by name.
 
-        Radii and distance are effective ones: the drag of the rollers makes translating wheels creep by rho / C.
+        Radii and distance are effective ones. The viscous drag of the rollers makes translating wheels creep by
+        rho / C. In the mean a wheel stands a third of the dip lower. Dry drag of the rollers is not in it: what it
+        costs depends on the speed.
         """
         c = self.config(MOTION_CAPTURE, 0)
         n = self.robot.wheels
@@ -78,6 +84,7 @@ class SimulatedRobot:
         winding = c.motor_inductance_H * c.motor_viscous_N_m_s / c.motor_constant_N_m_A
         grip = c.slip_stiffness_N_s_m / (c.slip_stiffness_N_s_m + c.roller_friction_N_s_m)
         arm = radius / c.wheel_distance_m[0]
+        dip_m = c.roller_dip_m / 3.0 if c.rollers_per_row > 0 else 0.0
         return {
             "speed_gain_V_s": c.motor_constant_N_m_A + ohm_per_constant * c.motor_viscous_N_m_s,
             "coulomb_V": ohm_per_constant * c.motor_coulomb_N_m,
@@ -85,6 +92,7 @@ class SimulatedRobot:
             "inertia_xy_V_s2": ohm_per_constant * (c.motor_inertia_kg_m2 + 2 * c.mass_kg * radius**2 / n) + winding,
             "inertia_theta_V_s2": ohm_per_constant * (c.motor_inertia_kg_m2 + c.inertia_kg_m2 * arm**2 / n) + winding,
             "drag_xy_V_s": ohm_per_constant * c.roller_friction_N_s_m * radius**2,
+            "dry_drag_V": ohm_per_constant * radius * c.roller_bushing_friction * c.mass_kg * GRAVITY_M_S2 / n,
             "motor_constant_N_m_A": c.motor_constant_N_m_A,
             "motor_viscous_N_m_s": c.motor_viscous_N_m_s,
             "motor_coulomb_N_m": c.motor_coulomb_N_m,
@@ -92,9 +100,9 @@ class SimulatedRobot:
             "inertia_kg_m2": c.inertia_kg_m2,
             "mass_kg": c.mass_kg,
             "motor_resistance_ohm": c.motor_resistance_ohm,
-            "wheel_radius_m": grip * radius,
+            "wheel_radius_m": grip * (radius - dip_m),
             "wheel_distance_m": grip * c.wheel_distance_m[0],
-            **{f"wheel_{i + 1}_radius_m": grip * c.wheel_radius_m[i] for i in range(n)},
+            **{f"wheel_{i + 1}_radius_m": grip * (c.wheel_radius_m[i] - dip_m) for i in range(n)},
         }
 
     def run(

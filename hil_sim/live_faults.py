@@ -23,7 +23,8 @@ class LiveFault:
     """Something to break. ``name`` is a fault of ``world.toml`` or :data:`ICE`.
 
     ``words`` say what is broken, ``group`` where. ``reaction`` says what the robot does about it. ``value`` is the
-    fault's number in its unit of ``world.toml``; None: it has none. ``needs_fixes``: it shows only with a pose sensor.
+    fault's number in its unit of ``world.toml``; None: it has none. ``needs_fixes``: it shows only with a pose sensor,
+    ``needs_gyro``: only with a gyro.
     """
 
     name: str
@@ -32,6 +33,7 @@ class LiveFault:
     reaction: str
     value: float | None = None
     needs_fixes: bool = False
+    needs_gyro: bool = False
 
 
 def reaction_words(case: FaultCase) -> str:
@@ -50,12 +52,13 @@ def _of_case(group: str, words: str, case_name: str, kind: str | None = None, la
     """
     case = _CASES[case_name]
     found = next(fault for fault in case.faults if kind in (None, fault.name))
-    fixes = case.world.get("fix_rate_Hz", 0.0) > 0.0
-    return LiveFault(found.name, group, words, f"{reaction_words(case)} {later}".strip(), found.value, fixes)
+    gyro = case.world.get("gyro_rate_Hz", 0.0) > 0.0
+    fixes = case.world.get("fix_rate_Hz", 0.0) > 0.0 and not gyro
+    return LiveFault(found.name, group, words, f"{reaction_words(case)} {later}".strip(), found.value, fixes, gyro)
 
 
 _ENCODERS, _MOTORS, _POWER = "Encoders", "Motors and wheels", "Supply and motor driver"
-_POSES, _OTHERS = "Pose fixes", "Floor, button, clock"
+_POSES, _GYRO, _OTHERS = "Pose fixes", "Gyro", "Floor, button, clock"
 
 LIVE_FAULTS: tuple[LiveFault, ...] = (
     _of_case(_ENCODERS, "Pull the encoder's plug: it counts no more", "encoder_stuck"),
@@ -85,6 +88,9 @@ LIVE_FAULTS: tuple[LiveFault, ...] = (
     ),
     _of_case(_POSES, "Pose fixes freeze: the same again and again", "pose_frozen"),
     _of_case(_POSES, "Pose fixes come 0.1 s late", "pose_late"),
+    _of_case(_GYRO, "The gyro falls silent", "gyro_silent"),
+    _of_case(_GYRO, "The gyro repeats its last reading", "gyro_stuck"),
+    _of_case(_GYRO, "The gyro's readings are off by 90 rad/s, beyond its range", "gyro_saturated"),
     LiveFault(
         ICE,
         _OTHERS,

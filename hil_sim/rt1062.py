@@ -98,6 +98,8 @@ class Wiring:
     battery_pin: int | None = None
     battery_divider: float = 1.0
     motor_pins: tuple[tuple[int, int], ...] = ()
+    gyro_address: int = 0
+    """Of a chip on the second I2C bus; 0: none."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,7 @@ def wiring_of(robot: Robot) -> Wiring:
         board.battery_pin,
         board.battery_divider,
         board.motor_pins,
+        board.gyro.address if board.gyro is not None else 0,
     )
 
 
@@ -441,6 +444,7 @@ def _config(wiring: Wiring, options: Options) -> Any:
     config.stop_button_pin = _NO_PIN if wiring.stop_button_pin is None else wiring.stop_button_pin
     config.battery_pin = _NO_PIN if wiring.battery_pin is None else wiring.battery_pin
     config.battery_divider = wiring.battery_divider
+    config.gyro_address = wiring.gyro_address
     return config
 
 

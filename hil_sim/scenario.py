@@ -167,7 +167,7 @@ def find_scenario(name_or_path: str) -> Path:
             name_or_path,
             "",
             f"no such scenario{guess}; there are {', '.join(names)}",
-            hint="give one of these names, or a .toml file of your own",
+            hint="give one of these names, or a .toml file of your own; `omni hil --list` says what each is",
         )
     return path
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +38,14 @@ def _default(name: str) -> float:
     default = WORLD.numbers[name].default
     assert isinstance(default, float)
     return default
+
+
+IDEAL_WHEELS: Mapping[str, float] = {
+    "rollers_per_row": 0,
+    "roller_bushing_friction": 0.0,
+    "wheel_stiffness_N_m": 0.0,
+}
+"""Numbers that make wheels perfectly round, with a constant lever arm and load, as textbooks have them."""
 
 
 @dataclass(frozen=True)

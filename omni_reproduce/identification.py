@@ -75,9 +75,16 @@ def run(context: Context) -> Result:
     seeds = range(head["seed"], head["seed"] + context.count(head["seeds"], head["quick_seeds"]))
     ladder_seeds = seeds[: 1 if context.quick else head["ladder_seeds"]]
     parts = [(validate, head["seed"]), *((ladder, seed) for seed in ladder_seeds)]
-    answers = context.map(_answer, [*parts, *((identify_seed, seed) for seed in seeds)])
-    validation, ladders, experiments = answers[0], answers[1 : len(parts)], answers[len(parts) :]
-    rows = (*_published_rows(spec), *_ladder_rows(ladders), *_coverage_rows(experiments))
+    tries = [(function, seed) for function in (identify_seed, on_real_wheels) for seed in seeds]
+    answers = context.map(_answer, [*parts, *tries])
+    validation, ladders, both = answers[0], answers[1 : len(parts)], answers[len(parts) :]
+    experiments, real = both[: len(seeds)], both[len(seeds) :]
+    rows = (
+        *_published_rows(spec),
+        *_ladder_rows(ladders),
+        *_coverage_rows(experiments, "output error"),
+        *_coverage_rows(real, "output error, real wheels"),
+    )
     picture = context.folder / FIGURE
     draw(picture, validation, ladders, experiments)
     return Result(rows, (picture,), _notes(spec, experiments, validation.fit))
@@ -116,7 +123,7 @@ def ladder(seed: int) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     head = read_spec(NAME)["experiment"]
     robot = read_robot(head["report_robot"])
     robot = replace(robot, geometry={**robot.geometry, "wheel_angle_deg": head["report_wheel_angle_deg"]})
-    simulated, layout = SimulatedRobot(robot, seed), layout_of(robot)
+    simulated, layout = SimulatedRobot(robot, seed).on_ideal_wheels(), layout_of(robot)
     profiles = excitation.appendix_d(layout.angle_rad, modulation=0.0)
     runs = [simulated.run(name, duty, run=i) for i, (name, duty) in enumerate(profiles.items())]
     pwm = [PWM_FULL * run.voltage_V / _supply(run) for run in runs]
@@ -191,10 +198,11 @@ def _ladder_rows(ladders: Sequence[tuple[dict[str, dict[str, float]], dict[str, 
 # ---- the identification that works
 
 
-def identify_seed(seed: int) -> Experiment:
-    """Identify one simulated robot whose true parameters are drawn from the seed."""
+def identify_seed(seed: int, *, ideal: bool = True) -> Experiment:
+    """Identify one simulated robot whose true parameters are drawn from the seed, on ideal or on real wheels."""
     robot = read_robot(read_spec(NAME)["experiment"]["robot"])
     simulated, layout = SimulatedRobot.random(robot, seed), layout_of(robot)
+    simulated = simulated.on_ideal_wheels() if ideal else simulated
     profiles = excitation.appendix_d(layout.angle_rad)
     runs = [simulated.run(name, duty, run=i) for i, (name, duty) in enumerate(profiles.items())]
     stand = simulated.run("stand", excitation.stand_steps(robot.wheels), run=STAND_RUN, on_stand=True)
@@ -215,10 +223,15 @@ def identify_seed(seed: int) -> Experiment:
     return Experiment(found, {name: truth[name] for name in found}, covered, half_width)
 
 
+def on_real_wheels(seed: int) -> Experiment:
+    """Do the same on wheels with rollers, which the identification's model does not know."""
+    return identify_seed(seed, ideal=False)
+
+
 def validate(seed: int) -> Validation:
     """Identify a robot from Appendix D's runs and predict another run of it."""
     robot = read_robot(read_spec(NAME)["experiment"]["robot"])
-    simulated, layout = SimulatedRobot.random(robot, seed), layout_of(robot)
+    simulated, layout = SimulatedRobot.random(robot, seed).on_ideal_wheels(), layout_of(robot)
     profiles = excitation.appendix_d(layout.angle_rad)
     runs = [simulated.run(name, duty, run=i) for i, (name, duty) in enumerate(profiles.items())]
     model = Model.floor(layout)
@@ -235,21 +248,23 @@ def validate(seed: int) -> Validation:
     )
 
 
-def _coverage_rows(experiments: Sequence[Experiment]) -> list[Row]:
+def _coverage_rows(experiments: Sequence[Experiment], setting: str) -> list[Row]:
     rows = []
     count = len(experiments)
     for name in experiments[0].found:
         share = 100.0 * float(np.mean([experiment.covered[name] for experiment in experiments]))
         truth = np.array([experiment.truth[name] for experiment in experiments])
         error = np.array([experiment.found[name] for experiment in experiments]) - truth
-        width = np.median([experiment.half_width[name] for experiment in experiments] / truth)
+        # Ideal wheels have no dry drag: of nothing there are no per cent.
+        unit, size = ("% of the truth", truth / 100.0) if np.all(truth) else ("mV", np.full(count, 1e-3))
+        width = np.median([experiment.half_width[name] for experiment in experiments] / size)
         rows.append(
-            Row(NAME, "output error", f"{name}: truth inside the 95 % interval", "%", share, seeds=count, limit=95.0,
-                explanation=f"median half width {100 * width:.2g} % of the truth")
+            Row(NAME, setting, f"{name}: truth inside the 95 % interval", "%", share, seeds=count, limit=95.0,
+                explanation=f"median half width {width:.2g} {unit}")
         )  # fmt: skip
         rows.append(
-            Row(NAME, "output error", f"{name}: error", "%", float(100 * np.mean(error / truth)),
-                spread(100 * error / truth), count, limit=0.0)
+            Row(NAME, setting, f"{name}: error", unit.split()[0], float(np.mean(error / size)), spread(error / size),
+                count, limit=0.0)
         )  # fmt: skip
     return rows
 
@@ -268,4 +283,6 @@ def _notes(spec: Mapping[str, Any], experiments: Sequence[Experiment], fit: floa
         "other tools measure, without error: mass, winding resistance and inductance. The interval that held its "
         f"truth least often is that of {worst[1]} ({100 * worst[0]:.0f} %). A run that was not fitted is predicted to "
         f"{100 * fit:.2f} % of its variation.",
+        "On real wheels the wheels creep under the drag of the rollers, and roll as smaller ones would. Loads change, "
+        "and the drag with them. Neither is in the model. So the intervals of these miss the truth, by little.",
     )

@@ -24,6 +24,7 @@ SHORT = {
     "inertia_xy_V_s2": "inertia, translation",
     "inertia_theta_V_s2": "inertia, rotation",
     "drag_xy_V_s": "roller drag",
+    "dry_drag_V": "dry roller drag",
     "motor_constant_N_m_A": "K",
     "motor_viscous_N_m_s": "b",
     "motor_coulomb_N_m": "Coulomb torque",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hil_sim import metrics
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
-from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from hil_sim.world import IDEAL_WHEELS, NO_POSE_SENSOR, World, world_config
 from omni_reproduce.experiment import Context, Result, Row, read_spec
 from omni_reproduce.loops import Path, make_kinematics
 from omniwheel._core import ffi, lib
@@ -54,12 +54,12 @@ def run(context: Context) -> Result:
 
 
 def whole_scenario(spec: Mapping[str, Any], friction_coefficient: float) -> Scenario:
-    """Return the experiment's rose under the law, on a floor without imposed slip."""
+    """Return the experiment's rose under the law, on a floor without imposed slip; ideal wheels, as in the report."""
     base = load_scenario("no_slip", spec["experiment"]["robot"])
     given = {name: value for name, value in spec["whole"].items() if name.isupper()}
     given |= {"CTL_MODE": "original", "EKF_MODE": "odometry"}
     values = {name: base.robot.table[name].parse(NAME, name, value) for name, value in given.items()}
-    world = {**base.world, "friction_coefficient": friction_coefficient}
+    world = {**base.world, **IDEAL_WHEELS, "friction_coefficient": friction_coefficient}
     return replace(base.with_parameters(values), world=world)
 
 
@@ -75,7 +75,7 @@ def alone(spec: Mapping[str, Any], key: str) -> float:
     part = spec["alone"]
     robot = read_robot(spec["experiment"]["robot"])
     start = (part["path"]["size_m"], 0.0, 0.0)
-    floor = {"friction_coefficient": part["friction_coefficient"]}
+    floor = {**IDEAL_WHEELS, "friction_coefficient": part["friction_coefficient"]}
     world = World(world_config(robot, pose_sensor=NO_POSE_SENSOR, start_pose=start, **floor))
     path = Path(part["path"], make_kinematics(world))
     errors = _errors(world, path, part["law"][key], robot.encoder["counts_per_revolution"])

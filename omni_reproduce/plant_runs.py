@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from hil_sim.world import IDEAL_WHEELS, NO_POSE_SENSOR, World, world_config
 from omniwheel._core import ffi, lib
 from omniwheel.robots import read_robot
 
@@ -51,9 +51,9 @@ def voltages(spec: Mapping[str, Any], wheels: int, seed: int) -> Array:
 
 
 def simulate(spec: Mapping[str, Any], case: Case) -> Run:
-    """Drive one plant with the voltages of a seed, from rest."""
+    """Drive one plant with the voltages of a seed, from rest, on ideal wheels: the report's models know no others."""
     robot = read_robot(case.robot)
-    extra = spec["limit"] if case.limit else {}
+    extra = {**IDEAL_WHEELS, **(spec["limit"] if case.limit else {})}
     world = World(world_config(robot, plant=case.plant, pose_sensor=NO_POSE_SENSOR, **extra))
     step_us = spec["drive"]["step_us"]
     ticks = round(spec["drive"]["hold_s"] * 1e6 / step_us)

@@ -30,7 +30,7 @@ App::App(const Board &board, bool lockstep)
       trajectories_(texts_, robot_, control_, parameters_), excitations_(texts_, robot_, control_, parameters_),
       setpoints_(texts_, clock_, robot_, control_, parameters_),
       pose_fixes_(texts_, clock_, robot_, control_, parameters_),
-      status_texts_(links_, texts_, clock_, robot_, heartbeats_, button_, parameters_),
+      status_texts_(links_, texts_, clock_, robot_, heartbeats_, button_, parameters_, board_.gyro_chip),
       scan_(links_, texts_, clock_, robot_, control_, *this),
       burst_log_(board_, links_, texts_, robot_, control_, parameters_),
       arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
@@ -63,6 +63,9 @@ void App::attach_links() {
 void App::parameters_changed() {
     const omni_real_t *values = parameters_.values();
     heartbeats_.stations.set_timeout(static_cast<uint64_t>(values[OMNI_PARAM_SAFE_LINK_TO] * 1e6f));
+    if (board_.gyro_chip != nullptr) {
+        tell_gyro(static_cast<int8_t>(values[OMNI_PARAM_GYRO_AXIS]));
+    }
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].set_system(static_cast<uint8_t>(values[OMNI_PARAM_SYS_ID]));
         links_[i].set_budget(values[OMNI_PARAM_LINK1_BUDGET + i]);
@@ -109,6 +112,9 @@ void App::tick() {
     sensors.counts_valid = board_.encoders->read(sensors.counts);
     sensors.battery_V = board_.battery_V != nullptr ? board_.battery_V() : 0.0f;
     sensors.from_board(board_);
+    if (board_.gyro_chip != nullptr) {
+        read_gyro(&sensors);
+    }
     board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);
     button_.look(); // last of the sensors: the tick's own first look is at the flag that this sets

@@ -50,7 +50,7 @@ uint8_t Arming::arm(size_t link) {
         return MAV_RESULT_DENIED;
     }
     if (conditions_.hil.hil_silent()) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: no OMNI_HIL_SENSORS yet"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: no sensor readings yet"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (conditions_.scan.running()) {

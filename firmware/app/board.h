@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "app/gyro_chip.h"
 #include "omni/types.h"
 
 namespace omni {
@@ -216,6 +217,7 @@ struct Board {
     OutputEnable *output_enable = nullptr;
     MotorPins *motor_pins = nullptr;   ///< nullptr: none
     StopButton *stop_button = nullptr; ///< nullptr: none
+    GyroChip *gyro_chip = nullptr;     ///< nullptr: none
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;

@@ -10,7 +10,7 @@ uint8_t ScanService::start(const Sender &sender) {
         return robot_.refuse_armed("I2C scan refused");
     }
     if (hil_.hil_silent()) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: no OMNI_HIL_SENSORS yet"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("I2C scan refused: no sensor readings yet"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     sender_ = sender;

@@ -15,6 +15,40 @@ float rounded_figure(float value) {
     return std::fabs(value) < 1e5f ? static_cast<float>(std::lround(value * 100.0f)) * 0.01f : value;
 }
 
+/// One byte, as data sheets write it.
+Text &add_byte(Text &text, uint8_t byte) {
+    const char *digits = "0123456789ABCDEF";
+    const char written[] = {'0', 'x', digits[byte >> 4], digits[byte & 0xF], '\0'};
+    return text.add(written);
+}
+
+/// Why there are no readings, and what to do.
+Text gyro_text(const GyroTrouble &trouble) {
+    Text text;
+    text.add("gyro: ");
+    switch (trouble.cause) {
+    case GyroCause::none:
+        return text.add("readings again");
+    case GyroCause::absent:
+        return text.add("no chip answers; check power and wires");
+    case GyroCause::bus:
+        return text.add("a line of its bus is held low");
+    case GyroCause::wrong_id:
+        return add_byte(text.add("WHO_AM_I is "), trouble.seen).add(", not 0x47: another chip");
+    case GyroCause::lost:
+        return text.add("lost its settings; check its power");
+    case GyroCause::silent:
+        return text.add("it answers but does not measure");
+    case GyroCause::stuck:
+        return text.add("the same reading 100 times");
+    case GyroCause::saturated:
+        return text.add("turning faster than its range");
+    case GyroCause::noisy:
+        return text.add("readings jump; check its wires");
+    }
+    return text;
+}
+
 bool is_velocity(uint8_t kind) {
     return kind == OMNI_SETPOINT_VELOCITY_BODY || kind == OMNI_SETPOINT_VELOCITY_WORLD;
 }
@@ -27,6 +61,7 @@ void StatusTexts::restart() {
     history_ = 0;
     slowed_said_us_ = 0;
     read_back_said_ = false;
+    gyro_said_ = GyroCause::none;
 }
 
 void StatusTexts::say_state(uint8_t state) {
@@ -77,6 +112,16 @@ void StatusTexts::say_read_back() {
         texts_.say(MAV_SEVERITY_CRITICAL, Text().add("PWM chip: MODE1 does not read back as 0x20"));
     }
     read_back_said_ = missing;
+}
+
+/// Of the board's own chip: a host in the loop has another one.
+void StatusTexts::say_gyro() {
+    const GyroTrouble trouble = gyro_chip_->trouble();
+    if (trouble.cause != gyro_said_) {
+        const bool over = trouble.cause == GyroCause::none;
+        texts_.say(over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
+    }
+    gyro_said_ = trouble.cause;
 }
 
 /// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
@@ -158,6 +203,9 @@ void StatusTexts::serve() {
     say_links();
     say_button();
     say_read_back();
+    if (gyro_chip_ != nullptr && !robot_.hil()) {
+        say_gyro();
+    }
     const omni_outputs_t &out = robot_.latest().outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {
         say_failsafe();

@@ -13,9 +13,10 @@ namespace omni {
 class StatusTexts {
 public:
     StatusTexts(const Links &links, Texts &texts, const RobotClock &clock, const RobotState &robot,
-                Heartbeats &heartbeats, const ButtonWatch &button, const Parameters &parameters)
+                Heartbeats &heartbeats, const ButtonWatch &button, const Parameters &parameters,
+                const GyroChip *gyro_chip)
         : links_(links), texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), button_(button),
-          parameters_(parameters) {}
+          parameters_(parameters), gyro_chip_(gyro_chip) {}
     /// Compare the latest tick with what was said last.
     void serve();
     void restart();
@@ -27,6 +28,7 @@ private:
     void say_links();
     void say_button();
     void say_read_back();
+    [[gnu::noinline]] void say_gyro();
     void say_failsafe();
     void say_cause();
     void say_slowed();
@@ -38,11 +40,13 @@ private:
     Heartbeats &heartbeats_;
     const ButtonWatch &button_;
     const Parameters &parameters_;
+    const GyroChip *gyro_chip_; ///< nullptr: none
     uint8_t state_ = OMNI_STATE_INIT;
     uint8_t phase_ = OMNI_PHASE_NONE;
     uint32_t history_ = 0;
     uint64_t slowed_said_us_ = 0; ///< 0: not yet
     bool read_back_said_ = false;
+    GyroCause gyro_said_ = GyroCause::none;
     bool button_said_[Board::max_ports] = {};
 };
 

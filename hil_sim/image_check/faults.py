@@ -57,7 +57,7 @@ def faults_at_the_pins(context: Context) -> list[str]:
         buses = [case.name for case in (*CASES, *EXTRA) if case.stops == BUS]
         reasons.update(dict.fromkeys(buses, "this robot has no PWM chip"))
     gyros = [case.name for case in CASES if "gyro_rate_Hz" in case.world]
-    reasons.update(dict.fromkeys(gyros, "no board reads a gyro yet"))
+    reasons.update(dict.fromkeys(gyros, "the check gyro is about it"))
     values = context.scenario.parameter_values()
     figures = []
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:

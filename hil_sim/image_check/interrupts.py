@@ -12,8 +12,10 @@ PRIORITY = 0xE000E400
 """NVIC_IPR0: a byte for each interrupt (Armv7-M architecture reference manual)."""
 ENABLED = 0xE000E100
 """NVIC_ISER0."""
-TICK_TIMER, I2C, ENCODER_PINS = 122, 28, 157
-"""PIT, LPI2C1 and GPIO6 to 9 (i.MX RT1060 reference manual, chapter Interrupts)."""
+TICK_TIMER, ENCODER_PINS = 122, 157
+"""PIT, and GPIO6 to 9 (i.MX RT1060 reference manual, chapter Interrupts)."""
+I2C = {"I2C": 28, "the gyro's I2C": 30}
+"""LPI2C1, and LPI2C3 if there is a gyro."""
 LINKS = {"USB": 113, "the radio": 25}
 TICKS = 3
 
@@ -37,8 +39,9 @@ def priorities(context: Context) -> list[str]:
         tick = of(TICK_TIMER)
         if enabled(ENCODER_PINS) and of(ENCODER_PINS) >= tick:
             raise CheckError(f"encoder edges (priority {of(ENCODER_PINS)}) can't interrupt the tick ({tick})")
-        if of(I2C) != tick:
-            raise CheckError(f"the I2C interrupt (priority {of(I2C)}) and the tick ({tick}) may interrupt each other")
+        for name, number in I2C.items():
+            if enabled(number) and of(number) != tick:
+                raise CheckError(f"{name} (priority {of(number)}) and the tick ({tick}) may interrupt each other")
         for name, number in LINKS.items():
             if enabled(number) and of(number) <= tick:
                 raise CheckError(f"the interrupt of {name} (priority {of(number)}) keeps the tick ({tick}) waiting")

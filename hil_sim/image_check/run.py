@@ -43,6 +43,7 @@ MODULES = (
     "backlog",
     "clock",
     "interrupts",
+    "gyro",
     "storage",
     "power",
     "ring",

@@ -27,10 +27,11 @@ const rt_device_t *const rt_devices[] = {
     &rt_flexpwm,     /* pulses */
     &rt_quad_timers, /* the same */
     &rt_lpi2c1,      /* I2C */
-    &rt_lpuart6,     /* Serial1 */
-    &rt_usb,         /* USB1 */
-    &rt_usb_phy,     /* and its transceiver */
-    &rt_wires,       /* what the pins are wired to: last */
+    &rt_lpi2c3,
+    &rt_lpuart6, /* Serial1 */
+    &rt_usb,     /* USB1 */
+    &rt_usb_phy, /* and its transceiver */
+    &rt_wires,   /* what the pins are wired to: last */
     NULL,
 };
 

@@ -32,6 +32,7 @@ typedef enum rt_clock_gate_t {
     RT_CLOCK_GPIO1 = 16 * 1 + 13,
     RT_CLOCK_GPIO5 = 16 * 1 + 15,
     RT_CLOCK_LPI2C1 = 16 * 2 + 3,
+    RT_CLOCK_LPI2C3 = 16 * 2 + 5,
     RT_CLOCK_OCOTP = 16 * 2 + 6,
     RT_CLOCK_XBAR1 = 16 * 2 + 11,
     RT_CLOCK_GPIO3 = 16 * 2 + 13,

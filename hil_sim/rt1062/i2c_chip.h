@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file i2c_chip.h
- * What hangs on the bus outside: the world's PWM chip, which learns everything from the two lines' levels (NXP
- * UM10204), whoever moves them.
+ * What hangs on a bus outside: on the first the world's PWM chip, on the second a gyro. Each learns everything from its
+ * two lines' levels (NXP UM10204), whoever moves them.
  */
 #ifndef HIL_SIM_RT1062_I2C_CHIP_H
 #define HIL_SIM_RT1062_I2C_CHIP_H
@@ -26,9 +26,9 @@ typedef struct rt_i2c_chip_t {
     bool stuck_scl;
 } rt_i2c_chip_t;
 
-/* The lines' levels changed. */
-void rt_i2c_chip_lines(rt1062_t *m, bool scl, bool sda);
+/* The levels of this bus's lines changed. */
+void rt_i2c_chip_lines(rt1062_t *m, uint32_t number, bool scl, bool sda);
 /* Each line is held low by a fault, or let go. */
-void rt_i2c_chip_stuck(rt1062_t *m, bool scl, bool sda);
+void rt_i2c_chip_stuck(rt1062_t *m, uint32_t number, bool scl, bool sda);
 
 #endif

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file lpi2c.h
- * I2C master LPI2C1 (i.MX RT1060 RM, chapter LPI2C) and the two lines of the bus with what hangs on them.
+ * I2C masters LPI2C1, the motors', and LPI2C3, the gyro's (i.MX RT1060 RM, chapter LPI2C). Each has the two lines of
+ * its bus with what hangs on them.
  *
  * The master makes every edge of SCL and SDA at its time, by the register's divisions and the clock that CCM gives it.
  * See "Timing Parameters"; the rise is the fastest that UM10204 allows. The master learns acknowledges, arbitration and
@@ -20,7 +21,7 @@
 
 #include "hil_sim/rt1062.h"
 
-enum { RT_I2C_FIFO = 4 };
+enum { RT_I2C_FIFO = 4, RT_I2C_UNITS = 2 };
 
 /* What the master is doing. */
 typedef enum rt_i2c_phase_t {
@@ -73,13 +74,13 @@ typedef struct rt_i2c_t {
     bool playing;
 } rt_i2c_t;
 
-/* An edge at the bus, for whoever looks on. */
+/* An edge at the motors' bus, for whoever looks on. */
 typedef struct rt_i2c_trace_t {
     uint32_t count;
     rt1062_edge_t edge[RT1062_EDGES];
 } rt_i2c_trace_t;
 
-/* Play the bus up to now. */
+/* Play the buses up to now. */
 void rt_i2c_sync(rt1062_t *m);
 /* What the master does to this pad: 0 or RT_FLOATING. */
 int rt_i2c_drives(const rt1062_t *m, uint32_t pad);

@@ -27,8 +27,10 @@ enum {
     RT_PAD_SD_B1 = 112,
     RT_PADS = 124,
     RT_NO_PAD = 255,
-    RT_PAD_SCL = RT_PAD_AD_B1 + 0, /* Teensy pin 19 */
-    RT_PAD_SDA = RT_PAD_AD_B1 + 1, /* Teensy pin 18 */
+    RT_PAD_SCL = RT_PAD_AD_B1 + 0,  /* Teensy pin 19 */
+    RT_PAD_SDA = RT_PAD_AD_B1 + 1,  /* Teensy pin 18 */
+    RT_PAD_SCL3 = RT_PAD_AD_B1 + 7, /* Teensy pin 16 */
+    RT_PAD_SDA3 = RT_PAD_AD_B1 + 6, /* Teensy pin 17 */
     RT_PAD_UART_TX = RT_PAD_AD_B0 + 2,
     RT_PAD_UART_RX = RT_PAD_AD_B0 + 3,
     RT_TEENSY_PINS = 40,
@@ -40,6 +42,8 @@ enum {
 typedef enum rt_daisy_t {
     RT_DAISY_LPI2C1_SCL,
     RT_DAISY_LPI2C1_SDA,
+    RT_DAISY_LPI2C3_SCL,
+    RT_DAISY_LPI2C3_SDA,
     RT_DAISY_LPUART6_RX,
     RT_DAISY_LPUART6_TX,
     RT_DAISY_XBAR02,

@@ -170,16 +170,35 @@ static void show_faults(rt1062_t *m) {
     show_button(m);
     const bool stuck = hil_world_fault_active(m->world, HIL_FAULT_I2C_STUCK, HIL_MAX_WHEELS);
     const bool scl = stuck && hil_world_fault_value(m->world, HIL_FAULT_I2C_STUCK) == HIL_STUCK_SCL;
-    const rt_i2c_chip_t *chip = &m->s.i2c_chip;
+    const rt_i2c_chip_t *chip = &m->s.i2c_chip[0];
     if (scl != chip->stuck_scl || (stuck && !scl) != chip->stuck_sda) {
-        rt_i2c_chip_stuck(m, scl, stuck && !scl);
+        rt_i2c_chip_stuck(m, 0, scl, stuck && !scl);
     }
+}
+
+static bool gyro_wired(const rt1062_t *m) {
+    return m->config.gyro_address != 0;
+}
+
+/* A world without a gyro has an empty socket. A gyro that the world makes silent has no power. */
+static void turn_gyro(rt1062_t *m) {
+    hil_icm42688_t *gyro = &m->s.gyro;
+    if (!gyro_wired(m)) {
+        return;
+    }
+    const bool silent = hil_world_fault_active(m->world, HIL_FAULT_GYRO_SILENT, HIL_MAX_WHEELS);
+    if (silent && !gyro->faults.absent) {
+        hil_icm42688_reset(gyro, m->config.gyro_address);
+    }
+    gyro->faults.absent = silent || m->world->config.gyro_rate_Hz <= 0.0;
+    hil_icm42688_sense(gyro, rt_now(m) / 1000, m->world->gyro_rad_s);
 }
 
 void rt_world_event(rt1062_t *m) {
     rt_i2c_sync(m);
     show_motor_pins(m);
     hil_world_step(m->world, STEP_us);
+    turn_gyro(m);
     m->s.pins.begin_ns += STEP_ns;
     if (refuses_faults(m)) {
         return;
@@ -226,11 +245,22 @@ static void pull(rt1062_t *m, uint32_t pad, int level) {
     }
 }
 
+static void release_buses(rt1062_t *m) {
+    for (uint32_t number = 0; number < RT_I2C_UNITS; number++) {
+        m->s.i2c_chip[number] = (rt_i2c_chip_t){.scl = true, .sda = true};
+    }
+}
+
 static void connect(rt1062_t *m) {
     m->s.pins = (rt_pins_t){.connected = true, .begin_ns = rt_now(m)};
-    m->s.i2c_chip = (rt_i2c_chip_t){.scl = true, .sda = true};
+    release_buses(m);
     pull(m, RT_PAD_SCL, 1);
     pull(m, RT_PAD_SDA, 1);
+    if (gyro_wired(m)) {
+        hil_icm42688_reset(&m->s.gyro, m->config.gyro_address);
+        pull(m, RT_PAD_SCL3, 1);
+        pull(m, RT_PAD_SDA3, 1);
+    }
     pull(m, output_enable_pad(m), 1);
     for (uint32_t i = 0; i < 2 * HIL_MAX_WHEELS; i++) {
         pull(m, rt_pad_of_pin(m->config.motor_pin[i / 2][i % 2]), 0);
@@ -250,7 +280,7 @@ static void connect(rt1062_t *m) {
 
 static void disconnect(rt1062_t *m) {
     m->s.pins = (rt_pins_t){0};
-    m->s.i2c_chip = (rt_i2c_chip_t){.scl = true, .sda = true};
+    release_buses(m);
     for (uint32_t pad = 0; pad < RT_PADS; pad++) {
         m->s.pads.pulled[pad] = m->s.pads.wired[pad] = RT_FLOATING;
         rt_pad_update(m, pad);

@@ -2,8 +2,8 @@
 /**
  * @file pins.h
  * The robot at the chip's pins: encoders, PWM chip with its output-enable pin or motors at PWM pins, stop button,
- * battery. The world goes on by 1 ms of the machine's time at a time. What its encoders counted in that millisecond
- * comes as edges, spread evenly over the next one.
+ * battery, gyro. The world goes on by 1 ms of the machine's time at a time. What its encoders counted in that
+ * millisecond comes as edges, spread evenly over the next one.
  *
  * Faults of the world act at the wires. Those that no wire can show are refused: `encoder_invalid`, `encoder_bit`,
  * `clock_jump`, `clock_stuck`, `tick_late`. Faults of the pose sensor and the link are for whoever plays the ground

@@ -42,6 +42,7 @@ ROW = np.dtype(
         ("seed", "<u8"),
         ("outcome", "S16"),
         ("why", f"S{TEXT}"),
+        ("swings", "<f8"),
         ("wheels", "<f8"),
         ("counts", "<f8"),
         ("top_m_s", "<f8"),
@@ -54,6 +55,7 @@ ROW = np.dtype(
             for side in ("before", "after")
         ),
         *((f"{name}_worse", "<f8") for name in ("position", "theta")),
+        *((f"{name}_{what}", "<f8") for name in ("position", "theta") for what in ("seen", "seen_half")),
         *((f"{name}_{side}", "<f8") for name in ("gain", "phase", "distance") for side in ("promised", "measured")),
         ("margin_why", f"S{TEXT}"),
         *((f"{name}_{side}", "<f8") for name in CHANGED for side in ("before", "after")),
@@ -61,7 +63,9 @@ ROW = np.dtype(
 )
 """What is kept of a robot. ``outcome``: kept, reverted, refused (autotune said no) or stopped (a safety fault).
 
-``position_worse``: lower end of the 95 % interval by which the figure grew, paired by seed; above 0: worse.
+``why``: the error, or what autotune's choice rests on. ``swings``: the old values were not driven. ``position_worse``:
+lower end of the 95 % interval by which the figure grew, paired by seed; above 0: worse. ``position_seen``: by which
+share of itself the robot saw it grow while it was tuned, and half of that interval.
 """
 
 
@@ -148,7 +152,12 @@ def robot_row(seed: int, settings: Settings) -> NDArray[Any]:
     for name in CHANGED:
         row[f"{name}_before"], row[f"{name}_after"] = trial.before[name], trial.parameters[name]
     if trial.outcome is not None:
-        row["explained"] = trial.outcome.design.fit.fit
+        row["explained"], row["swings"] = trial.outcome.design.fit.fit, trial.outcome.old_swings
+        row["why"] = trial.outcome.choice.why.encode()[:TEXT]
+        for verdict in trial.outcome.verdicts:
+            name = verdict.kind.key.partition("_")[0]
+            row[f"{name}_seen"] = verdict.difference / verdict.before
+            row[f"{name}_seen_half"] = verdict.half_width / verdict.before
     _fill_margins(row, drawn, trial)
     _fill_judgement(row, judge(drawn, trial.before), judge(drawn, trial.parameters))
     row["wall_s"] = time.perf_counter() - started

@@ -72,12 +72,17 @@ class StoppedLink(SteppedLink):
         super().write(data)
 
 
-def stop_row(seed: int, settings: Settings) -> NDArray[Any]:
+def drawn_stop(seed: int, latest_s: float = LATEST_S) -> tuple[str, float]:
+    """Return in which of KINDS a seed's tuning is stopped, and when [s]."""
+    draw = np.random.default_rng([STREAM, seed])
+    return KINDS[int(draw.integers(len(KINDS)))], float(draw.uniform(0.0, latest_s))
+
+
+def stop_row(seed: int, settings: Settings, latest_s: float = LATEST_S) -> NDArray[Any]:
     """Stop the tuning of a seed's robot at a random moment, in one of KINDS, and return its ROW."""
     started = time.perf_counter()
-    draw = np.random.default_rng([STREAM, seed])
     row = np.zeros(1, ROW)
-    kind, moment_s = KINDS[int(draw.integers(len(KINDS)))], float(draw.uniform(0.0, LATEST_S))
+    kind, moment_s = drawn_stop(seed, latest_s)
     row["seed"], row["kind"], row["moment_s"] = seed, kind, moment_s
     scenario = draw_robot(seed).tuning_scenario()
     values = scenario.parameter_values()

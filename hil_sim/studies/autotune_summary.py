@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
 from typing import Any
 
@@ -13,6 +15,8 @@ Array = NDArray[Any]
 
 MARGIN_TOLERANCE = 0.2
 RIVAL_TOLERANCE = 0.1
+WORSE_BY = (0.01, 0.05, 0.2)
+"""Shares by which a figure grew: how many robots are worse by more than that is said, too."""
 _SHOWN = 6
 
 
@@ -28,15 +32,20 @@ def document(robots: Array, rivals: Array, stops: Array) -> dict[str, Any]:
 
 def _robots(rows: Array) -> dict[str, Any]:
     outcomes = Counter(row["outcome"].decode() for row in rows)
-    reasons = Counter(row["why"].decode(errors="replace").split(":")[0] for row in rows if row["why"])
-    worse = is_worse(rows)
+    failed = rows[np.isin(rows["outcome"], (b"refused", b"stopped"))]
+    reasons = Counter(_kind(row["why"].decode(errors="replace")) for row in failed)
+    worse, swings = is_worse(rows), rows["swings"] > 0.0
     better_end = rows["completed_after"] > rows["completed_before"]
     return {
         "count": len(rows),
         "outcomes": dict(outcomes),
         "reasons": dict(reasons.most_common(_SHOWN)),
         "worse": int(np.sum(worse)),
+        "worse_by": {f"{share:g}": int(np.sum(worse & (growth(rows) > share))) for share in WORSE_BY},
         "worse_seeds": [int(seed) for seed in rows["seed"][worse]],
+        "worse_of_hardly_damped": int(np.sum(worse & swings)),
+        "kept_of_hardly_damped": int(np.sum((rows["outcome"] == b"kept") & swings)),
+        "complete_fewer_paths": int(np.sum(rows["completed_after"] < rows["completed_before"])),
         "stopped_seeds": [int(row["seed"]) for row in rows if row["outcome"] == b"stopped"],
         "complete_more_paths": int(np.sum(better_end)),
         "position_ratio": _ratio(rows, "position_m"),
@@ -50,6 +59,24 @@ def is_worse(rows: Array) -> NDArray[np.bool_]:
     ended = rows["completed_after"] < rows["completed_before"]
     grown = (rows["position_worse"] > 0.0) | (rows["theta_worse"] > 0.0)
     return np.asarray(ended | grown)
+
+
+def growth(rows: Array) -> NDArray[np.float64]:
+    """Return by which share of itself the position or heading RMSE grew; infinite if it completes less often.
+
+    A figure that was not measured, or 0, before has no share: NaN, unless the other one has.
+    """
+    shares = []
+    for name in ("position_m", "theta_rad"):
+        before = np.where(rows[f"{name}_before"] > 0.0, rows[f"{name}_before"], math.nan)
+        shares.append(rows[f"{name}_after"] / before - 1.0)
+    fails = rows["completed_after"] < rows["completed_before"]
+    return np.where(fails, math.inf, np.fmax(*shares))
+
+
+def _kind(why: str) -> str:
+    """Return a reason without its numbers, so that equal ones are counted together."""
+    return re.sub(r"(?<!\w)\d[\d.]*", "…", why.split(":")[0])
 
 
 def _ratio(rows: Array, name: str) -> dict[str, float]:
@@ -114,8 +141,12 @@ def page(summary: dict[str, Any]) -> str:
     lines = ["# Study of autotune", "", f"{robots['count']} robots.", "", "| | |", "|---|---|"]
     lines += [f"| outcome: {name} | {count} |" for name, count in sorted(robots["outcomes"].items())]
     lines += [f"| because: {name} | {count} |" for name, count in robots["reasons"].items()]
+    by = ", ".join(f"{count} by more than {float(share):.0%}" for share, count in robots["worse_by"].items())
     lines += [
-        f"| worse than before | {robots['worse']} |",
+        f"| kept because the old values hardly damp the robot | {robots['kept_of_hardly_damped']} |",
+        f"| worse than before, however little | {robots['worse']} ({by}) |",
+        f"| of these, the old values hardly damp the robot | {robots['worse_of_hardly_damped']} |",
+        f"| complete fewer paths than before | {robots['complete_fewer_paths']} |",
         f"| complete more paths than before | {robots['complete_more_paths']} |",
         f"| position RMSE, after / before, of those kept | {_words(robots['position_ratio'])} |",
         f"| heading RMSE, after / before, of those kept | {_words(robots['heading_ratio'])} |",

@@ -125,7 +125,14 @@ def _quantity(name: str, table: ParameterTable) -> _Quantity:
             hint = f"the world has {', '.join(WORLD_NUMBERS)}"
             raise StudyInputError(f"the world has no number {key}{did_you_mean(key, WORLD_NUMBERS)}", hint=hint)
         return _Quantity(name, None)
-    return _Quantity(name.upper(), table.find(_SOURCE, name.upper(), name.upper()))
+    parameter = table.get(name.upper())
+    if parameter is None:
+        of_the_world = name.lower() in map(str.lower, WORLD_NUMBERS)
+        guess = did_you_mean(WORLD_PREFIX + name, map(WORLD_PREFIX.__add__, WORLD_NUMBERS) if of_the_world else ())
+        guess = guess or did_you_mean(name, table)
+        hint = f"`omni robots params NAME` prints all; a number of the world begins with {WORLD_PREFIX}"
+        raise StudyInputError(f"there is no parameter {name}{guess}", hint=hint)
+    return _Quantity(name.upper(), parameter)
 
 
 def _range(word: str, quantity: _Quantity, parts: Sequence[str]) -> Axis:

@@ -39,6 +39,7 @@ constexpr bool motor_pwm[2] = {{{pwm}}};  ///< which of a wheel's two pins need 
 constexpr uint8_t motor_pins[wheels][2] = {{{motor_pins}}};
 constexpr uint32_t motor_pwm_Hz = {motor_pwm};
 constexpr uint32_t i2c_speed_Hz = {i2c_speed};
+constexpr uint8_t gyro_address = {gyro}; ///< of the chip on the second I2C bus; 0: none
 
 }} // namespace omni::wiring
 """
@@ -68,6 +69,7 @@ def wiring_header(robot: Robot) -> str:
         motor_pins=_joined(f"{{{a}, {b}}}" for a, b in board.motor_pins or no_pins),
         motor_pwm=board.motor_pwm_Hz,
         i2c_speed=board.i2c_speed_Hz,
+        gyro=f"0x{board.gyro.address:02X}" if board.gyro is not None else 0,
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 from omniwheel._core import ffi, lib
 
 ROOT = Path(__file__).resolve().parents[2]
+SAFETY = (ROOT / "docs" / "reference" / "safety.md").read_text(encoding="utf-8")
 TROUBLES = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 
@@ -37,6 +38,12 @@ def test_every_fault_has_its_entry(name: str) -> None:
     rows = [line.split(" | ") for line in TROUBLES.splitlines() if line.startswith(f"| `{name}` |")]
     assert len(rows) == 1, f"docs/troubleshooting.md: one row that begins with | `{name}` |"
     assert all(len(cell.strip(" |")) > 10 for cell in rows[0][1:]), "a cause, and what to do"
+
+
+@pytest.mark.parametrize("name", fault_names())
+def test_the_safety_page_spells_every_fault_as_the_robot_does(name: str) -> None:
+    """The core's table is the one place that spells them: a person searches for what the robot has said."""
+    assert sum(line.startswith(f"| `{name}` |") for line in SAFETY.splitlines()) == 1
 
 
 @pytest.mark.parametrize("page", sorted((ROOT / "docs" / "how-to-add").glob("*.md")), ids=lambda page: page.stem)

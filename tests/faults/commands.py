@@ -21,6 +21,7 @@ from hil_sim.scenario import load_scenario
 from hil_sim.studies.autotune_robot import ROW
 from hil_sim.studies.autotune_study import PARTS, Part
 from omniwheel import FirmwareProcess
+from omniwheel.autotune.choice import Choice
 from omniwheel.autotune.gains import WheelGains
 from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.burst import Burst
@@ -109,11 +110,20 @@ def _tuned(*_: Any) -> Any:
     """Return what autotune says of a robot that it left as it was."""
     values = dict.fromkeys(("WS_P", "WS_I"), 1.0)
     gains = WheelGains(1.0, 1.0, Margins(3.0, 1.0, 0.6), 0.1, 5.0)
-    fit = SimpleNamespace(estimate=Estimate(FLOOR, np.ones(5), np.eye(5), 50.0), fit=0.9)
-    design = SimpleNamespace(fit=fit, values=values, before=gains, after=gains, position=gains.margins)
+    fit = SimpleNamespace(estimate=Estimate(FLOOR[:-1], np.ones(5), np.eye(5), 50.0), fit=0.9)
+    design = SimpleNamespace(fit=fit, values=values, before=gains, after=gains)
+    for name in ("lifted_before", "lifted_after", "position_before", "position_after"):
+        setattr(design, name, gains.margins)
     traces = {"before": [_rounds()[0][0][0]], "after": [_rounds()[0][0][0]]}
     return SimpleNamespace(
-        old=values, new=values, design=design, verdicts=[], traces=traces, kept=False, old_swings=False
+        old=values,
+        new=values,
+        design=design,
+        verdicts=[],
+        traces=traces,
+        kept=False,
+        choice=Choice(False, "nothing moved"),
+        old_swings=False,
     )
 
 
@@ -253,10 +263,10 @@ WRITE_NOTHING = (
     "params presets", "params diff", "params reset", "params history", "params undo",
     "runs compare", "runs name", "runs delete",
     "host-control motor", "mocap bridge", "radio key set", "radio key remove", "radio key show",
-    "logs show", "logs align", "robots show", "robots motors", "robots params", "bringup link", "bringup i2c",
-    "bringup encoders",
-    "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "stop",
-    "link",
+    "logs show", "logs align", "robots list", "robots show", "robots motors", "robots params", "bringup link",
+    "bringup i2c", "bringup encoders",
+    "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "bringup gyro",
+    "stop", "link",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
 

@@ -96,7 +96,7 @@ def test_a_scan_waits_for_the_simulation(robot: FakeRobot) -> None:
     assert robot.ask(USB, HIL_ON) == ACCEPTED
     robot.tick(3)
     assert robot.ask(USB, SCAN) == LATER
-    assert "I2C scan refused: no OMNI_HIL_SENSORS yet" in robot.texts()
+    assert "I2C scan refused: no sensor readings yet" in robot.texts()
 
 
 def test_refusals_that_were_left_out_are_told_by_number(robot: FakeRobot) -> None:

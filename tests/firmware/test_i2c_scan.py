@@ -187,5 +187,5 @@ def test_a_scan_in_a_loop_that_has_not_begun_is_refused_with_the_reason() -> Non
     assert robot.ask(USB, HIL_ON) == mav.MAV_RESULT_ACCEPTED
     robot.tick(3)
     assert robot.ask(USB, command(SCAN)) == mav.MAV_RESULT_TEMPORARILY_REJECTED
-    assert "I2C scan refused: no OMNI_HIL_SENSORS yet" in robot.texts()
+    assert "I2C scan refused: no sensor readings yet" in robot.texts()
     robot.close()

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from hil_sim.world import IDEAL_WHEELS, NO_POSE_SENSOR, World, world_config
 from omni_schema import Robot, load_parameters, load_robot
 from omniwheel.paths import dialect_dir
 from tests.hil_sim.echo_robot import Bench
@@ -34,11 +34,11 @@ def any_robot(request: pytest.FixtureRequest, robots: dict[str, Robot]) -> Robot
 
 @pytest.fixture
 def make_world(robots: dict[str, Robot]) -> WorldMaker:
-    """Build a world of a robot by name or object, without a pose sensor unless one is given."""
+    """Build a world of a robot by name or object: no pose sensor and ideal wheels unless others are given."""
 
     def make(robot: str | Robot = "three_wheel", **options: Any) -> World:
-        options.setdefault("pose_sensor", NO_POSE_SENSOR)
-        return World(world_config(robots[robot] if isinstance(robot, str) else robot, **options))
+        numbers = {"pose_sensor": NO_POSE_SENSOR, **IDEAL_WHEELS, **options}
+        return World(world_config(robots[robot] if isinstance(robot, str) else robot, **numbers))
 
     return make
 

@@ -14,7 +14,7 @@ from hil_sim.scenario import load_scenario
 from tests.parity.budget_page import replace_block
 
 PAGE = Path(__file__).parents[2] / "docs" / "concepts" / "real-wheels.md"
-SCENARIOS = ("demo", "rollers", "no_slip", "rollers_no_fixes", "fast", "fast_rollers")
+SCENARIOS = ("ideal", "demo", "ideal_no_slip", "no_slip", "fast_ideal", "fast")
 
 
 @cache

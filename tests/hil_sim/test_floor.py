@@ -205,6 +205,6 @@ def test_the_page_says_what_rollers_cost() -> None:
 
 def test_rollers_cost_dead_reckoning_and_hardly_a_robot_with_fixes() -> None:
     """An independent MuJoCo model of this robot, by nobody of this project: 1.26 mm with fixes, 5.7 mm without."""
-    assert 1e3 * error_of("rollers").position_m == pytest.approx(1.26, rel=0.2)
-    assert 1e3 * error_of("rollers_no_fixes").position_m == pytest.approx(5.7, rel=0.2)
-    assert 1e3 * error_of("no_slip").position_m < 0.2
+    assert 1e3 * error_of("demo").position_m == pytest.approx(1.26, rel=0.2)
+    assert 1e3 * error_of("no_slip").position_m == pytest.approx(5.7, rel=0.2)
+    assert 1e3 * error_of("ideal_no_slip").position_m < 0.2

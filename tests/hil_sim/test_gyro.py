@@ -13,13 +13,16 @@ import pytest
 from hil_sim import gyro_figures
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import load_scenario
+from hil_sim.world import IDEAL_WHEELS
 from omniwheel._core import ffi, lib
 from tests.native import ROOT
 
 
 def readings(ticks: int, seed: int = 1, faults: Any = (), **world: float) -> tuple[Any, Any]:
     """Return readings [rad/s] and flags of a robot that stands, a row per tick."""
-    scenario = replace(load_scenario("stand").with_seed(seed), world={"gyro_rate_Hz": 1000.0, **world}, faults=faults)
+    scenario = replace(
+        load_scenario("stand").with_seed(seed), world={**IDEAL_WHEELS, "gyro_rate_Hz": 1000.0, **world}, faults=faults
+    )
     made = new_world(scenario)
     sensors = ffi.new("hil_sensors_t *")
     rows, valid = [], []

@@ -20,8 +20,8 @@ from hil_sim.schema import WORLD
 from hil_sim.world import World
 from omniwheel._core import lib
 
-NOT_OFFERED = {"link_silence", "clock_stuck", "gyro_silent", "gyro_stuck", "gyro_offset"}
-"""The studio shows no gyro yet, so nobody there could tell what its faults do."""
+NOT_OFFERED = {"link_silence", "clock_stuck"}
+GYRO_FAULTS = {"gyro_silent", "gyro_stuck", "gyro_offset"}
 
 
 class Pace:
@@ -59,8 +59,21 @@ def test_every_fault_of_the_world_is_offered_or_named_as_left_out() -> None:
     assert all(fault.words and fault.reaction.endswith(".") for fault in LIVE_FAULTS)
 
 
-def test_every_offered_fault_goes_on_and_off() -> None:
-    live, world, _ = made()
+def names(live: LiveWorld) -> set[str]:
+    return {fault["name"] for fault in live.catalogue()["faults"]}
+
+
+def test_a_gyros_faults_are_offered_where_the_robot_has_one() -> None:
+    assert names(made("gyro")[0]) >= GYRO_FAULTS
+    assert names(made("gyro_no_fixes")[0]) >= GYRO_FAULTS
+    assert not names(made("sitl")[0]) & GYRO_FAULTS
+    unused = load_scenario("gyro").with_parameters({"GYRO_AXIS": 0.0})
+    assert not names(LiveWorld(unused, cast(LockstepLink, Pace()), new_world(unused))) & GYRO_FAULTS
+
+
+@pytest.mark.parametrize("scenario", ["sitl", "gyro"])
+def test_every_offered_fault_goes_on_and_off(scenario: str) -> None:
+    live, world, _ = made(scenario)
     for fault in live.catalogue()["faults"]:
         wheel = {"wheel": fault["wheels"][-1]} if fault["wheels"] else {}
         obey(live, fault=fault["name"], on=True, **wheel)

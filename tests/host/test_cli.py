@@ -170,7 +170,10 @@ def test_monitor_once(url: str) -> None:
     assert set(status["pose"]) == {"x", "y", "theta"}
     shown = run("monitor", "--once", "--link", url).stdout
     assert all(text in shown for text in ("disarmed", "x [m]", "theta [rad]", "speed [rad/s]", "slip [m/s]"))
-    heading = next(line for line in shown.splitlines() if "wheel" in line)
+    counted = ("missed: ", "bus errors since the start: ", "frames not understood: ", "lack of room on the link: ")
+    assert all(words in shown for words in counted), "each number says what it counts, in one line"
+    assert "no path" in shown
+    heading = next(line for line in shown.splitlines() if "wheel " in line)
     assert [word for word in heading.split() if word.isdigit()] == ["1", "2", "3"]
 
 

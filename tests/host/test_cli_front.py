@@ -187,8 +187,8 @@ def test_the_tab_key_imports_nothing_heavy_anywhere() -> None:
 
 
 def test_a_heavy_import_behind_the_tab_key_is_found() -> None:
-    """Without LIGHT, the bounds that the help page of a scenario's seed shows are one."""
-    assert "hil_sim.limits" in heavy_by_line(["omni sim "], light=set())["omni sim "]
+    """Without LIGHT, the schema of the world, whose plants the help page of a scenario shows, is one."""
+    assert "hil_sim.schema" in heavy_by_line(["omni sim "], light=set())["omni sim "]
 
 
 @pytest.mark.parametrize(

@@ -27,8 +27,12 @@ def test_table_9_says_what_reproduces_and_what_works(tmp_path: Path) -> None:
         assert as_published.ours > 0.98
         assert as_published.limit < 0.2
         assert works.ours == pytest.approx(works.limit, abs=0.01)
-    shares = [row.ours for row in result.rows if "inside" in row.quantity]
-    assert len(shares) == 14
+    assert abs(rows["output error, real wheels", "dry_drag_V: error"].ours or 100.0) < 10.0
+    for name in ("inertia_xy_V_s2", "inertia_theta_V_s2", "wheel_1_radius_m", "wheel_distance_m"):
+        error = rows["output error, real wheels", f"{name}: error"]
+        assert abs(error.ours or 0.0) < 1.0
+    shares = [row.ours for row in result.rows if "inside" in row.quantity and row.setting == "output error"]
+    assert len(shares) == 15
     assert sum(share or 0.0 for share in shares) >= 85.0 * len(shares)
     assert all(figure.read_bytes().startswith(b"\x89PNG") for figure in result.pictures)
-    assert len(result.notes) == 3
+    assert len(result.notes) == 4

@@ -1,42 +1,112 @@
 # SPDX-License-Identifier: MIT
-"""docs/report/results.md and its pictures are of today: some experiments in full give the very rows of that page.
+"""docs/report/results.md and its pictures are of today: the quick experiments in full give the very text of that page.
 
-Page and pictures are copied from one run of ``omni reproduce``, so rows that differ mean that both are old.
+The others, which take minutes, are compared by ``make nightly ARGS=reproduce``.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from omni_reproduce import page, study
-from omni_reproduce.experiment import Context
-from omni_reproduce.registry import select
+from omni_reproduce.experiment import Context, Result
+from omni_reproduce.registry import EXPERIMENTS, Experiment, select
+from omniwheel.errors import OmniError
+from tests.omni_reproduce import kept_page
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-KEPT = DOCS / "report" / "results.md"
-QUICK_IN_FULL = ("models", "table1")
-"""Experiments that take seconds with all their seeds. What changes core or world changes these, too."""
-
-
-def rows(markdown: str) -> list[str]:
-    """Return the lines of a page's tables, without footnote marks: their numbers depend on the rest of the page."""
-    return [re.sub(r" (\[\d+\])? \|$", "", line) for line in markdown.splitlines() if line.startswith("| ")]
+QUICK_IN_FULL = ("models", "direct_torque", "table1", "table2", "diagrams")
+"""Experiments that take seconds with all their seeds. What changes core or world changes some of these, too."""
+TITLE, KEPT = "Two", "Kept.\n\n| a | 1 |"
+PAGE = f"# A page\n\n## One\n\nFirst.\n\n## {TITLE}\n\n{KEPT}\n\n## Three\n\nLast.\n"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK_IN_FULL)
-def test_the_kept_page_has_the_rows_of_today(name: str, tmp_path: Path) -> None:
-    """After a change: ``omni reproduce``, then copy its page to results.md and its pictures to images/reproduce."""
-    outcomes = study.run_all(select([name]), Context(tmp_path), lambda _number, _share: None)
-    today = rows(page.markdown(outcomes, ""))
-    assert len(today) > 4
-    kept = set(rows(KEPT.read_text(encoding="utf-8")))
-    assert [row for row in today if row not in kept] == []
+def test_the_kept_page_has_the_text_of_today(name: str, tmp_path: Path) -> None:
+    """After a change: ``python -m tests.omni_reproduce.kept_page --write``, and look at the difference."""
+    (experiment,) = select([name])
+    kept = kept_page.sections(kept_page.PAGE.read_text(encoding="utf-8"))[experiment.title]
+    assert kept_page.differences(experiment.title, kept, kept_page.section_of(experiment, Context(tmp_path))) == []
+
+
+def test_every_experiment_has_its_section() -> None:
+    kept = kept_page.sections(kept_page.PAGE.read_text(encoding="utf-8"))
+    assert list(kept) == [experiment.title for experiment in EXPERIMENTS]
 
 
 def test_every_kept_picture_is_on_the_page() -> None:
-    shown = set(re.findall(r"images/reproduce/(\w+\.png)\)", KEPT.read_text(encoding="utf-8")))
-    assert shown == {picture.name for picture in (DOCS / "images" / "reproduce").glob("*.png")}
+    text = kept_page.PAGE.read_text(encoding="utf-8")
+    shown = set(re.findall(r"images/reproduce/(\w+\.png)\)", text))
+    assert shown == {picture.name for picture in kept_page.PICTURES.glob("*.png")}
+
+
+def test_a_section_is_replaced_and_the_others_stay() -> None:
+    for title, body in kept_page.sections(PAGE).items():
+        assert kept_page.with_section(PAGE, title, body) == PAGE
+    assert kept_page.with_section(PAGE, TITLE, "New.") == PAGE.replace(KEPT, "New.")
+    with pytest.raises(KeyError, match="no section 'Four'"):
+        kept_page.with_section(PAGE, "Four", "New.")
+
+
+class Stub:
+    """An experiment whose note is ``says``, or that lacks what it needs; counts its runs."""
+
+    def __init__(self, says: str) -> None:
+        self.says, self.runs = says, 0
+
+    def __call__(self, _context: Context) -> Result:
+        self.runs += 1
+        if not self.says:
+            raise OmniError("no logs", hint="fetch them")
+        return Result((), notes=(self.says,))
+
+
+@pytest.fixture
+def compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Compares a stub with the page above; returns what was noted, after as many runs as asked."""
+    page = tmp_path / "page.md"
+    page.write_text(PAGE, encoding="utf-8")
+    monkeypatch.setattr(kept_page, "PAGE", page)
+
+    def compare(stub: Stub, *, write: bool = False) -> kept_page.Comparison:
+        monkeypatch.setattr(Experiment, "run", lambda _self, context: stub(context))
+        comparison = kept_page.Comparison(tmp_path / "results.json", write)
+        comparison.take(Experiment("two", TITLE, ""), Context(tmp_path))
+        return comparison
+
+    return compare
+
+
+def test_one_changed_digit_is_a_difference(compared: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert compared(Stub(KEPT.replace("1", "2"))).differ == ["two"]
+    assert "-| a | 1 |\n+| a | 2 |" in capsys.readouterr().out
+    assert compared(Stub(KEPT)).differ == []
+
+
+def test_what_was_equal_is_not_run_again_until_its_section_changes(compared: Any, tmp_path: Path) -> None:
+    stub = Stub(KEPT)
+    compared(stub)
+    compared(stub)
+    assert stub.runs == 1
+    (tmp_path / "page.md").write_text(PAGE.replace("| a | 1 |", "| a | 3 |"), encoding="utf-8")
+    assert compared(stub).differ == ["two"]
+    assert stub.runs == 2
+
+
+def test_what_is_written_is_equal_afterwards(compared: Any, tmp_path: Path) -> None:
+    assert compared(Stub("New."), write=True).differ == []
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == PAGE.replace(KEPT, "New.")
+    assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8")).keys() == {"two"}
+
+
+def test_what_cannot_be_run_here_is_named_and_is_neither_equal_nor_different(
+    compared: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    comparison = compared(Stub(""))
+    assert (comparison.not_run, comparison.differ) == (["two"], [])
+    assert "two: not run: no logs; fetch them" in capsys.readouterr().out
+    assert not (tmp_path / "results.json").exists()

@@ -7,6 +7,12 @@
 #include <optional>
 
 #include "app/app.h"
+#include "app/icm42688.h"
+#include "gyro_bus.h"
+
+extern "C" {
+#include "hil_sim/random.h"
+}
 
 using namespace omni;
 
@@ -140,6 +146,9 @@ struct Robot {
     FakePort ports[Board::max_ports];
     FakeStorage storage;
     FakeWatchdog watchdog;
+    GyroBus gyro_bus;
+    std::optional<Icm42688> gyro; ///< none: not on this board
+    double gyro_rates[HIL_ICM42688_AXES] = {};
     Board board;
     std::optional<App> app;
     bool lockstep = false;
@@ -149,6 +158,11 @@ struct Robot {
 
     void boot() {
         clock.time_us = 0;
+        if (gyro) {
+            gyro.emplace(gyro_bus);
+            hil_icm42688_reset(&gyro_bus.chip, GyroBus::address);
+        }
+        board.gyro_chip = gyro ? &*gyro : nullptr;
         app.emplace(board, lockstep);
     }
 };
@@ -204,6 +218,11 @@ void robot_reboot(Robot *robot) {
 void robot_run(Robot *robot, uint32_t ticks) {
     for (uint32_t i = 0; i < ticks; ++i) {
         robot->clock.time_us += 1000;
+        double seen[HIL_ICM42688_AXES];
+        for (uint32_t axis = 0; axis < HIL_ICM42688_AXES; ++axis) {
+            seen[axis] = robot->gyro_rates[axis] + 1e-3 * hil_normal(1, axis, robot->clock.time_us);
+        }
+        hil_icm42688_sense(&robot->gyro_bus.chip, robot->clock.time_us, seen);
         robot->app->tick();
         robot->app->background();
         robot->ports[robot->radio].drain();
@@ -211,6 +230,24 @@ void robot_run(Robot *robot, uint32_t ticks) {
     if (robot->app->reboot_wanted()) {
         robot->boot();
     }
+}
+
+/// Put a gyro's chip on the board: from the next boot on.
+void robot_add_gyro(Robot *robot) {
+    robot->gyro.emplace(robot->gyro_bus);
+}
+
+/// @param rates about the chip's axes; white noise is added.
+void robot_turn_gyro(Robot *robot, const double *rates) {
+    std::copy_n(rates, HIL_ICM42688_AXES, robot->gyro_rates);
+}
+
+hil_icm42688_faults_t *robot_gyro_faults(Robot *robot) {
+    return &robot->gyro_bus.chip.faults;
+}
+
+void robot_hold_gyro(Robot *robot, int held) {
+    robot->gyro_bus.held = held != 0;
 }
 
 void robot_background(Robot *robot) {

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
+from tests.firmware.gyro_model import INCLUDES, MODEL, Faults
 from tests.native import ROOT, build_library, core_archive
 
 STORAGE_BYTES = 1080
@@ -21,10 +22,11 @@ TICK_S = 1e-3
 @lru_cache
 def library() -> Any:
     """Build the firmware's program, the core and the shim into one library."""
-    sources = [*sorted((ROOT / "firmware" / "app").glob("*.cpp")), Path(__file__).with_name("app_shim.cpp")]
+    sources = [*sorted((ROOT / "firmware" / "app").glob("*.cpp")), *MODEL, Path(__file__).with_name("app_shim.cpp")]
     folder = Path(mkdtemp(prefix="omni-radio-"))
-    loaded = ctypes.CDLL(str(build_library(folder, "app", sources, archives=[core_archive()])))
+    loaded = ctypes.CDLL(str(build_library(folder, "app", sources, INCLUDES, archives=[core_archive()])))
     loaded.robot_new.restype = ctypes.c_void_p
+    loaded.robot_gyro_faults.restype = ctypes.POINTER(Faults)
     return loaded
 
 
@@ -58,6 +60,22 @@ class MemoryRobot:
     def set_own(self, name: str, value: float) -> None:
         """Change a value that the robot has from its image; it counts from the next start on."""
         assert self._lib.robot_set_own(self._c, name.encode(), ctypes.c_float(value)), name
+
+    def add_gyro(self, axis: int) -> Faults:
+        """Put a gyro's chip on the board and start anew; return what can be wrong with it."""
+        self._lib.robot_add_gyro(self._c)
+        self.set_own("GYRO_AXIS", axis)
+        self.reboot()
+        faults: Faults = self._lib.robot_gyro_faults(self._c).contents
+        return faults
+
+    def turn_gyro(self, *rates: float) -> None:
+        """Let the chip turn at these rates about its axes [rad/s]; the wheels stand."""
+        self._lib.robot_turn_gyro(self._c, (ctypes.c_double * 3)(*rates))
+
+    def hold_gyro(self, held: bool) -> None:
+        """Hold a line of the gyro's bus low, or let it go."""
+        self._lib.robot_hold_gyro(self._c, int(held))
 
     def reboot(self) -> None:
         """Power off and on."""

@@ -9,10 +9,10 @@ from omniwheel import Robot, connect
 from omniwheel.dialect import mavlink
 from omniwheel.log_download import LogDownload
 from omniwheel.radio_model import RadioSettings
+from tests.radio.download_page import robot_with, station
 from tests.radio.memory_robot import USB, MemoryLink
 from tests.radio.simulated_radio import RadioLink
 from tests.radio.station import usb
-from tests.radio.test_profiles import robot_with, station
 
 SLOW = RadioSettings(baud=9600, loss=0.05, latency_s=0.05)
 SIGNALS = ("wheel_reference", "wheel_speed")

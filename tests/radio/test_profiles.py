@@ -3,59 +3,24 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import SimpleNamespace
+from pathlib import Path
 from typing import Any
 
 import pytest
-from MAVProxy.modules.mavproxy_param import ParamState
 
-from omniwheel import Robot, connect
-from omniwheel.connection import Connection
-from omniwheel.dialect import mavlink
-from omniwheel.presets import read_preset
+from omniwheel import connect
 from omniwheel.radio_model import RadioSettings
 from omniwheel.robots import parameter_table
-from omniwheel.signing import EPOCH_S, UNITS_PER_S, Signer
-from tests.radio.memory_robot import RADIO, USB, MemoryLink, MemoryRobot
+from tests.radio import download_page
+from tests.radio.download_page import bad_radio, robot_with, station
+from tests.radio.memory_robot import USB, MemoryLink, MemoryRobot
 from tests.radio.simulated_radio import RadioLink
-from tests.radio.station import KEY, START, usb
 
 PROFILES = [9600, 57600, 115200]
 BYTES_S = {baud: baud / 10 for baud in PROFILES}
 LONGEST_FRAME = 100
-
-
-def bad_radio(baud: int) -> RadioSettings:
-    return RadioSettings(baud=baud, loss=0.2, latency_s=0.2)
-
-
-@contextmanager
-def robot_with(baud: int, signed: bool = False) -> Iterator[MemoryRobot]:
-    """A robot with a profile loaded over USB, and perhaps a key."""
-    with MemoryRobot() as robot:
-        link = MemoryLink(robot, USB)
-        with connect(link, clock=link.clock_s) as there:
-            there.parameters.set_many(read_preset(f"radio_{baud}", parameter_table()).parameters)
-        if signed:
-            usb(robot).give_key(KEY)
-        robot.run(3000)
-        assert robot.baud == baud
-        robot.read(RADIO)
-        yield robot
-
-
-@contextmanager
-def station(robot: MemoryRobot, link: RadioLink, signed: bool = False) -> Iterator[Robot]:
-    """Our own host program behind the radio."""
-    signer = Signer(KEY, clock=lambda: EPOCH_S + START / UNITS_PER_S + link.clock_s(), link_id=3) if signed else None
-    connection = Connection(link, clock=link.clock_s, signer=signer)
-    connection.target_system, connection.target_component = 1, 1
-    assert connection.wait(lambda m: m.get_type() == "HEARTBEAT", 20.0) is not None
-    yield Robot(connection, table=parameter_table())
+BENCH_PAGE = Path(__file__).resolve().parents[2] / "docs" / "checks" / "performance.md"
 
 
 @pytest.mark.parametrize("signed", [False, True], ids=["unsigned", "signed"])
@@ -138,43 +103,27 @@ def test_gains_are_set_and_confirmed_on_a_bad_radio(baud: int, seed: int) -> Non
             assert beside.parameters.read("ISMC_LAM_XY") == 14.0
 
 
-class MavProxySide:
-    """What MAVProxy's parameter module wants of a connection, in simulated time."""
-
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-        self._last_s = connection.clock()
-        connection.add_listener(self._note)
-
-    def _note(self, message: Any) -> None:
-        if message.get_type() == "PARAM_VALUE":
-            self._last_s = self._connection.clock()
-
-    def time_since(self, _name: str) -> float:
-        return self._connection.clock() - self._last_s
-
-    def param_fetch_all(self) -> None:
-        self._connection.send(mavlink.MAVLink_param_request_list_message(1, 1))
-
-    def param_fetch_one(self, index: int) -> None:
-        self._connection.send(mavlink.MAVLink_param_request_read_message(1, 1, b"", index))
-
-
 @pytest.mark.parametrize("baud", [9600, 115200])
-def test_mavproxys_own_download_completes_on_a_bad_radio(baud: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mavproxys_own_download_completes_on_a_bad_radio(baud: int) -> None:
     """Its parameter module itself, unchanged, on the simulated clock."""
-    with robot_with(baud) as robot:
-        link = RadioLink(robot, bad_radio(baud), seed=4)
-        monkeypatch.setattr(time, "time", lambda: 1e9 + link.clock_s())
-        with station(robot, link) as there:
-            console = SimpleNamespace(settings=SimpleNamespace(param_ftp=False))
-            state = ParamState({}, None, "Rover", "parameters", console, 1)
-            side = MavProxySide(there.connection)
-            there.connection.add_listener(lambda message: state.handle_mavlink_packet(side, message))
-            start_s, count = link.clock_s(), len(parameter_table())
-            while len(state.mav_param_set) < count and link.clock_s() < start_s + 300.0:
-                state.fetch_check(side)
-                there.pump(0.05)
-            took_s = link.clock_s() - start_s
-        assert len(state.mav_param_set) == count
-        assert took_s < 120.0
+    assert download_page.mavproxy_s(bad_radio(baud), 4) < 120.0
+
+
+def test_the_pages_table_is_of_as_many_parameters_as_there_are() -> None:
+    """If not: ``python -m tests.radio.download_page --write``; ``make bench ARGS="--only download --write"``."""
+    assert f"*{len(parameter_table())} parameters, profile" in BENCH_PAGE.read_text(encoding="utf-8")
+    text = download_page.PAGE.read_text(encoding="utf-8")
+    shown = text.split(f"<!-- {download_page.BLOCK} -->")[1].split(f"<!-- /{download_page.BLOCK} -->")[0]
+    assert f"\n{len(parameter_table())} parameters," in shown
+    labels = [line.split(" | ")[0].removeprefix("| ") for line in shown.splitlines() if line.startswith("| ")]
+    assert labels == ["All parameters", *(label for label, _ in download_page.ROWS)]
+
+
+@pytest.mark.slow
+def test_the_pages_table_has_todays_times() -> None:
+    """Times at the fast profile; those at 9600 baud take longer to measure."""
+    text = download_page.PAGE.read_text(encoding="utf-8")
+    for label, measure in download_page.ROWS:
+        today = download_page.in_words([measure(115200, seed) for seed in download_page.SEEDS])
+        assert f"| {label} |" in text
+        assert next(line for line in text.splitlines() if line.startswith(f"| {label} |")).endswith(f" | {today} |")

@@ -31,6 +31,13 @@ def shared_studio(browser: Browser, tmp_path_factory: pytest.TempPathFactory) ->
         yield program
 
 
+@pytest.fixture(scope="module")
+def simulated() -> Iterator[Program]:
+    """A studio with a simulated robot, for the tests of one file."""
+    with studio("sitl") as program:
+        yield program
+
+
 @pytest.fixture
 def open_page(browser: Browser) -> Iterator[Opener]:
     """Open an address in a browser of its own; an error of the page's script fails the test."""

@@ -67,6 +67,13 @@ def studio(*words: str) -> AbstractContextManager[Program]:
     return running("studio", "--no-browser", "--port", "0", *words)
 
 
+def take_over(page: Page) -> None:
+    """Make this page the one that commands the robot."""
+    if page.evaluate("studio.state.commands") != "this page":
+        page.click("#take-over")
+    until(page, "state.commands === 'this page'")
+
+
 def until(page: Page, condition: str, wait_s: float = WAIT_MS / 1000) -> None:
     """Wait until a JavaScript expression is true; it may use ``studio``, ``state`` and ``robot``.
 

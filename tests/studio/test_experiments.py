@@ -173,7 +173,7 @@ def test_autotune_measures_and_tells_what_came_of_it(page: Page) -> None:
     assert "volts per wheel speed [V s/rad]" in (page.text_content("#experiment-figures") or "")
     remarks = page.text_content("#experiment-remarks") or ""
     assert "WS_P 4 →" in remarks
-    assert "The new values are kept." in remarks or "The old values are restored." in remarks
+    assert "The new values are kept: " in remarks or "The old values are restored: " in remarks
     folder = Path(page.evaluate("studio.state.experiment.folder"))
     assert {"autotune.md", "autotune.png", "before.toml", "after.toml"} <= {path.name for path in folder.iterdir()}
 

@@ -9,7 +9,7 @@ import socket as py_socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,6 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
 from tests.studio.parts import Opener, Program, running, studio, until
-
-
-@pytest.fixture(scope="module")
-def simulated() -> Iterator[Program]:
-    with studio("sitl") as program:
-        yield program
 
 
 def socket_url(program: Program, token: str = "") -> str:

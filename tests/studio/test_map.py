@@ -11,26 +11,18 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from tests.studio.parts import Opener, Program, studio, until
+from tests.studio.parts import Opener, Program, studio, take_over, until
 from tests.studio.test_page import arm
 from tests.studio.test_simulator import mend, switch
 
 SIGMA = 3
 
 
-@pytest.fixture(scope="module")
-def simulated() -> Iterator[Program]:
-    with studio("sitl") as program:
-        yield program
-
-
 @pytest.fixture
 def page(simulated: Program, open_page: Opener) -> Page:
     found = open_page(simulated.url)
     until(found, "robot?.pose && state.world?.on && studio.map.marked.length > 0")
-    if found.evaluate("studio.state.commands") != "this page":
-        found.click("#take-over")
-    until(found, "state.commands === 'this page'")
+    take_over(found)
     mend(found)
     found.click("#disarm")
     until(found, "robot.state === 'disarmed'")

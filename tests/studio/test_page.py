@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Iterator
 from typing import Literal
 
 import pytest
@@ -16,12 +15,6 @@ from playwright.sync_api import Browser, Page
 from tests.studio.parts import Opener, Program, studio, until
 
 GAIN = "ISMC_LAM_XY"
-
-
-@pytest.fixture(scope="module")
-def simulated() -> Iterator[Program]:
-    with studio("sitl") as program:
-        yield program
 
 
 @pytest.fixture

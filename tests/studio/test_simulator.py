@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,26 +17,18 @@ from websockets.sync.client import connect
 
 from omniwheel.errors import LinkError
 from omniwheel.studio.simulated import SimulatedRobot, Simulation
-from tests.studio.parts import Opener, Program, running, studio, until
+from tests.studio.parts import Opener, Program, running, studio, take_over, until
 from tests.studio.test_hostile import ask, socket_url, wait
 from tests.studio.test_page import arm
 
 TEXTS = "[...document.querySelectorAll('#texts li')].map((item) => item.textContent).join('|')"
 
 
-@pytest.fixture(scope="module")
-def simulated() -> Iterator[Program]:
-    with studio("sitl") as program:
-        yield program
-
-
 @pytest.fixture
 def page(simulated: Program, open_page: Opener) -> Page:
     found = open_page(simulated.url)
     until(found, "robot?.pose && state.world?.on")
-    if found.evaluate("studio.state.commands") != "this page":
-        found.click("#take-over")
-    until(found, "state.commands === 'this page'")
+    take_over(found)
     mend(found)
     found.click("#disarm")
     if found.evaluate("studio.state.robot.state") == "estop":

@@ -11,6 +11,8 @@ from hil_sim import dispersion, scenario
 from hil_sim.schema import WORLD
 from omni_docs.markdown import code, escaped, page, table
 from omni_schema import load_parameters
+from omni_schema.gyro import CHIPS
+from omni_schema.gyro import KEYS as GYRO_KEYS
 from omni_schema.robots import KEYED_SECTIONS, SECTIONS
 from omni_schema.wiring import BOARD_KEYS
 from omni_schema.world import FaultKind, Quantity
@@ -38,6 +40,9 @@ def _robot_page(root: Path) -> str:
         "## Pins of the processor",
         ", ".join(code(key) for key in BOARD_KEYS)
         + ". They are built into the firmware; [the guide](../../guides/robot-file.md#pins-wiring) explains each.",
+        "## Gyro",
+        f"The section `[gyro]` has {', '.join(code(key) for key in GYRO_KEYS)}; chips are {', '.join(map(code, CHIPS))}"
+        ". [The guide](../../guides/gyro.md#the-chip) explains each. Without the section there is no gyro.",
         "## Everything else",
         "`[parameters]` sets any parameter by its [name](parameters.md). "
         "`[simulation]` is what the simulated world adds: "

@@ -32,12 +32,14 @@ def _first(written: str) -> str:
 def _range(parameter: Parameter) -> str:
     if parameter.values:
         return ", ".join(f"`{name}` ({number})" for name, number in parameter.values.items())
-    return "0 or 1" if parameter.kind == "bool" else f"{parameter.minimum:.7g} to {parameter.maximum:.7g}"
+    if parameter.kind == "bool":
+        return "0 or 1"
+    return f"{parameter.shown(parameter.minimum)} to {parameter.shown(parameter.maximum)}"
 
 
 def _default(parameter: Parameter) -> str:
     named = [name for name, number in parameter.values.items() if number == parameter.default]
-    return code(named[0]) if named else f"{parameter.default:.7g}"
+    return code(named[0]) if named else parameter.shown(parameter.default)
 
 
 def _row(written: str, parameter: Parameter) -> list[str]:

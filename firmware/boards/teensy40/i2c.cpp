@@ -8,10 +8,8 @@
 namespace omni {
 namespace {
 
-constexpr uint8_t sda_pin = 18;
-constexpr uint8_t scl_pin = 19;
-constexpr uint32_t mux_master = 3 | 0x10; ///< LPI2C1, input path forced on
-constexpr uint32_t mux_gpio = 5 | 0x10;
+constexpr uint32_t input_on = 0x10; ///< input path forced on
+constexpr uint32_t mux_gpio = 5 | input_on;
 constexpr uint32_t pad_open_drain = IOMUXC_PAD_ODE | IOMUXC_PAD_HYS | IOMUXC_PAD_PKE | IOMUXC_PAD_PUE |
                                     IOMUXC_PAD_PUS(3) | IOMUXC_PAD_DSE(2); ///< 22 kohm pull-up
 constexpr uint32_t half_clock_us = 5;
@@ -23,14 +21,17 @@ constexpr uint32_t interrupts =
     LPI2C_MIER_RDIE | LPI2C_MIER_SDIE | LPI2C_MIER_NDIE | LPI2C_MIER_ALIE | LPI2C_MIER_FEIE | LPI2C_MIER_TDIE;
 constexpr uint32_t spare_us = 500;
 
-Teensy40I2c *owner = nullptr;
+template <class Port>
+Teensy40I2cMaster<Port> *owner = nullptr;
 
+template <class Port>
 void on_interrupt() {
-    owner->on_master();
+    owner<Port>->on_master();
 }
 
+template <class Port>
 void on_timer() {
-    owner->on_clear_timer();
+    owner<Port>->on_clear_timer();
 }
 
 bool is_high(uint8_t pin) {
@@ -47,58 +48,63 @@ constexpr uint16_t command(uint32_t what, uint32_t data) {
 
 } // namespace
 
-void Teensy40I2c::configure() {
-    IMXRT_LPI2C1.MCR = LPI2C_MCR_RST;
-    IMXRT_LPI2C1.MCR = 0;
-    IMXRT_LPI2C1.MCFGR0 = 0;
-    IMXRT_LPI2C1.MCFGR1 = LPI2C_MCFGR1_PRESCALE(timing_.prescale);
-    IMXRT_LPI2C1.MCFGR2 = LPI2C_MCFGR2_FILTSDA(timing_.filter) | LPI2C_MCFGR2_FILTSCL(timing_.filter) |
-                          LPI2C_MCFGR2_BUSIDLE(timing_.bus_idle);
-    IMXRT_LPI2C1.MCFGR3 = 0; // no pin-low time-out: poll() watches the time of the whole batch
-    IMXRT_LPI2C1.MCCR0 = LPI2C_MCCR0_CLKLO(timing_.clk_low) | LPI2C_MCCR0_CLKHI(timing_.clk_high) |
-                         LPI2C_MCCR0_SETHOLD(timing_.set_hold) | LPI2C_MCCR0_DATAVD(timing_.data_valid);
-    IMXRT_LPI2C1.MFCR = LPI2C_MFCR_TXWATER(refill_below - 1) | LPI2C_MFCR_RXWATER(0);
-    IMXRT_LPI2C1.MCR = LPI2C_MCR_MEN;
+template <class Port>
+void Teensy40I2cMaster<Port>::configure() {
+    Port::registers().MCR = LPI2C_MCR_RST;
+    Port::registers().MCR = 0;
+    Port::registers().MCFGR0 = 0;
+    Port::registers().MCFGR1 = LPI2C_MCFGR1_PRESCALE(timing_.prescale);
+    Port::registers().MCFGR2 = LPI2C_MCFGR2_FILTSDA(timing_.filter) | LPI2C_MCFGR2_FILTSCL(timing_.filter) |
+                               LPI2C_MCFGR2_BUSIDLE(timing_.bus_idle);
+    Port::registers().MCFGR3 = 0; // no pin-low time-out: poll() watches the time of the whole batch
+    Port::registers().MCCR0 = LPI2C_MCCR0_CLKLO(timing_.clk_low) | LPI2C_MCCR0_CLKHI(timing_.clk_high) |
+                              LPI2C_MCCR0_SETHOLD(timing_.set_hold) | LPI2C_MCCR0_DATAVD(timing_.data_valid);
+    Port::registers().MFCR = LPI2C_MFCR_TXWATER(refill_below - 1) | LPI2C_MFCR_RXWATER(0);
+    Port::registers().MCR = LPI2C_MCR_MEN;
 }
 
-void Teensy40I2c::connect_pins() {
-    *portConfigRegister(sda_pin) = mux_master;
-    *portConfigRegister(scl_pin) = mux_master;
-    IOMUXC_LPI2C1_SDA_SELECT_INPUT = 1;
-    IOMUXC_LPI2C1_SCL_SELECT_INPUT = 1;
+template <class Port>
+void Teensy40I2cMaster<Port>::connect_pins() {
+    *portConfigRegister(Port::sda_pin) = Port::mux | input_on;
+    *portConfigRegister(Port::scl_pin) = Port::mux | input_on;
+    Port::select_inputs();
 }
 
 /// Pull a line low, or let it go.
-void Teensy40I2c::drive(uint8_t pin, bool low) {
+template <class Port>
+void Teensy40I2cMaster<Port>::drive(uint8_t pin, bool low) {
     auto &direction = *portModeRegister(pin);
     const uint32_t mask = digitalPinToBitMask(pin);
     direction = low ? direction | mask : direction & ~mask;
 }
 
-void Teensy40I2c::release_pins() {
-    for (const uint8_t pin : {sda_pin, scl_pin}) {
+template <class Port>
+void Teensy40I2cMaster<Port>::release_pins() {
+    for (const uint8_t pin : {Port::sda_pin, Port::scl_pin}) {
         drive(pin, false);
         *portClearRegister(pin) = digitalPinToBitMask(pin);
         *portConfigRegister(pin) = mux_gpio;
     }
 }
 
-void Teensy40I2c::begin() {
-    owner = this;
+template <class Port>
+void Teensy40I2cMaster<Port>::begin() {
+    owner<Port> = this;
     constexpr uint32_t divider_mask = 0x3Fu << 19; // LPI2C_CLK_PODF
     CCM_CSCDR2 = CCM_CSCDR2 & ~(divider_mask | CCM_CSCDR2_LPI2C_CLK_SEL);
-    CCM_CCGR2 = CCM_CCGR2 | CCM_CCGR2_LPI2C1(CCM_CCGR_ON);
-    *portControlRegister(sda_pin) = pad_open_drain;
-    *portControlRegister(scl_pin) = pad_open_drain;
+    Port::open_clock();
+    *portControlRegister(Port::sda_pin) = pad_open_drain;
+    *portControlRegister(Port::scl_pin) = pad_open_drain;
     connect_pins();
     configure();
     timer_.priority(priority_i2c);
-    attachInterruptVector(IRQ_LPI2C1, on_interrupt);
-    NVIC_SET_PRIORITY(IRQ_LPI2C1, priority_i2c);
-    NVIC_ENABLE_IRQ(IRQ_LPI2C1);
+    attachInterruptVector(Port::interrupt, on_interrupt<Port>);
+    NVIC_SET_PRIORITY(Port::interrupt, priority_i2c);
+    NVIC_ENABLE_IRQ(Port::interrupt);
 }
 
-void Teensy40I2c::compile_one(const I2cTransaction &transaction) {
+template <class Port>
+void Teensy40I2cMaster<Port>::compile_one(const I2cTransaction &transaction) {
     const uint32_t address = static_cast<uint32_t>(transaction.address) << 1;
     if (transaction.write_length > 0 || transaction.read_length == 0) {
         words_[word_count_++] = command(LPI2C_MTDR_CMD_START, address);
@@ -113,7 +119,8 @@ void Teensy40I2c::compile_one(const I2cTransaction &transaction) {
 }
 
 /// @return bytes to read.
-size_t Teensy40I2c::compile(const I2cTransaction *batch, size_t count) {
+template <class Port>
+size_t Teensy40I2cMaster<Port>::compile(const I2cTransaction *batch, size_t count) {
     word_count_ = 0;
     next_word_ = 0;
     size_t read_total = 0;
@@ -130,7 +137,8 @@ size_t Teensy40I2c::compile(const I2cTransaction *batch, size_t count) {
 }
 
 /// Set the batch's time limit from its length and the slowest edges that the mode allows.
-void Teensy40I2c::allow(const I2cTransaction *batch, size_t count) {
+template <class Port>
+void Teensy40I2cMaster<Port>::allow(const I2cTransaction *batch, size_t count) {
     uint32_t bytes = 0;
     for (size_t i = 0; i < count; ++i) {
         bytes += 2u + batch[i].write_length + batch[i].read_length;
@@ -140,7 +148,8 @@ void Teensy40I2c::allow(const I2cTransaction *batch, size_t count) {
     begun_cycles_ = ARM_DWT_CYCCNT;
 }
 
-bool Teensy40I2c::submit(const I2cTransaction *batch, size_t count) {
+template <class Port>
+bool Teensy40I2cMaster<Port>::submit(const I2cTransaction *batch, size_t count) {
     const bool fits = count > 0 && count <= max_batch;
     if (!fits || (state_ != State::idle && state_ != State::finished)) {
         return false;
@@ -149,24 +158,26 @@ bool Teensy40I2c::submit(const I2cTransaction *batch, size_t count) {
     allow(batch, count);
     std::fill(read_, read_ + sizeof read_, uint8_t{0});
     ++counters_.batches;
-    IMXRT_LPI2C1.MCR = LPI2C_MCR_MEN | LPI2C_MCR_RTF | LPI2C_MCR_RRF;
-    IMXRT_LPI2C1.MSR = all_flags;
+    Port::registers().MCR = LPI2C_MCR_MEN | LPI2C_MCR_RTF | LPI2C_MCR_RRF;
+    Port::registers().MSR = all_flags;
     state_ = State::running;
     fill();
-    IMXRT_LPI2C1.MIER = next_word_ < word_count_ ? interrupts : interrupts & ~LPI2C_MIER_TDIE;
+    Port::registers().MIER = next_word_ < word_count_ ? interrupts : interrupts & ~LPI2C_MIER_TDIE;
     return true;
 }
 
-void Teensy40I2c::fill() {
-    size_t room = fifo_size - (IMXRT_LPI2C1.MFSR & 7u);
+template <class Port>
+void Teensy40I2cMaster<Port>::fill() {
+    size_t room = fifo_size - (Port::registers().MFSR & 7u);
     for (; room > 0 && next_word_ < word_count_; --room) {
-        IMXRT_LPI2C1.MTDR = words_[next_word_++];
+        Port::registers().MTDR = words_[next_word_++];
     }
 }
 
-void Teensy40I2c::take_bytes() {
-    for (size_t waiting = (IMXRT_LPI2C1.MFSR >> 16) & 7u; waiting > 0; --waiting) {
-        const uint32_t data = IMXRT_LPI2C1.MRDR;
+template <class Port>
+void Teensy40I2cMaster<Port>::take_bytes() {
+    for (size_t waiting = (Port::registers().MFSR >> 16) & 7u; waiting > 0; --waiting) {
+        const uint32_t data = Port::registers().MRDR;
         const size_t index = read_count_ - read_skip_;
         if (read_count_ >= read_skip_ && index < sizeof read_) {
             read_[index] = static_cast<uint8_t>(data & 0xFFu);
@@ -175,8 +186,9 @@ void Teensy40I2c::take_bytes() {
     }
 }
 
-void Teensy40I2c::finish(I2cStatus outcome) {
-    IMXRT_LPI2C1.MIER = 0;
+template <class Port>
+void Teensy40I2cMaster<Port>::finish(I2cStatus outcome) {
+    Port::registers().MIER = 0;
     outcome_ = outcome;
     state_ = State::finished;
     counters_.last_us = (ARM_DWT_CYCCNT - begun_cycles_) / cycles_per_us();
@@ -184,25 +196,27 @@ void Teensy40I2c::finish(I2cStatus outcome) {
 }
 
 /// Drop what is left and end with a STOP, unless the master has sent one itself or lost the bus.
-void Teensy40I2c::fail(uint32_t flags) {
+template <class Port>
+void Teensy40I2cMaster<Port>::fail(uint32_t flags) {
     outcome_ = (flags & LPI2C_MSR_NDF) != 0 ? I2cStatus::nack : I2cStatus::stuck;
     counters_.nacks += (flags & LPI2C_MSR_NDF) != 0;
     counters_.arbitration_losses += (flags & LPI2C_MSR_ALF) != 0;
     state_ = State::stopping;
-    IMXRT_LPI2C1.MIER = LPI2C_MIER_SDIE;
-    IMXRT_LPI2C1.MCR = LPI2C_MCR_MEN | LPI2C_MCR_RTF | LPI2C_MCR_RRF;
-    IMXRT_LPI2C1.MSR = failures;
-    const uint32_t now = IMXRT_LPI2C1.MSR;
+    Port::registers().MIER = LPI2C_MIER_SDIE;
+    Port::registers().MCR = LPI2C_MCR_MEN | LPI2C_MCR_RTF | LPI2C_MCR_RRF;
+    Port::registers().MSR = failures;
+    const uint32_t now = Port::registers().MSR;
     if ((now & LPI2C_MSR_MBF) != 0 && (now & LPI2C_MSR_SDF) == 0) {
-        IMXRT_LPI2C1.MTDR = LPI2C_MTDR_CMD_STOP;
+        Port::registers().MTDR = LPI2C_MTDR_CMD_STOP;
     } else {
         finish(outcome_);
     }
 }
 
 // The read of MFSR or MSR after the last write makes sure that the request is down before this interrupt ends.
-void Teensy40I2c::on_master() {
-    const uint32_t flags = IMXRT_LPI2C1.MSR;
+template <class Port>
+void Teensy40I2cMaster<Port>::on_master() {
+    const uint32_t flags = Port::registers().MSR;
     if (state_ == State::running && (flags & failures) != 0) {
         fail(flags);
     } else if (state_ == State::running || state_ == State::stopping) {
@@ -212,22 +226,24 @@ void Teensy40I2c::on_master() {
         } else if (state_ == State::running) {
             fill();
             if (next_word_ == word_count_) {
-                IMXRT_LPI2C1.MIER = interrupts & ~LPI2C_MIER_TDIE;
+                Port::registers().MIER = interrupts & ~LPI2C_MIER_TDIE;
             }
         }
     } else {
-        IMXRT_LPI2C1.MIER = 0;
+        Port::registers().MIER = 0;
     }
-    static_cast<void>(uint32_t{IMXRT_LPI2C1.MSR});
+    static_cast<void>(uint32_t{Port::registers().MSR});
 }
 
-void Teensy40I2c::give_up() {
-    IMXRT_LPI2C1.MIER = 0;
+template <class Port>
+void Teensy40I2cMaster<Port>::give_up() {
+    Port::registers().MIER = 0;
     configure();
     state_ = State::idle;
 }
 
-I2cStatus Teensy40I2c::poll(uint8_t *read) {
+template <class Port>
+I2cStatus Teensy40I2cMaster<Port>::poll(uint8_t *read) {
     switch (state_) {
     case State::running:
     case State::stopping:
@@ -252,7 +268,8 @@ I2cStatus Teensy40I2c::poll(uint8_t *read) {
     return I2cStatus::idle;
 }
 
-void Teensy40I2c::recover() {
+template <class Port>
+void Teensy40I2cMaster<Port>::recover() {
     if (state_ == State::clearing) {
         return;
     }
@@ -261,10 +278,11 @@ void Teensy40I2c::recover() {
     state_ = State::clearing;
     release_pins();
     clear_.begin();
-    timed_ = timer_.begin(on_timer, half_clock_us);
+    timed_ = timer_.begin(on_timer<Port>, half_clock_us);
 }
 
-I2cStats Teensy40I2c::stats() {
+template <class Port>
+I2cStats Teensy40I2cMaster<Port>::stats() {
     I2cStats stats;
     stats.nacks = counters_.nacks;
     stats.timeouts = counters_.timeouts + counters_.arbitration_losses;
@@ -273,7 +291,8 @@ I2cStats Teensy40I2c::stats() {
     return stats;
 }
 
-void Teensy40I2c::end_clear(I2cBusClear::Result result) {
+template <class Port>
+void Teensy40I2cMaster<Port>::end_clear(I2cBusClear::Result result) {
     counters_.scl_stuck += result == I2cBusClear::Result::scl_stuck;
     counters_.sda_stuck += result == I2cBusClear::Result::sda_stuck;
     if (timed_) {
@@ -284,17 +303,21 @@ void Teensy40I2c::end_clear(I2cBusClear::Result result) {
     state_ = State::idle;
 }
 
-void Teensy40I2c::on_clear_timer() {
+template <class Port>
+void Teensy40I2cMaster<Port>::on_clear_timer() {
     if (state_ != State::clearing) {
         return;
     }
-    const I2cBusClear::Result result = clear_.step(is_high(scl_pin), is_high(sda_pin));
+    const I2cBusClear::Result result = clear_.step(is_high(Port::scl_pin), is_high(Port::sda_pin));
     // SDA only while SCL is low or alone: the two never move together.
-    drive(scl_pin, result == I2cBusClear::Result::working && clear_.pulls_scl());
-    drive(sda_pin, result == I2cBusClear::Result::working && clear_.pulls_sda());
+    drive(Port::scl_pin, result == I2cBusClear::Result::working && clear_.pulls_scl());
+    drive(Port::sda_pin, result == I2cBusClear::Result::working && clear_.pulls_sda());
     if (result != I2cBusClear::Result::working) {
         end_clear(result);
     }
 }
+
+template class Teensy40I2cMaster<MotorsPort>;
+template class Teensy40I2cMaster<GyroPort>;
 
 } // namespace omni

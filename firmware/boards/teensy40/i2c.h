@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file i2c.h  Asynchronous I2C master on LPI2C1 (SDA pin 18, SCL pin 19) of a Teensy 4.0.
+/// @file i2c.h  Asynchronous I2C masters of a Teensy 4.0. LPI2C1 (SDA pin 18, SCL pin 19) is the motors' PWM chip's.
+/// LPI2C3 (SDA pin 17, SCL pin 16) is a gyro's.
 ///
 /// submit() turns a batch into the words of the master's command FIFO. An interrupt refills its four places, some ten
 /// times for an update of three motors. Nothing waits: if an interrupt comes late, the master stretches SCL. A batch
@@ -33,12 +34,40 @@ struct I2cCounters {
     uint32_t longest_us = 0;
 };
 
-/// One instance only: it owns the interrupt. The tick and the interrupts here must have the same priority.
-class Teensy40I2c final : public I2cBus {
+/// Each port's registers and wires. Known to the compiler, so that a second port costs the first one nothing.
+struct MotorsPort {
+    static IMXRT_LPI2C_t &registers() { return IMXRT_LPI2C1; }
+    static constexpr IRQ_NUMBER_t interrupt = IRQ_LPI2C1;
+    static constexpr uint8_t sda_pin = 18;
+    static constexpr uint8_t scl_pin = 19;
+    static constexpr uint32_t mux = 3; ///< alternative of both pads that is the port
+    static void open_clock() { CCM_CCGR2 = CCM_CCGR2 | CCM_CCGR2_LPI2C1(CCM_CCGR_ON); }
+    static void select_inputs() {
+        IOMUXC_LPI2C1_SDA_SELECT_INPUT = 1;
+        IOMUXC_LPI2C1_SCL_SELECT_INPUT = 1;
+    }
+};
+
+struct GyroPort {
+    static IMXRT_LPI2C_t &registers() { return IMXRT_LPI2C3; }
+    static constexpr IRQ_NUMBER_t interrupt = IRQ_LPI2C3;
+    static constexpr uint8_t sda_pin = 17;
+    static constexpr uint8_t scl_pin = 16;
+    static constexpr uint32_t mux = 1;
+    static void open_clock() { CCM_CCGR2 = CCM_CCGR2 | CCM_CCGR2_LPI2C3(CCM_CCGR_ON); }
+    static void select_inputs() {
+        IOMUXC_LPI2C3_SDA_SELECT_INPUT = 2;
+        IOMUXC_LPI2C3_SCL_SELECT_INPUT = 2;
+    }
+};
+
+/// One instance for each port: it owns the interrupt. The tick and the interrupts here must have the same priority.
+template <class Port>
+class Teensy40I2cMaster final : public I2cBus {
 public:
     static constexpr size_t max_batch = 9;
 
-    explicit Teensy40I2c(uint32_t speed_Hz = wiring::i2c_speed_Hz)
+    explicit Teensy40I2cMaster(uint32_t speed_Hz = wiring::i2c_speed_Hz)
         : mode_(i2c_mode(speed_Hz)), timing_(i2c_timing(mode_)) {}
 
     /// Set up clock, pins and interrupt.
@@ -94,5 +123,8 @@ private:
     IntervalTimer timer_;
     I2cCounters counters_;
 };
+
+using Teensy40I2c = Teensy40I2cMaster<MotorsPort>;
+using Teensy40GyroI2c = Teensy40I2cMaster<GyroPort>;
 
 } // namespace omni

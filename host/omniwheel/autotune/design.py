@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from omniwheel.autotune.gains import (
     compliance,
     design_position,
     design_wheels,
+    least,
     position_margins,
     worst,
 )
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from omniwheel.autotune.room import Drive
 
 LEAST_EXPLAINED = 0.8
-"""Share of the wheels' speeds that a model must explain before gains are designed from it."""
+"""Share of the wheels' speeds, without their rounding, that a model must explain before gains are designed from it."""
 WARM_S = 1.0
 """How early a segment of the identification starts at most. A slow robot would else leave too few of them."""
 FILTER_NOISE = (1.0, 0.3, 3.0, 10.0)
@@ -43,14 +45,29 @@ CHANGED = (
 
 @dataclass(frozen=True)
 class Design:
-    """What was found and what follows: new parameters, and the margins that the model promises of old and new ones."""
+    """What was found and what follows: new parameters, and the margins that the model promises of old and new ones.
+
+    ``before`` and ``after``: the wheel loops on the floor. ``lifted_*``: those of a lifted wheel. ``position_*``: the
+    position loop, the least of translating and turning.
+    """
 
     fit: Fit
     measured: Measured
     values: dict[str, float]
     before: WheelGains
     after: WheelGains
-    position: Margins
+    lifted_before: Margins
+    lifted_after: Margins
+    position_before: Margins
+    position_after: Margins
+
+    def old_hardly_damp(self, required: Requirements) -> bool:
+        """Whether wheel loops or position loop have less than half of the margins on the robot as it was measured.
+
+        It is not driven with them then: it may stop itself. A wheel that swings and is braked counts as stalled.
+        """
+        half = required.half()
+        return not (half.kept_by(self.before.margins) and half.kept_by(self.position_before))
 
 
 @dataclass(frozen=True)
@@ -67,20 +84,37 @@ class _Loops:
         return self.turning, self.translating
 
 
-def design_from(drives: Sequence[Drive], old: Mapping[str, float], layout: Layout, required: Requirements) -> Design:
-    """Identify from drives and design. Raises AutotuneError, IdentificationError."""
-    fit = identify([entry.data for entry in drives], Model.floor(layout), WARM_S)
+def measure(drives: Sequence[Drive], old: Mapping[str, float], layout: Layout) -> tuple[Fit, Measured]:
+    """Identify from drives. Raises AutotuneError or IdentificationError if they do not show enough."""
+    count_rad = 2.0 * math.pi / old["ENC_CPR"]
+    fit = identify([entry.data for entry in drives], Model.floor(layout, dry_drag=False), WARM_S, count_rad)
     if fit.fit < LEAST_EXPLAINED:
         raise AutotuneError(
             f"the model explains only {fit.fit:.0%} of the wheels' motion", hint="did the wheels slip or stall?"
         )
-    measured = motor_values(fit.estimate, old)
+    return fit, motor_values(fit.estimate, old)
+
+
+def design_from(fit: Fit, measured: Measured, old: Mapping[str, float], required: Requirements) -> Design:
+    """Design for the robot as it was measured. Raises AutotuneError."""
     found = {**old, **measured.values}
-    chosen, loops, after = _wheels(found, measured, required, [(old["WS_P"], old["WS_I"])])
-    position, margins = _position(found, loops, after, required)
-    before = worst(_loops(old, found, measured).floor, old["WS_P"], old["WS_I"])
+    present = (old["WS_P"], old["WS_I"])
+    old_loops = _loops(old, found, measured)
+    before, lifted = worst(old_loops.floor, *present), old_loops.lifted.margins(*present)
+    chosen, loops, after = _wheels(found, measured, required, [present], required.half().at_most(lifted))
+    position = _position(found, loops, after, required)
     values = {**measured.values, **chosen, **position}
-    return Design(fit, measured, values, before, after, margins)
+    return Design(
+        fit,
+        measured,
+        values,
+        before,
+        after,
+        lifted_before=lifted,
+        lifted_after=loops.lifted.margins(after.proportional, after.integral),
+        position_before=_position_margins(old_loops, before, old),
+        position_after=_position_margins(loops, after, {**old, **values}),
+    )
 
 
 def gentle_values(old: Mapping[str, float]) -> dict[str, float]:
@@ -91,7 +125,7 @@ def gentle_values(old: Mapping[str, float]) -> dict[str, float]:
     found = {**old, "KF_J": assumed.translating}
     try:
         chosen, loops, gains = _wheels(found, assumed, GENTLE, [])
-        position, _ = _position(found, loops, gains, GENTLE)
+        position = _position(found, loops, gains, GENTLE)
     except AutotuneError:
         return {}
     return {"KF_J": assumed.translating, **chosen, **position}
@@ -108,7 +142,11 @@ def _loops(believed: Mapping[str, float], real: Mapping[str, float], measured: M
 
 
 def _wheels(
-    found: Mapping[str, float], measured: Measured, required: Requirements, present: Sequence[tuple[float, float]]
+    found: Mapping[str, float],
+    measured: Measured,
+    required: Requirements,
+    present: Sequence[tuple[float, float]],
+    lifted_least: Requirements | None = None,
 ) -> tuple[dict[str, float], _Loops, WheelGains]:
     """Return filter and wheel gains, the loops with that filter, and their margins: the stiffest of all filters'."""
     best: tuple[float, dict[str, float], _Loops, WheelGains] | None = None
@@ -118,7 +156,7 @@ def _wheels(
         believed = {**found, "KF_Q_W": noise}
         loops = _loops(believed, found, measured)
         try:
-            gains = design_wheels(loops.floor, loops.lifted, found["BAT_V_NOM"], required, present)
+            gains = design_wheels(loops.floor, loops.lifted, found["BAT_V_NOM"], required, present, lifted_least)
         except AutotuneError as failed:
             error = failed
             continue
@@ -133,12 +171,25 @@ def _wheels(
 
 def _position(
     found: Mapping[str, float], loops: _Loops, wheels: WheelGains, required: Requirements
-) -> tuple[dict[str, float], Margins]:
-    """Return the gains of the position loop, each axis with the load that it moves, and the margins along x."""
+) -> dict[str, float]:
+    """Return the gains of the position loop, each axis with the load that it moves."""
     values: dict[str, float] = {}
     for axis, loop in (("XY", loops.translating), ("TH", loops.turning)):
         gain = found[f"ISMC_K_{axis}"]
         lam, stiffness = design_position([loop], wheels, gain / found[f"ISMC_PHI_{axis}"], required)
         values |= {f"ISMC_LAM_{axis}": lam, f"ISMC_PHI_{axis}": gain / stiffness}
-    stiffness = found["ISMC_K_XY"] / values["ISMC_PHI_XY"]
-    return values, position_margins(loops.translating, wheels, values["ISMC_LAM_XY"], stiffness)
+    return values
+
+
+def _position_margins(loops: _Loops, wheels: WheelGains, values: Mapping[str, float]) -> Margins:
+    """Return the margins of the position loop, the least of both axes; all 0 around an unstable wheel loop."""
+    if not wheels.margins.stable:
+        return wheels.margins
+    return least(
+        [
+            position_margins(
+                loop, wheels, values[f"ISMC_LAM_{axis}"], values[f"ISMC_K_{axis}"] / values[f"ISMC_PHI_{axis}"]
+            )
+            for axis, loop in (("XY", loops.translating), ("TH", loops.turning))
+        ]
+    )

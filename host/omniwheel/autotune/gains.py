@@ -2,7 +2,8 @@
 """Gains from a measured robot: wheel loops as quick as margins and noise allow, and a position loop that fits them.
 
 The margins are data (Requirements). A set of gains must keep them with every inertia that a wheel has on the floor,
-turning on the spot and translating. A lifted wheel moves itself alone, and half of the margins must be left then.
+turning on the spot and translating. A lifted wheel moves itself alone. Half of the margins must be left then, or what
+the old gains leave if that is less.
 Among those sets the stiffest one wins: with it a disturbing voltage moves the wheel least. What counts are the
 frequencies at which a robot tracks a path.
 """
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from omniwheel.autotune.wheel_loop import Complex, Margins, WheelLoop, margins
+from omniwheel.autotune.wheel_loop import Complex, Margins, WheelLoop, margins, turns_around
 from omniwheel.errors import AutotuneError
 
 PROPORTIONAL = np.geomspace(0.02, 50.0, 28)
@@ -46,8 +47,17 @@ class Requirements:
     quickest_1_s: float = 12.0
 
     def half(self) -> Requirements:
-        """Return what must be left of a loop whose wheel is lifted."""
+        """Return half of the margins: of the gain margin in decibels."""
         return replace(self, gain=math.sqrt(self.gain), phase_rad=0.5 * self.phase_rad, distance=0.5 * self.distance)
+
+    def at_most(self, found: Margins) -> Requirements:
+        """Return the same, but nowhere more than a loop has already."""
+        return replace(
+            self,
+            gain=min(self.gain, found.gain),
+            phase_rad=min(self.phase_rad, found.phase_rad),
+            distance=min(self.distance, found.distance),
+        )
 
     def kept_by(self, found: Margins) -> bool:
         """Whether a loop has these margins."""
@@ -65,13 +75,17 @@ class WheelGains:
     crossover_hz: float
 
 
+def least(every: Sequence[Margins]) -> Margins:
+    """Return the least of each margin."""
+    return Margins(min(m.gain for m in every), min(m.phase_rad for m in every), min(m.distance for m in every))
+
+
 def worst(loops: Sequence[WheelLoop], proportional: float, integral: float) -> WheelGains:
     """Return gains with the worst that any of the loops makes of them."""
-    every = [loop.margins(proportional, integral) for loop in loops]
     return WheelGains(
         proportional,
         integral,
-        Margins(min(m.gain for m in every), min(m.phase_rad for m in every), min(m.distance for m in every)),
+        least([loop.margins(proportional, integral) for loop in loops]),
         max(loop.noise_V(proportional, integral) for loop in loops),
         min(loop.bandwidth_hz(proportional, integral) for loop in loops),
     )
@@ -88,11 +102,14 @@ def design_wheels(
     supply_V: float,
     required: Requirements,
     present: Sequence[tuple[float, float]] = (),
+    lifted_least: Requirements | None = None,
 ) -> WheelGains:
     """Return the stiffest gains that keep what is required. Raises AutotuneError if none do.
 
-    ``present``: further candidates, such as the gains that the robot has.
+    ``present``: further candidates, such as the gains that the robot has. ``lifted_least``: what a lifted wheel must
+    keep, half of what is required by default.
     """
+    in_the_air = lifted_least or required.half()
     unit = floor[0].motor.speed_gain
     grid = [(float(p), float(p / reset)) for p in PROPORTIONAL * unit for reset in RESET_S]
     possible = [entry for entry in (*present, *grid) if entry[0] <= PROPORTIONAL_MOST and entry[1] <= INTEGRAL_MOST]
@@ -100,7 +117,7 @@ def design_wheels(
         if max(loop.noise_V(*gains) for loop in floor) > required.noise * supply_V:
             continue
         found = worst(floor, *gains)
-        if required.kept_by(found.margins) and required.half().kept_by(lifted.margins(*gains)):
+        if required.kept_by(found.margins) and in_the_air.kept_by(lifted.margins(*gains)):
             return found
     raise AutotuneError(
         "no gains of the wheel loops keep the margins without more noise than wanted",
@@ -126,9 +143,10 @@ def design_position(
 
 
 def position_margins(loop: WheelLoop, wheels: WheelGains, lam: float, stiffness_1_s: float) -> Margins:
-    """Return the margins of the position loop."""
+    """Return the margins of the position loop around a stable wheel loop; all 0 if it is unstable."""
     inner = loop.closed(wheels.proportional, wheels.integral, loop.filter.model.speed_gain)
-    return margins(position_open(loop, inner, lam, stiffness_1_s))
+    found = position_open(loop, inner, lam, stiffness_1_s)
+    return Margins(0.0, 0.0, 0.0) if turns_around(found) else margins(found)
 
 
 def position_open(loop: WheelLoop, inner: Complex, lam: float, stiffness_1_s: float) -> Complex:

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from omni_schema import ParameterTable
 from omniwheel import files, parameter_file
-from omniwheel.autotune.gains import Requirements, WheelGains
+from omniwheel.autotune.design import Design
+from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.procedure import Outcome
+from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.tuning_plot import draw_tuning
 
 PAGE, PICTURE, BEFORE, AFTER = "autotune.md", "autotune.png", "before.toml", "after.toml"
@@ -81,36 +83,47 @@ def _parameters(outcome: Outcome, table: ParameterTable) -> list[str]:
 def _margins(outcome: Outcome, required: Requirements) -> list[str]:
     design = outcome.design
 
-    def row(name: str, gains: WheelGains) -> str:
-        found = gains.margins
-        words = (
-            f"{found.gain:.2g} | {math.degrees(found.phase_rad):.0f}° | {found.distance:.2f} | {gains.noise_V:.2g} V"
-        )
-        return f"| wheel loops, {name} | {words} |"
+    def row(name: str, found: Margins, noise_V: float | None = None) -> str:
+        noise = "" if noise_V is None else f"{noise_V:.2g} V"
+        words = f"{found.gain:.2g} | {math.degrees(found.phase_rad):.0f}° | {found.distance:.2f} | {noise}"
+        return f"| {name} | {words} |"
 
-    position = design.position
     return [
         "## What the model promises",
         "",
-        "The least of all loads on the floor. Margins say how wrong the model may be before the loop swings.",
+        "The least of all loads on the floor. Margins say how wrong the model may be before the loop swings; all 0: it",
+        "swings already.",
         "",
         "| | gain margin | phase margin | distance from -1 | noise of the voltage |",
         "|---|---|---|---|---|",
         f"| required | {required.gain:.2g} | {math.degrees(required.phase_rad):.0f}° | {required.distance:.2f} | "
         f"{required.noise:.1%} of the supply |",
-        row("before", design.before),
-        row("after", design.after),
-        f"| position loop, after | {position.gain:.2g} | {math.degrees(position.phase_rad):.0f}° | "
-        f"{position.distance:.2f} | |",
+        row("wheel loops, before", design.before.margins, design.before.noise_V),
+        row("wheel loops, after", design.after.margins, design.after.noise_V),
+        row("position loop, before", design.position_before),
+        row("position loop, after", design.position_after),
+        row("a lifted wheel, before", design.lifted_before),
+        row("a lifted wheel, after", design.lifted_after),
+        "",
+        *_lifted(design, required),
+    ]
+
+
+def _lifted(design: Design, required: Requirements) -> list[str]:
+    if required.half().kept_by(design.lifted_after):
+        return []
+    return [
+        "A lifted wheel has less than half of the required margins, as with the old values. It may hum or swing when",
+        "the robot is on a stand. How much inertia is the wheel's own is a number of the robot file, not measured.",
         "",
     ]
 
 
 def _verdicts(outcome: Outcome) -> list[str]:
-    end = "The new parameters were kept." if outcome.kept else "The robot has its old parameters again."
+    end = "The new parameters were kept" if outcome.kept else "The robot has its old parameters again"
     lines = [f"- {verdict.sentence()}" for verdict in outcome.verdicts]
     if outcome.old_swings:
-        lines = ["The old values were not driven: on the robot as it was measured, they hardly damp its wheels."]
+        lines = ["The old values were not driven: on the robot as it was measured, they hardly damp it."]
     return [
         "## What they did",
         "",
@@ -118,5 +131,5 @@ def _verdicts(outcome: Outcome) -> list[str]:
         "",
         *lines,
         "",
-        end,
+        f"{end}: {outcome.choice.why}.",
     ]

@@ -10,16 +10,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.design import CHANGED, Design, design_from, gentle_values
+from omniwheel.autotune.choice import Choice, choose
+from omniwheel.autotune.design import CHANGED, Design, design_from, gentle_values, measure
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.motor_values import PARAMETERS as MOTOR_PARAMETERS
+from omniwheel.autotune.motor_values import Measured
+from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.room import MOST_LEGS, SETTINGS, Drive, drive, leg_time, points, reach_of
 from omniwheel.autotune.wheel_loop import ANGLE_FILTER
 from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
 from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed
-from omniwheel.errors import AutotuneError
+from omniwheel.errors import AutotuneError, IdentificationError
 from omniwheel.frames import Pose
 from omniwheel.identification.model import Layout
+from omniwheel.identification.output_error import Fit
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 from omniwheel.tuning import Trace
@@ -30,7 +34,13 @@ GENTLE, QUICK = 0.25, 0.7
 """Shares of the robot's speed and acceleration limits: first one, then the other."""
 MARGIN_M = 0.03
 """What a wheel is wide and a tracking error long: added to the robot's size."""
-_READ = (*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")
+MOST_DRIVES = 4
+"""Of those that measure: while they do not show enough, another one through other points is added."""
+MOST_ROUNDING = 0.2
+"""Of the wheels' measured motion: with more of it the model alone decides nothing."""
+REFUSED_SHARE = 0.01
+"""Of the pose fixes: if the robot refuses more of them, its wheels and its fixes contradict each other."""
+_READ = tuple(dict.fromkeys((*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")))
 _LIMITS = ("LIM_V", "LIM_W", "LIM_A", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
 REACH_S, TURN_RAD = 0.6, 1.2
@@ -43,12 +53,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Settings:
-    """What a user chooses: side of the square [m], legs of each drive, rounds of the comparison, seed, margins."""
+    """What a user chooses: side of the square [m], legs of each drive, rounds of the comparison, seed, margins.
+
+    ``prefer``: what decides between values that drive better and values that have the margins.
+    """
 
     room_m: float = 1.0
     legs: int = 10
     rounds: int = 4
     seed: int = 1
+    prefer: Prefer = Prefer.TRACKING
     required: Requirements = field(default_factory=Requirements)
 
     def __post_init__(self) -> None:
@@ -59,7 +73,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Outcome:
-    """``old`` and ``new`` parameters, the design, verdicts of the comparison, the traces, and whether it was kept.
+    """``old`` and ``new`` parameters, the design, verdicts of the comparison, the traces, and what was chosen and why.
 
     ``old_swings``: the old values have so little margin on the measured robot that they were not driven; no verdicts.
     """
@@ -68,8 +82,13 @@ class Outcome:
     design: Design
     verdicts: list[Verdict]
     traces: dict[str, list[Trace]]
-    kept: bool
+    choice: Choice
     old_swings: bool = False
+
+    @property
+    def kept(self) -> bool:
+        """Whether the robot has the new parameters."""
+        return self.choice.kept
 
     @property
     def new(self) -> dict[str, float]:
@@ -91,7 +110,9 @@ def autotune(robot: Robot, settings: Settings, keep: bool, tell: Callable[[str],
     before = {name: robot.parameters[name] for name in SETTINGS}
     kept = False
     try:
-        outcome = replace(found := _tune(robot, settings, old, tell), kept=found.kept and keep)
+        outcome = _tune(robot, settings, old, tell)
+        if not keep and outcome.kept:
+            outcome = replace(outcome, choice=Choice(False, f"as you asked for, although {outcome.choice.why}"))
         kept = outcome.kept
     finally:
         back = {name: old[name] for name in CHANGED}
@@ -106,12 +127,18 @@ def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Call
     places = points(here, reach, min(TURN_RAD, REACH_S * turn), settings.legs, settings.seed)
     present = {name: old[name] for name in CHANGED}
     robot.parameters.set_many({**present, **gentle_values(old)})
-    drives = [_drive(robot, places, old, share, tell) for share in (GENTLE, QUICK)]
-    design = design_from(drives, old, _layout(robot, old), settings.required)
+    fit, measured = _measured(robot, settings, old, places, tell)
+    design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
-    old_swings = not settings.required.half().kept_by(design.before.margins)
+    old_swings = design.old_hardly_damp(settings.required)
+    if old_swings and fit.rounding_share > MOST_ROUNDING:
+        raise AutotuneError(
+            f"the old values seem hardly to damp this robot, but {fit.rounding_share:.0%} of what the encoders show is "
+            "their rounding: too much to choose others without driving the old ones",
+            hint="more --room or more --legs; or an encoder with more counts",
+        )
     if old_swings:
-        tell("the old values are not driven: with the robot as it was measured, they hardly damp its wheels")
+        tell("the old values are not driven: with the robot as it was measured, they hardly damp it")
     tries: list[list[Drive]] = [[], []]
     leg_s = _leg(robot, places, old, QUICK)
     for number in range(settings.rounds):
@@ -121,18 +148,33 @@ def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Call
             tries[index].append(drive(robot, places, leg_s))
     old_figures, new_figures = ([entry.figures for entry in side] for side in tries)
     verdicts = [] if old_swings else judge(old_figures, new_figures)
-    kept = _worth_keeping(verdicts, old_fits=settings.required.kept_by(design.before.margins))
-    robot.parameters.set_many(sets[1 if kept else 0])
+    choice = choose(verdicts, design, settings.required, settings.prefer)
+    robot.parameters.set_many(sets[1 if choice.kept else 0])
     sides = zip(("before", "after"), tries, strict=True)
     traces = {name: [entry.trace for entry in side] for name, side in sides if side}
-    return Outcome(present, design, verdicts, traces, kept, old_swings)
+    return Outcome(present, design, verdicts, traces, choice, old_swings)
 
 
-def _worth_keeping(verdicts: list[Verdict], *, old_fits: bool) -> bool:
-    """Whether no figure is seen to be worse, and there is a reason: one is better, or the old margins are too small."""
-    shown = [verdict for verdict in verdicts if verdict.shows]
-    worse = any(verdict.difference > 0.0 for verdict in shown)
-    return not worse and (bool(shown) or not old_fits)
+def _measured(
+    robot: Robot,
+    settings: Settings,
+    old: Mapping[str, float],
+    places: list[Pose],
+    tell: Callable[[str], None],
+) -> tuple[Fit, Measured]:
+    """Drive gently, then quickly, and on through other points while that does not show enough of the motors."""
+    turn_rad = max(abs(place.theta - places[0].theta) for place in places)
+    reach_m = max(max(abs(place.x - places[0].x), abs(place.y - places[0].y)) for place in places)
+    drives = [_drive(robot, places, old, share, tell) for share in (GENTLE, QUICK)]
+    while True:
+        try:
+            return measure(drives, old, _layout(robot, old))
+        except (AutotuneError, IdentificationError) as error:
+            if len(drives) == MOST_DRIVES:
+                raise
+            tell(f"{error}: one more drive")
+        others = points(places[0], reach_m, turn_rad, settings.legs, settings.seed + len(drives))
+        drives.append(_drive(robot, others, old, QUICK, tell))
 
 
 def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
@@ -156,7 +198,14 @@ def _drive(
 ) -> Drive:
     leg_s = _leg(robot, places, old, share)
     tell(f"{len(places) - 1} legs of {leg_s:.1f} s, at up to {share:.0%} of the limits")
-    return drive(robot, places, leg_s)
+    found = drive(robot, places, leg_s)
+    if found.fixes_refused > REFUSED_SHARE * found.fixes:
+        raise AutotuneError(
+            f"the robot refused {found.fixes_refused} of {found.fixes} pose fixes: they contradict its wheels",
+            hint="measure wheel radius and wheel distance anew for the robot file, see docs/guides/robot-file.md; "
+            "or does the pose sensor tell another scale or frame?",
+        )
+    return found
 
 
 def _layout(robot: Robot, old: Mapping[str, float]) -> Layout:

@@ -22,7 +22,8 @@ from omniwheel.tuning import Experiment, Figures, Trace
 MOST_LEGS = 31
 """The robot keeps 32 waypoints."""
 LEAST_ROOM_M = 0.05
-SAMPLE_HZ = 50.0
+SAMPLE_HZ, COUNTED_HZ = 50.0, 2.0
+"""Rates of what identification needs, and of the counters of pose fixes."""
 ROUNDING_SHARE, MOST_MERGED = 0.05, 4
 """Rounding of the encoders by the wheels' speed, and of how many samples a row is made until it is below that."""
 PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774
@@ -33,11 +34,16 @@ _WAYPOINTS = 1.0
 
 @dataclass(frozen=True)
 class Drive:
-    """What a drive showed: voltages and wheel speeds, the path as the robot saw it, and its figures."""
+    """What a drive showed: voltages and wheel speeds, the path as the robot saw it, and its figures.
+
+    ``fixes_refused`` of ``fixes``: pose fixes that the robot did not believe; 0 of 0 if there are none.
+    """
 
     data: Dataset
     trace: Trace
     figures: Figures
+    fixes: int = 0
+    fixes_refused: int = 0
 
 
 def reach_of(side_m: float, body_m: float) -> float:
@@ -90,15 +96,23 @@ def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
     settings = dict(zip(SETTINGS, (_WAYPOINTS, leg_s, 1.0, 1.0, 0.1), strict=True))
     robot.parameters.set_many(settings)
     robot.set_waypoints(places)
-    remove = robot.connection.add_listener(lambda m: seen.append(m) if m.get_type() == "OMNI_SAMPLE" else None)
+    counted: list[Message] = []
+    taken = {"OMNI_SAMPLE": seen, "OMNI_CONTROL": counted}
+    remove = robot.connection.add_listener(lambda m: taken[m.get_type()].append(m) if m.get_type() in taken else None)
     try:
         robot.set_message_interval("OMNI_SAMPLE", SAMPLE_HZ)
+        robot.set_message_interval("OMNI_CONTROL", COUNTED_HZ)
         trace, figures = Experiment(robot).trajectory(10.0 + 4.0 * leg_s * len(places))
     finally:
         remove()
-        robot.set_message_interval("OMNI_SAMPLE", None)
-        robot.set_message_interval(Tracking.message, None)
-    return Drive(merged(seen, robot.url, parameters), trace, figures)
+        for message in (*taken, Tracking.message):
+            robot.set_message_interval(message, None)
+    refused, accepted = (_grown(counted, name) for name in ("fixes_refused", "fixes_accepted"))
+    return Drive(merged(seen, robot.url, parameters), trace, figures, refused + accepted, refused)
+
+
+def _grown(seen: Sequence[Message], name: str) -> int:
+    return int(getattr(seen[-1], name) - getattr(seen[0], name)) if seen else 0
 
 
 def merged(samples: Sequence[Message], name: str, parameters: Mapping[str, float]) -> Dataset:

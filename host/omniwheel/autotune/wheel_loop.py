@@ -234,6 +234,18 @@ def _slowest_of_interest(whole: Array) -> float:
     return float(np.max(np.abs(np.delete(sizes, at_one))))
 
 
+def turns_around(loop: Complex) -> bool:
+    """Whether an open loop, stable but for integrators, goes around -1 as frequencies rise: unstable when closed.
+
+    Nyquist's criterion: left of -1 it crosses the real axis as often upwards as downwards, or else it goes around.
+    """
+    left = np.real(loop[:-1]) < 0.0
+    far = left & (np.real(loop[1:]) < 0.0) & (np.abs(loop[:-1]) > 1.0)
+    below = np.imag(loop) < 0.0
+    crossings = below[:-1].astype(int) - below[1:].astype(int)
+    return bool(np.sum(crossings[far]) != 0)
+
+
 def margins(loop: Complex) -> Margins:
     """Return the margins of a stable closed loop from its open one, at rising frequencies."""
     size, phase = np.abs(loop), np.angle(loop)

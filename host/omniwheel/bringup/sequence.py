@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from omni_schema import Robot as RobotFile
 from omniwheel.bringup.drive import check_drive
 from omniwheel.bringup.encoders import check_encoders
+from omniwheel.bringup.gyro import check_gyro
 from omniwheel.bringup.i2c import check_i2c
 from omniwheel.bringup.link import check_link
 from omniwheel.bringup.motors import check_motors
@@ -20,7 +21,7 @@ from omniwheel.bringup.stops import check_stops
 from omniwheel.limits import RADIO_BAUD
 from omniwheel.robot import Robot
 
-CHECKS = ("link", "i2c", "encoders", "motors", "estop", "oe", "button", "drive")
+CHECKS = ("link", "i2c", "encoders", "gyro", "motors", "estop", "oe", "button", "drive")
 """In order, by the names of the commands. The radio's needs a second link."""
 
 
@@ -36,13 +37,14 @@ def bring_up(
 ) -> Iterator[Result]:
     """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it.
 
-    The stop button's is left out for a robot file without one. ``only`` is the one of CHECKS to run, whatever the
-    robot file says.
+    Those of PWM chip, stop button and gyro are left out for a robot file without them. ``only`` is the one of CHECKS
+    to run, whatever the robot file says.
     """
     checks: dict[str, Callable[[], Result]] = {
         "link": lambda: check_link(robot, file, radio),
         "i2c": lambda: check_i2c(robot),
         "encoders": lambda: check_encoders(robot, person),
+        "gyro": lambda: check_gyro(robot, person, file=file),
         "motors": lambda: check_motors(robot, person),
         "estop": lambda: check_stops(robot, person),
         "oe": lambda: check_output_enable(robot, person, file=file),
@@ -52,8 +54,12 @@ def bring_up(
     if only is not None:
         yield checks[only]()
         return
+    if file is not None and file.board.motor_driver.pins:
+        del checks["i2c"]
     if not _has_button(file):
         del checks["button"]
+    if file is None or file.board.gyro is None:
+        del checks["gyro"]
     if radio is not None:
         checks["radio"] = lambda: check_radio(radio, baud=baud)
     for check in checks.values():

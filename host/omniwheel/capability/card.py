@@ -115,8 +115,16 @@ def _motor_rows(model: DriveModel) -> list[Row]:
 
 def _sensors(model: DriveModel) -> tuple[str, ...]:
     slip = "one combination of the wheels' slip" if model.wheels > 3 else "no slip"
+    gyro: tuple[str, ...] = ()
+    if model.gyro:
+        more = "another combination" if model.wheels > 3 else "one combination"
+        gyro = (
+            f"gyro: the heading without fixes, and {more} of the wheels' slip, the one that turns the robot; slip that "
+            "carries it sideways or along does not show",
+        )
     return (
         f"encoders: motion since the start, and {slip}; the pose drifts without fixes",
+        *gyro,
         "pose fixes (Vicon, or any program that sends them): the pose; with encoders, each wheel's slip over time",
     )
 

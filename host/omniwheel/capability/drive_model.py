@@ -57,6 +57,7 @@ class DriveModel:
     acceleration_limit_m_s2: float
     stall_V: float
     stall_s: float
+    gyro: bool = False
 
     @property
     def blocked_s(self) -> float:
@@ -145,4 +146,5 @@ def model_from_parameters(values: Mapping[str, float], simulation: Mapping[str, 
         acceleration_limit_m_s2=values["LIM_A"],
         stall_V=values["SAFE_STALL_V"],
         stall_s=values["SAFE_STALL_T"],
+        gyro=values["GYRO_AXIS"] != 0.0,
     )

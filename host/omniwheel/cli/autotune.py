@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from omniwheel.autotune.prefer import Prefer
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -34,6 +35,7 @@ EXAMPLES = examples(
     "omni autotune --link tcp:127.0.0.1:5760",
     "omni autotune --room 0.8 --store",
     "omni autotune --rounds 10 --revert --json",
+    "omni autotune --prefer margin",
     "omni autotune --name mine --robot three_wheel   # and write a robot file",
 )
 
@@ -44,6 +46,14 @@ def autotune(
     legs: Annotated[int, typer.Option("--legs", min=4, max=31, help="Straight pieces of each drive.")] = 10,
     rounds: Annotated[int, rounds_option(2)] = 4,
     seed: OwnSeedOption = 1,
+    prefer: Annotated[
+        Prefer,
+        typer.Option(
+            "--prefer",
+            help="What decides if the old values have too little margin: how the robot drives (tracking), or the "
+            "margins, even if it drives worse (margin).",
+        ),
+    ] = Prefer.TRACKING,
     keep: Annotated[bool, KEEP] = True,
     store: StoreOption = False,
     name: NameOption = "",
@@ -59,8 +69,8 @@ def autotune(
     its limits. Leave it room, and stand by to stop it. No gain is raised until something swings: all follow from the
     model that was measured. Whatever goes wrong, the robot is disarmed and has its old values again.
 
-    Without --revert the new values are kept, unless a figure shows that they are worse. With --name a copy of the robot
-    file --robot gets them, too.
+    Without --revert the new values are kept if they drive better, or if the old ones hardly damp the robot. With --name
+    a copy of the robot file --robot gets them, too.
     """
     from omniwheel.autotune.page import write_page  # here, not above: SciPy and matplotlib take a second
     from omniwheel.autotune.procedure import Settings
@@ -69,7 +79,7 @@ def autotune(
     from omniwheel.logs.run_folder import new_run_folder
     from omniwheel.robots import find_robot_file, free_robot_path
 
-    settings = Settings(room_m, legs, rounds, seed)
+    settings = Settings(room_m, legs, rounds, seed, prefer)
     if name:
         free_robot_path(name, Path())
         find_robot_file(robot_file)
@@ -102,7 +112,8 @@ def _show(outcome: Outcome, *, quiet: bool = False) -> None:
         console.print(f"{name} {outcome.old[name]:.4g} → {value:.4g}", markup=False, highlight=False)
     for verdict in outcome.verdicts:
         console.print(verdict.sentence(), markup=False, highlight=False)
-    console.print("kept" if outcome.kept else "old values restored")
+    end = "kept" if outcome.kept else "old values restored"
+    console.print(f"{end}: {outcome.choice.why}", markup=False, highlight=False)
 
 
 def _document(outcome: Outcome) -> dict[str, Any]:
@@ -110,6 +121,7 @@ def _document(outcome: Outcome) -> dict[str, Any]:
         "old": outcome.old,
         "new": outcome.new,
         "kept": outcome.kept,
+        "why": outcome.choice.why,
         "explained": outcome.design.fit.fit,
         "verdicts": [
             {

@@ -204,6 +204,20 @@ def stop_button(
     _checked(wanted, False, lambda robot, person: check_stop_button(robot, person, file=file))
 
 
+@app.command("gyro", epilog=examples("omni bringup gyro", "omni bringup gyro --robot mine.toml --json"))
+@takes(RobotOptions)
+def gyro(
+    robot_file: RobotFileOption = None,
+    *,
+    wanted: RobotOptions,
+) -> None:
+    """Check the gyro's bias at rest, then its sign and scale: you turn the robot by hand when asked. No motor turns."""
+    from omniwheel.bringup import check_gyro
+
+    file = None if robot_file is None else read_robot(robot_file)
+    _checked(wanted, False, lambda robot, person: check_gyro(robot, person, file=file))
+
+
 @app.command("drive", epilog=examples("omni bringup drive"))
 @takes(RobotOptions)
 def drive(

@@ -211,7 +211,7 @@ def parse_assignments(words: list[str]) -> dict[str, float | str]:
     for word in words:
         name, equals, text = word.partition("=")
         if not equals or not name or not text.strip():
-            raise typer.BadParameter(f"{word!r} is not NAME=VALUE")
+            raise typer.BadParameter(f"{word!r} is not NAME=VALUE: write the name, = and the value without spaces")
         values[name.strip().upper()] = _number_or_word(text.strip())
     return values
 

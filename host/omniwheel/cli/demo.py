@@ -65,7 +65,7 @@ SLOW = Shown(
 
 def demo(
     slow: Annotated[
-        bool, typer.Option("--slow", help="The report's robot instead of the fast one: 0.15 m/s, scenario demo.")
+        bool, typer.Option("--slow", help="The report's slow robot: three_wheel, 0.15 m/s, scenario demo.")
     ] = False,
     seed: SeedOption = None,
     robot: RobotOption = None,
@@ -84,7 +84,7 @@ def demo(
     """Drive a fast simulated robot with its real firmware, which runs as a process, host-in-the-loop over MAVLink.
 
     It arms, tracks an eight-petal rose at up to 1.1 m/s while rotating, changes a gain half-way and disarms. Then it
-    compares.
+    compares. The robot is fast_three_wheel, the scenario fast; with --slow they are three_wheel and demo.
 
     Leaves a folder with telemetry.tlog, summary.json and run.png. Exit code 1 if the path was not driven to its end.
     """

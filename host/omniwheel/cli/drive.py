@@ -54,6 +54,7 @@ app = typer.Typer(
     cls=DriveGroup,
     help="Move the robot. It is disarmed at the end and on Ctrl-C. With --host-control first, this is "
     "omni host-control: the original four-wheel robot, with the controller on this computer.",
+    epilog=examples("omni drive trajectory rose", "omni drive pose 0.5 0 90deg", "omni drive keys"),
     no_args_is_help=True,
 )
 app.add_typer(host_control.app, name="host-control", hidden=True)
@@ -291,7 +292,7 @@ def trajectory(
         ),
     ],
     laps: LapsOption = None,
-    duration: Annotated[float, stop_after_option(0.0)] = math.inf,
+    duration: Annotated[float, stop_after_option(0.0, "no limit")] = math.inf,
     *,
     wanted: DriveOptions,
 ) -> None:
@@ -320,7 +321,7 @@ def path(
             help="Heading to keep all the way \\[rad], or 90deg. Default: the path's direction.",
         ),
     ] = None,
-    duration: Annotated[float, stop_after_option(0.0)] = math.inf,
+    duration: Annotated[float, stop_after_option(0.0, "no limit")] = math.inf,
     *,
     wanted: DriveOptions,
 ) -> None:

@@ -103,6 +103,10 @@ class OmniGroup(TyperGroup):
         if new is not None:
             note(f"omni {args[0]} is now omni {new}; the old name goes away with the next release")
         words = with_new_names([new or args[0], *args[1:]], note)
+        if words[0] not in _ENTRIES:
+            from omni_schema.errors import did_you_mean
+
+            ctx.fail(f"no such command: {words[0]}{did_you_mean(words[0], _ENTRIES)}")
         return super().resolve_command(ctx, words)
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from omniwheel.cli.common import JsonOption, examples, note
-from omniwheel.cli.options import DEFAULT_OUT, OutOption
+from omniwheel.cli.options import DEFAULT_OUT, ListOption, OutOption
 from omniwheel.cli.run_output import (
     EmulatedOption,
     ImageOption,
@@ -20,6 +20,7 @@ from omniwheel.cli.run_output import (
     SeedOption,
     SetOption,
     WorldOption,
+    print_scenarios,
     run_folder,
     run_progress,
     scenario_help,
@@ -31,6 +32,7 @@ from omniwheel.cli.run_output import (
 
 EXAMPLES = examples(
     "omni hil",
+    "omni hil --list",
     "omni hil fault_encoder_stuck",
     "omni hil my_scenario.toml --seed 3 --json",
     "omni hil --emulated                    # the firmware on an emulated Cortex-M7",
@@ -55,12 +57,16 @@ def hil(
     plant: PlantOption = None,
     preset: PresetOption = None,
     world: WorldOption = None,
+    listed: ListOption = False,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario host-in-the-loop: the simulated world around the real firmware, in lockstep over MAVLink."""
     from hil_sim.hil import run_hil
 
+    if listed:
+        print_scenarios(json_wanted)
+        return
     if sum((emulated, image is not None, link is not None)) > 1:
         raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
     scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)

@@ -91,7 +91,7 @@ def _head(status: RobotStatus) -> str:
     link = f"[bold red]silent for {status.heartbeat_age_s:.0f} s[/]" if silent else "[green]link fine[/]"
     state = f"[bold red]not known[/] [dim](it was {status.state})[/]" if silent else f"[{style}]{status.state}[/]"
     hil = "  [magenta]host-in-the-loop[/]" if status.heartbeat is not None and status.heartbeat.hil else ""
-    faults = ", ".join(name.replace("_", " ") for name in status.faults)
+    faults = ", ".join(status.faults)
     shown = f"[bold red]{faults}[/]" if faults else "[dim]no faults[/]"
     volts = status.battery.voltage_V if status.battery is not None else math.nan
     supply = "" if math.isnan(volts) else f"  {volts:.1f} V"
@@ -110,9 +110,10 @@ def _pose_table(status: RobotStatus) -> RenderableType:
     if tracking is None:
         return "[dim]no pose yet[/]"
     table = _table("pose", "x [m]", "y [m]", "theta [rad]", "")
+    path = "no path" if tracking.phase == "none" else f"path: {tracking.phase}, {tracking.path_time_s:.1f} s"
     table.add_row("estimate", *(f"{value:.4f}" for value in tracking.pose), "")
-    table.add_row("reference", *(f"{value:.4f}" for value in tracking.reference), f"phase {tracking.phase}")
-    table.add_row("sd", *(f"{value:.4f}" for value in tracking.pose_sd), f"{tracking.path_time_s:.1f} s")
+    table.add_row("reference", *(f"{value:.4f}" for value in tracking.reference), path)
+    table.add_row("estimate's sd", *(f"{value:.4f}" for value in tracking.pose_sd), "")
     return table
 
 
@@ -138,8 +139,10 @@ def _loop_line(status: RobotStatus) -> str:
     if loop is None:
         return "[dim]no loop statistics yet[/]"
     return (
-        f"[dim]tick {loop.tick_us_mean:.1f} µs (max {loop.tick_us_max:.1f})  overruns {loop.overruns}  "
-        f"I2C errors {loop.i2c_errors}  rx errors {loop.rx_errors}  dropped {loop.tx_dropped}[/]"
+        f"[dim]control tick {loop.tick_us_mean:.1f} µs (longest {loop.tick_us_max:.1f}), missed: {loop.overruns}\n"
+        f"motor driver's bus errors since the start: {loop.i2c_errors}\n"
+        f"bytes and frames not understood: {loop.rx_errors}\n"
+        f"telemetry messages left out for lack of room on the link: {loop.tx_dropped}[/]"
     )
 
 

@@ -32,9 +32,20 @@ class Axis(str, enum.Enum):
 
 
 AxisOption = Annotated[Axis, typer.Option("--axis", help="Direction in the world.")]
-OwnSeedOption = Annotated[
-    int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of everything that is drawn at random.")
-]
+
+
+def seed_option(words: str) -> Any:
+    """Return the option of a seed. Its upper limit is checked, but not shown: nobody types a number of 19 digits."""
+    return typer.Option("--seed", min=0, metavar="N", callback=_possible_seed, help=words)
+
+
+def _possible_seed(seed: int | None) -> int | None:
+    if seed is not None and seed > LARGEST_SEED:
+        raise typer.BadParameter(f"{seed} is too large: the largest seed is {LARGEST_SEED}")
+    return seed
+
+
+OwnSeedOption = Annotated[int, seed_option("Seed of everything that is drawn at random.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")]
 BaudOption = Annotated[int, typer.Option("--baud", min=LEAST_BAUD, help="Baud rate of the radio.")]
 ListenPortOption = Annotated[
@@ -92,10 +103,16 @@ def rounds_option(least: int) -> Any:
     )
 
 
-def stop_after_option(least_s: float) -> Any:
-    """Return the option of when a drive ends at the latest, from ``least_s``."""
+def stop_after_option(least_s: float, show_default: bool | str = True) -> Any:
+    """Return the option of when a drive ends at the latest, from ``least_s``; ``show_default`` may be words."""
     return typer.Option(
-        "--duration", "-d", "--for", min=least_s, metavar="S", help="Stop after this time at the latest."
+        "--duration",
+        "-d",
+        "--for",
+        min=least_s,
+        metavar="S",
+        help="Stop after this time at the latest.",
+        show_default=show_default,
     )
 
 

@@ -14,6 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from omni_schema import Parameter, ParameterTable
+from omni_schema.errors import did_you_mean
 from omniwheel import parameter_file
 from omniwheel.cli import completion, params_history
 from omniwheel.cli.common import (
@@ -75,7 +76,7 @@ def _row(parameters: Parameters, name: str, value: float) -> list[str]:
     info = parameters.info(name)
     if info is None:
         return [name, format_value(None, value), "", "", "", "unknown to this version of omniwheel"]
-    allowed = ", ".join(info.values) or f"{info.minimum:.7g} … {info.maximum:.7g}"
+    allowed = ", ".join(info.values) or f"{info.shown(info.minimum)} … {info.shown(info.maximum)}"
     shown = format_value(info, value)
     return [
         name,
@@ -116,7 +117,12 @@ def list_parameters(
 ) -> None:
     """Show parameters with unit, range and default; values that differ from the default are bold."""
     with wanted.open() as robot:
-        values = {n: v for n, v in _download(robot, wanted.as_json).items() if filter_text.upper() in n}
+        known = _download(robot, wanted.as_json)
+        values = {name: value for name, value in known.items() if filter_text.upper() in name}
+        if not values:
+            guess = did_you_mean(filter_text, known)
+            hint = "`omni params list` shows all"
+            raise UnknownParameterError(f"no parameter's name contains {filter_text}{guess}", hint=hint)
         if wanted.as_json:
             print_json({name: _described(robot.parameters, name, value) for name, value in values.items()})
         else:
@@ -313,7 +319,9 @@ def reset(
 
 
 def _default(robot: Robot, name: str) -> float:
+    from omniwheel.parameters import unknown_parameter
+
     info = robot.parameters.info(name)
     if info is None:
-        raise UnknownParameterError(f"there is no parameter {name}", hint="`omni params list` shows all")
+        raise unknown_parameter(name, robot.parameters.table)
     return info.default

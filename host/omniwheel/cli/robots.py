@@ -19,7 +19,7 @@ from omniwheel.core_config import robot_config
 from omniwheel.errors import RobotFileError
 from omniwheel.parameter_file import format_value, shortest
 from omniwheel.robots import read_robot, robot_names
-from omniwheel.wiring import WiringPlan, connections, plan_wiring, write_wiring
+from omniwheel.wiring import HEADING, WiringPlan, connections, plan_wiring, write_wiring
 
 if TYPE_CHECKING:
     from omniwheel.capability import Card
@@ -41,8 +41,13 @@ def _summary(robot: Robot) -> dict[str, Any]:
 @app.callback(epilog=examples("omni robots", "omni robots show three_wheel", "omni robots new mine --from three_wheel"))
 def list_robots(ctx: typer.Context, as_json: JsonOption = False) -> None:
     """List the robots that come with omniwheel, or work with a robot file."""
-    if ctx.invoked_subcommand is not None:
-        return
+    if ctx.invoked_subcommand is None:
+        print_robots(as_json)
+
+
+@app.command("list", epilog=examples("omni robots list", "omni robots list --json"))
+def print_robots(as_json: JsonOption = False) -> None:
+    """List the robots that come with omniwheel, as `omni robots` does."""
     robots = [_summary(read_robot(name)) for name in robot_names()]
     if as_json:
         print_json({"robots": robots})
@@ -210,7 +215,7 @@ def wiring(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what is wired to what, and what to mind; with --out, as a drawing to print and build from."""
+    """Show what is wired to what, and what to watch out for; with --out, as a drawing to print and build from."""
     plan = plan_wiring(read_robot(name))
     if out is not None:
         if out.suffix.lower() != ".svg":
@@ -228,7 +233,7 @@ def wiring(
 
 def _print_wiring(plan: WiringPlan) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("from", "to", "mind"):
+    for title in ("from", "to", HEADING):
         table.add_column(title, overflow="fold")
     for connection in connections(plan):
         table.add_row(escape(connection.start), escape(connection.end), escape(connection.mind))

@@ -15,11 +15,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from hil_sim.limits import MAX_SEED
 from hil_sim.schema import WORLD
 from omni_schema.errors import did_you_mean
 from omniwheel.cli import completion
 from omniwheel.cli.common import console, error_console, note, print_json
+from omniwheel.cli.options import seed_option
 from omniwheel.errors import OmniError, OutputFileError
 from omniwheel.plain import shown
 from omniwheel.presets import read_preset
@@ -35,7 +35,8 @@ ScenarioArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENARIO",
-        help="A scenario of the package, or a .toml file.",
+        help="A scenario of the package, or a .toml file. demo drives the slow robot, three_wheel; fast drives "
+        "fast_three_wheel, as `omni demo` does.",
         show_default=True,
         autocompletion=completion.scenarios,
     ),
@@ -51,9 +52,7 @@ ImageOption = Annotated[
         help="Run this image for a Teensy (.elf or .hex, by `make firmware`), emulated.",
     ),
 ]
-SeedOption = Annotated[
-    int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the world. \\[default: the scenario's]")
-]
+SeedOption = Annotated[int | None, seed_option("Seed of the world. \\[default: the scenario's]")]
 
 
 PLANTS = tuple(WORLD.plants)
@@ -71,7 +70,8 @@ PlantOption = Annotated[
         "--plant",
         metavar="|".join(PLANTS),
         callback=_known_plant,
-        help="Model of motors, body and floor: the full physics or a simpler one. \\[default: the scenario's]",
+        help="How exactly our own world computes motors, body and floor: full physics or a simpler model. "
+        "\\[default: the scenario's]",
     ),
 ]
 PresetOption = Annotated[
@@ -109,7 +109,8 @@ WorldOption = Annotated[
     typer.Option(
         "--world",
         metavar="MODULE:CLASS|mujoco",
-        help="What simulates motors, robot and floor instead of our world: a Python class, or mujoco\\[:FLOOR.toml].",
+        help="Another simulator instead of our own world: a Python class, or mujoco\\[:FLOOR.toml]. Without it: our "
+        "own, as exact as --plant says.",
     ),
 ]
 
@@ -137,7 +138,25 @@ def world_of(place: str | None, scenario: Scenario, quiet: bool) -> ExternalWorl
 
 def scenario_help() -> str:
     """Return the line that names the scenarios of the package."""
-    return f"Scenarios: {', '.join(completion.scenario_names())}."
+    return f"Scenarios: {', '.join(completion.scenario_names())}. `omni hil --list` says what each is."
+
+
+def print_scenarios(as_json: bool) -> None:
+    """List the scenarios of the package, each with its robot and what it is."""
+    from hil_sim.scenario import load_scenario
+
+    found = [load_scenario(name) for name in completion.scenario_names()]
+    if as_json:
+        entries = [{"name": one.name, "robot": one.robot.name, "description": one.description} for one in found]
+        print_json({"scenarios": entries})
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("scenario", "robot"):
+        table.add_column(title, style="cyan" if title == "scenario" else "", no_wrap=True)
+    table.add_column("what it is")
+    for one in found:
+        table.add_row(one.name, one.robot.name, escape(one.description))
+    console.print(table)
 
 
 @contextmanager

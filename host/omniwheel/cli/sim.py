@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from omniwheel.cli.common import JsonOption, console, error_console, examples, note, print_json
-from omniwheel.cli.options import DEFAULT_OUT, OutOption
+from omniwheel.cli.options import DEFAULT_OUT, ListOption, OutOption
 from omniwheel.cli.run_output import (
     PlantOption,
     PresetOption,
@@ -20,6 +20,7 @@ from omniwheel.cli.run_output import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    print_scenarios,
     run_folder,
     run_progress,
     scenario_help,
@@ -67,12 +68,16 @@ def sim(
     settings: SetOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
+    listed: ListOption = False,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
     """Run a scenario without the firmware and its link, fast: the same world and control core in one process."""
     from hil_sim.runs import run_in_process
 
+    if listed:
+        print_scenarios(json_wanted)
+        return
     scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
     if seeds > 1:
         _many(scenario, seeds, json_wanted)

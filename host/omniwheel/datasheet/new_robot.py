@@ -30,6 +30,8 @@ ACCELERATION_SHARE = 0.5
 """LIM_A by what motors and floor allow at half the speed."""
 SLIP_SHARE = 0.1
 """ISMC_K_XY and ISMC_K_TH by the speed limits: a switching gain that covers wheels which slip by so much."""
+ROW_DISTANCE_RADII = 0.354
+"""Distance between the rows of a double wheel of 4 inches: 18 mm on a radius of 50.8 mm."""
 DIRECTIONS = 36
 DEFAULT_LINES = 2500.0
 TEMPLATES = {3: "three_wheel", 4: "four_wheel"}
@@ -145,6 +147,21 @@ def _world(answers: RobotAnswers, model: MotorModel) -> Changes:
         "simulation.slip_stiffness_N_s_m": (2000.0, "assumed"),
         "simulation.roller_friction_N_s_m": (0.3, "assumed"),
         "simulation.battery_resistance_ohm": (0.05, "assumed"),
+        **_rollers(0.5 * answers.wheel_diameter_m),
+    }
+
+
+def _rollers(radius_m: float) -> Changes:
+    """Real wheels for the simulated world, in the proportions of a common double wheel of 4 inches."""
+    return {
+        "simulation.rollers_per_row": (9, "assumed: a common double wheel"),
+        "simulation.wheel_rows": (2, "assumed: rows side by side"),
+        "simulation.row_distance_m": (ROW_DISTANCE_RADII * radius_m, f"assumed: {ROW_DISTANCE_RADII:g} wheel radii"),
+        "simulation.roller_dip_m": (1e-4, "assumed: how much lower it stands between two rollers"),
+        "simulation.roller_bushing_friction": (0.02, "assumed: plastic on steel"),
+        "simulation.wheel_stiffness_N_m": (1e5, "assumed: hard rubber and a stiff frame"),
+        "simulation.wheel_damping_N_s_m": (100.0, "assumed"),
+        "simulation.centre_of_mass_height_m": (1.5 * radius_m, "assumed: one and a half wheel radii"),
     }
 
 

@@ -4,10 +4,12 @@
 Motor (24)-(27) with the winding at rest, n wheels that roll without slip, and the body (14), divided by K/R::
 
     on a stand, per wheel:   a w' = V - e w - u_c sgn(w)
-    on the floor, per axis:  a_k q_k' = (1/g_k) sum_i c_ik (V_i - u_c sgn(w_i)) - e_k q_k,   w = C q
+    on the floor, per axis:  a_k q_k' = (1/g_k) sum_i (c_ik (V_i - u_c sgn(w_i)) - o_ik u_d sgn(o_i q)) - e_k q_k,
+                             w = C q
 
 The body's velocity in wheel units is q = (vx / r, vy / r, l wz / r) [rad/s]. The wheel's row is
-c_i = (-sin alpha_i, cos alpha_i, 1), and g = (n/2, n/2, n). What (V, w) alone can show, and what it is made of
+c_i = (-sin alpha_i, cos alpha_i, 1). Along its axle it is o_i = (cos alpha_i, sin alpha_i, 0). g = (n/2, n/2, n).
+What (V, w) alone can show, and what it is made of
 (derivation: docs/concepts/derivations/identification.md)::
 
     e       = K + R b / K                           speed gain         [V s/rad]
@@ -16,10 +18,12 @@ c_i = (-sin alpha_i, cos alpha_i, 1), and g = (n/2, n/2, n). What (V, w) alone c
     a_xy    = (R (J + 2 m r^2 / n) + L b) / K       translation        [V s^2/rad]
     a_theta = (R (J + I r^2 / (n l^2)) + L b) / K   rotation           [V s^2/rad]
     e_drag  = R rho r^2 / K                         drag across the rollers, translation only [V s/rad]
+    u_d     = R r mu m g / (n K)                    dry drag across the rollers [V]; mu: force over a wheel's load
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +34,7 @@ from omniwheel.errors import IdentificationError
 
 Array = NDArray[np.float64]
 
-FLOOR = ("speed_gain_V_s", "coulomb_V", "inertia_xy_V_s2", "inertia_theta_V_s2", "drag_xy_V_s")
+FLOOR = ("speed_gain_V_s", "coulomb_V", "inertia_xy_V_s2", "inertia_theta_V_s2", "drag_xy_V_s", "dry_drag_V")
 STAND = ("speed_gain_V_s", "coulomb_V", "inertia_V_s2")
 COULOMB_WIDTH_rad_s = 0.01
 """sgn(w) is w / sqrt(w^2 + width^2), as friction is in the simulated world."""
@@ -63,6 +67,11 @@ class Layout:
         """C (n, 3): wheel speeds are C q."""
         return np.column_stack((-np.sin(self.angle_rad), np.cos(self.angle_rad), np.ones(len(self.angle_rad))))
 
+    @property
+    def across(self) -> Array:
+        """O (n, 3): speeds across the driven directions are O q, in wheel units."""
+        return np.column_stack((np.cos(self.angle_rad), np.sin(self.angle_rad), np.zeros(len(self.angle_rad))))
+
 
 def layout_of(robot: Robot) -> Layout:
     """Return the nominal layout of a robot file."""
@@ -79,12 +88,18 @@ class Model:
     rows: Array
     gram: Array
     columns: tuple[int, ...]
+    across: Array | None = None
+    """On the floor: o (wheels, axes), the wheels' directions across the driven one."""
 
     @staticmethod
-    def floor(layout: Layout) -> Model:
-        """Return the model of a robot that drives."""
+    def floor(layout: Layout, *, dry_drag: bool = True) -> Model:
+        """Return the model of a robot that drives.
+
+        Without ``dry_drag`` the rollers drag by speed only. Short drives cannot tell dry drag from dry friction.
+        """
         n = len(layout.angle_rad)
-        return Model(FLOOR, layout.rows, np.array([n / 2, n / 2, n]), tuple(range(n)))
+        names, across = (FLOOR, layout.across) if dry_drag else (FLOOR[:-1], None)
+        return Model(names, layout.rows, np.array([n / 2, n / 2, n]), tuple(range(n)), across)
 
     @staticmethod
     def stand(columns: tuple[int, ...]) -> Model:
@@ -113,6 +128,9 @@ class Model:
         end = np.empty_like(mean)
         steps = self._substeps(values, float(np.max(dt_s)))
         push = self.rows / self.gram
+        frictions = [(coulomb, self.rows, push)]
+        if self.across is not None:
+            frictions.append((values[:, None, 5:6], self.across, self.across / self.gram))
         for row in range(rows):
             h = dt_s[:, row, None] / steps
             decay = np.exp(-h * damping / inertia)
@@ -120,9 +138,9 @@ class Model:
             drive = voltage_V[:, row] @ push
             turned = np.zeros_like(q)
             for _ in range(steps):
-                first = (drive - coulomb * (_sign(q @ self.rows.T) @ push)) / damping
+                first = (drive - _friction(q, frictions)) / damping
                 middle = 0.5 * (q + first + (q - first) * decay)
-                rest = (drive - coulomb * (_sign(middle @ self.rows.T) @ push)) / damping
+                rest = (drive - _friction(middle, frictions)) / damping
                 turned += h * rest + (q - rest) * slope
                 q = rest + (q - rest) * decay
             mean[:, :, row] = (turned / dt_s[:, row, None]) @ self.rows.T
@@ -133,6 +151,14 @@ class Model:
         damping, inertia, coulomb = self.gains(values)
         rate = np.max(np.maximum(damping, coulomb / COULOMB_WIDTH_rad_s) / inertia)
         return int(np.clip(np.ceil(rate * dt_s / _STEP), 1, _MAX_SUBSTEPS))
+
+
+def _friction(q: Array, frictions: Sequence[tuple[Array, Array, Array]]) -> Array:
+    """Return the voltages that dry friction takes per axis: of the motors, and of the rollers if they are looked at."""
+    lost = np.zeros_like(q)
+    for volts, lines, push in frictions:
+        lost = lost + volts * (_sign(q @ lines.T) @ push)
+    return lost
 
 
 def _sign(speed: Array) -> Array:

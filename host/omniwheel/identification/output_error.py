@@ -52,6 +52,8 @@ class Fit:
     segments: Segments
     modelled_rad_s: Array
     saturated_share: float
+    count_rad: float = 0.0
+    """Angle of an encoder's count; 0: its rounding is taken for none."""
 
     @property
     def residual_rad_s(self) -> Array:
@@ -66,16 +68,36 @@ class Fit:
 
     @property
     def fit(self) -> float:
-        """Share of the speed's variation that the model explains: 1 is all of it."""
+        """Share of the speed's variation that the model explains: 1 is all of it.
+
+        What the rounding of the encoder adds to mean speeds is no motion, and no model can explain it. It is taken out.
+        Both ends of a row are rounded, each with a variance of count^2 / 12.
+        """
+        seen, rounding = self._seen()
+        if rounding >= seen:
+            return 0.0
+        return 1.0 - max(float(np.nansum(self.residual_rad_s**2)) - rounding, 0.0) / (seen - rounding)
+
+    @property
+    def rounding_share(self) -> float:
+        """Share of the measured speed's variation that is the encoder's rounding: 1 hides all motion."""
+        seen, rounding = self._seen()
+        return min(rounding / seen, 1.0) if seen > 0.0 else 1.0
+
+    def _seen(self) -> tuple[float, float]:
+        """Return the sum of squares of the measured speeds about their mean, and what of it is rounding [rad^2/s^2]."""
         used = self.segments.weight > 0.0
         target = self.segments.target_rad_s[used]
-        return float(1.0 - np.nansum(self.residual_rad_s**2) / np.sum((target - target.mean()) ** 2))
+        row_s = np.broadcast_to(self.segments.dt_s[:, :, None], used.shape)[used]
+        rounding = float(np.sum(self.count_rad**2 / 6.0 / row_s**2)) if self.segments.means else 0.0
+        return float(np.sum((target - target.mean()) ** 2)), rounding
 
 
-def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S) -> Fit:
+def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S, count_rad: float = 0.0) -> Fit:
     """Estimate a model's parameters from runs. Raises IdentificationError if the data cannot show them.
 
-    ``warm_s`` is how early a segment starts at most [s]: less for short runs with long time constants.
+    ``warm_s`` is how early a segment starts at most [s]: less for short runs with long time constants. ``count_rad``:
+    as of Fit.
 
     Output error by least squares, then steps of the instrumental-variable equation Z' r = 0. Z is the model's slope
     along the noise-free instrument. Noise of the measured supply would pass through the model and bias its inertia
@@ -104,7 +126,7 @@ def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S) 
     cluster = np.broadcast_to(segments.cluster[:, None, None], used.shape)[used]
     covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
     estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
-    fit = Fit(estimate, segments, _modelled(model, segments, estimate.values), saturated)
+    fit = Fit(estimate, segments, _modelled(model, segments, estimate.values), saturated, count_rad)
     _require_shown(fit)
     return fit
 
@@ -141,8 +163,8 @@ def _slope(model: Model, segments: Segments, x: Array, scale: Array) -> Array:
 
 
 def _lower_bounds(model: Model) -> Array:
-    """Nothing but the drag, a small difference, may come out negative."""
-    return np.where(np.array(model.names) == "drag_xy_V_s", -np.inf, 1e-9)
+    """Nothing but the drag of the rollers, small differences, may come out negative."""
+    return np.where(np.isin(model.names, ("drag_xy_V_s", "dry_drag_V")), -np.inf, 1e-9)
 
 
 def _time_constant_s(values: Array) -> float:
@@ -171,6 +193,7 @@ def _scales(start: Array, model: Model) -> Array:
     scale = np.maximum(np.abs(start), 1e-3 * start[0])
     if model.names != STAND:
         scale[4] = 0.01 * start[0]
+        scale[5:] = 0.1 * start[1]
     return np.asarray(scale, dtype=np.float64)
 
 
@@ -179,6 +202,7 @@ def _sizes(scale: Array, model: Model) -> Array:
     sizes = scale.copy()
     if model.names != STAND:
         sizes[4] = scale[0]
+        sizes[5:] = scale[1]
     return sizes
 
 
@@ -205,7 +229,7 @@ def first_guess(runs: Sequence[Dataset], model: Model) -> Array:
     period_s = max(run.period_s for run in runs)
     inertia = float(np.clip(inertia, 0.1 * gain * period_s, gain * 100.0 * period_s))
     start = [gain, max(coulomb, 1e-3 * gain), inertia]
-    return np.array(start if model.names == STAND else [*start, inertia, 0.0])
+    return np.array(start if model.names == STAND else [*start, inertia, *(0.0 for _ in model.names[4:])])
 
 
 def _require_enough(runs: Sequence[Dataset]) -> None:

@@ -39,7 +39,7 @@ def robot_state(robot: Robot) -> dict[str, Any]:
         "state": status.state,
         "armed": status.armed,
         "mode": status.mode,
-        "faults": [name.replace("_", " ") for name in status.faults],
+        "faults": list(status.faults),
         "hil": status.heartbeat is not None and status.heartbeat.hil,
         "supply_V": None if status.battery is None else finite(status.battery.voltage_V),
         "silent_s": round(status.heartbeat_age_s, 1),

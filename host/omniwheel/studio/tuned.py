@@ -39,8 +39,9 @@ class Tuned:
             for name, value in self.outcome.new.items()
             if value != self.outcome.old[name]
         ]
-        end = "The new values are kept." if self.outcome.kept else "The old values are restored."
-        return [*changes, *(f"{verdict.sentence()}." for verdict in self.outcome.verdicts), end, f"{PAGE} says why."]
+        end = "The new values are kept" if self.outcome.kept else "The old values are restored"
+        verdicts = (f"{verdict.sentence()}." for verdict in self.outcome.verdicts)
+        return [*changes, *verdicts, f"{end}: {self.outcome.choice.why}.", f"{PAGE} has the details."]
 
     def write(self, folder: Path) -> Path:
         """Write page, picture and both parameter files; return the picture. Raises OutputFileError."""
@@ -52,7 +53,8 @@ def tune(robot: Robot, room_m: float, rounds: int, tell: Callable[[str], None]) 
     """Measure the robot, choose its gains, try them, keep them or go back. Raises AutotuneError and what it raises."""
     tell(
         f"drives by itself for some minutes in a square of side {room_m:g} m around where it stands. First slowly, then"
-        " at up to 70 % of its limits. It keeps the new gains, unless a figure shows that they are worse"
+        " at up to 70 % of its limits. It keeps the new gains if it drives better with them, or if the old ones hardly"
+        " damp it"
     )
     settings = Settings(room_m, rounds=rounds)
     return Tuned(autotune(robot, settings, True, tell), settings, robot.table)

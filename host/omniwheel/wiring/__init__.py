@@ -6,8 +6,17 @@
 
 from __future__ import annotations
 
-from omniwheel.wiring.connections import Connection, connections
+from omniwheel.wiring.connections import HEADING, Connection, connections
 from omniwheel.wiring.diagram import draw_wiring, write_wiring
 from omniwheel.wiring.plan import WheelWiring, WiringPlan, plan_wiring
 
-__all__ = ["Connection", "WheelWiring", "WiringPlan", "connections", "draw_wiring", "plan_wiring", "write_wiring"]
+__all__ = [
+    "HEADING",
+    "Connection",
+    "WheelWiring",
+    "WiringPlan",
+    "connections",
+    "draw_wiring",
+    "plan_wiring",
+    "write_wiring",
+]

@@ -5,13 +5,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from omni_schema import GyroWiring
+from omni_schema.gyro import ADDRESSES, SCL_PIN, SDA_PIN
 from omniwheel.wiring import electrics
 from omniwheel.wiring.plan import RADIO_RX, RADIO_TX, SCL, SDA, WiringPlan
+
+HEADING = "watch out for"
+"""What stands above ``mind`` wherever a person reads the table."""
 
 
 @dataclass(frozen=True)
 class Connection:
-    """One line of the table."""
+    """One line of the table; ``mind`` says what to watch out for at this wire, "" if nothing."""
 
     start: str
     end: str
@@ -20,7 +25,8 @@ class Connection:
 
 def connections(plan: WiringPlan) -> tuple[Connection, ...]:
     """Return every wire of the robot, signals first."""
-    return (*_bus(plan), *_output_enable(plan), *_wheels(plan), *_radio(), *_extras(plan), *_supplies(plan))
+    signals = (*_bus(plan), *_output_enable(plan), *_wheels(plan), *_radio(), *_gyro(plan), *_extras(plan))
+    return (*signals, *_supplies(plan))
 
 
 def bus_mind(plan: WiringPlan) -> str:
@@ -63,6 +69,17 @@ def button_mind() -> str:
     return (
         f"normally closed, latching: a cut wire stops, too. {weak:.2f} mA flow; a contact that wants more, or a long "
         f"wire: 1 kΩ from the pin to 3.3 V ({strong:.1f} mA), 10 nF from the pin to ground"
+    )
+
+
+def gyro_mind(gyro: GyroWiring) -> str:
+    """Return how the gyro's chip is mounted and addressed."""
+    way = "up" if gyro.axis > 0 else "down"
+    level = "ground" if gyro.address == ADDRESSES[0] else "3.3 V"
+    return (
+        f"{'xyz'[abs(gyro.axis) - 1]} of the chip points {way}, anywhere on the robot, screwed down hard; "
+        f"AD0 to {level} (address 0x{gyro.address:02X}), CS to 3.3 V; "
+        "pull-ups to 3.3 V: 10 kΩ do on wires of some 20 cm"
     )
 
 
@@ -117,6 +134,16 @@ def _radio() -> list[Connection]:
     most = f"{1e3 * electrics.LOGIC_SUPPLY_A:g} mA"
     mind = f"XBee on 3.3 V. The Teensy's 3.3 V pin gives {most} to everything: an XBee-PRO needs its own regulator"
     return [Connection("XBee DOUT, DIN", f"Teensy {RADIO_RX} (RX1), {RADIO_TX} (TX1)", mind)]
+
+
+def _gyro(plan: WiringPlan) -> list[Connection]:
+    if plan.gyro is None:
+        return []
+    chip = plan.gyro.chip
+    return [
+        Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip} SDA, SCL", gyro_mind(plan.gyro)),
+        Connection("Teensy 3.3 V", f"{chip} VDD, VDDIO", "never 5 V, unless its board has a regulator and says so"),
+    ]
 
 
 def _extras(plan: WiringPlan) -> list[Connection]:

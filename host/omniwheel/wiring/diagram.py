@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omni_schema.gyro import SCL_PIN, SDA_PIN
 from omniwheel import files
 from omniwheel.wiring import electrics
 from omniwheel.wiring.notes import Note, write_notes
@@ -62,6 +63,8 @@ def draw_wiring(plan: WiringPlan) -> str:
     if plan.stop_button_pin is not None:
         _draw_button(sheet, plan, divider_end)
     _draw_light(sheet, plan, radio)
+    if plan.gyro is not None:
+        _draw_gyro(sheet, plan.gyro.chip, radio)
     draw_supply(sheet, plan, (LEFT, parts_end + 64))
     height = write_notes(sheet, plan, (LEFT, parts_end + 64 + SUPPLY_H), WIDTH - 2 * LEFT)
     return sheet.svg(WIDTH, height + LEFT)
@@ -261,8 +264,23 @@ def _draw_button(sheet: Sheet, plan: WiringPlan, y: float) -> None:
     sheet.marker((end + 40, line - 20), Note.STOP_BUTTON)
 
 
+def _draw_gyro(sheet: Sheet, chip: str, y: float) -> None:
+    """Draw the chip beside the Teensy, below the PWM chip, with its bus above the lamp."""
+    start = TEENSY_X + TEENSY_W
+    sheet.box((CHIP_X, y - 8), CHIP_W, 76)
+    sheet.text((CHIP_X + CHIP_W - 12, y + 16), chip, anchor="end", bold=True)
+    sheet.text((CHIP_X + CHIP_W - 12, y + 36), "gyro", anchor="end", size=SMALL)
+    sheet.flag((CHIP_X + CHIP_W - 30, y - 8), "3.3 V")
+    sheet.ground((CHIP_X + CHIP_W / 2, y + 68))
+    for name, pin, line_y in (("SDA", SDA_PIN, y + 12), ("SCL", SCL_PIN, y + 36)):
+        sheet.text((start - 10, line_y + 5), f"{name}1 {pin}", anchor="end", bold=True)
+        sheet.line(SIGNAL, (start, line_y), (CHIP_X, line_y))
+        sheet.text((CHIP_X + 10, line_y + 5), name, size=SMALL)
+    sheet.marker((start + 60, y - 4), Note.GYRO)
+
+
 def _draw_light(sheet: Sheet, plan: WiringPlan, radio: float) -> None:
-    start, y = TEENSY_X + TEENSY_W, radio + 64
+    start, y = TEENSY_X + TEENSY_W, radio + (84 if plan.gyro is not None else 64)
     if not plan.external_light:
         sheet.text((start - 10, y + 5), f"lamp {plan.light_pin}", anchor="end", bold=True)
         sheet.text((start + 14, y + 5), "on the board: nothing to wire", size=SMALL)

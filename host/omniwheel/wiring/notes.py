@@ -6,7 +6,15 @@ from __future__ import annotations
 from enum import IntEnum
 
 from omniwheel.wiring import electrics
-from omniwheel.wiring.connections import bridge_mind, bus_mind, button_mind, divider_mind, oe_mind, pull_down_mind
+from omniwheel.wiring.connections import (
+    bridge_mind,
+    bus_mind,
+    button_mind,
+    divider_mind,
+    gyro_mind,
+    oe_mind,
+    pull_down_mind,
+)
 from omniwheel.wiring.plan import WiringPlan
 from omniwheel.wiring.sheet import LINE_HEIGHT, MOTOR, SIGNAL, SMALL, SUPPLY, Point, Sheet
 
@@ -27,6 +35,7 @@ class Note(IntEnum):
     GROUND = 9
     DIVIDER = 10
     STOP_BUTTON = 11
+    GYRO = 12
 
 
 def note_texts(plan: WiringPlan) -> dict[Note, str]:
@@ -56,6 +65,8 @@ def note_texts(plan: WiringPlan) -> dict[Note, str]:
         texts[Note.DIVIDER] = f"Battery: {divider_mind(plan)}."
     if plan.stop_button_pin is not None:
         texts[Note.STOP_BUTTON] = f"Stop button: {button_mind()}."
+    if plan.gyro is not None:
+        texts[Note.GYRO] = f"Gyro: {gyro_mind(plan.gyro)}."
     return texts
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from omniwheel import files
 from omniwheel.robots import read_robot, robot_names
 from omniwheel.wiring import electrics
-from omniwheel.wiring.connections import Connection, connections
+from omniwheel.wiring.connections import HEADING, Connection, connections
 from omniwheel.wiring.diagram import draw_wiring
 from omniwheel.wiring.plan import plan_wiring
 
@@ -25,7 +25,7 @@ _PULL_UPS_OHM = (10_000.0, 4_700.0, 2_200.0, electrics.OE_PULL_UP_OHM)
 def markdown(table: tuple[Connection, ...]) -> str:
     """Return the table in Markdown."""
     rows = [f"| {row.start} | {row.end} | {row.mind} |" for row in table]
-    return "\n".join(["| From | To | Mind |", "|---|---|---|", *rows])
+    return "\n".join([f"| From | To | {HEADING.capitalize()} |", "|---|---|---|", *rows])
 
 
 def oe_table() -> str:

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from math import pi
 
-from omni_schema import EncoderPlan, Robot, plan_encoders
+from omni_schema import EncoderPlan, GyroWiring, Robot, plan_encoders
 from omni_schema.encoder_plan import INTERRUPTS_PER_S
 from omniwheel.wiring.electrics import BRIDGE_SUPPLY_V, LOGIC_V
 
@@ -63,6 +63,7 @@ class WiringPlan:
     stall_A: float
     motor_inputs: tuple[str, str]
     warnings: tuple[str, ...]
+    gyro: GyroWiring | None = None
 
     @property
     def chip(self) -> bool:
@@ -108,6 +109,7 @@ def plan_wiring(robot: Robot) -> WiringPlan:
         stall_A=supply_V / values["MOT_R"],
         motor_inputs=(first, second),
         warnings=tuple(_warnings(robot, wheels, supply_V)),
+        gyro=board.gyro,
     )
 
 

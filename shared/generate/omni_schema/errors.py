@@ -6,6 +6,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_LEAST_PART = 3
+_MOST_GUESSES = 3
+
 
 class SchemaError(ValueError):
     """A parameter or robot file is missing, malformed or out of range.
@@ -23,8 +26,15 @@ class SchemaError(ValueError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return " (did you mean X?)" for the closest known name, or "" if none is close."""
-    candidates = list(known)
-    folded = {candidate.lower(): candidate for candidate in candidates}
-    close = difflib.get_close_matches(name.lower(), list(folded), n=1)
-    return f" (did you mean {folded[close[0]]}?)" if close else ""
+    """Return " (did you mean X?)" for the closest known name, or "" if none is close.
+
+    Without a close one it is the first few that contain ``name``: "LAM" gives ISMC_LAM_XY or ISMC_LAM_TH.
+    """
+    folded = {candidate.lower(): candidate for candidate in known}
+    part = name.lower()
+    close = difflib.get_close_matches(part, list(folded), n=1)
+    if not close and len(part) >= _LEAST_PART:
+        close = [candidate for candidate in folded if part in candidate][:_MOST_GUESSES]
+    guesses = [folded[one] for one in close]
+    *first, last = guesses or [""]
+    return f" (did you mean {', '.join(first)}{' or ' if first else ''}{last}?)" if guesses else ""

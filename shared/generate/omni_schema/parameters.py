@@ -92,7 +92,11 @@ class Parameter:
             return "0 or 1"
         word = "a whole number" if self.kind == "int" else "a number"
         unit = f" {self.unit}" if self.unit else ""
-        return f"{word} from {self.minimum:.7g} to {self.maximum:.7g}{unit}"
+        return f"{word} from {self.shown(self.minimum)} to {self.shown(self.maximum)}{unit}"
+
+    def shown(self, value: float) -> str:
+        """Return a value as text; a whole number has all its digits."""
+        return str(int(value)) if self.kind != "real" else f"{value:.7g}"
 
     def problem_with(self, value: float) -> str | None:
         """Say why ``value`` is not allowed, or None if it is."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_schema.errors import SchemaError
+from omni_schema.gyro import AXIS_PARAMETER, parse_gyro
 from omni_schema.parameters import Parameter, ParameterTable
 from omni_schema.toml_file import (
     read_toml,
@@ -27,6 +28,7 @@ SECTIONS = (
     "encoder",
     "motor",
     "wiring",
+    "gyro",
     "parameters",
     "simulation",
 )
@@ -76,6 +78,9 @@ def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str)
     _refuse_unknown_section_keys(source, sections, table)
     overrides = _keyed_values(source, sections, table, wheels)
     overrides.update(_named_values(source, sections["parameters"], table))
+    gyro = parse_gyro(source, sections["gyro"] if "gyro" in document else None, sections["parameters"])
+    if gyro is not None:
+        overrides[AXIS_PARAMETER] = float(gyro.axis)
     return Robot(
         source=source,
         name=name,
@@ -86,7 +91,7 @@ def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str)
         motor=sections["motor"],
         wiring=sections["wiring"],
         simulation=_simulation(source, sections["simulation"]),
-        board=parse_board_wiring(source, sections["wiring"], wheels, table.motor_drivers),
+        board=parse_board_wiring(source, sections["wiring"], wheels, table.motor_drivers, gyro),
         overrides=overrides,
         table=table,
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omni_schema.errors import SchemaError
+from omni_schema.gyro import PIN_USERS, GyroWiring
 from omni_schema.motor_drivers import MotorDriver
 from omni_schema.toml_file import take_number
 
@@ -63,14 +64,20 @@ class BoardWiring:
     motor_pins: tuple[tuple[int, int], ...] = ()
     motor_pwm_Hz: int = DEFAULT_MOTOR_PWM_HZ
     motor_driver: MotorDriver = CHIP
+    gyro: GyroWiring | None = None
 
 
 def parse_board_wiring(
-    source: str, section: Mapping[str, Any], wheels: int, drivers: Mapping[str, MotorDriver]
+    source: str,
+    section: Mapping[str, Any],
+    wheels: int,
+    drivers: Mapping[str, MotorDriver],
+    gyro: GyroWiring | None = None,
 ) -> BoardWiring:
     """Check the pin keys of the section ``wiring``; raise SchemaError for a pin that cannot be or is used twice.
 
-    ``drivers`` are those there are; that the file names one of them is checked with its parameter, ``MOT_DRIVER``.
+    ``gyro`` is what its own section says. ``drivers`` are those there are; that the file names one of them is checked
+    with its parameter, ``MOT_DRIVER``.
     """
     driver = drivers.get(str(section.get("motor_driver", CHIP_DRIVER)), CHIP)
     wiring = BoardWiring(
@@ -85,6 +92,7 @@ def parse_board_wiring(
         motor_pins=_motor_pins(source, section, wheels, driver, drivers),
         motor_pwm_Hz=_motor_pwm(source, section),
         motor_driver=driver,
+        gyro=gyro,
     )
     _refuse_shared_pins(source, wiring)
     return wiring
@@ -203,7 +211,7 @@ def _motor_pwm(source: str, section: Mapping[str, Any]) -> int:
 
 
 def _refuse_shared_pins(source: str, wiring: BoardWiring) -> None:
-    users = dict(RESERVED_PINS)
+    users = RESERVED_PINS | (PIN_USERS if wiring.gyro is not None else {})
     wanted = [
         (f"{ENCODER_PINS_KEY}[{wheel}]", pin, f"the encoder of wheel {wheel + 1}")
         for wheel, pair in enumerate(wiring.encoder_pins)

@@ -32,7 +32,7 @@ def write_wiring_header(out: Path, robot: Path) -> Path:
     return out / "include"
 
 
-def build(out: Path) -> ctypes.CDLL:
+def build(out: Path, flags: Sequence[str] = ()) -> ctypes.CDLL:
     """Compile the board's inputs and bus, the PWM chip's driver and the fakes."""
     wiring = write_wiring_header(out, ROOT / "shared" / "robots" / "three_wheel.toml")
     sources = [
@@ -46,7 +46,7 @@ def build(out: Path) -> ctypes.CDLL:
         HERE / "io_shim.cpp",
     ]
     includes = [HERE / "fakes_io", wiring, ROOT / "hil_sim" / "include"]
-    library = ctypes.CDLL(str(build_library(out, "teensy_io", sources, includes)))
+    library = ctypes.CDLL(str(build_library(out, "teensy_io", sources, includes, flags=flags)))
     for name in ("i2c_submit", "driver_tick", "driver_tick_scattered", "motor_stop_step"):
         getattr(library, name).restype = ctypes.c_bool
     library.chip_duty.restype = ctypes.c_double

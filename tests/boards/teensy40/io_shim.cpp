@@ -24,7 +24,12 @@ using namespace omni;
 
 EncoderPlan plan;
 std::optional<Teensy40Encoders> encoders;
-std::optional<Teensy40I2c> i2c;
+#ifdef GYRO_PORT
+using Master = Teensy40GyroI2c;
+#else
+using Master = Teensy40I2c;
+#endif
+std::optional<Master> i2c;
 std::optional<Pca9685> driver;
 MotorStop motor_stop;
 
@@ -143,7 +148,7 @@ void i2c_begin(uint32_t speed_Hz) {
 }
 
 bool i2c_submit(const uint8_t *packed, size_t count) {
-    I2cTransaction batch[2 * Teensy40I2c::max_batch];
+    I2cTransaction batch[2 * Master::max_batch];
     unpack(packed, count, batch);
     return i2c->submit(batch, count);
 }

@@ -110,7 +110,7 @@ def _best_level() -> Iterator[None]:
 
 
 @pytest.mark.parametrize(
-    "name", ["demo", "four_wheel", "no_slip", "comparison", "hands", "original_law", "fast_rollers"]
+    "name", ["demo", "four_wheel", "no_slip", "comparison", "hands", "original_law", "fast", "ideal"]
 )
 def test_runs_in_lanes_are_the_runs_alone(name: str) -> None:
     stats = assert_the_same(load_scenario(name))

@@ -150,8 +150,9 @@ PRESENT = {
 
 
 def estimate(sd: float, **values: float) -> Estimate:
-    numbers = np.array([values[name] for name in FLOOR])
-    return Estimate(FLOOR, numbers, np.diag((sd * numbers) ** 2), 50.0)
+    names = FLOOR[:-1]  # autotune's short drives cannot tell dry drag of the rollers
+    numbers = np.array([values[name] for name in names])
+    return Estimate(names, numbers, np.diag((sd * numbers) ** 2), 50.0)
 
 
 @given(

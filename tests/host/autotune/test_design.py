@@ -4,19 +4,33 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 import pytest
 
+from hil_sim.studies.autotune_robot import waiting_robot
 from hil_sim.studies.drawn_robots import draw_robot
-from omniwheel.autotune.design import GENTLE, gentle_values
-from omniwheel.autotune.procedure import _worth_keeping
-from omniwheel.autotune.room import merged
+from omniwheel import Robot
+from omniwheel.autotune import procedure
+from omniwheel.autotune.choice import choose
+from omniwheel.autotune.design import GENTLE, Design, design_from, gentle_values
+from omniwheel.autotune.gains import Requirements
+from omniwheel.autotune.motor_values import Measured
+from omniwheel.autotune.prefer import Prefer
+from omniwheel.autotune.procedure import Settings, autotune
+from omniwheel.autotune.room import merged, points
 from omniwheel.autotune.wheel_loop import loaded, loop_of, motor_of
 from omniwheel.dialect import mavlink
+from omniwheel.errors import AutotuneError
+from omniwheel.frames import Pose
+from omniwheel.identification.estimate import Estimate
+from omniwheel.identification.output_error import Fit
+from omniwheel.identification.segments import Segments
 from omniwheel.tuning_verdict import KINDS, Verdict
 
 PERIOD_US = 20_000
+REQUIRED = Requirements()
 
 
 @pytest.mark.parametrize("seed", [1, 5, 7, 11])
@@ -61,10 +75,122 @@ def verdict(difference: float, half_width: float) -> Verdict:
     return Verdict(KINDS[3], 1.0, 1.0 + difference, difference, half_width, 4)
 
 
-def test_new_values_are_kept_only_for_a_reason() -> None:
-    better, worse, same = verdict(-0.2, 0.1), verdict(0.2, 0.1), verdict(-0.05, 0.1)
-    assert _worth_keeping([better, same], old_fits=True)
-    assert not _worth_keeping([same, same], old_fits=True)
-    assert _worth_keeping([same, same], old_fits=False)
-    assert not _worth_keeping([better, worse], old_fits=False)
-    assert _worth_keeping([], old_fits=False)
+def true_design(seed: int, required: Requirements = REQUIRED) -> Design:
+    """Return what follows for a drawn robot that was measured without an error."""
+    drawn = draw_robot(seed)
+    old, truth = drawn.believed.parameter_values(), drawn.truth.parameter_values()
+    body = 2.0 * truth["MASS"] * truth["WHEEL_RADIUS"] ** 2 / truth["WHEELS"]
+    arm = truth["WHEEL_RADIUS"] / truth["WHEEL_DIST"]
+    values = {name: truth[name] for name in ("MOT_K", "MOT_B", "MOT_J", "MOT_R", "MOT_L")}
+    turning = truth["MOT_J"] + truth["INERTIA"] * arm**2 / truth["WHEELS"]
+    values["KF_J"] = truth["MOT_J"] + body
+    measured = Measured(values, truth["MOT_J"], turning, values["KF_J"])
+    fit = Fit(cast(Estimate, None), cast(Segments, None), np.empty(0), 0.0)
+    return design_from(fit, measured, old, required)
+
+
+@pytest.fixture(scope="module")
+def sound() -> Design:
+    """A robot whose old values have all margins."""
+    design = true_design(26)
+    assert REQUIRED.kept_by(design.before.margins)
+    assert REQUIRED.kept_by(design.position_before)
+    return design
+
+
+@pytest.fixture(scope="module")
+def lacking() -> Design:
+    """A robot whose old values have half of the margins, but not all."""
+    design = true_design(9)
+    assert not REQUIRED.kept_by(design.before.margins)
+    assert not design.old_hardly_damp(REQUIRED)
+    return design
+
+
+def test_new_values_are_kept_only_if_a_figure_is_better_and_none_is_worse(sound: Design) -> None:
+    better, worse, same = verdict(-0.2, 0.1), verdict(0.2, 0.1), verdict(-0.02, 0.1)
+    for verdicts, kept in (
+        ([better, same], True),
+        ([same, same], False),
+        ([better, worse], False),
+        ([verdict(-0.08, 0.01), same], False),  # seen, but not worth it
+        ([better, verdict(0.12, 0.2)], False),  # inside the noise, but likely worse
+    ):
+        assert choose(verdicts, sound, REQUIRED, Prefer.TRACKING).kept is kept
+        assert choose(verdicts, sound, REQUIRED, Prefer.MARGIN).kept is kept  # there is no margin to win
+    assert "worse by 20%" in choose([better, worse], sound, REQUIRED, Prefer.TRACKING).why
+
+
+def test_who_prefers_margins_gets_them_and_is_told_what_they_cost(lacking: Design) -> None:
+    same, worse = verdict(-0.02, 0.1), verdict(0.4, 0.1)
+    left = choose([same], lacking, REQUIRED, Prefer.TRACKING)
+    assert not left.kept
+    assert "gain margin 1." in left.why
+    assert "--prefer margin" in left.why
+    taken = choose([worse], lacking, REQUIRED, Prefer.MARGIN)
+    assert taken.kept
+    assert "position RMSE is worse by 40%" in taken.why
+    assert "gain margin 1." in taken.why
+
+
+def test_an_old_position_loop_that_swings_is_not_driven() -> None:
+    """Robot 29 stopped by itself: its wheel loops have margin enough, the position loop around them is unstable."""
+    design = true_design(29)
+    assert REQUIRED.half().kept_by(design.before.margins)
+    assert not design.position_before.stable
+    assert design.old_hardly_damp(REQUIRED)
+    choice = choose([], design, REQUIRED, Prefer.TRACKING)
+    assert choice.kept
+    assert "the position loop swings by itself" in choice.why
+
+
+def test_a_wheel_in_the_air_may_keep_the_margin_that_it_has_but_not_less() -> None:
+    """Robot 12: its wheel alone has a 70th of what it moves on the floor. Its old gains swing in the air, too."""
+    design = true_design(12)
+    assert not design.lifted_before.stable
+    assert REQUIRED.kept_by(design.after.margins)
+    assert REQUIRED.kept_by(design.position_after)
+    assert design.after.crossover_hz > 1.5  # 0.9 Hz with half of all margins in the air
+    steady = true_design(26)
+    assert REQUIRED.half().at_most(steady.lifted_before).kept_by(steady.lifted_after)
+
+
+def test_what_shows_too_little_is_driven_on_through_other_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven: list[list[Pose]] = []
+    told: list[str] = []
+
+    def drive(_: object, places: list[Pose], *__: object) -> int:
+        driven.append(places)
+        return len(driven)
+
+    def measure(drives: list[int], *_: object) -> tuple[str, str]:
+        if len(drives) < enough:
+            raise AutotuneError("too little")
+        return "fit", "measured"
+
+    monkeypatch.setattr(procedure, "_drive", drive)
+    monkeypatch.setattr(procedure, "measure", measure)
+    monkeypatch.setattr(procedure, "_layout", lambda *_: None)
+    places = points(Pose(1.0, 2.0, 0.5), 0.3, 1.0, 10, 1)
+    for enough, drives in ((2, 2), (3, 3), (9, procedure.MOST_DRIVES)):
+        driven.clear()
+        try:
+            found: object = procedure._measured(cast(Robot, None), Settings(), {}, places, told.append)
+            assert found == ("fit", "measured")
+        except AutotuneError:
+            assert enough == 9
+        assert len(driven) == drives
+        assert len({tuple(entry) for entry in driven}) == drives - 1
+        assert all(max(abs(p.x - 1.0), abs(p.y - 2.0)) <= 0.3 + 1e-9 for entry in driven for p in entry)
+    assert any("one more drive" in text for text in told)
+
+
+def test_a_robot_whose_wheels_and_pose_fixes_contradict_each_other_is_not_tuned() -> None:
+    """Robot 18 stopped by itself: wheel radius and distance are 28 % wrong, and its pose jumps to a fix at last."""
+    told: list[str] = []
+    with waiting_robot(draw_robot(18)) as (robot, _):
+        with pytest.raises(AutotuneError, match="pose fixes") as error:
+            autotune(robot, Settings(), True, told.append)
+        assert robot.status.state != "failsafe"
+    assert "wheel radius" in error.value.hint
+    assert not any("round" in text for text in told)

@@ -12,8 +12,8 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from omniwheel._core import ffi, lib
-from omniwheel.autotune.gains import Requirements, design_position, design_wheels, position_margins
-from omniwheel.autotune.wheel_loop import Filter, Motor, WheelLoop, loaded
+from omniwheel.autotune.gains import Requirements, design_position, design_wheels, position_margins, worst
+from omniwheel.autotune.wheel_loop import LOWEST_HZ, Filter, Motor, WheelLoop, loaded, turns_around
 from omniwheel.errors import AutotuneError
 
 FAST = Motor(0.00116979, 0.00073572, 0.33462, 2.87154, 0.00143577)
@@ -114,3 +114,22 @@ def test_designed_gains_keep_what_is_required(
     assert gains.noise_V <= 0.05 * 12.0
     assert 0.0 < stiffness <= min(3.0, lam)
     assert all(required.kept_by(position_margins(wheel, gains, lam, stiffness)) for wheel in floor)
+
+
+@pytest.mark.parametrize("delay_s", [0.02, 0.1])
+@pytest.mark.parametrize("share", [0.3, 0.9, 1.1, 1.5, 4.0])
+def test_a_position_loop_goes_around_where_it_becomes_unstable(delay_s: float, share: float) -> None:
+    """An integrator behind a delay swings from lambda = pi / 2 / delay on, whatever its phase margin looks like."""
+    s = 2j * np.pi * np.geomspace(LOWEST_HZ, 499.0, 600)
+    loop = np.exp(-s * delay_s) * share * 0.5 * math.pi / delay_s / s
+    assert turns_around(loop) is (share > 1.0)
+
+
+def test_an_unstable_position_loop_has_no_margins() -> None:
+    """The phase margin alone has no sign: 20 degrees too much and 20 degrees too little look alike."""
+    heavy = loaded(FAST, 8.0 * FAST.inertia)
+    wheel = loop(heavy, heavy)
+    wheels = worst([wheel], 0.1, 0.2)
+    found = [position_margins(wheel, wheels, lam, 3.0) for lam in (40.0, 400.0)]
+    assert [entry.stable for entry in found] == [True, False]
+    assert found[1].phase_rad == 0.0

@@ -19,7 +19,7 @@ from omniwheel import FirmwareProcess, Robot, connect
 from omniwheel.link import FileLink, open_link
 from omniwheel.robots import read_robot
 
-STAND = 1e-3
+STAND = 1e-6
 FLOOR = 0.6
 REVOLUTION_RAD_S = math.pi
 STEP_TICKS = 10
@@ -102,12 +102,15 @@ class Bench:
         self.agrees = True
         self.hands = [2 * math.pi] * world.wheels
         self.presses = False
+        self.turn_rad = 2 * math.pi
         self._moved = np.zeros(world.wheels)
 
     def tell(self, text: str) -> None:
         self.told.append(text)
         if text.startswith("Turn wheel "):
             self._turn(int(text.split()[2]) - 1)
+        if text.startswith("Turn the robot"):
+            self._turn_robot()
         if self.presses and "the stop button" in text:
             self._press("keep it pressed" in text)
 
@@ -135,6 +138,14 @@ class Bench:
             fault.kind, fault.start_s, fault.stop_s = Fault("stop_button", 0.0).kind, at_s, math.inf
         else:
             config.fault[config.fault_count - 1].stop_s = at_s
+
+    def _turn_robot(self) -> None:
+        """Take hold of the robot on the floor: all wheels turn along. ``turn_rad`` counter-clockwise."""
+        config = self.world.c.config
+        lever = float(config.wheel_distance_m[0]) / float(config.wheel_radius_m[0])
+        self.hands = [self.turn_rad * lever] * self.world.wheels
+        for wheel in range(self.world.wheels):
+            self._turn(wheel)
 
     def _turn(self, wheel: int) -> None:
         """Book a hand in the world, a little later."""

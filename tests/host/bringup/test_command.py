@@ -41,7 +41,7 @@ def stand(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.mark.parametrize(
-    "name", ["link", "i2c", "encoders", "motors", "estop", "oe", "button", "drive", "radio", "all"]
+    "name", ["link", "i2c", "encoders", "gyro", "motors", "estop", "oe", "button", "drive", "radio", "all"]
 )
 def test_every_command_has_help_with_examples(name: str) -> None:
     text = run(name, "--help").output

@@ -7,8 +7,11 @@ import pytest
 
 from hil_sim.faults import Fault
 from omniwheel.bringup import check_i2c
+from omniwheel.bringup.sequence import bring_up
 from omniwheel.errors import CommandRefusedError
+from omniwheel.robots import read_robot
 from tests.host.bringup.conftest import Bench, MakeBench
+from tests.native import ROOT
 
 
 def set_field(name: str, value: Any) -> Any:
@@ -19,6 +22,16 @@ def test_a_wired_board_passes(bench: Bench) -> None:
     result = check_i2c(bench.robot)
     assert result.ok
     assert result.measured["addresses"] == [0x40]
+
+
+def test_a_robot_without_the_chip_is_not_asked_for_it(make_bench: MakeBench) -> None:
+    """Its bridges hang at the processor's own pins: the walk ended at a bus that is not there."""
+    path = str(ROOT / "shared/robots/examples/three_wheel_pins.toml")
+    bench = make_bench(robot=path)
+    walk = bring_up(bench.robot, bench, file=read_robot(path))
+    first = next(walk)
+    assert (first.check, first.ok) == ("link", True)
+    assert next(walk).check == "encoders"
 
 
 def test_another_device_beside_it_is_named_and_no_fault(make_bench: MakeBench) -> None:

@@ -14,7 +14,7 @@ from omniwheel.identification.model import Layout, Model, layout_of
 from omniwheel.robots import read_robot
 
 Array = NDArray[np.float64]
-TRUE = np.array([3.6, 0.13, 0.042, 0.03, 0.002])
+TRUE = np.array([3.6, 0.13, 0.042, 0.03, 0.002, 0.03])
 SHORT_S = 14.0
 
 
@@ -25,7 +25,8 @@ def layout() -> Layout:
 
 @pytest.fixture(scope="session")
 def simulated() -> SimulatedRobot:
-    return SimulatedRobot.random(read_robot("three_wheel"), 11)
+    """A robot on ideal wheels, which is what the identification's model describes."""
+    return SimulatedRobot.random(read_robot("three_wheel"), 11).on_ideal_wheels()
 
 
 @pytest.fixture(scope="session")

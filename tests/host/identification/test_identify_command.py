@@ -47,7 +47,16 @@ def test_a_file_is_edited_in_place() -> None:
 
 def test_a_simulated_robot_becomes_a_robot_file(tmp_path: Path) -> None:
     told = omni("identify", "simulate", "--seed", 5, "--duration", 14, "--name", "mine", "--out", tmp_path, "--json")
-    assert sum(entry["inside"] for entry in told["parameters"].values()) >= 0.8 * len(told["parameters"])
+    found = told["parameters"]
+    assert len(found) == 15
+    # Wheels creep under the drag of their rollers, and the rollers' loads change: neither is in the model.
+    rollers = {"drag_xy_V_s", "dry_drag_V"}
+    assert found["dry_drag_V"]["value"] == pytest.approx(found["dry_drag_V"]["truth"], rel=0.15)
+    lengths = {name for name in found if name.startswith("wheel_")}
+    for name in lengths:
+        assert found[name]["value"] == pytest.approx(found[name]["truth"], rel=3e-3)
+    others = set(found) - rollers - lengths
+    assert sum(found[name]["inside"] for name in others) >= len(others) - 1
     assert told["validation"] > 0.99
     omni("robots", "check", told["file"])
     robot = read_robot(told["file"])

@@ -18,7 +18,7 @@ ROWS, DT_S = 12, 0.02
 
 def reference(layout: Layout, values: Array, voltage: Array, start: Array) -> Array:
     """Integrate wheel by wheel: forces on each axis are summed, nothing is taken from the model's matrices."""
-    gain, coulomb, inertia, inertia_theta, drag = values
+    gain, coulomb, inertia, inertia_theta, drag, dry = values
     n = len(layout.angle_rad)
 
     def wheel(q: Array, i: int) -> float:
@@ -31,6 +31,9 @@ def reference(layout: Layout, values: Array, voltage: Array, start: Array) -> Ar
             w = wheel(q, i)
             net = volts[i] - gain * w - coulomb * w / np.hypot(w, COULOMB_WIDTH_rad_s)
             push += net * np.array([-np.sin(alpha), np.cos(alpha), 1.0])
+            axle = np.array([np.cos(alpha), np.sin(alpha), 0.0])
+            across = float(axle @ q)
+            push -= dry * across / np.hypot(across, COULOMB_WIDTH_rad_s) * axle
         along = [(push[k] - n / 2 * drag * q[k]) / (n / 2 * inertia) for k in (0, 1)]
         return [*along, push[2] / (n * inertia_theta)]
 

@@ -140,3 +140,18 @@ def test_steps_that_do_not_settle_give_no_estimate(
     monkeypatch.setattr(output_error, "IV_STEPS_MAX", 2)
     with pytest.raises(IdentificationError, match="did not settle"):
         identify(driven, Model.floor(layout))
+
+
+def test_what_an_encoder_rounds_is_not_held_against_the_model(layout: Layout) -> None:
+    """The model is right about these robots. With 200 counts per turn a fifth of what they show is rounding."""
+    count_rad = 2.0 * np.pi / 200.0
+    runs = [model_run(layout, duty, noise_rad=0.0) for duty in profiles(layout)]
+    coarse = [
+        replace(run, wheel_angle_rad=count_rad * np.round(np.asarray(run.wheel_angle_rad) / count_rad)) for run in runs
+    ]
+    plain = identify(coarse, Model.floor(layout))
+    known = identify(coarse, Model.floor(layout), count_rad=count_rad)
+    assert plain.rounding_share == 0.0
+    assert plain.fit < 0.9
+    assert known.fit > 0.98
+    assert known.rounding_share == pytest.approx(1.0 - plain.fit, rel=0.2)

@@ -60,7 +60,10 @@ def strange(seed: int) -> Robot:
     gone += ["battery_pin", "battery_divider"] if draw.random() < 0.4 else []
     if "light_pin" in gone and 13 in pins:
         gone.remove("light_pin")
-    return robot(template, tuple(gone), **wiring)
+    file = document(template, tuple(gone), **wiring)
+    if draw.random() < 0.5:
+        file["gyro"] = {"chip": "ICM-42688-P", "axis": draw.choice([3, -1]), "address": draw.choice([0x68, 0x69])}
+    return parse_robot(file, parameter_table(), "test.toml")
 
 
 def without_chip(driver: str, **wiring: Any) -> Robot:
@@ -195,6 +198,20 @@ def test_a_stop_button_is_in_the_table_the_drawing_and_its_notes() -> None:
     assert "stop button" not in " ".join(Drawing(draw_wiring(without)).words)
 
 
+def test_a_gyro_is_in_the_table_the_drawing_and_its_notes() -> None:
+    file = document() | {"gyro": {"chip": "ICM-42688-P", "axis": -1, "address": 0x69}}
+    plan = plan_wiring(parse_robot(file, parameter_table(), "test.toml"))
+    bus, supply = (row for row in connections(plan) if row.end.startswith("ICM-42688-P"))
+    assert bus.start == "Teensy 17 (SDA1), 16 (SCL1)"
+    assert "x of the chip points down" in bus.mind
+    assert "AD0 to 3.3 V (address 0x69)" in bus.mind
+    assert supply.start == "Teensy 3.3 V"
+    words = " ".join(Drawing(draw_wiring(plan)).words)
+    assert "SDA1 17" in words
+    assert "x of the chip points down" in words
+    assert "ICM" not in " ".join(Drawing(draw_wiring(plan_wiring(read_robot("three_wheel")))).words)
+
+
 def test_the_stop_buttons_pull_ups_give_what_the_advice_says_within_what_a_pin_bears() -> None:
     assert electrics.button_A() == pytest.approx(0.15e-3)
     assert 3e-3 < electrics.button_A(electrics.BUTTON_PULL_UP_OHM) < electrics.PIN_LIMIT_A
@@ -225,6 +242,7 @@ def test_the_command_prints_the_table_and_writes_the_drawing(tmp_path: Path, mon
     monkeypatch.setattr(console, "width", 400)
     out = tmp_path / "mine.svg"
     text = run("three_wheel", "--out", str(out)).stdout
+    assert any(line.rstrip().endswith("watch out for") for line in text.splitlines())
     for row in connections(plan_wiring(read_robot("three_wheel"))):
         assert row.start in text
         assert row.mind in text

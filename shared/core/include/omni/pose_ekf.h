@@ -62,8 +62,8 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t q_theta;   /**< rad^2 per step */
     omni_real_t q_slip;    /**< per step, while the wheel turns and its ratio is known better than p_slip */
     omni_real_t p_slip;    /**< initial variance of a slip ratio, and the most that q_slip lets it grow to */
-    omni_real_t r_null;    /**< variance of n^T r phi' summed over a history slot, m^2, from the counts' resolution:
-                                      (r rad_per_count)^2 / 6. 0: four wheels' null direction is not used */
+    omni_real_t r_null;    /**< variance of n^T r phi' summed over a history slot, m^2: the counts' resolution,
+                                      (r rad_per_count)^2 / 6, and creep. 0: four wheels' null direction is not used */
     omni_real_t r_xy;      /**< variance of a fix, m^2 */
     omni_real_t r_theta;   /**< rad^2 */
     omni_real_t gate;      /**< NIS above this is refused; 0: no gate */

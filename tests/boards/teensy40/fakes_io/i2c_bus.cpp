@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The I2C master LPI2C1 with its command FIFO, the two lines, a PCA9685 on them, and the interval timer.
+// An I2C master with its command FIFO, the two lines, a PCA9685 on them, and the interval timer. The master is LPI2C1;
+// compiled with GYRO_PORT it is LPI2C3.
 #include <cstring>
 #include <vector>
 
@@ -11,13 +12,22 @@ extern "C" {
 #include "hil_sim/pca9685.h"
 }
 
-IMXRT_LPI2C_t IMXRT_LPI2C1;
+IMXRT_LPI2C_t IMXRT_LPI2C1, IMXRT_LPI2C3;
 
 namespace fake {
 namespace {
 
+#ifdef GYRO_PORT
+IMXRT_LPI2C_t &master = IMXRT_LPI2C3;
+constexpr IRQ_NUMBER_t master_irq = IRQ_LPI2C3;
+constexpr uint8_t sda_pin = 17;
+constexpr uint8_t scl_pin = 16;
+#else
+IMXRT_LPI2C_t &master = IMXRT_LPI2C1;
+constexpr IRQ_NUMBER_t master_irq = IRQ_LPI2C1;
 constexpr uint8_t sda_pin = 18;
 constexpr uint8_t scl_pin = 19;
+#endif
 constexpr uint64_t never = UINT64_MAX;
 constexpr uint32_t cycles_per_us = 600;
 constexpr size_t fifo_size = 4;
@@ -103,10 +113,10 @@ void log_event(uint16_t what) {
 
 /// One bit's length from the registers. An RC edge is seen as high 0.91 of its rise time after it began.
 uint64_t bit_cycles() {
-    const uint32_t ccr = IMXRT_LPI2C1.MCCR0.value;
-    const uint32_t scale = IMXRT_LPI2C1.MCFGR1.value & 7u;
+    const uint32_t ccr = master.MCCR0.value;
+    const uint32_t scale = master.MCFGR1.value & 7u;
     const uint32_t rise_clocks = bus.rise_ns * 60 * 91 / 100'000;
-    const uint32_t latency = (2 + (IMXRT_LPI2C1.MCFGR2.value >> 16 & 0xFu) + rise_clocks) >> scale;
+    const uint32_t latency = (2 + (master.MCFGR2.value >> 16 & 0xFu) + rise_clocks) >> scale;
     return uint64_t{((ccr & 0x3Fu) + (ccr >> 8 & 0x3Fu) + 2 + latency) << scale} * 10; // 600 MHz / 60 MHz
 }
 
@@ -265,7 +275,7 @@ void end_command() {
 uint32_t status(uint32_t) {
     uint32_t flags = bus.flags | (bus.ours ? LPI2C_MSR_MBF | LPI2C_MSR_BBF : 0u);
     flags |= bus.received.count > 0 ? LPI2C_MSR_RDF : 0u;
-    return flags | (bus.commands.count <= (IMXRT_LPI2C1.MFCR.value & 3u) ? LPI2C_MSR_TDF : 0u);
+    return flags | (bus.commands.count <= (master.MFCR.value & 3u) ? LPI2C_MSR_TDF : 0u);
 }
 
 void clear_status(uint32_t written) {
@@ -302,15 +312,15 @@ void control(uint32_t value) {
         bus.flags = 0;
         bus.ours = bus.working = bus.auto_stop = false;
         bus.bytes_left = 0;
-        IMXRT_LPI2C1.MIER.value = IMXRT_LPI2C1.MCCR0.value = IMXRT_LPI2C1.MFCR.value = 0;
+        master.MIER.value = master.MCCR0.value = master.MFCR.value = 0;
     }
 }
 
 void serve_interrupt() {
-    for (int rounds = 0; (status(0) & IMXRT_LPI2C1.MIER.value) != 0 && deliver(IRQ_LPI2C1); ++rounds) {
+    for (int rounds = 0; (status(0) & master.MIER.value) != 0 && deliver(master_irq); ++rounds) {
         if (rounds > 20) {
             ++bus.mistake_count; // a request that is never satisfied
-            IMXRT_LPI2C1.MIER.value = 0;
+            master.MIER.value = 0;
         }
     }
 }
@@ -437,13 +447,13 @@ void reset_bus() {
     bus.refused_byte = -1;
     bus.now = cycles;
     hil_pca9685_reset(&bus.chip, 0x40);
-    IMXRT_LPI2C1.MIER.value = 0;
-    IMXRT_LPI2C1.MSR.on_read = status;
-    IMXRT_LPI2C1.MSR.on_write = clear_status;
-    IMXRT_LPI2C1.MFSR.on_read = fifo_status;
-    IMXRT_LPI2C1.MTDR.on_write = queue_command;
-    IMXRT_LPI2C1.MRDR.on_read = take_received;
-    IMXRT_LPI2C1.MCR.on_write = control;
+    master.MIER.value = 0;
+    master.MSR.on_read = status;
+    master.MSR.on_write = clear_status;
+    master.MFSR.on_read = fifo_status;
+    master.MTDR.on_write = queue_command;
+    master.MRDR.on_read = take_received;
+    master.MCR.on_write = control;
 }
 
 } // namespace fake

@@ -19,5 +19,6 @@ constexpr int stop_button_pin = 10;
 constexpr int battery_pin = 14;
 constexpr float battery_divider = 5.0f;
 constexpr uint8_t light_pin = 13;
+constexpr uint8_t gyro_address = 0;
 
 } // namespace omni::wiring

@@ -15,4 +15,14 @@ public:
     bool on_wire() const;
 };
 
+/// No robot here has a gyro.
+class Teensy40GyroI2c final : public I2cBus {
+public:
+    explicit Teensy40GyroI2c(uint32_t) {}
+    void begin() {}
+    bool submit(const I2cTransaction *, size_t) override { return false; }
+    I2cStatus poll(uint8_t *) override { return I2cStatus::idle; }
+    void recover() override {}
+};
+
 } // namespace omni

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: MIT
+// An I2C bus with the model of an ICM-42688-P on it. A batch is done by the next tick, unless a line is held low.
+#pragma once
+
+#include <algorithm>
+
+#include "app/board.h"
+
+extern "C" {
+#include "hil_sim/icm42688.h"
+}
+
+namespace omni {
+
+class GyroBus final : public I2cBus {
+public:
+    static constexpr uint8_t address = 0x68;
+
+    GyroBus() { hil_icm42688_reset(&chip, address); }
+
+    bool submit(const I2cTransaction *batch, size_t count) override {
+        ++batches;
+        if (busy_) {
+            return false;
+        }
+        std::fill(read_, read_ + sizeof read_, uint8_t{0});
+        busy_ = true;
+        acknowledged_ = !held;
+        for (size_t i = 0; i < count && acknowledged_; ++i) {
+            acknowledged_ = carry(batch[i]);
+        }
+        hil_icm42688_stop(&chip);
+        return true;
+    }
+    I2cStatus poll(uint8_t *read) override {
+        if (!busy_) {
+            return I2cStatus::idle;
+        }
+        if (held) {
+            return I2cStatus::busy;
+        }
+        busy_ = false;
+        std::copy(read_, read_ + sizeof read_, read);
+        return acknowledged_ ? I2cStatus::done : I2cStatus::nack;
+    }
+    void recover() override {
+        ++recoveries;
+        busy_ = false;
+    }
+
+    hil_icm42688_t chip{};
+    bool held = false;
+    uint32_t batches = 0;
+    uint32_t recoveries = 0;
+
+private:
+    bool carry(const I2cTransaction &transaction) {
+        bool good = true;
+        if (transaction.write_length > 0) {
+            good = hil_icm42688_start(&chip, transaction.address, false);
+            for (size_t i = 0; i < transaction.write_length && good; ++i) {
+                good = hil_icm42688_put(&chip, transaction.write[i]);
+            }
+        }
+        if (transaction.read_length > 0 && good) {
+            good = hil_icm42688_start(&chip, transaction.address, true);
+            for (size_t i = 0; i < transaction.read_length && good; ++i) {
+                read_[i] = hil_icm42688_get(&chip);
+            }
+        }
+        return good;
+    }
+
+    bool busy_ = false;
+    bool acknowledged_ = true;
+    uint8_t read_[I2cTransaction::max_read] = {};
+};
+
+} // namespace omni
