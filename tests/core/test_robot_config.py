@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from functools import reduce
 
+import numpy as np
 import pytest
 
 from omniwheel._core import ffi, lib
@@ -69,3 +70,19 @@ def test_every_value_out_of_its_range_is_refused_and_named() -> None:
         bench.values[index] = kept
     assert lib.omni_robot_config(config, bench.values, bad) == lib.OMNI_OK
     assert bad[0] == -1, "nothing is to blame"
+
+
+@pytest.mark.parametrize("wheels", [3, 4])
+def test_opposed_voltages_move_no_body(wheels: int) -> None:
+    """At equal motors they are torques t: the body feels J^T t, where J gives the wheels' speeds per body rate."""
+    config = Bench().configure(WHEELS=float(wheels), WHEEL_RADIUS=0.04)
+    opposed = np.array(list(config.wheel_speed.opposed))
+    columns = []
+    for rate in np.eye(3):
+        speeds = ffi.new("float[4]")
+        lib.omni_kinematics_inverse(
+            ffi.addressof(config, "kinematics"), ffi.new("omni_twist_t *", rate.tolist()), ffi.NULL, speeds
+        )
+        columns.append(list(speeds))
+    assert np.linalg.norm(opposed) == pytest.approx(1.0 if wheels == 4 else 0.0, abs=1e-6)
+    np.testing.assert_allclose(np.array(columns) @ opposed, 0.0, atol=1e-4)

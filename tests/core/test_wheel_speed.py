@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.linalg import null_space
 
 from omniwheel._core import ffi, lib
 
@@ -160,3 +162,51 @@ def test_reset_forgets_every_wheel() -> None:
     assert all(loops.integrals)
     lib.omni_wheel_speed_reset(loops.state)
     assert loops.integrals == ZERO
+
+
+def layout_of_four(radii: Sequence[float]) -> NDArray[np.float64]:
+    """Return wheel speeds per body rate (4 x 3), of four wheels at 45 deg that are 0.1 m from the centre."""
+    angles = np.radians([45.0, 135.0, 225.0, 315.0])
+    rows = np.stack([-np.sin(angles), np.cos(angles), np.full(4, 0.1)], axis=1)
+    return np.asarray(rows / np.array(radii)[:, None])
+
+
+radii_of_four = st.lists(st.floats(0.03125, 0.125, width=32), min_size=4, max_size=4)
+integrals_of_four = st.lists(st.floats(-8, 8, width=32), min_size=4, max_size=4)
+
+
+def balanced(radii: Sequence[float], integrals: Sequence[float], limit: float = 100.0, wheels: int = 4) -> list[float]:
+    loops = Loops(wheels)
+    loops.config.pid.integral_limit = limit
+    if wheels == 4:
+        loops.config.opposed = list(null_space(layout_of_four(radii).T)[:, 0])
+    for i in range(4):
+        loops.state.pid[i].integral = integrals[i]
+    lib.omni_wheel_speed_balance(loops.state, loops.config)
+    return loops.integrals
+
+
+@given(radii_of_four, integrals_of_four)
+def test_balanced_integrals_push_the_body_as_before_and_no_wheel_against_another(
+    radii: list[float], integrals: list[float]
+) -> None:
+    layout = layout_of_four(radii)
+    found = np.array(balanced(radii, integrals))
+    np.testing.assert_allclose(layout.T @ found, layout.T @ integrals, rtol=0, atol=2e-5 * np.abs(layout).max() * 8)
+    assert null_space(layout.T)[:, 0] @ found == pytest.approx(0.0, abs=2e-5)
+
+
+@given(radii_of_four, integrals_of_four)
+def test_balanced_integrals_keep_their_limit(radii: list[float], integrals: list[float]) -> None:
+    assert np.max(np.abs(balanced(radii, integrals, limit=8.0))) <= 8.0
+
+
+def test_three_wheels_have_nothing_to_balance() -> None:
+    assert balanced([], [1.0, -2.0, 3.0, 0.0], wheels=3) == [1.0, -2.0, 3.0, 0.0]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_integrals_that_are_no_numbers_are_left_alone(bad: float) -> None:
+    found = balanced([0.05] * 4, [1.0, bad, 0.0, 0.0])
+    assert found[0] == 1.0
+    assert found[2:] == [0.0, 0.0]

@@ -18,11 +18,12 @@
 
 typedef struct omni_wheel_speed_config_t {
     uint8_t wheels;
-    omni_pid_config_t pid;            /**< output in V */
-    omni_real_t ff_speed_V_s;         /**< V per rad/s */
-    omni_real_t ff_acceleration_V_s2; /**< V per rad/s^2 */
-    omni_real_t ff_static_V;          /**< Coulomb friction, in the wanted direction; fades below 0.05 rad/s */
-    omni_real_t duty_limit;           /**< 0..1 */
+    omni_pid_config_t pid;                /**< output in V */
+    omni_real_t ff_speed_V_s;             /**< V per rad/s */
+    omni_real_t ff_acceleration_V_s2;     /**< V per rad/s^2 */
+    omni_real_t ff_static_V;              /**< Coulomb friction, in the wanted direction; fades below 0.05 rad/s */
+    omni_real_t duty_limit;               /**< 0..1 */
+    omni_real_t opposed[OMNI_MAX_WHEELS]; /**< u: unit vector of voltages that move no body; 0 with three wheels */
 } omni_wheel_speed_config_t;
 
 typedef struct omni_wheel_speed_state_t {
@@ -43,5 +44,13 @@ omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wh
                                   const omni_real_t *reference, const omni_real_t *acceleration,
                                   const omni_real_t *measured, omni_real_t supply_V, omni_real_t *duty,
                                   omni_real_t *voltage_V);
+
+/**
+ * Take the part out of the integrals that only pushes the wheels against each other: I -= u (u I). Such voltages move
+ * no body. Four wheels on one floor cannot each turn as they like. If a radius is not as configured, or a wheel creeps,
+ * their speeds differ from the references for good. The integrals would grow until the wheels slip. The result stays
+ * within integral_limit. Three wheels have no such part.
+ */
+void omni_wheel_speed_balance(omni_wheel_speed_state_t *state, const omni_wheel_speed_config_t *config);
 
 #endif

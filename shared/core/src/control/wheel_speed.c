@@ -54,3 +54,21 @@ omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wh
     }
     return factor;
 }
+
+void omni_wheel_speed_balance(omni_wheel_speed_state_t *state, const omni_wheel_speed_config_t *config) {
+    if (config->wheels < OMNI_MAX_WHEELS) {
+        return;
+    }
+    omni_real_t along = 0.0f;
+    for (int i = 0; i < OMNI_MAX_WHEELS; i++) {
+        along += config->opposed[i] * state->pid[i].integral;
+    }
+    if (!omni_is_finite(along)) {
+        return;
+    }
+    const omni_real_t limit = config->pid.integral_limit;
+    for (int i = 0; i < OMNI_MAX_WHEELS; i++) {
+        const omni_real_t rest = state->pid[i].integral - config->opposed[i] * along;
+        state->pid[i].integral = omni_clampf(rest, -limit, limit);
+    }
+}

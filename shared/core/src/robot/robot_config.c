@@ -130,6 +130,19 @@ static omni_result_t set_controllers(omni_robot_config_t *c, const omni_real_t *
     return result;
 }
 
+/* n^T r phi' = 0 for the motions of a body [omni/kinematics.h]; so the torques, and voltages, along n r move none. */
+static void set_opposed(omni_wheel_speed_config_t *w, const omni_kinematics_t *k) {
+    omni_real_t length2 = 0.0f;
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        w->opposed[i] = k->has_null ? k->null[i] * k->radius_m[i] : 0.0f;
+        length2 += w->opposed[i] * w->opposed[i];
+    }
+    const omni_real_t per_length = length2 > 0.0f ? 1.0f / omni_sqrtf(length2) : 0.0f;
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        w->opposed[i] *= per_length;
+    }
+}
+
 static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
     omni_wheel_speed_config_t *w = &c->wheel_speed;
     w->wheels = c->kinematics.wheels;
@@ -143,6 +156,7 @@ static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
     w->ff_acceleration_V_s2 = v[OMNI_PARAM_WS_FF] * omni_motor_acceleration_gain(&c->motor);
     w->ff_static_V = v[OMNI_PARAM_WS_FF_S];
     w->duty_limit = v[OMNI_PARAM_LIM_DUTY];
+    set_opposed(w, &c->kinematics);
 }
 
 static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {

@@ -53,7 +53,8 @@ static void wheel_loops(omni_control_state_t *control, const omni_robot_config_t
     omni_real_t voltage_V[OMNI_MAX_WHEELS];
     omni_kinematics_inverse(&c->kinematics, body, NULL, actuation->wheel_reference);
     compensate_slip(c, estimate, actuation->wheel_reference);
-    if (target->exciter != NULL && target->exciter->plan.place == OMNI_EXCITATION_WHEEL) {
+    const bool one_by_one = target->exciter != NULL && target->exciter->plan.place == OMNI_EXCITATION_WHEEL;
+    if (one_by_one) {
         omni_robot_excite_wheels(target->exciter, c->kinematics.wheels, 1.0f, c->limits.wheel_rad_s,
                                  actuation->wheel_reference);
     }
@@ -63,6 +64,9 @@ static void wheel_loops(omni_control_state_t *control, const omni_robot_config_t
     actuation->duty_scale =
         omni_wheel_speed_step(&control->wheel_speed, &c->wheel_speed, actuation->wheel_reference, acceleration,
                               estimate->wheel_rad_s, estimate->supply_V, actuation->duty, voltage_V);
+    if (!one_by_one) { /* the references are those of one body */
+        omni_wheel_speed_balance(&control->wheel_speed, &c->wheel_speed);
+    }
 }
 
 /* Voltages as they are. */
