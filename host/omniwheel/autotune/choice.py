@@ -29,11 +29,12 @@ def choose(verdicts: Sequence[Verdict], design: Design, required: Requirements, 
 
     A figure is worse if that shows above the noise, or if it looks worse by more than WORTH. The reason is a figure
     that is better by more than WORTH, above the noise. With Prefer.MARGIN it is a reason, too, that the old values have
-    less margin than ``required``; then a figure may be worse.
+    less margin than ``required``; then a figure may be worse. With less than half of it they need no preference: the
+    new values are kept unless a figure is worse.
     """
     lacking = _lacking(design, required)
     if not verdicts:
-        return Choice(True, f"the old values hardly damp this robot: {lacking}")
+        return Choice(True, f"the old values do not damp this robot: {lacking}")
     worse = [v for v in verdicts if v.difference > 0.0 and (v.shows or v.difference > WORTH * v.before)]
     better = [v for v in verdicts if v.shows and v.difference < -WORTH * v.before]
     seen = _seen(worse) or _seen(better) or f"no figure is better by more than {WORTH:.0%} above the noise"
@@ -41,6 +42,8 @@ def choose(verdicts: Sequence[Verdict], design: Design, required: Requirements, 
         return Choice(True, f"margins were preferred; {seen}, but the old values lack margin: {lacking}")
     if better and not worse:
         return Choice(True, seen)
+    if not worse and design.old_hardly_damp(required):
+        return Choice(True, f"{seen}, but the old values hardly damp this robot: {lacking}")
     remedy = f". But the old values lack margin: {lacking}. --prefer margin takes the new ones" if lacking else ""
     return Choice(False, seen + remedy)
 

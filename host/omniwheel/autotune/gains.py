@@ -46,9 +46,13 @@ class Requirements:
     noise: float = 0.03
     quickest_1_s: float = 12.0
 
+    def part(self, share: float) -> Requirements:
+        """Return this share of the margins: of the gain margin in decibels."""
+        return replace(self, gain=self.gain**share, phase_rad=share * self.phase_rad, distance=share * self.distance)
+
     def half(self) -> Requirements:
-        """Return half of the margins: of the gain margin in decibels."""
-        return replace(self, gain=math.sqrt(self.gain), phase_rad=0.5 * self.phase_rad, distance=0.5 * self.distance)
+        """Return half of the margins."""
+        return self.part(0.5)
 
     def at_most(self, found: Margins) -> Requirements:
         """Return the same, but nowhere more than a loop has already."""

@@ -123,7 +123,7 @@ def _verdicts(outcome: Outcome) -> list[str]:
     end = "The new parameters were kept" if outcome.kept else "The robot has its old parameters again"
     lines = [f"- {verdict.sentence()}" for verdict in outcome.verdicts]
     if outcome.old_swings:
-        lines = ["The old values were not driven: on the robot as it was measured, they hardly damp it."]
+        lines = ["The old values were not driven: on the robot as it was measured, they do not damp it."]
     return [
         "## What they did",
         "",

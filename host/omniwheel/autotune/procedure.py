@@ -130,17 +130,22 @@ def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Call
     fit, measured = _measured(robot, settings, old, places, tell)
     design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
-    old_swings = design.old_hardly_damp(settings.required)
+    old_swings = design.old_swing(settings.required)
     if old_swings and fit.rounding_share > MOST_ROUNDING:
         raise AutotuneError(
-            f"the old values seem hardly to damp this robot, but {fit.rounding_share:.0%} of what the encoders show is "
+            f"the old values seem not to damp this robot, but {fit.rounding_share:.0%} of what the encoders show is "
             "their rounding: too much to choose others without driving the old ones",
             hint="more --room or more --legs; or an encoder with more counts",
         )
+    gently = design.old_hardly_damp(settings.required)
     if old_swings:
-        tell("the old values are not driven: with the robot as it was measured, they hardly damp it")
+        tell("the old values are not driven: with the robot as it was measured, they do not damp it")
+    elif gently:
+        tell(
+            f"compared at {GENTLE:.0%} of the limits: with the robot as it was measured, the old values hardly damp it"
+        )
     tries: list[list[Drive]] = [[], []]
-    leg_s = _leg(robot, places, old, QUICK)
+    leg_s = _leg(robot, places, old, GENTLE if gently and not old_swings else QUICK)
     for number in range(settings.rounds):
         for index in (1,) if old_swings else order(2, number):
             tell(f"round {number + 1} of {settings.rounds}, with the {('old', 'new')[index]} parameters")

@@ -69,8 +69,8 @@ def autotune(
     its limits. Leave it room, and stand by to stop it. No gain is raised until something swings: all follow from the
     model that was measured. Whatever goes wrong, the robot is disarmed and has its old values again.
 
-    Without --revert the new values are kept if they drive better, or if the old ones hardly damp the robot. With --name
-    a copy of the robot file --robot gets them, too.
+    Without --revert the new values are kept if they drive better, or if the old ones hardly damp the robot and drive
+    no better. With --name a copy of the robot file --robot gets them, too.
     """
     from omniwheel.autotune.page import write_page  # here, not above: SciPy and matplotlib take a second
     from omniwheel.autotune.procedure import Settings
