@@ -7,6 +7,7 @@ import os
 import signal
 import tempfile
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -21,3 +22,10 @@ os.environ["OMNI_STATE_DIR"] = tempfile.mkdtemp(prefix="omni-state-")
 # A shell starts background jobs with Ctrl-C ignored, and programs under test would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make warnings errors in CI, where somebody reads them, and not at a user's with other versions of libraries."""
+    if os.environ.get("CI"):
+        for kind in ("RuntimeWarning", "DeprecationWarning", "FutureWarning", "UserWarning"):
+            config.addinivalue_line("filterwarnings", f"error::{kind}")

@@ -68,6 +68,11 @@ def test_the_path_that_judges_can_be_driven_and_is_the_same_for_all_parameters(d
         assert np.all(rows["peak_wheel_rad_s"] < one.truth.parameter_values()["LIM_WHEEL"])
 
 
+def test_four_wheels_of_a_wrong_geometry_do_not_wind_up_against_each_other() -> None:
+    """Robot 34: with integrals of their own, its wheels pushed against each other until one counted as stalled."""
+    assert np.all(judge(draw_robot(34), {}, 4)["completed"] == 1.0)
+
+
 def test_a_figure_that_grew_by_less_than_its_noise_has_not_grown() -> None:
     before = np.linspace(1.0, 2.0, 16)
     noise = 0.1 * np.sin(np.arange(16.0) * 7.0)
@@ -91,7 +96,14 @@ def test_the_summary_counts_what_is_worse_and_what_was_promised() -> None:
             made_row(1, distance_promised=0.5, distance_measured=0.59),
             made_row(2, distance_promised=0.5, distance_measured=0.35, position_worse=1e-6),
             made_row(3, distance_promised=0.5, distance_measured=math.nan, completed_after=0.5),
-            made_row(4, "refused", why=b"the fit did not settle", distance_measured=math.nan),
+            made_row(
+                4,
+                "refused",
+                why=b"the fit did not settle",
+                distance_measured=math.nan,
+                position_m_before=0.0,
+                position_m_after=0.0,
+            ),
             made_row(5, "stopped", why=b"the robot stopped by itself: stall"),
         ]
     )

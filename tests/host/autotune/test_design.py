@@ -179,9 +179,12 @@ def test_old_values_that_hardly_damp_are_compared_gently(
             self.now = values["ISMC_LAM_XY"]
 
     robot = SimpleNamespace(parameters=Parameters(), wait_for=lambda *_: SimpleNamespace(pose=Pose(0.0, 0.0, 0.0)))
-    monkeypatch.setattr(
-        procedure, "drive", lambda *_: driven.append(robot.parameters.now) or SimpleNamespace(figures={}, trace=None)
-    )
+
+    def drive(*_: object) -> SimpleNamespace:
+        driven.append(robot.parameters.now)
+        return SimpleNamespace(figures={}, trace=None)
+
+    monkeypatch.setattr(procedure, "drive", drive)
     monkeypatch.setattr(procedure, "judge", lambda *_: [verdict(-0.02, 0.1)])
     told: list[str] = []
     procedure._tune(cast(Robot, robot), Settings(), old, told.append)
