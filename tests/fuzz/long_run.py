@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Long seeded runs of the fuzzers, in lots that do not depend on each other: interrupted, they go on where they were.
+"""Long seeded runs of the fuzzers, in batches that do not depend on each other: interrupted, they go on where they were.
 
 usage: python -m tests.fuzz.long_run [--jobs N] [--write] [TARGET=INPUTS...]
 
-Most lots run without sanitizers, because that is eight times faster; one in twenty of the app's runs with them. What
+Most batches run without sanitizers, because that is eight times faster; one in twenty of the app's runs with them. What
 has been done stands in build/nightly/fuzz, one file per program: programs that were built from other sources begin
 anew. --write puts the figures into docs/checks/fuzzing.md. Exit code 1 if something was found.
 """
@@ -32,20 +32,20 @@ BEGIN, END = "<!-- long runs: python -m tests.fuzz.long_run --write -->", "<!-- 
 
 @dataclass(frozen=True)
 class Plan:
-    """How a target is run: inputs in all, of at most so many bytes, in lots; every so many lots one with sanitizers."""
+    """How a target is run: inputs in all, of at most so many bytes, in batches; every so many batches one with sanitizers."""
 
     inputs: int
     longest: int
-    lot: int
+    batch: int
     sanitized_every: int
 
-    def lots(self) -> int:
-        """Return how many lots there are."""
-        return -(-self.inputs // self.lot)
+    def batches(self) -> int:
+        """Return how many batches there are."""
+        return -(-self.inputs // self.batch)
 
-    def build_of(self, lot: int) -> str:
-        """Return what the program of this lot is built with."""
-        return "sanitizers" if lot % self.sanitized_every == 0 else "nothing"
+    def build_of(self, batch: int) -> str:
+        """Return what the program of this batch is built with."""
+        return "sanitizers" if batch % self.sanitized_every == 0 else "nothing"
 
 
 PLANS = {
@@ -58,7 +58,7 @@ PLANS = {
 
 @dataclass
 class Campaign:
-    """What one target has done; its file is written after every lot."""
+    """What one target has done; its file is written after every batch."""
 
     target: str
     plan: Plan
@@ -75,15 +75,15 @@ class Campaign:
         part.write_text(json.dumps(state), encoding="utf-8")
         part.replace(self.path)
 
-    def command(self, lot: int) -> list[str]:
-        """Return the command of one lot."""
-        count = min(self.plan.lot, self.plan.inputs - lot * self.plan.lot)
-        numbers = (self.seed, lot, count, self.plan.longest)
-        return [str(self.programs[self.plan.build_of(lot)]), *(str(number) for number in numbers)]
+    def command(self, batch: int) -> list[str]:
+        """Return the command of one batch."""
+        count = min(self.plan.batch, self.plan.inputs - batch * self.plan.batch)
+        numbers = (self.seed, batch, count, self.plan.longest)
+        return [str(self.programs[self.plan.build_of(batch)]), *(str(number) for number in numbers)]
 
     def total(self, name: str, build: str | None = None) -> float:
-        """Return the sum of a figure over all lots, or those of one build."""
-        chosen = (figures for lot, figures in self.done.items() if build in (None, self.plan.build_of(int(lot))))
+        """Return the sum of a figure over all batches, or those of one build."""
+        chosen = (figures for batch, figures in self.done.items() if build in (None, self.plan.build_of(int(batch))))
         return float(sum(figures[name] for figures in chosen))
 
 
@@ -98,7 +98,7 @@ def campaign(target: str, inputs: int, seed: int) -> Campaign:
     plan = Plan(**{**vars(PLANS[target]), "inputs": inputs})
     built = {name: fuzz.program(target, name) for name in ("nothing", "sanitizers")}
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in built.values()))
-    digest.update(f"{seed} {plan.longest} {plan.lot} {plan.sanitized_every}".encode())
+    digest.update(f"{seed} {plan.longest} {plan.batch} {plan.sanitized_every}".encode())
     folder = STATE / f"{target}-{digest.hexdigest()[:12]}"
     folder.mkdir(parents=True, exist_ok=True)
     programs = {}
@@ -113,13 +113,13 @@ def campaign(target: str, inputs: int, seed: int) -> Campaign:
     return Campaign(target, plan, seed, programs, path, state["commit"], state["done"])
 
 
-def run_lot(run: Campaign, lot: int) -> dict[str, Any] | str:
-    """Run one lot. Returns its figures, or what was found."""
-    last = run.path.parent / f"finding-{lot}"
+def run_batch(run: Campaign, batch: int) -> dict[str, Any] | str:
+    """Run one batch. Returns its figures, or what was found."""
+    last = run.path.parent / f"finding-{batch}"
     environment = {**os.environ, "FUZZ_LAST": str(last)}
     begin = time.monotonic()
     done = subprocess.run(
-        run.command(lot), capture_output=True, text=True, errors="replace", env=environment, check=False
+        run.command(batch), capture_output=True, text=True, errors="replace", env=environment, check=False
     )
     if done.returncode != 0:
         return f"exit code {done.returncode}, input in {last}\n{done.stdout[-2000:]}{done.stderr[-4000:]}"
@@ -129,15 +129,15 @@ def run_lot(run: Campaign, lot: int) -> dict[str, Any] | str:
 
 def go_on(run: Campaign, jobs: int) -> bool:
     """Do what is left of a campaign. Returns False at the first finding."""
-    left = [lot for lot in range(run.plan.lots()) if str(lot) not in run.done]
+    left = [batch for batch in range(run.plan.batches()) if str(batch) not in run.done]
     with ThreadPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(run_lot, run, lot): lot for lot in left}
+        waiting = {pool.submit(run_batch, run, batch): batch for batch in left}
         for future in as_completed(waiting):
             result = future.result()
             if isinstance(result, str):
                 for other in waiting:
                     other.cancel()
-                sys.stdout.write(f"{run.target}: FOUND SOMETHING in lot {waiting[future]}: {result}\n")
+                sys.stdout.write(f"{run.target}: FOUND SOMETHING in batch {waiting[future]}: {result}\n")
                 return False
             run.done[str(waiting[future])] = result
             run.save()
@@ -176,7 +176,7 @@ def latest() -> list[Campaign]:
     runs: dict[str, Campaign] = {}
     for path in sorted(STATE.glob("*/state.json"), key=lambda path: path.stat().st_mtime):
         state = json.loads(path.read_text(encoding="utf-8"))
-        plan = Plan(*(state[name] for name in ("inputs", "longest", "lot", "sanitized_every")))
+        plan = Plan(*(state[name] for name in ("inputs", "longest", "batch", "sanitized_every")))
         runs[state["target"]] = Campaign(state["target"], plan, state["seed"], {}, path, state["commit"], state["done"])
     return [runs[target] for target in PLANS if target in runs]
 

@@ -88,7 +88,7 @@ def view(robot: Robot, wheels: int) -> RenderableType:
 def _head(status: RobotStatus) -> str:
     style = _STATE_STYLES.get(status.state, "yellow")
     silent = status.heartbeat_age_s > _SILENT_S
-    link = f"[bold red]silent for {status.heartbeat_age_s:.0f} s[/]" if silent else "[green]link fine[/]"
+    link = f"[bold red]silent for {status.heartbeat_age_s:.0f} s[/]" if silent else "[green]receiving[/]"
     state = f"[bold red]not known[/] [dim](it was {status.state})[/]" if silent else f"[{style}]{status.state}[/]"
     hil = "  [magenta]host-in-the-loop[/]" if status.heartbeat is not None and status.heartbeat.hil else ""
     faults = ", ".join(status.faults)
