@@ -26,6 +26,7 @@ App::App(const Board &board, bool lockstep)
       button_(board_.stop_button, control_), lockstep_(lockstep),
       signing_service_(signing_, links_, texts_, clock_, robot_), stop_latch_(*board_.storage),
       parameters_(board_, links_, texts_, robot_, control_, *this),
+      trial_(texts_, clock_, robot_, heartbeats_, parameters_),
       telemetry_(links_, {board_, clock_, robot_, links_, signing_, legacy_line_}),
       trajectories_(texts_, robot_, control_, parameters_), excitations_(texts_, robot_, control_, parameters_),
       setpoints_(texts_, clock_, robot_, control_, parameters_),
@@ -36,7 +37,8 @@ App::App(const Board &board, bool lockstep)
       arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
               trajectories_, excitations_),
       commands_(*board_.output_enable, links_, texts_, robot_, control_,
-                {arming_, heartbeats_, parameters_, telemetry_, trajectories_, scan_, burst_log_, excitations_, *this}),
+                {arming_, heartbeats_, parameters_, telemetry_, trajectories_, scan_, burst_log_, excitations_, trial_,
+                 *this}),
       owner_(lockstep ? Owner::background : Owner::timer) {
     attach_links();
     robot_.set_hil(lockstep);
@@ -450,6 +452,7 @@ void App::serve() {
     signing_service_.serve();
     status_texts_.serve();
     scan_.serve();
+    trial_.serve();
     telemetry_.serve();
     parameters_.serve();
     burst_log_.serve();

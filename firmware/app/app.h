@@ -103,6 +103,7 @@ private:
     SigningService signing_service_;
     StopLatch stop_latch_;
     Parameters parameters_;
+    ParameterTrial trial_;
     Telemetry telemetry_;
     Trajectories trajectories_;
     Excitations excitations_;

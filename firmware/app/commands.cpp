@@ -111,7 +111,7 @@ uint8_t Commands::run(const Command &command) {
     case cmd_terminate:
         return p[0] > 0.5f ? services_.arming.estop() : static_cast<uint8_t>(MAV_RESULT_DENIED);
     case cmd_storage:
-        return services_.parameters.storage_command(p[0]);
+        return storage(p[0]);
     case cmd_reboot:
         return reboot(p[0]);
     case cmd_interval:
@@ -142,6 +142,8 @@ uint8_t Commands::run_own(const Command &command) {
         return test_pin(p[0], p[1]);
     case MAV_CMD_OMNI_BURST:
         return services_.burst_log.start(p[0], p[1], p[2], p[3], p[4]);
+    case MAV_CMD_OMNI_TRIAL:
+        return services_.trial.command(p[0], command.sender.link);
     default:
         return MAV_RESULT_UNSUPPORTED;
     }
@@ -152,6 +154,15 @@ uint8_t Commands::hil_command(float enable, size_t link) {
         return MAV_RESULT_DENIED;
     }
     return services_.hil.switch_hil(enable == 1.0f, link);
+}
+
+/// What is on trial may be taken back: it is not stored.
+uint8_t Commands::storage(float action) {
+    if (action == 1.0f && services_.trial.on()) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("nothing stored: parameters are on trial"));
+        return MAV_RESULT_DENIED;
+    }
+    return services_.parameters.storage_command(action);
 }
 
 uint8_t Commands::set_mode(float mode) {

@@ -10,6 +10,7 @@
 #include "app/arming.h"
 #include "app/burst_log.h"
 #include "app/excitations.h"
+#include "app/parameter_trial.h"
 #include "app/parameters.h"
 #include "app/scan_service.h"
 #include "app/telemetry.h"
@@ -29,6 +30,7 @@ public:
         ScanService &scan;
         BurstLog &burst_log;
         Excitations &excitations;
+        ParameterTrial &trial;
         HilSwitch &hil;
     };
 
@@ -55,6 +57,7 @@ private:
     uint8_t run_motion(const Command &command);
     uint8_t hil_command(float enable, size_t link);
     uint8_t set_mode(float mode);
+    uint8_t storage(float action);
     uint8_t set_pose(const omni_pose_t &pose);
     uint8_t reboot(float what);
     uint8_t refuse_pin_test(uint8_t result, const char *why);

@@ -210,6 +210,20 @@ bool Parameters::adopt_or_say(const omni_real_t *values) {
     return false;
 }
 
+bool Parameters::take_back(const omni_real_t *values) {
+    omni_real_t left[OMNI_PARAM_COUNT];
+    std::memcpy(left, values_, sizeof left);
+    if (!adopt_or_say(values)) {
+        return false;
+    }
+    for (int32_t index = 0; index < OMNI_PARAM_COUNT; ++index) {
+        for (size_t link = 0; values_differ(values_[index], left[index]) && link < links_.count(); ++link) {
+            send_value(link, index, Priority::telemetry);
+        }
+    }
+    return true;
+}
+
 void Parameters::say_misfits() {
     const uint32_t kept = Misfits::kept;
     for (uint32_t i = 0; i < misfits_.refused && i < kept; ++i) {

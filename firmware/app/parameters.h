@@ -38,6 +38,8 @@ public:
     /// MAV_CMD_PREFLIGHT_STORAGE. @param action 0 load, 1 store, 2 back to the robot's own values (in use, not stored).
     /// @return MAV_RESULT
     uint8_t storage_command(float action);
+    /// Use these values again, which were in use before, and tell the links what changes. @return whether they fit
+    bool take_back(const omni_real_t *values);
     /// Send what is left of the lists that were asked for, as far as the links take it.
     void serve();
 

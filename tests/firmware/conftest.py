@@ -23,6 +23,7 @@ ON_ALL_BOARDS = (
     "test_refusals",
     "test_stations",
     "test_stop_path",
+    "test_trial",
 )
 """The modules whose tests must hold for the firmware on any processor; ``pc_only`` tests are about the process."""
 

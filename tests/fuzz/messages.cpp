@@ -66,6 +66,7 @@ constexpr uint16_t commands[] = {
     MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
     MAV_CMD_OMNI_BURST,
     MAV_CMD_OMNI_EXCITE,
+    MAV_CMD_OMNI_TRIAL,
 };
 
 constexpr float nan = std::numeric_limits<float>::quiet_NaN();

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: MIT
+#include "app/parameter_trial.h"
+
+#include <cstring>
+
+namespace omni {
+
+uint8_t ParameterTrial::refuse(const char *why) {
+    texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trial refused: ").add(why));
+    return MAV_RESULT_DENIED;
+}
+
+uint8_t ParameterTrial::begin(size_t link) {
+    if (robot_.armed()) {
+        return robot_.refuse_armed("trial refused");
+    }
+    if (on_) {
+        return refuse(link == link_ ? "end the one that goes on" : "another link tries parameters");
+    }
+    if (!heartbeats_.stations.alive(link, clock_.now_us)) {
+        return refuse("no heartbeats on this link");
+    }
+    std::memcpy(before_, parameters_.values(), sizeof before_);
+    link_ = link;
+    on_ = true;
+    return MAV_RESULT_ACCEPTED;
+}
+
+uint8_t ParameterTrial::command(float action, size_t link) {
+    const bool own = on_ && link == link_;
+    if (action == 1.0f) {
+        return begin(link);
+    }
+    if (action == 3.0f) {
+        return own && !over_ ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED;
+    }
+    if ((action != 0.0f && action != 2.0f) || (on_ && !own)) {
+        return MAV_RESULT_DENIED;
+    }
+    if (action == 2.0f) {
+        over_ = on_;
+        serve();
+    } else if (!over_) {
+        on_ = false;
+    }
+    return MAV_RESULT_ACCEPTED;
+}
+
+void ParameterTrial::serve() {
+    over_ = over_ || (on_ && !heartbeats_.stations.alive(link_, clock_.now_us));
+    const bool may_drive = robot_.armed() && robot_.state() != OMNI_STATE_FAILSAFE;
+    if (!over_ || may_drive) {
+        return;
+    }
+    on_ = over_ = false;
+    if (parameters_.take_back(before_)) {
+        texts_.say(MAV_SEVERITY_NOTICE, Text().add("trial ended: parameters are as before"));
+    }
+}
+
+} // namespace omni

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+/// @file parameter_trial.h  Parameters on trial: the robot takes them back by itself if whoever tries them has gone.
+#pragma once
+
+#include "app/heartbeats.h"
+#include "app/parameters.h"
+
+namespace omni {
+
+/// A program that tries parameters begins a trial first. The robot remembers what is in use then. If the ground station
+/// on that link falls silent for SAFE_LINK_TO, these values come back, as soon as the motors are off.
+/// Nothing of this is stored: a restart brings the stored parameters anyway.
+class ParameterTrial {
+public:
+    ParameterTrial(Texts &texts, const RobotClock &clock, RobotState &robot, const Heartbeats &heartbeats,
+                   Parameters &parameters)
+        : texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), parameters_(parameters) {}
+
+    /// MAV_CMD_OMNI_TRIAL. @param action 0 end, keep what is in use; 1 begin; 2 end, back to what was in use; 3 does it
+    /// go on? Only the link that began a trial can end it. @return MAV_RESULT
+    uint8_t command(float action, size_t link);
+    /// Once per pass of the background.
+    void serve();
+
+    bool on() const { return on_; }
+
+private:
+    uint8_t refuse(const char *why);
+    uint8_t begin(size_t link);
+
+    Texts &texts_;
+    const RobotClock &clock_;
+    RobotState &robot_;
+    const Heartbeats &heartbeats_;
+    Parameters &parameters_;
+    omni_real_t before_[OMNI_PARAM_COUNT] = {};
+    size_t link_ = 0;
+    bool on_ = false;
+    bool over_ = false; ///< the values from before come back as soon as the motors are off
+};
+
+} // namespace omni
