@@ -22,32 +22,36 @@ uint8_t ParameterTrial::begin(size_t link) {
     }
     std::memcpy(before_, parameters_.values(), sizeof before_);
     link_ = link;
+    session_ = board_.ports[link]->session();
     on_ = true;
     return MAV_RESULT_ACCEPTED;
 }
 
 uint8_t ParameterTrial::command(float action, size_t link) {
     const bool own = on_ && link == link_;
+    const bool goes_on = own && !over_;
     if (action == 1.0f) {
         return begin(link);
     }
-    if (action == 3.0f) {
-        return own && !over_ ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED;
-    }
-    if ((action != 0.0f && action != 2.0f) || (on_ && !own)) {
-        return MAV_RESULT_DENIED;
-    }
-    if (action == 2.0f) {
+    if (action == 2.0f && (own || !on_)) {
         over_ = on_;
         serve();
-    } else if (!over_) {
-        on_ = false;
+        return MAV_RESULT_ACCEPTED;
     }
-    return MAV_RESULT_ACCEPTED;
+    if (action == 0.0f && goes_on) {
+        on_ = false;
+        return MAV_RESULT_ACCEPTED;
+    }
+    if (action == 0.0f) {
+        return refuse("there is none to keep");
+    }
+    return action == 3.0f && goes_on ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED;
 }
 
 void ParameterTrial::serve() {
-    over_ = over_ || (on_ && !heartbeats_.stations.alive(link_, clock_.now_us));
+    if (on_ && (!heartbeats_.stations.alive(link_, clock_.now_us) || board_.ports[link_]->session() != session_)) {
+        over_ = true;
+    }
     const bool may_drive = robot_.armed() && robot_.state() != OMNI_STATE_FAILSAFE;
     if (!over_ || may_drive) {
         return;

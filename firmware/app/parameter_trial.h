@@ -7,14 +7,15 @@
 
 namespace omni {
 
-/// A program that tries parameters begins a trial first. The robot remembers what is in use then. If the ground station
-/// on that link falls silent for SAFE_LINK_TO, these values come back, as soon as the motors are off.
+/// A program that tries parameters begins a trial first. The robot remembers what is in use then. If that connection is
+/// closed, or its ground station falls silent for SAFE_LINK_TO, these values come back, as soon as the motors are off.
 /// Nothing of this is stored: a restart brings the stored parameters anyway.
 class ParameterTrial {
 public:
-    ParameterTrial(Texts &texts, const RobotClock &clock, RobotState &robot, const Heartbeats &heartbeats,
-                   Parameters &parameters)
-        : texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), parameters_(parameters) {}
+    ParameterTrial(const Board &board, Texts &texts, const RobotClock &clock, RobotState &robot,
+                   const Heartbeats &heartbeats, Parameters &parameters)
+        : board_(board), texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), parameters_(parameters) {
+    }
 
     /// MAV_CMD_OMNI_TRIAL. @param action 0 end, keep what is in use; 1 begin; 2 end, back to what was in use; 3 does it
     /// go on? Only the link that began a trial can end it. @return MAV_RESULT
@@ -28,6 +29,7 @@ private:
     uint8_t refuse(const char *why);
     uint8_t begin(size_t link);
 
+    const Board &board_;
     Texts &texts_;
     const RobotClock &clock_;
     RobotState &robot_;
@@ -35,6 +37,7 @@ private:
     Parameters &parameters_;
     omni_real_t before_[OMNI_PARAM_COUNT] = {};
     size_t link_ = 0;
+    uint32_t session_ = 0;
     bool on_ = false;
     bool over_ = false; ///< the values from before come back as soon as the motors are off
 };

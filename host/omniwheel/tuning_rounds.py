@@ -25,16 +25,18 @@ def run_rounds(
     rounds: int,
     experiment: Callable[[Robot], Try],
     say: Callable[[int, int], None],
+    set_many: Callable[[Mapping[str, float]], None] | None = None,
 ) -> list[list[Try]]:
     """Run an experiment with each set of parameter values in every round; return the tries of each set, in order.
 
     Each set holds all parameters that any of them changes. ``say(round, set)`` is called before each try. The robot is
-    left with the values of the last try.
+    left with the values of the last try. ``set_many`` sets them; without it they are set for good.
     """
+    use = set_many or robot.parameters.set_many
     tries: list[list[Try]] = [[] for _ in sets]
     for number in range(rounds):
         for index in order(len(sets), number):
             say(number, index)
-            robot.parameters.set_many(sets[index])
+            use(sets[index])
             tries[index].append(experiment(robot))
     return tries

@@ -111,7 +111,8 @@ def test_a_trial_needs_a_robot_at_rest_and_a_station_that_is_heard(robot: Client
     assert robot.wait("STATUSTEXT").text == "trial refused: no heartbeats on this link"
     robot.armed()
     assert robot.command(TRIAL, BEGIN) == DENIED
-    assert robot.command(TRIAL, KEEP) == ACCEPTED  # there is none to end
+    assert robot.command(TRIAL, KEEP) == DENIED  # nobody shall think that something was kept
+    assert robot.command(TRIAL, BACK) == ACCEPTED  # it is as before
 
 
 @pytest.mark.parametrize("action", [-1.0, 0.5, 4.0, float("nan"), float("inf")])

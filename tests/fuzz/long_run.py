@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Long seeded runs of the fuzzers, in batches that do not depend on each other: interrupted, they go on where they were.
+"""Long seeded runs of the fuzzers, in batches that do not depend on each other: interrupted, they go on.
 
 usage: python -m tests.fuzz.long_run [--jobs N] [--write] [TARGET=INPUTS...]
 
@@ -32,7 +32,7 @@ BEGIN, END = "<!-- long runs: python -m tests.fuzz.long_run --write -->", "<!-- 
 
 @dataclass(frozen=True)
 class Plan:
-    """How a target is run: inputs in all, of at most so many bytes, in batches; every so many batches one with sanitizers."""
+    """How a target is run: inputs in all, of at most so many bytes, in batches; every so many one with sanitizers."""
 
     inputs: int
     longest: int

@@ -198,11 +198,11 @@ SAMPLE = {kind: next(seed for seed in STOPS if drawn_stop(seed)[0] == kind) for 
 
 
 def assert_stopped_well(seed: int) -> None:
-    """At rest, with the old parameters unless the cable was pulled: nobody is there to give them back then."""
+    """At rest, with the old parameters: if the cable was pulled, the robot has taken them back by itself."""
     (row,) = stop_row(seed, SHORT, SHORT_S)
     assert row["stopped"] == 1.0, (seed, row["why"])
     assert row["at_rest"] == 1.0, (seed, row["kind"], row["moment_s"])
-    assert row["old_parameters"] == 1.0 or row["kind"] == b"link", (seed, row["kind"], row["moment_s"])
+    assert row["old_parameters"] == 1.0, (seed, row["kind"], row["moment_s"])
 
 
 @pytest.mark.parametrize("kind", KINDS)

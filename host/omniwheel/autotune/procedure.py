@@ -26,6 +26,7 @@ from omniwheel.identification.model import Layout
 from omniwheel.identification.output_error import Fit
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
+from omniwheel.trial import Trial
 from omniwheel.tuning import Trace
 from omniwheel.tuning_rounds import order
 from omniwheel.tuning_verdict import Verdict, judge
@@ -99,9 +100,14 @@ class Outcome:
 def autotune(robot: Robot, settings: Settings, keep: bool, tell: Callable[[str], None]) -> Outcome:
     """Tune a robot that stands in the middle of its room. It moves; at the end it is disarmed, where it began.
 
-    Unless the comparison ends well and ``keep``, and whatever else happens, it has its old parameters again. Raises
-    AutotuneError, IdentificationError or ExperimentError.
+    Unless the comparison ends well and ``keep``, and whatever else happens, it has its old parameters again: if the
+    link is lost, too (:class:`omniwheel.trial.Trial`). Raises AutotuneError, IdentificationError or ExperimentError.
     """
+    with Trial(robot) as trial:
+        return _on_trial(robot, trial, settings, keep, tell)
+
+
+def _on_trial(robot: Robot, trial: Trial, settings: Settings, keep: bool, tell: Callable[[str], None]) -> Outcome:
     old = {name: robot.parameters[name] for name in dict.fromkeys((*_READ, *_LIMITS, "CTL_MODE", "KF_MODE"))}
     if round(old["CTL_MODE"]) != ISMC:
         raise AutotuneError("autotune is for CTL_MODE = ismc", hint="omni params set CTL_MODE=ismc")
@@ -110,23 +116,25 @@ def autotune(robot: Robot, settings: Settings, keep: bool, tell: Callable[[str],
     before = {name: robot.parameters[name] for name in SETTINGS}
     kept = False
     try:
-        outcome = _tune(robot, settings, old, tell)
+        outcome = _tune(robot, trial, settings, old, tell)
         if not keep and outcome.kept:
             outcome = replace(outcome, choice=Choice(False, f"as you asked for, although {outcome.choice.why}"))
         kept = outcome.kept
     finally:
         back = {name: old[name] for name in CHANGED}
-        robot.parameters.set_many({**before, **({} if kept else back)})
+        trial.set_many({**before, **({} if kept else back)})
     return outcome
 
 
-def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Callable[[str], None]) -> Outcome:
+def _tune(
+    robot: Robot, trial: Trial, settings: Settings, old: Mapping[str, float], tell: Callable[[str], None]
+) -> Outcome:
     here = robot.wait_for(Tracking, 5.0).pose
     fast, turn = _top_speeds(robot, old)
     reach = min(reach_of(settings.room_m, old["WHEEL_DIST"] + MARGIN_M), REACH_S * fast)
     places = points(here, reach, min(TURN_RAD, REACH_S * turn), settings.legs, settings.seed)
     present = {name: old[name] for name in CHANGED}
-    robot.parameters.set_many({**present, **gentle_values(old)})
+    trial.set_many({**present, **gentle_values(old)})
     fit, measured = _measured(robot, settings, old, places, tell)
     design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
@@ -149,12 +157,12 @@ def _tune(robot: Robot, settings: Settings, old: Mapping[str, float], tell: Call
     for number in range(settings.rounds):
         for index in (1,) if old_swings else order(2, number):
             tell(f"round {number + 1} of {settings.rounds}, with the {('old', 'new')[index]} parameters")
-            robot.parameters.set_many(sets[index])
+            trial.set_many(sets[index])
             tries[index].append(drive(robot, places, leg_s))
     old_figures, new_figures = ([entry.figures for entry in side] for side in tries)
     verdicts = [] if old_swings else judge(old_figures, new_figures)
     choice = choose(verdicts, design, settings.required, settings.prefer)
-    robot.parameters.set_many(sets[1 if choice.kept else 0])
+    trial.set_many(sets[1 if choice.kept else 0])
     sides = zip(("before", "after"), tries, strict=True)
     traces = {name: [entry.trace for entry in side] for name, side in sides if side}
     return Outcome(present, design, verdicts, traces, choice, old_swings)

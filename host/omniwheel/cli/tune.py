@@ -100,6 +100,7 @@ def tune(
     wanted = _wanted(assignments, candidates, keep)
     if size == 0.0:
         raise typer.BadParameter("--size must not be 0")
+    from omniwheel.trial import Trial
     from omniwheel.tuning_plot import draw_tuning
     from omniwheel.tuning_rounds import run_rounds
 
@@ -108,21 +109,23 @@ def tune(
     unwritten: OutputFileError | None = None
     with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
         recorder = keep_history(robot, why)
-        sets = _Sets(robot, wanted)
-        try:
-            tries = run_rounds(robot, sets.values, rounds, plan.run, partial(_say, sets.names, rounds, json_wanted))
-            outcome = _Outcome(sets, [[figures for _, figures in entry] for entry in tries])
-            traces = {name: [trace for trace, _ in entry] for name, entry in zip(sets.names, tries, strict=True)}
+        with Trial(robot) as trial:
+            sets = _Sets(robot, wanted)
             try:
-                draw_tuning(traces, sets.title, target)
-            except OutputFileError as error:  # all rounds are told, and their best kept, before that
-                unwritten = error
-            if not json_wanted:
-                outcome.show()
-                console.print(f"\n[bold]{target}[/]" if unwritten is None else "")
-            kept = _chosen(keep, len(wanted), json_wanted)
-        finally:
-            robot.parameters.set_many(sets.values[kept or 0])
+                say = partial(_say, sets.names, rounds, json_wanted)
+                tries = run_rounds(robot, sets.values, rounds, plan.run, say, trial.set_many)
+                outcome = _Outcome(sets, [[figures for _, figures in entry] for entry in tries])
+                traces = {name: [trace for trace, _ in entry] for name, entry in zip(sets.names, tries, strict=True)}
+                try:
+                    draw_tuning(traces, sets.title, target)
+                except OutputFileError as error:  # all rounds are told, and their best kept, before that
+                    unwritten = error
+                if not json_wanted:
+                    outcome.show()
+                    console.print(f"\n[bold]{target}[/]" if unwritten is None else "")
+                kept = _chosen(keep, len(wanted), json_wanted)
+            finally:
+                trial.set_many(sets.values[kept or 0])
         if kept is not None:
             recorder.measured(outcome.pairs(kept))
             if store:

@@ -28,6 +28,8 @@ NAME_CHARACTERS = 25
 """Of a client's name in a status text."""
 NOBODY = -1
 """The hub itself, where a client's number is asked for."""
+TRIAL_KEEP, TRIAL_BEGIN, TRIAL_BACK = 0.0, 1.0, 2.0
+"""Of MAV_CMD_OMNI_TRIAL. One hub is one link to the robot: a trial of any client is this link's."""
 HEARTBEAT_S = 0.9
 """While nobody commands, the robot hears one heartbeat in this time, whoever sends it."""
 ROBOT_SILENCE_S = 10.0
@@ -83,6 +85,7 @@ class Hub:
         self._sequence = 0
         self._beaten_s = float("-inf")
         self._handed_over: int | None = None
+        self._trying: int | None = None
         self._next = 1
 
     # ---- clients
@@ -104,6 +107,9 @@ class Hub:
         self.streams.leave(number)
         self._own_s = float("-inf")
         self._say(f"{client.name} has gone")
+        if self._trying == number:
+            self._trying = None
+            self._send_own(mavlink.MAV_CMD_OMNI_TRIAL, (TRIAL_BACK,), Kind.OTHER)
         if self.command.leave(number):
             self._released(client, "has gone")
 
@@ -197,7 +203,7 @@ class Hub:
             self._beat(client, message)
         elif kind is Kind.INTERVAL:
             self._interval(client, message)
-        elif self._is_new(client, message, kind):
+        elif self._is_new(client, message, kind) and self._may_try(client, message):
             self._ask(client, message, kind)
 
     def _introduce(self, client: Client, text: str) -> None:
@@ -395,14 +401,31 @@ class Hub:
             self._own_tries[number, interval_us] += 1
             if self._own_tries[number, interval_us] > OWN_TRIES:
                 continue
-            self._own_number = self._own_number % 65535 + 1
-            message = mavlink.MAVLink_command_long_message(
-                *self._robot, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, number, interval_us, 0, 0, self._own_number, 0, 0
-            )
-            message.pack(self._own)
-            self._own.seq = (self._own.seq + 1) % 256
-            if self._outbox.add(self._waiting(NOBODY, message, Kind.INTERVAL)):
-                self._pending.ask(NOBODY, message, False, self._clock())
+            self._send_own(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (number, interval_us), Kind.INTERVAL)
+
+    def _may_try(self, client: Client, message: Message) -> bool:
+        """Remember who tries parameters: if this client goes, the others' heartbeats hide that from the robot.
+
+        To the robot all clients are one link, so the trial of one is kept from the others here.
+        """
+        if not is_command(message) or message.command != mavlink.MAV_CMD_OMNI_TRIAL:
+            return True
+        if self._trying not in (None, client.number):
+            self._tell(client, f"hub: {self.clients[self._trying].name} tries parameters", _WARNING)
+            self._refuse(client.number, message, _DENIED)
+            return False
+        self._trying = None if message.param1 in (TRIAL_KEEP, TRIAL_BACK) else client.number
+        return True
+
+    def _send_own(self, command: int, params: tuple[float, ...], kind: Kind) -> None:
+        """Send a command of the hub itself; its answer is for no client."""
+        self._own_number = self._own_number % 65535 + 1
+        numbers = (*params, *[0.0] * (4 - len(params)))
+        message = mavlink.MAVLink_command_long_message(*self._robot, command, 0, *numbers, self._own_number, 0, 0)
+        message.pack(self._own)
+        self._own.seq = (self._own.seq + 1) % 256
+        if self._outbox.add(self._waiting(NOBODY, message, kind)):
+            self._pending.ask(NOBODY, message, False, self._clock())
 
     # ---- saying things
 

@@ -28,6 +28,7 @@ from omniwheel.frames import Pose
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.output_error import Fit
 from omniwheel.identification.segments import Segments
+from omniwheel.trial import Trial
 from omniwheel.tuning_verdict import KINDS, Verdict
 
 PERIOD_US = 20_000
@@ -174,20 +175,18 @@ def test_old_values_that_hardly_damp_are_compared_gently(
     monkeypatch.setattr(procedure, "_leg", lambda *arguments: shares.append(arguments[3]))
     driven: list[float] = []
 
-    class Parameters:
-        def set_many(self, values: dict[str, float]) -> None:
-            self.now = values["ISMC_LAM_XY"]
-
-    robot = SimpleNamespace(parameters=Parameters(), wait_for=lambda *_: SimpleNamespace(pose=Pose(0.0, 0.0, 0.0)))
+    tried: list[float] = []
+    robot = SimpleNamespace(wait_for=lambda *_: SimpleNamespace(pose=Pose(0.0, 0.0, 0.0)))
+    trial = SimpleNamespace(set_many=lambda values: tried.append(values["ISMC_LAM_XY"]))
 
     def drive(*_: object) -> SimpleNamespace:
-        driven.append(robot.parameters.now)
+        driven.append(tried[-1])
         return SimpleNamespace(figures={}, trace=None)
 
     monkeypatch.setattr(procedure, "drive", drive)
     monkeypatch.setattr(procedure, "judge", lambda *_: [verdict(-0.02, 0.1)])
     told: list[str] = []
-    procedure._tune(cast(Robot, robot), Settings(), old, told.append)
+    procedure._tune(cast(Robot, robot), cast(Trial, trial), Settings(), old, told.append)
     assert shares == [share]
     assert len(driven) == Settings().rounds * (1 if seed == 29 else 2)
     assert any("25%" in text for text in told) == (share == procedure.GENTLE)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: MIT
+"""Parameters on trial, from the host's side, on the real firmware in simulated time."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import omniwheel
+from hil_sim.lockstep import SteppedLink
+from hil_sim.runs import new_world
+from hil_sim.scenario import load_scenario
+from omniwheel import FirmwareProcess, Robot
+from omniwheel.errors import CommandRefusedError
+from omniwheel.trial import Trial
+
+NAME, BEFORE = "ISMC_LAM_XY", 4.0
+SILENCE_MS = 4000
+
+
+@pytest.fixture
+def stepped() -> Iterator[tuple[Robot, SteppedLink]]:
+    scenario = load_scenario("demo")
+    with FirmwareProcess(parameters=scenario.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as firmware:
+        link = SteppedLink(firmware.open_link(), new_world(scenario))
+        link.end_s = math.inf
+        with omniwheel.connect(link, clock=link.clock_s) as robot:
+            robot.pump(0.5)
+            yield robot, link
+
+
+def fresh(robot: Robot) -> float:
+    """Return what the robot says now."""
+    return robot.parameters.read(NAME)
+
+
+def test_what_was_tried_stays_at_the_end(stepped: tuple[Robot, SteppedLink]) -> None:
+    robot, link = stepped
+    with Trial(robot) as trial:
+        trial.set_many({NAME: 5.0})
+    link.run(SILENCE_MS, link.drop_received)
+    assert fresh(robot) == 5.0
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_after_an_error_the_old_values_are_back(error: type[BaseException], stepped: tuple[Robot, SteppedLink]) -> None:
+    robot, _ = stepped
+
+    def fail() -> None:
+        with Trial(robot) as trial:
+            trial.set_many({NAME: 5.0})
+            raise error
+
+    with pytest.raises(error):
+        fail()
+    assert robot.parameters[NAME] == fresh(robot) == BEFORE
+
+
+def test_a_program_that_was_silent_sends_all_its_values_again(stepped: tuple[Robot, SteppedLink]) -> None:
+    """It thinks that the robot has them; the robot has taken them back meanwhile."""
+    robot, link = stepped
+    trial = Trial(robot).__enter__()
+    trial.set_many({NAME: 5.0})
+    link.run(SILENCE_MS, link.drop_received)
+    trial.set_many({NAME: 5.0})
+    assert fresh(robot) == 5.0
+    link.run(SILENCE_MS, link.drop_received)
+    with pytest.raises(CommandRefusedError, match="none to keep"):
+        trial.__exit__(None, None, None)
+    assert fresh(robot) == BEFORE
+
+
+def test_a_program_that_was_killed_leaves_nothing_to_the_next_one(stepped: tuple[Robot, SteppedLink]) -> None:
+    robot, _ = stepped
+    Trial(robot).__enter__().set_many({NAME: 5.0})
+    with Trial(robot) as trial:
+        assert robot.parameters[NAME] == BEFORE
+        trial.set_many({NAME: 7.0})
+    assert fresh(robot) == 7.0
+
+
+PROGRAM = """
+import sys, omniwheel
+from omniwheel.trial import Trial
+robot = omniwheel.connect(sys.argv[1])
+Trial(robot).__enter__().set_many({"ISMC_LAM_XY": 5.0})
+print(robot.parameters.read("ISMC_LAM_XY"), flush=True)
+robot.pump(600.0)
+"""
+
+
+def test_the_next_program_finds_the_old_values_although_it_comes_at_once(url: str) -> None:
+    """Its heartbeats keep the link alive; but it is another connection."""
+    with omniwheel.connect(url) as robot:
+        before = fresh(robot)
+    with subprocess.Popen([sys.executable, "-c", PROGRAM, url], stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline().strip() == "5.0"
+        program.kill()
+    with omniwheel.connect(url) as robot:
+        assert fresh(robot) == before != 5.0
+
+
+def test_firmware_that_knows_no_trials_is_tuned_as_before(
+    stepped: tuple[Robot, SteppedLink], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, _ = stepped
+
+    def refuse(*_: object, what: str, **__: Any) -> None:
+        raise CommandRefusedError(what, "UNSUPPORTED")
+
+    monkeypatch.setattr(robot.commands, "send", refuse)
+    with Trial(robot) as trial:
+        trial.set_many({NAME: 5.0})
+        assert fresh(robot) == 5.0
+    assert fresh(robot) == 5.0
+
+
+def test_an_armed_robot_begins_no_trial(stepped: tuple[Robot, SteppedLink]) -> None:
+    robot, _ = stepped
+    robot.arm()
+    with pytest.raises(CommandRefusedError, match="disarm first"), Trial(robot):
+        pytest.fail("it began")
+    robot.disarm()

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""Parameters on trial behind a hub: all clients are one link to the robot, but each trial is one client's."""
+
+from __future__ import annotations
+
+from omniwheel.dialect import mavlink
+from omniwheel.hub.client import HUB_COMPONENT
+from omniwheel.hub.core import TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP
+from tests.hub.bench import ACCEPTED, DENIED, Bench, beat, command
+
+TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
+ASK = 3.0
+
+
+def trials(bench: Bench) -> list[tuple[int, float]]:
+    """Return the component that asked and the action, of each command that reached the robot."""
+    return [(m.get_srcComponent(), m.param1) for _, m in bench.sent if getattr(m, "command", None) == TRIAL]
+
+
+def test_a_client_that_goes_in_its_trial_is_cleaned_up_after() -> None:
+    """The other client's heartbeats keep the link alive: the robot itself cannot know."""
+    bench = Bench()
+    tuner, watcher = bench.join("tuner"), bench.join("monitor")
+    bench.robot_is(armed=False)
+    tuner.send(command(TRIAL, TRIAL_BEGIN))
+    bench.run()
+    bench.leave(tuner)
+    watcher.send(beat())
+    bench.run()
+    assert trials(bench) == [(190, TRIAL_BEGIN), (HUB_COMPONENT, TRIAL_BACK)]
+    assert watcher.results(TRIAL) == [ACCEPTED], "that of the tuner, which all may know; none of the hub's"
+
+
+def test_a_client_that_has_ended_its_trial_leaves_everything_as_it_is() -> None:
+    for end in (TRIAL_KEEP, TRIAL_BACK):
+        bench = Bench()
+        tuner = bench.join("tuner")
+        bench.robot_is(armed=False)
+        tuner.send(command(TRIAL, TRIAL_BEGIN), command(TRIAL, ASK, count=1), command(TRIAL, end, count=2))
+        bench.run()
+        bench.leave(tuner)
+        bench.run()
+        assert trials(bench) == [(190, TRIAL_BEGIN), (190, ASK), (190, end)]
+
+
+def test_the_trial_of_one_client_is_kept_from_the_others() -> None:
+    bench = Bench()
+    tuner, other = bench.join("tuner"), bench.join("studio")
+    bench.robot_is(armed=False)
+    tuner.send(command(TRIAL, TRIAL_BEGIN))
+    bench.run()
+    other.inbox.clear()
+    for action in (TRIAL_BEGIN, TRIAL_KEEP, TRIAL_BACK, ASK):
+        other.send(command(TRIAL, action, count=7))
+        bench.run()
+    assert other.results(TRIAL) == [DENIED] * 4
+    assert "hub: tuner tries parameters" in other.texts()
+    assert trials(bench) == [(190, TRIAL_BEGIN)]
+    tuner.send(command(TRIAL, TRIAL_KEEP))
+    bench.run()
+    other.send(command(TRIAL, TRIAL_BEGIN))
+    bench.run()
+    assert trials(bench)[1:] == [(190, TRIAL_KEEP), (190, TRIAL_BEGIN)]
