@@ -7,8 +7,8 @@
     # reached the end: what is in use stays
 
 The robot takes the old values back when the connection is closed, or when its heartbeats have been missing for
-SAFE_LINK_TO. So they are back after the cable came out or the program was killed. Firmware that does not know trials is told to go back by this
-program alone, which needs the link.
+SAFE_LINK_TO. So they are back after the cable came out or the program was killed. Firmware that does not know trials
+is told to go back by this program alone, which needs the link.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from __future__ import annotations
 import enum
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -101,7 +101,6 @@ def tune(
     if size == 0.0:
         raise typer.BadParameter("--size must not be 0")
     from omniwheel.trial import Trial
-    from omniwheel.tuning_plot import draw_tuning
     from omniwheel.tuning_rounds import run_rounds
 
     target, plan = writable_path(out, "the picture"), _Plan(experiment, axis, size, duration_s)
@@ -116,10 +115,7 @@ def tune(
                 tries = run_rounds(robot, sets.values, rounds, plan.run, say, trial.set_many)
                 outcome = _Outcome(sets, [[figures for _, figures in entry] for entry in tries])
                 traces = {name: [trace for trace, _ in entry] for name, entry in zip(sets.names, tries, strict=True)}
-                try:
-                    draw_tuning(traces, sets.title, target)
-                except OutputFileError as error:  # all rounds are told, and their best kept, before that
-                    unwritten = error
+                unwritten = _unwritten(traces, sets.title, target)
                 if not json_wanted:
                     outcome.show()
                     console.print(f"\n[bold]{target}[/]" if unwritten is None else "")
@@ -138,6 +134,17 @@ def tune(
         raise unwritten
     if json_wanted:
         print_json(with_old_key({**told, "picture": str(target), **outcome.document()}, "picture"))
+
+
+def _unwritten(traces: Mapping[str, Sequence[Trace]], title: str, target: Path) -> OutputFileError | None:
+    """Draw the picture; return why it could not be written. All rounds are told, and their best kept, before that."""
+    from omniwheel.tuning_plot import draw_tuning
+
+    try:
+        draw_tuning(traces, title, target)
+    except OutputFileError as error:
+        return error
+    return None
 
 
 def _wanted(
