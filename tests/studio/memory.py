@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import gc
 import json
+import math
 import re
 import sys
 import time
@@ -85,8 +86,10 @@ def growth_per_hour(rows: list[dict[str, float]], key: str) -> float:
     return float(np.polyfit([row["hours"] for row in later], [row[key] for row in later], 1)[0])
 
 
-def repeated(page: Page, wire: Wire, telemetry: Telemetry, pid: int, hours: float, rows_per_hour: int) -> list[Any]:
-    """Say the block again for so many hours; return the memory over time."""
+def repeated(
+    page: Page, wire: Wire, telemetry: Telemetry, pid: int, hours: float, rows_per_hour: int, most_minutes: float
+) -> list[Any]:
+    """Say the block again for so many hours, or until ``most_minutes`` are over; return the memory over time."""
     telemetry.repeating = True
     gc.collect()
     devtools = page.context.new_cdp_session(page)
@@ -104,6 +107,8 @@ def repeated(page: Page, wire: Wire, telemetry: Telemetry, pid: int, hours: floa
             row["newest_s"] = page.evaluate("studio.plots.newest")
             rows.append(row)
             sys.stderr.write(f"{row} after {time.monotonic() - began:.0f} s\n")
+            if time.monotonic() - began > 60 * most_minutes:
+                break
     return rows
 
 
@@ -112,6 +117,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.studio.memory", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--hours", type=float, default=8.0, help="how much telemetry: %(default)s h")
     parser.add_argument("--rows-per-hour", type=int, default=4, help="%(default)s")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="end after so many, with fewer hours")
     options = parser.parse_args()
     telemetry = Telemetry()
     with sync_playwright() as playwright, running("sitl", "fast", "--port", "0") as robot:
@@ -123,10 +129,11 @@ def main() -> int:
             telemetry.frames.clear()
             time.sleep(BLOCK_S)
             page.click("#disarm")
-            rows = repeated(page, wire, telemetry, program.process.pid, options.hours, options.rows_per_hour)
+            how = (options.hours, options.rows_per_hour, options.minutes)
+            rows = repeated(page, wire, telemetry, program.process.pid, *how)
             page.close()
     growth = {key: growth_per_hour(rows, key) for key in ("server_MB", "page_MB")}
-    messages = len(telemetry.frames) * int(options.hours * 3600 / BLOCK_S)
+    messages = len(telemetry.frames) * round(rows[-1]["hours"] * 3600 / BLOCK_S)
     sys.stdout.write(json.dumps({"messages": messages, "rows": rows, "growth_MB_per_h": growth}, indent=1) + "\n")
     return 0 if max(growth.values()) < LARGEST_GROWTH_MB_PER_H else 1
 
