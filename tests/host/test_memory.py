@@ -13,7 +13,7 @@ from omniwheel.robot import Robot
 from omniwheel.tlog import TlogWriter
 from tests.long_lines import ROUND_S, SPOKEN, NeverPausing, SilentLink, growth
 
-ROUNDS = 1500
+ROUNDS = 600
 LARGEST_GROWTH_BYTES = 32 * 1024
 LONGEST_FRAME = 10 + 255 + 2 + 13
 """Header, payload, checksum, signature."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 from tests.hub.bench import Bench
 from tests.long_lines import ROUND_S, growth
 
-ROUNDS = 1500
+ROUNDS = 600
 LARGEST_GROWTH_BYTES = 32 * 1024
 
 
