@@ -96,7 +96,8 @@ def repeated(
     devtools.send("Performance.enable")
     codec = mavlink.MAVLink(None, srcSystem=telemetry.frames[0].get_srcSystem())
     last_s = page.evaluate("studio.plots.newest")
-    rows, blocks = [], int(hours * 3600 / BLOCK_S)
+    rows: list[dict[str, float]] = []
+    blocks = int(hours * 3600 / BLOCK_S)
     began = time.monotonic()
     for number in range(1, blocks + 1):
         wire.send(telemetry.block(number, codec))
