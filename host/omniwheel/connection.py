@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from omniwheel.default_key import default_key
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import Message, mavlink, take_bytes
 from omniwheel.link import Link
 from omniwheel.signing import Signer
 
@@ -154,7 +154,7 @@ class Connection:
         """Take bytes that were read elsewhere, as if the link had delivered them."""
         self.rx_bytes += len(data)
         received = []
-        for message in self._codec.parse_buffer(data) or ():
+        for message in take_bytes(self._codec, data):
             frame = message.get_msgbuf()
             if message.get_type() == "BAD_DATA" or frame[0] != _MAVLINK2_MAGIC:
                 self.rx_bad_bytes += len(frame)

@@ -55,6 +55,18 @@ def install() -> None:
     mavutil.set_dialect("omni")
 
 
+def take_bytes(parser: Any, data: bytes) -> list[Message]:
+    """Return the messages that ``data`` completes, BAD_DATA among them. ``parser`` is a ``mavlink.MAVLink``.
+
+    Afterwards the parser keeps no more than an unfinished frame. By itself, pymavlink's keeps every byte that came,
+    until a read ends exactly where a frame does. On a line that never pauses that can be megabytes.
+    """
+    messages: list[Message] = parser.parse_buffer(data) or []
+    del parser.buf[: parser.buf_index]
+    parser.buf_index = 0
+    return messages
+
+
 def enum_name(enum: str, value: int, prefix: str = "") -> str:
     """Return the name of an enum's value without ``prefix``, or the number as text if it has none."""
     entry = mavlink.enums[enum].get(value)

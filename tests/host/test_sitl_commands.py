@@ -6,12 +6,15 @@ from __future__ import annotations
 import io
 import json
 import random
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+
+import pytest
 
 from omniwheel.cli.sitl_commands import LONGEST_LINE, lines_of
 
@@ -88,3 +91,17 @@ def test_a_line_that_is_too_long_counts_once_and_its_end_not_at_all() -> None:
     exact = b"y" * (LONGEST_LINE - 1) + b"\n"
     text = b"a\n" + long + b"\n" + b"b\n" + exact + b"c"
     assert list(lines_of(io.BytesIO(text))) == [b"a\n", long[:LONGEST_LINE], b"b\n", exact, b"c"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+def test_a_signal_ends_it_while_its_input_is_open(number: signal.Signals) -> None:
+    command = [word for word in COMMAND if word != "--end-with-stdin"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        json.loads(process.stdout.readline())  # its world goes on, and it waits for commands
+        process.send_signal(number)
+        assert process.wait(timeout=60) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == b""

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from tests.studio.figures import FIGURES, PAGE, memory_rows, rows
+from tests.studio.figures import FIGURES, PAGE, all_reached, blocks_of, memory_rows, rows
 from tests.studio.memory import growth_per_hour
 
 
@@ -54,3 +54,12 @@ def test_growth_is_that_of_the_later_half() -> None:
     assert growth_per_hour(memory, "page_MB") == pytest.approx(1.0)
     lines = memory_rows({"rows": memory, "growth_MB_per_h": {"server_MB": 0.0, "page_MB": 1.0}})
     assert lines[-2].startswith("| 4 h | 108 MB |")
+
+
+@pytest.mark.parametrize(("growth_MB_per_h", "flat"), [(0.1, True), (0.6, False)])
+def test_a_part_by_itself_fills_its_own_table(growth_MB_per_h: float, flat: bool) -> None:
+    row = {"hours": 8.0, "server_MB": 130.0, "page_MB": 4.0}
+    growth = {"server_MB": growth_MB_per_h, "page_MB": 0.0}
+    measured = {"memory": {"rows": [row, row], "growth_MB_per_h": growth}}
+    assert list(blocks_of(measured)) == ["studio-memory"]
+    assert all_reached(measured) is flat

@@ -201,9 +201,11 @@ def wait_for_end(firmware: FirmwareChild) -> NoReturn:
 def _read_input(commands: Commands | None, end_with_it: bool) -> None:
     from omniwheel.cli.sitl_commands import lines_of
 
-    for line in lines_of(sys.stdin.buffer):
-        if commands is not None:
-            commands.take(line)
+    # Not sys.stdin's own buffer: Python closes that at the program's end, and aborts if a thread still waits in it.
+    with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as stream:
+        for line in lines_of(stream):
+            if commands is not None:
+                commands.take(line)
     if end_with_it:
         _thread.interrupt_main()
 

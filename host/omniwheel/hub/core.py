@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import Message, mavlink, take_bytes
 from omniwheel.hub import wire
 from omniwheel.hub.client import HUB_COMPONENT, Client
 from omniwheel.hub.in_command import InCommand
@@ -147,7 +147,7 @@ class Hub:
 
     def from_port(self, data: bytes) -> None:
         """Take what came from the robot and hand it to the clients."""
-        for message in self._port.parse_buffer(data) or ():
+        for message in take_bytes(self._port, data):
             if message.get_type() == "BAD_DATA":
                 continue
             if self._stamp is not None and wire.is_signed(message):

@@ -36,11 +36,15 @@ class Trace:
 
 
 class _Ring:
-    """Samples of one message. The memory is taken once: it does not grow with the hours."""
+    """Samples of one message. The memory is taken once: it does not grow with the hours.
+
+    It is filled at once. What is only reserved, as by ``np.zeros``, is taken page by page as samples come. For a
+    message that comes once a second, that goes on for 41 hours.
+    """
 
     def __init__(self, width: int) -> None:
-        self.time_s = np.zeros(CAPACITY)
-        self.value = np.zeros((width, CAPACITY), dtype=np.float32)
+        self.time_s = np.full(CAPACITY, np.nan)
+        self.value = np.full((width, CAPACITY), np.nan, dtype=np.float32)
         self.count = 0
         """All that ever came."""
 
