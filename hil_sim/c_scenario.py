@@ -34,7 +34,9 @@ def _middle_world(scenario: Scenario) -> Any:
         pose_sensor=NO_POSE_SENSOR,
         start_pose=scenario.start_pose,
         faults=scenario.faults,
+        patches=scenario.patches,
         **scenario.world,
+        **scenario.wheel_numbers,
     )
     check_extremes(scenario.source, scenario.dispersion, config)
     return config

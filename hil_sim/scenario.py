@@ -17,6 +17,7 @@ A scenario is a TOML file::
     [dispersion]                  # what differs from run to run: see dispersion.py
     [[event]]                     # at_s, or at_progress (share of the path); and one of set, command, velocity, duty
     [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
+    [[patch]]                     # of the floor, with another friction: see patches.py
 
 Every mistake in a scenario is a SchemaError, one in its robot file a RobotFileError; both name file, key, value and
 what is allowed.
@@ -27,14 +28,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from hil_sim.dispersion import Dispersion, parse_dispersion
 from hil_sim.faults import Fault
 from hil_sim.limits import MAX_DURATION_S, MAX_SEED
-from hil_sim.schema import WORLD, WORLD_NUMBERS
+from hil_sim.patches import FloorPatch, parse_patches
+from hil_sim.schema import WORLD, WORLD_LISTS, WORLD_NUMBERS
 from hil_sim.world import DEFAULT_PLANT, PLANTS
 from omni_schema import ParameterTable, Robot, SchemaError
 from omni_schema.errors import did_you_mean
@@ -47,7 +49,7 @@ COMMANDS = ("arm", "disarm", "estop", "trajectory_start", "trajectory_stop")
 
 START_POSE = WORLD.numbers["start_pose"]
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
-_SECTIONS = ("scenario", "parameters", "world", "dispersion", "event", "fault")
+_SECTIONS = ("scenario", "parameters", "world", "dispersion", "event", "fault", "patch")
 _MERGED = ("scenario", "parameters", "world", "dispersion")
 _ACTIONS = ("set", "command", "velocity", "duty")
 _HEAD = ("name", "description", "extends", "robot", "world_robot", "seed", "duration_s")
@@ -84,7 +86,8 @@ class Scenario:
     """A checked scenario. ``duration_s`` None means until the trajectory is done.
 
     ``world_robot`` is the robot that is really there where that is another one than the firmware believes: crossed
-    wires, turned motors, another encoder. None: the firmware is right.
+    wires, turned motors, another encoder. None: the firmware is right. ``wheel_numbers`` are those of ``[world]`` of
+    which each wheel has its own.
     """
 
     source: str
@@ -101,6 +104,8 @@ class Scenario:
     plant: str = DEFAULT_PLANT
     world_robot: Robot | None = None
     dispersion: tuple[Dispersion, ...] = ()
+    wheel_numbers: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    patches: tuple[FloorPatch, ...] = ()
 
     def parameter_values(self) -> dict[str, float]:
         """Return every parameter the run starts with: defaults, robot file, scenario."""
@@ -192,6 +197,7 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
     world = dict(take_table(source, "world", document.get("world", {})))
     plant = _plant(source, world.pop("plant", DEFAULT_PLANT))
     start_pose = _start_pose(source, world.pop("start_pose", START_POSE.default))
+    lists = {name: world.pop(name) for name in WORLD_LISTS if name in world}
     return Scenario(
         source=source,
         name=_name(source, head),
@@ -213,6 +219,8 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
         plant=plant,
         world_robot=_world_robot(source, head, robot),
         dispersion=parse_dispersion(source, document.get("dispersion", {})),
+        wheel_numbers={name: _per_wheel(source, name, value, robot.wheels) for name, value in lists.items()},
+        patches=_patches(source, plant, document.get("patch", [])),
     )
 
 
@@ -315,8 +323,25 @@ def _plant(source: str, value: object) -> str:
 
 
 def _world(source: str, world: Mapping[str, Any]) -> dict[str, float]:
-    refuse_unknown_keys(source, "world.", world, (*WORLD_NUMBERS, "plant", "start_pose"))
+    refuse_unknown_keys(source, "world.", world, (*WORLD_NUMBERS, *WORLD_LISTS, "plant", "start_pose"))
     return {name: WORLD_NUMBERS[name].parse(source, f"world.{name}", value) for name, value in world.items()}
+
+
+def _per_wheel(source: str, name: str, value: object, wheels: int) -> tuple[float, ...]:
+    key = f"world.{name}"
+    if not isinstance(value, list):
+        return (WORLD_LISTS[name].parse(source, key, value),) * wheels
+    if len(value) != wheels:
+        problem = f"has {len(value)} numbers; {wheels} are needed, one per wheel, or one number for all"
+        raise SchemaError(source, key, problem)
+    return tuple(WORLD_LISTS[name].parse(source, f"{key}[{i + 1}]", item) for i, item in enumerate(value))
+
+
+def _patches(source: str, plant: str, value: object) -> tuple[FloorPatch, ...]:
+    patches = parse_patches(source, _entries(source, "patch", value))
+    if patches and plant != DEFAULT_PLANT:
+        raise SchemaError(source, "patch", f"the plant {plant} has no floor with patches; only {DEFAULT_PLANT} has")
+    return patches
 
 
 def _entries(source: str, key: str, value: object) -> list[dict[str, Any]]:

@@ -21,6 +21,7 @@ from omniwheel.paths import robots_dir
 def scenario_document(scenario: Scenario) -> dict[str, Any]:
     """Return the scenario as plain data: what its file says with ``extends`` resolved; robots by name or path."""
     table = scenario.robot.table
+    wheel_lists = {name: list(values) for name, values in scenario.wheel_numbers.items()}
     head: dict[str, Any] = {
         "name": scenario.name,
         "description": scenario.description,
@@ -33,10 +34,11 @@ def scenario_document(scenario: Scenario) -> dict[str, Any]:
     return {
         "scenario": head,
         "parameters": {name: _value(table, name, value) for name, value in scenario.parameters.items()},
-        "world": {"plant": scenario.plant, "start_pose": list(scenario.start_pose), **scenario.world},
+        "world": {"plant": scenario.plant, "start_pose": list(scenario.start_pose), **scenario.world, **wheel_lists},
         "dispersion": {entry.quantity: entry.document() for entry in scenario.dispersion},
         "event": [_event(event, table) for event in scenario.events],
         "fault": [_fault(fault) for fault in scenario.faults],
+        "patch": [patch.document() for patch in scenario.patches],
     }
 
 

@@ -14,3 +14,8 @@ WORLD_NUMBERS: Mapping[str, Quantity] = {
     name: quantity for name, quantity in WORLD.numbers.items() if quantity.in_scenario
 }
 """Numbers allowed in a scenario's ``[world]``."""
+
+WORLD_LISTS: Mapping[str, Quantity] = {
+    name: quantity for name, quantity in WORLD.numbers.items() if quantity.list_in_scenario
+}
+"""Those allowed there of which each wheel has its own."""

@@ -65,6 +65,8 @@ def summarize(run: Run) -> dict[str, Any]:
         "world": {
             **({"external": run.world} if run.world else {"plant": scenario.plant}),
             **scenario.world,
+            **{name: list(values) for name, values in scenario.wheel_numbers.items()},
+            **({"patches": [patch.document() for patch in scenario.patches]} if scenario.patches else {}),
             "start_pose": list(scenario.start_pose),
         },
         "dispersion": drawn_world(scenario),

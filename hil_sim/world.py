@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_sim.faults import MAX_FAULTS, Fault
+from hil_sim.patches import MAX_PATCHES, FloorPatch
 from hil_sim.schema import WORLD
 from omni_schema import Robot
 from omni_schema.errors import did_you_mean
@@ -83,6 +84,11 @@ def _robot_value(robot: Robot, quantity: Quantity) -> Any:
             raise WorldError(f"{robot.source}: {quantity.robot_key} is {value!r}; three numbers are needed: {needed}")
         return [_robot_number(robot, quantity, item) for item in value]
     if quantity.per_wheel:
+        if isinstance(value, (list, tuple)) and len(value) != robot.wheels:
+            raise WorldError(
+                f"{robot.source}: {quantity.robot_key} has {len(value)} numbers; "
+                f"{robot.wheels} are needed, one per wheel, or one number for all"
+            )
         return [_robot_number(robot, quantity, item) for item in _per_wheel(value, robot.wheels)]
     return _robot_number(robot, quantity, value)
 
@@ -159,6 +165,15 @@ def _fill_faults(config: Any, faults: Sequence[Fault]) -> None:
         slot.value = fault.value
 
 
+def _fill_patches(config: Any, patches: Sequence[FloorPatch]) -> None:
+    if len(patches) > MAX_PATCHES:
+        raise WorldError(f"{len(patches)} patches are too many; at most {MAX_PATCHES} are allowed")
+    config.patch_count = len(patches)
+    for slot, patch in zip(config.patch, patches, strict=False):
+        slot.x_m, slot.y_m = patch.x_m, patch.y_m
+        slot.radius_m, slot.friction = patch.radius_m, patch.friction
+
+
 def world_config(
     robot: Robot,
     *,
@@ -166,6 +181,7 @@ def world_config(
     seed: int = 1,
     pose_sensor: PoseSensor = PoseSensor(),
     faults: Sequence[Fault] = (),
+    patches: Sequence[FloorPatch] = (),
     **numbers: float | Sequence[float],
 ) -> Any:
     """Return a new ``hil_world_config_t *`` for this robot; change its fields freely, :class:`World` checks them.
@@ -182,6 +198,7 @@ def world_config(
     config.seed = seed
     _fill_pose_sensor(config, pose_sensor)
     _fill_faults(config, faults)
+    _fill_patches(config, patches)
     for name, value in numbers.items():
         field = WORLD.numbers[name].field if name in WORLD.numbers else name
         if field not in dir(config):
@@ -267,6 +284,7 @@ class World:
         config = self.c.config
         for wheel in range(self.wheels):
             self.c.plant.inverse_limit_N[wheel] *= config.friction_coefficient / coefficient
+            self.c.plant.friction[wheel] *= coefficient / config.friction_coefficient
         config.friction_coefficient = coefficient
 
     def sense(self) -> Any:

@@ -10,6 +10,8 @@
 #include "parts.h"
 #include "spd3.h"
 
+static const double LARGEST_PATCH_m = 1e6;
+
 typedef struct complaint_t {
     char *why;
     uint32_t size;
@@ -147,6 +149,44 @@ static hil_result_t check_faults(const hil_world_config_t *config, const complai
     return HIL_OK;
 }
 
+static hil_result_t check_patch(const hil_world_config_t *config, uint32_t index, const complaint_t *complaint) {
+    const hil_patch_t *patch = &config->patch[index];
+    const int32_t number = (int32_t)index;
+    if (!(patch->friction >= 0.001 && patch->friction <= 10.0)) {
+        return refuse(complaint, "patch.friction", number, patch->friction, "0.001..10, a factor");
+    }
+    if (!(patch->radius_m >= 0.0 && patch->radius_m <= LARGEST_PATCH_m)) {
+        return refuse(complaint, "patch.radius_m", number, patch->radius_m, "0 for a rectangle, up to 1e6");
+    }
+    for (int n = 0; n < (patch->radius_m > 0.0 ? 1 : 2); n++) {
+        if (!(fabs(patch->x_m[n]) <= LARGEST_PATCH_m) || !(fabs(patch->y_m[n]) <= LARGEST_PATCH_m)) {
+            const double wrong = fabs(patch->x_m[n]) <= LARGEST_PATCH_m ? patch->y_m[n] : patch->x_m[n];
+            return refuse(complaint, "patch.x_m or y_m", number, wrong, "-1e6..1e6");
+        }
+    }
+    if (!(patch->radius_m > 0.0) && !(patch->x_m[0] < patch->x_m[1] && patch->y_m[0] < patch->y_m[1])) {
+        const double wrong = patch->x_m[0] < patch->x_m[1] ? patch->y_m[1] : patch->x_m[1];
+        return refuse(complaint, "patch.x_m or y_m", number, wrong, "from, then a larger to");
+    }
+    return HIL_OK;
+}
+
+static hil_result_t check_patches(const hil_world_config_t *config, const complaint_t *complaint) {
+    if (config->patch_count > HIL_MAX_PATCHES) {
+        return refuse(complaint, "patch_count", -1, config->patch_count, "0..8");
+    }
+    if (config->patch_count > 0 && config->plant != HIL_PLANT_FULL) {
+        return refuse(complaint, "patch_count", -1, config->patch_count, "0 for every plant but full");
+    }
+    for (uint32_t i = 0; i < config->patch_count; i++) {
+        const hil_result_t result = check_patch(config, i, complaint);
+        if (result != HIL_OK) {
+            return result;
+        }
+    }
+    return HIL_OK;
+}
+
 hil_result_t hil_config_check(const hil_world_config_t *config, char *why, uint32_t why_size) {
     complaint_t complaint;
     complaint.why = why;
@@ -166,6 +206,9 @@ hil_result_t hil_config_check(const hil_world_config_t *config, char *why, uint3
     hil_result_t result = check_plant(config, &complaint);
     if (result == HIL_OK) {
         result = check_wiring(config, &complaint);
+    }
+    if (result == HIL_OK) {
+        result = check_patches(config, &complaint);
     }
     return result == HIL_OK ? check_faults(config, &complaint) : result;
 }

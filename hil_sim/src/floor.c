@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* Real wheels on a real floor: rollers in rows, loads that move from wheel to wheel, dry drag, a slope.
  *
+ * Patches of the floor have another friction: a wheel takes that of the patch under its contact point.
+ *
  * A wheel rolls on one roller after another; with two rows, they take turns. The contact point then jumps along the
  * axle, and with it the lever arm about the body's middle. Near a hand-over the wheel stands lower: parabolas, deepest
  * between two rollers.
@@ -20,7 +22,8 @@ static const double LEAST_SHARE = 1e-3;    /* of the load at rest: a wheel in th
 
 void hil_floor_init(hil_plant_t *plant, const hil_world_config_t *config) {
     const bool rollers = config->rollers_per_row > 0, springs = config->wheel_stiffness_N_m > 0.0;
-    plant->uneven = rollers || springs || config->roller_bushing_friction > 0.0 || config->floor_slope_rad > 0.0;
+    plant->uneven = rollers || springs || config->roller_bushing_friction > 0.0 || config->floor_slope_rad > 0.0 ||
+                    config->patch_count > 0;
     plant->weight_N = config->mass_kg * HIL_GRAVITY_m_s2 * cos(config->floor_slope_rad);
     plant->downhill_N = config->mass_kg * HIL_GRAVITY_m_s2 * sin(config->floor_slope_rad);
     const hil_real_t h = config->centre_of_mass_height_m;
@@ -85,6 +88,26 @@ static void hil_floor_rise(hil_world_t *world, const hil_real_t *dip_m, const hi
     }
 }
 
+/* Friction of wheel i where it stands. @param cos_sin of the heading */
+static hil_real_t hil_floor_patches(const hil_world_t *world, uint32_t i, const hil_real_t *cos_sin) {
+    const hil_world_config_t *config = &world->config;
+    const hil_plant_t *plant = &world->plant;
+    const hil_real_t along_x = cos_sin[0] * plant->along_x[i] - cos_sin[1] * plant->along_y[i];
+    const hil_real_t along_y = cos_sin[1] * plant->along_x[i] + cos_sin[0] * plant->along_y[i];
+    const hil_real_t x = world->pose[0] + along_y * plant->arm_m[i], y = world->pose[1] - along_x * plant->arm_m[i];
+    hil_real_t factor = 1.0;
+    for (uint32_t n = 0; n < config->patch_count; n++) {
+        const hil_patch_t *patch = &config->patch[n];
+        const hil_real_t dx = x - patch->x_m[0], dy = y - patch->y_m[0];
+        const hil_real_t beyond =
+            patch->radius_m > 0.0
+                ? dx * dx + dy * dy - patch->radius_m * patch->radius_m
+                : hil_max(hil_max(-dx, x - patch->x_m[1]), hil_max(-dy, y - patch->y_m[1]));
+        factor = hil_select(beyond > 0.0, factor, (hil_real_t)patch->friction);
+    }
+    return plant->friction[i] * factor;
+}
+
 /* Slope and dry drag of the rollers, in the body frame. */
 static void hil_floor_forces(hil_world_t *world) {
     const hil_world_config_t *config = &world->config;
@@ -100,11 +123,12 @@ static void hil_floor_forces(hil_world_t *world) {
         const hil_real_t out_x = plant->along_y[i], out_y = -plant->along_x[i];
         const hil_real_t across_m_s = out_x * vx + out_y * vy;
         const hil_real_t load_N = hil_max(world->load_N[i], plant->weight_N * (LEAST_SHARE / config->wheels));
-        const hil_real_t drag_N = config->roller_bushing_friction * load_N * across_m_s /
+        const hil_real_t drag_N = plant->dry_drag[i] * load_N * across_m_s /
                                   hil_sqrt(across_m_s * across_m_s + DRY_WIDTH_m_s * DRY_WIDTH_m_s);
         world->floor_N[0] -= drag_N * out_x;
         world->floor_N[1] -= drag_N * out_y;
-        world->plant.inverse_limit_N[i] = 1.0 / (config->friction_coefficient * load_N);
+        const hil_real_t friction = config->patch_count > 0 ? hil_floor_patches(world, i, cos_sin) : plant->friction[i];
+        world->plant.inverse_limit_N[i] = 1.0 / (friction * load_N);
     }
 }
 

@@ -65,6 +65,15 @@ void hil_encoders_pass(hil_world_t *world, uint32_t wheel, hil_real_t edges);
 /** A pose sensor outside has a fix that arrives now. @param pose x, y, theta. */
 void hil_pose_take(hil_world_t *world, uint64_t taken_us, const double *pose);
 
+/** A motor's speed, as seen at the wheel: the wheel's, unless the gear has play. */
+static inline hil_real_t hil_motor_rad_s(const hil_world_t *world, uint32_t wheel) {
+    return world->plant.play ? world->motor_rad_s[wheel] : world->wheel_rad_s[wheel];
+}
+
+/* backlash.c */
+/** Something outside moved the wheel by so much more than the plant did, and gave it wheel_rad_s. Plants with play. */
+void hil_backlash_held(hil_world_t *world, uint32_t wheel, hil_real_t moved_rad);
+
 /* slip.c */
 void hil_slip_init(hil_world_t *world);
 /** Slip ratios of a time. */

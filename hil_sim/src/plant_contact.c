@@ -41,9 +41,6 @@ HIL_INLINE void prepare(hil_contact_t *c, const hil_world_t *world, const hil_el
     const hil_plant_t *plant = &world->plant;
     c->h = step_s;
     c->gh = HIL_ROSENBROCK_GAMMA * step_s;
-    c->per_inertia = c->gh * plant->inverse_motor_inertia;
-    c->torque = c->per_inertia * config->motor_constant_N_m_A;
-    c->coulomb_slope = plant->coulomb_N_m * (HIL_COULOMB_WIDTH_rad_s * HIL_COULOMB_WIDTH_rad_s);
     const hil_real_t emf = c->gh * config->motor_constant_N_m_A * plant->inverse_inductance;
     const hil_real_t current = 1.0 / (1.0 + c->gh * config->motor_resistance_ohm * plant->inverse_inductance);
     for (int i = 0; i < n; i++) {
@@ -51,7 +48,11 @@ HIL_INLINE void prepare(hil_contact_t *c, const hil_world_t *world, const hil_el
         c->inductance[i] = electrics->closed[i] * plant->inverse_inductance;
         c->current[i] = electrics->closed[i] * current;
         c->emf[i] = c->current[i] * emf;
-        c->diagonal[i] = 1.0 + c->per_inertia * plant->viscous_N_m_s + c->torque * c->emf[i];
+        c->inverse_inertia[i] = plant->inverse_motor_inertia;
+        c->constant[i] = config->motor_constant_N_m_A;
+        c->viscous[i] = plant->viscous_N_m_s;
+        c->coulomb[i] = plant->coulomb_N_m;
+        hil_contact_wheel(c, (uint32_t)i);
     }
     c->mass[0] = config->mass_kg + c->gh * plant->drag_xx;
     c->mass[1] = c->gh * plant->drag_xy;
@@ -90,10 +91,10 @@ HIL_INLINE void wheel_rates(const hil_world_t *world, const hil_electrics_t *ele
     for (int i = 0; i < n; i++) {
         const hil_real_t w = y->w[i];
         const hil_real_t q = 1.0 / hil_sqrt(w * w + HIL_COULOMB_WIDTH_rad_s * HIL_COULOMB_WIDTH_rad_s);
-        const hil_real_t friction = (plant->viscous_N_m_s + plant->coulomb_N_m * q) * w;
+        const hil_real_t friction = (c->viscous[i] + c->coulomb[i] * q) * w;
         slopes->coulomb_q[i] = q;
-        rate->w[i] = (config->motor_constant_N_m_A * y->i[i] - friction - plant->radius_m[i] * slopes->traction_N[i]) *
-                     plant->inverse_motor_inertia;
+        rate->w[i] = (c->constant[i] * y->i[i] - friction - plant->radius_m[i] * slopes->traction_N[i]) *
+                     c->inverse_inertia[i];
         const hil_real_t volts = electrics->gain[i] * slopes->supply_V + electrics->offset_V[i];
         rate->i[i] =
             c->inductance[i] * (volts - config->motor_resistance_ohm * y->i[i] - config->motor_constant_N_m_A * w);
@@ -135,10 +136,10 @@ HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_con
     for (int i = 0; i < n; i++) {
         const hil_real_t floor_q = slopes->floor_q[i], coulomb_q = slopes->coulomb_q[i];
         const hil_real_t traction = plant->stiffness_N_s_m * floor_q * (floor_q * floor_q);
-        const hil_real_t coulomb = c->coulomb_slope * coulomb_q * (coulomb_q * coulomb_q);
-        const hil_real_t from_floor = c->per_inertia * plant->radius_m[i] * traction;
+        const hil_real_t coulomb = c->coulomb_slope[i] * coulomb_q * (coulomb_q * coulomb_q);
+        const hil_real_t from_floor = c->per_inertia[i] * plant->radius_m[i] * traction;
         const hil_real_t held = from_floor * c->rim_m[i];
-        const hil_real_t speed = 1.0 / (c->diagonal[i] + c->per_inertia * coulomb + held);
+        const hil_real_t speed = 1.0 / (c->diagonal[i] + c->per_inertia[i] * coulomb + held);
         const hil_real_t weight = c->gh * traction;
         solver->from_floor[i] = from_floor;
         solver->speed[i] = speed;
@@ -154,7 +155,7 @@ HIL_INLINE void solve(const solver_t *solver, const hil_contact_t *c, const hil_
     hil_real_t force[3] = {k->v[0], k->v[1], k->v[2]};
     for (int i = 0; i < n; i++) {
         k->i[i] *= c->current[i];
-        k->w[i] += c->torque * k->i[i];
+        k->w[i] += c->torque[i] * k->i[i];
         const hil_real_t push = solver->to_body[i] * k->w[i];
         force[0] += plant->along_x[i] * push;
         force[1] += plant->along_y[i] * push;

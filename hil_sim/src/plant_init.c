@@ -14,9 +14,10 @@ static void wheels_init(hil_plant_t *plant, const hil_world_config_t *config) {
         plant->along_x[i] = -sin_a;
         plant->along_y[i] = cos_a;
         plant->arm_m[i] = config->wheel_distance_m[i]; /* (cos, sin) x (-sin, cos) = 1 */
-        plant->drag_xx += config->roller_friction_N_s_m * cos_a * cos_a;
-        plant->drag_xy += config->roller_friction_N_s_m * cos_a * sin_a;
-        plant->drag_yy += config->roller_friction_N_s_m * sin_a * sin_a;
+        const double drag_N_s_m = config->roller_friction_N_s_m * config->wheel_drag[i];
+        plant->drag_xx += drag_N_s_m * cos_a * cos_a;
+        plant->drag_xy += drag_N_s_m * cos_a * sin_a;
+        plant->drag_yy += drag_N_s_m * sin_a * sin_a;
         hil_spd3_add(rolling, 1.0, plant->along_x[i], plant->along_y[i], plant->arm_m[i]);
     }
     hil_spd3_factor(&plant->rolling, rolling);
@@ -28,7 +29,9 @@ void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config) {
     const double load_N = config->mass_kg * HIL_GRAVITY_m_s2 / config->wheels;
     plant->stiffness_N_s_m = config->slip_stiffness_N_s_m;
     for (uint32_t i = 0; i < config->wheels; i++) {
-        plant->inverse_limit_N[i] = 1.0 / (config->friction_coefficient * load_N);
+        plant->friction[i] = config->friction_coefficient * config->wheel_friction[i];
+        plant->dry_drag[i] = config->roller_bushing_friction * config->wheel_drag[i];
+        plant->inverse_limit_N[i] = 1.0 / (plant->friction[i] * load_N);
     }
     plant->inverse_mass = 1.0 / config->mass_kg;
     plant->inverse_inertia = 1.0 / config->inertia_kg_m2;

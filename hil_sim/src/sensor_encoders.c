@@ -22,7 +22,9 @@ void hil_encoders_pass(hil_world_t *world, uint32_t wheel, hil_real_t edges) {
 static void count_edges(hil_world_t *world) {
     const double edges_per_rad = world->config.counts_per_revolution / (2.0 * HIL_PI);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
-        hil_encoders_pass(world, i, hil_floor(world->wheel_angle_rad[i] * edges_per_rad));
+        const hil_real_t angle_rad =
+            world->plant.play ? world->wheel_angle_rad[i] + world->gap_rad[i] : world->wheel_angle_rad[i];
+        hil_encoders_pass(world, i, hil_floor(angle_rad * edges_per_rad));
     }
 }
 

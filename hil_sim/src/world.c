@@ -159,7 +159,9 @@ double hil_world_kinetic_energy(const hil_world_t *world) {
     const double speed2 = world->twist[0] * world->twist[0] + world->twist[1] * world->twist[1];
     double energy_J = 0.5 * config->mass_kg * speed2 + 0.5 * config->inertia_kg_m2 * world->twist[2] * world->twist[2];
     for (uint32_t i = 0; i < config->wheels; i++) {
-        energy_J += 0.5 * config->motor_inertia_kg_m2 * world->wheel_rad_s[i] * world->wheel_rad_s[i];
+        const double share = world->plant.play ? config->wheel_inertia_share : 1.0, motor = world->motor_rad_s[i];
+        const double wheel2 = world->wheel_rad_s[i] * world->wheel_rad_s[i];
+        energy_J += 0.5 * config->motor_inertia_kg_m2 * (share * wheel2 + (1.0 - share) * motor * motor);
     }
     return energy_J;
 }

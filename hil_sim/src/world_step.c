@@ -160,7 +160,11 @@ static void turn_by_hand(hil_world_t *world, const hil_real_t *angle_before_rad,
         const hil_fault_t *turned = hil_fault_find(world, HIL_FAULT_WHEEL_TURNED, i);
         if (blocked != NULL || turned != NULL) {
             world->wheel_rad_s[i] = blocked != NULL ? 0.0 : turned->value;
+            const hil_real_t turned_rad = world->wheel_angle_rad[i];
             world->wheel_angle_rad[i] = angle_before_rad[i] + world->wheel_rad_s[i] * step_s;
+            if (world->plant.play) {
+                hil_backlash_held(world, i, world->wheel_angle_rad[i] - turned_rad);
+            }
         }
     }
 }

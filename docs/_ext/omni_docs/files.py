@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable
 from pathlib import Path
 
-from hil_sim import dispersion, scenario
+from hil_sim import dispersion, patches, scenario
 from hil_sim.schema import WORLD
 from omni_docs.markdown import code, escaped, page, table
 from omni_schema import load_parameters
@@ -17,6 +17,7 @@ from omni_schema.robots import KEYED_SECTIONS, SECTIONS
 from omni_schema.wiring import BOARD_KEYS
 from omni_schema.world import FaultKind, Quantity
 
+_BY_WHEEL = "list, one per wheel, or one number for all; "
 _HEAD = ["Key", "Allowed", "From", "Meaning"]
 
 
@@ -64,9 +65,13 @@ def _comes_from(quantity: Quantity) -> str:
     return ", ".join(f"{number:g}" for number in numbers)
 
 
+def _allowed(quantity: Quantity) -> str:
+    return (_BY_WHEEL if quantity.list_in_scenario else "") + quantity.allowed
+
+
 def _number_rows(only: Callable[[Quantity], bool]) -> list[list[str]]:
     return [
-        [code(quantity.name), escaped(quantity.allowed), _comes_from(quantity), escaped(quantity.doc)]
+        [code(quantity.name), escaped(_allowed(quantity)), _comes_from(quantity), escaped(quantity.doc)]
         for quantity in WORLD.numbers.values()
         if only(quantity)
     ]
@@ -107,6 +112,10 @@ def _scenario_page() -> str:
             ["Kind", "Needs", "Meaning"],
             [[code(fault.name), _needs(fault), escaped(fault.doc)] for fault in WORLD.faults.values()],
         ),
+        "## Patches",
+        f"Each `[[patch]]` is a part of the floor with another friction; at most {patches.MAX_PATCHES}. "
+        "Only the plant `full` and MuJoCo have them.",
+        f"```text\n{inspect.getdoc(patches) or ''}\n```",
         "## Events",
         f"`command` is one of {', '.join(code(name) for name in scenario.COMMANDS)}.",
         "## Dispersion",

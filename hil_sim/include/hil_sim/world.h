@@ -36,6 +36,7 @@
 enum {
     HIL_MAX_WHEELS = 4,
     HIL_MAX_FAULTS = 16,
+    HIL_MAX_PATCHES = 8, /**< of the floor, with another friction */
     HIL_MAX_FIXES = 64, /**< pose fixes on their way */
     HIL_MAX_I2C = 128,  /**< bytes of the transactions of a tick */
     HIL_MAX_I2C_READ = 8
@@ -69,6 +70,14 @@ typedef struct hil_fault_t {
     double value;
 } hil_fault_t;
 
+/** A part of the floor with another friction: a rectangle along the world's axes, or a circle. */
+typedef struct hil_patch_t {
+    double x_m[2];   /**< from, to; a circle's middle is the first of each */
+    double y_m[2];
+    double radius_m; /**< 0: a rectangle */
+    double friction; /**< factor on the friction coefficient, 0.001..10 */
+} hil_patch_t;
+
 /** A world. Its numbers come from shared/world.toml, where each has its unit, range and meaning. */
 typedef struct hil_world_config_t {
     uint32_t wheels; /**< 3 or 4 */
@@ -78,6 +87,8 @@ typedef struct hil_world_config_t {
     hil_seed_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];
+    uint32_t patch_count; /**< plant full alone has patches */
+    hil_patch_t patch[HIL_MAX_PATCHES]; /**< where two overlap, the later one counts */
 } hil_world_config_t;
 
 typedef struct hil_fix_t {
@@ -117,6 +128,8 @@ typedef struct hil_plant_t {
     hil_real_t drag_yy;
     hil_real_t stiffness_N_s_m;
     hil_real_t inverse_limit_N[HIL_MAX_WHEELS]; /**< 1 / (mu N), N: the wheel's load */
+    hil_real_t friction[HIL_MAX_WHEELS];        /**< mu of each wheel, without patches */
+    hil_real_t dry_drag[HIL_MAX_WHEELS];        /**< dry drag across each wheel over its load */
     hil_real_t inverse_mass;
     hil_real_t inverse_inertia;
     hil_real_t inverse_motor_inertia;
@@ -131,6 +144,9 @@ typedef struct hil_plant_t {
     bool uneven;                             /**< floor.c changes arms, radii and limits with each tick */
     hil_real_t roller_phase[HIL_MAX_WHEELS]; /**< where on the rollers a wheel stands at angle 0 [rollers] */
     hil_real_t inverse_tilt_inertia;         /**< of the body about x and y, 1 / (kg m^2) */
+    bool play;                               /**< gears have play: backlash.c */
+    hil_real_t inverse_wheel_inertia;        /**< 1 / (kg m^2) of a wheel whose motor turns freely */
+    hil_real_t inverse_rotor_inertia;        /**< of motor and gear without the wheel */
     hil_real_t weight_N;                     /**< of the robot, across the floor */
     hil_real_t downhill_N;                   /**< the same along it */
 } hil_plant_t;
@@ -145,6 +161,9 @@ typedef struct hil_world_t {
     hil_real_t twist[3];    /**< truth, world frame */
     hil_real_t wheel_angle_rad[HIL_MAX_WHEELS];
     hil_real_t wheel_rad_s[HIL_MAX_WHEELS];
+    hil_real_t motor_rad_s[HIL_MAX_WHEELS]; /**< with play: of motor and gear, as seen at the wheel */
+    hil_real_t gap_rad[HIL_MAX_WHEELS];     /**< with play: how far the motor is ahead of its wheel */
+    hil_real_t mesh[HIL_MAX_WHEELS];        /**< with play: 1 or -1, the side on which the motor pushes; 0: none */
     hil_real_t current_A[HIL_MAX_WHEELS];
     hil_real_t voltage_V[HIL_MAX_WHEELS];      /**< mean bridge voltage, wheel direction; 0 while the winding is open */
     hil_real_t slip_ratio[HIL_MAX_WHEELS];     /**< imposed */

@@ -91,6 +91,11 @@ class Quantity(Range):
         return not (self.robot_only or self.per_wheel or self.elements)
 
     @property
+    def list_in_scenario(self) -> bool:
+        """Whether it may stand in a scenario's [world] as one number per wheel."""
+        return self.per_wheel and not self.robot_only
+
+    @property
     def varies(self) -> bool:
         """Whether [dispersion] may make it differ from run to run."""
         return self.kind == "real" and not self.fixed
