@@ -107,14 +107,18 @@ class ExternalWorldInputError(ExternalWorldError):
     exit_code = 2
 
 
-def check_scenario(scenario: Scenario) -> None:
-    """Raise ExternalWorldInputError if the scenario asks for something that only our own world can do."""
+def check_scenario(scenario: Scenario, world: ExternalWorld) -> None:
+    """Raise ExternalWorldInputError if the scenario asks for something that only our own world can do.
+
+    A world with a member ``knows_patches`` that is true has the scenario's patches of the floor by itself.
+    """
     asked = [f"fault {fault.name}" for fault in scenario.faults if fault.name in REFUSED_FAULTS]
     asked += [
         f"dispersion of {entry.quantity}"
         for entry in scenario.dispersion
         if not entry.quantity.startswith(_OWN_NUMBERS)
     ]
+    asked += ["[[patch]]"] if scenario.patches and not getattr(world, "knows_patches", False) else []
     asked += [f"plant {scenario.plant}"] if scenario.plant != DEFAULT_PLANT else []
     if asked:
         raise ExternalWorldInputError(
@@ -313,5 +317,5 @@ class OutsideWorld(World):
 
 def outside_world(scenario: Scenario, world: ExternalWorld) -> OutsideWorld:
     """Return the electronics of a scenario around a world; ExternalWorldInputError if it asks for what that lacks."""
-    check_scenario(scenario)
+    check_scenario(scenario, world)
     return OutsideWorld(scenario_world(scenario), world)

@@ -25,6 +25,7 @@ from hil_sim.models.mjcf import FLOOR_BIT, ROLLER_BIT, Bumps, mjcf
 from hil_sim.models.parts import robot_parts
 from hil_sim.mujoco_film import FILM_FILE, Camera
 from hil_sim.mujoco_settings import Floor, Settings, read_settings
+from hil_sim.patches import factor_at
 from hil_sim.scenario import Scenario
 from hil_sim.world import GRAVITY_M_S2
 
@@ -43,14 +44,19 @@ class MujocoWorld:
     begin turned at random, by the scenario's seed, so that another seed meets the rollers elsewhere.
     """
 
+    knows_patches = True
+    """It has those of the scenario."""
+
     def __init__(self, scenario: Scenario, settings: Settings | Path = PLAIN) -> None:
         """Make it with a floor and a film, or the path of a file that says them.
 
         Raises ExternalWorldInputError without the package ``mujoco``; PartsError, WorldError for the robot;
-        SchemaError for the file.
+        SchemaError for the file; ExternalWorldInputError also for what the model cannot have.
         """
         self._mujoco = _library()
         self._config = scenario_world(scenario)
+        _refuse_play(scenario, self._config)
+        self._patches = scenario.patches
         self.parts = robot_parts(scenario.world_robot or scenario.robot, self._config)
         self.settings = read_settings(settings) if isinstance(settings, Path) else settings
         self.floor = _floor(self.settings.floor, self._config)
@@ -179,7 +185,7 @@ class MujocoWorld:
 
     def _advance(self) -> None:
         self._lower()
-        if self.floor.patches:
+        if self.floor.patches or self._patches:
             self._tread()
         self._mujoco.mj_step(self.model, self.data)
         self._look()
@@ -206,12 +212,13 @@ class MujocoWorld:
 
     def _choose(self, wheel: int, angle: float) -> None:
         # A positive turn is about minus x: a roller at angle a from y is lowest where a - turn is -90 degrees.
+        dry_N_m = self.parts.wheels[wheel].drag * self.parts.roller_dry_N_m
         reach, model = 2.0 * 2.0 * math.pi / len(self.parts.rollers), self.model
         rollers = zip(self._pins[wheel], self._rollers[wheel], self.parts.rollers, strict=True)
         for pin, geom, part in rollers:
             near = abs(math.remainder(part.angle_rad - angle + 0.5 * math.pi, 2.0 * math.pi)) < reach
             body = model.geom_bodyid[geom]
-            model.dof_frictionloss[pin] = self.parts.roller_dry_N_m if near else 0.0
+            model.dof_frictionloss[pin] = dry_N_m if near else 0.0
             model.geom_contype[geom] = model.body_contype[body] = ROLLER_BIT if near else 0
             model.geom_conaffinity[geom] = model.body_conaffinity[body] = FLOOR_BIT if near else 0
 
@@ -219,7 +226,8 @@ class MujocoWorld:
         """Give the rollers of each wheel the friction of the patch that it stands on."""
         for wheel, hub in enumerate(self._hubs):
             x, y = self.data.xpos[hub][0:2]
-            friction = self.floor.friction_at(float(x), float(y), self.parts.friction)
+            friction = self.floor.friction_at(float(x), float(y), self.parts.wheels[wheel].friction)
+            friction *= factor_at(self._patches, float(x), float(y))
             self.model.geom_friction[self._rollers[wheel], 0] = friction
 
     def _sensor(self, name: str) -> tuple[float, float, float]:
@@ -237,6 +245,14 @@ def _library() -> Any:
             f"--world mujoco needs the package mujoco: {error}", hint="pip install 'omniwheel[mujoco]'"
         ) from error
     return mujoco
+
+
+def _refuse_play(scenario: Scenario, config: Any) -> None:
+    if config.backlash_rad > 0.0:
+        raise ExternalWorldInputError(
+            f"{scenario.source}: backlash_rad is {config.backlash_rad:g}: the MuJoCo model's gears have no play",
+            hint="set backlash_rad = 0 in the scenario's [world], or use our own world",
+        )
 
 
 def _floor(floor: Floor, config: Any) -> Floor:

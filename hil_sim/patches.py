@@ -76,11 +76,15 @@ def parse_patch(source: str, key: str, entry: dict[str, Any]) -> FloorPatch:
         x_m, y_m = (_pair(source, f"{key}.{name}", entry[name]) for name in _RECTANGLE)
         for name, (low, high) in zip(_RECTANGLE, (x_m, y_m), strict=True):
             if low >= high:
-                raise SchemaError(source, f"{key}.{name}", f"is [{low:g}, {high:g}]; the first must be below the second")
+                raise SchemaError(
+                    source, f"{key}.{name}", f"is [{low:g}, {high:g}]; the first must be below the second"
+                )
         return FloorPatch(x_m, y_m, friction)
     if given == set(_CIRCLE):
         x, y = _pair(source, f"{key}.centre_m", entry["centre_m"])
-        return FloorPatch((x, x), (y, y), friction, _within(source, f"{key}.radius_m", entry["radius_m"], 1e-6, FARTHEST_m))
+        return FloorPatch(
+            (x, x), (y, y), friction, _within(source, f"{key}.radius_m", entry["radius_m"], 1e-6, FARTHEST_m)
+        )
     problem = f"has {', '.join(sorted(given)) or 'no place'}; give x_m and y_m, or centre_m and radius_m"
     raise SchemaError(source, key, problem)
 

@@ -113,14 +113,14 @@ def _wheel(chassis: ET.Element, parts: RobotParts, wheel: WheelPart, number: int
         )  # fmt: skip
         ET.SubElement(
             roller, "joint", name=f"pin_{number}_{index}", type="hinge", axis="0 0 1",
-            damping=numbers(parts.roller_viscous_N_m_s), armature=numbers(parts.roller.inertia_kg_m2[2]),
+            damping=numbers(wheel.drag * parts.roller_viscous_N_m_s), armature=numbers(parts.roller.inertia_kg_m2[2]),
         )  # fmt: skip
         _inertial(roller, parts.roller, (0.0, 0.0, 0.0))
         ET.SubElement(
             roller, "geom", name=name, type="ellipsoid",
             size=numbers(parts.roller_radius_m, parts.roller_radius_m, parts.barrel_half_axis_m(wheel)),
             contype=str(ROLLER_BIT), conaffinity=str(FLOOR_BIT), condim="3", priority="1",
-            friction=numbers(parts.friction, 0, 0), solref=numbers(CONTACT_TIME_s, 1),
+            friction=numbers(wheel.friction, 0, 0), solref=numbers(CONTACT_TIME_s, 1),
             rgba="0.15 0.15 0.15 1" if part.row == 0 else "0.3 0.3 0.3 1",
         )  # fmt: skip
 

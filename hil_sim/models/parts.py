@@ -79,6 +79,10 @@ class WheelPart:
     """Without the rollers; x is the axle."""
     armature_kg_m2: float
     """Inertia of motor and gear, as seen at the wheel: what the robot file's motor inertia has beyond the wheel."""
+    friction: float
+    """Coefficient of friction on the floor, of this wheel."""
+    drag: float
+    """Factor on its rollers' friction on their pins."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,9 @@ class RobotParts:
     roller_half_length_m: float
     """Half of what a roller covers of the rim, along its axis."""
     friction: float
-    """Coefficient of friction on the floor."""
+    """Coefficient of friction on the floor, of a wheel as good as new."""
+    backlash_rad: float
+    """Play of the gears; no format has it."""
     motor_viscous_N_m_s: float
     motor_dry_N_m: float
     roller_viscous_N_m_s: float
@@ -169,6 +175,7 @@ def robot_parts(robot: Robot, config: Any = None) -> RobotParts:
         roller_radius_m=a,
         roller_half_length_m=half,
         friction=config.friction_coefficient,
+        backlash_rad=config.backlash_rad,
         motor_viscous_N_m_s=config.motor_viscous_N_m_s,
         motor_dry_N_m=config.motor_coulomb_N_m,
         roller_viscous_N_m_s=config.roller_friction_N_s_m * a**2,
@@ -227,6 +234,8 @@ def _wheel(robot: Robot, config: Any, index: int, shape: dict[str, float], rolle
         radius_m=radius,
         hub=Solid(hub_mass, (disc.inertia_kg_m2[2], disc.inertia_kg_m2[0], disc.inertia_kg_m2[0])),
         armature_kg_m2=max(config.motor_inertia_kg_m2 - spin, 0.0),
+        friction=config.friction_coefficient * config.wheel_friction[index],
+        drag=config.wheel_drag[index],
     )
 
 

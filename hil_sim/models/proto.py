@@ -23,7 +23,7 @@ def proto(parts: RobotParts) -> str:
     ]
     lines = [
         "#VRML_SIM R2023b utf8",
-        f"# {motor_note(parts)}",
+        f"# {motor_note(parts, friction=False)}",
         f"PROTO {parts.name} [",
         f"  field SFVec3f translation 0 0 {numbers(parts.wheels[0].radius_m)}",
         "  field SFRotation rotation 0 0 1 0",
@@ -83,7 +83,8 @@ def _roller(parts: RobotParts, wheel: WheelPart, number: int, index: int, part: 
     return (
         "HingeJoint {\n"
         f"  jointParameters HingeJointParameters {{ axis {numbers(0, sine, -cosine)} anchor {place} "
-        f"dampingConstant {numbers(parts.roller_viscous_N_m_s)} staticFriction {numbers(parts.roller_dry_N_m)} }}\n"
+        f"dampingConstant {numbers(wheel.drag * parts.roller_viscous_N_m_s)} "
+        f"staticFriction {numbers(wheel.drag * parts.roller_dry_N_m)} }}\n"
         "  endPoint Solid {\n"
         f"    translation {place}\n"
         f"    rotation 1 0 0 {numbers(math.remainder(part.angle_rad + math.pi, 2.0 * math.pi))}\n"

@@ -42,11 +42,11 @@ def _wheel(model: ET.Element, parts: RobotParts, wheel: WheelPart, number: int) 
             shape = ET.SubElement(link, kind, name=kind)
             _text(ET.SubElement(ET.SubElement(shape, "geometry"), "ellipsoid"), "radii", radii)
         surface = ET.SubElement(ET.SubElement(ET.SubElement(shape, "surface"), "friction"), "ode")
-        _text(surface, "mu", numbers(parts.friction))
-        _text(surface, "mu2", numbers(parts.friction))
+        _text(surface, "mu", numbers(wheel.friction))
+        _text(surface, "mu2", numbers(wheel.friction))
         _joint(
-            model, f"pin_{number}_{index}", name, roller, (0.0, 0.0, 1.0), parts.roller_viscous_N_m_s,
-            parts.roller_dry_N_m,
+            model, f"pin_{number}_{index}", name, roller, (0.0, 0.0, 1.0), wheel.drag * parts.roller_viscous_N_m_s,
+            wheel.drag * parts.roller_dry_N_m,
         )  # fmt: skip
 
 

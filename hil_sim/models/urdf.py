@@ -16,7 +16,7 @@ _NOWHERE: Place = (0.0, 0.0, 0.0)
 def urdf(parts: RobotParts) -> str:
     """Return the robot as text. A barrel is a row of spheres: the format knows no ellipsoids, nor a motor's inertia."""
     root = ET.Element("robot", name=parts.name)
-    root.append(ET.Comment(motor_note(parts)))
+    root.append(ET.Comment(motor_note(parts, friction=False)))
     base = _link(root, "base_link", parts.chassis, (0.0, 0.0, parts.chassis_height_m))
     reach = min(wheel.distance_m for wheel in parts.wheels) - 0.6 * parts.wheels[0].radius_m
     _shape(ET.SubElement(base, "visual"), _NOWHERE, "cylinder", radius=reach, length=0.5 * parts.wheels[0].radius_m)
@@ -44,7 +44,7 @@ def _wheel(root: ET.Element, parts: RobotParts, wheel: WheelPart, number: int) -
             _shape(ET.SubElement(link, "collision"), (0.0, 0.0, offset), "sphere", radius=radius)
         turned = part.angle_rad + math.pi, 0.0, 0.0
         pin = _joint(root, f"pin_{number}_{index}", name, roller, parts.roller_place(wheel, part), turned, (0, 0, 1))
-        _dynamics(pin, parts.roller_viscous_N_m_s, parts.roller_dry_N_m)
+        _dynamics(pin, wheel.drag * parts.roller_viscous_N_m_s, wheel.drag * parts.roller_dry_N_m)
 
 
 def _link(root: ET.Element, name: str, solid: Solid, centre: Place) -> ET.Element:

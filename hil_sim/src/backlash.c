@@ -11,25 +11,25 @@
  *
  * s is the wheel's share of the inertia. All friction is in motor and gear. The battery sees the current that a free
  * motor had at the start of the substep. Flanks meet and part between substeps, so at most 0.25 ms late. */
-#include <string.h>
-
 #include "motion.h"
 
-/* What the wheels of a substep share with a meshed gear, and what they lack without. */
-static hil_contact_t hil_backlash_contact(const hil_world_t *world, const hil_contact_t *contact) {
-    hil_contact_t c = *contact;
+/* A wheel whose gear is meshed has its motor's inertia, torque and friction; a free one has none of them. */
+static void hil_backlash_contact(const hil_world_t *world, hil_contact_t *c, hil_own_t *own) {
+    const hil_plant_t *plant = &world->plant;
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const hil_real_t meshed = world->mesh[i] * world->mesh[i];
-        c.inverse_inertia[i] = hil_select(meshed > 0.0, c.inverse_inertia[i], world->plant.inverse_wheel_inertia);
-        c.constant[i] *= meshed;
-        c.viscous[i] *= meshed;
-        c.coulomb[i] *= meshed;
-        c.inductance[i] *= meshed;
-        c.current[i] *= meshed;
-        c.emf[i] *= meshed;
-        hil_contact_wheel(&c, i);
+        own->inverse_inertia[i] = hil_select(meshed > 0.0, plant->inverse_motor_inertia, plant->inverse_wheel_inertia);
+        own->constant[i] = meshed * world->config.motor_constant_N_m_A;
+        own->viscous[i] = meshed * plant->viscous_N_m_s;
+        own->coulomb[i] = meshed * plant->coulomb_N_m;
+        own->per_inertia[i] = c->gh * own->inverse_inertia[i];
+        own->torque[i] = own->per_inertia[i] * own->constant[i];
+        own->coulomb_slope[i] = own->coulomb[i] * (HIL_COULOMB_WIDTH_rad_s * HIL_COULOMB_WIDTH_rad_s);
+        c->inductance[i] *= meshed;
+        c->current[i] *= meshed;
+        c->emf[i] *= meshed;
+        c->diagonal[i] = 1.0 + own->per_inertia[i] * own->viscous[i] + own->torque[i] * c->emf[i];
     }
-    return c;
 }
 
 /* Slope of a free motor's speed, and what it says of its friction. */
@@ -81,7 +81,8 @@ static void hil_backlash_mesh(hil_world_t *world, const hil_motion_t *before, hi
     const hil_real_t mean_w = 0.5 * (before->w[i] + y->w[i]);
     hil_real_t unused;
     const hil_real_t given_N_m = hil_backlash_slope(world, mean_w, 0.5 * (before->i[i] + y->i[i]), &unused);
-    const hil_real_t taken_N_m = (1.0 - share) * config->motor_inertia_kg_m2 * (y->w[i] - before->w[i]) * (1.0 / step_s);
+    const hil_real_t taken_N_m =
+        (1.0 - share) * config->motor_inertia_kg_m2 * (y->w[i] - before->w[i]) * (1.0 / step_s);
     const hil_real_t held = hil_select(mesh * (given_N_m - taken_N_m) < 0.0, 0.0, mesh);
     const hil_real_t gap = world->gap_rad[i] + 0.5 * step_s * (motor_before - before->w[i] + motor - y->w[i]);
     const hil_real_t ahead = hil_select(motor > y->w[i], 1.0, 0.0);
@@ -96,9 +97,11 @@ static void hil_backlash_mesh(hil_world_t *world, const hil_motion_t *before, hi
 
 static void hil_backlash_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
                                  hil_motion_t *y, double step_s) {
-    const hil_contact_t c = hil_backlash_contact(world, contact);
     const hil_motion_t before = *y;
-    hil_contact_substep(world, electrics, &c, y);
+    hil_contact_t c = *contact;
+    hil_own_t own;
+    hil_backlash_contact(world, &c, &own);
+    hil_contact_own_substep(world, electrics, &c, &own, y);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const hil_real_t free = 1.0 - world->mesh[i] * world->mesh[i];
         const hil_real_t motor_before = hil_select(free > 0.0, world->motor_rad_s[i], before.w[i]);

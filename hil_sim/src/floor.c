@@ -88,24 +88,30 @@ static void hil_floor_rise(hil_world_t *world, const hil_real_t *dip_m, const hi
     }
 }
 
-/* Friction of wheel i where it stands. @param cos_sin of the heading */
-static hil_real_t hil_floor_patches(const hil_world_t *world, uint32_t i, const hil_real_t *cos_sin) {
-    const hil_world_config_t *config = &world->config;
-    const hil_plant_t *plant = &world->plant;
-    const hil_real_t along_x = cos_sin[0] * plant->along_x[i] - cos_sin[1] * plant->along_y[i];
-    const hil_real_t along_y = cos_sin[1] * plant->along_x[i] + cos_sin[0] * plant->along_y[i];
-    const hil_real_t x = world->pose[0] + along_y * plant->arm_m[i], y = world->pose[1] - along_x * plant->arm_m[i];
+/* A point of the floor has the factor of the last patch that it lies in. */
+static hil_real_t hil_floor_factor(const hil_world_config_t *config, hil_real_t x_m, hil_real_t y_m) {
     hil_real_t factor = 1.0;
     for (uint32_t n = 0; n < config->patch_count; n++) {
         const hil_patch_t *patch = &config->patch[n];
-        const hil_real_t dx = x - patch->x_m[0], dy = y - patch->y_m[0];
-        const hil_real_t beyond =
-            patch->radius_m > 0.0
-                ? dx * dx + dy * dy - patch->radius_m * patch->radius_m
-                : hil_max(hil_max(-dx, x - patch->x_m[1]), hil_max(-dy, y - patch->y_m[1]));
-        factor = hil_select(beyond > 0.0, factor, (hil_real_t)patch->friction);
+        const hil_real_t dx = x_m - patch->x_m[0], dy = y_m - patch->y_m[0];
+        const hil_real_t beyond = patch->radius_m > 0.0
+                                      ? dx * dx + dy * dy - patch->radius_m * patch->radius_m
+                                      : hil_max(hil_max(-dx, x_m - patch->x_m[1]), hil_max(-dy, y_m - patch->y_m[1]));
+        factor = hil_select(beyond > 0.0, factor, patch->friction);
     }
-    return plant->friction[i] * factor;
+    return factor;
+}
+
+/* Each wheel's limit where it stands. @param cos_sin of the heading */
+static void hil_floor_patches(hil_world_t *world, const hil_real_t *cos_sin) {
+    hil_plant_t *plant = &world->plant;
+    for (uint32_t i = 0; i < world->config.wheels; i++) {
+        const hil_real_t out_x = cos_sin[0] * plant->along_y[i] + cos_sin[1] * plant->along_x[i];
+        const hil_real_t out_y = cos_sin[1] * plant->along_y[i] - cos_sin[0] * plant->along_x[i];
+        const hil_real_t x_m = world->pose[0] + out_x * plant->arm_m[i];
+        const hil_real_t y_m = world->pose[1] + out_y * plant->arm_m[i];
+        plant->inverse_limit_N[i] *= 1.0 / hil_floor_factor(&world->config, x_m, y_m);
+    }
 }
 
 /* Slope and dry drag of the rollers, in the body frame. */
@@ -127,8 +133,10 @@ static void hil_floor_forces(hil_world_t *world) {
                                   hil_sqrt(across_m_s * across_m_s + DRY_WIDTH_m_s * DRY_WIDTH_m_s);
         world->floor_N[0] -= drag_N * out_x;
         world->floor_N[1] -= drag_N * out_y;
-        const hil_real_t friction = config->patch_count > 0 ? hil_floor_patches(world, i, cos_sin) : plant->friction[i];
-        world->plant.inverse_limit_N[i] = 1.0 / (friction * load_N);
+        world->plant.inverse_limit_N[i] = 1.0 / (plant->friction[i] * load_N);
+    }
+    if (config->patch_count > 0) {
+        hil_floor_patches(world, cos_sin);
     }
 }
 

@@ -20,15 +20,22 @@ typedef struct hil_contact_t {
     hil_real_t current[HIL_MAX_WHEELS];    /**< 1 / (1 + g h R / L), 0 for an open winding */
     hil_real_t emf[HIL_MAX_WHEELS];        /**< g h K / L of that */
     hil_real_t diagonal[HIL_MAX_WHEELS];   /**< of the wheel's equation, without traction and Coulomb friction */
-    hil_real_t inverse_inertia[HIL_MAX_WHEELS]; /**< 1 / J of what turns with the wheel */
-    hil_real_t constant[HIL_MAX_WHEELS];        /**< K, as far as the wheel feels it */
-    hil_real_t viscous[HIL_MAX_WHEELS];         /**< b of that */
-    hil_real_t coulomb[HIL_MAX_WHEELS];         /**< T_c of that */
-    hil_real_t torque[HIL_MAX_WHEELS];          /**< g h K / J */
-    hil_real_t per_inertia[HIL_MAX_WHEELS];     /**< g h / J */
-    hil_real_t coulomb_slope[HIL_MAX_WHEELS];   /**< T_c w_0^2 */
+    hil_real_t torque;                     /**< g h K / J */
+    hil_real_t per_inertia;                /**< g h / J */
+    hil_real_t coulomb_slope;              /**< T_c w_0^2 */
     hil_real_t mass[6];                    /**< of the body's equation, without the wheels */
 } hil_contact_t;
+
+/** What of hil_contact_t and hil_plant_t each wheel has for itself where motors can turn without their wheels. */
+typedef struct hil_own_t {
+    hil_real_t inverse_inertia[HIL_MAX_WHEELS]; /**< 1 / J of all that turns with the wheel */
+    hil_real_t constant[HIL_MAX_WHEELS];        /**< K, 0 without a motor */
+    hil_real_t viscous[HIL_MAX_WHEELS];         /**< b of that */
+    hil_real_t coulomb[HIL_MAX_WHEELS];         /**< T_c of that */
+    hil_real_t torque[HIL_MAX_WHEELS];
+    hil_real_t per_inertia[HIL_MAX_WHEELS];
+    hil_real_t coulomb_slope[HIL_MAX_WHEELS];
+} hil_own_t;
 
 /** Width of the smoothed sign of Coulomb friction, at a wheel. */
 static const double HIL_COULOMB_WIDTH_rad_s = 0.01;
@@ -76,13 +83,9 @@ void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const h
                        double step_s);
 void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
                          hil_motion_t *y);
-/** Derive a wheel's torque, per_inertia, coulomb_slope and diagonal from its other members. */
-HIL_INLINE void hil_contact_wheel(hil_contact_t *c, uint32_t i) {
-    c->per_inertia[i] = c->gh * c->inverse_inertia[i];
-    c->torque[i] = c->per_inertia[i] * c->constant[i];
-    c->coulomb_slope[i] = c->coulomb[i] * (HIL_COULOMB_WIDTH_rad_s * HIL_COULOMB_WIDTH_rad_s);
-    c->diagonal[i] = 1.0 + c->per_inertia[i] * c->viscous[i] + c->torque[i] * c->emf[i];
-}
+/** The same with numbers of each wheel's own. */
+void hil_contact_own_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                             const hil_own_t *own, hil_motion_t *y);
 /** A tick of a plant that is nothing but wheels on the floor, with the constants of its hil_plant_t. */
 void hil_contact_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
 

@@ -12,7 +12,8 @@ void hil_motors_apply_inputs(hil_world_t *world, uint32_t wheel, hil_real_t phas
 static hil_winding_t winding_of(const hil_world_t *world, uint32_t wheel) {
     const hil_world_config_t *config = &world->config;
     return (hil_winding_t){config->motor_resistance_ohm, config->motor_inductance_H,
-                           config->motor_constant_N_m_A * hil_motor_rad_s(world, wheel) * config->motor_direction[wheel]};
+                           config->motor_constant_N_m_A * hil_motor_rad_s(world, wheel) *
+                               config->motor_direction[wheel]};
 }
 
 /* Works in the bridge's direction and turns the results into the wheel's. */

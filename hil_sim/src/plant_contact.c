@@ -10,7 +10,8 @@
  * A has friction, traction, winding and roller drag. Eliminating current and speed of each wheel leaves three equations
  * of the body. They are solved in newtons: k->v is mass times rate until then.
  *
- * Everything is unrolled over the n wheels, 3 or 4. */
+ * Everything is unrolled over the n wheels, 3 or 4, and compiled once more for wheels with numbers of their own
+ * (hil_own_t), so that others do not pay for them. */
 #include <string.h>
 
 #include "motion.h"
@@ -41,6 +42,9 @@ HIL_INLINE void prepare(hil_contact_t *c, const hil_world_t *world, const hil_el
     const hil_plant_t *plant = &world->plant;
     c->h = step_s;
     c->gh = HIL_ROSENBROCK_GAMMA * step_s;
+    c->per_inertia = c->gh * plant->inverse_motor_inertia;
+    c->torque = c->per_inertia * config->motor_constant_N_m_A;
+    c->coulomb_slope = plant->coulomb_N_m * (HIL_COULOMB_WIDTH_rad_s * HIL_COULOMB_WIDTH_rad_s);
     const hil_real_t emf = c->gh * config->motor_constant_N_m_A * plant->inverse_inductance;
     const hil_real_t current = 1.0 / (1.0 + c->gh * config->motor_resistance_ohm * plant->inverse_inductance);
     for (int i = 0; i < n; i++) {
@@ -48,11 +52,7 @@ HIL_INLINE void prepare(hil_contact_t *c, const hil_world_t *world, const hil_el
         c->inductance[i] = electrics->closed[i] * plant->inverse_inductance;
         c->current[i] = electrics->closed[i] * current;
         c->emf[i] = c->current[i] * emf;
-        c->inverse_inertia[i] = plant->inverse_motor_inertia;
-        c->constant[i] = config->motor_constant_N_m_A;
-        c->viscous[i] = plant->viscous_N_m_s;
-        c->coulomb[i] = plant->coulomb_N_m;
-        hil_contact_wheel(c, (uint32_t)i);
+        c->diagonal[i] = 1.0 + c->per_inertia * plant->viscous_N_m_s + c->torque * c->emf[i];
     }
     c->mass[0] = config->mass_kg + c->gh * plant->drag_xx;
     c->mass[1] = c->gh * plant->drag_xy;
@@ -85,16 +85,19 @@ HIL_INLINE hil_real_t supply_V(const hil_world_t *world, const hil_electrics_t *
 }
 
 HIL_INLINE void wheel_rates(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                            const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate, int n) {
+                            const hil_own_t *own, const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate, int n) {
     const hil_world_config_t *config = &world->config;
     const hil_plant_t *plant = &world->plant;
     for (int i = 0; i < n; i++) {
         const hil_real_t w = y->w[i];
         const hil_real_t q = 1.0 / hil_sqrt(w * w + HIL_COULOMB_WIDTH_rad_s * HIL_COULOMB_WIDTH_rad_s);
-        const hil_real_t friction = (c->viscous[i] + c->coulomb[i] * q) * w;
+        const hil_real_t constant = own != NULL ? own->constant[i] : config->motor_constant_N_m_A;
+        const hil_real_t viscous = own != NULL ? own->viscous[i] : plant->viscous_N_m_s;
+        const hil_real_t coulomb = own != NULL ? own->coulomb[i] : plant->coulomb_N_m;
+        const hil_real_t inverse_inertia = own != NULL ? own->inverse_inertia[i] : plant->inverse_motor_inertia;
+        const hil_real_t friction = (viscous + coulomb * q) * w;
         slopes->coulomb_q[i] = q;
-        rate->w[i] = (c->constant[i] * y->i[i] - friction - plant->radius_m[i] * slopes->traction_N[i]) *
-                     c->inverse_inertia[i];
+        rate->w[i] = (constant * y->i[i] - friction - plant->radius_m[i] * slopes->traction_N[i]) * inverse_inertia;
         const hil_real_t volts = electrics->gain[i] * slopes->supply_V + electrics->offset_V[i];
         rate->i[i] =
             c->inductance[i] * (volts - config->motor_resistance_ohm * y->i[i] - config->motor_constant_N_m_A * w);
@@ -121,25 +124,27 @@ HIL_INLINE void body_forces(const hil_world_t *world, const hil_motion_t *y, con
 }
 
 HIL_INLINE void rates(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                      const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate, int n) {
+                      const hil_own_t *own, const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate, int n) {
     wheel_forces(world, c, y, slopes, n);
     slopes->supply_V = supply_V(world, electrics, y, n);
-    wheel_rates(world, electrics, c, y, slopes, rate, n);
+    wheel_rates(world, electrics, c, own, y, slopes, rate, n);
     body_forces(world, y, slopes, rate->v, n);
 }
 
-HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_contact_t *c, const slopes_t *slopes,
-                       int n) {
+HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_contact_t *c, const hil_own_t *own,
+                       const slopes_t *slopes, int n) {
     const hil_plant_t *plant = &world->plant;
     hil_real_t m[6];
     memcpy(m, c->mass, sizeof m);
     for (int i = 0; i < n; i++) {
         const hil_real_t floor_q = slopes->floor_q[i], coulomb_q = slopes->coulomb_q[i];
         const hil_real_t traction = plant->stiffness_N_s_m * floor_q * (floor_q * floor_q);
-        const hil_real_t coulomb = c->coulomb_slope[i] * coulomb_q * (coulomb_q * coulomb_q);
-        const hil_real_t from_floor = c->per_inertia[i] * plant->radius_m[i] * traction;
+        const hil_real_t per_inertia = own != NULL ? own->per_inertia[i] : c->per_inertia;
+        const hil_real_t coulomb_slope = own != NULL ? own->coulomb_slope[i] : c->coulomb_slope;
+        const hil_real_t coulomb = coulomb_slope * coulomb_q * (coulomb_q * coulomb_q);
+        const hil_real_t from_floor = per_inertia * plant->radius_m[i] * traction;
         const hil_real_t held = from_floor * c->rim_m[i];
-        const hil_real_t speed = 1.0 / (c->diagonal[i] + c->per_inertia[i] * coulomb + held);
+        const hil_real_t speed = 1.0 / (c->diagonal[i] + per_inertia * coulomb + held);
         const hil_real_t weight = c->gh * traction;
         solver->from_floor[i] = from_floor;
         solver->speed[i] = speed;
@@ -150,12 +155,12 @@ HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_con
 }
 
 /* In: forces on the body, rates of the wheels; out: rates. */
-HIL_INLINE void solve(const solver_t *solver, const hil_contact_t *c, const hil_plant_t *plant, hil_motion_t *k,
-                      int n) {
+HIL_INLINE void solve(const solver_t *solver, const hil_contact_t *c, const hil_own_t *own, const hil_plant_t *plant,
+                      hil_motion_t *k, int n) {
     hil_real_t force[3] = {k->v[0], k->v[1], k->v[2]};
     for (int i = 0; i < n; i++) {
         k->i[i] *= c->current[i];
-        k->w[i] += c->torque[i] * k->i[i];
+        k->w[i] += (own != NULL ? own->torque[i] : c->torque) * k->i[i];
         const hil_real_t push = solver->to_body[i] * k->w[i];
         force[0] += plant->along_x[i] * push;
         force[1] += plant->along_y[i] * push;
@@ -192,16 +197,16 @@ HIL_INLINE void second_stage(const hil_world_config_t *config, const hil_motion_
 }
 
 HIL_INLINE void rosenbrock(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                           hil_motion_t *y, slopes_t *slopes, int n) {
+                           const hil_own_t *own, hil_motion_t *y, slopes_t *slopes, int n) {
     hil_motion_t k1, k2, stage;
     solver_t solver;
-    rates(world, electrics, c, y, slopes, &k1, n);
-    factor(&solver, world, c, slopes, n);
-    solve(&solver, c, &world->plant, &k1, n);
+    rates(world, electrics, c, own, y, slopes, &k1, n);
+    factor(&solver, world, c, own, slopes, n);
+    solve(&solver, c, own, &world->plant, &k1, n);
     add(&stage, y, c->h, &k1, n);
-    rates(world, electrics, c, &stage, slopes, &k2, n);
+    rates(world, electrics, c, own, &stage, slopes, &k2, n);
     second_stage(&world->config, &k1, &k2, n);
-    solve(&solver, c, &world->plant, &k2, n);
+    solve(&solver, c, own, &world->plant, &k2, n);
     add(y, y, 1.5 * c->h, &k1, n);
     add(y, y, 0.5 * c->h, &k2, n);
 }
@@ -222,9 +227,9 @@ HIL_INLINE void chop(const hil_world_t *world, const hil_electrics_t *electrics,
 }
 
 HIL_INLINE void contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                                hil_motion_t *y, int n) {
+                                const hil_own_t *own, hil_motion_t *y, int n) {
     slopes_t slopes;
-    rosenbrock(world, electrics, c, y, &slopes, n);
+    rosenbrock(world, electrics, c, own, y, &slopes, n);
     for (int i = 0; i < n; i++) {
         world->traction_N[i] = slopes.traction_N[i];
     }
@@ -246,9 +251,18 @@ void hil_contact_begin(hil_contact_t *contact, const hil_world_t *world, const h
 void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
                          hil_motion_t *y) {
     if (world->config.wheels == 3) {
-        contact_substep(world, electrics, contact, y, 3);
+        contact_substep(world, electrics, contact, NULL, y, 3);
     } else {
-        contact_substep(world, electrics, contact, y, 4);
+        contact_substep(world, electrics, contact, NULL, y, 4);
+    }
+}
+
+void hil_contact_own_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                             const hil_own_t *own, hil_motion_t *y) {
+    if (world->config.wheels == 3) {
+        contact_substep(world, electrics, contact, own, y, 3);
+    } else {
+        contact_substep(world, electrics, contact, own, y, 4);
     }
 }
 

@@ -37,8 +37,8 @@ enum {
     HIL_MAX_WHEELS = 4,
     HIL_MAX_FAULTS = 16,
     HIL_MAX_PATCHES = 8, /**< of the floor, with another friction */
-    HIL_MAX_FIXES = 64, /**< pose fixes on their way */
-    HIL_MAX_I2C = 128,  /**< bytes of the transactions of a tick */
+    HIL_MAX_FIXES = 64,  /**< pose fixes on their way */
+    HIL_MAX_I2C = 128,   /**< bytes of the transactions of a tick */
     HIL_MAX_I2C_READ = 8
 };
 
@@ -72,7 +72,7 @@ typedef struct hil_fault_t {
 
 /** A part of the floor with another friction: a rectangle along the world's axes, or a circle. */
 typedef struct hil_patch_t {
-    double x_m[2];   /**< from, to; a circle's middle is the first of each */
+    double x_m[2]; /**< from, to; a circle's middle is the first of each */
     double y_m[2];
     double radius_m; /**< 0: a rectangle */
     double friction; /**< factor on the friction coefficient, 0.001..10 */
@@ -87,7 +87,7 @@ typedef struct hil_world_config_t {
     hil_seed_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];
-    uint32_t patch_count; /**< plant full alone has patches */
+    uint32_t patch_count;               /**< plant full alone has patches */
     hil_patch_t patch[HIL_MAX_PATCHES]; /**< where two overlap, the later one counts */
 } hil_world_config_t;
 

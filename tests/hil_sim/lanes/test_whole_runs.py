@@ -12,7 +12,9 @@ import pytest
 
 from hil_sim import core
 from hil_sim.batch import run_batch
+from hil_sim.dispersion import Dispersion
 from hil_sim.faults import Fault
+from hil_sim.patches import FloorPatch
 from hil_sim.runs import new_world, run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from omniwheel._core import ffi, lib
@@ -123,6 +125,28 @@ def test_bridges_that_chop_do_so_in_lanes_as_alone() -> None:
     plain = load_scenario("demo").with_parameters(SHORT)
     assert_the_same(scenario)
     assert (run_in_process(scenario).record["truth"][-1] != run_in_process(plain).record["truth"][-1]).any()
+
+
+PATCHES = (FloorPatch((0.0, 0.3), (-0.5, 0.5), 0.3), FloorPatch((0.3, 0.3), (0.2, 0.2), 0.1, radius_m=0.3))
+
+
+@pytest.mark.parametrize("name", ["demo", "fast"])
+def test_worn_wheels_on_patches_behind_gears_with_play_do_the_same_in_lanes(name: str) -> None:
+    """Wheels enter patches, and teeth part and meet, at other times in each run."""
+    spread = (Dispersion("wheel_friction", -0.3, 0.1, relative=True), Dispersion("wheel_drag", sd=0.3))
+    scenario = load_scenario(name).with_parameters(SHORT).with_world({"backlash_rad": 0.01})
+    scenario = replace(scenario, dispersion=spread, patches=PATCHES, wheel_numbers={"wheel_friction": (0.5, 1.0, 0.8)})
+    stats = assert_the_same(scenario)
+    assert stats.together > 0.8 * (stats.together + stats.alone)
+
+
+@pytest.mark.parametrize("change", [{"patches": PATCHES}, {"world": {"backlash_rad": 0.01}}])
+def test_runs_on_another_floor_or_behind_other_gears_are_not_taken_together(change: dict[str, Any]) -> None:
+    plain = load_scenario("demo")
+    changed = replace(plain, **{**change, "world": {**plain.world, **change.get("world", {})}})
+    one, other = Eight(plain), Eight(changed)
+    mixed = ffi.new("hil_run_t *[8]", [*list(one.each)[:4], *list(other.each)[4:]])
+    assert lib.hil_lanes_advance(mixed, 100) == 0
 
 
 def test_any_processor_gives_the_same_bits() -> None:
