@@ -9,6 +9,7 @@ from hil_sim.models.mjcf import mjcf
 from hil_sim.models.parts import robot_parts
 from hil_sim.models.proto import proto
 from hil_sim.models.sdf import sdf
+from hil_sim.models.text import left_out
 from hil_sim.models.urdf import urdf
 from hil_sim.world import world_config
 from omni_schema import Robot
@@ -27,3 +28,13 @@ FORMATS: dict[str, Callable[[Robot], str]] = {
     "mjcf": _mjcf,
 }
 """What makes the text of each. Raises PartsError, WorldError."""
+
+_WITH_FRICTION = ("sdf", "mjcf")
+
+
+def missing_in(robot: Robot, wanted: str) -> list[str]:
+    """Return what a format of FORMATS cannot have of this robot's gears and wheels, as sentences without a full stop.
+
+    Raises PartsError, WorldError.
+    """
+    return left_out(robot_parts(robot), wanted in _WITH_FRICTION)

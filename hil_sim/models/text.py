@@ -13,16 +13,25 @@ def numbers(*values: float) -> str:
     return " ".join(f"{value + 0.0:.9g}" if abs(value) > 1e-15 else "0" for value in values)
 
 
-def motor_note(parts: RobotParts, friction: bool = True) -> str:
-    """Return what a format leaves to the reader, in sentences. ``friction``: it has each wheel's on the floor."""
-    inertia = numbers(parts.wheels[0].armature_kg_m2)
-    left_out = [f"motor and gear turn with {inertia} kg.m^2 at each axle"]
+def left_out(parts: RobotParts, friction: bool = True) -> list[str]:
+    """Return what of the robot's gears and wheels a format cannot have; nothing for gears without play.
+
+    ``friction``: the format has each wheel's friction on the floor.
+    """
+    sentences = []
     if parts.backlash_rad > 0.0:
-        left_out.append(f"the gears have a play of {numbers(parts.backlash_rad)} rad at each wheel")
+        sentences.append(f"the gears have a play of {numbers(parts.backlash_rad)} rad at each wheel")
     if not friction and len({wheel.friction for wheel in parts.wheels}) > 1:
         each = numbers(*(wheel.friction for wheel in parts.wheels))
-        left_out.append(f"the wheels' friction coefficients on the floor are {each}")
-    return f"Made by omni robots export. Not in here: {'; '.join(left_out)}. SI units."
+        sentences.append(f"the wheels' friction coefficients on the floor are {each}")
+    return sentences
+
+
+def motor_note(parts: RobotParts, friction: bool = True) -> str:
+    """Return what formats without a rotor's inertia leave to the reader. ``friction``: as in :func:`left_out`."""
+    inertia = numbers(parts.wheels[0].armature_kg_m2)
+    missing = [f"motor and gear turn with {inertia} kg.m^2 at each axle", *left_out(parts, friction)]
+    return f"Made by omni robots export. Not in here: {'; '.join(missing)}. SI units."
 
 
 def xml_text(root: ET.Element) -> str:

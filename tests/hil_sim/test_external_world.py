@@ -22,6 +22,7 @@ from hil_sim.c_scenario import scenario_world
 from hil_sim.external import ExternalWorldError, ExternalWorldInputError, Fix, Sensed, load_world
 from hil_sim.faults import Fault
 from hil_sim.hil import run_hil
+from hil_sim.patches import FloorPatch
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.summary import TLOG_FILE, summarize
@@ -243,6 +244,8 @@ def test_a_plant_and_deviations_of_the_floor_are_refused_by_name(circle: Scenari
     tolerances = load_scenario("tolerances")
     with pytest.raises(ExternalWorldInputError, match="plant slip"):
         run_hil(circle.with_plant("slip"), world=TinyWorld(circle))
+    with pytest.raises(ExternalWorldInputError, match=r"\[\[patch\]\]"):
+        run_hil(replace(circle, patches=(FloorPatch((0.0, 1.0), (0.0, 1.0), 0.5),)), world=TinyWorld(circle))
     with pytest.raises(ExternalWorldInputError, match="dispersion of "):
         run_hil(tolerances, world=TinyWorld(tolerances))
 

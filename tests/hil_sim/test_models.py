@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from hil_sim.models.export import FORMATS
 from hil_sim.models.parts import KEYS, RobotParts, robot_parts
 from omniwheel.cli import app
-from omniwheel.robots import read_robot
+from omniwheel.robots import find_robot_file, read_robot
 from tests.native import ROOT
 
 ROBOTS = ("three_wheel", "fast_three_wheel", "four_wheel")
@@ -181,6 +181,28 @@ def test_the_command_writes_what_the_ending_says_and_refuses_the_rest(tmp_path: 
         assert refused.exit_code == 2
         assert "urdf, sdf, proto, mjcf" in " ".join(refused.output.split())
     assert not (tmp_path / "robot.xyz").exists()
+
+
+def test_every_format_has_unequal_wheels_or_says_so_and_says_that_gears_have_play(tmp_path: Path) -> None:
+    robot = tmp_path / "worn.toml"
+    plain = find_robot_file("three_wheel").read_text(encoding="utf-8")
+    worn = "wheel_friction = [1.0, 0.5, 1.0]\nwheel_drag = [1.0, 1.0, 3.0]\nbacklash_rad = 0.02\n"
+    robot.write_text(plain + worn, encoding="utf-8")
+    texts = {}
+    for ending in FORMATS:
+        path = tmp_path / f"worn.{ending}"
+        done = CliRunner().invoke(app, ["robots", "export", str(robot), str(path)])
+        assert done.exit_code == 0, done.output
+        said = " ".join(done.output.split())
+        assert "Left out: the gears have a play of 0.02 rad at each wheel." in said
+        assert ("friction coefficients on the floor are 0.6 0.3 0.6" in said) == (ending in ("urdf", "proto"))
+        texts[ending] = path.read_text(encoding="utf-8")
+        assert ending == "mjcf" or "a play of 0.02 rad" in texts[ending]
+    mu = [float(node.text or "") for node in ET.fromstring(texts["sdf"]).iter("mu")]
+    assert mu == pytest.approx([0.6] * 18 + [0.3] * 18 + [0.6] * 18)
+    for ending, tag, name in (("urdf", "dynamics", "friction"), ("mjcf", "joint", "damping")):
+        numbers = [float(node.get(name, "0")) for node in ET.fromstring(texts[ending]).iter(tag)]
+        assert numbers[-1] == pytest.approx(3.0 * numbers[1 if ending == "urdf" else 2])
 
 
 def test_the_page_lists_the_keys() -> None:

@@ -15,12 +15,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from hil_sim.external import ExternalWorldError, load_world
+from hil_sim.external import ExternalWorldError, ExternalWorldInputError, load_world
 from hil_sim.hil import run_hil
 from hil_sim.models.parts import PartsError
 from hil_sim.mujoco_figures import SHOWN, row, yaw_ripple
 from hil_sim.mujoco_settings import Film, Floor, Patch, Settings, read_settings
 from hil_sim.mujoco_world import MujocoWorld
+from hil_sim.patches import FloorPatch
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.summary import summarize
@@ -142,6 +143,30 @@ def test_a_slope_pulls_downhill_and_ice_lets_it() -> None:
     moved = [driven(world, (0.0, 0.0, 0.0), 500)[-1][1] for world in (held, slid)]
     assert moved[1] < -0.05 < moved[0]
     assert held.accelerometer_m_s2[1] == pytest.approx(GRAVITY_M_S2 * math.sin(math.radians(10.0)), abs=0.3)
+
+
+def test_the_scenario_s_patches_and_each_wheel_s_friction_reach_the_rollers() -> None:
+    """The second wheel stands at 120 degrees, so at x below 0 and y above."""
+    patch = FloorPatch((-1.0, 0.0), (0.0, 1.0), 0.5)
+    worn = {"wheel_friction": (1.0, 1.0, 0.3), "wheel_drag": (1.0, 1.0, 4.0)}
+    world = MujocoWorld(replace(standing("three_wheel"), patches=(patch,), wheel_numbers=worn))
+    driven(world, (0.0, 0.0, 0.0), 2)
+    seen = [float(world.model.geom_friction[world._rollers[wheel][0], 0]) for wheel in range(3)]
+    assert seen == pytest.approx([0.6, 0.3, 0.18])
+    rubbing = [max(world.model.dof_frictionloss[world._pins[wheel]]) for wheel in range(3)]
+    assert rubbing == pytest.approx(np.array([1.0, 1.0, 4.0]) * world.parts.roller_dry_N_m)
+
+
+def test_gears_with_play_are_refused_with_a_sentence(tmp_path: Path) -> None:
+    scenario = standing("three_wheel").with_world({"backlash_rad": 0.02})
+    with pytest.raises(ExternalWorldInputError, match=r"backlash_rad is 0.02: the MuJoCo model's gears have no play"):
+        MujocoWorld(scenario)
+    path = tmp_path / "play.toml"
+    head = '[scenario]\nname = "play"\nextends = "no_slip"\n[world]\nbacklash_rad = 0.02\n'
+    path.write_text(head, encoding="utf-8")
+    result = CliRunner().invoke(app, ["hil", str(path), "--world", "mujoco", "--out", str(tmp_path / "run")])
+    assert result.exit_code == 2
+    assert "have no play" in " ".join(result.output.split())
 
 
 def test_bumps_shake_the_body_and_the_same_seed_is_the_same_floor() -> None:

@@ -11,11 +11,15 @@ from hil_sim.faults import Fault
 from hil_sim.limits import MAX_SEED
 from hil_sim.runs import new_world
 from hil_sim.scenario import Event, load_scenario, parse_scenario, scenario_names
+from hil_sim.scenario_file import scenario_document
 from omni_schema import SchemaError
 from omniwheel.errors import RobotFileError
 from omniwheel.robots import find_robot_file
 
 HEAD: dict[str, Any] = {"name": "mine", "description": "for a test", "robot": "three_wheel"}
+
+
+SQUARE: dict[str, Any] = {"x_m": [0, 1], "y_m": [0, 1]}
 
 
 def parse(**parts: Any) -> Any:
@@ -106,6 +110,21 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         ({"fault": [{"kind": "pose_loss", "start_s": 1, "wheel": 1}]}, ("fault[1].wheel", "does not apply")),
         ({"fault": [{"kind": "pose_loss", "start_s": 2, "stop_s": 1}]}, ("fault[1].stop_s", "from 2")),
         ({"scenrio": {}}, ("scenrio", "did you mean scenario")),
+        ({"world": {"wheel_friction": [1, 1]}}, ("world.wheel_friction", "has 2 numbers; 3 are needed")),
+        ({"world": {"wheel_friction": [1, 1, 0]}}, ("world.wheel_friction[3]", "from 0.001 to 10")),
+        ({"world": {"wheel_drag": -1}}, ("world.wheel_drag", "-1", "from 0 to 100")),
+        ({"world": {"backlash_rad": 0.6}}, ("world.backlash_rad", "from 0 to 0.5 rad")),
+        ({"patch": {"friction": 1}}, ("patch", "[[patch]]")),
+        ({"patch": [{"friction": 0.5}]}, ("patch[1]", "no place", "centre_m and radius_m")),
+        ({"patch": [{"x_m": [0, 1], "radius_m": 1, "friction": 1}]}, ("patch[1]", "radius_m, x_m; give")),
+        ({"patch": [{**SQUARE, "friction": 0}]}, ("patch[1].friction", "from 0.001 to 10")),
+        ({"patch": [SQUARE]}, ("patch[1].friction", "None")),
+        ({"patch": [{**SQUARE, "y_m": [1, 0], "friction": 1}]}, ("patch[1].y_m", "the first must be below")),
+        ({"patch": [{**SQUARE, "x_m": [0, math.inf], "friction": 1}]}, ("patch[1].x_m[2]", "finite")),
+        ({"patch": [{"centre_m": [0, 0], "radius_m": 0, "friction": 1}]}, ("patch[1].radius_m", "0")),
+        ({"patch": [{**SQUARE, "frictoin": 1}]}, ("patch[1].frictoin", "did you mean friction")),
+        ({"patch": [{**SQUARE, "friction": 1}] * 9}, ("patch", "9", "at most 8")),
+        ({"world": {"plant": "linear"}, "patch": [{**SQUARE, "friction": 1}]}, ("patch", "plant linear", "full")),
     ],
 )
 def test_a_mistake_is_named_with_file_key_and_what_is_allowed(parts: dict[str, Any], said: tuple[str, ...]) -> None:
@@ -196,3 +215,21 @@ def test_the_world_may_hold_another_robot_than_the_firmware_believes(tmp_path: P
 def test_the_world_s_robot_has_as_many_wheels() -> None:
     with pytest.raises(SchemaError, match=r"world_robot.*4 wheels"):
         load_scenario("stand", world_robot="four_wheel")
+
+
+def test_a_scenario_s_floor_and_wheels_reach_the_world() -> None:
+    circle = {"centre_m": [0.5, -0.2], "radius_m": 0.3, "friction": 0.25}
+    scenario = parse(
+        world={"wheel_friction": [1, 0.5, 2], "wheel_drag": 3, "backlash_rad": 0.01},
+        patch=[{**SQUARE, "friction": 0.5}, circle],
+    )
+    config = new_world(scenario).c.config
+    assert list(config.wheel_friction)[:3] == [1.0, 0.5, 2.0]
+    assert list(config.wheel_drag)[:3] == [3.0, 3.0, 3.0]
+    assert config.backlash_rad == 0.01
+    assert config.patch_count == 2
+    assert (list(config.patch[0].x_m), config.patch[0].radius_m, config.patch[0].friction) == ([0.0, 1.0], 0.0, 0.5)
+    middle = (config.patch[1].x_m[0], config.patch[1].y_m[0])
+    assert (middle, config.patch[1].radius_m, config.patch[1].friction) == ((0.5, -0.2), 0.3, 0.25)
+    assert parse_scenario(scenario_document(scenario), "copy.toml").patches == scenario.patches
+    assert parse_scenario(scenario_document(scenario), "copy.toml").wheel_numbers == scenario.wheel_numbers

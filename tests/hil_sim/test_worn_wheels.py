@@ -138,7 +138,7 @@ def test_each_wheel_has_the_friction_of_where_it_stands(pose: tuple[float, float
 
 
 def test_ice_everywhere_keeps_what_wheels_and_patches_have(make_world: Any) -> None:
-    """omni sitl's ice changes the floor's coefficient while the world runs."""
+    """The ice of omni sitl changes the floor's coefficient while the world runs."""
     patch = FloorPatch((-9.0, 9.0), (-9.0, 9.0), 0.5)
     for patches, share in (([], 0.7), ([patch], 0.35)):
         world = make_world("three_wheel", wheel_friction=(1.0, 0.7, 1.0), patches=patches)

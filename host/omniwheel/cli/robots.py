@@ -114,7 +114,7 @@ def export(
     URDF for ROS and many others, SDF for Gazebo, PROTO for Webots, MJCF for MuJoCo. Motors and their electronics are
     not in it; docs/guides/external-worlds.md says how a simulator speaks to the firmware.
     """
-    from hil_sim.models.export import FORMATS
+    from hil_sim.models.export import FORMATS, missing_in
 
     chosen = wanted or file.suffix.removeprefix(".")
     if chosen not in FORMATS:
@@ -122,10 +122,13 @@ def export(
         raise typer.BadParameter(f"{asked}: give --format, one of {', '.join(FORMATS)}")
     robot = read_robot(name)
     files.write_text(file, FORMATS[chosen](robot))
+    missing = missing_in(robot, chosen)
     if as_json:
-        print_json({"name": robot.name, "format": chosen, "file": str(file)})
+        print_json({"name": robot.name, "format": chosen, "file": str(file), "left_out": missing})
         return
     console.print(f"{file} written: {robot.name} as {chosen.upper()}")
+    for sentence in missing:
+        console.print(f"Left out: {sentence}.")
 
 
 @app.command("check", epilog=examples("omni robots check mine.toml", "omni robots check four_wheel --plot speeds.png"))
