@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* Play of the gears, for plant full: motor and wheel turn by themselves until the teeth meet.
  *
- * gap_rad is how far the motor is ahead of its wheel, within half the play on either side. mesh says which flanks touch:
- * 1, the motor pushes the wheel counter-clockwise; -1, clockwise; 0, none.
+ * gap_rad is how far the motor is ahead of its wheel, within half the play on either side. mesh says which flanks
+ * touch. At 1 the motor pushes the wheel counter-clockwise, at -1 clockwise; at 0 none touch.
  *
  *   meshed:   J w' = K i - b w - T_c(w) - r F, one speed, as in plant_contact.c
  *   free:     (1 - s) J wm' = K i - b wm - T_c(wm),  s J w' = -r F,  gap' = wm - w

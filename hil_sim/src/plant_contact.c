@@ -10,8 +10,8 @@
  * A has friction, traction, winding and roller drag. Eliminating current and speed of each wheel leaves three equations
  * of the body. They are solved in newtons: k->v is mass times rate until then.
  *
- * Everything is unrolled over the n wheels, 3 or 4, and compiled once more for wheels with numbers of their own
- * (hil_own_t), so that others do not pay for them. */
+ * Everything is unrolled over the n wheels, 3 or 4. It is compiled once more for wheels with numbers of their own
+ * (hil_own_t): other runs do not pay for them. */
 #include <string.h>
 
 #include "motion.h"

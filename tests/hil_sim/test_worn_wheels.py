@@ -11,8 +11,11 @@ import pytest
 
 from hil_sim.faults import Fault
 from hil_sim.patches import FloorPatch, factor_at
+from hil_sim.scenario import load_scenario
 from hil_sim.world import World, WorldError
 from omni_schema import Robot
+from tests.hil_sim.rollers_page import PAGE
+from tests.hil_sim.worn_page import changed, errors, table
 
 OPEN = [0, 0, 0, 0]
 
@@ -226,3 +229,14 @@ def test_on_a_slope_the_lower_wheels_carry_more(any_robot: Robot, make_world: An
     shift = -height * math.tan(SLOPE)
     assert middle == pytest.approx([shift * math.cos(UPHILL), shift * math.sin(UPHILL)], rel=0.02)
     assert loads.sum() == pytest.approx(world.c.config.mass_kg * GRAVITY * math.cos(SLOPE), rel=1e-3)
+
+
+def test_the_page_says_what_play_costs_a_robot_with_fixes() -> None:
+    what = "play of 0.05 rad (2.9°)"
+    found = [error[0] for error in errors(changed(load_scenario("demo"))[what])]
+    assert f"| {what} | {min(found):.2f} to {max(found):.2f} |" in PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.nightly
+def test_the_page_has_the_whole_table() -> None:
+    assert "\n".join(table()) in PAGE.read_text(encoding="utf-8")
