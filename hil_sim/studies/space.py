@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil_sim.scenario import Scenario
-from hil_sim.schema import WORLD_NUMBERS
+from hil_sim.schema import WORLD_LISTS, WORLD_NUMBERS
 from hil_sim.studies.errors import StudyInputError
 from hil_sim.studies.plan import WORLD_PREFIX, Point
 from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
@@ -121,6 +121,9 @@ class _Quantity:
 def _quantity(name: str, table: ParameterTable) -> _Quantity:
     if name.startswith(WORLD_PREFIX):
         key = name[len(WORLD_PREFIX) :]
+        if key in WORLD_LISTS:
+            hint = "write it into the scenario's [world], as a list or as one number for all wheels"
+            raise StudyInputError(f"{key} is a number of each wheel; it cannot be set or varied here", hint=hint)
         if key not in WORLD_NUMBERS:
             hint = f"the world has {', '.join(WORLD_NUMBERS)}"
             raise StudyInputError(f"the world has no number {key}{did_you_mean(key, WORLD_NUMBERS)}", hint=hint)

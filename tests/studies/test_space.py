@@ -25,6 +25,7 @@ BAD = {
     "ISMC_LAM_XY=2:2": "not below",
     "ISMC_LAM_XY=1:1e9": "allowed is",
     "ISMC_LAM_XY=nan:2": "finite",
+    "world.wheel_friction=0.5:1": "a number of each wheel",
     "ISMC_LAM_XY=a:b": "allowed is",
     "ISMC_LAM_XY=1:2:1": "number of points",
     "ISMC_LAM_XY=1:2:x": "number of points",
