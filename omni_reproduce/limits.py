@@ -35,6 +35,8 @@ NAME = "limits"
 WHEELS: Mapping[str, bool] = {"ideal": True, "real": False}
 """The two kinds of wheels, and whether they are ideal."""
 AXES, UNITS = ("position", "heading"), ("mm", "mrad")
+FAR = 1.1
+"""A filter that knows and is farther than this from the bound does not show that it can be reached."""
 GYRO_STEPS = 32768.0
 """Steps of a gyro's range, from sensor_gyro.c."""
 
@@ -259,7 +261,9 @@ def verdict(spec: Mapping[str, Any], table: Mapping[tuple[str, str], Figures]) -
         ends = [f"{ideal[key].ratio[axis]:.2f} ({spec['setting'][key]['title']})" for key in (order[0], order[-1])]
         parts.append(f"in {name} from {ends[0]} to {ends[1]} times the bound")
     told = np.array([entry.told / entry.bound for entry in ideal.values()])
+    far = [spec["setting"][key]["title"] for key, entry in ideal.items() if (entry.told > FAR * entry.bound).any()]
+    reached = f"It is farther than {FAR:g} times only in: {', '.join(far)}" if far else "So the bound can be reached"
     return (
         f"**Verdict.** On ideal wheels the robot's estimate is {' and '.join(parts)}. The filter that knows is from "
-        f"{told.min():.2f} to {told.max():.2f} times: the bound can be reached."
+        f"{told.min():.2f} to {told.max():.2f} times the bound. {reached}."
     )
