@@ -35,6 +35,8 @@ NAME = "limits"
 WHEELS: Mapping[str, bool] = {"ideal": True, "real": False}
 """The two kinds of wheels, and whether they are ideal."""
 AXES, UNITS = ("position", "heading"), ("mm", "mrad")
+BOUNDS_SHARE = 0.4
+"""Of the time that all takes, that of the bounds."""
 FAR = 1.1
 """A filter that knows and is farther than this from the bound does not show that it can be reached."""
 GYRO_STEPS = 32768.0
@@ -70,7 +72,8 @@ def run(context: Context) -> Result:
     seeds = context.count(head["seeds"], head["quick_seeds"])
     paths = head["quick_paths"] if context.quick else head["paths"]
     keys = head["quick_settings"] if context.quick else list(spec["setting"])
-    known = context.map(partial(bound_and_told, spec, paths=paths), keys)
+    first = replace(context, progress=lambda share: context.progress(BOUNDS_SHARE * share))
+    known = first.map(partial(bound_and_told, spec, paths=paths), keys)
     rows: list[Row] = []
     table: dict[tuple[str, str], Figures] = {}
     for key, (bound, told) in zip(keys, known, strict=True):
@@ -78,6 +81,7 @@ def run(context: Context) -> Result:
             reached = reached_by_robot(scenario_of(spec, key, wheels), head["seed"], seeds, context.workers)
             table[key, wheels] = Figures(bound, told, reached)
             rows += _rows(spec, (key, wheels), table[key, wheels], paths)
+            context.progress(BOUNDS_SHARE + (1.0 - BOUNDS_SHARE) * len(table) / (len(keys) * len(WHEELS)))
     return Result(tuple(rows), notes=_notes(spec, table, seeds, paths))
 
 

@@ -105,14 +105,20 @@ def test_to_know_less_raises_the_bound() -> None:
     def mean(statistics: Statistics) -> Array:
         return np.asarray(bound_variances(moves[None], gains[None], 3, statistics)[0, 50:].mean(axis=0))
 
-    for change in ({"fix_delay_s": 0.05}, {"fix_rate_Hz": 10.0}, {"slip_max": 0.2}, {"count_rad": 0.02}):
+    changes: list[dict[str, Any]] = [
+        {"fix_delay_s": 0.05},
+        {"fix_rate_Hz": 10.0},
+        {"slip_max": 0.2},
+        {"count_rad": 0.02},
+    ]
+    for change in changes:
         assert (mean(replace(WORLD, **change)) > mean(WORLD)).all(), change
     gyro = replace(WORLD, gyro_step_variance=1e-9, gyro_bias_sd=0.01)
     assert (mean(gyro) < mean(WORLD)).all()
 
 
 @pytest.mark.parametrize("gyro", [{}, {"gyro_step_variance": 2.5e-11, "gyro_bias_sd": 0.009, "gyro_bias_walk": 1e-6}])
-def test_a_filter_that_knows_the_world_reaches_the_bound(gyro: dict[str, float]) -> None:
+def test_a_filter_that_knows_the_world_reaches_the_bound(gyro: dict[str, Any]) -> None:
     """Over many short runs its mean square error is the bound, within what so many runs leave open."""
     world = replace(WORLD, fix_delay_s=0.02, count_rad=2.0 * np.pi / 10000, **gyro)
     paths = 150
@@ -165,7 +171,7 @@ def test_statistics_are_those_of_the_scenario() -> None:
     ("change", "named"),
     [({"fix_rate_Hz": 0.0}, "fix_rate_Hz"), ({"fix_rate_Hz": 333.0}, "fix_rate_Hz"), ({"fix_delay_s": 0.003}, "delay")],
 )
-def test_times_that_fit_no_step_are_refused(change: dict[str, float], named: str) -> None:
+def test_times_that_fit_no_step_are_refused(change: dict[str, Any], named: str) -> None:
     with pytest.raises(BoundError, match=named) as refused:
         Schedule(replace(WORLD, **change))
     assert isinstance(refused.value, OmniError)
