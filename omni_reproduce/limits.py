@@ -213,6 +213,7 @@ def _notes(
             for key, entry in spec["quoted"].items()
         ),
         verdict(spec, table),
+        words["creep"],
     )
 
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hil_sim import metrics
+from hil_sim.runs import run_in_process
 from omni_reproduce import limits
 from omni_reproduce.experiment import read_spec
 from omni_reproduce.posterior_bound import (
@@ -142,6 +144,42 @@ def test_the_robot_is_not_below_the_bound(key: str) -> None:
     assert (np.sqrt(np.mean(reached**2, axis=0)) > bound).all()
     assert (told > (1.0 - MONTE_CARLO) * bound).all()
     assert (told < np.sqrt(np.mean(reached**2, axis=0))).all(), "who knows more is better"
+
+
+def without_creep(record: NDArray[Any], wheels: Wheels) -> NDArray[Any]:
+    """Return the record with wheels that turn as the way and the slip ask for."""
+    moved = np.diff(record["truth"], axis=0) / TICK_S
+    heading = record["truth"][:-1, 2] + 0.5 * TICK_S * moved[:, 2]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    ahead, aside = cosine * moved[:, 0] + sine * moved[:, 1], cosine * moved[:, 1] - sine * moved[:, 0]
+    rim = np.stack([ahead, aside, moved[:, 2]], axis=1) @ np.linalg.pinv(wheels.to_body).T
+    speed = rim / wheels.radius_m / (1.0 - record["slip_ratio"][1:, : wheels.count])
+    out = record.copy()
+    out["wheel_rad_s"][1:-1, : wheels.count] = 0.5 * (speed[1:] + speed[:-1])
+    out["wheel_rad_s"][-1, : wheels.count] = speed[-1]
+    return out
+
+
+def test_creep_is_what_keeps_the_filter_from_the_bound() -> None:
+    """With exact fixes it counts. Who knows it, as the bound does, is at the bound."""
+    scenario = limits.scenario_of(SPEC, "fix_0_3mm", "ideal")
+    wheels, counts = limits.wheels_of(scenario)
+    statistics = replace(limits.statistics_of(scenario, 1), fix_sd=np.full(3, 0.0003))
+    records = [run_in_process(scenario, seed).record for seed in (1, 2)]
+    gained = [motion_gains(record, wheels, statistics) for record in records]
+    moves, gains = (np.stack([part[kind] for part in gained]) for kind in (0, 1))
+    on_path = np.stack([metrics.on_path(record)[:-1:STEP_TICKS][: moves.shape[1]] for record in records])
+    bound = limits.rms(bound_variances(moves, gains, wheels.count, statistics)[on_path])
+    known = [without_creep(record, wheels) for record in records]
+    creeps, knows = (
+        limits.rms(filter_errors(together(readings), wheels, statistics)[on_path])
+        for readings in (
+            [measure(record, wheels, statistics, counts, seed) for seed, record in enumerate(chosen, start=1)]
+            for chosen in (records, known)
+        )
+    )
+    assert (creeps > 1.05 * knows).all(), creeps / knows
+    np.testing.assert_allclose(knows, bound, rtol=0.03)
 
 
 def test_on_the_kept_page_nobody_is_below_the_bound() -> None:
