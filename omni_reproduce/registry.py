@@ -56,6 +56,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         ("table5", "fig13", "fig14", "fig15", "fig16"),
     ),
     Experiment("consistency", "Whether the pose filter knows how good it is", "consistency"),
+    Experiment("limits", "The best that a causal filter could do", "limits"),
     Experiment("table9", "Tables 8 and 9: model identification", "identification", ("table8",)),
     Experiment("real_logs", "Logs of a real robot", "real_logs"),
     Experiment("diagrams", "Figures 9 and 12: block diagrams", "diagrams", ("fig9", "fig12")),
