@@ -64,7 +64,7 @@ static void wheel_loops(omni_control_state_t *control, const omni_robot_config_t
     actuation->duty_scale =
         omni_wheel_speed_step(&control->wheel_speed, &c->wheel_speed, actuation->wheel_reference, acceleration,
                               estimate->wheel_rad_s, estimate->supply_V, actuation->duty, voltage_V);
-    if (!one_by_one) { /* the references are those of one body */
+    if (c->kinematics.has_null && !one_by_one) { /* the references are those of one body */
         omni_wheel_speed_balance(&control->wheel_speed, &c->wheel_speed);
     }
 }
