@@ -124,7 +124,9 @@ def test_what_does_not_fit_is_refused_and_nothing_moves(
 def test_a_robot_that_holds_its_pose_takes_no_speeds_and_one_at_rest_nothing(robot: Client) -> None:
     robot.heartbeat()
     robot.ticks(20)
+    robot.inbox.clear()
     assert excite(robot, WHEEL, 1, 0.5, 1.0) == DENIED
+    assert robot.wait("STATUSTEXT").text == "not excited: arm first"
     robot.armed()
     assert excite(robot, WHEEL, 1, 0.5, 1.0) == DENIED
     assert excite(robot, POSE, 0, 0.01, 1.0) == ACCEPTED

@@ -109,10 +109,37 @@ def test_a_set_stored_by_index_is_read_by_the_old_order(schema: int) -> None:
     assert started(memory(entries, BY_INDEX, schema), *names) == ([7.0, 0.25], [])
 
 
+@pytest.mark.parametrize(("schema", "count"), [(TODAY, 135), (0x6357FBE0, 135), (0xA2825F89, 133), (0xAAEABBE3, 133)])
+def test_an_index_beyond_the_old_table_is_left_out(schema: int, count: int) -> None:
+    """What was no parameter then is none now, whatever stands at that place today."""
+    name = list(TABLE)[count]
+    _, texts = started(memory([(count, TABLE[name].minimum)], BY_INDEX, schema), name)
+    assert texts == ["1 stored values left out: unknown here"]
+
+
+def test_stored_values_that_fit_only_together_are_all_used() -> None:
+    """Two channels changed places: one after another, each would clash with the robot's own of the other."""
+    names = ("W1_IN1_CH", "W2_IN1_CH")
+    first, second = (own(name)[0] for name in names)
+    assert started(memory(by_name(dict(zip(names, (second, first), strict=True)))), *names) == ([second, first], [])
+
+
 def test_a_set_by_index_of_an_unknown_table_is_not_used_and_said() -> None:
     entries = [(TABLE["LIM_V"].index, 0.25)]
     found, texts = started(memory(entries, BY_INDEX, 0x01020304), "LIM_V")
     assert (found, texts) == (own("LIM_V"), ["stored parameters are too old: not used"])
+
+
+def test_a_load_of_an_unknown_table_is_refused_with_the_reason() -> None:
+    entries = [(TABLE["LIM_V"].index, 0.25)]
+    with MemoryRobot(memory(entries, BY_INDEX, 0x01020304)) as robot:
+        robot.run(50)
+        station = usb(robot)
+        station.run(50)
+        station.mav.command_long_send(1, 1, STORE, 0, 0, 0, 0, 0, 0, 0, 0)
+        answers = station.run(50)
+    assert [m.result for m in answers if m.get_type() == "COMMAND_ACK"] == [mavlink.MAV_RESULT_FAILED]
+    assert "stored parameters are too old: not used" in [m.text for m in answers if m.get_type() == "STATUSTEXT"]
 
 
 def test_todays_table_still_begins_in_the_order_of_the_old_ones() -> None:
