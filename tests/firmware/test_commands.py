@@ -284,3 +284,15 @@ def test_a_vicon_fix_pulls_the_estimate_towards_it(robot: Client) -> None:
     assert 0 < pose[0] < 0.004
     assert 0 < pose[1] < 0.003
     assert 0 < pose[2] < 0.002
+
+
+@pytest.mark.parametrize("disarmed", [False, True])
+def test_a_path_that_waits_for_arming_is_forgotten_if_somebody_disarms(robot: Client, disarmed: bool) -> None:
+    robot.heartbeat()
+    robot.ticks(20)
+    assert robot.command(mav.MAV_CMD_OMNI_TRAJECTORY_START, 4, 1) == mav.MAV_RESULT_ACCEPTED
+    if disarmed:
+        assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    robot.armed()
+    drives = any(w for tick in robot.ticks(800) for w in tick.actuators.wheel_reference)
+    assert drives == (not disarmed)

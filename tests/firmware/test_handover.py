@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT
+"""A value handed from the background to the tick: whatever their turns, the tick's own is never written to."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.native import ROOT, build_library
+
+HERE = Path(__file__).parent
+
+
+@cache
+def library() -> ctypes.CDLL:
+    folder = Path(mkdtemp(prefix="omni-handover-"))
+    loaded = ctypes.CDLL(str(build_library(folder, "handover", [HERE / "handover_shim.cpp"], [ROOT / "firmware"])))
+    loaded.handover_take.restype = ctypes.c_bool
+    return loaded
+
+
+@given(st.lists(st.sampled_from(["publish", "withdraw", "take", "prepare"]), max_size=40))
+def test_the_tick_has_the_latest_value_that_was_not_withdrawn_and_keeps_it(turns: list[str]) -> None:
+    lib = library()
+    lib.handover_reset()
+    offered: int | None = None
+    has = -1
+    for number, turn in enumerate(turns):
+        if turn == "prepare":
+            assert lib.handover_prepare(1000 + number) == has, "the tick's own value was written to"
+        elif turn == "publish":
+            assert lib.handover_prepare(number) == has, "the tick's own value was written to"
+            lib.handover_publish()
+            offered = number
+        elif turn == "withdraw":
+            lib.handover_withdraw()
+            offered = None
+        else:
+            assert lib.handover_take() == (offered is not None)
+            has = has if offered is None else offered
+            offered = None
+        assert lib.handover_taken() == has
