@@ -13,7 +13,7 @@ is told to go back by this program alone, which needs the link.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from types import TracebackType
 
@@ -34,6 +34,7 @@ class Trial:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._known = True
+        self._before: dict[str, float] = {}
 
     def __enter__(self) -> Trial:
         self._begin()
@@ -45,10 +46,12 @@ class Trial:
         While a program computes or waits for a key it sends no heartbeats, and the robot takes everything back. So this
         asks first whether the trial goes on. If not, a new one begins, and all values are sent.
         """
+        parameters = self._robot.parameters
         if not self._goes_on():
-            self._robot.parameters.forget()
+            self._read_again(values)
             self._begin()
-        self._robot.parameters.set_many(values)
+        self._before = {**{name: parameters[name] for name in values}, **self._before}
+        parameters.set_many(values)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -58,7 +61,13 @@ class Trial:
             return
         with suppress(OmniError):  # the robot does it by itself, and the first error is the one to tell
             self._send(_BACK, "to take back the parameters on trial")
-            self._robot.parameters.forget()
+            known = self._robot.parameters.known
+            self._read_again(name for name, value in self._before.items() if known.get(name) != value)
+
+    def _read_again(self, names: Iterable[str]) -> None:
+        """Ask the robot: what is known here is of before it took something back."""
+        for name in names:
+            self._robot.parameters.read(name)
 
     def _begin(self) -> None:
         try:
@@ -68,7 +77,7 @@ class Trial:
                 raise
             # A program before this one on the same link was killed a moment ago.
             self._send(_BACK, "to take back the parameters on trial")
-            self._robot.parameters.forget()
+            self._read_again(self._robot.parameters.known)
             self._send(_BEGIN, "to try parameters")
 
     def _goes_on(self) -> bool:

@@ -8,8 +8,10 @@ import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from io import UnsupportedOperation
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NoReturn
 
 import typer
 
@@ -201,13 +203,21 @@ def wait_for_end(firmware: FirmwareChild) -> NoReturn:
 def _read_input(commands: Commands | None, end_with_it: bool) -> None:
     from omniwheel.cli.sitl_commands import lines_of
 
-    # Not sys.stdin's own buffer: Python closes that at the program's end, and aborts if a thread still waits in it.
-    with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as stream:
+    with _standard_input() as stream:
         for line in lines_of(stream):
             if commands is not None:
                 commands.take(line)
     if end_with_it:
         _thread.interrupt_main()
+
+
+def _standard_input() -> AbstractContextManager[BinaryIO]:
+    """Not sys.stdin's own buffer: Python closes that at the program's end, and aborts if a thread still waits in it."""
+    try:
+        number = sys.stdin.fileno()
+    except UnsupportedOperation:  # somebody has put a buffer in its place
+        return nullcontext(sys.stdin.buffer)
+    return open(number, "rb", buffering=0, closefd=False)
 
 
 def _simulated_radio(
