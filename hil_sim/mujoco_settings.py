@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from omni_schema import SchemaError
-from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table
+from omni_schema.toml_file import number_within, read_toml, refuse_unknown_keys, take_table
 
 _RANGES = {
     "slope_deg": (0.0, 30.0),
@@ -133,7 +133,7 @@ def read_settings(path: Path) -> Settings:
 def _table(source: str, name: str, given: object, ranges: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
     table = take_table(source, name, given)
     refuse_unknown_keys(source, f"{name}.", table, tuple(ranges))
-    numbers = {key: _within(source, f"{name}.{key}", value, *ranges[key]) for key, value in table.items()}
+    numbers = {key: number_within(source, f"{name}.{key}", value, *ranges[key]) for key, value in table.items()}
     for key in set(numbers) & set(_WHOLE):
         if numbers[key] != int(numbers[key]):
             raise SchemaError(source, f"{name}.{key}", f"is {numbers[key]}; a whole number is needed")
@@ -143,21 +143,14 @@ def _table(source: str, name: str, given: object, ranges: Mapping[str, tuple[flo
 def _patch(source: str, key: str, entry: Any) -> Patch:
     table = take_table(source, key, entry)
     refuse_unknown_keys(source, f"{key}.", table, ("x_m", "y_m", "friction"))
-    friction = _within(source, f"{key}.friction", table.get("friction"), 1e-3, 10.0)
+    friction = number_within(source, f"{key}.friction", table.get("friction"), 1e-3, 10.0)
     return Patch(_span(source, f"{key}.x_m", table.get("x_m")), _span(source, f"{key}.y_m", table.get("y_m")), friction)
 
 
 def _span(source: str, key: str, value: object) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise SchemaError(source, key, f"is {value!r}; two numbers are needed: from, to")
-    low, high = (_within(source, key, item, -1e6, 1e6) for item in value)
+    low, high = (number_within(source, key, item, -1e6, 1e6) for item in value)
     if low >= high:
         raise SchemaError(source, key, f"is {value!r}; the first has to be the smaller one")
     return low, high
-
-
-def _within(source: str, key: str, value: object, low: float, high: float) -> float:
-    number = take_number(source, key, value)
-    if not low <= number <= high:
-        raise SchemaError(source, key, f"is {number:g}; allowed is a number from {low:g} to {high:g}")
-    return number

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omni_schema import SchemaError
-from omni_schema.toml_file import refuse_unknown_keys, take_number
+from omni_schema.toml_file import number_within, refuse_unknown_keys
 from omniwheel._core import lib
 
 MAX_PATCHES: int = lib.HIL_MAX_PATCHES
@@ -71,7 +71,7 @@ def parse_patch(source: str, key: str, entry: dict[str, Any]) -> FloorPatch:
     """Read an entry of ``[[patch]]``. Raises SchemaError that names key, value and what is allowed."""
     refuse_unknown_keys(source, f"{key}.", entry, (*_RECTANGLE, *_CIRCLE, "friction"))
     given = {name for name in (*_RECTANGLE, *_CIRCLE) if name in entry}
-    friction = _within(source, f"{key}.friction", entry.get("friction"), LEAST_FRICTION, MOST_FRICTION)
+    friction = number_within(source, f"{key}.friction", entry.get("friction"), LEAST_FRICTION, MOST_FRICTION)
     if given == set(_RECTANGLE):
         x_m, y_m = (_pair(source, f"{key}.{name}", entry[name]) for name in _RECTANGLE)
         for name, (low, high) in zip(_RECTANGLE, (x_m, y_m), strict=True):
@@ -83,7 +83,7 @@ def parse_patch(source: str, key: str, entry: dict[str, Any]) -> FloorPatch:
     if given == set(_CIRCLE):
         x, y = _pair(source, f"{key}.centre_m", entry["centre_m"])
         return FloorPatch(
-            (x, x), (y, y), friction, _within(source, f"{key}.radius_m", entry["radius_m"], 1e-6, FARTHEST_m)
+            (x, x), (y, y), friction, number_within(source, f"{key}.radius_m", entry["radius_m"], 1e-6, FARTHEST_m)
         )
     problem = f"has {', '.join(sorted(given)) or 'no place'}; give x_m and y_m, or centre_m and radius_m"
     raise SchemaError(source, key, problem)
@@ -99,12 +99,7 @@ def parse_patches(source: str, entries: Sequence[dict[str, Any]]) -> tuple[Floor
 def _pair(source: str, key: str, value: object) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         raise SchemaError(source, key, f"is {value!r}; a list of two numbers is needed")
-    first, second = (_within(source, f"{key}[{i + 1}]", item, -FARTHEST_m, FARTHEST_m) for i, item in enumerate(value))
+    first, second = (
+        number_within(source, f"{key}[{i + 1}]", item, -FARTHEST_m, FARTHEST_m) for i, item in enumerate(value)
+    )
     return first, second
-
-
-def _within(source: str, key: str, value: object, low: float, high: float) -> float:
-    number = take_number(source, key, value)
-    if not low <= number <= high:
-        raise SchemaError(source, key, f"is {number:g}; allowed is a number from {low:g} to {high:g}")
-    return number

@@ -38,6 +38,10 @@ class Message(Protocol):
     def __getattr__(self, name: str) -> Any: ...
 
 
+TRIAL_KEEP, TRIAL_BEGIN, TRIAL_BACK, TRIAL_ASK = 0.0, 1.0, 2.0, 3.0
+"""Actions of MAV_CMD_OMNI_TRIAL, its first parameter: docs/reference/protocol.md."""
+
+
 def _load() -> Any:
     folder = str(dialect_dir())
     if folder not in _v20.__path__:

@@ -17,12 +17,10 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from types import TracebackType
 
-from omniwheel.dialect import mavlink
+from omniwheel.dialect import TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
 from omniwheel.errors import CommandRefusedError, OmniError
 from omniwheel.parameters import ParameterValue
 from omniwheel.robot import Robot
-
-_KEEP, _BEGIN, _BACK, _ASK = 0.0, 1.0, 2.0, 3.0
 
 
 class Trial:
@@ -57,10 +55,10 @@ class Trial:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is None:
-            self._send(_KEEP, "to keep the parameters on trial")
+            self._send(TRIAL_KEEP, "to keep the parameters on trial")
             return
         with suppress(OmniError):  # the robot does it by itself, and the first error is the one to tell
-            self._send(_BACK, "to take back the parameters on trial")
+            self._send(TRIAL_BACK, "to take back the parameters on trial")
             known = self._robot.parameters.known
             self._read_again(name for name, value in self._before.items() if known.get(name) != value)
 
@@ -71,18 +69,18 @@ class Trial:
 
     def _begin(self) -> None:
         try:
-            self._send(_BEGIN, "to try parameters")
+            self._send(TRIAL_BEGIN, "to try parameters")
         except CommandRefusedError as error:
             if error.result != "DENIED" or not self._goes_on():
                 raise
             # A program before this one on the same link was killed a moment ago.
-            self._send(_BACK, "to take back the parameters on trial")
+            self._send(TRIAL_BACK, "to take back the parameters on trial")
             self._read_again(self._robot.parameters.known)
-            self._send(_BEGIN, "to try parameters")
+            self._send(TRIAL_BEGIN, "to try parameters")
 
     def _goes_on(self) -> bool:
         try:
-            self._send(_ASK, "whether a trial goes on")
+            self._send(TRIAL_ASK, "whether a trial goes on")
         except CommandRefusedError:
             return False
         return True

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from omniwheel.dialect import mavlink
+from omniwheel.dialect import TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
 from omniwheel.hub.client import HUB_COMPONENT
-from omniwheel.hub.core import TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP
+from omniwheel.hub.rules import receipt_of
 from tests.hub.bench import ACCEPTED, DENIED, Bench, beat, command
 
 TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
-ASK = 3.0
 
 
 def trials(bench: Bench) -> list[tuple[int, float]]:
@@ -36,11 +35,11 @@ def test_a_client_that_has_ended_its_trial_leaves_everything_as_it_is() -> None:
         bench = Bench()
         tuner = bench.join("tuner")
         bench.robot_is(armed=False)
-        tuner.send(command(TRIAL, TRIAL_BEGIN), command(TRIAL, ASK, count=1), command(TRIAL, end, count=2))
+        tuner.send(command(TRIAL, TRIAL_BEGIN), command(TRIAL, TRIAL_ASK, count=1), command(TRIAL, end, count=2))
         bench.run()
         bench.leave(tuner)
         bench.run()
-        assert trials(bench) == [(190, TRIAL_BEGIN), (190, ASK), (190, end)]
+        assert trials(bench) == [(190, TRIAL_BEGIN), (190, TRIAL_ASK), (190, end)]
 
 
 def test_the_trial_of_one_client_is_kept_from_the_others() -> None:
@@ -50,7 +49,7 @@ def test_the_trial_of_one_client_is_kept_from_the_others() -> None:
     tuner.send(command(TRIAL, TRIAL_BEGIN))
     bench.run()
     other.inbox.clear()
-    for action in (TRIAL_BEGIN, TRIAL_KEEP, TRIAL_BACK, ASK):
+    for action in (TRIAL_BEGIN, TRIAL_KEEP, TRIAL_BACK, TRIAL_ASK):
         other.send(command(TRIAL, action, count=7))
         bench.run()
     assert other.results(TRIAL) == [DENIED] * 4
@@ -61,3 +60,20 @@ def test_the_trial_of_one_client_is_kept_from_the_others() -> None:
     other.send(command(TRIAL, TRIAL_BEGIN))
     bench.run()
     assert trials(bench)[1:] == [(190, TRIAL_KEEP), (190, TRIAL_BEGIN)]
+
+
+def test_a_trial_that_was_only_asked_about_or_refused_keeps_nobody_out() -> None:
+    bench = Bench()
+    bench.answers = False
+    first, second = bench.join("studio"), bench.join("tuner")
+    bench.robot_is(armed=False)
+    for number, action in enumerate((TRIAL_ASK, TRIAL_BEGIN), 1):
+        first.send(command(TRIAL, action, count=number))
+        bench.run()
+        receipt = receipt_of(bench.sent[-1][1])
+        bench.robot_sends(mavlink.MAVLink_command_ack_message(TRIAL, DENIED, 0, receipt, 255, 190))
+        bench.run()
+    second.send(command(TRIAL, TRIAL_BEGIN, count=3))
+    bench.run()
+    assert not any("tries parameters" in text for text in second.texts())
+    assert trials(bench) == [(190, TRIAL_ASK), (190, TRIAL_BEGIN), (190, TRIAL_BEGIN)]

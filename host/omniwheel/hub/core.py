@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import Message, mavlink, take_bytes
+from omniwheel.dialect import TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, Message, mavlink, take_bytes
 from omniwheel.hub import wire
 from omniwheel.hub.client import HUB_COMPONENT, Client
 from omniwheel.hub.in_command import InCommand
@@ -28,8 +28,6 @@ NAME_CHARACTERS = 25
 """Of a client's name in a status text."""
 NOBODY = -1
 """The hub itself, where a client's number is asked for."""
-TRIAL_KEEP, TRIAL_BEGIN, TRIAL_BACK = 0.0, 1.0, 2.0
-"""Of MAV_CMD_OMNI_TRIAL. One hub is one link to the robot: a trial of any client is this link's."""
 HEARTBEAT_S = 0.9
 """While nobody commands, the robot hears one heartbeat in this time, whoever sends it."""
 ROBOT_SILENCE_S = 10.0
@@ -358,6 +356,7 @@ class Hub:
             question, others = self._pending.answered(message)
             if question is not None:
                 self._interval_answered(question, message)
+                self._trial_answered(question, message)
                 if question.client == NOBODY:
                     return
         plain, raw = wire.unsigned(message), bytes(message.get_msgbuf())
@@ -414,8 +413,16 @@ class Hub:
             self._tell(client, f"hub: {self.clients[self._trying].name} tries parameters", _WARNING)
             self._refuse(client.number, message, _DENIED)
             return False
-        self._trying = None if message.param1 in (TRIAL_KEEP, TRIAL_BACK) else client.number
+        if message.param1 == TRIAL_BEGIN:
+            self._trying = client.number
+        elif message.param1 in (TRIAL_KEEP, TRIAL_BACK):
+            self._trying = None
         return True
+
+    def _trial_answered(self, question: Question, ack: Message) -> None:
+        """Whatever the robot refuses of a trial, there is none of this client."""
+        if question.command == mavlink.MAV_CMD_OMNI_TRIAL and question.client == self._trying:
+            self._trying = self._trying if ack.result == _ACCEPTED else None
 
     def _send_own(self, command: int, params: tuple[float, ...], kind: Kind) -> None:
         """Send a command of the hub itself; its answer is for no client."""

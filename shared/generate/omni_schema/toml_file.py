@@ -80,6 +80,14 @@ def take_number(source: str, key: str, value: object) -> float:
     return float(value)
 
 
+def number_within(source: str, key: str, value: object, low: float, high: float) -> float:
+    """Return a number from ``low`` to ``high``. Raises SchemaError that names it and what is allowed."""
+    number = take_number(source, key, value)
+    if not low <= number <= high:
+        raise SchemaError(source, key, f"is {number:g}; allowed is a number from {low:g} to {high:g}")
+    return number
+
+
 def refuse_unknown_keys(source: str, prefix: str, table: Mapping[str, object], known: Iterable[str]) -> None:
     """Raise SchemaError for the first key of ``table`` that is not in ``known``."""
     allowed = list(known)
