@@ -13,7 +13,11 @@ from omniwheel.robots import parameter_table
 from tests.core.test_robot import TICK_US, Bench
 
 COUNTS_PER_TURN = [4, 12, 48, 200, 1024, 10_000]
+FINE = [48, 200, 1024, 10_000]
+"""Encoders that show a wheel of the fast robot slow down."""
 STALL_T = 0.2
+BRAKING = 5
+"""A wheel that is braked may take so many SAFE_STALL_T."""
 LOAD = 1 / 3
 """A wheel that pushes the robot up a slope turns at a third of its free speed."""
 
@@ -88,6 +92,53 @@ def test_a_reversal_at_full_speed_is_legal(counts_per_turn: int) -> None:
     bench = driven(counts_per_turn, 1.0, 1.0)
     assert drive_on(bench, -1.0, 1.0) == 1.0
     assert drive_on(bench, 1.0, 1.0) == 1.0
+
+
+def heavy(counts_per_turn: int, time_constant_s: float) -> Bench:
+    """Return a fast robot whose wheels take so long to 63 % of a new speed."""
+    light = Bench("fast_three_wheel")
+    constant, resistance = (float(light.values[index]) for index in (lib.OMNI_PARAM_MOT_K, lib.OMNI_PARAM_MOT_R))
+    speed_gain = float(lib.omni_motor_speed_gain(ffi.addressof(light.config, "motor")))
+    inertia = time_constant_s * speed_gain * constant / resistance
+    bench = Bench("fast_three_wheel", ENC_CPR=float(counts_per_turn), SAFE_STALL_T=STALL_T, MOT_J=inertia)
+    bench.arm()
+    return bench
+
+
+@pytest.mark.parametrize("counts_per_turn", FINE)
+@pytest.mark.parametrize(("time_constant_s", "duty"), [(0.3, 0.4), (0.5, 0.4), (0.5, 1.0), (1.0, 0.7), (1.3, 1.0)])
+def test_weak_motors_may_take_their_time_to_brake_a_heavy_robot(
+    counts_per_turn: int, time_constant_s: float, duty: float
+) -> None:
+    bench = heavy(counts_per_turn, time_constant_s)
+    assert drive_on(bench, 1.0, 4.0 * time_constant_s) == 4.0 * time_constant_s
+    at_speed = bench.speed[0]
+    assert drive_on(bench, -duty, 4.0 * time_constant_s) == 4.0 * time_constant_s
+    assert at_speed > 0.0 > bench.speed[0]
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+@pytest.mark.parametrize("time_constant_s", [0.3, 1.0])
+def test_an_encoder_that_counts_backwards_at_full_speed_stops_the_motors(
+    counts_per_turn: int, time_constant_s: float
+) -> None:
+    bench = heavy(counts_per_turn, time_constant_s)
+    drive_on(bench, 1.0, 5.0 * time_constant_s)
+    bench.angle = [0.0] * 4  # so that the swap itself is no jump of the counts
+    bench.tick(0)
+    bench.crossed = 1
+    stopped_s = drive_on(bench, 1.0, 10.0)
+    assert bench.outputs.fault_history & lib.OMNI_FAULT_STALL
+    assert STALL_T / 2 <= stopped_s <= STALL_T + 2 * count_due_s(bench, 1.0) + 0.05
+
+
+@pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)
+def test_a_wheel_that_is_driven_backwards_by_the_others_stops_the_motors(counts_per_turn: int) -> None:
+    bench = driven(counts_per_turn, 1.0, 1.0)
+    bench.turning = -LOAD
+    stopped_s = drive_on(bench, 1.0, 10.0)
+    assert bench.outputs.fault_history & lib.OMNI_FAULT_STALL
+    assert STALL_T / 2 <= stopped_s <= BRAKING * STALL_T + 2 * count_due_s(bench, 1.0)
 
 
 @pytest.mark.parametrize("counts_per_turn", COUNTS_PER_TURN)

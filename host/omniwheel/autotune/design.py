@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omniwheel.autotune.gains import (
+    FILTER_NOISE_MOST,
+    LAYER_MOST,
     Requirements,
     WheelGains,
     compliance,
@@ -161,7 +163,7 @@ def _wheels(
     best: tuple[float, dict[str, float], _Loops, WheelGains] | None = None
     error: AutotuneError | None = None
     for factor in FILTER_NOISE:
-        noise = factor * found["KF_Q_W"]
+        noise = min(factor * found["KF_Q_W"], FILTER_NOISE_MOST)
         believed = {**found, "KF_Q_W": noise}
         loops = _loops(believed, found, measured)
         try:
@@ -185,7 +187,8 @@ def _position(
     values: dict[str, float] = {}
     for axis, loop in (("XY", loops.translating), ("TH", loops.turning)):
         gain = found[f"ISMC_K_{axis}"]
-        lam, stiffness = design_position([loop], wheels, gain / found[f"ISMC_PHI_{axis}"], required)
+        present, least_1_s = gain / found[f"ISMC_PHI_{axis}"], gain / LAYER_MOST[axis]
+        lam, stiffness = design_position([loop], wheels, present, required, least_1_s)
         values |= {f"ISMC_LAM_{axis}": lam, f"ISMC_PHI_{axis}": gain / stiffness}
     return values
 

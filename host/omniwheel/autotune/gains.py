@@ -29,6 +29,10 @@ TRACKED_HZ = (0.2, 4.0)
 """Frequencies at which a robot tracks a path and meets friction, slip and a sagging supply."""
 PROPORTIONAL_MOST, INTEGRAL_MOST = 200.0, 5000.0
 """What WS_P and WS_I take."""
+LAYER_MOST = {"XY": 1.0, "TH": 3.0}
+"""What ISMC_PHI_XY [m] and ISMC_PHI_TH [rad] take."""
+FILTER_NOISE_MOST = 1000.0
+"""What KF_Q_W takes."""
 STIFFNESS_SHARE = 0.25
 """k / phi is at most this share of lambda, as in the defaults: then its integral acts slower than lambda does."""
 
@@ -130,14 +134,19 @@ def design_wheels(
 
 
 def design_position(
-    floor: Sequence[WheelLoop], wheels: WheelGains, stiffness_1_s: float, required: Requirements
+    floor: Sequence[WheelLoop],
+    wheels: WheelGains,
+    stiffness_1_s: float,
+    required: Requirements,
+    least_1_s: float = 0.0,
 ) -> tuple[float, float]:
     """Return the largest lambda [1/s] whose position loop keeps the margins, and k / phi [1/s] to go with it.
 
-    The latter is the present ``stiffness_1_s``, or less where lambda is small. Raises AutotuneError if none does.
+    The latter is the present ``stiffness_1_s``, or less where lambda is small, but never below ``least_1_s``: the
+    robot takes no larger phi. Raises AutotuneError if no lambda keeps the margins.
     """
     for lam in POSITION_1_S[required.quickest_1_s * (1.0 + 1e-9) >= POSITION_1_S].tolist():
-        stiffness = min(stiffness_1_s, STIFFNESS_SHARE * lam)
+        stiffness = max(min(stiffness_1_s, STIFFNESS_SHARE * lam), least_1_s)
         found = [position_margins(loop, wheels, lam, stiffness) for loop in floor]
         if all(required.kept_by(entry) for entry in found):
             return float(lam), float(stiffness)

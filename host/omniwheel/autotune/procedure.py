@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,11 +31,11 @@ from omniwheel.tuning import Trace
 from omniwheel.tuning_rounds import order
 from omniwheel.tuning_verdict import Verdict, judge
 
-GENTLE, QUICK = 0.25, 0.7
-"""Shares of the robot's speed and acceleration limits: first one, then the other."""
+GENTLE, BRISK, QUICK = 0.25, 0.42, 0.7
+"""Shares of the robot's speed and acceleration limits, one after the other; BRISK only if GENTLE shows too little."""
 MARGIN_M = 0.03
 """What a wheel is wide and a tracking error long: added to the robot's size."""
-MOST_DRIVES = 4
+MOST_DRIVES = 5
 """Of those that measure: while they do not show enough, another one through other points is added."""
 MOST_ROUNDING = 0.2
 """Of the wheels' measured motion: with more of it the model alone decides nothing."""
@@ -46,6 +46,8 @@ _LIMITS = ("LIM_V", "LIM_W", "LIM_A", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
 REACH_S, TURN_RAD = 0.6, 1.2
 """A slow robot's points are within so many seconds at its top speed, so that its legs end; headings within this."""
+ACCELERATION_SHARE, LEAST_ACCELERATION = 0.5, 0.1
+"""Of what the motors reach, and of LIM_A: what legs use at most, and at least."""
 DIRECTIONS = 24
 """Directions in which the robot's slowest one is looked for."""
 
@@ -136,6 +138,7 @@ def _tune(
     present = {name: old[name] for name in CHANGED}
     trial.set_many({**present, **gentle_values(old)})
     fit, measured = _measured(robot, settings, old, places, tell)
+    old = within_reach(old, fit)
     design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
     old_swings = design.old_swing(settings.required)
@@ -178,7 +181,15 @@ def _measured(
     """Drive gently, then quickly, and on through other points while that does not show enough of the motors."""
     turn_rad = max(abs(place.theta - places[0].theta) for place in places)
     reach_m = max(max(abs(place.x - places[0].x), abs(place.y - places[0].y)) for place in places)
-    drives = [_drive(robot, places, old, share, tell) for share in (GENTLE, QUICK)]
+    drives: list[Drive] = []
+    limits = old
+    for share in (GENTLE, BRISK):
+        drives.append(_drive(robot, places, old, share, tell))
+        found = _limits_so_far(robot, drives, old, tell)
+        if found is not None:
+            limits = found
+            break
+    drives.append(_drive(robot, places, limits, QUICK, tell))
     while True:
         try:
             return measure(drives, old, _layout(robot, old))
@@ -187,7 +198,34 @@ def _measured(
                 raise
             tell(f"{error}: one more drive")
         others = points(places[0], reach_m, turn_rad, settings.legs, settings.seed + len(drives))
-        drives.append(_drive(robot, others, old, QUICK, tell))
+        drives.append(_drive(robot, others, limits, QUICK, tell))
+
+
+def _limits_so_far(
+    robot: Robot, drives: Sequence[Drive], old: Mapping[str, float], tell: Callable[[str], None]
+) -> dict[str, float] | None:
+    """Return the robot's limits, or less where the drives show weaker motors; None if they do not show enough."""
+    try:
+        fit, _ = measure(drives, old, _layout(robot, old))
+    except (AutotuneError, IdentificationError):
+        return None
+    limits = within_reach(old, fit)
+    if limits["LIM_A"] < old["LIM_A"]:
+        tell(f"LIM_A is {old['LIM_A']:.3g} m/s^2, but its motors are too weak: {limits['LIM_A']:.3g} from here on")
+    return limits
+
+
+def within_reach(old: Mapping[str, float], fit: Fit) -> dict[str, float]:
+    """Return the parameters with an acceleration limit that the motors reach as they were measured.
+
+    At half of the quick speed, dry friction and back-EMF leave some of the supply's voltage. Half of that counts, as in
+    ``omni robots new``.
+    """
+    found, radius = fit.estimate, old["WHEEL_RADIUS"]
+    back_emf_V = found["speed_gain_V_s"] * 0.5 * QUICK * old["LIM_V"] / radius
+    left_V = old["BAT_V_NOM"] - found["coulomb_V"] - back_emf_V
+    reached = ACCELERATION_SHARE * radius * left_V / found["inertia_xy_V_s2"]
+    return {**old, "LIM_A": min(old["LIM_A"], max(reached, LEAST_ACCELERATION * old["LIM_A"]))}
 
 
 def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:

@@ -13,7 +13,7 @@ import pytest
 from hil_sim.studies.autotune_robot import waiting_robot
 from hil_sim.studies.drawn_robots import draw_robot
 from omniwheel import Robot
-from omniwheel.autotune import procedure
+from omniwheel.autotune import gains, procedure
 from omniwheel.autotune.choice import choose
 from omniwheel.autotune.design import GENTLE, Design, design_from, gentle_values
 from omniwheel.autotune.gains import Requirements
@@ -28,6 +28,7 @@ from omniwheel.frames import Pose
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.output_error import Fit
 from omniwheel.identification.segments import Segments
+from omniwheel.robots import parameter_table
 from omniwheel.trial import Trial
 from omniwheel.tuning_verdict import KINDS, Verdict
 
@@ -169,7 +170,9 @@ def test_old_values_that_hardly_damp_are_compared_gently(
     design = true_design(seed)
     shares: list[float] = []
     old = draw_robot(seed).believed.parameter_values()
-    monkeypatch.setattr(procedure, "_measured", lambda *_: (SimpleNamespace(rounding_share=0.0), design.measured))
+    strong = {"speed_gain_V_s": 0.0, "coulomb_V": 0.0, "inertia_xy_V_s2": 1e-6}
+    fit = SimpleNamespace(rounding_share=0.0, estimate=strong)
+    monkeypatch.setattr(procedure, "_measured", lambda *_: (fit, design.measured))
     monkeypatch.setattr(procedure, "design_from", lambda *_: design)
     monkeypatch.setattr(procedure, "_top_speeds", lambda *_: (0.5, 1.0))
     monkeypatch.setattr(procedure, "_leg", lambda *arguments: shares.append(arguments[3]))
@@ -219,18 +222,64 @@ def test_what_shows_too_little_is_driven_on_through_other_points(monkeypatch: py
     monkeypatch.setattr(procedure, "_drive", drive)
     monkeypatch.setattr(procedure, "measure", measure)
     monkeypatch.setattr(procedure, "_layout", lambda *_: None)
+    monkeypatch.setattr(procedure, "within_reach", lambda old, _: dict(old))
     places = points(Pose(1.0, 2.0, 0.5), 0.3, 1.0, 10, 1)
-    for enough, drives in ((2, 2), (3, 3), (9, procedure.MOST_DRIVES)):
+    limits = {"LIM_A": 1.0}
+    for enough, drives, others in ((1, 2, 0), (2, 3, 0), (3, 3, 0), (4, 4, 1), (9, procedure.MOST_DRIVES, 2)):
         driven.clear()
         try:
-            found: object = procedure._measured(cast(Robot, None), Settings(), {}, places, told.append)
+            found: object = procedure._measured(cast(Robot, None), Settings(), limits, places, told.append)
             assert found == ("fit", "measured")
         except AutotuneError:
             assert enough == 9
         assert len(driven) == drives
-        assert len({tuple(entry) for entry in driven}) == drives - 1
+        assert len({tuple(entry) for entry in driven}) == 1 + others
         assert all(max(abs(p.x - 1.0), abs(p.y - 2.0)) <= 0.3 + 1e-9 for entry in driven for p in entry)
     assert any("one more drive" in text for text in told)
+
+
+def measured_fit(**values: float) -> Fit:
+    usual = {"speed_gain_V_s": 0.2, "coulomb_V": 0.5, "inertia_xy_V_s2": 0.05}
+    return cast(Fit, SimpleNamespace(estimate={**usual, **values}))
+
+
+def test_motors_that_are_weaker_than_the_file_says_are_driven_with_less_acceleration() -> None:
+    old = {"LIM_A": 1.0, "LIM_V": 1.0, "WHEEL_RADIUS": 0.05, "BAT_V_NOM": 7.4}
+    assert procedure.within_reach(old, measured_fit()) == old
+    weak = procedure.within_reach(old, measured_fit(inertia_xy_V_s2=0.3))
+    # At half of the quick speed, 0.35 m/s, the back-EMF is 1.4 V; half of the other 5.5 V accelerate.
+    assert weak == {**old, "LIM_A": pytest.approx(0.5 * 5.5 / 0.3 * 0.05)}
+    assert procedure.within_reach(old, measured_fit(coulomb_V=9.0))["LIM_A"] > 0.0
+
+
+def test_the_quick_drive_keeps_to_what_the_gentle_one_showed(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven: list[tuple[float, float]] = []
+    told: list[str] = []
+    monkeypatch.setattr(procedure, "_drive", lambda *given: driven.append((given[2]["LIM_A"], given[3])))
+    monkeypatch.setattr(procedure, "measure", lambda *_: (measured_fit(inertia_xy_V_s2=0.3), None))
+    monkeypatch.setattr(procedure, "_layout", lambda *_: None)
+    old = {"LIM_A": 1.0, "LIM_V": 1.0, "WHEEL_RADIUS": 0.05, "BAT_V_NOM": 7.4}
+    procedure._measured(cast(Robot, None), Settings(), old, [Pose(0.0, 0.0, 0.0)] * 2, told.append)
+    assert driven == [(1.0, procedure.GENTLE), (pytest.approx(0.458, abs=1e-3), procedure.QUICK)]
+    assert any("LIM_A is 1 m/s^2" in text for text in told)
+
+
+@pytest.mark.parametrize("seed", [1, 146])
+def test_what_it_computes_is_what_the_robot_takes(seed: int) -> None:
+    """Robot 146 has so slow a position loop in its file that its boundary layer came out as 1.26 m."""
+    old, table = draw_robot(seed).believed.parameter_values(), parameter_table()
+    values = gentle_values({**old, "KF_Q_W": table["KF_Q_W"].maximum}) | gentle_values(old)
+    assert values
+    for name, value in values.items():
+        assert table[name].minimum <= value <= table[name].maximum, name
+
+
+def test_the_bounds_of_its_candidates_are_the_parameters_own() -> None:
+    table = parameter_table()
+    assert table["WS_P"].maximum == gains.PROPORTIONAL_MOST
+    assert table["WS_I"].maximum == gains.INTEGRAL_MOST
+    assert table["KF_Q_W"].maximum == gains.FILTER_NOISE_MOST
+    assert {axis: table[f"ISMC_PHI_{axis}"].maximum for axis in ("XY", "TH")} == gains.LAYER_MOST
 
 
 def test_a_robot_whose_wheels_and_pose_fixes_contradict_each_other_is_not_tuned() -> None:

@@ -6,16 +6,43 @@
 #include "../math/invariant.h"
 #include "../math/math_inline.h"
 
+static const omni_real_t BRAKING = 5.0f; /* longest time that a wheel needs to stop, in units of stall_s */
+
+/* A wheel that turns against its voltage may be one that is being braked. It is, as long as it slows: evenly, to rest
+ * within BRAKING times stall_s, or faster. A heavy robot with weak motors takes about a second. One whose encoder is
+ * reversed does not slow down. To tell takes an encoder that gives two counts within stall_s: a single one may be an
+ * edge on which a wheel stands. */
+static omni_flag_t is_braked(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
+    const omni_flag_t back = judged & (watch->counts < 0.0f);
+    const omni_flag_t goes_on = back & (watch->back_s > 0.0f);
+    const omni_real_t time_s = c->step_s * watch->ticks;
+    const omni_flag_t begins =
+        back & (watch->back_s <= 0.0f) & (watch->counts < -1.5f) & (time_s <= c->limits.stall_s);
+    const omni_real_t rate = (1.0f - watch->counts) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
+    watch->rate = omni_select(begins & (rate > watch->rate), rate, watch->rate);
+    const omni_real_t left = 1.0f - watch->back_s / (BRAKING * c->limits.stall_s);
+    watch->back_s = omni_select(begins | goes_on, watch->back_s + time_s, watch->back_s);
+    return begins | (goes_on & (-watch->counts <= watch->rate * left * watch->ticks));
+}
+
+/* How fast it turns the way it is driven, at most, given that its encoder rounds. */
+static void keep_rate(omni_stall_watch_t *watch, omni_flag_t judged) {
+    const omni_flag_t onward = judged & (watch->counts > 0.0f);
+    const omni_real_t rate = (watch->counts + 1.0f) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
+    watch->rate = omni_select(onward, rate, watch->rate);
+    watch->back_s = omni_select(onward, 0.0f, watch->back_s);
+}
+
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
  * believes its motor model too. A wheel is judged when one at a tenth of the voltage's speed would have given a count.
  * Judged any sooner, a slow wheel between two counts looks like one that stands. One at that tenth is let through. One
- * that stands still uses up stall_s as time goes by. One that turns the other way does so at most twice as fast; a
- * reversal of the voltage is legal. */
+ * that stands still uses up stall_s as time goes by. One that turns the other way does so at most twice as fast, unless
+ * it is being braked. */
 static omni_uint_t judge_wheel(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
     omni_uint_t faults = 0;
     const omni_real_t behind = watch->due - watch->counts * c->limits.count_due;
     if (omni_any(behind > 0.0f) || omni_any(watch->stalled_s > 0.0f)) {
-        const omni_real_t share = behind / watch->due;
+        const omni_real_t share = omni_select(is_braked(watch, c, judged), 0.0f, behind / watch->due);
         const omni_real_t longer_s =
             watch->stalled_s + c->step_s * watch->ticks * omni_select(share < 2.0f, share, 2.0f);
         const omni_real_t stalled_s = omni_select(longer_s > 0.0f, longer_s, 0.0f);
@@ -24,6 +51,7 @@ static omni_uint_t judge_wheel(omni_stall_watch_t *watch, const omni_robot_confi
             faults |= OMNI_FAULT_STALL;
         }
     }
+    keep_rate(watch, judged);
     watch->ticks = omni_select(judged, 0.0f, watch->ticks);
     watch->due = omni_select(judged, 0.0f, watch->due);
     watch->counts = omni_select(judged, 0.0f, watch->counts);
@@ -41,15 +69,20 @@ static omni_uint_t supervise_wheels(omni_stall_watch_t *watch, const omni_robot_
         const omni_real_t volts = omni_absf(applied_V[i]);
         const omni_flag_t pushed = volts >= stall_V;
         if (!omni_any(pushed)) {
-            memset(watch, 0, sizeof *watch);
+            if (watch->busy) { /* most wheels are not, most of the time */
+                memset(watch, 0, sizeof *watch);
+            }
             continue;
         }
+        watch->busy = true;
         const omni_real_t delta = (omni_real_t)estimate->delta_counts[i];
         const omni_real_t onward = omni_select(applied_V[i] < 0.0f, -delta, delta);
         watch->stalled_s = omni_select(pushed, watch->stalled_s, 0.0f);
         watch->ticks = omni_select(pushed, watch->ticks + steps, 0.0f);
         watch->due = omni_select(pushed, watch->due + volts * steps, 0.0f);
         watch->counts = omni_select(pushed, watch->counts + onward, 0.0f);
+        watch->back_s = omni_select(pushed, watch->back_s, 0.0f);
+        watch->rate = omni_select(pushed, watch->rate, 0.0f);
         const omni_flag_t judged = watch->due >= count_due;
         if (omni_any(judged)) {
             faults |= judge_wheel(watch, c, judged);
