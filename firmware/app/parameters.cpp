@@ -18,6 +18,8 @@ const char *problem_at_boot(StoreResult result) {
                                           : "stored parameters do not fit: not used";
 }
 
+constexpr const char *damaged = "stored parameters are damaged: not used";
+
 /// A value of the robot's own may be no number: it is then the same as itself.
 bool values_differ(omni_real_t a, omni_real_t b) {
     return a != b && !(std::isnan(a) && std::isnan(b));
@@ -246,6 +248,10 @@ uint8_t Parameters::load() {
         say_misfits();
         return MAV_RESULT_ACCEPTED;
     }
+    if (result == StoreResult::empty && store_.damaged_slot()) {
+        texts_.refuse(MAV_SEVERITY_ERROR, Text().add(damaged));
+        return MAV_RESULT_FAILED;
+    }
     if (result == StoreResult::empty) {
         texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
         return adopt_or_say(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
@@ -294,7 +300,7 @@ void Parameters::say_boot_problems() {
     if (boot_damaged_) {
         texts_.say(MAV_SEVERITY_ERROR,
                    Text().add(boot_result_ == StoreResult::ok ? "a stored parameter set is damaged: the other used"
-                                                              : "stored parameters are damaged: not used"));
+                                                              : damaged));
     }
 }
 

@@ -10,7 +10,7 @@ import pytest
 from tests.firmware.client import lockstep_robot, mav, storage_arguments
 
 STORAGE = mav.MAV_CMD_PREFLIGHT_STORAGE
-SAVE = 1
+LOAD, SAVE = 0, 1
 OLD, NEW = (7.0, 0.3), (8.0, 0.2)
 NAMES = ("ISMC_LAM_XY", "LIM_V")
 OTHER_USED = "a stored parameter set is damaged: the other used"
@@ -59,12 +59,28 @@ def test_any_damaged_byte_leaves_the_other_set(stored: bytes, tmp_path: Path, fl
             assert start(path) == (other, [OTHER_USED]), at
 
 
-def test_with_both_sets_damaged_the_robot_starts_with_its_own_values(stored: bytes, tmp_path: Path) -> None:
-    path = tmp_path / "memory"
+def damaged(stored: bytes, path: Path) -> Path:
+    """Write a memory with both sets damaged."""
     memory = bytearray(stored)
     for slot in slots(stored):
         memory[slot[5]] ^= 4
     path.write_bytes(memory)
-    values, said = start(path)
+    return path
+
+
+def test_a_load_of_damaged_sets_fails_and_changes_nothing(stored: bytes, tmp_path: Path) -> None:
+    with lockstep_robot(*storage_arguments(damaged(stored, tmp_path / "memory"))) as robot:
+        robot.set(NAMES[0], OLD[0])
+        assert robot.command(STORAGE, LOAD) == mav.MAV_RESULT_FAILED
+        assert robot.get(NAMES[0]) == OLD[0]
+        assert NOT_USED in robot.texts()
+        assert robot.command(STORAGE, SAVE) == mav.MAV_RESULT_ACCEPTED
+        robot.set(NAMES[0], NEW[0])
+        assert robot.command(STORAGE, LOAD) == mav.MAV_RESULT_ACCEPTED
+        assert robot.get(NAMES[0]) == OLD[0]
+
+
+def test_with_both_sets_damaged_the_robot_starts_with_its_own_values(stored: bytes, tmp_path: Path) -> None:
+    values, said = start(damaged(stored, tmp_path / "memory"))
     assert values not in (OLD, NEW)
     assert said == [NOT_USED]

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from omniwheel.autotune.design import Design
@@ -14,6 +14,8 @@ from omniwheel.tuning_verdict import Verdict
 
 WORTH = 0.1
 """Share of a figure: an improvement that is smaller is not worth other gains, and what is worse by more is bad."""
+KNOWN: Mapping[str, float] = {}
+"""A robot that knows its pose exactly."""
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,20 @@ class Choice:
     why: str
 
 
-def choose(verdicts: Sequence[Verdict], design: Design, required: Requirements, prefer: Prefer) -> Choice:
+def choose(
+    verdicts: Sequence[Verdict],
+    design: Design,
+    required: Requirements,
+    prefer: Prefer,
+    unknown: Mapping[str, float] = KNOWN,
+) -> Choice:
     """Choose. The new values need a reason, and no figure may be worse; no ``verdicts``: the old ones were not driven.
 
+    ``unknown``: standard deviation of the robot's own pose, by the figure's key [m, rad]. What the robot sees of its
+    error and what it does not know of its pose add up, as squares.
+
     A figure is worse if that shows above the noise, or if it looks worse by more than WORTH. The reason is a figure
-    that is better by more than WORTH, above the noise. With Prefer.MARGIN it is a reason, too, that the old values have
+    that is better by more than WORTH of that sum, above the noise. With Prefer.MARGIN it is a reason, too, that the old values have
     less margin than ``required``; then a figure may be worse. With less than half of it they need no preference: the
     new values are kept unless a figure is worse.
     """
@@ -36,8 +47,9 @@ def choose(verdicts: Sequence[Verdict], design: Design, required: Requirements, 
     if not verdicts:
         return Choice(True, f"the old values do not damp this robot: {lacking}")
     worse = [v for v in verdicts if v.difference > 0.0 and (v.shows or v.difference > WORTH * v.before)]
-    better = [v for v in verdicts if v.shows and v.difference < -WORTH * v.before]
-    seen = _seen(worse) or _seen(better) or f"no figure is better by more than {WORTH:.0%} above the noise"
+    looks_better = [v for v in verdicts if v.shows and v.difference < -WORTH * v.before]
+    better = [v for v in looks_better if _whole(v, v.after, unknown) < (1.0 - WORTH) * _whole(v, v.before, unknown)]
+    seen = _seen(worse) or _seen(better) or _lost(looks_better, unknown)
     if lacking and prefer is Prefer.MARGIN:
         return Choice(True, f"margins were preferred; {seen}, but the old values lack margin: {lacking}")
     if better and not worse:
@@ -46,6 +58,19 @@ def choose(verdicts: Sequence[Verdict], design: Design, required: Requirements, 
         return Choice(True, f"{seen}, but the old values hardly damp this robot: {lacking}")
     remedy = f". But the old values lack margin: {lacking}. --prefer margin takes the new ones" if lacking else ""
     return Choice(False, seen + remedy)
+
+
+def _whole(verdict: Verdict, seen: float, unknown: Mapping[str, float]) -> float:
+    return math.hypot(seen, unknown.get(verdict.kind.key, 0.0))
+
+
+def _lost(looks_better: Sequence[Verdict], unknown: Mapping[str, float]) -> str:
+    """Return why there is no reason."""
+    if not looks_better:
+        return f"no figure is better by more than {WORTH:.0%} above the noise"
+    kinds = [v.kind for v in looks_better]
+    doubts = " and ".join(f"{unknown[kind.key] * kind.factor:.2g} {kind.unit}" for kind in kinds)
+    return f"{_seen(looks_better)}, but that is lost beside the {doubts} that it does not know of its own pose"
 
 
 def _seen(verdicts: Sequence[Verdict]) -> str:

@@ -164,11 +164,17 @@ def _tune(
             tries[index].append(drive(robot, places, leg_s))
     old_figures, new_figures = ([entry.figures for entry in side] for side in tries)
     verdicts = [] if old_swings else judge(old_figures, new_figures)
-    choice = choose(verdicts, design, settings.required, settings.prefer)
+    choice = choose(verdicts, design, settings.required, settings.prefer, _unknown(tries[0]))
     trial.set_many(sets[1 if choice.kept else 0])
     sides = zip(("before", "after"), tries, strict=True)
     traces = {name: [entry.trace for entry in side] for name, side in sides if side}
     return Outcome(present, design, verdicts, traces, choice, old_swings)
+
+
+def _unknown(drives: Sequence[Drive]) -> dict[str, float]:
+    """Return what the robot does not know of its own pose, RMS over drives, by figure; none without fixes."""
+    told = [entry.unknown for entry in drives if entry.unknown]
+    return {key: math.sqrt(sum(entry[key] ** 2 for entry in told) / len(told)) for key in (told[0] if told else ())}
 
 
 def _measured(

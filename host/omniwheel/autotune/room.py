@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -30,13 +30,16 @@ PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774
 """Peaks of a leg, which is a quintic from rest to rest: times way / time and way / time^2."""
 SETTINGS = ("TRJ_TYPE", "TRJ_PERIOD", "TRJ_LAPS", "TRJ_SCALE", "TRJ_RAMP")
 _WAYPOINTS = 1.0
+ON_PATH = 2
+"""``phase`` of OMNI_TRACKING."""
 
 
 @dataclass(frozen=True)
 class Drive:
     """What a drive showed: voltages and wheel speeds, the path as the robot saw it, and its figures.
 
-    ``fixes_refused`` of ``fixes``: pose fixes that the robot did not believe; 0 of 0 if there are none.
+    ``fixes_refused`` of ``fixes``: pose fixes that the robot did not believe; 0 of 0 if there are none. ``unknown``: by
+    the key of a figure, the standard deviation of the pose while it moved, as the robot tells it [m, rad].
     """
 
     data: Dataset
@@ -44,6 +47,7 @@ class Drive:
     figures: Figures
     fixes: int = 0
     fixes_refused: int = 0
+    unknown: dict[str, float] = field(default_factory=dict)
 
 
 def reach_of(side_m: float, body_m: float) -> float:
@@ -97,7 +101,8 @@ def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
     robot.parameters.set_many(settings)
     robot.set_waypoints(places)
     counted: list[Message] = []
-    taken = {"OMNI_SAMPLE": seen, "OMNI_CONTROL": counted}
+    tracked: list[Message] = []
+    taken = {"OMNI_SAMPLE": seen, "OMNI_CONTROL": counted, Tracking.message: tracked}
     remove = robot.connection.add_listener(lambda m: taken[m.get_type()].append(m) if m.get_type() in taken else None)
     try:
         robot.set_message_interval("OMNI_SAMPLE", SAMPLE_HZ)
@@ -105,10 +110,22 @@ def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
         trace, figures = Experiment(robot).trajectory(10.0 + 4.0 * leg_s * len(places))
     finally:
         remove()
-        for message in (*taken, Tracking.message):
+        for message in taken:
             robot.set_message_interval(message, None)
     refused, accepted = (_grown(counted, name) for name in ("fixes_refused", "fixes_accepted"))
-    return Drive(merged(seen, robot.url, parameters), trace, figures, refused + accepted, refused)
+    fixes = refused + accepted
+    unknown = unknown_of(tracked) if fixes else {}
+    return Drive(merged(seen, robot.url, parameters), trace, figures, fixes, refused, unknown)
+
+
+def unknown_of(tracked: Sequence[Message]) -> dict[str, float]:
+    """Return what the robot does not know of its pose on its path: RMS of its standard deviations, by figure."""
+    told = np.array([message.pose_sd for message in tracked if message.phase == ON_PATH], dtype=np.float64)
+    told = told[np.isfinite(told).all(axis=1)] if len(told) else told
+    if not len(told):
+        return {}
+    x, y, theta = np.mean(told**2, axis=0)
+    return {"position_m": math.sqrt(x + y), "theta_rad": math.sqrt(theta)}
 
 
 def _grown(seen: Sequence[Message], name: str) -> int:

@@ -20,7 +20,7 @@ from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.motor_values import Measured
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.procedure import Settings, autotune
-from omniwheel.autotune.room import merged, points
+from omniwheel.autotune.room import merged, points, unknown_of
 from omniwheel.autotune.wheel_loop import loaded, loop_of, motor_of
 from omniwheel.dialect import mavlink
 from omniwheel.errors import AutotuneError
@@ -124,6 +124,26 @@ def test_new_values_are_kept_only_if_a_figure_is_better_and_none_is_worse(sound:
     assert "worse by 20%" in choose([better, worse], sound, REQUIRED, Prefer.TRACKING).why
 
 
+def test_what_is_lost_beside_the_own_pose_is_no_reason(sound: Design) -> None:
+    """The verdict's figure is 1 m at first, and 0.7 m afterwards."""
+    better = verdict(-0.3, 0.1)
+    # sqrt(0.49 + u^2) is 0.9 sqrt(1 + u^2) at u^2 = (0.81 - 0.49) / (1 - 0.81)
+    for unknown, kept in ((0.0, True), (1.29, True), (1.30, False), (10.0, False)):
+        found = choose([better], sound, REQUIRED, Prefer.TRACKING, {better.kind.key: unknown})
+        assert found.kept is kept, unknown
+        assert ("does not know" in found.why) is not found.kept
+
+
+def test_how_well_a_robot_knows_its_pose_is_what_it_says_on_its_path() -> None:
+    def told(phase: int, *sd: float) -> mavlink.MAVLink_message:
+        return mavlink.MAVLink_omni_tracking_message(0, [0.0] * 3, [0.0] * 3, [0.0] * 3, list(sd), 0.0, phase)
+
+    away, broken = told(1, 9.0, 9.0, 9.0), told(2, math.nan, 0.0, 0.0)
+    assert unknown_of([away, broken]) == {}
+    found = unknown_of([away, told(2, 0.003, 0.004, 0.01), told(2, 0.003, 0.004, 0.02), broken])
+    assert found == {"position_m": pytest.approx(0.005), "theta_rad": pytest.approx(math.sqrt(2.5e-4))}
+
+
 def test_who_prefers_margins_gets_them_and_is_told_what_they_cost(lacking: Design) -> None:
     same, worse = verdict(-0.02, 0.1), verdict(0.4, 0.1)
     left = choose([same], lacking, REQUIRED, Prefer.TRACKING)
@@ -184,7 +204,7 @@ def test_old_values_that_hardly_damp_are_compared_gently(
 
     def drive(*_: object) -> SimpleNamespace:
         driven.append(tried[-1])
-        return SimpleNamespace(figures={}, trace=None)
+        return SimpleNamespace(figures={}, trace=None, unknown={})
 
     monkeypatch.setattr(procedure, "drive", drive)
     monkeypatch.setattr(procedure, "judge", lambda *_: [verdict(-0.02, 0.1)])
