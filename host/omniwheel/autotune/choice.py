@@ -39,9 +39,9 @@ def choose(
     error and what it does not know of its pose add up, as squares.
 
     A figure is worse if that shows above the noise, or if it looks worse by more than WORTH. The reason is a figure
-    that is better by more than WORTH of that sum, above the noise. With Prefer.MARGIN it is a reason, too, that the old values have
-    less margin than ``required``; then a figure may be worse. With less than half of it they need no preference: the
-    new values are kept unless a figure is worse.
+    that is better by more than WORTH of that sum, above the noise. With Prefer.MARGIN it is a reason, too, that the
+    old values have less margin than ``required``; then a figure may be worse. With less than half of it they need no
+    preference: the new values are kept unless a figure is worse.
     """
     lacking = _lacking(design, required)
     if not verdicts:
