@@ -19,6 +19,7 @@ const char *problem_at_boot(StoreResult result) {
 }
 
 constexpr const char *damaged = "stored parameters are damaged: not used";
+constexpr const char *one_damaged = "a stored parameter set is damaged: the other used";
 
 /// A value of the robot's own may be no number: it is then the same as itself.
 bool values_differ(omni_real_t a, omni_real_t b) {
@@ -246,6 +247,9 @@ uint8_t Parameters::load() {
     const StoreResult result = adopt_stored();
     if (result == StoreResult::ok) {
         say_misfits();
+        if (store_.damaged_slot()) {
+            texts_.say(MAV_SEVERITY_ERROR, Text().add(one_damaged));
+        }
         return MAV_RESULT_ACCEPTED;
     }
     if (result == StoreResult::empty && store_.damaged_slot()) {
@@ -298,9 +302,7 @@ void Parameters::say_boot_problems() {
         say_misfits();
     }
     if (boot_damaged_) {
-        texts_.say(MAV_SEVERITY_ERROR,
-                   Text().add(boot_result_ == StoreResult::ok ? "a stored parameter set is damaged: the other used"
-                                                              : damaged));
+        texts_.say(MAV_SEVERITY_ERROR, Text().add(boot_result_ == StoreResult::ok ? one_damaged : damaged));
     }
 }
 

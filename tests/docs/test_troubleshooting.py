@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Whatever the robot can say stands on the troubleshooting page, with its reason and a remedy."""
+"""The texts of the firmware stand on the troubleshooting page: those in firmware/app of two words or more."""
 
 from __future__ import annotations
 

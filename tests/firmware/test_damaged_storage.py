@@ -80,6 +80,20 @@ def test_a_load_of_damaged_sets_fails_and_changes_nothing(stored: bytes, tmp_pat
         assert robot.get(NAMES[0]) == OLD[0]
 
 
+def test_a_load_of_the_older_set_says_that_the_newer_one_is_damaged(stored: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "memory"
+    memory = bytearray(stored)
+    memory[slots(stored)[1][5]] ^= 4
+    path.write_bytes(memory)
+    with lockstep_robot(*storage_arguments(path)) as robot:
+        robot.wait("HEARTBEAT")
+        robot.set(NAMES[0], 9.0)
+        assert robot.texts().count(OTHER_USED) == 1, "at its start"
+        assert robot.command(STORAGE, LOAD) == mav.MAV_RESULT_ACCEPTED
+        assert robot.get(NAMES[0]) == OLD[0]
+        assert robot.texts().count(OTHER_USED) == 1
+
+
 def test_with_both_sets_damaged_the_robot_starts_with_its_own_values(stored: bytes, tmp_path: Path) -> None:
     values, said = start(damaged(stored, tmp_path / "memory"))
     assert values not in (OLD, NEW)

@@ -66,11 +66,11 @@ def _whole(verdict: Verdict, seen: float, unknown: Mapping[str, float]) -> float
 
 def _lost(looks_better: Sequence[Verdict], unknown: Mapping[str, float]) -> str:
     """Return why there is no reason."""
-    if not looks_better:
+    kinds = [v.kind for v in looks_better if unknown.get(v.kind.key, 0.0) > 0.0]
+    if not kinds:
         return f"no figure is better by more than {WORTH:.0%} above the noise"
-    kinds = [v.kind for v in looks_better]
-    doubts = " and ".join(f"{unknown[kind.key] * kind.factor:.2g} {kind.unit}" for kind in kinds)
-    return f"{_seen(looks_better)}, but that is lost beside the {doubts} that it does not know of its own pose"
+    doubts = " and ".join(f"{unknown[kind.key] * kind.factor:.{kind.digits}f} {kind.unit}" for kind in kinds)
+    return f"{_seen(looks_better)}, but that is lost beside the {doubts} by which it does not know its own pose"
 
 
 def _seen(verdicts: Sequence[Verdict]) -> str:

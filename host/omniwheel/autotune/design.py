@@ -73,7 +73,7 @@ class Design:
     def old_swing(self, required: Requirements) -> bool:
         """Whether they have less than a fifth of the margins, or none.
 
-        It is not driven with them then: it may stop itself. A wheel that swings and is braked counts as stalled.
+        It is not driven with them then: what swings may stop itself, or run into a limit.
         """
         return not self._before_keeps(required.part(0.2))
 
@@ -162,8 +162,7 @@ def _wheels(
     """Return filter and wheel gains, the loops with that filter, and their margins: the stiffest of all filters'."""
     best: tuple[float, dict[str, float], _Loops, WheelGains] | None = None
     error: AutotuneError | None = None
-    for factor in FILTER_NOISE:
-        noise = min(factor * found["KF_Q_W"], FILTER_NOISE_MOST)
+    for noise in dict.fromkeys(min(factor * found["KF_Q_W"], FILTER_NOISE_MOST) for factor in FILTER_NOISE):
         believed = {**found, "KF_Q_W": noise}
         loops = _loops(believed, found, measured)
         try:

@@ -34,7 +34,10 @@ LAYER_MOST = {"XY": 1.0, "TH": 3.0}
 FILTER_NOISE_MOST = 1000.0
 """What KF_Q_W takes."""
 STIFFNESS_SHARE = 0.25
-"""k / phi is at most this share of lambda, as in the defaults: then its integral acts slower than lambda does."""
+"""k / phi is at most this share of lambda, as in the defaults: then its integral acts slower than lambda does.
+
+Only a phi that the robot does not take makes it larger.
+"""
 
 
 @dataclass(frozen=True)

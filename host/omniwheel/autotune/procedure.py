@@ -42,12 +42,12 @@ MOST_ROUNDING = 0.2
 REFUSED_SHARE = 0.01
 """Of the pose fixes: if the robot refuses more of them, its wheels and its fixes contradict each other."""
 _READ = tuple(dict.fromkeys((*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")))
-_LIMITS = ("LIM_V", "LIM_W", "LIM_A", "WHEEL_DIST", "BAT_V_NOM")
+_LIMITS = ("LIM_V", "LIM_W", "LIM_A", "LIM_DUTY", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
 REACH_S, TURN_RAD = 0.6, 1.2
 """A slow robot's points are within so many seconds at its top speed, so that its legs end; headings within this."""
-ACCELERATION_SHARE, LEAST_ACCELERATION = 0.5, 0.1
-"""Of what the motors reach, and of LIM_A: what legs use at most, and at least."""
+ACCELERATION_SHARE = 0.5
+"""Of the acceleration that the motors reach: the limit of quick legs."""
 DIRECTIONS = 24
 """Directions in which the robot's slowest one is looked for."""
 
@@ -115,6 +115,8 @@ def _on_trial(robot: Robot, trial: Trial, settings: Settings, keep: bool, tell: 
         raise AutotuneError("autotune is for CTL_MODE = ismc", hint="omni params set CTL_MODE=ismc")
     if round(old["KF_MODE"]) != ANGLE_FILTER:
         raise AutotuneError("autotune is for KF_MODE = angle", hint="omni params set KF_MODE=angle")
+    if old["ISMC_K_XY"] <= 0.0 or old["ISMC_K_TH"] <= 0.0:
+        raise AutotuneError("autotune needs ISMC_K_XY and ISMC_K_TH above 0", hint="omni params reset has the defaults")
     before = {name: robot.parameters[name] for name in SETTINGS}
     kept = False
     try:
@@ -137,8 +139,7 @@ def _tune(
     places = points(here, reach, min(TURN_RAD, REACH_S * turn), settings.legs, settings.seed)
     present = {name: old[name] for name in CHANGED}
     trial.set_many({**present, **gentle_values(old)})
-    fit, measured = _measured(robot, settings, old, places, tell)
-    old = within_reach(old, fit)
+    fit, measured, old = _measured(robot, settings, old, places, tell)
     design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
     old_swings = design.old_swing(settings.required)
@@ -183,12 +184,15 @@ def _measured(
     old: Mapping[str, float],
     places: list[Pose],
     tell: Callable[[str], None],
-) -> tuple[Fit, Measured]:
-    """Drive gently, then quickly, and on through other points while that does not show enough of the motors."""
+) -> tuple[Fit, Measured, dict[str, float]]:
+    """Drive gently, then quickly, and on through other points while that does not show enough of the motors.
+
+    Also returns the parameters with the acceleration limit that later drives keep to.
+    """
     turn_rad = max(abs(place.theta - places[0].theta) for place in places)
     reach_m = max(max(abs(place.x - places[0].x), abs(place.y - places[0].y)) for place in places)
     drives: list[Drive] = []
-    limits = old
+    limits = dict(old)
     for share in (GENTLE, BRISK):
         drives.append(_drive(robot, places, old, share, tell))
         found = _limits_so_far(robot, drives, old, tell)
@@ -198,7 +202,8 @@ def _measured(
     drives.append(_drive(robot, places, limits, QUICK, tell))
     while True:
         try:
-            return measure(drives, old, _layout(robot, old))
+            fit, measured = measure(drives, old, _layout(robot, old))
+            return fit, measured, within_reach(limits, fit, tell)
         except (AutotuneError, IdentificationError) as error:
             if len(drives) == MOST_DRIVES:
                 raise
@@ -213,25 +218,26 @@ def _limits_so_far(
     """Return the robot's limits, or less where the drives show weaker motors; None if they do not show enough."""
     try:
         fit, _ = measure(drives, old, _layout(robot, old))
-    except (AutotuneError, IdentificationError):
+    except (AutotuneError, IdentificationError) as error:
+        tell(f"so far {error}")
         return None
-    limits = within_reach(old, fit)
-    if limits["LIM_A"] < old["LIM_A"]:
-        tell(f"LIM_A is {old['LIM_A']:.3g} m/s^2, but its motors are too weak: {limits['LIM_A']:.3g} from here on")
-    return limits
+    return within_reach(old, fit, tell)
 
 
-def within_reach(old: Mapping[str, float], fit: Fit) -> dict[str, float]:
+def within_reach(old: Mapping[str, float], fit: Fit, tell: Callable[[str], None]) -> dict[str, float]:
     """Return the parameters with an acceleration limit that the motors reach as they were measured.
 
-    At half of the quick speed, dry friction and back-EMF leave some of the supply's voltage. Half of that counts, as in
-    ``omni robots new``.
+    At half of the quick speed, dry friction and back-EMF leave some of the supply's voltage. Half of that counts. But
+    the gentle drive was no trouble, so the quick one may accelerate as much.
     """
     found, radius = fit.estimate, old["WHEEL_RADIUS"]
     back_emf_V = found["speed_gain_V_s"] * 0.5 * QUICK * old["LIM_V"] / radius
-    left_V = old["BAT_V_NOM"] - found["coulomb_V"] - back_emf_V
+    left_V = old["LIM_DUTY"] * old["BAT_V_NOM"] - found["coulomb_V"] - back_emf_V
     reached = ACCELERATION_SHARE * radius * left_V / found["inertia_xy_V_s2"]
-    return {**old, "LIM_A": min(old["LIM_A"], max(reached, LEAST_ACCELERATION * old["LIM_A"]))}
+    limit = min(old["LIM_A"], max(reached, GENTLE / QUICK * old["LIM_A"]))
+    if limit < old["LIM_A"]:
+        tell(f"the motors do not reach {old['LIM_A']:.3g} m/s^2; the next drives take {limit:.3g} for LIM_A")
+    return {**old, "LIM_A": limit}
 
 
 def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:

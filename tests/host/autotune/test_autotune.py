@@ -183,7 +183,7 @@ def test_a_drive_that_shows_too_little_is_no_measurement() -> None:
         motor_values(found, PRESENT)
 
 
-@pytest.mark.parametrize("parameters", [{"CTL_MODE": 4.0}, {"KF_MODE": 0.0}])
+@pytest.mark.parametrize("parameters", [{"CTL_MODE": 4.0}, {"KF_MODE": 0.0}, {"ISMC_K_XY": 0.0}])
 def test_a_robot_that_it_is_not_made_for_does_not_move(tmp_path: Path, parameters: dict[str, float]) -> None:
     with wrong_robot(tmp_path) as (robot, _):
         robot.parameters.set_many(parameters)

@@ -190,9 +190,8 @@ def test_old_values_that_hardly_damp_are_compared_gently(
     design = true_design(seed)
     shares: list[float] = []
     old = draw_robot(seed).believed.parameter_values()
-    strong = {"speed_gain_V_s": 0.0, "coulomb_V": 0.0, "inertia_xy_V_s2": 1e-6}
-    fit = SimpleNamespace(rounding_share=0.0, estimate=strong)
-    monkeypatch.setattr(procedure, "_measured", lambda *_: (fit, design.measured))
+    fit = SimpleNamespace(rounding_share=0.0)
+    monkeypatch.setattr(procedure, "_measured", lambda *_: (fit, design.measured, old))
     monkeypatch.setattr(procedure, "design_from", lambda *_: design)
     monkeypatch.setattr(procedure, "_top_speeds", lambda *_: (0.5, 1.0))
     monkeypatch.setattr(procedure, "_leg", lambda *arguments: shares.append(arguments[3]))
@@ -242,14 +241,14 @@ def test_what_shows_too_little_is_driven_on_through_other_points(monkeypatch: py
     monkeypatch.setattr(procedure, "_drive", drive)
     monkeypatch.setattr(procedure, "measure", measure)
     monkeypatch.setattr(procedure, "_layout", lambda *_: None)
-    monkeypatch.setattr(procedure, "within_reach", lambda old, _: dict(old))
+    monkeypatch.setattr(procedure, "within_reach", lambda old, *_: dict(old))
     places = points(Pose(1.0, 2.0, 0.5), 0.3, 1.0, 10, 1)
     limits = {"LIM_A": 1.0}
     for enough, drives, others in ((1, 2, 0), (2, 3, 0), (3, 3, 0), (4, 4, 1), (9, procedure.MOST_DRIVES, 2)):
         driven.clear()
         try:
             found: object = procedure._measured(cast(Robot, None), Settings(), limits, places, told.append)
-            assert found == ("fit", "measured")
+            assert found == ("fit", "measured", limits)
         except AutotuneError:
             assert enough == 9
         assert len(driven) == drives
@@ -263,35 +262,48 @@ def measured_fit(**values: float) -> Fit:
     return cast(Fit, SimpleNamespace(estimate={**usual, **values}))
 
 
+WEAK = {"LIM_A": 1.0, "LIM_V": 1.0, "LIM_DUTY": 1.0, "WHEEL_RADIUS": 0.05, "BAT_V_NOM": 7.4}
+
+
 def test_motors_that_are_weaker_than_the_file_says_are_driven_with_less_acceleration() -> None:
-    old = {"LIM_A": 1.0, "LIM_V": 1.0, "WHEEL_RADIUS": 0.05, "BAT_V_NOM": 7.4}
-    assert procedure.within_reach(old, measured_fit()) == old
-    weak = procedure.within_reach(old, measured_fit(inertia_xy_V_s2=0.3))
+    told: list[str] = []
+    assert procedure.within_reach(WEAK, measured_fit(), told.append) == WEAK
+    assert not told
+    weak = procedure.within_reach(WEAK, measured_fit(inertia_xy_V_s2=0.3), told.append)
     # At half of the quick speed, 0.35 m/s, the back-EMF is 1.4 V; half of the other 5.5 V accelerate.
-    assert weak == {**old, "LIM_A": pytest.approx(0.5 * 5.5 / 0.3 * 0.05)}
-    assert procedure.within_reach(old, measured_fit(coulomb_V=9.0))["LIM_A"] > 0.0
+    assert weak == {**WEAK, "LIM_A": pytest.approx(0.5 * 5.5 / 0.3 * 0.05)}
+    assert told == ["the motors do not reach 1 m/s^2; the next drives take 0.458 for LIM_A"]
+    less = procedure.within_reach({**WEAK, "LIM_DUTY": 0.9}, measured_fit(inertia_xy_V_s2=0.3), told.append)
+    assert less["LIM_A"] == pytest.approx(0.5 * (5.5 - 0.74) / 0.3 * 0.05)
+
+
+@pytest.mark.parametrize("friction_V", [7.0, 9.0, 100.0])
+def test_the_quick_drive_is_never_gentler_than_the_gentle_one(friction_V: float) -> None:
+    found = procedure.within_reach(WEAK, measured_fit(coulomb_V=friction_V), lambda _: None)
+    assert procedure.QUICK * found["LIM_A"] == pytest.approx(procedure.GENTLE * WEAK["LIM_A"])
 
 
 def test_the_quick_drive_keeps_to_what_the_gentle_one_showed(monkeypatch: pytest.MonkeyPatch) -> None:
     driven: list[tuple[float, float]] = []
-    told: list[str] = []
+    inertia = [0.3, 0.15]  # the quick drive sees stronger motors than the gentle one
     monkeypatch.setattr(procedure, "_drive", lambda *given: driven.append((given[2]["LIM_A"], given[3])))
-    monkeypatch.setattr(procedure, "measure", lambda *_: (measured_fit(inertia_xy_V_s2=0.3), None))
+    monkeypatch.setattr(procedure, "measure", lambda *_: (measured_fit(inertia_xy_V_s2=inertia.pop(0)), None))
     monkeypatch.setattr(procedure, "_layout", lambda *_: None)
-    old = {"LIM_A": 1.0, "LIM_V": 1.0, "WHEEL_RADIUS": 0.05, "BAT_V_NOM": 7.4}
-    procedure._measured(cast(Robot, None), Settings(), old, [Pose(0.0, 0.0, 0.0)] * 2, told.append)
+    places = [Pose(0.0, 0.0, 0.0)] * 2
+    *_, limits = procedure._measured(cast(Robot, None), Settings(), WEAK, places, lambda _: None)
     assert driven == [(1.0, procedure.GENTLE), (pytest.approx(0.458, abs=1e-3), procedure.QUICK)]
-    assert any("LIM_A is 1 m/s^2" in text for text in told)
+    assert limits["LIM_A"] == pytest.approx(0.458, abs=1e-3), "nor is the comparison quicker"
 
 
 @pytest.mark.parametrize("seed", [1, 146])
 def test_what_it_computes_is_what_the_robot_takes(seed: int) -> None:
     """Robot 146 has so slow a position loop in its file that its boundary layer came out as 1.26 m."""
     old, table = draw_robot(seed).believed.parameter_values(), parameter_table()
-    values = gentle_values({**old, "KF_Q_W": table["KF_Q_W"].maximum}) | gentle_values(old)
-    assert values
-    for name, value in values.items():
-        assert table[name].minimum <= value <= table[name].maximum, name
+    for given in (old, {**old, "KF_Q_W": 0.5 * table["KF_Q_W"].maximum}):
+        values = gentle_values(given)
+        assert values or given is not old
+        for name, value in values.items():
+            assert table[name].minimum <= value <= table[name].maximum, name
 
 
 def test_the_bounds_of_its_candidates_are_the_parameters_own() -> None:

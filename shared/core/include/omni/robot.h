@@ -227,9 +227,9 @@ typedef struct omni_stall_watch_t {
     omni_real_t due;       /**< its voltage over these ticks [V ticks]: what it should have turned */
     omni_real_t counts;    /**< what it did turn, by its encoder; positive the way it is driven */
     omni_real_t stalled_s; /**< how long it has looked stalled or reversed: 0 to 2 stall_s */
-    omni_real_t back_s;    /**< how long it has turned against its voltage; 0 after a count onward */
-    omni_real_t rate;      /**< how fast it turned before, or at first then, at most [counts/tick] */
-    bool busy;             /**< anything here is not 0 */
+    omni_real_t back_s;    /**< how long it has been braked; 0 it is not, -1 it may begin to be */
+    omni_real_t rate;      /**< how fast it turned before that, or at first [counts/tick] */
+    omni_real_t volts;     /**< its voltage in the last tick */
 } omni_stall_watch_t;
 
 /** What the supervising stage keeps: the safety state, and for how long things have looked wrong. */

@@ -6,31 +6,39 @@
 #include "../math/invariant.h"
 #include "../math/math_inline.h"
 
-static const omni_real_t BRAKING = 5.0f; /* longest time that a wheel needs to stop, in units of stall_s */
+static const omni_real_t BRAKING = 5.0f;  /* longest time that a wheel needs to stop, in units of stall_s */
+static const omni_real_t ROUNDING = 0.5f; /* of an encoder, counts: a wheel may have turned by so much more */
 
-/* A wheel that turns against its voltage may be one that is being braked. It is, as long as it slows: evenly, to rest
- * within BRAKING times stall_s, or faster. A heavy robot with weak motors takes about a second. One whose encoder is
- * reversed does not slow down. To tell takes an encoder that gives two counts within stall_s: a single one may be an
- * edge on which a wheel stands. */
+/* A wheel that turns against its voltage may be one that is being braked. Then the voltage has just changed its sign, or
+ * has just become large, and the wheel slows: evenly, to rest within BRAKING times stall_s, or faster. A heavy robot with
+ * weak motors takes about a second. A wheel whose encoder is reversed does not slow down. */
 static omni_flag_t is_braked(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
     const omni_flag_t back = judged & (watch->counts < 0.0f);
-    const omni_flag_t goes_on = back & (watch->back_s > 0.0f);
     const omni_real_t time_s = c->step_s * watch->ticks;
-    const omni_flag_t begins =
-        back & (watch->back_s <= 0.0f) & (watch->counts < -1.5f) & (time_s <= c->limits.stall_s);
-    const omni_real_t rate = (1.0f - watch->counts) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
+    const omni_flag_t begins = back & (watch->back_s < 0.0f) & (time_s <= c->limits.stall_s);
+    const omni_flag_t goes_on = back & (watch->back_s > 0.0f);
+    const omni_real_t rate = (ROUNDING - watch->counts) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
     watch->rate = omni_select(begins & (rate > watch->rate), rate, watch->rate);
     const omni_real_t left = 1.0f - watch->back_s / (BRAKING * c->limits.stall_s);
-    watch->back_s = omni_select(begins | goes_on, watch->back_s + time_s, watch->back_s);
-    return begins | (goes_on & (-watch->counts <= watch->rate * left * watch->ticks));
+    const omni_flag_t slows = goes_on & (-watch->counts <= watch->rate * left * watch->ticks);
+    watch->back_s = omni_select(begins, time_s, omni_select(goes_on, watch->back_s + time_s, watch->back_s));
+    return begins | slows;
 }
 
-/* How fast it turns the way it is driven, at most, given that its encoder rounds. */
-static void keep_rate(omni_stall_watch_t *watch, omni_flag_t judged) {
-    const omni_flag_t onward = judged & (watch->counts > 0.0f);
-    const omni_real_t rate = (watch->counts + 1.0f) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
-    watch->rate = omni_select(onward, rate, watch->rate);
-    watch->back_s = omni_select(onward, 0.0f, watch->back_s);
+/* After a wheel has stood or turned as it is driven, nothing is being braked until its voltage changes sign again. */
+static void end_braking(omni_stall_watch_t *watch, omni_flag_t judged) {
+    const omni_real_t rate = (watch->counts + ROUNDING) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
+    watch->rate = omni_select(judged & (watch->counts > 0.0f), rate, watch->rate);
+    watch->back_s = omni_select(judged & (watch->counts >= 0.0f), 0.0f, watch->back_s);
+}
+
+/* The voltage has become large, or has changed its sign: what the wheel did before says nothing of what it does now. */
+static void begin_push(omni_stall_watch_t *watch, omni_flag_t begins) {
+    const omni_flag_t anew = begins & (watch->counts > 0.0f);
+    watch->back_s = omni_select(begins, -1.0f, watch->back_s);
+    watch->ticks = omni_select(anew, 0.0f, watch->ticks);
+    watch->due = omni_select(anew, 0.0f, watch->due);
+    watch->counts = omni_select(anew, 0.0f, watch->counts);
 }
 
 /* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
@@ -51,7 +59,7 @@ static omni_uint_t judge_wheel(omni_stall_watch_t *watch, const omni_robot_confi
             faults |= OMNI_FAULT_STALL;
         }
     }
-    keep_rate(watch, judged);
+    end_braking(watch, judged);
     watch->ticks = omni_select(judged, 0.0f, watch->ticks);
     watch->due = omni_select(judged, 0.0f, watch->due);
     watch->counts = omni_select(judged, 0.0f, watch->counts);
@@ -69,12 +77,16 @@ static omni_uint_t supervise_wheels(omni_stall_watch_t *watch, const omni_robot_
         const omni_real_t volts = omni_absf(applied_V[i]);
         const omni_flag_t pushed = volts >= stall_V;
         if (!omni_any(pushed)) {
-            if (watch->busy) { /* most wheels are not, most of the time */
+            if (omni_any(watch->volts != 0.0f)) { /* most wheels are not pushed, most of the time */
                 memset(watch, 0, sizeof *watch);
             }
             continue;
         }
-        watch->busy = true;
+        const omni_flag_t begins = pushed & (watch->volts * applied_V[i] <= 0.0f);
+        if (omni_any(begins)) {
+            begin_push(watch, begins);
+        }
+        watch->volts = omni_select(pushed, applied_V[i], 0.0f);
         const omni_real_t delta = (omni_real_t)estimate->delta_counts[i];
         const omni_real_t onward = omni_select(applied_V[i] < 0.0f, -delta, delta);
         watch->stalled_s = omni_select(pushed, watch->stalled_s, 0.0f);
