@@ -20,11 +20,14 @@ from omniwheel import files
 from omniwheel.capability import drive_model
 from omniwheel.datasheet import GearMotor, RobotAnswers
 from omniwheel.datasheet.new_robot import derived_gains, derived_limits, supply_limits, write_designed_robot
+from omniwheel.errors import OmniError
 from omniwheel.robot_text import Changes, edited
 from omniwheel.robots import read_robot
 
 STREAM = 14
 """Tells these random numbers from others that are drawn from the same seed."""
+DRAWS = 20
+"""How often a robot is drawn at most until a robot file may describe it."""
 ERROR = 0.3
 """Share by which each number of the robot file is wrong at most, either way."""
 TOP_SPEED_M_S = (0.1, 2.0)
@@ -100,8 +103,20 @@ class DrawnRobot:
 
 
 def draw_robot(seed: int) -> DrawnRobot:
-    """Return the robot of a seed. Raises OmniError for one that no robot file can describe."""
-    draw = np.random.default_rng([STREAM, seed])
+    """Return the robot of a seed. One in a hundred comes out so that no robot file may describe it: it is drawn again.
+
+    Raises OmniError if that happens DRAWS times in a row.
+    """
+    for attempt in range(DRAWS - 1):
+        try:
+            return _drawn(seed, attempt)
+        except OmniError:
+            continue
+    return _drawn(seed, DRAWS - 1)
+
+
+def _drawn(seed: int, attempt: int) -> DrawnRobot:
+    draw = np.random.default_rng([STREAM, seed, attempt] if attempt else [STREAM, seed])
     answers, changes, world = _truth(draw)
     errors = {name: 1.0 + ERROR * float(draw.uniform(-1.0, 1.0)) for name in WRONG}
     with TemporaryDirectory() as folder:

@@ -49,6 +49,13 @@ def test_a_seed_is_a_robot(drawn: list[DrawnRobot]) -> None:
     assert again.world == drawn[2].world
 
 
+@pytest.mark.parametrize("seed", [174, 192, 286, 389])
+def test_a_robot_that_no_file_may_describe_is_drawn_again(seed: int) -> None:
+    """Robot 174 came out with a winding of 2400 ohm, and ended the whole study."""
+    assert draw_robot(seed).truth.parameter_values()["MOT_R"] < 1000.0
+    assert draw_robot(seed).believed.parameter_values() == draw_robot(seed).believed.parameter_values()
+
+
 def test_the_world_has_the_true_robot_and_the_firmware_the_wrong_one(drawn: list[DrawnRobot]) -> None:
     one = drawn[0]
     scenario = one.judging_scenario()
