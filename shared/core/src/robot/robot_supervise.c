@@ -9,9 +9,9 @@
 static const omni_real_t BRAKING = 5.0f;  /* longest time that a wheel needs to stop, in units of stall_s */
 static const omni_real_t ROUNDING = 0.5f; /* of an encoder, counts: a wheel may have turned by so much more */
 
-/* A wheel that turns against its voltage may be one that is being braked. Then its voltage has just changed its sign, or
- * has just become large. And it slows down: evenly, to rest within BRAKING times stall_s, or faster. A heavy robot with
- * weak motors takes about a second. A wheel whose encoder is reversed does not slow down. */
+/* A wheel that turns against its voltage may be one that is being braked. Then its voltage has just changed its sign,
+ * or has just become large. And it slows down: evenly, to rest within BRAKING times stall_s, or faster. A heavy robot
+ * with weak motors takes about a second. A wheel whose encoder is reversed does not slow down. */
 static omni_flag_t is_braked(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
     const omni_flag_t back = judged & (watch->counts < 0.0f);
     const omni_real_t time_s = c->step_s * watch->ticks;
