@@ -20,7 +20,7 @@ from omniwheel import files
 from omniwheel.capability import drive_model
 from omniwheel.datasheet import GearMotor, RobotAnswers
 from omniwheel.datasheet.new_robot import derived_gains, derived_limits, supply_limits, write_designed_robot
-from omniwheel.errors import OmniError
+from omniwheel.errors import RobotFileError
 from omniwheel.robot_text import Changes, edited
 from omniwheel.robots import read_robot
 
@@ -105,14 +105,15 @@ class DrawnRobot:
 def draw_robot(seed: int) -> DrawnRobot:
     """Return the robot of a seed. One in a hundred comes out so that no robot file may describe it: it is drawn again.
 
-    Raises OmniError if that happens DRAWS times in a row.
+    Raises RobotFileError if that happens DRAWS times in a row.
     """
-    for attempt in range(DRAWS - 1):
+    for attempt in range(DRAWS):
         try:
             return _drawn(seed, attempt)
-        except OmniError:
-            continue
-    return _drawn(seed, DRAWS - 1)
+        except RobotFileError:
+            if attempt == DRAWS - 1:
+                raise
+    raise AssertionError("DRAWS is at least 1")
 
 
 def _drawn(seed: int, attempt: int) -> DrawnRobot:

@@ -19,10 +19,10 @@ import omniwheel.robot
 from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
-from omniwheel import FirmwareProcess, Robot
+from omniwheel import FirmwareProcess, Robot, parameter_file
 from omniwheel.autotune.design import CHANGED
 from omniwheel.autotune.motor_values import motor_values
-from omniwheel.autotune.page import write_page
+from omniwheel.autotune.page import AFTER, write_page
 from omniwheel.autotune.procedure import Settings, autotune
 from omniwheel.autotune.robot_file import write_robot_file
 from omniwheel.autotune.room import PEAK_ACCELERATION, PEAK_SPEED, leg_time, points, reach_of
@@ -101,7 +101,11 @@ def test_what_the_robot_cannot_know_is_no_reason_to_keep_new_values(tmp_path: Pa
         before = dict(robot.parameters.items())
         outcome = autotune(robot, QUICK, True, lambda _: None)
         assert dict(robot.parameters.items()) == before
-    assert not outcome.kept
+        assert not outcome.kept
+        write_page(outcome, QUICK.required, robot.table, tmp_path)
+        # Whoever wants them all the same takes them from the folder: omni params load runs/autotune/after.toml
+        robot.parameters.set_many(parameter_file.read(tmp_path / AFTER, robot.table))
+        assert {name: robot.parameters[name] for name in outcome.new} == pytest.approx(outcome.new, rel=1e-6)
 
 
 @pytest.mark.parametrize("when_s", [5.0, 70.0])

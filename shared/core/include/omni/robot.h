@@ -229,7 +229,7 @@ typedef struct omni_stall_watch_t {
     omni_real_t stalled_s; /**< how long it has looked stalled or reversed: 0 to 2 stall_s */
     omni_real_t back_s;    /**< how long it has been braked; 0 it is not, -1 it may begin to be */
     omni_real_t rate;      /**< how fast it turned before that, or at first [counts/tick] */
-    omni_real_t volts;     /**< its voltage in the last tick */
+    omni_real_t last_V;    /**< its voltage in the last tick; 0 while it is below `stall_V` */
 } omni_stall_watch_t;
 
 /** What the supervising stage keeps: the safety state, and for how long things have looked wrong. */

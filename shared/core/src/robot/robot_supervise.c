@@ -77,16 +77,16 @@ static omni_uint_t supervise_wheels(omni_stall_watch_t *watch, const omni_robot_
         const omni_real_t volts = omni_absf(applied_V[i]);
         const omni_flag_t pushed = volts >= stall_V;
         if (!omni_any(pushed)) {
-            if (omni_any(watch->volts != 0.0f)) { /* most wheels are not pushed, most of the time */
+            if (omni_any(watch->last_V != 0.0f)) { /* most wheels are not pushed, most of the time */
                 memset(watch, 0, sizeof *watch);
             }
             continue;
         }
-        const omni_flag_t begins = pushed & (watch->volts * applied_V[i] <= 0.0f);
+        const omni_flag_t begins = pushed & (watch->last_V * applied_V[i] <= 0.0f);
         if (omni_any(begins)) {
             begin_push(watch, begins);
         }
-        watch->volts = omni_select(pushed, applied_V[i], 0.0f);
+        watch->last_V = omni_select(pushed, applied_V[i], 0.0f);
         const omni_real_t delta = (omni_real_t)estimate->delta_counts[i];
         const omni_real_t onward = omni_select(applied_V[i] < 0.0f, -delta, delta);
         watch->stalled_s = omni_select(pushed, watch->stalled_s, 0.0f);
