@@ -26,6 +26,7 @@ from omniwheel.autotune.gains import WheelGains
 from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel
+from omniwheel.experiments.repeated import Try
 from omniwheel.experiments.session import Claims
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
@@ -103,7 +104,7 @@ def _live() -> Iterator[None]:
 
 def _rounds(*_: Any) -> Any:
     trace = Trace(np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
-    return [[(trace, Figures(0.012, 0.0))] * 2] * 2
+    return [[Try({"step": trace}, Figures(0.012, 0.0).as_dict())] * 2] * 2
 
 
 def _tuned(*_: Any) -> Any:
@@ -114,7 +115,7 @@ def _tuned(*_: Any) -> Any:
     design = SimpleNamespace(fit=fit, values=values, before=gains, after=gains)
     for name in ("lifted_before", "lifted_after", "position_before", "position_after"):
         setattr(design, name, gains.margins)
-    traces = {"before": [_rounds()[0][0][0]], "after": [_rounds()[0][0][0]]}
+    traces = {"before": [_rounds()[0][0].seen["step"]], "after": [_rounds()[0][0].seen["step"]]}
     return SimpleNamespace(
         old=values,
         new=values,
@@ -198,7 +199,7 @@ CASES = {
         step=2,
     ),
     "tune": Case(
-        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk}/t.png --link {link}",
+        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk} --link {link}",
         links=True,
         tells="12.00",
         during=lambda: _patched(omniwheel__tuning_rounds__run_rounds=_rounds),

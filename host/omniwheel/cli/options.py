@@ -60,6 +60,7 @@ NameOption = Annotated[str, typer.Option("--name", metavar="NAME", help="Name of
 RoomOption = Annotated[
     float, typer.Option("--room", min=0.1, max=20.0, metavar="M", help="Side of the square that the robot may use.")
 ]
+LiftedOption = Annotated[bool, typer.Option("--wheels-up", help="The wheels are in the air and carry nothing.")]
 KEEP = typer.Option(
     "--keep/--revert", help="Keep the new values, or go back to the old ones. Without either, see above."
 )

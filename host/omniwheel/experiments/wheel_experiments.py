@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -67,9 +68,7 @@ def wheel_chirp(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Out
 
     The robot is disarmed at the end. Raises LimitError before it arms, ExperimentError for an answer that says nothing.
     """
-    setup = WheelSetup(robot, plan)
-    if not plan.sweeps:
-        setup.plan = replace(setup.plan, from_hz=LOWEST_HZ, to_hz=_reach_hz(setup))
+    setup = _sweeping(robot, plan)
     burst = _run(robot, setup, room_m, tell)
     seen = signals_of(burst)
     sweep = Sweep(seen.wanted, TICK_S, setup.plan.from_hz, setup.plan.to_hz)
@@ -93,6 +92,30 @@ def wheel_chirp(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Out
     hz = answer.frequency_hz
     panels.append(Panel("coherence", "frequency [Hz]", "", [Line("measured", hz, answer.coherence)], logarithmic=True))
     return _outcome("wheel-chirp", setup, burst, figures, [*panels, *_panels(seen)[1:]])
+
+
+def chosen_wheel(
+    robot: Robot, plan: WheelPlan, *, sweeps: bool
+) -> tuple[WheelPlan, Callable[[WheelPlan, float], None]]:
+    """Return the plan as the robot's present values fill it, and a check of another plan in a room with these values.
+
+    Both raise LimitError.
+    """
+    setup = _sweeping(robot, plan) if sweeps else WheelSetup(robot, plan)
+
+    def check(other: WheelPlan, room_m: float) -> None:
+        setup.plan = other
+        setup.check(room_m)
+
+    return setup.plan, check
+
+
+def _sweeping(robot: Robot, plan: WheelPlan) -> WheelSetup:
+    """Return the set-up of a sweep; where the plan has no frequencies, up to some bandwidths of the modelled loop."""
+    setup = WheelSetup(robot, plan)
+    if not plan.sweeps:
+        setup.plan = replace(setup.plan, from_hz=LOWEST_HZ, to_hz=_reach_hz(setup))
+    return setup
 
 
 def _run(robot: Robot, setup: WheelSetup, room_m: float, tell: Tell) -> Burst:
