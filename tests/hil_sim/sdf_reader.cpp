@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Reads a robot as Gazebo does, by the SDF project's own library, and prints what it understood.
-// usage: sdf_reader FILE; one line per link and per joint, all in the frame of the chassis.
+// It prints one line per link and per joint, all in the frame of the chassis.
+//
+//     sdf_reader FILE
 #include <cstdio>
 
 #include <sdf/sdf.hh>
