@@ -24,7 +24,7 @@ def robot_with(parameters: dict[str, Any] | None = None, wiring: dict[str, Any] 
 
 def test_it_sets_the_axis_and_brings_the_chip_into_the_image() -> None:
     robot = robot_with(axis=-1, address=0x69)
-    assert robot.board.gyro == GyroWiring("ICM-42688-P", -1, 0x69)
+    assert robot.board.gyro == GyroWiring(TABLE.gyro_chips["ICM-42688-P"], -1, 0x69)
     assert robot.parameter_values()["GYRO_AXIS"] == -1.0
     assert "constexpr uint8_t gyro_address = 0x69;" in wiring_header(robot)
 
