@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Model of the gyro in a BMI270 (Bosch data sheet BST-BMI270-DS000). The soft reset takes 2 ms. Then it saves power:
- * after a write nothing may be written for 450 us, and writes to most registers are lost. The configuration file goes to
- * INIT_DATA, at the place that INIT_ADDR names, in words of two bytes. 20 ms after INIT_CTRL was set to 1, INTERNAL_STATUS
- * says whether all 8192 bytes have come. Only then does the gyro start, 45 ms after it was switched on. The six bytes of
- * a reading belong together.
+ * most registers cannot be written, and after a write nothing may be written for 450 us. The configuration file goes to
+ * INIT_DATA, at the place that INIT_ADDR names, in words of two bytes. INIT_CTRL is then set to 1. After 20 ms
+ * INTERNAL_STATUS says whether all 8192 bytes have come. Only then does the gyro start, 45 ms after it was switched on.
+ * The six bytes of a reading belong together.
  *
  * Not known from the data sheet: what it says of a file with wrong bytes. The model does not look at them.
  */

@@ -2,8 +2,8 @@
 /*
  * Model of the gyro in an LSM6DSO (ST data sheet DS12140) or ISM330DHCX (DS13012). The reset takes 50 us. The gyro
  * starts 70 ms after its data rate was set. With BDU an axis's reading stands still between its two bytes. Without it
- * both change at any time. Without IF_INC the register stays the same from byte to byte. A reading that was not read yet
- * shows as GDA.
+ * both change at any time. Without IF_INC the register stays the same from byte to byte. A reading that was not read
+ * yet shows as GDA.
  */
 #include "gyro_models.h"
 
