@@ -58,7 +58,7 @@ SETTINGS = (
     Setting("no fixes, slip to 30 %", world={"slip_max": 0.3}),
     Setting("no fixes, slip drawn each 0.5 s", world={"slip_time_s": 0.5}),
     Setting("no fixes, scale off by 0.5 %, tilt 2°", world={"gyro_tilt_rad": 0.035}, scale_sd=0.005),
-    *(noise_of(name) for name in ("LSM6DSO", "ISM330DHCX", "BMI270")),
+    *(noise_of(name) for name in parameter_table().gyro_chips),
     Setting("no fixes, four wheels", robot="four_wheel"),
     Setting("no fixes, ideal wheels", world=IDEAL_WHEELS),
     Setting("no fixes, fast robot", scenario="fast", world=_NONE, seconds=40),

@@ -28,8 +28,6 @@ typedef struct hil_gyro_model_t {
     void (*show_none)(hil_gyro_chip_t *chip);
 } hil_gyro_model_t;
 
-extern const hil_gyro_model_t hil_gyro_icm42688, hil_gyro_lsm6dso, hil_gyro_ism330dhcx, hil_gyro_bmi270;
-
 /* For models: one bank; nothing to do; the register behind; a reset. */
 uint8_t hil_gyro_one_bank(const hil_gyro_chip_t *chip, uint8_t reg);
 void hil_gyro_before_nothing(hil_gyro_chip_t *chip, uint8_t reg);

@@ -9,6 +9,11 @@
 
 enum { HIGHEST = 32767, BIT_ERROR_STREAM = 60 };
 
+extern const hil_gyro_model_t hil_gyro_icm42688;
+extern const hil_gyro_model_t hil_gyro_lsm6dso;
+extern const hil_gyro_model_t hil_gyro_ism330dhcx;
+extern const hil_gyro_model_t hil_gyro_bmi270;
+
 static const hil_gyro_model_t *const MODELS[HIL_GYRO_KINDS] = {
     [HIL_GYRO_ICM42688] = &hil_gyro_icm42688,
     [HIL_GYRO_LSM6DSO] = &hil_gyro_lsm6dso,

@@ -70,6 +70,16 @@ FILTERS["BMI270"] = ((751.0 / 2.0, 2),)
 
 
 @pytest.mark.parametrize("chip", TABLE.gyro_chips.values(), ids=lambda chip: chip.name)
+def test_the_guides_table_says_what_the_row_says(chip: GyroChip) -> None:
+    low, high = chip.addresses
+    row = (
+        f"| `{chip.name}` | {1e3 * chip.noise_dps:g} | {100 * chip.scale_error:g} % | "
+        f"{chip.address_pin}: 0x{low:02X} / 0x{high:02X} | {chip.select} | {chip.delay_ms:g} ms |"
+    )
+    assert row in (ROOT / "docs" / "guides" / "gyro.md").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("chip", TABLE.gyro_chips.values(), ids=lambda chip: chip.name)
 def test_the_delay_is_that_of_the_filters(chip: GyroChip) -> None:
     delay_s = sum((math.sqrt(2.0) if order == 2 else 1.0) / (2.0 * math.pi * cut) for cut, order in FILTERS[chip.name])
     assert chip.delay_ms == pytest.approx(1e3 * delay_s, abs=0.03)
