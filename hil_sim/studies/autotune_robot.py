@@ -42,7 +42,8 @@ ROW = np.dtype(
         ("seed", "<u8"),
         ("outcome", "S16"),
         ("why", f"S{TEXT}"),
-        ("swings", "<f8"),
+        ("hardly_damped", "<f8"),
+        ("share", "<f8"),
         ("wheels", "<f8"),
         ("counts", "<f8"),
         ("top_m_s", "<f8"),
@@ -63,7 +64,8 @@ ROW = np.dtype(
 )
 """What is kept of a robot. ``outcome``: kept, reverted, refused (autotune said no) or stopped (a safety fault).
 
-``why``: the error, or what autotune's choice rests on. ``swings``: the old values were not driven. ``position_worse``:
+``why``: the error, or what autotune's choice rests on. ``hardly_damped``: the old values
+have less than half of the margins. ``share``: of the limits, at which both were compared last. ``position_worse``:
 lower end of the 95 % interval by which the figure grew, paired by seed; above 0: worse. ``position_seen``: by which
 share of itself the robot saw it grow while it was tuned, and half of that interval.
 """
@@ -152,7 +154,8 @@ def robot_row(seed: int, settings: Settings) -> NDArray[Any]:
     for name in CHANGED:
         row[f"{name}_before"], row[f"{name}_after"] = trial.before[name], trial.parameters[name]
     if trial.outcome is not None:
-        row["explained"], row["swings"] = trial.outcome.design.fit.fit, trial.outcome.old_swings
+        row["explained"], row["hardly_damped"] = trial.outcome.design.fit.fit, trial.outcome.in_steps
+        row["share"] = trial.outcome.compared.share
         row["why"] = trial.outcome.choice.why.encode()[:TEXT]
         for verdict in trial.outcome.verdicts:
             name = verdict.kind.key.partition("_")[0]

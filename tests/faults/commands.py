@@ -123,7 +123,8 @@ def _tuned(*_: Any) -> Any:
         traces=traces,
         kept=False,
         choice=Choice(False, "nothing moved"),
-        old_swings=False,
+        in_steps=False,
+        compared=SimpleNamespace(share=0.7),
     )
 
 

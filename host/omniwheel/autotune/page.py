@@ -121,9 +121,10 @@ def _lifted(design: Design, required: Requirements) -> list[str]:
 
 def _verdicts(outcome: Outcome) -> list[str]:
     end = "The new parameters were kept" if outcome.kept else "The robot has its old parameters again"
-    lines = [f"- {verdict.sentence()}" for verdict in outcome.verdicts]
-    if outcome.old_swings:
-        lines = ["The old values were not driven: on the robot as it was measured, they do not damp it."]
+    pace = f"Driven in turns at {outcome.compared.share:.0%} of the limits."
+    if outcome.in_steps:
+        pace += " The old values hardly damp the robot as it was measured, so it came to that pace in steps."
+    lines = [pace, "", *(f"- {verdict.sentence()}" for verdict in outcome.verdicts)]
     return [
         "## What they did",
         "",

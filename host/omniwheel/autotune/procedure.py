@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.autotune.choice import Choice, choose
+from omniwheel.autotune.comparison import Compared, Comparison
 from omniwheel.autotune.design import CHANGED, Design, design_from, gentle_values, measure
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.motor_values import PARAMETERS as MOTOR_PARAMETERS
@@ -28,8 +29,7 @@ from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 from omniwheel.trial import Trial
 from omniwheel.tuning import Trace
-from omniwheel.tuning_rounds import order
-from omniwheel.tuning_verdict import Verdict, judge
+from omniwheel.tuning_verdict import Verdict
 
 GENTLE, BRISK, QUICK = 0.25, 0.42, 0.7
 """Shares of the robot's speed and acceleration limits, one after the other; BRISK only if GENTLE shows too little."""
@@ -37,8 +37,6 @@ MARGIN_M = 0.03
 """What a wheel is wide and a tracking error long: added to the robot's size."""
 MOST_DRIVES = 5
 """Of those that measure: while they do not show enough, another one through other points is added."""
-MOST_ROUNDING = 0.2
-"""Of the wheels' measured motion: with more of it the model alone decides nothing."""
 REFUSED_SHARE = 0.01
 """Of the pose fixes: if the robot refuses more of them, its wheels and its fixes contradict each other."""
 _READ = tuple(dict.fromkeys((*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")))
@@ -76,17 +74,26 @@ class Settings:
 
 @dataclass(frozen=True)
 class Outcome:
-    """``old`` and ``new`` parameters, the design, verdicts of the comparison, the traces, and what was chosen and why.
+    """``old`` and ``new`` parameters, the design, what the comparison showed, and what was chosen and why.
 
-    ``old_swings``: the old values have so little margin on the measured robot that they were not driven; no verdicts.
+    ``in_steps``: the old values hardly damp the measured robot, so that the comparison came to its pace in steps.
     """
 
     old: dict[str, float]
     design: Design
-    verdicts: list[Verdict]
-    traces: dict[str, list[Trace]]
+    compared: Compared
     choice: Choice
-    old_swings: bool = False
+    in_steps: bool = False
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """What the figures say at the quickest pace that was driven."""
+        return self.compared.verdicts
+
+    @property
+    def traces(self) -> dict[str, list[Trace]]:
+        """The paths that the verdicts rest on."""
+        return self.compared.traces
 
     @property
     def kept(self) -> bool:
@@ -142,40 +149,14 @@ def _tune(
     fit, measured, old = _measured(robot, settings, old, places, tell)
     design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
-    old_swings = design.old_swing(settings.required)
-    if old_swings and fit.rounding_share > MOST_ROUNDING:
-        raise AutotuneError(
-            f"the old values seem not to damp this robot, but {fit.rounding_share:.0%} of what the encoders show is "
-            "their rounding: too much to choose others without driving the old ones",
-            hint="more --room or more --legs; or an encoder with more counts",
-        )
-    gently = design.old_hardly_damp(settings.required)
-    if old_swings:
-        tell("the old values are not driven: with the robot as it was measured, they do not damp it")
-    elif gently:
-        tell(
-            f"compared at {GENTLE:.0%} of the limits: with the robot as it was measured, the old values hardly damp it"
-        )
-    tries: list[list[Drive]] = [[], []]
-    leg_s = _leg(robot, places, old, GENTLE if gently and not old_swings else QUICK)
-    for number in range(settings.rounds):
-        for index in (1,) if old_swings else order(2, number):
-            tell(f"round {number + 1} of {settings.rounds}, with the {('old', 'new')[index]} parameters")
-            trial.set_many(sets[index])
-            tries[index].append(drive(robot, places, leg_s))
-    old_figures, new_figures = ([entry.figures for entry in side] for side in tries)
-    verdicts = [] if old_swings else judge(old_figures, new_figures)
-    choice = choose(verdicts, design, settings.required, settings.prefer, _unknown(tries[0]))
+    in_steps = design.old_hardly_damp(settings.required)
+    if in_steps:
+        tell("compared in steps: with the robot as it was measured, the old values hardly damp it")
+    comparison = Comparison(robot, sets, trial.set_many, lambda way, share: _leg(robot, way, old, share), tell)
+    compared = comparison.run(places, QUICK, settings.rounds, in_steps=in_steps)
+    choice = choose(compared.shown, design, settings.required, settings.prefer)
     trial.set_many(sets[1 if choice.kept else 0])
-    sides = zip(("before", "after"), tries, strict=True)
-    traces = {name: [entry.trace for entry in side] for name, side in sides if side}
-    return Outcome(present, design, verdicts, traces, choice, old_swings)
-
-
-def _unknown(drives: Sequence[Drive]) -> dict[str, float]:
-    """Return what the robot does not know of its own pose, RMS over drives, by figure; none without fixes."""
-    told = [entry.unknown for entry in drives if entry.unknown]
-    return {key: math.sqrt(sum(entry[key] ** 2 for entry in told) / len(told)) for key in (told[0] if told else ())}
+    return Outcome(present, design, compared, choice, in_steps)
 
 
 def _measured(
@@ -250,7 +231,7 @@ def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
     return reached(old["LIM_V"], *directions(DIRECTIONS)), reached(old["LIM_W"], TURNING)
 
 
-def _leg(robot: Robot, places: list[Pose], old: Mapping[str, float], share: float) -> float:
+def _leg(robot: Robot, places: Sequence[Pose], old: Mapping[str, float], share: float) -> float:
     fast, turn = _top_speeds(robot, old)
     acceleration = (share * old["LIM_A"], share * old["LIM_A"] / old["WHEEL_DIST"])
     return leg_time(places, (share * fast, share * turn), acceleration)

@@ -22,8 +22,10 @@ from omniwheel.tuning import Experiment, Figures, Trace
 MOST_LEGS = 31
 """The robot keeps 32 waypoints."""
 LEAST_ROOM_M = 0.05
-SAMPLE_HZ, COUNTED_HZ = 50.0, 2.0
-"""Rates of what identification needs, and of the counters of pose fixes."""
+SAMPLE_HZ, COUNTED_HZ = 50.0, 5.0
+"""Rates of what identification needs, and of what the robot tells of its pose fixes."""
+FIX_NUMBERS = 3.0
+"""A fix is three numbers: the mean of its normalised innovation squared, if the robot knows what it does not know."""
 ROUNDING_SHARE, MOST_MERGED = 0.05, 4
 """Rounding of the encoders by the wheels' speed, and of how many samples a row is made until it is below that."""
 PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774
@@ -39,7 +41,7 @@ class Drive:
     """What a drive showed: voltages and wheel speeds, the path as the robot saw it, and its figures.
 
     ``fixes_refused`` of ``fixes``: pose fixes that the robot did not believe; 0 of 0 if there are none. ``unknown``: by
-    the key of a figure, the standard deviation of the pose while it moved, as the robot tells it [m, rad].
+    the key of a figure, what the robot does not know of its pose while it moves, standard deviation [m, rad].
     """
 
     data: Dataset
@@ -95,7 +97,7 @@ def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
     Its waypoints are replaced, and SETTINGS are left changed. Raises ExperimentError if the robot stopped itself.
     """
     seen: list[Message] = []
-    names = ("WHEELS", "ENC_CPR", *(f"W{wheel + 1}_ENC_DIR" for wheel in range(int(robot.parameters["WHEELS"]))))
+    names = ("WHEELS", "ENC_CPR", "EKF_R_XY", "EKF_R_TH", *(f"W{wheel + 1}_ENC_DIR" for wheel in range(int(robot.parameters["WHEELS"]))))
     parameters = {name: robot.parameters[name] for name in names}
     settings = dict(zip(SETTINGS, (_WAYPOINTS, leg_s, 1.0, 1.0, 0.1), strict=True))
     robot.parameters.set_many(settings)
@@ -114,17 +116,26 @@ def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
             robot.set_message_interval(message, None)
     refused, accepted = (_grown(counted, name) for name in ("fixes_refused", "fixes_accepted"))
     fixes = refused + accepted
-    unknown = unknown_of(tracked) if fixes else {}
+    noise = (parameters["EKF_R_XY"], parameters["EKF_R_TH"])
+    unknown = unknown_of(tracked, [message.nis for message in counted], noise) if fixes else {}
     return Drive(merged(seen, robot.url, parameters), trace, figures, fixes, refused, unknown)
 
 
-def unknown_of(tracked: Sequence[Message]) -> dict[str, float]:
-    """Return what the robot does not know of its pose on its path: RMS of its standard deviations, by figure."""
+def unknown_of(tracked: Sequence[Message], nis: Sequence[float], fix_sd: tuple[float, float]) -> dict[str, float]:
+    """Return what the robot does not know of its pose on its path, RMS, by figure.
+
+    That is the standard deviation that it tells, and what its pose fixes contradict of it. With wrong wheels in the
+    robot file the fixes are further away than they should be: ``nis``, their normalised innovations squared, show that.
+    What is too much of these is taken for error of the pose. ``fix_sd``: of a fix [m, rad].
+    """
     told = np.array([message.pose_sd for message in tracked if message.phase == ON_PATH], dtype=np.float64)
     told = told[np.isfinite(told).all(axis=1)] if len(told) else told
     if not len(told):
         return {}
-    x, y, theta = np.mean(told**2, axis=0)
+    own = np.mean(told**2, axis=0)
+    seen = [value for value in nis if value > 0.0]
+    excess = max(float(np.mean(seen)) / FIX_NUMBERS - 1.0, 0.0) if seen else 0.0
+    x, y, theta = own + excess * (own + np.array([fix_sd[0], fix_sd[0], fix_sd[1]]) ** 2)
     return {"position_m": math.sqrt(x + y), "theta_rad": math.sqrt(theta)}
 
 
