@@ -16,17 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import omniwheel
 from hil_sim.batch import run_batch
 from hil_sim.lockstep import SteppedLink
-from hil_sim.runs import new_world
+from hil_sim.studies.autotune_link import CABLE, Way, reached_robot
 from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
 from omniwheel.autotune.design import CHANGED
 from omniwheel.autotune.procedure import Outcome, Settings, autotune
 from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
 from omniwheel.errors import OmniError
 from omniwheel.experiments import WheelPlan, wheel_chirp
-from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
 
@@ -86,21 +84,18 @@ class Trial:
 
 
 @contextmanager
-def waiting_robot(drawn: DrawnRobot) -> Iterator[tuple[Robot, SteppedLink]]:
+def waiting_robot(drawn: DrawnRobot, way: Way = CABLE) -> Iterator[tuple[Robot, SteppedLink]]:
     """Start the firmware with the wrong robot file in the true robot's world; it goes on while somebody waits."""
-    scenario = drawn.tuning_scenario()
-    parameters, links = scenario.parameter_values(), ["tcp:127.0.0.1:0"]
-    with FirmwareProcess(parameters=parameters, links=links, lockstep=True) as firmware:
-        link = SteppedLink(firmware.open_link(), new_world(scenario))
-        link.end_s = math.inf
-        with omniwheel.connect(link, clock=link.clock_s) as robot:
-            yield robot, link
+    with reached_robot(drawn.tuning_scenario(), way) as found:
+        yield found
 
 
-def tune(drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = lambda _: None) -> Trial:
-    """Tune a robot; the margins are measured afterwards if it keeps its new values."""
+def tune(
+    drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = lambda _: None, way: Way = CABLE
+) -> Trial:
+    """Tune a robot; the margins of the new values are measured afterwards, whether it keeps them or not."""
     trial = Trial()
-    with waiting_robot(drawn) as (robot, link):
+    with waiting_robot(drawn, way) as (robot, link):
         trial.before = {name: robot.parameters[name] for name in CHANGED}
         try:
             trial.outcome = autotune(robot, settings, True, tell)
@@ -108,13 +103,14 @@ def tune(drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = la
             trial.error = error
             trial.stopped = isinstance(error, ExperimentError)
         trial.simulated_s = link.clock_s()
-        if trial.outcome is not None and trial.outcome.kept:
+        robot.parameters.forget()
+        trial.parameters = {name: robot.parameters[name] for name in CHANGED}
+        if trial.outcome is not None:
             try:
+                robot.parameters.set_many(trial.outcome.new)
                 trial.measured = _measured_margins(robot)
             except OmniError as error:
                 trial.margin_error = str(error)
-        robot.parameters.forget()
-        trial.parameters = {name: robot.parameters[name] for name in CHANGED}
     return trial
 
 
@@ -137,15 +133,16 @@ def judge(drawn: DrawnRobot, parameters: Mapping[str, float], runs: int = JUDGIN
     return run_batch(drawn.judging_scenario().with_parameters(parameters), FRESH_SEED, runs).rows
 
 
-def robot_row(seed: int, settings: Settings) -> NDArray[Any]:
-    """Tune the robot of a seed, judge it, and return its ROW."""
+def robot_row(seed: int, task: tuple[Settings, Way]) -> NDArray[Any]:
+    """Tune the robot of a seed with these settings in this way, judge it, and return its ROW."""
+    settings, way = task
     started = time.perf_counter()
     row = np.zeros(1, ROW)
     for name in ROW.names or ():
         if row.dtype[name].kind == "f":
             row[name] = math.nan
     drawn = draw_robot(seed)
-    trial = tune(drawn, settings)
+    trial = tune(drawn, settings, way=way)
     truth = drawn.truth.parameter_values()
     row["seed"], row["wheels"], row["counts"] = seed, drawn.truth.wheels, truth["ENC_CPR"]
     row["top_m_s"], row["simulated_s"] = truth["LIM_V"], trial.simulated_s

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hil_sim.studies import autotune_study
+from hil_sim.studies.autotune_link import CABLE
 from hil_sim.studies.autotune_rival import known_values, rival_row
 from hil_sim.studies.autotune_robot import ROW, grown, judge, robot_row, values_after
 from hil_sim.studies.autotune_stop import KINDS, drawn_stop, stop_row
@@ -177,7 +178,7 @@ def test_a_study_goes_on_where_it_ended_and_refuses_another_ones_folder(
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", [1, 6, 14])
 def test_a_robot_is_tuned_and_never_becomes_much_worse(seed: int) -> None:
-    (row,) = robot_row(seed, Settings())
+    (row,) = robot_row(seed, (Settings(), CABLE))
     assert row["outcome"] in (b"kept", b"reverted"), row["why"]
     assert row["completed_after"] >= row["completed_before"]
     assert not row["position_m_after"] > 1.05 * row["position_m_before"]

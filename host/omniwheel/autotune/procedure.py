@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -20,7 +21,9 @@ from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.room import MOST_LEGS, SETTINGS, Drive, drive, leg_time, points, reach_of
 from omniwheel.autotune.wheel_loop import ANGLE_FILTER
 from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
-from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed
+from omniwheel.capability.drive_model import DriveModel, model_from_parameters
+from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed, top_acceleration
+from omniwheel.datasheet.new_robot import ACCELERATION_SHARE
 from omniwheel.errors import AutotuneError, IdentificationError
 from omniwheel.frames import Pose
 from omniwheel.identification.model import Layout
@@ -35,7 +38,7 @@ GENTLE, BRISK, QUICK = 0.25, 0.42, 0.7
 """Shares of the robot's speed and acceleration limits, one after the other; BRISK only if GENTLE shows too little."""
 MARGIN_M = 0.03
 """What a wheel is wide and a tracking error long: added to the robot's size."""
-MOST_DRIVES = 5
+MOST_DRIVES = 6
 """Of those that measure: while they do not show enough, another one through other points is added."""
 REFUSED_SHARE = 0.01
 """Of the pose fixes: if the robot refuses more of them, its wheels and its fixes contradict each other."""
@@ -44,8 +47,6 @@ _LIMITS = ("LIM_V", "LIM_W", "LIM_A", "LIM_DUTY", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
 REACH_S, TURN_RAD = 0.6, 1.2
 """A slow robot's points are within so many seconds at its top speed, so that its legs end; headings within this."""
-ACCELERATION_SHARE = 0.5
-"""Of the acceleration that the motors reach: the limit of quick legs."""
 DIRECTIONS = 24
 """Directions in which the robot's slowest one is looked for."""
 
@@ -141,7 +142,7 @@ def _tune(
     robot: Robot, trial: Trial, settings: Settings, old: Mapping[str, float], tell: Callable[[str], None]
 ) -> Outcome:
     here = robot.wait_for(Tracking, 5.0).pose
-    fast, turn = _top_speeds(robot, old)
+    fast, turn = _top_speeds(robot.drive_model(), old)
     reach = min(reach_of(settings.room_m, old["WHEEL_DIST"] + MARGIN_M), REACH_S * fast)
     places = points(here, reach, min(TURN_RAD, REACH_S * turn), settings.legs, settings.seed)
     present = {name: old[name] for name in CHANGED}
@@ -166,7 +167,10 @@ def _measured(
     places: list[Pose],
     tell: Callable[[str], None],
 ) -> tuple[Fit, Measured, dict[str, float]]:
-    """Drive gently, then quickly, and on through other points while that does not show enough of the motors.
+    """Drive gently, then quickly, turn on the spot, and drive on while that does not show enough of the motors.
+
+    Between points the robot moves as fast as its way is long, and turns as it may. So on the way it turns slowly, and
+    says little of what a wheel moves then.
 
     Also returns the parameters with the acceleration limit that later drives keep to.
     """
@@ -181,10 +185,12 @@ def _measured(
             limits = found
             break
     drives.append(_drive(robot, places, limits, QUICK, tell))
+    turning = points(places[0], 0.0, turn_rad, settings.legs, settings.seed)
+    drives.append(_drive(robot, turning, limits, QUICK, tell))
     while True:
         try:
             fit, measured = measure(drives, old, _layout(robot, old))
-            return fit, measured, within_reach(limits, fit, tell)
+            return fit, measured, within_reach(robot.parameters, limits, fit, measured, tell)
         except (AutotuneError, IdentificationError) as error:
             if len(drives) == MOST_DRIVES:
                 raise
@@ -198,32 +204,41 @@ def _limits_so_far(
 ) -> dict[str, float] | None:
     """Return the robot's limits, or less where the drives show weaker motors; None if they do not show enough."""
     try:
-        fit, _ = measure(drives, old, _layout(robot, old))
+        fit, measured = measure(drives, old, _layout(robot, old))
     except (AutotuneError, IdentificationError) as error:
         tell(f"so far {error}")
         return None
-    return within_reach(old, fit, tell)
+    return within_reach(robot.parameters, old, fit, measured, tell)
 
 
-def within_reach(old: Mapping[str, float], fit: Fit, tell: Callable[[str], None]) -> dict[str, float]:
+def within_reach(
+    known: Mapping[str, float],
+    old: Mapping[str, float],
+    fit: Fit,
+    measured: Measured,
+    tell: Callable[[str], None],
+) -> dict[str, float]:
     """Return the parameters with an acceleration limit that the motors reach as they were measured.
 
-    At half of the quick speed, dry friction and back-EMF leave some of the supply's voltage. Half of that counts. But
-    the gentle drive was no trouble, so the quick one may accelerate as much.
+    It is computed as ``omni robots new`` does, at half of the quick speed, from all parameters that are ``known`` and
+    the measured ones. But the gentle drive was no trouble, so the quick one may accelerate as much.
     """
-    found, radius = fit.estimate, old["WHEEL_RADIUS"]
-    back_emf_V = found["speed_gain_V_s"] * 0.5 * QUICK * old["LIM_V"] / radius
-    left_V = old["LIM_DUTY"] * old["BAT_V_NOM"] - found["coulomb_V"] - back_emf_V
-    reached = ACCELERATION_SHARE * radius * left_V / found["inertia_xy_V_s2"]
+    values, radius = measured.values, old["WHEEL_RADIUS"]
+    mass = old["WHEELS"] * (measured.translating - values["MOT_J"]) / (2.0 * radius**2)
+    friction_N_m = fit.estimate["coulomb_V"] * values["MOT_K"] / old["MOT_R"]
+    model = model_from_parameters(
+        ChainMap({**values, "MASS": mass}, dict(known)), {"coulomb_friction_N_m": friction_N_m}
+    )
+    speed = 0.5 * QUICK * _top_speeds(model, old)[0]
+    reached = ACCELERATION_SHARE * min(top_acceleration(model, way, speed).value for way in directions(DIRECTIONS))
     limit = min(old["LIM_A"], max(reached, GENTLE / QUICK * old["LIM_A"]))
     if limit < old["LIM_A"]:
         tell(f"the motors do not reach {old['LIM_A']:.3g} m/s^2; the next drives take {limit:.3g} for LIM_A")
     return {**old, "LIM_A": limit}
 
 
-def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
+def _top_speeds(model: DriveModel, old: Mapping[str, float]) -> tuple[float, float]:
     """Return the speed [m/s] that it reaches in every direction, and its turn rate [rad/s]."""
-    model = robot.drive_model()
 
     def reached(limit: float, *ways: Array) -> float:
         return min([limit, *(min(limit_speed(model, way), motor_speed(model, way)) for way in ways)])
@@ -232,7 +247,7 @@ def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _leg(robot: Robot, places: Sequence[Pose], old: Mapping[str, float], share: float) -> float:
-    fast, turn = _top_speeds(robot, old)
+    fast, turn = _top_speeds(robot.drive_model(), old)
     acceleration = (share * old["LIM_A"], share * old["LIM_A"] / old["WHEEL_DIST"])
     return leg_time(places, (share * fast, share * turn), acceleration)
 

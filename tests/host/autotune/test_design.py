@@ -23,13 +23,15 @@ from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.procedure import Settings, autotune
 from omniwheel.autotune.room import merged, points, unknown_of
 from omniwheel.autotune.wheel_loop import loaded, loop_of, motor_of
+from omniwheel.capability.drive_model import model_from_parameters
+from omniwheel.capability.speeds import directions, top_acceleration
 from omniwheel.dialect import mavlink
 from omniwheel.errors import AutotuneError
 from omniwheel.frames import Pose
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.output_error import Fit
 from omniwheel.identification.segments import Segments
-from omniwheel.robots import parameter_table
+from omniwheel.robots import parameter_table, read_robot
 from omniwheel.tuning import Figures
 from omniwheel.tuning_verdict import KINDS, Verdict
 
@@ -112,7 +114,12 @@ def lacking() -> Design:
 
 
 def chosen(
-    verdicts: list[Verdict], design: Design, prefer: Prefer = Prefer.TRACKING, *, share: float = 0.7, unknown: float = 0.0
+    verdicts: list[Verdict],
+    design: Design,
+    prefer: Prefer = Prefer.TRACKING,
+    *,
+    share: float = 0.7,
+    unknown: float = 0.0,
 ) -> Choice:
     shown = Shown(verdicts, share, share == procedure.QUICK, {KINDS[3].key: unknown})
     return choose(shown, design, REQUIRED, prefer)
@@ -268,13 +275,14 @@ def test_what_shows_too_little_is_driven_on_through_other_points(monkeypatch: py
     monkeypatch.setattr(procedure, "_drive", drive)
     monkeypatch.setattr(procedure, "measure", measure)
     monkeypatch.setattr(procedure, "_layout", lambda *_: None)
-    monkeypatch.setattr(procedure, "within_reach", lambda old, *_: dict(old))
+    monkeypatch.setattr(procedure, "within_reach", lambda _, old, *__: dict(old))
+    robot = cast(Robot, SimpleNamespace(parameters={}))
     places = points(Pose(1.0, 2.0, 0.5), 0.3, 1.0, 10, 1)
     limits = {"LIM_A": 1.0}
-    for enough, drives, others in ((1, 2, 0), (2, 3, 0), (3, 3, 0), (4, 4, 1), (9, procedure.MOST_DRIVES, 2)):
+    for enough, drives, others in ((1, 3, 1), (2, 4, 1), (3, 4, 1), (5, 5, 2), (9, procedure.MOST_DRIVES, 3)):
         driven.clear()
         try:
-            found: object = procedure._measured(cast(Robot, None), Settings(), limits, places, told.append)
+            found: object = procedure._measured(robot, Settings(), limits, places, told.append)
             assert found == ("fit", "measured", limits)
         except AutotuneError:
             assert enough == 9
@@ -284,42 +292,62 @@ def test_what_shows_too_little_is_driven_on_through_other_points(monkeypatch: py
     assert any("one more drive" in text for text in told)
 
 
-def measured_fit(**values: float) -> Fit:
-    usual = {"speed_gain_V_s": 0.2, "coulomb_V": 0.5, "inertia_xy_V_s2": 0.05}
-    return cast(Fit, SimpleNamespace(estimate={**usual, **values}))
-
-
-WEAK = {"LIM_A": 1.0, "LIM_V": 1.0, "LIM_DUTY": 1.0, "WHEEL_RADIUS": 0.05, "BAT_V_NOM": 7.4}
+def weaker(factor: float = 1.0, friction_V: float = 0.1) -> tuple[dict[str, float], Fit, Measured]:
+    """Return the parameters of the packaged robot, and what was measured if it is ``factor`` times as heavy."""
+    values = read_robot("fast_three_wheel").parameter_values()
+    body = factor * 2.0 * values["MASS"] * values["WHEEL_RADIUS"] ** 2 / values["WHEELS"]
+    motor = {name: values[name] for name in ("MOT_K", "MOT_B", "MOT_J")}
+    fit = cast(Fit, SimpleNamespace(estimate={"coulomb_V": friction_V}))
+    return values, fit, Measured(motor, motor["MOT_J"], 0.0, motor["MOT_J"] + body)
 
 
 def test_motors_that_are_weaker_than_the_file_says_are_driven_with_less_acceleration() -> None:
     told: list[str] = []
-    assert procedure.within_reach(WEAK, measured_fit(), told.append) == WEAK
+    values, fit, measured = weaker()
+    strong = {**values, "LIM_A": 0.1}
+    assert procedure.within_reach(values, strong, fit, measured, told.append) == strong
     assert not told
-    weak = procedure.within_reach(WEAK, measured_fit(inertia_xy_V_s2=0.3), told.append)
-    # At half of the quick speed, 0.35 m/s, the back-EMF is 1.4 V; half of the other 5.5 V accelerate.
-    assert weak == {**WEAK, "LIM_A": pytest.approx(0.5 * 5.5 / 0.3 * 0.05)}
-    assert told == ["the motors do not reach 1 m/s^2; the next drives take 0.458 for LIM_A"]
-    less = procedure.within_reach({**WEAK, "LIM_DUTY": 0.9}, measured_fit(inertia_xy_V_s2=0.3), told.append)
-    assert less["LIM_A"] == pytest.approx(0.5 * (5.5 - 0.74) / 0.3 * 0.05)
+    quick = {**values, "LIM_A": 1e3}
+    limits = [
+        procedure.within_reach(values, quick, fit, weaker(factor)[2], told.append)["LIM_A"] for factor in (20.0, 40.0)
+    ]
+    least = procedure.GENTLE / procedure.QUICK * 1e3
+    assert limits == [least, least], "never gentler than the gentle drive"
+    assert "the motors do not reach 1e+03 m/s^2" in told[-1]
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0, 10.0])
+def test_the_limit_is_the_one_that_a_new_robot_file_would_have(factor: float) -> None:
+    """At half of the quick speed instead of half of the top speed; of a robot that is so many times as heavy."""
+    values, fit, measured = weaker(factor, 0.0)
+    heavy = model_from_parameters({**values, "MASS": factor * values["MASS"]}, {})
+    slow = 0.5 * procedure.QUICK * values["LIM_V"]
+    wanted = 0.5 * min(top_acceleration(heavy, way, slow).value for way in directions(procedure.DIRECTIONS))
+    old = {**values, "LIM_A": 1.01 * wanted}
+    assert procedure.within_reach(values, old, fit, measured, lambda _: None)["LIM_A"] == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize("friction_V", [7.0, 9.0, 100.0])
 def test_the_quick_drive_is_never_gentler_than_the_gentle_one(friction_V: float) -> None:
-    found = procedure.within_reach(WEAK, measured_fit(coulomb_V=friction_V), lambda _: None)
-    assert procedure.QUICK * found["LIM_A"] == pytest.approx(procedure.GENTLE * WEAK["LIM_A"])
+    values, fit, measured = weaker(friction_V=friction_V)
+    found = procedure.within_reach(values, values, fit, measured, lambda _: None)
+    assert procedure.QUICK * found["LIM_A"] >= procedure.GENTLE * values["LIM_A"] * (1.0 - 1e-12)
 
 
 def test_the_quick_drive_keeps_to_what_the_gentle_one_showed(monkeypatch: pytest.MonkeyPatch) -> None:
     driven: list[tuple[float, float]] = []
-    inertia = [0.3, 0.15]  # the quick drive sees stronger motors than the gentle one
+    limits = [0.4, 0.9]  # the quick drive sees stronger motors than the gentle one
     monkeypatch.setattr(procedure, "_drive", lambda *given: driven.append((given[2]["LIM_A"], given[3])))
-    monkeypatch.setattr(procedure, "measure", lambda *_: (measured_fit(inertia_xy_V_s2=inertia.pop(0)), None))
+    monkeypatch.setattr(procedure, "measure", lambda *_: (None, None))
     monkeypatch.setattr(procedure, "_layout", lambda *_: None)
+    monkeypatch.setattr(
+        procedure, "within_reach", lambda _, old, *__: {**old, "LIM_A": min(old["LIM_A"], limits.pop(0))}
+    )
+    robot = cast(Robot, SimpleNamespace(parameters={}))
     places = [Pose(0.0, 0.0, 0.0)] * 2
-    *_, limits = procedure._measured(cast(Robot, None), Settings(), WEAK, places, lambda _: None)
-    assert driven == [(1.0, procedure.GENTLE), (pytest.approx(0.458, abs=1e-3), procedure.QUICK)]
-    assert limits["LIM_A"] == pytest.approx(0.458, abs=1e-3), "nor is the comparison quicker"
+    *_, found = procedure._measured(robot, Settings(), {"LIM_A": 1.0}, places, lambda _: None)
+    assert driven == [(1.0, procedure.GENTLE), (0.4, procedure.QUICK), (0.4, procedure.QUICK)]
+    assert found["LIM_A"] == 0.4, "nor is the comparison quicker"
 
 
 @pytest.mark.parametrize("seed", [1, 146])
