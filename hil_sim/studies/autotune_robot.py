@@ -22,17 +22,18 @@ from hil_sim.studies.autotune_link import CABLE, Way, reached_robot
 from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
 from omniwheel.autotune.design import CHANGED
 from omniwheel.autotune.procedure import Outcome, Settings, autotune
+from omniwheel.autotune.sweep import sweep
 from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
 from omniwheel.errors import OmniError
-from omniwheel.experiments import WheelPlan, wheel_chirp
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
 
 FRESH_SEED = 1_000_000
 """The first seed that robots are judged by; the tuning's world has the robot's own seed."""
 JUDGING_RUNS = 16
-CHIRP_WHEEL_S, CHIRP_ROOM_M = 7.5, 2.0
-"""Length of the sweep times wheels: so much fits into the robot's memory."""
+SWEEP_ROOM_M = 2.0
+MARGIN_SIDES = ("model", "promised", "measured")
+"""What the model says of a margin, what autotune promises after its own sweep, and what a later sweep shows."""
 TEXT = 160
 
 ROW = np.dtype(
@@ -55,7 +56,7 @@ ROW = np.dtype(
         ),
         *((f"{name}_worse", "<f8") for name in ("position", "theta")),
         *((f"{name}_{what}", "<f8") for name in ("position", "theta") for what in ("seen", "seen_half")),
-        *((f"{name}_{side}", "<f8") for name in ("gain", "phase", "distance") for side in ("promised", "measured")),
+        *((f"{name}_{side}", "<f8") for name in ("gain", "phase", "distance") for side in MARGIN_SIDES),
         ("margin_why", f"S{TEXT}"),
         *((f"{name}_{side}", "<f8") for name in CHANGED for side in ("before", "after")),
     ]
@@ -106,23 +107,22 @@ def tune(
         robot.parameters.forget()
         trial.parameters = {name: robot.parameters[name] for name in CHANGED}
         if trial.outcome is not None:
-            try:
-                robot.parameters.set_many(trial.outcome.new)
-                trial.measured = _measured_margins(robot)
-            except OmniError as error:
-                trial.margin_error = str(error)
+            trial.measured, trial.margin_error = _measured_margins(robot, trial.outcome.new)
     return trial
 
 
-def _measured_margins(robot: Robot) -> Margins:
-    """Return the margins of all wheel loops together, turning, as ``omni experiment wheel-chirp`` measures them."""
-    plan = WheelPlan(duration_s=CHIRP_WHEEL_S / robot.parameters["WHEELS"])
-    found = wheel_chirp(robot, plan, CHIRP_ROOM_M, lambda _: None)
-    return Margins(*(found[name].measured for name in ("gain_margin", "phase_margin_rad", "distance")))
+def _measured_margins(robot: Robot, values: Mapping[str, float]) -> tuple[Margins | None, str]:
+    """Return the margins of these values, turning, as another sweep shows them; or why it does not."""
+    try:
+        robot.parameters.set_many(values)
+        found = sweep(robot, SWEEP_ROOM_M, lambda _: None)
+    except OmniError as error:
+        return None, str(error)
+    return found.margins, found.why
 
 
-def promised_margins(drawn: DrawnRobot, outcome: Outcome) -> Margins:
-    """Return what autotune's model says of the same loop."""
+def modelled_margins(drawn: DrawnRobot, outcome: Outcome) -> Margins:
+    """Return what autotune's model says of the loop that is swept."""
     values = {**drawn.tuning_scenario().parameter_values(), **outcome.new}
     loop = loop_of(values, loaded(motor_of(values), outcome.design.measured.turning))
     return loop.margins(values["WS_P"], values["WS_I"])
@@ -174,7 +174,9 @@ def _fill_margins(row: NDArray[Any], drawn: DrawnRobot, trial: Trial) -> None:
     row["margin_why"] = trial.margin_error.encode()[:TEXT]
     if trial.outcome is None or trial.measured is None:
         return
-    for side, found in (("promised", promised_margins(drawn, trial.outcome)), ("measured", trial.measured)):
+    model = modelled_margins(drawn, trial.outcome)
+    sides = {"model": model, "promised": trial.outcome.swept.or_model(model), "measured": trial.measured}
+    for side, found in sides.items():
         for name, value in (("gain", found.gain), ("phase", found.phase_rad), ("distance", found.distance)):
             row[f"{name}_{side}"] = value
 

@@ -34,7 +34,7 @@ from omniwheel.plain import finite
 Array = NDArray[Any]
 SUMMARY_FILE, PAGE_FILE, ROBOTS_FILE = "summary.json", "report.md", "robots.csv"
 
-DECIDING = ("choice", "comparison", "design", "gains", "motor_values", "procedure", "room", "wheel_loop")
+DECIDING = ("choice", "comparison", "design", "gains", "motor_values", "procedure", "room", "sweep", "wheel_loop")
 """Modules of autotune that decide what it finds."""
 
 

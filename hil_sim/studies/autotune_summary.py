@@ -94,19 +94,25 @@ def _spread(values: Array) -> dict[str, float]:
 
 
 def _margins(rows: Array) -> dict[str, Any]:
-    kept = rows[rows["outcome"] == b"kept"]
-    found: dict[str, Any] = {"not_measured": int(np.sum(np.isnan(kept["distance_measured"])))}
+    designed = rows[np.isin(rows["outcome"], (b"kept", b"reverted"))]
+    found: dict[str, Any] = {"not_measured": int(np.sum(np.isnan(designed["distance_measured"])))}
     for name in ("gain", "phase", "distance"):
-        measured, promised = kept[f"{name}_measured"], kept[f"{name}_promised"]
-        seen = np.isfinite(measured) & np.isfinite(promised) & (promised > 0.0)
-        off = measured[seen] / promised[seen] - 1.0
-        found[name] = {
-            "measured": len(off),
-            "as_promised": int(np.sum(np.abs(off) <= MARGIN_TOLERANCE)),
-            "at_least_as_promised": int(np.sum(off >= -MARGIN_TOLERANCE)),
-            "off": _spread(off),
-        }
+        measured = designed[f"{name}_measured"]
+        found[name] = _promise(designed[f"{name}_promised"], measured)
+        found[name]["model"] = _promise(designed[f"{name}_model"], measured)
     return found
+
+
+def _promise(promised: Array, measured: Array) -> dict[str, Any]:
+    """Return how often a promise was kept, of those margins that both sides know."""
+    seen = np.isfinite(measured) & np.isfinite(promised) & (promised > 0.0)
+    off = measured[seen] / promised[seen] - 1.0
+    return {
+        "measured": len(off),
+        "as_promised": int(np.sum(np.abs(off) <= MARGIN_TOLERANCE)),
+        "at_least_as_promised": int(np.sum(off >= -MARGIN_TOLERANCE)),
+        "off": _spread(off),
+    }
 
 
 def _rivals(rows: Array) -> dict[str, Any]:
@@ -154,8 +160,9 @@ def page(summary: dict[str, Any]) -> str:
     ]
     for name in ("gain", "phase", "distance"):
         part = margins[name]
-        kept = f"{part['as_promised']} of {part['measured']}"
-        lines.append(f"| {name} margin within {MARGIN_TOLERANCE:.0%} of the promise | {kept} |")
+        for side, promise in (("the promise", part), ("the model alone", part["model"])):
+            kept = f"{promise['as_promised']} of {promise['measured']}"
+            lines.append(f"| {name} margin within {MARGIN_TOLERANCE:.0%} of {side} | {kept} |")
     lines.append(f"| margins that could not be measured | {margins['not_measured']} |")
     if "rivals" in summary:
         part = summary["rivals"]

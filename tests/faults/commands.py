@@ -23,6 +23,7 @@ from hil_sim.studies.autotune_study import PARTS, Part
 from omniwheel import FirmwareProcess
 from omniwheel.autotune.choice import Choice
 from omniwheel.autotune.gains import WheelGains
+from omniwheel.autotune.sweep import Swept
 from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel
@@ -125,6 +126,7 @@ def _tuned(*_: Any) -> Any:
         choice=Choice(False, "nothing moved"),
         in_steps=False,
         compared=SimpleNamespace(share=0.7),
+        swept=Swept(None, "nothing moved"),
     )
 
 

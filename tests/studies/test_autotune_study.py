@@ -93,6 +93,7 @@ def made_row(seed: int, outcome: str = "kept", **values: Any) -> np.ndarray[Any,
     row["seed"], row["outcome"] = seed, outcome
     row["position_m_before"] = row["theta_rad_before"] = row["completed_before"] = row["completed_after"] = 1.0
     row["position_m_after"] = row["theta_rad_after"] = 0.9
+    row["distance_model"] = math.nan
     for name, value in values.items():
         row[name] = value
     return row
@@ -122,6 +123,7 @@ def test_the_summary_counts_what_is_worse_and_what_was_promised() -> None:
     assert found["margins"]["distance"]["measured"] == 2
     assert found["margins"]["distance"]["as_promised"] == 1
     assert found["margins"]["not_measured"] == 1
+    assert found["margins"]["distance"]["model"]["measured"] == 0
     assert found["robots"]["worse_by"] == {"0.01": 1, "0.05": 1, "0.2": 1}
     assert found["robots"]["complete_fewer_paths"] == 1
     assert found["robots"]["reasons"] == {"the fit did not settle": 1, "the robot stopped by itself": 1}

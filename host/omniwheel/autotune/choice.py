@@ -10,8 +10,11 @@ from dataclasses import dataclass, field
 from omniwheel.autotune.design import Design
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.prefer import Prefer
+from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.tuning_verdict import Verdict
 
+SWEPT_SHARE = 0.8
+"""Of the required margins, what a sweep must show of the new values. The rest is its own noise."""
 WORTH = 0.1
 """Share of a figure: an improvement that is smaller is not worth other gains."""
 
@@ -29,12 +32,14 @@ class Shown:
     """What a comparison showed at a ``share`` of the limits; ``whole``: that is the pace that counts.
 
     ``unknown``: standard deviation of the robot's own pose, by the figure's key [m, rad]; {}: it knows it exactly.
+    ``swept``: the margins that a sweep with the new values showed, None without one.
     """
 
     verdicts: Sequence[Verdict]
     share: float
     whole: bool = True
     unknown: Mapping[str, float] = field(default_factory=dict)
+    swept: Margins | None = None
 
 
 def worse_of(verdicts: Sequence[Verdict]) -> list[Verdict]:
@@ -48,7 +53,11 @@ def choose(shown: Shown, design: Design, required: Requirements, prefer: Prefer)
     The reason is a figure that is better by more than WORTH, above the noise, at the pace that counts. What the robot
     sees of its error and what it does not know of its pose add up for that, as squares. With Prefer.MARGIN it is a
     reason, too, that the old values have less margin than ``required``. Then a figure may be worse.
+
+    New values that lack margin themselves, as the sweep shows, are never kept.
     """
+    if shown.swept is not None and not required.part(SWEPT_SHARE).kept_by(shown.swept):
+        return Choice(False, f"a sweep shows that the new values lack margin: {_less(shown.swept, required)}")
     lacking = _lacking(design, required)
     worse = worse_of(shown.verdicts)
     looks_worse = [v for v in shown.verdicts if v.difference > 0.0]
@@ -98,15 +107,20 @@ def _lacking(design: Design, required: Requirements) -> str:
         if not found.stable:
             parts.append(f"the {loop} swings by itself")
             continue
-        words = (
-            (found.gain < required.gain, f"gain margin {found.gain:.2g} of {required.gain:.2g}"),
-            (
-                found.phase_rad < required.phase_rad,
-                f"phase margin {math.degrees(found.phase_rad):.0f}° of {math.degrees(required.phase_rad):.0f}°",
-            ),
-            (found.distance < required.distance, f"distance from -1 {found.distance:.2f} of {required.distance:.2f}"),
-        )
-        missing = ", ".join(text for lacks, text in words if lacks)
+        missing = _less(found, required)
         if missing:
             parts.append(f"{loop}: {missing}")
     return "; ".join(parts)
+
+
+def _less(found: Margins, required: Requirements) -> str:
+    """Return which margins are less than required, in words."""
+    words = (
+        (found.gain < required.gain, f"gain margin {found.gain:.2g} of {required.gain:.2g}"),
+        (
+            found.phase_rad < required.phase_rad,
+            f"phase margin {math.degrees(found.phase_rad):.0f}° of {math.degrees(required.phase_rad):.0f}°",
+        ),
+        (found.distance < required.distance, f"distance from -1 {found.distance:.2f} of {required.distance:.2f}"),
+    )
+    return ", ".join(text for lacks, text in words if lacks)

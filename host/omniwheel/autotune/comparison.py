@@ -96,7 +96,7 @@ class Comparison:
                 )
                 self._use(self._sets[index])
                 tries[index].append(drive(self._robot, places, leg_s))
-            verdicts = judge(*([entry.figures for entry in side] for side in tries))
+            verdicts = judge([entry.figures for entry in tries[0]], [entry.figures for entry in tries[1]])
             if number + 1 >= LEAST_ROUNDS and any(v.shows and v.difference > 0.0 for v in verdicts):
                 break
         return Compared(verdicts, tries, share, whole)

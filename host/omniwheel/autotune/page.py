@@ -104,7 +104,13 @@ def _margins(outcome: Outcome, required: Requirements) -> list[str]:
         row("position loop, after", design.position_after),
         row("a lifted wheel, before", design.lifted_before),
         row("a lifted wheel, after", design.lifted_after),
+        *(
+            []
+            if outcome.swept.margins is None
+            else [row("wheel loops turning, after, as swept", outcome.swept.margins)]
+        ),
         "",
+        *([f"A sweep with the new values showed nothing: {outcome.swept.why}.", ""] if outcome.swept.why else []),
         *_lifted(design, required),
     ]
 

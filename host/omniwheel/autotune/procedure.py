@@ -19,6 +19,7 @@ from omniwheel.autotune.motor_values import PARAMETERS as MOTOR_PARAMETERS
 from omniwheel.autotune.motor_values import Measured
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.room import MOST_LEGS, SETTINGS, Drive, drive, leg_time, points, reach_of
+from omniwheel.autotune.sweep import NOT_SWEPT, Swept, sweep
 from omniwheel.autotune.wheel_loop import ANGLE_FILTER
 from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
@@ -77,7 +78,8 @@ class Settings:
 class Outcome:
     """``old`` and ``new`` parameters, the design, what the comparison showed, and what was chosen and why.
 
-    ``in_steps``: the old values hardly damp the measured robot, so that the comparison came to its pace in steps.
+    ``in_steps``: the old or new values hardly damp the robot, so that the comparison came to its pace in steps.
+    ``swept``: the margins that a sweep with the new values showed.
     """
 
     old: dict[str, float]
@@ -85,6 +87,7 @@ class Outcome:
     compared: Compared
     choice: Choice
     in_steps: bool = False
+    swept: Swept = NOT_SWEPT
 
     @property
     def verdicts(self) -> list[Verdict]:
@@ -150,14 +153,22 @@ def _tune(
     fit, measured, old = _measured(robot, settings, old, places, tell)
     design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
-    in_steps = design.old_hardly_damp(settings.required)
-    if in_steps:
-        tell("compared in steps: with the robot as it was measured, the old values hardly damp it")
+    trial.set_many(sets[1])
+    swept = sweep(robot, settings.room_m, tell)
+    hardly = [name for name, does in _hardly_damp(design, swept, settings.required).items() if does]
+    if hardly:
+        tell(f"compared in steps: with the robot as it was measured, the {' and '.join(hardly)} values hardly damp it")
     comparison = Comparison(robot, sets, trial.set_many, lambda way, share: _leg(robot, way, old, share), tell)
-    compared = comparison.run(places, QUICK, settings.rounds, in_steps=in_steps)
-    choice = choose(compared.shown, design, settings.required, settings.prefer)
+    compared = comparison.run(places, QUICK, settings.rounds, in_steps=bool(hardly))
+    choice = choose(replace(compared.shown, swept=swept.margins), design, settings.required, settings.prefer)
     trial.set_many(sets[1 if choice.kept else 0])
-    return Outcome(present, design, compared, choice, in_steps)
+    return Outcome(present, design, compared, choice, bool(hardly), swept)
+
+
+def _hardly_damp(design: Design, swept: Swept, required: Requirements) -> dict[str, bool]:
+    """Return which values have less than half of the margins: the old ones by the model, the new ones by the sweep."""
+    new = swept.margins is not None and not required.half().kept_by(swept.margins)
+    return {"old": design.old_hardly_damp(required), "new": new}
 
 
 def _measured(

@@ -85,14 +85,19 @@ def wheel_chirp(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Out
         gains = setup.gains
         closed = loop.counted(*gains, setup.feed_forward)
         motor = sweep.response(seen.counted, seen.voltage)
-        cut = loop.feedback(*gains) / loop.difference
-        opened = replace(motor, value=np.asarray(cut * motor.value, dtype=np.complex128))
+        opened = opened_loop(motor, loop, gains)
         figures = _loop_figures(answer, closed, opened, loop, gains)
         figures.append(_value_figure("delay_s", "delay beyond the model's", "s", delay_s(motor, loop.counted_per_volt)))
         panels = bode("speed per wanted speed", answer, closed) + bode("open loop", opened, loop.open(*gains))
     hz = answer.frequency_hz
     panels.append(Panel("coherence", "frequency [Hz]", "", [Line("measured", hz, answer.coherence)], logarithmic=True))
     return _outcome("wheel-chirp", setup, burst, figures, [*panels, *_panels(seen)[1:]])
+
+
+def opened_loop(motor: Response, loop: WheelLoop, gains: tuple[float, float]) -> Response:
+    """Return the open loop: the motor as measured, filter and controller as the robot computes them."""
+    cut = loop.feedback(*gains) / loop.difference
+    return replace(motor, value=np.asarray(cut * motor.value, dtype=np.complex128))
 
 
 def _run(robot: Robot, setup: WheelSetup, room_m: float, tell: Tell) -> Burst:

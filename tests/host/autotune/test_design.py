@@ -22,7 +22,8 @@ from omniwheel.autotune.motor_values import Measured
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.procedure import Settings, autotune
 from omniwheel.autotune.room import merged, points, unknown_of
-from omniwheel.autotune.wheel_loop import loaded, loop_of, motor_of
+from omniwheel.autotune.sweep import Swept
+from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
 from omniwheel.capability.drive_model import model_from_parameters
 from omniwheel.capability.speeds import directions, top_acceleration
 from omniwheel.dialect import mavlink
@@ -378,3 +379,22 @@ def test_a_robot_whose_wheels_and_pose_fixes_contradict_each_other_is_not_tuned(
         assert robot.status.state != "failsafe"
     assert "wheel radius" in error.value.hint
     assert not any("round" in text for text in told)
+
+
+def test_new_values_that_lack_margin_as_swept_are_never_kept(sound: Design, lacking: Design) -> None:
+    """The model knows neither slip nor what its measurement missed."""
+    better = [verdict(-0.2, 0.1)]
+    for design, prefer in ((sound, Prefer.TRACKING), (lacking, Prefer.MARGIN)):
+        for swept, kept in ((Margins(1.8, 0.7, 0.45), True), (Margins(1.7, 0.7, 0.45), False), (None, True)):
+            found = choose(Shown(better, procedure.QUICK, swept=swept), design, REQUIRED, prefer)
+            assert found.kept is kept
+    assert (
+        "gain margin 1.7 of 2" in choose(Shown(better, 0.7, swept=Margins(1.7, 1.0, 0.6)), sound, REQUIRED, prefer).why
+    )
+
+
+def test_what_a_sweep_does_not_reach_is_promised_by_the_model() -> None:
+    model = Margins(3.0, 1.0, 0.6)
+    assert Swept(Margins(math.inf, math.pi, 0.55)).or_model(model) == Margins(3.0, 1.0, 0.55)
+    assert Swept(Margins(2.5, 0.9, 0.55)).or_model(model) == Margins(2.5, 0.9, 0.55)
+    assert Swept(None, "it slips").or_model(model) == model
