@@ -23,10 +23,10 @@ from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
 from omniwheel.autotune.design import CHANGED
 from omniwheel.autotune.procedure import Outcome, Settings, autotune
 from omniwheel.autotune.sweep import sweep
-from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
 from omniwheel.errors import OmniError
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
+from omniwheel.wheel_loop import Margins, loaded, loop_of, motor_of
 
 FRESH_SEED = 1_000_000
 """The first seed that robots are judged by; the tuning's world has the robot's own seed."""

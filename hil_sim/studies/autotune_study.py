@@ -27,14 +27,14 @@ from hil_sim.studies.autotune_summary import document, page
 from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.store import KEY_BYTES
 from hil_sim.studies.study import Progress, no_progress
-from omniwheel import files
+from omniwheel import files, wheel_loop
 from omniwheel.autotune.procedure import Settings
 from omniwheel.plain import finite
 
 Array = NDArray[Any]
 SUMMARY_FILE, PAGE_FILE, ROBOTS_FILE = "summary.json", "report.md", "robots.csv"
 
-DECIDING = ("choice", "comparison", "design", "gains", "motor_values", "procedure", "room", "sweep", "wheel_loop")
+DECIDING = ("choice", "comparison", "design", "gains", "motor_values", "procedure", "room", "sweep")
 """Modules of autotune that decide what it finds."""
 
 
@@ -69,7 +69,7 @@ PARTS = (
 def sources_digest() -> str:
     """Return a digest of the code whose results are kept: autotune's, and how robots are drawn."""
     folder = Path(next(iter(omniwheel.autotune.__path__)))
-    paths = [*(folder / f"{name}.py" for name in DECIDING), Path(drawn_robots.__file__)]
+    paths = [*(folder / f"{name}.py" for name in DECIDING), Path(wheel_loop.__file__), Path(drawn_robots.__file__)]
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:16]
 
 

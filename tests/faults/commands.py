@@ -24,7 +24,6 @@ from omniwheel import FirmwareProcess
 from omniwheel.autotune.choice import Choice
 from omniwheel.autotune.gains import WheelGains
 from omniwheel.autotune.sweep import Swept
-from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel
 from omniwheel.experiments.session import Claims
@@ -32,6 +31,7 @@ from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
 from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.tuning import Figures, Trace
+from omniwheel.wheel_loop import Margins
 from tests.host.logs import synthetic
 from tests.quick_scenario import QUICK
 

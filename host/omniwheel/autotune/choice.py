@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from omniwheel.autotune.design import Design
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.prefer import Prefer
-from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.tuning_verdict import Verdict
+from omniwheel.wheel_loop import Margins
 
 SWEPT_SHARE = 0.8
 """Of the required margins, what a sweep must show of the new values. The rest is its own noise."""

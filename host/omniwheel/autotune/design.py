@@ -23,10 +23,10 @@ from omniwheel.autotune.gains import (
     worst,
 )
 from omniwheel.autotune.motor_values import Measured, motor_values
-from omniwheel.autotune.wheel_loop import Margins, WheelLoop, loaded, loop_of, motor_of
 from omniwheel.errors import AutotuneError
 from omniwheel.identification.model import Layout, Model
 from omniwheel.identification.output_error import Fit, identify
+from omniwheel.wheel_loop import Margins, WheelLoop, loaded, loop_of, motor_of
 
 if TYPE_CHECKING:
     from omniwheel.autotune.room import Drive

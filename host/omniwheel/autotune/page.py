@@ -11,8 +11,8 @@ from omniwheel import files, parameter_file
 from omniwheel.autotune.design import Design
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.procedure import Outcome
-from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.tuning_plot import draw_tuning
+from omniwheel.wheel_loop import Margins
 
 PAGE, PICTURE, BEFORE, AFTER = "autotune.md", "autotune.png", "before.toml", "after.toml"
 

@@ -20,8 +20,6 @@ from omniwheel.autotune.motor_values import Measured
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.room import MOST_LEGS, SETTINGS, Drive, drive, leg_time, points, reach_of
 from omniwheel.autotune.sweep import NOT_SWEPT, Swept, sweep
-from omniwheel.autotune.wheel_loop import ANGLE_FILTER
-from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
 from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed, top_acceleration
 from omniwheel.datasheet.new_robot import ACCELERATION_SHARE
@@ -34,6 +32,8 @@ from omniwheel.telemetry import Tracking
 from omniwheel.trial import Trial
 from omniwheel.tuning import Trace
 from omniwheel.tuning_verdict import Verdict
+from omniwheel.wheel_loop import ANGLE_FILTER
+from omniwheel.wheel_loop import PARAMETERS as LOOP_PARAMETERS
 
 GENTLE, BRISK, QUICK = 0.25, 0.42, 0.7
 """Shares of the robot's speed and acceleration limits, one after the other; BRISK only if GENTLE shows too little."""

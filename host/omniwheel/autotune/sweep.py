@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniwheel.autotune.wheel_loop import TICK_S, Margins
 from omniwheel.drive_log import is_slow
 from omniwheel.errors import LimitError
 from omniwheel.experiments import WheelPlan, wheel_chirp
@@ -22,6 +21,7 @@ from omniwheel.experiments.wheel import WheelSetup, WheelSignals, signals_of
 from omniwheel.experiments.wheel_experiments import opened_loop
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
+from omniwheel.wheel_loop import TICK_S, Margins
 
 WHEEL_S = 7.5
 """Length of the sweep times wheels: so much fits into the robot's memory."""

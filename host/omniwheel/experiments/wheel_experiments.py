@@ -9,7 +9,6 @@ from dataclasses import asdict, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.wheel_loop import TICK_S, WheelLoop, margins
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel, bode, margin_figures
 from omniwheel.experiments.response import (
@@ -26,6 +25,7 @@ from omniwheel.experiments.session import Claims, Tell, run_excitation
 from omniwheel.experiments.wheel import WheelPlan, WheelSetup, WheelSignals, signals_of
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError, step_response
+from omniwheel.wheel_loop import TICK_S, WheelLoop, margins
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

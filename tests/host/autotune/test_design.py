@@ -23,7 +23,6 @@ from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.procedure import Settings, autotune
 from omniwheel.autotune.room import merged, points, unknown_of
 from omniwheel.autotune.sweep import Swept
-from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
 from omniwheel.capability.drive_model import model_from_parameters
 from omniwheel.capability.speeds import directions, top_acceleration
 from omniwheel.dialect import mavlink
@@ -35,6 +34,7 @@ from omniwheel.identification.segments import Segments
 from omniwheel.robots import parameter_table, read_robot
 from omniwheel.tuning import Figures
 from omniwheel.tuning_verdict import KINDS, Verdict
+from omniwheel.wheel_loop import Margins, loaded, loop_of, motor_of
 
 PERIOD_US = 20_000
 REQUIRED = Requirements()
