@@ -23,7 +23,7 @@ from hil_sim.studies.autotune_study import PARTS, Part
 from omniwheel import FirmwareProcess
 from omniwheel.autotune.choice import Choice
 from omniwheel.autotune.gains import WheelGains
-from omniwheel.autotune.wheel_loop import Margins
+from omniwheel.autotune.sweep import Swept
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel
 from omniwheel.experiments.repeated import Try
@@ -32,6 +32,7 @@ from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
 from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.tuning import Figures, Trace
+from omniwheel.wheel_loop import Margins
 from tests.host.logs import synthetic
 from tests.quick_scenario import QUICK
 
@@ -124,7 +125,9 @@ def _tuned(*_: Any) -> Any:
         traces=traces,
         kept=False,
         choice=Choice(False, "nothing moved"),
-        old_swings=False,
+        in_steps=False,
+        compared=SimpleNamespace(share=0.7),
+        swept=Swept(None, "nothing moved"),
     )
 
 

@@ -14,6 +14,8 @@ from omniwheel.cli.study_output import FreshOption, StudyOutOption, WorkersOptio
 
 EXAMPLES = examples(
     "omni study autotune --robots 100",
+    "omni study autotune --robots 50 --radio 9600 --loss 0.05",
+    "omni study autotune --robots 20 --emulated",
     "omni study autotune --robots 1000 --rivals 100 --stops 200 --workers 8 --out runs/study",
 )
 
@@ -31,6 +33,18 @@ def autotune(
     ] = 0,
     stops: Annotated[int, typer.Option("--stops", min=0, help="Tunings that are interrupted at random moments.")] = 0,
     seed: OwnSeedOption = 1,
+    radio: Annotated[
+        int | None,
+        typer.Option(
+            "--radio", metavar="BAUD", help="Tune over a simulated XBee: 9600, 57600 or 115200.", show_default=False
+        ),
+    ] = None,
+    loss: Annotated[
+        float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
+    ] = 0.05,
+    emulated: Annotated[
+        bool, typer.Option("--emulated", help="Tune the firmware on an emulated Cortex-M7; QEMU must be installed.")
+    ] = False,
     workers: WorkersOption = None,
     out: StudyOutOption = None,
     fresh: FreshOption = False,
@@ -40,14 +54,17 @@ def autotune(
 
     Each robot file is wrong by up to 30 % in every number. A robot is judged by its true pose on a path of its own,
     before and after, on seeds that the tuning never saw. Interrupted, the same command goes on; a larger --robots adds
-    to what is there.
+    to what is there. Over a radio or on an emulated processor it is another study, with a folder of its own.
     """
     from hil_sim.processes import usable_processors
+    from hil_sim.studies.autotune_link import Way
     from hil_sim.studies.autotune_study import Plan, run_study
     from hil_sim.studies.autotune_summary import page
+    from omniwheel.radio_model import RadioSettings
 
-    plan = Plan(robots, seed, min(rivals, robots), stops)
-    path: Path = out if out is not None else DEFAULT_OUT / "study-autotune"
+    way = Way(None if radio is None else RadioSettings(radio, loss), emulated)
+    plan = Plan(robots, seed, min(rivals, robots), stops, way=way)
+    path: Path = out if out is not None else DEFAULT_OUT / f"study-autotune{way.suffix}"
     total = robots + plan.rivals + stops
     with study_progress("autotune", total, path, json_wanted) as progress:
         summary = run_study(plan, path, workers or usable_processors(), fresh=fresh, told=progress)

@@ -15,8 +15,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.gains import position_open
-from omniwheel.autotune.wheel_loop import Motor, loaded, margins, motor_of
 from omniwheel.burst import Burst
 from omniwheel.errors import LimitError
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel, bode, margin_figures
@@ -34,6 +32,7 @@ from omniwheel.experiments.wheel import DUTY_SHARE, MARGIN_M, READ, modelled_loo
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 from omniwheel.tuning import AXES, UNITS, ExperimentError, step_response
+from omniwheel.wheel_loop import Motor, loaded, margins, motor_of, position_open
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

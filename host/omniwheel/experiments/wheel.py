@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.wheel_loop import ANGLE_FILTER, PARAMETERS, TICK_S, Motor, WheelLoop, loaded, loop_of, motor_of
 from omniwheel.burst import Burst
 from omniwheel.capability.drive_model import DriveModel
 from omniwheel.errors import LimitError
 from omniwheel.experiments.session import Claims, Excitation, Procedure, require_duty, require_room
 from omniwheel.robot import Robot
+from omniwheel.wheel_loop import ANGLE_FILTER, PARAMETERS, TICK_S, Motor, WheelLoop, loaded, loop_of, motor_of
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,6 @@ from dataclasses import asdict, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.wheel_loop import TICK_S, WheelLoop, margins
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel, bode, margin_figures
 from omniwheel.experiments.response import (
@@ -27,6 +26,7 @@ from omniwheel.experiments.session import Claims, Tell, run_excitation
 from omniwheel.experiments.wheel import WheelPlan, WheelSetup, WheelSignals, signals_of
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError, step_response
+from omniwheel.wheel_loop import TICK_S, WheelLoop, margins
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -84,8 +84,7 @@ def wheel_chirp(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Out
         gains = setup.gains
         closed = loop.counted(*gains, setup.feed_forward)
         motor = sweep.response(seen.counted, seen.voltage)
-        cut = loop.feedback(*gains) / loop.difference
-        opened = replace(motor, value=np.asarray(cut * motor.value, dtype=np.complex128))
+        opened = opened_loop(motor, loop, gains)
         figures = _loop_figures(answer, closed, opened, loop, gains)
         figures.append(_value_figure("delay_s", "delay beyond the model's", "s", delay_s(motor, loop.counted_per_volt)))
         panels = bode("speed per wanted speed", answer, closed) + bode("open loop", opened, loop.open(*gains))
@@ -116,6 +115,12 @@ def _sweeping(robot: Robot, plan: WheelPlan) -> WheelSetup:
     if not plan.sweeps:
         setup.plan = replace(setup.plan, from_hz=LOWEST_HZ, to_hz=_reach_hz(setup))
     return setup
+
+
+def opened_loop(motor: Response, loop: WheelLoop, gains: tuple[float, float]) -> Response:
+    """Return the open loop: the motor as measured, filter and controller as the robot computes them."""
+    cut = loop.feedback(*gains) / loop.difference
+    return replace(motor, value=np.asarray(cut * motor.value, dtype=np.complex128))
 
 
 def _run(robot: Robot, setup: WheelSetup, room_m: float, tell: Tell) -> Burst:

@@ -265,6 +265,12 @@ def margins(loop: Complex) -> Margins:
     )
 
 
+def position_open(loop: WheelLoop, inner: Complex, lam: float, stiffness_1_s: float) -> Complex:
+    """Return the open position loop: an integrator behind the wheel loop ``inner``, PI by lambda and k / phi."""
+    s = loop.difference
+    return np.asarray(inner * (lam + stiffness_1_s + lam * stiffness_1_s / s) / s, dtype=np.complex128)
+
+
 def loop_of(values: Mapping[str, float], motor: Motor | None = None, frequency_hz: Array | None = None) -> WheelLoop:
     """Return the loop of a robot with these PARAMETERS, KF_MODE angle; ``motor`` is the one that is really there."""
     believed = motor_of(values)
