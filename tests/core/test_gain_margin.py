@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -79,7 +80,7 @@ def test_the_margin_is_looked_at_in_every_eighth_tick() -> None:
     seen = [bench.tick().ismc_margin[0] for _ in range(80)]
     changes = [i for i in range(1, 80) if seen[i] != seen[i - 1]]
     assert len(changes) == 10
-    assert {later - earlier for earlier, later in zip(changes, changes[1:], strict=False)} == {8}
+    assert {later - earlier for earlier, later in itertools.pairwise(changes)} == {8}
 
 
 def test_the_defaults_cover_and_super_twisting_is_not_judged() -> None:
