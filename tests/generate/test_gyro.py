@@ -46,7 +46,7 @@ def test_a_file_without_it_has_no_gyro() -> None:
 @pytest.mark.parametrize("chip", TABLE.gyro_chips.values(), ids=lambda chip: chip.name)
 def test_a_chip_is_a_header_a_namespace_and_numbers_for_the_filter(chip: GyroChip, tmp_path: Path) -> None:
     own, digest = configuration(tmp_path / "own.bin")
-    more = {"config_file": own.name, "config_sha256": digest} if chip.config_file else {}
+    more: dict[str, Any] = {"config_file": own.name, "config_sha256": digest} if chip.config_file else {}
     robot = robot_with(chip=chip.name, **more)
     values = robot.parameter_values()
     assert values["GYRO_ND"] == pytest.approx(math.radians(chip.noise_dps))

@@ -16,7 +16,7 @@ CONFIG_FILE_KEY = "gyro.config_file"
 SHA_KEY = "gyro.config_sha256"
 SIZE = 8192
 BOSCH_SHA256 = "2d75e68e343a13ff99be98261dfbd99d9e8c6f267da9e3c5aeb883276ad178db"
-"""Of the array bmi270_config_file in bmi270.c of Bosch's BMI270 SensorAPI, since version 2.46."""
+"""Of the array bmi270_config_file in bmi270.c of Bosch's BMI270 SensorAPI, from v2.34.0 to v2.86.1."""
 WHERE = "bmi270.c of Bosch's BMI270 SensorAPI has it, and so has the Python package bmi270 (config_file.py)"
 
 _ARRAY = re.compile(r"\bbmi270_config_file\b[^={]*=\s*[\[{](.*?)[\]}]", re.DOTALL)
