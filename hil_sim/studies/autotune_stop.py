@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -28,8 +29,8 @@ STREAM = 15
 LATEST_S = 400.0
 """Moments are drawn up to here. If a tuning is over sooner, one is drawn anew, up to its end."""
 KINDS = ("interrupt", "estop", "link", "power")
-REST_S = 4.0
-"""How long the robot has to come to rest: SAFE_LINK_TO and the way until it stands."""
+REST_S = 0.5
+"""How long the robot has to come to rest, besides SAFE_LINK_TO and what it takes from its top speed to standing."""
 REST_M_S, REST_RAD_S = 1e-3, 1e-2
 ROW = np.dtype(
     [
@@ -81,6 +82,12 @@ def drawn_stop(seed: int, latest_s: float = LATEST_S, attempt: int = 0) -> tuple
     return kind, float(moments[attempt])
 
 
+def rest_s(values: Mapping[str, float]) -> float:
+    """Return after which time a robot must be at rest, by its own parameters, if the cable is pulled at top speed."""
+    rim_m_s = values["LIM_V"] + values["LIM_W"] * values["WHEEL_DIST"]
+    return values["SAFE_LINK_TO"] + rim_m_s / values["LIM_A"] + REST_S
+
+
 def stop_row(seed: int, settings: Settings, latest_s: float = LATEST_S) -> NDArray[Any]:
     """Stop the tuning of a seed's robot at a random moment, in one of KINDS, and return its ROW.
 
@@ -111,7 +118,7 @@ def _stopped(seed: int, settings: Settings, kind: str, moment_s: float) -> NDArr
             link.moment_s = begun_s + moment_s
             row["why"] = _tuned(robot, settings).encode()[:TEXT]
             row["stopped"], row["tuned_s"] = link.happened, link.clock_s() - begun_s
-            link.run(round(REST_S * 1e3), link.drop_received)
+            link.run(round(1e3 * rest_s(values)), link.drop_received)
             row["at_rest"] = bool(np.hypot(*world.twist[:2]) < REST_M_S and abs(world.twist[2]) < REST_RAD_S)
             row["simulated_s"] = link.clock_s()
             after = before if kind == "power" else _parameters(link)

@@ -74,6 +74,18 @@ XBEE = typer.Option(
 )
 
 
+RadioOption = Annotated[
+    int | None,
+    typer.Option(
+        "--radio",
+        metavar="BAUD",
+        help="A simulated XBee of this speed: 9600, 57600 or 115200.",
+        show_default=False,
+    ),
+]
+LossOption = Annotated[
+    float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
+]
 ASSIGNMENTS = typer.Option(
     "--set",
     metavar="NAME=VALUE",

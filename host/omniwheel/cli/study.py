@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from omniwheel.cli.common import JsonOption, console, examples, print_json
-from omniwheel.cli.options import DEFAULT_OUT, OwnSeedOption
+from omniwheel.cli.options import DEFAULT_OUT, LossOption, OwnSeedOption, RadioOption
+from omniwheel.cli.run_output import EmulatedOption
 from omniwheel.cli.study_output import FreshOption, StudyOutOption, WorkersOption, print_end, study_progress
 
 EXAMPLES = examples(
@@ -33,18 +34,9 @@ def autotune(
     ] = 0,
     stops: Annotated[int, typer.Option("--stops", min=0, help="Tunings that are interrupted at random moments.")] = 0,
     seed: OwnSeedOption = 1,
-    radio: Annotated[
-        int | None,
-        typer.Option(
-            "--radio", metavar="BAUD", help="Tune over a simulated XBee: 9600, 57600 or 115200.", show_default=False
-        ),
-    ] = None,
-    loss: Annotated[
-        float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
-    ] = 0.05,
-    emulated: Annotated[
-        bool, typer.Option("--emulated", help="Tune the firmware on an emulated Cortex-M7; QEMU must be installed.")
-    ] = False,
+    radio: RadioOption = None,
+    loss: LossOption = 0.05,
+    emulated: EmulatedOption = False,
     workers: WorkersOption = None,
     out: StudyOutOption = None,
     fresh: FreshOption = False,
