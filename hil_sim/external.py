@@ -287,7 +287,7 @@ class OutsideWorld(World):
         self._outside.fix = pose
 
     def _counts(self, counts: Any) -> list[float]:
-        values = self._call("sense", list, counts)
+        values = self._call("sense", _listed, counts)
         if len(values) != self._count:
             raise self._wrong(f"gave {len(values)} counts; the robot has {self._count} wheels")
         try:
@@ -315,6 +315,10 @@ class OutsideWorld(World):
         except Exception as error:
             message = f"{self.name}.{method} failed at {self._now_s:.3f} s: {_said(error)}"
             raise ExternalWorldError(message, hint=_where(error)) from error
+
+
+def _listed(given: Any) -> list[Any]:
+    return list(given)
 
 
 def _floats(given: Any) -> list[float]:

@@ -130,8 +130,8 @@ def test_the_signal_is_chosen_for_every_set_and_kept() -> None:
 def test_a_verdict_says_better_only_where_one_end_is_better(better: int, word: str) -> None:
     noise = np.random.default_rng(1).normal(0.0, 0.01, (2, 6))
     kind = Kind("f", "figure", "Hz", 1.0, 2, better)
-    sides = [[{"f": level + value} for value in row] for level, row in zip((1.0, 2.0), noise.tolist(), strict=True)]
-    (verdict,) = judge_figures(*sides, [kind], 1)
+    before, after = ([{"f": level + value} for value in row] for level, row in enumerate(noise.tolist(), 1))
+    (verdict,) = judge_figures(before, after, [kind], 1)
     assert verdict.word == word
     assert f"{word} by 1.0" in verdict.sentence()
     assert not judge_figures([{}], [{"f": 1.0}], [kind], 1)

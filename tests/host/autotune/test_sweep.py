@@ -64,11 +64,14 @@ def test_sweeps_are_repeated_while_the_loop_is_not_known_well_enough(
 ) -> None:
     done: list[int] = []
     frequency = np.geomspace(1.0, 100.0, 200)
-    loop = 10.0 / (1j * frequency)
+    loop = np.asarray(10.0 / (1j * frequency), dtype=np.complex128)
     spread = np.full(200, doubt / INTERVAL)
-    monkeypatch.setattr(
-        sweep_module, "wheel_chirp", lambda *_: (done.append(1), SimpleNamespace(settings={}, burst=None))[1]
-    )
+
+    def chirp(*_: object) -> SimpleNamespace:
+        done.append(1)
+        return SimpleNamespace(settings={}, burst=None)
+
+    monkeypatch.setattr(sweep_module, "wheel_chirp", chirp)
     monkeypatch.setattr(sweep_module, "signals_of", lambda _: None)
     monkeypatch.setattr(sweep_module, "WheelSetup", lambda *_: None)
     monkeypatch.setattr(sweep_module, "_opened", lambda *_: Response(frequency, loop, np.ones(200), spread))

@@ -64,7 +64,7 @@ static omni_flag_t is_covered(const omni_real_t margin[OMNI_AXES]) {
     return margin[0] >= 0.0f && margin[1] >= 0.0f && margin[2] >= 0.0f;
 }
 
-static void look(omni_gain_margin_t *state, const omni_robot_config_t *config, const omni_pose_ekf_state_t *ekf,
+static void look_again(omni_gain_margin_t *state, const omni_robot_config_t *config, const omni_pose_ekf_state_t *ekf,
                  const omni_estimate_t *estimate) {
     const omni_real_t fed = estimate->fix_is_fresh ? config->slip_feed : 0.0f;
     /* The count as a constant lets the compiler unroll the loops. */
@@ -87,7 +87,7 @@ omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_c
         memset(state, 0, sizeof *state);
     } else {
         if (state->ticks == 0) {
-            look(state, config, ekf, estimate);
+            look_again(state, config, ekf, estimate);
         }
         state->ticks = (uint8_t)((state->ticks + 1) % look_ticks);
     }
