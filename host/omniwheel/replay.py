@@ -188,10 +188,25 @@ class _Engine:
         lib.omni_pose_ekf_reset(self.ekf, ffi.addressof(self.config, "pose_ekf"), start, _START_SD, _START_SD)
         self.fix = ffi.new("omni_pose_fix_t *")
         self.turned = ffi.new("omni_real_t[]", lib.OMNI_MAX_WHEELS)
+        self.sampled = log.sample_s > 0.0
+        self._measurement(robot)
         self.missed = np.zeros(log.wheels)
+        self.counted = log.counts_per_period
         self.steps = np.maximum(np.round(log.step_s / log.period_s), 1.0)
         self.voltage = self._voltages(robot.parameter_values()["BAT_V_NOM"])
         self.time_us = _START_US + np.round(1e6 * (log.time_s - log.time_s[0])).astype(np.int64)
+
+    def _measurement(self, robot: Robot) -> None:
+        """Tell the wheel filters what a count of this log is, and its noise where the log says it."""
+        kf = ffi.addressof(self.config, "motor_kf")
+        if self.sampled:
+            if kf.mode == lib.OMNI_KF_MODE_ANGLE:
+                problem = f"{robot.source}: with KF_MODE angle the counts of {self.log.name} would have to add up"
+                raise LogError(problem, hint="set KF_MODE = 1 (speed) under [parameters]: each count is a speed")
+            # One count in a sample is the speed of so many in a period.
+            kf.rad_per_count *= self.log.period_s / self.log.sample_s
+        if self.log.noise_rad_s > 0.0:
+            kf.r_speed = self.log.noise_rad_s**2
 
     def _voltages(self, supply_V: float) -> Array:
         """Voltage since the row before (n, wheels) [V]; calibrated: of a linear motor as fast as the real one."""
@@ -206,6 +221,7 @@ class _Engine:
         """Wheel filters of one row; fills their innovations and returns the wheel speeds [rad/s]."""
         kf = ffi.addressof(self.config, "motor_kf")
         steps, counts, good = self.steps[row], self.log.counts[row], self.log.good[row]
+        per_step = counts if self.sampled else counts / steps
         speeds = np.zeros(self.log.wheels)
         for wheel, state in enumerate(self.filters):
             voltage = float(self.voltage[row, wheel])
@@ -213,7 +229,7 @@ class _Engine:
                 lib.omni_motor_kf_step(state, kf, voltage, 0, False)
             self.missed[wheel] += steps - 1.0
             # Rows whose count was no good are taken to have turned like this one.
-            delta = round(float(counts[wheel] / steps * (self.missed[wheel] + 1.0)))
+            delta = round(float(per_step[wheel] * (self.missed[wheel] + 1.0)))
             speeds[wheel] = lib.omni_motor_kf_step(state, kf, voltage, delta, bool(good[wheel]))
             self.missed[wheel] = 0.0 if good[wheel] else self.missed[wheel] + 1.0
             if good[wheel] and kf.mode != lib.OMNI_KF_MODE_OFF:
@@ -224,7 +240,8 @@ class _Engine:
         """Pose EKF of one row of motion."""
         turned = speeds * self.log.period_s * self.steps[row]
         if self.calibration is None:
-            turned = np.where(self.log.good[row], self.log.counts[row] * self.log.rad_per_count, turned)
+            counted = self.counted[row] * self.log.rad_per_count * self.steps[row]
+            turned = np.where(self.log.good[row], counted, turned)
         else:
             turned = self.calibration.rolled(turned)
         self.turned[0 : self.log.wheels] = list(turned)

@@ -187,7 +187,7 @@ def _trust_counts(study: LogStudy, runs: Sequence[WheelLog]) -> str:
     whole = study.whole
     shares = [100.0 * run.rejected_share for run in study.scored]
     noise = whole.curve.noise_rad_s
-    count_rad_s = runs[0].rad_per_count / runs[0].period_s
+    count_rad_s = runs[0].quantum_rad_s
     without, with_counts = (1e3 * study.median_m(kind) for kind in ("held_out_duty_only", "held_out"))
     return (
         f"- **Counts.** {min(shares):.1f} to {max(shares):.1f} % of them were rejected as spikes. The rest scatter by "

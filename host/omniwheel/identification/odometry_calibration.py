@@ -39,7 +39,7 @@ SCALE_LIMITS = (0.8, 1.2)
 """What a robot file allows as a wheel's scale; the rest goes to the calibration."""
 ASSUMED_RESISTANCE_OHM = 2.0
 ASSUMED_INDUCTANCE_H = 1e-3
-NOISE_CANDIDATES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+NOISE_CANDIDATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Process noise of the wheel filter that is tried [rad/s^1.5]; the likelihood has one maximum."""
 
 
@@ -173,8 +173,12 @@ def _with_motor(robot: Robot, fit: CurveFit) -> Robot:
 def _filter_noise(
     runs: Sequence[WheelLog], robot: Robot, calibration: Calibration, fit: CurveFit
 ) -> tuple[float, float]:
-    """Process and measurement noise of the wheel filter with the largest likelihood of the innovations."""
-    measurement = float(np.sqrt(np.mean(fit.noise_rad_s**2)))
+    """Process and measurement noise of the wheel filter with the largest likelihood of the innovations.
+
+    The measurement's is what the logs say of a count, else what the motors' curves leave unexplained.
+    """
+    said = np.array([log.noise_rad_s for log in runs])
+    measurement = float(np.sqrt(np.mean((said if np.all(said > 0.0) else fit.noise_rad_s) ** 2)))
     best, best_cost = NOISE_CANDIDATES[0], np.inf
     for candidate in NOISE_CANDIDATES:
         cost = 0.0

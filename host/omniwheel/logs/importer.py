@@ -41,7 +41,8 @@ class Frozen:
 class ImportSummary:
     """What the import did to the rows: shares are of the rows that are left, per wheel.
 
-    ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped.
+    ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped. ``noise_correlation`` is
+    that of a count's noise with the next one's: -0.5 where counts add up to an angle, 0 where each stands alone.
     """
 
     rows: int
@@ -50,6 +51,7 @@ class ImportSummary:
     rejected_share: tuple[float, ...]
     heading_restarts_s: tuple[float, ...]
     noise_counts: tuple[float, ...]
+    noise_correlation: tuple[float, ...]
     frozen: tuple[Frozen, ...]
 
 
@@ -133,6 +135,8 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         duty=duty,
         heading_rad=heading,
         truth=None if truth is None else read_truth(truth, mapping),
+        sample_s=mapping.sample_s,
+        noise_rad_s=mapping.noise_rad_s,
     )
     good, noise = reject_spikes(log, mapping.spikes)
     summary = ImportSummary(
@@ -141,7 +145,8 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         missing_rows=int(np.sum(np.maximum(np.round(step / mapping.period_s) - 1.0, 0.0))),
         rejected_share=tuple(float(share) for share in 1.0 - good.mean(axis=0)),
         heading_restarts_s=tuple(float(log.time_s[row]) for row in restarts),
-        noise_counts=noise,
+        noise_counts=noise.counts,
+        noise_correlation=noise.correlation,
         frozen=frozen_columns({name: values[keep] for name, values in columns.items()}, time[keep]),
     )
     return replace(log, good=good), summary
@@ -168,20 +173,24 @@ def _rising(time: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
 
 
 def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
-    """Counts since the row before. A speed is one period's counts; across missing rows it is taken to have lasted."""
-    steps = np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
+    """Counts since the row before. A speed is one period's counts; across missing rows it is taken to have lasted.
+
+    Counts of a sample are those of the sample alone.
+    """
+    sampled = mapping.sample_s > 0.0
+    steps = 1.0 if sampled else np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
     if mapping.quantity == "counts":
         return np.diff(wheels, axis=0, prepend=wheels[:1])
     if mapping.quantity == "increment":
         return wheels
     rad_per_count = 2.0 * np.pi / mapping.counts_per_revolution
-    exact = wheels * mapping.wheel_unit * mapping.period_s / rad_per_count
+    exact = wheels * mapping.wheel_unit * (mapping.sample_s if sampled else mapping.period_s) / rad_per_count
     whole = np.round(exact)
     off = float(np.median(np.abs(exact - whole)[whole != 0.0])) if np.any(whole != 0.0) else 0.0
     if off > INTEGER_TOLERANCE:
         raise LogError(
             f"{path}: the wheel speeds are {off:.2f} counts off whole counts in the median",
-            hint=f"correct counts_per_revolution, period_s or the unit in {mapping.source}",
+            hint=f"correct counts_per_revolution, period_s, sample_s or the unit in {mapping.source}",
         )
     return np.asarray(whole * steps)
 

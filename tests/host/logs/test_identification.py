@@ -17,7 +17,7 @@ from omniwheel.identification.motor_curve import fit_motor_curve
 from omniwheel.identification.odometry_calibration import identify_odometry
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import WheelLog
-from omniwheel.logs.mapping import Mapping
+from omniwheel.logs.mapping import Mapping, read_mapping
 from omniwheel.robots import read_robot
 from tests.host.logs import synthetic
 
@@ -111,3 +111,13 @@ def test_real_runs_left_out_are_within_60_mm_in_the_median(real_logs: Path) -> N
     assert 0.12 < found.median_m("nominal") < 0.2
     assert found.median_m("held_out") <= 0.060
     assert max(run.held_out.alignment.rms_m for run in found.scored) < 0.1
+
+
+def test_real_counts_are_samples_with_a_noise_of_their_own(real_logs: Path) -> None:
+    """What docs/guides/logs.md says: no angle adds up, four counts of noise."""
+    mapping = read_mapping(ROBOT_FOLDER / "mapping.toml")
+    for path in sorted(real_logs.glob("run*.csv")):
+        log, summary = import_log(path, mapping)
+        assert np.abs(summary.noise_correlation).max() < 0.06
+        assert 3.4 < min(summary.noise_counts) < max(summary.noise_counts) < 5.3
+        assert log.quantum_rad_s == pytest.approx(2.38, rel=1e-3)
