@@ -95,7 +95,8 @@ def replay(
     """Run a log through the estimators of the robot file, from the pose zero.
 
     The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. Without it,
-    a calibration's ``turn_scale`` says the heading first, and the path follows on that, unless there are fixes. With a
+    and in rows where the log's is unknown, a calibration's ``turn_scale`` says the heading first, and the path follows
+    on that, unless there are fixes. With a
     calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds. Without one it
     takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
     """
@@ -103,9 +104,9 @@ def replay(
     engine = _Engine(log, robot, calibration)
     heading = log.heading_rad if use_heading else np.full(len(log.time_s), np.nan)
     ignores = engine.config.pose_ekf.mode == lib.OMNI_EKF_MODE_ODOMETRY
-    turning = None if calibration is None or use_heading or ignores or fixes is not None else calibration.for_turning()
-    if turning is not None:
-        heading = replay(log, robot, turning, use_heading=False).pose[:, 2]
+    turning = None if calibration is None or ignores or fixes is not None else calibration.for_turning()
+    if turning is not None and not np.all(np.isfinite(heading)):
+        heading = filled(heading, replay(log, robot, turning, use_heading=False).pose[:, 2])
     if ignores and (fixes is not None or np.any(np.isfinite(heading))):
         hint = "set EKF_MODE = 1 under [parameters], or leave the heading (--no-heading) and the fixes out"
         raise LogError(f"{robot.source}: with EKF_MODE odometry no heading and no fix can be used", hint=hint)
@@ -171,6 +172,16 @@ def _rows_of_fixes(log: WheelLog, fixes: Fixes | None) -> dict[int, int]:
         return {}
     rows = np.searchsorted(log.time_s, fixes.time_s - 1e-9)
     return {int(row): index for index, row in enumerate(rows) if row < len(log.time_s)}
+
+
+def filled(heading: Array, wheels: Array) -> Array:
+    """Return a heading (n,) whose unknown rows go on, from the row before, as the ``wheels`` turn (n,)."""
+    known = np.isfinite(heading)
+    if not known.any():
+        return wheels
+    latest = np.maximum.accumulate(np.where(known, np.arange(len(heading)), -1))
+    latest[latest < 0] = int(np.argmax(known))
+    return np.asarray(np.where(known, heading, heading[latest] + wheels - wheels[latest]))
 
 
 class _Engine:
