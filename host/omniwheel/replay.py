@@ -95,10 +95,11 @@ def replay(
     """Run a log through the estimators of the robot file, from the pose zero.
 
     The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. Without it,
-    and in rows where the log's is unknown, a calibration's ``turn_scale`` says the heading first, and the path follows
-    on that, unless there are fixes. With a
-    calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds. Without one it
-    takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
+    and in rows where the log's is unknown, a calibration's ``turn_scale`` says the heading first. The path follows on
+    that. With fixes it is not used.
+
+    With a calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds. Without
+    one it takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
     """
     check_log_fits(log, robot)
     engine = _Engine(log, robot, calibration)

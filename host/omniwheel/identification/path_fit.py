@@ -2,7 +2,7 @@
 """Radii from paths beside their truth, and turning from headings: two linear fits and how their settings are chosen.
 
 Both are drawn towards "all wheels and directions alike". How much is a setting. It is chosen by leaving out one of the
-runs at hand at a time, and never by a run that the fit as a whole is to be judged by.
+runs at hand at a time. A run that the fit as a whole is to be judged by has no part in it.
 """
 
 from __future__ import annotations

@@ -40,8 +40,9 @@ class WheelLog:
 
     ``time_s`` (n,) rises; nominally one row per ``period_s``, rows may be missing.
     ``counts`` (n, wheels) encoder counts since the row before, ``counts_per_revolution`` of the wheel. With
-    ``sample_s`` above 0 they are those of the last ``sample_s`` [s] only: they do not add up to an angle, and the noise
-    of one tells nothing of the next. ``noise_rad_s`` is the standard deviation of a speed from one count (0: unknown).
+    ``sample_s`` above 0 they are those of the last ``sample_s`` [s] only. They do not add up to an angle then, and the
+    noise of one tells nothing of the next.
+    ``noise_rad_s`` is the standard deviation of a speed from one count (0: unknown).
     ``good`` (n, wheels) False where a count is a spike or missing.
     ``duty`` (n, wheels) -1..1 commanded at this row; zeros if it was not logged.
     ``heading_rad`` (n,) unwrapped, counter-clockwise, 0 at the first row; NaN where there is none.
