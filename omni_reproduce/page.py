@@ -65,7 +65,7 @@ def markdown(outcomes: Sequence[Outcome], facts: str) -> str:
 
 
 def _section(outcome: Outcome) -> list[str]:
-    lines = [f"## {outcome.experiment.title}", ""]
+    lines = [f"## {outcome.experiment.title}", "", f"`omni reproduce {outcome.experiment.name}`", ""]
     if outcome.error:
         lines += [f"**Not run:** {outcome.error}. {outcome.hint}", ""]
     for note in outcome.result.notes:

@@ -95,17 +95,19 @@ def replay(
     """Run a log through the estimators of the robot file, from the pose zero.
 
     The heading, if there is one and it is wanted, comes in as a pose fix whose position was not measured. Without it,
-    a calibration's ``turn_scale`` says the heading first, and the path follows on that, unless there are fixes. With a
-    calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds. Without one it
-    takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
+    and in rows where the log's is unknown, a calibration's ``turn_scale`` says the heading first. The path follows on
+    that. With fixes it is not used.
+
+    With a calibration the voltages go through the motor's curve and the pose takes the filtered wheel speeds. Without
+    one it takes the counts, and the filtered speed where a count is no good, as on the robot. Raises LogError.
     """
     check_log_fits(log, robot)
     engine = _Engine(log, robot, calibration)
     heading = log.heading_rad if use_heading else np.full(len(log.time_s), np.nan)
     ignores = engine.config.pose_ekf.mode == lib.OMNI_EKF_MODE_ODOMETRY
-    turning = None if calibration is None or use_heading or ignores or fixes is not None else calibration.for_turning()
-    if turning is not None:
-        heading = replay(log, robot, turning, use_heading=False).pose[:, 2]
+    turning = None if calibration is None or ignores or fixes is not None else calibration.for_turning()
+    if turning is not None and not np.all(np.isfinite(heading)):
+        heading = filled(heading, replay(log, robot, turning, use_heading=False).pose[:, 2])
     if ignores and (fixes is not None or np.any(np.isfinite(heading))):
         hint = "set EKF_MODE = 1 under [parameters], or leave the heading (--no-heading) and the fixes out"
         raise LogError(f"{robot.source}: with EKF_MODE odometry no heading and no fix can be used", hint=hint)
@@ -173,6 +175,16 @@ def _rows_of_fixes(log: WheelLog, fixes: Fixes | None) -> dict[int, int]:
     return {int(row): index for index, row in enumerate(rows) if row < len(log.time_s)}
 
 
+def filled(heading: Array, wheels: Array) -> Array:
+    """Return a heading (n,) whose unknown rows go on, from the row before, as the ``wheels`` turn (n,)."""
+    known = np.isfinite(heading)
+    if not known.any():
+        return wheels
+    latest = np.maximum.accumulate(np.where(known, np.arange(len(heading)), -1))
+    latest[latest < 0] = int(np.argmax(known))
+    return np.asarray(np.where(known, heading, heading[latest] + wheels - wheels[latest]))
+
+
 class _Engine:
     """The estimator states of one replay and what they are fed with."""
 
@@ -188,10 +200,25 @@ class _Engine:
         lib.omni_pose_ekf_reset(self.ekf, ffi.addressof(self.config, "pose_ekf"), start, _START_SD, _START_SD)
         self.fix = ffi.new("omni_pose_fix_t *")
         self.turned = ffi.new("omni_real_t[]", lib.OMNI_MAX_WHEELS)
+        self.sampled = log.sample_s > 0.0
+        self._measurement(robot)
         self.missed = np.zeros(log.wheels)
+        self.counted = log.counts_per_period
         self.steps = np.maximum(np.round(log.step_s / log.period_s), 1.0)
         self.voltage = self._voltages(robot.parameter_values()["BAT_V_NOM"])
         self.time_us = _START_US + np.round(1e6 * (log.time_s - log.time_s[0])).astype(np.int64)
+
+    def _measurement(self, robot: Robot) -> None:
+        """Tell the wheel filters what a count of this log is, and its noise where the log says it."""
+        kf = ffi.addressof(self.config, "motor_kf")
+        if self.sampled:
+            if kf.mode == lib.OMNI_KF_MODE_ANGLE:
+                problem = f"{robot.source}: with KF_MODE angle the counts of {self.log.name} would have to add up"
+                raise LogError(problem, hint="set KF_MODE = 1 (speed) under [parameters]: each count is a speed")
+            # One count in a sample is the speed of so many in a period.
+            kf.rad_per_count *= self.log.period_s / self.log.sample_s
+        if self.log.noise_rad_s > 0.0:
+            kf.r_speed = self.log.noise_rad_s**2
 
     def _voltages(self, supply_V: float) -> Array:
         """Voltage since the row before (n, wheels) [V]; calibrated: of a linear motor as fast as the real one."""
@@ -206,6 +233,7 @@ class _Engine:
         """Wheel filters of one row; fills their innovations and returns the wheel speeds [rad/s]."""
         kf = ffi.addressof(self.config, "motor_kf")
         steps, counts, good = self.steps[row], self.log.counts[row], self.log.good[row]
+        per_step = counts if self.sampled else counts / steps
         speeds = np.zeros(self.log.wheels)
         for wheel, state in enumerate(self.filters):
             voltage = float(self.voltage[row, wheel])
@@ -213,7 +241,7 @@ class _Engine:
                 lib.omni_motor_kf_step(state, kf, voltage, 0, False)
             self.missed[wheel] += steps - 1.0
             # Rows whose count was no good are taken to have turned like this one.
-            delta = round(float(counts[wheel] / steps * (self.missed[wheel] + 1.0)))
+            delta = round(float(per_step[wheel] * (self.missed[wheel] + 1.0)))
             speeds[wheel] = lib.omni_motor_kf_step(state, kf, voltage, delta, bool(good[wheel]))
             self.missed[wheel] = 0.0 if good[wheel] else self.missed[wheel] + 1.0
             if good[wheel] and kf.mode != lib.OMNI_KF_MODE_OFF:
@@ -224,7 +252,8 @@ class _Engine:
         """Pose EKF of one row of motion."""
         turned = speeds * self.log.period_s * self.steps[row]
         if self.calibration is None:
-            turned = np.where(self.log.good[row], self.log.counts[row] * self.log.rad_per_count, turned)
+            counted = self.counted[row] * self.log.rad_per_count * self.steps[row]
+            turned = np.where(self.log.good[row], counted, turned)
         else:
             turned = self.calibration.rolled(turned)
         self.turned[0 : self.log.wheels] = list(turned)

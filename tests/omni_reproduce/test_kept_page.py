@@ -20,7 +20,8 @@ from tests.omni_reproduce import kept_page
 
 QUICK_IN_FULL = ("models", "direct_torque", "table1", "table2", "diagrams")
 """Experiments that take seconds with all their seeds. What changes core or world changes some of these, too."""
-TITLE, KEPT = "Two", "Kept.\n\n| a | 1 |"
+TITLE, NOTE = "Two", "Kept.\n\n| a | 1 |"
+KEPT = f"`omni reproduce two`\n\n{NOTE}"
 PAGE = f"# A page\n\n## One\n\nFirst.\n\n## {TITLE}\n\n{KEPT}\n\n## Three\n\nLast.\n"
 
 
@@ -82,13 +83,13 @@ def compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_one_changed_digit_is_a_difference(compared: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert compared(Stub(KEPT.replace("1", "2"))).differ == ["two"]
+    assert compared(Stub(NOTE.replace("1", "2"))).differ == ["two"]
     assert "-| a | 1 |\n+| a | 2 |" in capsys.readouterr().out
-    assert compared(Stub(KEPT)).differ == []
+    assert compared(Stub(NOTE)).differ == []
 
 
 def test_what_was_equal_is_not_run_again_until_its_section_changes(compared: Any, tmp_path: Path) -> None:
-    stub = Stub(KEPT)
+    stub = Stub(NOTE)
     compared(stub)
     compared(stub)
     assert stub.runs == 1
@@ -99,7 +100,7 @@ def test_what_was_equal_is_not_run_again_until_its_section_changes(compared: Any
 
 def test_what_is_written_is_equal_afterwards(compared: Any, tmp_path: Path) -> None:
     assert compared(Stub("New."), write=True).differ == []
-    assert (tmp_path / "page.md").read_text(encoding="utf-8") == PAGE.replace(KEPT, "New.")
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == PAGE.replace(NOTE, "New.")
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8")).keys() == {"two"}
 
 

@@ -43,6 +43,7 @@ def import_command(
     """Read another robot's log with its column mapping, recover counts, mark spikes, unwrap the heading."""
     from omniwheel.logs.importer import import_log
     from omniwheel.logs.log import save_log
+    from omniwheel.logs.spikes import doubt_about_counts
 
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
@@ -54,8 +55,16 @@ def import_command(
         return
     shares = ", ".join(f"{100.0 * share:.1f} %" for share in summary.rejected_share)
     noise = ", ".join(f"{value:.1f}" for value in summary.noise_counts)
+    tells = ", ".join(f"{value:+.2f}" for value in summary.noise_correlation)
+    over = "sample" if imported.sample_s > 0.0 else "period"
     console.print(f"{out}: {summary.rows} rows; {summary.dropped_rows} dropped, {summary.missing_rows} missing")
-    console.print(f"spikes rejected per wheel: {shares}; noise left: {noise} counts per period")
+    console.print(
+        f"spikes rejected per wheel: {shares}; noise left: {noise} counts per {over}, {imported.quantum_rad_s:.3g} "
+        f"rad/s each; correlation with the next count's: {tells}"
+    )
+    doubt = doubt_about_counts(imported, summary.noise_counts, summary.noise_correlation)
+    if doubt:
+        console.print(f"[yellow]{doubt}[/]")
     for stretch in summary.frozen:
         console.print(
             f"[yellow]{escape(stretch.column)} is frozen[/] from {stretch.start_s:.2f} to {stretch.stop_s:.2f} s: "
@@ -133,6 +142,8 @@ def _facts(log: WheelLog) -> dict[str, Any]:
         "period_s": log.period_s,
         "wheels": log.wheels,
         "counts_per_revolution": log.counts_per_revolution,
+        "sample_s": log.sample_s,
+        "noise_rad_s": log.noise_rad_s,
         "good_share": [round(float(share), 6) for share in log.good.mean(axis=0)],
         "peak_duty": round(float(np.max(np.abs(log.duty))), 6),
         "heading": log.has_heading,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from omni_schema import Robot
 from omniwheel.identification.estimate import student_quantile
 from omniwheel.identification.log_study import LogStudy
 from omniwheel.identification.motor_curve import CurveFit
+from omniwheel.identification.path_fit import Settings
 from omniwheel.logs.log import Array, WheelLog
 from omniwheel.plain import finite
 
@@ -37,12 +39,15 @@ def study_data(study: LogStudy, robot: Robot) -> dict[str, Any]:
                     ],
                     "mirrored": run.held_out.alignment.mirrored,
                     "best_scale": run.held_out.alignment.scale,
+                    "held_out_shape_rms_m": run.held_out.alignment.shape_rms_m,
+                    "settings": asdict(other.settings),
                     "rejected_share": run.rejected_share,
                     "nis_mean": run.nis_mean,
                     "nis_degrees": run.nis_degrees,
                 }
-                for run in study.scored
+                for run, other in zip(study.scored, study.without, strict=True)
             },
+            "settings": asdict(whole.settings),
             "forward_radius_m": whole.forward_radius_m.tolist(),
             "reverse_radius_m": whole.reverse_radius_m.tolist(),
             "forward_radius_half_width_m": half["forward"].tolist(),
@@ -100,17 +105,20 @@ def _score_table(study: LogStudy) -> list[str]:
     lines = [
         "| Run | "
         + " | ".join(f"{name} [mm]" for name in _KIND_NAMES)
-        + " | clock offset [s] | best scale | NIS / dof |",
-        "|---|" + "---:|" * (len(KINDS) + 3),
+        + " | clock offset [s] | best scale | shape [mm] | NIS / dof |",
+        "|---|" + "---:|" * (len(KINDS) + 4),
     ]
     for run in study.scored:
         found = run.held_out.alignment
         cells = [f"{1e3 * getattr(run, kind).alignment.rms_m:.0f}" for kind in KINDS]
         offset = f"{found.offset_s:.2f} ({found.offset_low_s:.1f} to {found.offset_high_s:.1f})"
         nis = f"{run.nis_mean / run.nis_degrees:.1f}"
-        lines.append(f"| {run.name} | {' | '.join(cells)} | {offset} | {found.scale:.2f} | {nis} |")
+        lines.append(
+            f"| {run.name} | {' | '.join(cells)} | {offset} | {found.scale:.2f} | "
+            f"{1e3 * found.shape_rms_m:.0f} | {nis} |"
+        )
     medians = " | ".join(f"**{1e3 * study.median_m(kind):.0f}**" for kind in KINDS)
-    return [*lines, f"| **median** | {medians} | | | |"]
+    return [*lines, f"| **median** | {medians} | | | | |"]
 
 
 def _radius_table(study: LogStudy, robot: Robot) -> list[str]:
@@ -168,13 +176,14 @@ def _trust(study: LogStudy, robot: Robot, runs: Sequence[WheelLog]) -> list[str]
         _trust_size(study, robot),
         f"- **Between runs** the best scale of the left-out path varies from {min(scales):.2f} to "
         f"{max(scales):.2f}: that "
-        "much is not repeatable, whatever is identified.",
+        "much is not repeatable, whatever is identified. *Shape* is what would be left with that scale.",
+        _trust_settings(study),
         "- **By wheel and direction.** The radii take in whatever is repeatable in these runs, a slanted camera "
         "too. They "
         "hold for motion of the kind they were identified from; they do not prove that a wheel has two radii.",
         "- **Clock.** The range of an offset is where the RMS stays within 5 % of the best.",
-        "- **Heading.** `wheels only` leaves the measured heading aside and has one radius for all: radii by direction "
-        "would turn a path that does not turn.",
+        "- **Heading.** `wheels only` leaves the measured heading aside: how the wheels turn the body is fitted to the "
+        "headings of the other runs. Rows in which the heading was frozen are bridged in the same way.",
         _trust_dead_bands(study, robot),
         "- **Motor.** Only K (at b = 0) and R J can be seen in a speed; R and L in the robot file are assumed.",
         "- **NIS / dof** well above 1 means that the robot file's pose noise (`EKF_Q_XY`, `EKF_R_XY`) is too small "
@@ -183,17 +192,40 @@ def _trust(study: LogStudy, robot: Robot, runs: Sequence[WheelLog]) -> list[str]
     ]
 
 
+def settings_text(settings: Settings) -> str:
+    """Return what was chosen, in a few words."""
+    turning = "one for all" if settings.turn_ridge is None else f"by direction, {settings.turn_ridge:g}"
+    counts = "as likely" if settings.counts else "hardly"
+    return f"radii by direction, {settings.ridge:g}; turning {turning}; counts trusted {counts}"
+
+
+def _trust_settings(study: LogStudy) -> str:
+    found = [
+        f"{run.name}: {settings_text(other.settings)}" for run, other in zip(study.scored, study.without, strict=True)
+    ]
+    return (
+        '- **Settings** are how strongly radii and turning are drawn towards "all alike", and whether the counts are '
+        "trusted. They were chosen among the other runs alone, by leaving out one of those. Per left-out run: "
+        + ". ".join(found)
+        + "."
+    )
+
+
 def _trust_counts(study: LogStudy, runs: Sequence[WheelLog]) -> str:
     whole = study.whole
     shares = [100.0 * run.rejected_share for run in study.scored]
     noise = whole.curve.noise_rad_s
-    count_rad_s = runs[0].rad_per_count / runs[0].period_s
+    count_rad_s = runs[0].quantum_rad_s
     without, with_counts = (1e3 * study.median_m(kind) for kind in ("held_out_duty_only", "held_out"))
+    asks = (
+        "The likelihood of the innovations asks for"
+        if whole.settings.counts
+        else "Left-out runs are told best with next to none of them:"
+    )
     return (
         f"- **Counts.** {min(shares):.1f} to {max(shares):.1f} % of them were rejected as spikes. The rest scatter by "
-        f"{noise.min():.1f} to {noise.max():.1f} rad/s about what the duty explains; one count per period is "
-        f"{count_rad_s:.2f} rad/s. The likelihood of the innovations asks for a process noise of "
-        f"{whole.process_noise:g} "
+        f"{noise.min():.1f} to {noise.max():.1f} rad/s about what the duty explains; one count is "
+        f"{count_rad_s:.2f} rad/s. {asks} a process noise of {whole.process_noise:g} "
         f"rad/s per √s against {whole.measurement_noise:.1f} rad/s of a measured speed. `duty only` leaves the "
         f"run's counts "
         f"aside altogether: {without:.0f} mm in the median, against {with_counts:.0f} mm with them."

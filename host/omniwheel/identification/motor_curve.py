@@ -73,7 +73,7 @@ def _fit_wheel(logs: Sequence[WheelLog], wheel: int) -> tuple[Array, Array, floa
         parts = []
         for log, duty, speed, good, scale in zip(logs, duties, speeds, goods, scales, strict=True):
             model = lagged(_steady(parameters, duty), parameters[4], log.period_s)
-            parts.append((speed - model)[good] / (max(scale, log.rad_per_count / log.period_s) if weighted else 1.0))
+            parts.append((speed - model)[good] / (max(scale, log.quantum_rad_s) if weighted else 1.0))
         return np.concatenate(parts)
 
     found = require_scipy("optimize").least_squares(

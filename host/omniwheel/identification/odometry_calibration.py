@@ -3,13 +3,13 @@
 
 With the heading measured, the path is linear in the effective radius of each wheel and direction:
 x(t) = sum_j r_j g_j(t). In it, g_j is the path that wheel j's turning in one direction would add at r_j = 1 m. Clock
-offset, rotation and shift of each run are found by alignment, then the radii by least squares over all runs. Radii are
-drawn towards their mean where the runs do not excite them. This goes on in turn until nothing changes. The wheel
-distance follows from the measured heading and the wheels' common turning.
+offset, rotation and shift of each run are found by alignment, then the radii by least squares over all runs. This goes
+on in turn until nothing changes (``path_fit``).
 
 The radii by wheel and direction take in whatever is repeatable in the runs, a camera's perspective too. They are right
-for the path on a measured heading. As a heading of their own they are not. Without a measured one, a single common
-radius says the heading, and the radii by direction the path on it.
+for the path on a measured heading. As a heading of their own they are not. How the wheels turn the body is therefore
+fitted to the measured headings, which no camera touches. Without a measured heading, and while its sensor is frozen,
+that says the heading, and the radii by direction the path on it.
 """
 
 from __future__ import annotations
@@ -23,23 +23,28 @@ from omni_schema import Robot
 from omniwheel._core import lib
 from omniwheel.errors import LogError
 from omniwheel.identification.motor_curve import CurveFit, fit_motor_curve
-from omniwheel.logs.alignment import Alignment, align, truth_at
+from omniwheel.identification.path_fit import (
+    LEAST_TURN_RAD,
+    TURN_WINDOW_S,
+    Rolled,
+    Settings,
+    choose_ridge,
+    choose_turning,
+    fit_radii,
+    fit_turning,
+    path_basis,
+    turned,
+)
+from omniwheel.logs.alignment import Alignment, align
 from omniwheel.logs.calibration import Calibration, MotorCurve
 from omniwheel.logs.log import Array, WheelLog
-from omniwheel.replay import Replay, check_log_fits, filter_wheels, replay, replay_config
+from omniwheel.replay import Replay, check_log_fits, filled, filter_wheels, replay, replay_config
 
-RIDGE = 0.03
-"""Weight of "all radii alike" against the runs, as a share of the mean excitation of a radius."""
-MAX_ROUNDS = 20
-CONVERGED_M = 1e-5
-TURN_WINDOW_S = 0.5
-LEAST_TURN_RAD = 0.4
-"""Windows with less turning say more of noise and drift than of the wheel distance."""
 SCALE_LIMITS = (0.8, 1.2)
 """What a robot file allows as a wheel's scale; the rest goes to the calibration."""
 ASSUMED_RESISTANCE_OHM = 2.0
 ASSUMED_INDUCTANCE_H = 1e-3
-NOISE_CANDIDATES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+NOISE_CANDIDATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Process noise of the wheel filter that is tried [rad/s^1.5]; the likelihood has one maximum."""
 
 
@@ -48,7 +53,7 @@ class Odometry:
     """One identification: radii (wheels,) [m] by direction, wheel distance [m], the motors' curve, filter noise.
 
     ``robot`` and ``calibration`` hold the same for the core: together they are what a replay needs. ``plain_radius_m``
-    is the one radius for all; without a measured heading, the calibration's heading follows from it.
+    is the one radius for all. ``settings`` were chosen among these runs alone.
     """
 
     forward_radius_m: Array
@@ -61,6 +66,19 @@ class Odometry:
     robot: Robot
     calibration: Calibration
     plain_radius_m: float
+    settings: Settings
+
+
+@dataclass(frozen=True)
+class _Paths:
+    """What one filter makes of all logs: speeds, angles, turning, and each run's path basis; the settings chosen."""
+
+    speeds: list[Array]
+    turning: Array | None
+    bases: list[Array]
+    mirrored: list[bool]
+    settings: Settings
+    error_m: float
 
 
 def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[WheelLog] = ()) -> Odometry:
@@ -77,19 +95,24 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
     filtered = _with_motor(robot, curve)
     unit = Calibration(np.ones(robot.wheels), np.ones(robot.wheels), curve.curve)
     process, measurement = _filter_noise(runs, filtered, unit, curve)
-    filtered = _with(filtered, KF_Q_W=process, KF_R_W=measurement)
     inverse = body_from_wheels(robot)
-    speeds = [filter_wheels(log, filtered, unit)[0] for log in (*runs, *turns)]
-    bases = [path_basis(log, _by_direction(log, speed), inverse) for log, speed in zip(runs, speeds, strict=False)]
-    nominal = robot.parameter_values()
-    free = np.eye(2 * robot.wheels)
+    logs = (*runs, *turns)
+    tried = {
+        q: _paths(logs, len(runs), _with(filtered, KF_Q_W=q, KF_R_W=measurement), unit, inverse, q == process)
+        for q in {process: None, NOISE_CANDIDATES[0]: None}
+    }
+    process = min(tried, key=lambda q: tried[q].error_m)
+    paths = tried[process]
+    filtered = _with(filtered, KF_Q_W=process, KF_R_W=measurement)
+    start = np.full(2 * robot.wheels, robot.parameter_values()["WHEEL_RADIUS"])
     radii, plain = (
-        _fit_radii(runs, bases, nominal["WHEEL_RADIUS"], rows) for rows in (free, np.ones_like(free[:, :1]))
+        fit_radii(runs, paths.bases, paths.mirrored, start, ridge) for ridge in (paths.settings.ridge, None)
     )
-    distances = [_wheel_distance((*runs, *turns), speeds, inverse, each) for each in (radii, plain)]
-    known = [nominal["WHEEL_DIST"] if distance is None else distance for distance in distances]
-    turning_m = float(plain[0]) * known[0] / known[1]
-    identified, calibration = _packed(filtered, radii, known[0], curve.curve, turning_m)
+    distances = [_wheel_distance(logs, paths.speeds, inverse, each) for each in (radii, plain)]
+    nominal_m = robot.parameter_values()["WHEEL_DIST"]
+    known = [nominal_m if distance is None else distance for distance in distances]
+    turning = plain / known[1] if paths.turning is None else paths.turning
+    identified, calibration = _packed(filtered, radii, known[0], curve.curve, turning * known[0])
     return Odometry(
         forward_radius_m=radii[: robot.wheels],
         reverse_radius_m=radii[robot.wheels :],
@@ -101,7 +124,30 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
         robot=identified,
         calibration=calibration,
         plain_radius_m=float(plain[0]),
+        settings=paths.settings,
     )
+
+
+def _paths(
+    logs: Sequence[WheelLog], runs: int, robot: Robot, unit: Calibration, inverse: Array, counts: bool
+) -> _Paths:
+    """Filter all logs, of which the first ``runs`` have a truth, and choose the settings for what comes out."""
+    speeds = [filter_wheels(log, robot, unit)[0] for log in logs]
+    rolled = [Rolled(log, _by_direction(log, speed)) for log, speed in zip(logs, speeds, strict=True)]
+    turn_ridge = choose_turning(rolled[:runs], rolled[runs:], inverse)
+    gains = fit_turning(rolled, inverse, turn_ridge)
+    values = robot.parameter_values()
+    usual = np.full(2 * robot.wheels, values["WHEEL_RADIUS"] / values["WHEEL_DIST"])
+    turns = [turned(each, inverse, usual if gains is None else gains) for each in rolled[:runs]]
+    headings = [filled(log.heading_rad, turn) for log, turn in zip(logs, turns, strict=False)]
+    bases = [path_basis(each, inverse, heading) for each, heading in zip(rolled, headings, strict=False)]
+    start = np.full(2 * robot.wheels, values["WHEEL_RADIUS"])
+    mirrored = [
+        align(log.time_s, basis @ start, log.require_truth(), mirrored=None).mirrored
+        for log, basis in zip(logs, bases, strict=False)
+    ]
+    ridge, error_m = choose_ridge(logs[:runs], bases, mirrored, start)
+    return _Paths(speeds, gains, bases, mirrored, Settings(ridge, turn_ridge, counts), error_m)
 
 
 def dead_reckon(
@@ -122,18 +168,6 @@ def body_from_wheels(robot: Robot) -> Array:
     config = replay_config(_with(robot, WHEEL_DIST=1.0), 1e-2)
     rows = config.kinematics.b_pinv
     return np.array([[rows[axis][wheel] for wheel in range(robot.wheels)] for axis in range(3)])
-
-
-def path_basis(log: WheelLog, turned: Array, inverse: Array) -> Array:
-    """Return g (n, 2, 2 wheels) [m per m of radius]: a wheel's forward or reverse path on the measured heading."""
-    heading = log.heading_rad
-    middle = 0.5 * (heading + np.concatenate((heading[:1], heading[:-1])))
-    cosine, sine = np.cos(middle)[:, None], np.sin(middle)[:, None]
-    wide = np.tile(inverse, 2)
-    ahead, aside = turned * wide[0], turned * wide[1]
-    return np.stack(
-        [np.cumsum(cosine * ahead - sine * aside, axis=0), np.cumsum(sine * ahead + cosine * aside, axis=0)], axis=1
-    )
 
 
 def _by_direction(log: WheelLog, speed: Array) -> Array:
@@ -173,8 +207,12 @@ def _with_motor(robot: Robot, fit: CurveFit) -> Robot:
 def _filter_noise(
     runs: Sequence[WheelLog], robot: Robot, calibration: Calibration, fit: CurveFit
 ) -> tuple[float, float]:
-    """Process and measurement noise of the wheel filter with the largest likelihood of the innovations."""
-    measurement = float(np.sqrt(np.mean(fit.noise_rad_s**2)))
+    """Process and measurement noise of the wheel filter with the largest likelihood of the innovations.
+
+    The measurement's is what the logs say of a count, else what the motors' curves leave unexplained.
+    """
+    said = np.array([log.noise_rad_s for log in runs])
+    measurement = float(np.sqrt(np.mean((said if np.all(said > 0.0) else fit.noise_rad_s) ** 2)))
     best, best_cost = NOISE_CANDIDATES[0], np.inf
     for candidate in NOISE_CANDIDATES:
         cost = 0.0
@@ -186,41 +224,6 @@ def _filter_noise(
             break
         best, best_cost = candidate, cost
     return best, measurement
-
-
-def _fit_radii(runs: Sequence[WheelLog], bases: Sequence[Array], nominal_m: float, rows: Array) -> Array:
-    """Radii (2 wheels,) [m], forward then reverse, by least squares and alignment in turn.
-
-    ``rows`` (2 wheels, k) makes the radii of the k unknowns: the unit matrix, or a column of ones for one common
-    radius.
-    """
-    count = rows.shape[1]
-    radii = np.full(len(rows), nominal_m)
-    mirrored = [
-        align(log.time_s, basis @ radii, log.require_truth(), mirrored=None).mirrored
-        for log, basis in zip(runs, bases, strict=True)
-    ]
-    for _ in range(MAX_ROUNDS):
-        normal, right = np.zeros((count, count)), np.zeros(count)
-        for log, basis, flip in zip(runs, bases, mirrored, strict=True):
-            truth = log.require_truth()
-            found = align(log.time_s, basis @ radii, truth, mirrored=flip)
-            target = found.to_robot(truth_at(truth, log.time_s + found.offset_s))
-            columns = ((basis - basis.mean(axis=0)) @ rows).reshape(-1, count)
-            wanted = (target - target.mean(axis=0)).reshape(-1)
-            normal += columns.T @ columns / len(target)
-            right += columns.T @ wanted / len(target)
-        spread = np.eye(count) - np.full((count, count), 1.0 / count)
-        new = rows @ np.linalg.solve(normal + RIDGE * float(np.trace(normal)) / count * spread, right)
-        if not np.all(new > 0.0):
-            raise LogError(
-                "the truth does not follow the wheels: a radius comes out negative",
-                hint="check the wheels' order, bearings and signs, and that each truth belongs to its log",
-            )
-        change, radii = float(np.max(np.abs(new - radii))), new
-        if change < CONVERGED_M:
-            break
-    return radii
 
 
 def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse: Array, radii: Array) -> float | None:
@@ -255,16 +258,18 @@ def _wheel_distance(logs: Sequence[WheelLog], filtered: Sequence[Array], inverse
 
 
 def _packed(
-    robot: Robot, radii: Array, distance_m: float, curve: MotorCurve, turning_m: float
+    robot: Robot, radii: Array, distance_m: float, curve: MotorCurve, turning_m: Array
 ) -> tuple[Robot, Calibration]:
     """Put the radii (forward, then reverse) into robot (per wheel) and calibration (what is left, by direction).
 
-    ``turning_m`` is the radius of all wheels that turns the robot right with this ``distance_m``.
+    ``turning_m`` (2 wheels,) are the radii that turn the robot right with this ``distance_m``.
     """
-    forward, reverse = radii[: robot.wheels], radii[robot.wheels :]
+    wheels = robot.wheels
+    forward, reverse = radii[:wheels], radii[wheels:]
     radius = float(np.mean(radii))
     scale = np.clip(0.5 * (forward + reverse) / radius, *SCALE_LIMITS)
     values = {f"W{wheel + 1}_RSCALE": float(value) for wheel, value in enumerate(scale)}
     packed = _with(robot, WHEEL_RADIUS=radius, WHEEL_DIST=distance_m, **values)
     file_m = radius * scale
-    return packed, Calibration(forward / file_m, reverse / file_m, curve, turning_m / file_m)
+    turns = turning_m[:wheels] / file_m, turning_m[wheels:] / file_m
+    return packed, Calibration(forward / file_m, reverse / file_m, curve, *turns)

@@ -30,7 +30,7 @@ class Alignment:
 
     ``rms_m`` is the distance left between the two and ``overlap`` the share of the path within the truth's time.
     ``offset_low_s``, ``offset_high_s`` enclose the offsets whose RMS is within 5 % of the best. ``scale`` is the
-    factor on the path that would fit best.
+    factor on the path that would fit best, and ``shape_rms_m`` the distance that would then be left.
     """
 
     offset_s: float
@@ -41,6 +41,7 @@ class Alignment:
     shift: tuple[float, float]
     scale: float
     rms_m: float
+    shape_rms_m: float
     overlap: float
 
     def to_truth(self, xy: Array) -> Array:
@@ -76,7 +77,7 @@ def align(
     fine = best + np.arange(-reach, reach + 0.5 * _FINE_S, _FINE_S)
     fine_errors = _errors(time_s[:: max(1, every // 2)], path[:: max(1, every // 2)], truth, fine)
     offset = float(fine[int(np.argmin(fine_errors))])
-    rms, rotation, shift, scale = _fit(path, truth_at(truth, time_s + offset))
+    rms, shape, rotation, shift, scale = _fit(path, truth_at(truth, time_s + offset))
     near = np.concatenate((coarse[errors <= 1.05 * rms], fine[fine_errors <= 1.05 * rms], [offset]))
     return Alignment(
         offset_s=offset,
@@ -87,6 +88,7 @@ def align(
         shift=(float(shift[0]), float(shift[1])),
         scale=scale,
         rms_m=rms,
+        shape_rms_m=shape,
         overlap=float(covered(truth, time_s + offset).mean()),
     )
 
@@ -113,8 +115,8 @@ def _errors(time_s: Array, path: Array, truth: Truth, offsets: Array) -> Array:
     return np.where(overlap < LEAST_OVERLAP, np.inf, np.sqrt(np.maximum(square, 0.0)))
 
 
-def _fit(path: Array, there: Array) -> tuple[float, float, Array, float]:
-    """RMS, rotation and shift that bring a path to its truth, and the factor on the path that would fit best."""
+def _fit(path: Array, there: Array) -> tuple[float, float, float, Array, float]:
+    """RMS without and with the factor on the path that fits best, rotation, shift, and that factor."""
     p, q = path - path.mean(axis=0), there - there.mean(axis=0)
     along = float(np.sum(p * q))
     across = float(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]))
@@ -123,7 +125,9 @@ def _fit(path: Array, there: Array) -> tuple[float, float, Array, float]:
     square = (size + float(np.sum(q**2)) - 2.0 * np.hypot(along, across)) / len(p)
     shift = there.mean(axis=0) - path.mean(axis=0) @ _turn(rotation).T
     scale = float(np.hypot(along, across)) / size if size > 0.0 else 1.0
-    return float(np.sqrt(max(square, 0.0))), rotation, np.asarray(shift), scale
+    shape = (float(np.sum(q**2)) - scale * float(np.hypot(along, across))) / len(p)
+    rms, shape_rms = (float(np.sqrt(max(part, 0.0))) for part in (square, shape))
+    return rms, shape_rms, rotation, np.asarray(shift), scale
 
 
 def _turn(angle: float) -> Array:

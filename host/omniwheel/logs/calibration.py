@@ -21,6 +21,7 @@ from omniwheel.errors import LogError
 from omniwheel.logs.log import Array
 
 SUFFIX = ".calibration.toml"
+_TURNS = ("turn_scale", "turn_reverse_scale")
 _HINT = "let omni identify logs write it"
 
 
@@ -49,20 +50,25 @@ class MotorCurve:
 class Calibration:
     """``forward_scale``, ``reverse_scale`` (wheels,): effective radius over the robot file's; the motors' curve.
 
-    ``turn_scale`` (wheels,) is the same for the heading where none was measured: None, the two above are. Radii by
-    direction take in a camera's perspective; one common radius turns better.
+    ``turn_scale``, ``turn_reverse_scale`` (wheels,) are the same for the heading where none was measured, forward and
+    backward. Without the latter the former holds for both; without both, the two above hold. Radii by direction take
+    in a camera's perspective, so the heading needs numbers of its own.
     """
 
     forward_scale: Array
     reverse_scale: Array
     curve: MotorCurve
     turn_scale: Array | None = None
+    turn_reverse_scale: Array | None = None
 
     def for_turning(self) -> Calibration | None:
         """Return the calibration that the heading follows from; None if this one has nothing of its own for it."""
         if self.turn_scale is None:
             return None
-        return replace(self, forward_scale=self.turn_scale, reverse_scale=self.turn_scale, turn_scale=None)
+        reverse = self.turn_scale if self.turn_reverse_scale is None else self.turn_reverse_scale
+        return replace(
+            self, forward_scale=self.turn_scale, reverse_scale=reverse, turn_scale=None, turn_reverse_scale=None
+        )
 
     def rolled(self, turned_rad: Array) -> Array:
         """Wheel angles that would have moved the robot file's wheels as far as ``turned_rad`` moved the real ones."""
@@ -77,9 +83,9 @@ def calibration_path(robot_file: Path) -> Path:
 def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write a calibration. Raises OutputFileError."""
     curve = calibration.curve
-    scales = ("forward_scale", "reverse_scale", *(("turn_scale",) if calibration.turn_scale is not None else ()))
+    scales = {name: getattr(calibration, name) for name in ("forward_scale", "reverse_scale", *_TURNS)}
     document = {
-        "odometry": {name: _rounded(getattr(calibration, name)) for name in scales},
+        "odometry": {name: _rounded(values) for name, values in scales.items() if values is not None},
         "motor_curve": {name: _rounded(getattr(curve, name)) for name in MotorCurve.__dataclass_fields__},
     }
     files.write_text(path, tomli_w.dumps(document))
@@ -92,7 +98,7 @@ def load_calibration(path: Path, wheels: int) -> Calibration:
     return Calibration(
         forward_scale=_numbers(path, odometry, "forward_scale", wheels),
         reverse_scale=_numbers(path, odometry, "reverse_scale", wheels),
-        turn_scale=_numbers(path, odometry, "turn_scale", wheels) if "turn_scale" in odometry else None,
+        **{name: _numbers(path, odometry, name, wheels) for name in _TURNS if name in odometry},
         curve=MotorCurve(
             **{
                 name: _numbers(path, curve, name, wheels, zero=name.endswith("dead_band"))

@@ -11,7 +11,7 @@ import numpy as np
 
 from omni_schema.errors import did_you_mean
 from omniwheel.errors import LogError
-from omniwheel.logs.log import Array, Truth, WheelLog
+from omniwheel.logs.log import Array, Mask, Truth, WheelLog
 from omniwheel.logs.mapping import Mapping
 from omniwheel.logs.spikes import reject_spikes
 from omniwheel.moved import moved
@@ -41,7 +41,8 @@ class Frozen:
 class ImportSummary:
     """What the import did to the rows: shares are of the rows that are left, per wheel.
 
-    ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped.
+    ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped. ``noise_correlation`` is
+    that of a count's noise with the next one's: -0.5 where counts add up to an angle, 0 where each stands alone.
     """
 
     rows: int
@@ -50,6 +51,7 @@ class ImportSummary:
     rejected_share: tuple[float, ...]
     heading_restarts_s: tuple[float, ...]
     noise_counts: tuple[float, ...]
+    noise_correlation: tuple[float, ...]
     frozen: tuple[Frozen, ...]
 
 
@@ -122,6 +124,8 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
     if mapping.heading:
         raw_heading = _column(path, columns, mapping.heading, mapping)[keep]
         heading, restarts = unwrap_heading(raw_heading * mapping.heading_unit * mapping.heading_sign, step)
+        driven = np.any(duty != 0.0, axis=1) if mapping.duty else np.ones(len(duty), dtype=bool)
+        heading[frozen_rows(raw_heading, time[keep], driven, mapping.period_s)] = np.nan
     counts = _counts(path, wheels * np.array(mapping.wheel_sign), step, mapping)
     log = WheelLog(
         name=path.stem,
@@ -133,6 +137,8 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         duty=duty,
         heading_rad=heading,
         truth=None if truth is None else read_truth(truth, mapping),
+        sample_s=mapping.sample_s,
+        noise_rad_s=mapping.noise_rad_s,
     )
     good, noise = reject_spikes(log, mapping.spikes)
     summary = ImportSummary(
@@ -141,7 +147,8 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         missing_rows=int(np.sum(np.maximum(np.round(step / mapping.period_s) - 1.0, 0.0))),
         rejected_share=tuple(float(share) for share in 1.0 - good.mean(axis=0)),
         heading_restarts_s=tuple(float(log.time_s[row]) for row in restarts),
-        noise_counts=noise,
+        noise_counts=noise.counts,
+        noise_correlation=noise.correlation,
         frozen=frozen_columns({name: values[keep] for name, values in columns.items()}, time[keep]),
     )
     return replace(log, good=good), summary
@@ -151,37 +158,62 @@ def frozen_columns(columns: dict[str, Array], time_s: Array) -> tuple[Frozen, ..
     """Return the longest time that each column was frozen; a set-point, which seldom changes, never is."""
     found = []
     for name, values in columns.items():
-        changes = np.flatnonzero(np.diff(values) != 0.0)
-        edges = np.concatenate(([-1], changes, [len(values) - 1]))
-        longest = int(np.argmax(np.diff(edges)))
-        first, last = int(edges[longest]) + 1, int(edges[longest + 1])
-        elsewhere = len(values) - (last - first + 1)
-        if time_s[last] - time_s[first] >= FROZEN_S and len(changes) > OFTEN * elsewhere:
+        stretches = _frozen(values, time_s)
+        if stretches:
+            first, last = max(stretches, key=lambda rows: rows[1] - rows[0])
             found.append(Frozen(name, float(time_s[first]), float(time_s[last])))
     return tuple(found)
 
 
-def _rising(time: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def frozen_rows(values: Array, time_s: Array, driven: Mask, period_s: float) -> Mask:
+    """Mask of the rows (n,) in which a column was frozen though the robot was ``driven`` (n,) for FROZEN_S of them.
+
+    The first row of each time was measured. A robot at rest keeps its heading.
+    """
+    rows = np.zeros(len(values), dtype=bool)
+    for first, last in _frozen(values, time_s):
+        if period_s * np.sum(driven[first + 1 : last + 1]) >= FROZEN_S:
+            rows[first + 1 : last + 1] = True
+    return rows
+
+
+def _frozen(values: Array, time_s: Array) -> list[tuple[int, int]]:
+    """First and last row of every time that a column which changes often kept one value."""
+    changes = np.flatnonzero(np.diff(values) != 0.0)
+    edges = np.concatenate(([-1], changes, [len(values) - 1]))
+    firsts, lasts = edges[:-1] + 1, edges[1:]
+    long = time_s[lasts] - time_s[firsts] >= FROZEN_S
+    elsewhere = len(values) - int(np.max(lasts - firsts + 1))
+    if len(changes) <= OFTEN * elsewhere:
+        return []
+    return [(int(first), int(last)) for first, last in zip(firsts[long], lasts[long], strict=True)]
+
+
+def _rising(time: Array) -> Mask:
     """Mask of the rows whose time is later than every one before."""
     before = np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
     return np.asarray(time > before)
 
 
 def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
-    """Counts since the row before. A speed is one period's counts; across missing rows it is taken to have lasted."""
-    steps = np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
+    """Counts since the row before. A speed is one period's counts; across missing rows it is taken to have lasted.
+
+    Counts of a sample are those of the sample alone.
+    """
+    sampled = mapping.sample_s > 0.0
+    steps = 1.0 if sampled else np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
     if mapping.quantity == "counts":
         return np.diff(wheels, axis=0, prepend=wheels[:1])
     if mapping.quantity == "increment":
         return wheels
     rad_per_count = 2.0 * np.pi / mapping.counts_per_revolution
-    exact = wheels * mapping.wheel_unit * mapping.period_s / rad_per_count
+    exact = wheels * mapping.wheel_unit * (mapping.sample_s if sampled else mapping.period_s) / rad_per_count
     whole = np.round(exact)
     off = float(np.median(np.abs(exact - whole)[whole != 0.0])) if np.any(whole != 0.0) else 0.0
     if off > INTEGER_TOLERANCE:
         raise LogError(
             f"{path}: the wheel speeds are {off:.2f} counts off whole counts in the median",
-            hint=f"correct counts_per_revolution, period_s or the unit in {mapping.source}",
+            hint=f"correct counts_per_revolution, period_s, sample_s or the unit in {mapping.source}",
         )
     return np.asarray(whole * steps)
 

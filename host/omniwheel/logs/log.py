@@ -39,7 +39,10 @@ class WheelLog:
     """One run: n rows on the robot's clock, wheels in the robot file's order, positive drives counter-clockwise.
 
     ``time_s`` (n,) rises; nominally one row per ``period_s``, rows may be missing.
-    ``counts`` (n, wheels) encoder counts since the row before, ``counts_per_revolution`` of the wheel.
+    ``counts`` (n, wheels) encoder counts since the row before, ``counts_per_revolution`` of the wheel. With
+    ``sample_s`` above 0 they are those of the last ``sample_s`` [s] only. They do not add up to an angle then, and the
+    noise of one tells nothing of the next.
+    ``noise_rad_s`` is the standard deviation of a speed from one count (0: unknown).
     ``good`` (n, wheels) False where a count is a spike or missing.
     ``duty`` (n, wheels) -1..1 commanded at this row; zeros if it was not logged.
     ``heading_rad`` (n,) unwrapped, counter-clockwise, 0 at the first row; NaN where there is none.
@@ -54,6 +57,8 @@ class WheelLog:
     duty: Array
     heading_rad: Array
     truth: Truth | None = None
+    sample_s: float = 0.0
+    noise_rad_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Check shapes, finiteness and the clock. Raises LogError."""
@@ -74,6 +79,8 @@ class WheelLog:
             raise LogError(f"{self.name}: heading_rad has shape {self.heading_rad.shape} beside {rows} rows")
         if not (0.0 < self.period_s < np.inf and self.counts_per_revolution > 0):
             raise LogError(f"{self.name}: period and counts per revolution must be positive and finite")
+        if not (0.0 <= self.sample_s <= self.period_s and 0.0 <= self.noise_rad_s < np.inf):
+            raise LogError(f"{self.name}: sample_s must be 0 to the period, and noise_rad_s finite and not negative")
         if np.any(np.diff(self.time_s) <= 0.0):
             raise LogError(f"{self.name}: the clock does not rise", hint="drop repeated rows")
 
@@ -94,8 +101,21 @@ class WheelLog:
 
     @property
     def wheel_rad_s(self) -> Array:
-        """Differenced counts (n, wheels) [rad/s], spikes included."""
-        return np.asarray(self.counts * self.rad_per_count / self.step_s[:, None])
+        """Speeds from the counts (n, wheels) [rad/s], spikes included."""
+        over_s = self.sample_s if self.sample_s > 0.0 else self.step_s[:, None]
+        return np.asarray(self.counts * self.rad_per_count / over_s)
+
+    @property
+    def quantum_rad_s(self) -> float:
+        """Speed of one count in one row [rad/s]."""
+        return self.rad_per_count / (self.sample_s or self.period_s)
+
+    @property
+    def counts_per_period(self) -> Array:
+        """Counts (n, wheels) that each row stands for, over one period; a sample's speed is taken to last."""
+        if self.sample_s > 0.0:
+            return np.asarray(self.counts * (self.period_s / self.sample_s))
+        return np.asarray(self.counts / np.maximum(np.round(self.step_s / self.period_s), 1.0)[:, None])
 
     @property
     def has_heading(self) -> bool:
@@ -130,6 +150,8 @@ def save_log(log: WheelLog, path: Path) -> None:
             name=np.array(log.name),
             period_s=np.array(log.period_s),
             counts_per_revolution=np.array(log.counts_per_revolution),
+            sample_s=np.array(log.sample_s),
+            noise_rad_s=np.array(log.noise_rad_s),
             time_s=log.time_s,
             counts=log.counts,
             good=log.good,
@@ -173,6 +195,8 @@ def _from_arrays(stored: Mapping[str, NDArray[Any]]) -> WheelLog:
         duty=_numbers(stored["duty"]),
         heading_rad=_numbers(stored["heading_rad"]),
         truth=truth,
+        sample_s=float(stored.get("sample_s", np.zeros(()))),
+        noise_rad_s=float(stored.get("noise_rad_s", np.zeros(()))),
     )
 
 

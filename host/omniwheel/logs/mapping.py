@@ -6,7 +6,8 @@
     [log]                       name, delimiter = ",", period_s
     [log.time]                  column, unit = "s" | "ms" | "us"
     [wheels]                    columns, quantity = "speed" | "increment" | "counts", unit = "rad/s" | "rpm" | "counts",
-                                sign = [1, 1, 1], counts_per_revolution
+                                sign = [1, 1, 1], counts_per_revolution,
+                                sample_s, noise_rad_s                     (optional)
     [duty]                      columns, full_scale, sign                     (optional)
     [heading]                   column, unit = "rad" | "deg", sign            (optional)
     [spikes]                    window_s, threshold, max_rad_s                (optional)
@@ -59,7 +60,11 @@ class TruthColumns:
 
 @dataclass(frozen=True)
 class Mapping:
-    """One robot's log format; ``source`` is the file, units are factors to SI, signs are +1 or -1."""
+    """One robot's log format; ``source`` is the file, units are factors to SI, signs are +1 or -1.
+
+    ``sample_s`` [s]: a count is the difference of the angle over this time before its row; 0: since the row before.
+    ``noise_rad_s``: standard deviation of a wheel's speed from one count, white; 0: not known.
+    """
 
     source: str
     name: str
@@ -72,6 +77,8 @@ class Mapping:
     wheel_unit: float
     wheel_sign: tuple[int, ...]
     counts_per_revolution: int
+    sample_s: float
+    noise_rad_s: float
     duty: tuple[str, ...]
     duty_full_scale: float
     duty_sign: tuple[int, ...]
@@ -161,13 +168,14 @@ def read_mapping(path: Path) -> Mapping:
     quantity = wheels.text("quantity")
     if quantity not in WHEEL_UNITS:
         raise wheels.error("quantity", f"is {quantity!r}; allowed are {', '.join(WHEEL_UNITS)}")
+    period_s = log.number("period_s")
     duty, duty_full_scale, duty_sign = _duty(source, document.pop("duty", None), len(columns))
     heading, heading_unit, heading_sign = _heading(source, document.pop("heading", None))
     mapping = Mapping(
         source=source,
         name=log.text("name"),
         delimiter=log.sign("delimiter", ","),
-        period_s=log.number("period_s"),
+        period_s=period_s,
         time=time.text("column"),
         time_unit=time.unit("unit", TIME_UNITS, "s"),
         wheels=columns,
@@ -175,6 +183,8 @@ def read_mapping(path: Path) -> Mapping:
         wheel_unit=wheels.unit("unit", WHEEL_UNITS[quantity]),
         wheel_sign=wheels.signs("sign", len(columns)),
         counts_per_revolution=wheels.whole("counts_per_revolution"),
+        sample_s=_sample_s(wheels, quantity, period_s),
+        noise_rad_s=wheels.number("noise_rad_s", 0.0),
         duty=duty,
         duty_full_scale=duty_full_scale,
         duty_sign=duty_sign,
@@ -189,6 +199,16 @@ def read_mapping(path: Path) -> Mapping:
     if document:
         raise LogError(f"{source}: [{next(iter(document))}] is not known", hint=MAPPING_HINT)
     return mapping
+
+
+def _sample_s(wheels: _Section, quantity: str, period_s: float) -> float:
+    """Time over which a count was taken [s]; 0 where counts add up."""
+    sample_s = wheels.number("sample_s", 0.0)
+    if sample_s > 0.0 and quantity == "counts":
+        raise wheels.error("sample_s", "is of no use: a running count adds up whatever lies between its rows")
+    if sample_s > period_s:
+        raise wheels.error("sample_s", f"is {sample_s:g} s, longer than log.period_s, {period_s:g} s")
+    return sample_s
 
 
 def _duty(source: str, table: object, wheels: int) -> tuple[tuple[str, ...], float, tuple[int, ...]]:

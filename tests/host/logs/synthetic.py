@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 T = 0.01
 COUNTS = 264
 RAD = 2.0 * np.pi / COUNTS
+SAMPLE_S = 0.001
+RAD_SAMPLE = RAD * SAMPLE_S / T
+"""A reading of the analogue angle is rounded to this: one count of a sample is as fast as one of a whole row."""
 BEARINGS = np.radians([150.0, 270.0, 30.0])
 
 MAPPING = """
@@ -81,6 +84,7 @@ class Known:
     mirrored: bool = False
     shift: tuple[float, float] = (0.4, -0.2)
     noise_counts: float = 2.0
+    reading_rad: float = 0.007
     spike_share: float = 0.02
     wheels: int = field(default=3, init=False)
 
@@ -124,14 +128,27 @@ def to_truth_frame(known: Known, xy: Array) -> Array:
     return np.asarray(flipped @ np.array([[c, s], [-s, c]]) + known.shift)
 
 
-def write(folder: Path, name: str, known: Known, seed: int) -> tuple[Path, Path]:
-    """Write NAME.csv and truth_NAME.csv and return their paths."""
+def counts_of_rows(known: Known, speed: Array, generator: np.random.Generator) -> Array:
+    """Counts since the row before of an encoder, and a noise that the next count does not take back."""
+    angle = np.cumsum(speed * T, axis=0) / RAD
+    counts = np.diff(np.round(angle), axis=0, prepend=0.0)
+    return np.asarray(counts + np.round(generator.normal(0.0, known.noise_counts, counts.shape)))
+
+
+def counts_of_samples(known: Known, speed: Array, generator: np.random.Generator) -> Array:
+    """Two readings of an analogue angle at each row, SAMPLE_S apart, each with a noise of its own and rounded."""
+    end = np.cumsum(speed * T, axis=0)
+    both = np.stack((end - speed * SAMPLE_S, end))
+    read = np.round((both + generator.normal(0.0, known.reading_rad, both.shape)) / RAD_SAMPLE)
+    return np.asarray(read[1] - read[0])
+
+
+def write(folder: Path, name: str, known: Known, seed: int, *, sampled: bool = False) -> tuple[Path, Path]:
+    """Write NAME.csv and truth_NAME.csv and return their paths; ``sampled``: see :func:`counts_of_samples`."""
     generator = np.random.default_rng(1000 + seed)
     duty = duties(seed)
     speed, pose = motion(known, duty)
-    angle = np.cumsum(speed * T, axis=0) / RAD
-    counts = np.diff(np.round(angle), axis=0, prepend=0.0)
-    counts += np.round(generator.normal(0.0, known.noise_counts, counts.shape))
+    counts = (counts_of_samples if sampled else counts_of_rows)(known, speed, generator)
     spikes = generator.random(counts.shape) < known.spike_share
     counts += np.where(spikes, generator.choice([-60.0, 60.0], counts.shape), 0.0)
     time = T * np.arange(1, len(duty) + 1)

@@ -155,3 +155,16 @@ def test_a_sensor_that_stops_is_named_and_a_set_point_is_not() -> None:
     pause[100:140] = pause[100]
     columns = {"imu": stopped, "pause": pause, "wanted": np.where(time < 5.0, 0.0, 1.0), "dead": np.zeros(len(time))}
     assert frozen_columns(columns, time) == (Frozen("imu", 4.2, 5.99),)
+
+
+def test_a_heading_that_is_frozen_while_the_wheels_are_driven_is_not_known(
+    tmp_path: Path, files: Path, mapping: Mapping
+) -> None:
+    lines = [line.split(",") for line in rows(files / "run1.csv")]
+    column, frozen = lines[0].index("alpha"), range(401, 501)
+    for row in frozen:
+        lines[row][column] = lines[400][column]
+    log, summary = import_log(changed(tmp_path, [",".join(line) for line in lines]), mapping)
+    known = np.isfinite(log.heading_rad)
+    assert np.array_equal(np.flatnonzero(~known), np.arange(400, 500)), "rest at both ends is known"
+    assert [entry.column for entry in summary.frozen].count("alpha") == 1

@@ -99,6 +99,25 @@ def test_identified_on_some_runs_replays_another(imported: Path, files: Path, tm
     )  # fmt: skip
 
 
+def test_leave_one_out_names_every_run_and_writes_nothing(
+    imported: Path, files: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    told = (
+        "identify", "logs", imported / "run1.npz", imported / "run2.npz", "--robot", files / "robot.toml",
+        "--leave-one-out",
+    )  # fmt: skip
+    said = omni(*told)
+    assert "held out wheels only" in said
+    assert "without run2: radii by direction" in said
+    found = omni_json(*told)
+    assert set(found["runs"]) == {"run1", "run2"}
+    assert found["runs"]["run1"]["held_out_shape_rms_m"] <= found["runs"]["run1"]["held_out_rms_m"] < 0.02
+    assert list(tmp_path.iterdir()) == []
+    assert "writes nothing" in omni(*told, "--out", "x.toml", code=2)
+    assert "give --out" in omni(*told[:-1], code=2)
+
+
 def test_a_run_folder_is_replayed_with_the_core_that_drove_it(tmp_path: Path) -> None:
     told = omni_json("sim", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
     replayed = omni_json("replay", told["folder"], "--robot", told["robot"])

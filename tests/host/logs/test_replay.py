@@ -122,6 +122,22 @@ def test_without_a_heading_the_turn_scale_says_it_and_the_other_scales_the_path(
     assert np.isfinite(replay(clean, odometry, calibration, use_heading=False).pose).all(), "no fix of a heading there"
 
 
+def test_a_frozen_heading_is_bridged_by_how_the_wheels_turn(clean: WheelLog, robot: Robot) -> None:
+    """The heading is lost for two seconds of turning; the file's wheels turn the body 10 % too little."""
+    _, pose = synthetic.motion(KNOWN, synthetic.duties(1))
+    turning = int(np.argmax(np.abs(pose[200:, 2] - pose[:-200, 2])))
+    lost = clean.heading_rad.copy()
+    lost[turning : turning + 200] = np.nan
+    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.dead_band)
+    curve = MotorCurve(slope, slope, dead, dead, np.full(3, KNOWN.lag_s))
+    short = np.full(3, 1.0 / 1.1)
+    off = []
+    for given in (Calibration(short, short, curve), Calibration(short, short, curve, np.ones(3), np.ones(3))):
+        run = replay(replace(clean, heading_rad=lost), robot, given)
+        off.append(np.abs(run.pose[:, 2] - (pose[:, 2] - pose[0, 2])).max())
+    assert off[1] < 0.5 * off[0]
+
+
 def test_a_wrong_calibration_is_named(tmp_path: Path) -> None:
     path = tmp_path / "robot.calibration.toml"
     path.write_text("[odometry]\nforward_scale = [1.0, nan, 1.0]\n[motor_curve]\n", encoding="utf-8")
