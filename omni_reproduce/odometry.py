@@ -57,19 +57,19 @@ def run(context: Context) -> Result:
     squares = {setting: _square_cases(spec, setting, runs) for setting in square_settings(spec, mujoco=mujoco)}
     flowers = {setting: _petal_cases(spec, setting, petals) for setting in petal_settings(spec, mujoco=mujoco)}
     roses = {(robot, laps): _rose_cases(spec, robot, laps) for robot in spec["robot"] for laps in head["laps"]}
-    plan = {**squares, **flowers, **roses}
-    cases = [case for group in plan.values() for case in group]
+    cases = [case for part in (squares, flowers, roses) for group in part.values() for case in group]
     found = dict(zip(cases, context.map(drive, cases), strict=True))
-    driven = {key: [found[case] for case in group] for key, group in plan.items()}
-    results = {setting: result_of(driven[setting]) for setting in squares}
-    rows = [row for setting in squares for row in square_rows(spec, setting, results[setting], driven[setting])]
-    rows += [row for setting in flowers for row in _petal_rows(setting, driven[setting])]
-    rows += [_rose_row(robot, laps, driven[robot, laps]) for robot, laps in roses]
+    driven = {setting: [found[case] for case in group] for setting, group in squares.items()}
+    results = {setting: result_of(group) for setting, group in driven.items()}
+    rows = [row for setting, result in results.items() for row in square_rows(spec, setting, result, driven[setting])]
+    for setting, group in flowers.items():
+        rows += _petal_rows(setting, [found[case] for case in group])
+    rows += [_rose_row(robot, laps, [found[case] for case in group]) for (robot, laps), group in roses.items()]
     rows += _published(spec)
     if not mujoco:
         why = "a quick run leaves it out" if context.quick else "it needs MuJoCo: pip install 'omniwheel[mujoco]'"
         rows.append(Row(NAME, MUJOCO, SYSTEMATIC, "mm", None, explanation=f"Not run: {why}."))
-    errors = {setting: _positions(driven[setting]) for setting in squares}
+    errors = {setting: _positions(group) for setting, group in driven.items()}
     picture = draw(_panels(spec, errors), context.folder)
     return Result(tuple(rows), (picture,), (*_notes(spec, runs, petals), centres(spec, results)))
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
@@ -32,11 +33,13 @@ def draw(panels: Mapping[str, Mapping[str, tuple[Array, Sequence[Array]]]], fold
     with mpl.rc_context(STYLE):
         figure = new_figure(12.0, 4.6 * ((len(panels) + 1) // 2))
         rows = figure.subplots((len(panels) + 1) // 2, 2, squeeze=False)
-        for axes, (title, sets) in zip(rows.flat, panels.items(), strict=True):
+        for axes in rows.flat[len(panels) :]:
+            axes.remove()
+        for axes, (title, sets) in zip(rows.flat[: len(panels)], panels.items(), strict=True):
             _draw_panel(axes, sets)
             axes.set(xlabel="return error x [mm]", ylabel="return error y [mm]", title=title)
-        lines: dict[str, object] = {}
-        for axes in rows.flat:
+        lines: dict[str, Artist] = {}
+        for axes in figure.axes:
             for line, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 lines.setdefault(label, line)
         figure.legend(list(lines.values()), list(lines), loc="outside lower center", ncols=4)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """UMBmark (Borenstein and Feng, 1996): what return errors of a square say, and what wrong geometry gives exactly.
 
-A return error is where the robot is, less where it believes to be, after a square: x and y [m] in the frame of its
-start. Systematic errors move the centre of gravity of the runs of one direction. What spreads about it is not
+A return error is where the robot is after a square, less where it believes to be. It is x and y [m] in the frame of
+the start. Systematic errors move the centre of gravity of the runs of one direction. What spreads about it is not
 systematic.
 """
 
@@ -24,8 +24,8 @@ EDGES = 4
 class Umbmark:
     """The centres of gravity [m] of the return errors, clockwise and counter-clockwise, and what spreads about them.
 
-    ``spread_m`` is the root mean square distance of a run from its centre, both directions together, with a degree of
-    freedom less for each centre.
+    ``spread_m`` is the root mean square distance of a run from its centre, both directions together. Each centre takes
+    a degree of freedom.
     """
 
     clockwise_m: tuple[float, float]
@@ -72,8 +72,7 @@ def true_motion(motion: Array, true: Wheels, believed: Wheels) -> Array:
     contradict each other in.
     """
     turned = (believed.rims() @ motion) / believed.radius_m
-    solved: Array = np.linalg.lstsq(true.rims(), true.radius_m * turned, rcond=None)[0]
-    return solved
+    return np.asarray(np.linalg.lstsq(true.rims(), true.radius_m * turned, rcond=None)[0], dtype=np.float64)
 
 
 def legs(edge_m: float, sign: int, *, turning: bool) -> list[Array]:

@@ -32,8 +32,8 @@ class Session:
     """Squares that one robot drove one after another.
 
     ``kinds`` counts the kinds of square: direction, way of the first edge, turn of all. ``systematic_m`` is how far the
-    farthest centre of gravity of a kind is from zero; ``spread_m`` the root mean square distance from the own centre; NaN
-    if there is one run of each kind.
+    farthest centre of gravity of a kind is from zero. ``spread_m`` is the root mean square distance of a run from its
+    own centre; NaN if there is one run of each kind.
     """
 
     kind: str
@@ -82,7 +82,11 @@ def _kind_of_square(truth: Array) -> tuple[int, ...]:
     x, y = truth[:, 0], truth[:, 1]
     clockwise = int(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) < 0.0)
     leads = truth[np.argmax(np.hypot(x, y) > FIRST_M)]
-    return clockwise, round(float(np.arctan2(leads[1], leads[0])) / CORNER_RAD) % EDGES, round(truth[-1, 2] / CORNER_RAD)
+    return (
+        clockwise,
+        round(float(np.arctan2(leads[1], leads[0])) / CORNER_RAD) % EDGES,
+        round(truth[-1, 2] / CORNER_RAD),
+    )
 
 
 def moved(counts: Array, kind: str, geometry: dict[str, list[float]]) -> list[Array]:
@@ -120,7 +124,9 @@ def _numbers(path: Path) -> Array:
 def main() -> None:
     """Print a line per session."""
     parser = argparse.ArgumentParser(description="UMBmark of the real robots of OptiOdom's logs")
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="data, in a clone of github.com/sousarbarb/optiodom")
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER", help="data, in a clone of github.com/sousarbarb/optiodom"
+    )
     try:
         found = sessions(parser.parse_args().folder)
     except LogError as error:
