@@ -65,13 +65,13 @@ def run(context: Context) -> Result:
     for setting, group in flowers.items():
         rows += _petal_rows(setting, [found[case] for case in group])
     rows += [_rose_row(robot, laps, [found[case] for case in group]) for (robot, laps), group in roses.items()]
-    rows += _published(spec)
+    rows += published(spec)
     if not mujoco:
         why = "a quick run leaves it out" if context.quick else "it needs MuJoCo: pip install 'omniwheel[mujoco]'"
         rows.append(Row(NAME, MUJOCO, SYSTEMATIC, "mm", None, explanation=f"Not run: {why}."))
     errors = {setting: _positions(group) for setting, group in driven.items()}
     picture = draw(_panels(spec, errors), context.folder)
-    return Result(tuple(rows), (picture,), (*_notes(spec, runs, petals), centres(spec, results)))
+    return Result(tuple(rows), (picture,), (*notes(spec, runs, petals), centres(spec, results)))
 
 
 def quick_spec() -> dict[str, Any]:
@@ -211,7 +211,8 @@ def _rose_row(robot: str, laps: int, driven: Sequence[Driven]) -> Row:
     return Row(NAME, title, quantity, "mm", float(lengths.mean()), float(lengths.std(ddof=1)), len(driven))
 
 
-def _published(spec: Mapping[str, Any]) -> list[Row]:
+def published(spec: Mapping[str, Any]) -> list[Row]:
+    """Return the rows of real robots."""
     rows = []
     for entry in spec["published"]["session"]:
         title = f"{entry['title']}, edge {entry['edge_m']:g} m, {entry['runs']} runs"
@@ -221,7 +222,8 @@ def _published(spec: Mapping[str, Any]) -> list[Row]:
     return rows
 
 
-def _notes(spec: Mapping[str, Any], runs: int, petals: int) -> tuple[str, ...]:
+def notes(spec: Mapping[str, Any], runs: int, petals: int) -> tuple[str, ...]:
+    """Return what the page says before its tables."""
     edges = ", ".join(f"{size['edge_m']:g} m ({robot})" for robot, size in spec["robot"].items())
     wrong = spec["wrong"]
     words = {

@@ -16,10 +16,12 @@ from hil_sim.runs import run_in_process
 from hil_sim.world import IDEAL_WHEELS
 from omni_reproduce import odometry, square_logs
 from omni_reproduce.experiment import Context, read_spec
+from omni_reproduce.numbers import number
 from omni_reproduce.odometry import Setting, expected, petal_settings, result_of, square_settings
 from omni_reproduce.odometry_runs import MUJOCO, OURS, Case, drive, petal, scenario_of, square, wheels_of
 from omni_reproduce.square import Wheels, end_of, expected_error, legs, true_motion, umbmark
 from omniwheel.errors import LogError, OmniError
+from tests.omni_reproduce import kept_page
 
 SPEC = read_spec("odometry")
 FAST = "fast_three_wheel"
@@ -167,6 +169,16 @@ def test_a_quick_run_has_its_rows_picture_and_seeds(tmp_path: Path, monkeypatch:
     assert result.pictures == (tmp_path / "odometry.png",)
     assert result.pictures[0].stat().st_size > 10_000
     assert "Seeds count up from 1" in result.notes[0]
+
+
+def test_the_kept_page_has_the_notes_and_published_figures_of_today() -> None:
+    """The whole section takes minutes; ``make nightly ARGS=reproduce`` compares it."""
+    kept = kept_page.sections(kept_page.PAGE.read_text(encoding="utf-8"))["Benchmarks of dead reckoning"]
+    head = SPEC["experiment"]
+    for note in odometry.notes(SPEC, head["runs"], head["petals"]):
+        assert note in kept
+    for row in odometry.published(SPEC):
+        assert f"| {row.setting} | {row.quantity} | mm | {number(row.published)} | – |" in kept
 
 
 def _write_session(folder: Path, *, distance_m: float = 0.2, drop: str = "") -> Path:
