@@ -63,6 +63,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment("controllers", "Every controller on every path", "controllers"),
     Experiment("original_law", "The original law of the three-wheel robot", "original_law"),
     Experiment("physics", "Two physics engines on one robot file", "physics"),
+    Experiment("odometry", "Benchmarks of dead reckoning", "odometry"),
 )
 
 
