@@ -16,7 +16,7 @@ from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
 from tests.core.test_pose_ekf import GEOMETRY, POSE, SLIP, TICK_US, Array, Ekf, assert_same, drive, float32, reference
 
-RATE = 0.2
+RATE = 0.1
 LEAST_MOTION = 4e-5
 
 
