@@ -301,6 +301,9 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (config->gyro) {
         omni_ekf_settle_turn_noise(state);
     }
+    if (config->adapt == 0.0f) {
+        omni_ekf_restart_noise(state); /* it may have been switched off under way */
+    }
     if (!omni_pose_is_finite(&fix->pose) || !omni_is_finite(fix->sd_xy) || !omni_is_finite(fix->sd_theta)) {
         return refuse_fix(state, OMNI_ERR_NOT_FINITE);
     }
