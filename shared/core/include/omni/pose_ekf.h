@@ -43,9 +43,9 @@
  *   rho    = rho (1 + adapt / 20 (min(y^T S^-1 y, 12) / 3 - 1)),   1..OMNI_EKF_MOST_FIX_NOISE
  *
  * rho multiplies the variance of a fix: squares that stay above what S says make the filter less sure. Both stand still
- * while the robot does, without fixes, and for a fix that is refused. Both are 1 after a restart. What a slot of the
- * history gathered is kept with the factor of its time, so a late fix is still exact
- * (docs/concepts/derivations/adaptive_noise.md).
+ * while the robot does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with
+ * adapt = 0, the default. What a slot of the history gathered is kept with the factor of its time, so a late fix is
+ * still exact (docs/concepts/derivations/adaptive_noise.md).
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
