@@ -154,7 +154,7 @@ def test_without_information_they_stand_still() -> None:
     ekf.predict([0.0] * 3, 40)
     for _ in range(20):  # it stands: the fixes' noise says nothing of the wheels
         ekf.predict([0.0] * 3, 20)
-        assert ekf.correct(here + [0.003, -0.002, 0.001]) == lib.OMNI_OK
+        assert ekf.correct(np.add(here, [0.003, -0.002, 0.001])) == lib.OMNI_OK
     assert levels(ekf) == before
     ekf.predict([0.01] * 3, 1000)  # no fixes
     assert levels(ekf) == before

@@ -8,9 +8,7 @@ from omni_reproduce import limits, limits_adapt
 from omni_reproduce.posterior_bound import Array
 
 
-def test_a_row_has_a_cell_for_each_rate(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_row_has_a_cell_for_each_rate(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Stand-ins for runs: the error is 2 - rate; the bound is 1 mm and 0.5 mrad."""
 
     def errors_of(_key: str, rate: float, seeds: int) -> Array:

@@ -34,9 +34,9 @@
  * (docs/concepts/derivations/gyro.md).
  *
  * How noisy the wheels' motion is depends on the floor. So a factor lambda multiplies q_xy, q_theta and q_slip, and the
- * innovations move it. With the right gain they are white; if they agree with those before, the gain is too low. Per
- * fix that is used, with the whitened innovation v = L^-1 y, S = L L^T, and the part k_i = 1 - R_i / L_ii^2 of it that
- * is not the fix's noise:
+ * innovations move it. With the right gain they are white; if they agree with those before, the gain is too low. With
+ * S = L L^T the whitened innovation is v = L^-1 y. Its part that is not the fix's noise is k_i = 1 - R_i / L_ii^2. Per
+ * fix that is used:
  *
  *   g      = sum k_i v_i u_i,   u_i = (1 - k_i) u_i + v_i afterwards        slope of the likelihood
  *   lambda = lambda (1 + adapt g),   at most +-OMNI_EKF_ADAPT_STEP a fix, OMNI_EKF_LEAST_NOISE..OMNI_EKF_MOST_NOISE
@@ -63,10 +63,10 @@ enum {
     OMNI_EKF_SLOT_TICKS = 4                         /**< ticks per slot: 256 ticks of reach */
 };
 
-#define OMNI_EKF_ADAPT_STEP 0.3f             /**< most that a fix changes lambda by, as a share of it */
-#define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f)  /**< least lambda */
-#define OMNI_EKF_MOST_NOISE 64.0f            /**< greatest lambda */
-#define OMNI_EKF_MOST_FIX_NOISE 16.0f        /**< greatest rho */
+#define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
+#define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
+#define OMNI_EKF_MOST_NOISE 64.0f           /**< greatest lambda */
+#define OMNI_EKF_MOST_FIX_NOISE 16.0f       /**< greatest rho */
 
 typedef struct omni_pose_fix_t {
     uint64_t time_us; /**< when it was taken, robot clock */
