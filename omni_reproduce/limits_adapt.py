@@ -17,6 +17,7 @@ import numpy as np
 
 from hil_sim.faults import Fault
 from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.world import IDEAL_WHEELS
 from omni_reproduce import limits
 from omni_reproduce.experiment import read_spec
 from omni_reproduce.posterior_bound import Array
@@ -39,7 +40,7 @@ def scenario_of(key: str) -> Scenario:
     if key in FAULTS:
         return replace(limits.scenario_of(read_spec(limits.NAME), "demo", "ideal"), faults=FAULTS[key])
     if key in UNBOUNDED:
-        return load_scenario(key).with_world(limits.IDEAL_WHEELS)
+        return load_scenario(key).with_world(IDEAL_WHEELS)
     return limits.scenario_of(read_spec(limits.NAME), key, "ideal")
 
 
