@@ -127,6 +127,12 @@ def test_bridges_that_chop_do_so_in_lanes_as_alone() -> None:
     assert (run_in_process(scenario).record["truth"][-1] != run_in_process(plain).record["truth"][-1]).any()
 
 
+def test_noise_levels_that_follow_the_innovations_do_so_in_lanes_as_alone() -> None:
+    scenario = load_scenario("demo").with_parameters({**SHORT, "EKF_ADAPT": 0.1})
+    stats = assert_the_same(scenario)
+    assert stats.together > 0.8 * (stats.together + stats.alone)
+
+
 PATCHES = (FloorPatch((0.0, 0.3), (-0.5, 0.5), 0.3), FloorPatch((0.3, 0.3), (0.2, 0.2), 0.1, radius_m=0.3))
 
 

@@ -32,6 +32,20 @@
  *   0 = sum over the slot of (1 + k) (z - b) T - sum over the wheels of B+_theta,i r dphi_i (1 - s_i) + noise
  *
  * (docs/concepts/derivations/gyro.md).
+ *
+ * How noisy the wheels' motion is depends on the floor. So a factor lambda multiplies q_xy, q_theta and q_slip, and the
+ * innovations move it. With the right gain they are white; if they agree with those before, the gain is too low. With
+ * S = L L^T the whitened innovation is v = L^-1 y. Its part that is not the fix's noise is k_i = 1 - R_i / L_ii^2. Per
+ * fix that is used:
+ *
+ *   g      = sum k_i v_i u_i,   u_i = (1 - k_i) u_i + v_i afterwards        slope of the likelihood
+ *   lambda = lambda (1 + adapt g),   at most +-OMNI_EKF_ADAPT_STEP a fix, OMNI_EKF_LEAST_NOISE..OMNI_EKF_MOST_NOISE
+ *   rho    = rho (1 + adapt / 20 (min(y^T S^-1 y, 12) / 3 - 1)),   1..OMNI_EKF_MOST_FIX_NOISE
+ *
+ * rho multiplies the variance of a fix: squares that stay above what S says make the filter less sure. Both stand still
+ * while the robot does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with
+ * adapt = 0, the default. What a slot of the history gathered is kept with the factor of its time, so a late fix is
+ * still exact (docs/concepts/derivations/adaptive_noise.md).
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
@@ -48,6 +62,11 @@ enum {
     OMNI_EKF_HISTORY = 64,                          /**< slots of the motion history */
     OMNI_EKF_SLOT_TICKS = 4                         /**< ticks per slot: 256 ticks of reach */
 };
+
+#define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
+#define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
+#define OMNI_EKF_MOST_NOISE 64.0f           /**< greatest lambda */
+#define OMNI_EKF_MOST_FIX_NOISE 16.0f       /**< greatest rho */
 
 typedef struct omni_pose_fix_t {
     uint64_t time_us; /**< when it was taken, robot clock */
@@ -74,6 +93,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t q_bias;  /**< variance added to the bias per step, (rad/s)^2 */
     omni_real_t p_bias;  /**< its variance when the gyro is switched on */
     omni_real_t p_scale; /**< variance of the scale's error then */
+    omni_real_t adapt;   /**< how fast innovations move the noise levels, 0..1; 0: they stay as configured */
 } omni_pose_ekf_config_t;
 
 /** What a gyro says of a tick. */
@@ -89,7 +109,7 @@ typedef struct omni_ekf_slot_t {
     omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /**< d move / d s_i, d b, d k */
     omni_real_t slip[OMNI_EKF_COLUMNS];            /**< slip ratios, bias, scale that `move` was computed with */
     omni_real_t noise[OMNI_MAX_WHEELS];            /**< variance each slip ratio gathered */
-    omni_real_t steps;                             /**< nominal steps in the slot */
+    omni_real_t steps;                             /**< nominal steps in the slot, each times its lambda */
     omni_real_t turn_noise;                        /**< variance that theta gathered, with a gyro */
     uint32_t duration_us;
 } omni_ekf_slot_t;
@@ -121,6 +141,9 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t slot_turn_s;   /**< time over which it was summed */
     omni_real_t slot_rest;     /**< ticks of the slot at rest, and those in which the gyro gave the turn */
     omni_real_t slot_turns;
+    omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
+    omni_real_t fix_factor;      /**< rho: of a fix's variances; >= 1 */
+    omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */
 } omni_pose_ekf_state_t;
 
 /** What is known of a gyro: bias [rad/s], error of the scale. */

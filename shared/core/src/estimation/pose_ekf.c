@@ -27,6 +27,12 @@ void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
     }
 }
 
+void omni_ekf_restart_noise(omni_pose_ekf_state_t *state) {
+    state->noise_factor = 1.0f;
+    state->fix_factor = 1.0f;
+    memset(state->past, 0, sizeof state->past);
+}
+
 void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,
                          omni_real_t sd_xy, omni_real_t sd_theta) {
     memset(state, 0, sizeof *state);
@@ -39,6 +45,7 @@ void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
     if (config->mode != OMNI_EKF_MODE_SLIP) {
         state->mode = config->mode;
     }
+    omni_ekf_restart_noise(state);
     omni_sincosf(state->pose.theta, &state->slot_sine, &state->slot_cosine);
 }
 

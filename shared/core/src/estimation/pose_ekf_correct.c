@@ -9,6 +9,9 @@ enum { FUTURE_US = 5000 };
 /* Smallest variance taken for a fix (1 um, 1 urad): keeps the innovation covariance invertible. */
 static const omni_real_t least_variance = 1e-12f;
 
+/* |dx| + |dy| + |dtheta| of a slot of the history from which the robot moves: 10 mm/s, or 10 mrad/s. */
+static const omni_real_t least_motion = 4e-5f;
+
 typedef omni_real_t state_matrix_t[OMNI_EKF_STATES][OMNI_EKF_STATES];
 typedef omni_real_t wide_matrix_t[OMNI_AXES][OMNI_EKF_STATES];
 
@@ -24,6 +27,7 @@ typedef struct update_t {
     state_matrix_t m;                         /* M = P - W */
     wide_matrix_t hm;                         /* H M */
     omni_real_t factor[OMNI_AXES][OMNI_AXES]; /* Cholesky factor of S */
+    omni_real_t white[OMNI_AXES];             /* innovation over that factor */
 } update_t;
 
 static inline void measurement_matrix(update_t *u, uint8_t columns) {
@@ -100,10 +104,34 @@ static void back_substitute(const update_t *u, omni_real_t *v) {
     }
 }
 
-static omni_real_t normalised_square(const update_t *u) {
-    omni_real_t v[OMNI_AXES] = {u->innovation[0], u->innovation[1], u->innovation[2]};
+static omni_real_t normalised_square(update_t *u) {
+    omni_real_t *v = u->white;
+    memcpy(v, u->innovation, sizeof u->white);
     forward_substitute(u, v);
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+}
+
+/*
+ * Noise levels follow the innovations: see omni/pose_ekf.h. `nis` is what they are judged by. A robot that stands says
+ * nothing of the wheels: the last complete slot of the history tells.
+ */
+static inline void adapt_noise(const update_t *u, omni_pose_ekf_state_t *state, omni_real_t adapt, omni_real_t nis) {
+    const omni_real_t *moved = state->history[(state->newest + OMNI_EKF_HISTORY - 1) % OMNI_EKF_HISTORY].move;
+    const omni_flag_t moves = omni_absf(moved[0]) + omni_absf(moved[1]) + omni_absf(moved[2]) > least_motion;
+    omni_real_t slope = 0.0f;
+    for (int i = 0; i < OMNI_AXES; ++i) {
+        const omni_real_t share = u->r[i] / (u->factor[i][i] * u->factor[i][i]);
+        const omni_real_t kept = omni_select(share < 1.0f, share, 1.0f); /* more only by rounding */
+        slope += (1.0f - kept) * u->white[i] * state->past[i];
+        state->past[i] = omni_select(moves, kept * state->past[i] + u->white[i], state->past[i]);
+    }
+    const omni_real_t rate = omni_select(moves, adapt, 0.0f);
+    const omni_real_t change = omni_clampf(rate * slope, -OMNI_EKF_ADAPT_STEP, OMNI_EKF_ADAPT_STEP);
+    const omni_real_t square = omni_select(nis < 12.0f, nis, 12.0f) / 3.0f - 1.0f;
+    const omni_real_t noise = state->noise_factor * (1.0f + change);
+    const omni_real_t fix = state->fix_factor * (1.0f + 0.05f * rate * square);
+    state->noise_factor = omni_clampf(noise, OMNI_EKF_LEAST_NOISE, OMNI_EKF_MOST_NOISE);
+    state->fix_factor = omni_clampf(fix, 1.0f, OMNI_EKF_MOST_FIX_NOISE);
 }
 
 /* Row a of K = (H M)^T S^-1 (eq. 65). */
@@ -222,6 +250,7 @@ static void reinitialise_filter(update_t *u, const omni_pose_ekf_config_t *confi
             }
         }
     }
+    omni_ekf_restart_noise(state);
     ++state->restarts;
 }
 
@@ -239,9 +268,9 @@ static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *st
     }
     u->columns = omni_ekf_columns(config, k);
     u->states = (uint8_t)(OMNI_AXES + u->columns);
-    u->r[0] = variance_of(fix->sd_xy, config->r_xy);
+    u->r[0] = variance_of(fix->sd_xy, config->r_xy) * state->fix_factor;
     u->r[1] = u->r[0];
-    u->r[2] = variance_of(fix->sd_theta, config->r_theta);
+    u->r[2] = variance_of(fix->sd_theta, config->r_theta) * state->fix_factor;
     set_innovation(u, state, fix);
     return innovation_covariance(u, state) ? OMNI_OK : OMNI_ERR_RANGE;
 }
@@ -272,6 +301,9 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (config->gyro) {
         omni_ekf_settle_turn_noise(state);
     }
+    if (config->adapt == 0.0f) {
+        omni_ekf_restart_noise(state); /* it may have been switched off under way */
+    }
     if (!omni_pose_is_finite(&fix->pose) || !omni_is_finite(fix->sd_xy) || !omni_is_finite(fix->sd_theta)) {
         return refuse_fix(state, OMNI_ERR_NOT_FINITE);
     }
@@ -295,6 +327,9 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
         }
         reinitialise_filter(&u, config, k, fix, state);
     } else {
+        if (config->adapt > 0.0f) {
+            adapt_noise(&u, state, config->adapt, nis);
+        }
         measurement_update(&u, state);
     }
     ++state->accepted;

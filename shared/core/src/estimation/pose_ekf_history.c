@@ -25,7 +25,7 @@ static inline void add_motion(omni_ekf_slot_t *slot, const omni_pose_ekf_state_t
     slot->move[0] += dx;
     slot->move[1] += dy;
     slot->move[2] += motion->move[2];
-    slot->steps += motion->steps;
+    slot->steps += motion->noise_steps;
     if (columns == OMNI_EKF_COLUMNS) {
         slot->turn_noise += motion->turn_noise;
     }

@@ -13,6 +13,7 @@ typedef struct omni_ekf_motion_t {
     omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /**< d move / d s_i, d b, d k, in the same frame */
     omni_real_t noise[OMNI_EKF_COLUMNS];           /**< variance added to each of them */
     omni_real_t steps;                             /**< elapsed nominal steps */
+    omni_real_t noise_steps;                       /**< times lambda */
     omni_real_t turn_noise;                        /**< variance added to theta, with a gyro */
     uint32_t duration_us;
 } omni_ekf_motion_t;
@@ -34,6 +35,9 @@ static inline uint8_t omni_ekf_columns(const omni_pose_ekf_config_t *config, con
 
 /** Forget slip ratios and what the covariance says of them; start anew with p_slip if they are in use. */
 void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t slips);
+
+/** Noise levels are those of the configuration again. */
+void omni_ekf_restart_noise(omni_pose_ekf_state_t *state);
 
 /** The slot being filled is complete: what wheels and gyro say of its turn corrects slip ratios and bias. */
 void omni_ekf_use_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,

@@ -62,6 +62,7 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
         motion->duration_us = (uint32_t)(elapsed < longest_us ? elapsed : longest_us);
     }
     motion->steps = (omni_real_t)motion->duration_us / nominal_us;
+    motion->noise_steps = motion->steps * state->noise_factor;
     state->time_us = time_us;
 }
 
@@ -193,8 +194,8 @@ static inline void propagate_covariance(omni_pose_ekf_state_t *state, const omni
         gain[2][i] = motion->gain[2][i];
     }
     const omni_real_t turn_noise =
-        columns == OMNI_EKF_COLUMNS ? due_turn_noise(state, motion) : config->q_theta * motion->steps;
-    propagate_pose_covariance(state, config, moved, motion->steps, turn_noise);
+        columns == OMNI_EKF_COLUMNS ? due_turn_noise(state, motion) : config->q_theta * motion->noise_steps;
+    propagate_pose_covariance(state, config, moved, motion->noise_steps, turn_noise);
     /* The count as a constant lets the compiler unroll the loops. */
     if (columns == OMNI_EKF_COLUMNS) {
         propagate_slip_covariance(state, motion, moved, gain, OMNI_EKF_COLUMNS);
@@ -254,7 +255,8 @@ static inline void follow_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf
         (1.0f + state->slip[OMNI_EKF_SCALE]) * (turn->rate_rad_s - state->slip[OMNI_EKF_BIAS]) * gyro->duration_s;
     gyro->leads = turn->leads;
     gyro->bias_noise = config->q_bias * motion->steps;
-    gyro->turn_noise = omni_select(turn->leads || turn->rest, config->q_turn, config->q_theta) * motion->steps;
+    const omni_real_t q_wheels = config->q_theta * state->noise_factor;
+    gyro->turn_noise = omni_select(turn->leads || turn->rest, config->q_turn, q_wheels) * motion->steps;
     state->slot_turn_rad += turn->rate_rad_s * gyro->duration_s;
     state->slot_turn_s += gyro->duration_s;
     state->slot_rest += omni_select(turn->rest, 1.0f, 0.0f);
@@ -287,7 +289,7 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     }
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_flag_t known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
-        motion.noise[i] = omni_select(turned[i] != 0.0f && known, config->q_slip * motion.steps, 0.0f);
+        motion.noise[i] = omni_select(turned[i] != 0.0f && known, config->q_slip * motion.noise_steps, 0.0f);
         state->wheel_m[i] += k->radius_m[i] * turned[i];
     }
     const omni_real_t moved[OMNI_AXES] = {world_x(&motion, motion.move[0], motion.move[1]),

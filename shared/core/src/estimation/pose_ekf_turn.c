@@ -94,7 +94,9 @@ static void measure_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
     }
     h[OMNI_EKF_BIAS] = -scale * state->slot_turn_s;
     h[OMNI_EKF_SCALE] = omni_select(rest, 0.0f, turned);
-    const omni_real_t noise = (config->q_turn + omni_select(rest, 0.0f, config->q_theta)) * slot->steps;
+    const omni_real_t of_gyro =
+        config->q_turn / state->noise_factor; /* lambda, which is in the steps, is the wheels' */
+    const omni_real_t noise = (of_gyro + omni_select(rest, 0.0f, config->q_theta)) * slot->steps;
     correct_by_turn(state, h, -apart, noise, rest, counts);
 }
 

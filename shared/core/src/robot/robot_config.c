@@ -105,6 +105,7 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     /* Both ends of the slot are rounded to a count: 2 / 12. */
     e->r_null = count_m * count_m / 6.0f + NULL_CREEP_m2_s * (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
     e->gate = v[OMNI_PARAM_EKF_GATE];
+    e->adapt = v[OMNI_PARAM_EKF_ADAPT];
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
 }
 

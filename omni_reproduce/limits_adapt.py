@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""What noise levels that follow the innovations do to the estimate: python -m omni_reproduce.limits_adapt [SETTING]...
+
+Each column is a value of EKF_ADAPT, with the same seeds on ideal wheels. A cell is the error of the robot's estimate,
+position in mm / heading in mrad, and in brackets the same over the posterior bound. Settings are those of
+``limits.toml``, and some without such a bound; all by default. Seeds count from that of ``limits.toml``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hil_sim.faults import Fault
+from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.world import IDEAL_WHEELS
+from omni_reproduce import limits
+from omni_reproduce.experiment import read_spec
+from omni_reproduce.posterior_bound import Array
+from omni_schema.errors import did_you_mean
+
+RATES = (0.0, 0.05, 0.1, 0.2)
+PATHS = 2
+"""Along so many paths the bound is computed; it differs little between them."""
+FAULTS = {
+    "outliers": tuple(Fault("pose_jump", 6.0 + 1.5 * i, 6.05 + 1.5 * i, value=0.3) for i in range(16)),
+    "late": (Fault("pose_delay", 6.0, value=0.06),),
+}
+"""Settings of the demo with faults. Outliers: two or three fixes in a row, every 1.5 s from 6 s on."""
+UNBOUNDED = {"no_fixes": "no fixes", "outliers": "outliers of 0.3 m", "late": "fixes 60 ms late, unsaid"}
+"""Settings that ``limits.toml`` does not have, and their titles."""
+
+
+def scenario_of(key: str) -> Scenario:
+    """Return the scenario of a setting, on ideal wheels."""
+    if key in FAULTS:
+        return replace(limits.scenario_of(read_spec(limits.NAME), "demo", "ideal"), faults=FAULTS[key])
+    if key in UNBOUNDED:
+        return load_scenario(key).with_world(IDEAL_WHEELS)
+    return limits.scenario_of(read_spec(limits.NAME), key, "ideal")
+
+
+def errors_of(key: str, rate: float, seeds: int) -> Array:
+    """Return the root mean squares over seeds, (position [mm], heading [mrad]), with EKF_ADAPT = ``rate``."""
+    scenario = scenario_of(key).with_parameters({"EKF_ADAPT": rate})
+    errors = limits.reached_by_robot(scenario, read_spec(limits.NAME)["experiment"]["seed"], seeds, 1)
+    return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
+
+
+def line(key: str, seeds: int) -> str:
+    """Return a setting's row of the table."""
+    spec = read_spec(limits.NAME)
+    bound = None if key in UNBOUNDED else limits.bound_and_told(spec, key, PATHS)[0]
+    cells = [UNBOUNDED.get(key) or spec["setting"][key]["title"]]
+    for rate in RATES:
+        error = errors_of(key, rate, seeds)
+        over = "" if bound is None else f" ({error[0] / bound[0]:.2f} / {error[1] / bound[1]:.2f})"
+        cells.append(f"{error[0]:.2f} / {error[1]:.2f}{over}")
+    return f"| {' | '.join(cells)} |"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table as Markdown, a row as soon as it is known."""
+    known = [*read_spec(limits.NAME)["setting"], *UNBOUNDED]
+    parser = argparse.ArgumentParser(prog="python -m omni_reproduce.limits_adapt", description=__doc__)
+    parser.add_argument("settings", nargs="*", metavar="SETTING", help=f"of: {', '.join(known)}")
+    parser.add_argument("--seeds", type=int, default=16, help="seeds of each cell (16)")
+    chosen = parser.parse_args(arguments)
+    for name in chosen.settings:
+        if name not in known:
+            parser.error(f"no setting {name!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
+    if chosen.seeds < 1:
+        parser.error(f"--seeds is {chosen.seeds}; 1 or more are needed")
+    _say(f"| setting | {' | '.join(f'EKF_ADAPT = {rate:g}' for rate in RATES)} |")
+    _say("|---" * (1 + len(RATES)) + "|")
+    for key in chosen.settings or known:
+        _say(line(key, chosen.seeds))
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
