@@ -64,6 +64,9 @@ static const field_t fields[] = {
     REALS(gyro_bias),
     REALS(gyro_bias_sd),
     WHOLE(gyro_used),
+    REALS(motor_heat),
+    REALS(current_cut),
+    REALS(stop.current_A),
 };
 
 enum {

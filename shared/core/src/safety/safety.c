@@ -38,6 +38,7 @@ static const fault_name_t fault_names[] = {
     {OMNI_FAULT_CONFIG, "config"},
     {OMNI_FAULT_OVERRUN, "overrun"},
     {OMNI_FAULT_POSITION, "position"},
+    {OMNI_FAULT_MOTOR_HEAT, "motor heat"},
     {OMNI_WARN_POSE_STALE, "pose stale"},
     {OMNI_WARN_FIX_REFUSED, "fix refused"},
     {OMNI_WARN_SETPOINT, "setpoint"},
@@ -45,6 +46,7 @@ static const fault_name_t fault_names[] = {
     {OMNI_WARN_ENCODER, "encoder glitch"},
     {OMNI_WARN_ISMC_GAIN, "ismc gain"},
     {OMNI_WARN_GYRO, "gyro"},
+    {OMNI_WARN_MOTOR_WARM, "motor warm"},
 };
 
 omni_safety_state_t omni_safety_next(omni_safety_state_t state, omni_safety_event_t event) {
