@@ -3,66 +3,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-from hil_sim import core
-from hil_sim.runs import new_world, run_in_process
-from hil_sim.scenario import Scenario, load_scenario
-from omniwheel._core import ffi, lib
+from hil_sim.runs import run_in_process
+from hil_sim.scenario import load_scenario
+from omniwheel._core import lib
+from tests.hil_sim.current_page import SCENARIOS, errors, table
+from tests.hil_sim.motor_drive import Drive
+from tests.hil_sim.rollers_page import PAGE
 
 ERROR_SHARE = 0.02
-"""Of the stall current: the largest error of the estimate (RMS) that the page states."""
+"""Of the stall current: the largest error of the estimate (RMS)."""
 
 
-class Drive:
-    """A robot in its world, driven by velocities."""
-
-    def __init__(self, scenario: Scenario, **parameters: float) -> None:
-        values = {**scenario.parameter_values(), **parameters}
-        self.wheels = scenario.robot.wheels
-        self.stall_A = values["BAT_V_NOM"] / values["MOT_R"]
-        self.run = ffi.new("hil_run_t *")
-        self.world = new_world(scenario)
-        why = ffi.new("char[]", 160)
-        self.config = core.robot_config(values, scenario.robot.table, 0)
-        assert lib.hil_run_init(self.run, ffi.addressof(self.world.c, "config"), self.config, why, 160) == lib.HIL_OK
-        lib.hil_run_advance(self.run, 50)
-        self.run.inputs.events |= lib.OMNI_EVENT_ARM
-
-    def ticks(self, count: int, twist: tuple[float, float, float]) -> Iterator[Any]:
-        """Ask for a body velocity; yield after every tick."""
-        for _ in range(count):
-            setpoint = self.run.inputs.setpoint
-            setpoint.kind = lib.OMNI_SETPOINT_VELOCITY_BODY
-            setpoint.time_us = self.run.world.time_us
-            setpoint.twist.vx, setpoint.twist.vy, setpoint.twist.wz = twist
-            lib.hil_run_advance(self.run, 1)
-            yield self.run
-
-    def true_A(self) -> list[float]:
-        return list(self.run.world.current_A)[: self.wheels]
-
-
-@pytest.mark.parametrize("name", ["demo", "four_wheel", "fast"])
+@pytest.mark.parametrize("name", SCENARIOS)
 def test_the_estimate_is_near_the_true_current(name: str) -> None:
-    """Over starts, reversals, turns and a stop, on real wheels, with encoders that count."""
-    drive = Drive(load_scenario(name), SAFE_I=900.0)
-    speed = 0.6 * float(drive.config.limits.speed_m_s if name == "fast" else 0.15)
-    errors, truths = [], []
-    for twist in ((speed, 0.0, 0.0), (-speed, 0.0, 0.0), (0.0, speed, 0.5), (0.0, 0.0, 0.0)):
-        for run in drive.ticks(600, twist):
-            true_A = np.array(drive.true_A())
-            errors.append(np.array(list(run.outputs.current_A)[: drive.wheels]) - true_A)
-            truths.append(true_A)
-    assert run.outputs.state == lib.OMNI_STATE_ARMED
-    error_A, true_A = float(np.sqrt(np.mean(np.square(errors)))), float(np.sqrt(np.mean(np.square(truths))))
-    print(name, error_A, true_A, drive.stall_A)
-    assert error_A < ERROR_SHARE * drive.stall_A
-    assert true_A > 0.02 * drive.stall_A, "there was something to estimate"
+    error_A, true_A, stall_A = errors(name)
+    assert error_A < ERROR_SHARE * stall_A
+    assert true_A > 0.02 * stall_A, "there was something to estimate"
+
+
+def test_the_page_has_these_figures() -> None:
+    assert "\n".join(table()) in PAGE.read_text(encoding="utf-8")
 
 
 LIMIT_A = 1.2
@@ -95,7 +60,6 @@ def test_a_wheel_that_gets_blocked_has_no_more_than_the_limit_and_is_named(name:
         peaks[limit_A] = max(seen[NOTICED_TICKS:])
         assert run.outputs.fault_history == lib.OMNI_FAULT_STALL
         assert run.outputs.stop.wheel == wheel + 1
-    print(name, peaks)
     assert peaks[LIMIT_A] < 1.05 * LIMIT_A
     assert peaks[0.0] > 2.0 * LIMIT_A
 
@@ -116,8 +80,8 @@ def stopping(**parameters: float) -> tuple[list[float], list[float], float]:
 
 def test_a_robot_that_brakes_stops_where_it_would_without_the_limit() -> None:
     """With a limit far below what the brakes take."""
-    (plain, _, way_m), (limited, cuts, limited_m) = stopping(), stopping(LIM_I=0.5)
-    print(way_m, limited_m, max(cuts))
+    (plain, _, way_m), (limited, _, limited_m) = stopping(), stopping(LIM_I=0.5)
+    assert limited[0] > 0.9 * plain[0], "as fast as without, when it is told to stand"
     assert limited_m <= way_m + 2e-3
     still = [next(n for n, v in enumerate(speeds) if v < 0.02) for speeds in (plain, limited)]
     assert still[1] <= still[0] + 5
