@@ -45,7 +45,7 @@ private:
     uint8_t state_ = OMNI_STATE_INIT;
     uint8_t phase_ = OMNI_PHASE_NONE;
     uint32_t history_ = 0;
-    uint64_t slowed_said_us_ = 0; ///< 0: not yet
+    uint64_t slowed_said_us_ = 0;  ///< 0: not yet
     uint64_t limited_said_us_ = 0; ///< the same of currents
     bool read_back_said_ = false;
     GyroCause gyro_said_ = GyroCause::none;

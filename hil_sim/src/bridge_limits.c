@@ -76,7 +76,8 @@ static void warm_up(hil_world_t *world, const hil_motion_t *y, uint32_t i, doubl
     const hil_real_t winding_K = config->winding_thermal_K_W * config->motor_resistance_ohm * square;
     world->bridge_K[i] += (1.0 - hil_exp(-step_s / config->bridge_thermal_s)) * (bridge_K - world->bridge_K[i]);
     world->winding_K[i] += (1.0 - hil_exp(-step_s / config->winding_thermal_s)) * (winding_K - world->winding_K[i]);
-    const hil_real_t kept = hil_select(world->bridge_K[i] < config->bridge_shutdown_K - COOLER_K, 0.0, world->bridge_off[i]);
+    const hil_real_t kept =
+        hil_select(world->bridge_K[i] < config->bridge_shutdown_K - COOLER_K, 0.0, world->bridge_off[i]);
     const hil_real_t off = hil_select(world->bridge_K[i] >= config->bridge_shutdown_K, 1.0, kept);
     world->bridge_trips[i] += hil_max(off - world->bridge_off[i], 0.0);
     world->bridge_off[i] = off;

@@ -129,7 +129,12 @@ def test_bridges_that_chop_do_so_in_lanes_as_alone() -> None:
 
 def test_bridges_that_open_and_a_supply_that_sags_do_so_in_lanes_as_alone() -> None:
     """Bridges open, and the supply is drained, at other times in each run; the robots' own limits act at others, too."""
-    numbers = {"bridge_overcurrent_A": 1.2, "supply_limit_A": 1.0, "winding_thermal_K_W": 5.0, "bridge_thermal_K_W": 40.0}
+    numbers = {
+        "bridge_overcurrent_A": 1.2,
+        "supply_limit_A": 1.0,
+        "winding_thermal_K_W": 5.0,
+        "bridge_thermal_K_W": 40.0,
+    }
     scenario = load_scenario("demo").with_parameters({**SHORT, "LIM_I": 0.9, "SAFE_I": 0.8})
     assert_the_same(scenario.with_world(numbers))
 

@@ -127,11 +127,11 @@ bool coverage_report(const coverage_t *coverage, const scene_t *scene, uint32_t 
     const char *const other[] = {
         "three wheels",  "four wheels",   "between control steps", "cut",          "fixes used",
         "fixes refused", "pose restarts", "changes while armed",   "sets refused", "plans refused",
-        "gyro leads",    "gyro at rest",  "gyro rejected", "currents cut"};
-    const uint32_t figures[] = {coverage->wheels[3],    coverage->wheels[4],        coverage->held,
-                                coverage->cut,          coverage->fixes_used,       coverage->fixes_refused,
-                                coverage->restarts,     scene->changes_while_armed, scene->configs_refused,
-                                scene->plans_refused,   coverage->gyro_leads,       coverage->gyro_rests,
+        "gyro leads",    "gyro at rest",  "gyro rejected",         "currents cut"};
+    const uint32_t figures[] = {coverage->wheels[3],     coverage->wheels[4],        coverage->held,
+                                coverage->cut,           coverage->fixes_used,       coverage->fixes_refused,
+                                coverage->restarts,      scene->changes_while_armed, scene->configs_refused,
+                                scene->plans_refused,    coverage->gyro_leads,       coverage->gyro_rests,
                                 coverage->gyro_rejected, coverage->currents_cut};
     return lines("other", other, figures, sizeof figures / sizeof figures[0], least < 1 ? least : 1) && reached;
 }

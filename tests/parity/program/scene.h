@@ -50,7 +50,7 @@ typedef struct scene_t {
     omni_outputs_t outputs;
     world_t world;
     gyro_t gyro;
-    random_t current; /**< of the current limit and the motors' heat */
+    random_t current;       /**< of the current limit and the motors' heat */
     omni_pose_t fix_offset; /**< where the fixes say the world's origin is */
     uint64_t background;    /**< hash over what configuration and planning gave */
     uint64_t now_us;

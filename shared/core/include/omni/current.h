@@ -37,11 +37,11 @@ typedef struct omni_current_config_t {
 
 /** What is kept of each motor. */
 typedef struct omni_current_state_t {
-    omni_real_t current_A[OMNI_MAX_WHEELS]; /**< in the wheel's direction */
+    omni_real_t current_A[OMNI_MAX_WHEELS];   /**< in the wheel's direction */
     omni_real_t wheel_rad_s[OMNI_MAX_WHEELS]; /**< w, as far as counts have come */
-    omni_real_t quiet[OMNI_MAX_WHEELS];     /**< ticks in a row without a count, 1000 at most */
-    omni_real_t heat[OMNI_MAX_WHEELS];      /**< h: 1 stops the motors */
-    omni_flag_t hot;                        /**< one has stopped them, and has not cooled to OMNI_WARM_SHARE yet */
+    omni_real_t quiet[OMNI_MAX_WHEELS];       /**< ticks in a row without a count, 1000 at most */
+    omni_real_t heat[OMNI_MAX_WHEELS];        /**< h: 1 stops the motors */
+    omni_flag_t hot;                          /**< one has stopped them, and has not cooled to OMNI_WARM_SHARE yet */
 } omni_current_state_t;
 
 /** Heat from which a warning shows, and below which the robot may be armed again. */

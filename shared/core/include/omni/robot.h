@@ -161,11 +161,11 @@ typedef struct omni_outputs_t {
     omni_real_t voltage_V[OMNI_MAX_WHEELS];       /**< in the wheel's direction */
     omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];     /**< estimate */
     omni_real_t wheel_reference[OMNI_MAX_WHEELS]; /**< rad/s */
-    omni_real_t current_A[OMNI_MAX_WHEELS];       /**< estimate of omni/current.h; while that is off, the motor filter's;
+    omni_real_t current_A[OMNI_MAX_WHEELS];  /**< estimate of omni/current.h; while that is off, the motor filter's;
                                                        0 when that is off, too */
-    omni_real_t motor_heat[OMNI_MAX_WHEELS];      /**< 1 stops the motors; 0 while SAFE_I is 0 */
-    omni_pose_t pose;                             /**< estimate */
-    omni_twist_t rate;                            /**< world twist from the wheels */
+    omni_real_t motor_heat[OMNI_MAX_WHEELS]; /**< 1 stops the motors; 0 while SAFE_I is 0 */
+    omni_pose_t pose;                        /**< estimate */
+    omni_twist_t rate;                       /**< world twist from the wheels */
     omni_real_t pose_sd[OMNI_AXES];
     omni_reference_t reference;
     omni_control_terms_t terms;
@@ -247,7 +247,7 @@ typedef struct omni_supervisor_t {
     omni_stop_t stop;       /**< of the latest one */
     omni_stall_watch_t stall[OMNI_MAX_WHEELS];
     omni_current_state_t current; /**< all 0 while LIM_I and SAFE_I are 0 */
-    uint32_t battery_ticks; /**< ticks in a row with too little voltage */
+    uint32_t battery_ticks;       /**< ticks in a row with too little voltage */
 } omni_supervisor_t;
 
 /** What the stage that makes the reference keeps. */

@@ -36,8 +36,7 @@ static bool is_to_blame(const omni_robot_t *robot, omni_uint_t faults, uint8_t w
                        robot->estimator.encoder_ticks[wheel] >= (uint32_t)OMNI_ENCODER_TICKS;
     const bool stalled = (faults & (uint32_t)OMNI_FAULT_STALL) != 0 &&
                          robot->supervisor.stall[wheel].stalled_s > robot->config->limits.stall_s;
-    const bool hot =
-        (faults & (uint32_t)OMNI_FAULT_MOTOR_HEAT) != 0 && robot->supervisor.current.heat[wheel] >= 1.0f;
+    const bool hot = (faults & (uint32_t)OMNI_FAULT_MOTOR_HEAT) != 0 && robot->supervisor.current.heat[wheel] >= 1.0f;
     return blind || stalled || hot;
 }
 
