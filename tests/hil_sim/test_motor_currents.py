@@ -69,8 +69,7 @@ def stopping(**parameters: float) -> tuple[list[float], list[float], float]:
     drive = Drive(load_scenario("fast"), LIM_A=3.0, **parameters)
     speed = 0.6 * float(drive.config.limits.speed_m_s)
     speeds, cuts = [], []
-    for run in drive.ticks(1500, (speed, 0.0, 0.0)):
-        pass
+    *_, run = drive.ticks(1500, (speed, 0.0, 0.0))
     x_m = run.world.pose[0]
     for run in drive.ticks(500, (0.0, 0.0, 0.0)):
         speeds.append(float(np.hypot(run.world.twist[0], run.world.twist[1])))

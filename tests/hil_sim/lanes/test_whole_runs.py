@@ -128,7 +128,7 @@ def test_bridges_that_chop_do_so_in_lanes_as_alone() -> None:
 
 
 def test_bridges_that_open_and_a_supply_that_sags_do_so_in_lanes_as_alone() -> None:
-    """Bridges open, and the supply is drained, at other times in each run; the robots' own limits act at others, too."""
+    """Bridges open, and the supply is drained, at other times in each run; the robots' own limits act, too."""
     numbers = {
         "bridge_overcurrent_A": 1.2,
         "supply_limit_A": 1.0,

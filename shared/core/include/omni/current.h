@@ -66,7 +66,8 @@ void omni_current_estimate(omni_current_state_t *state, const omni_current_confi
 /**
  * Cut the voltages so that no motor which drives gets more than the limit. With one factor f and e = K w:
  * V' = e + f (V - e) for all motors but those that brake.
- * @param wheel_rad_s omni_current_state_t's. @param voltage_V in and out; |V'| <= max(|V|, brake_V). @return f, 1: nothing cut.
+ * @param wheel_rad_s omni_current_state_t's. @param voltage_V in and out; |V'| <= max(|V|, brake_V).
+ * @return f, 1: nothing cut.
  */
 omni_real_t omni_current_limit(const omni_current_config_t *config, uint8_t wheels, const omni_real_t *wheel_rad_s,
                                omni_real_t *voltage_V);
