@@ -6,8 +6,8 @@
  *   winding: T' = (R_th R i^2 - T) / tau
  *   supply:  C V' = I - load while it gives no more than I, up to its open-circuit voltage
  *
- * T is above the room. Between two substeps; so a bridge opens at the moment of a straight line between two currents,
- * and closes at the end of the substep that is nearest. The bridge's resistance is part of the motor's
+ * T is above the room. All this happens between two substeps. A bridge opens where a straight line between two currents
+ * reaches the limit, and closes at the end of the nearest substep. The bridge's resistance is part of the motor's
  * (motor_resistance_ohm). A warm winding keeps its resistance. */
 #include "hil_sim/drv8871.h"
 #include "motion.h"
