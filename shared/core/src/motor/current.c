@@ -15,7 +15,7 @@ static const omni_real_t QUIET = 3.0f;
 static const omni_real_t MOST_QUIET = 1000.0f;
 
 /* exp(-x) for x >= 0: the series for a small share of x, squared up. */
-static omni_real_t decay(omni_real_t x) {
+static omni_real_t share_left(omni_real_t x) {
     enum { SQUARINGS = 10 };
     if (!(x < GONE)) {
         return 0.0f;
@@ -40,20 +40,20 @@ void omni_current_configure(omni_current_config_t *config, omni_real_t limit_A, 
     config->constant_V_s = constant_V_s;
     config->per_ohm = 1.0f / resistance_ohm;
     config->count_rad_s = rad_per_count / step_s;
-    config->keep = decay(resistance_ohm / inductance_H * step_s);
+    config->keep = share_left(resistance_ohm / inductance_H * step_s);
     config->heat_step = x * (1.0f - x * (0.5f - x * (1.0f / 6.0f)));
     config->per_continuous2 = continuous_A > 0.0f ? 1.0f / (continuous_A * continuous_A) : 0.0f;
 }
 
-static omni_real_t heated(const omni_current_config_t *config, omni_real_t heat, omni_real_t current_A) {
+static omni_real_t heat_after(const omni_current_config_t *config, omni_real_t heat, omni_real_t current_A) {
     const omni_real_t goal = current_A * current_A * config->per_continuous2;
     const omni_real_t next = heat + config->heat_step * (omni_select(goal < MOST_HEAT, goal, MOST_HEAT) - heat);
     return omni_clampf(next, 0.0f, MOST_HEAT);
 }
 
 /* The speed at which a wheel may turn that has given no count for so long. */
-static omni_real_t believed(omni_real_t *quiet, const omni_current_config_t *config, omni_real_t speed_rad_s,
-                            omni_int_t counts, uint32_t steps) {
+static omni_real_t believed_speed(omni_real_t *quiet, const omni_current_config_t *config, omni_real_t speed_rad_s,
+                                  omni_int_t counts, uint32_t steps) {
     const omni_real_t longer = *quiet + (omni_real_t)steps;
     *quiet = omni_select(counts != 0, 0.0f, omni_select(longer < MOST_QUIET, longer, MOST_QUIET));
     const omni_real_t most = config->count_rad_s / omni_select(*quiet > 1.0f, *quiet, 1.0f);
@@ -64,7 +64,7 @@ void omni_current_estimate(omni_current_state_t *state, const omni_current_confi
                            const omni_real_t *voltage_V, const omni_real_t *wheel_rad_s, const omni_int_t *counts,
                            bool driven, uint32_t steps) {
     for (uint8_t i = 0; i < wheels; ++i) {
-        const omni_real_t speed = believed(&state->quiet[i], config, wheel_rad_s[i], counts[i], steps);
+        const omni_real_t speed = believed_speed(&state->quiet[i], config, wheel_rad_s[i], counts[i], steps);
         const omni_real_t steady_A = (voltage_V[i] - config->constant_V_s * speed) * config->per_ohm;
         if (!omni_is_finite(steady_A)) {
             continue; /* another fault stops the robot for that */
@@ -73,7 +73,7 @@ void omni_current_estimate(omni_current_state_t *state, const omni_current_confi
         for (uint32_t step = 0; step < steps; ++step) {
             const omni_real_t next_A = steady_A + config->keep * (state->current_A[i] - steady_A);
             state->current_A[i] = driven ? next_A : 0.0f;
-            state->heat[i] = heated(config, state->heat[i], state->current_A[i]);
+            state->heat[i] = heat_after(config, state->heat[i], state->current_A[i]);
         }
     }
 }

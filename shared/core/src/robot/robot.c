@@ -173,6 +173,7 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
     const omni_robot_config_t *config = robot->config;
     omni_target_t target;
     omni_actuation_t actuation;
+    omni_real_t margin[OMNI_AXES];
     target.armed = robot->supervisor.state == OMNI_STATE_ARMED;
     omni_robot_reference(&robot->guide, config, inputs, estimate, kind, &target);
     target.exciter = robot->exciter.left == 0 ? NULL : omni_robot_excite(&robot->exciter, config, inputs, &target);
@@ -185,12 +186,12 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
                                       &robot->applied, &actuation);
         }
     }
-    faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target,
-                                     outputs->ismc_margin);
+    faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target, margin);
     faults |= seal_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
     robot->supervisor.faults = faults;
     report_estimate(&robot->estimator, config, estimate, outputs);
     report_control(robot, &target, &actuation, outputs);
+    memcpy(outputs->ismc_margin, margin, sizeof outputs->ismc_margin);
     memset(outputs->motor_heat, 0, sizeof outputs->motor_heat);
     outputs->current_cut = 0.0f;
     if (config->current.watched) {
