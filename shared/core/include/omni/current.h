@@ -8,8 +8,8 @@
  *
  * The estimate needs no torque, so it holds for a blocked wheel, too. (The wheel filter's current does not: that filter
  * takes a wheel that does not turn for one with little current. Its speed is off then, too. So a wheel without counts
- * turns by less than one in that time, whatever the filter says.) It trusts that MOT_K and MOT_R are the
- * motor's, that the supply voltage is measured, and that the bridge gives the duty it was told. A warm winding, a
+ * turns by less than one in that time, whatever the filter says.) It trusts MOT_K, MOT_R,
+ * the measured supply voltage, and that the bridge gives its duty. A warm winding, a
  * bridge that chops and the ripple of the PWM are not in it. R includes the bridge and the wires.
  *
  * The limit acts on motors that drive their wheels, and on those that stand. It takes the same share of all their
