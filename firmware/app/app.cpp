@@ -27,7 +27,7 @@ App::App(const Board &board, bool lockstep)
       signing_service_(signing_, links_, texts_, clock_, robot_), stop_latch_(*board_.storage),
       parameters_(board_, links_, texts_, robot_, control_, *this),
       trial_(board_, texts_, clock_, robot_, heartbeats_, parameters_),
-      telemetry_(links_, {board_, clock_, robot_, links_, signing_, legacy_line_}),
+      telemetry_(links_, {board_, clock_, robot_, links_, signing_, legacy_line_, parameters_}),
       trajectories_(texts_, robot_, control_, parameters_), excitations_(texts_, robot_, control_, parameters_),
       setpoints_(texts_, clock_, robot_, control_, parameters_),
       pose_fixes_(texts_, clock_, robot_, control_, parameters_),

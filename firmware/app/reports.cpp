@@ -76,6 +76,20 @@ uint16_t in_millivolts(float volts) {
     return volts > 0.0f ? static_cast<uint16_t>(std::min(volts * 1000.0f + 0.5f, 65534.0f)) : UINT16_MAX;
 }
 
+/// What the motors take from the supply [0.01 A], by the estimate of their currents; braking motors give. -1: unknown.
+int16_t supply_current(const ReportSources &sources) {
+    const omni_outputs_t &out = sources.robot.latest().outputs;
+    if (!sources.parameters.config().current.watched || !(out.supply_V > 0.0f)) {
+        return -1;
+    }
+    float watts = 0.0f;
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        watts += out.voltage_V[i] * out.current_A[i];
+    }
+    const float hundredths = 100.0f * watts / out.supply_V + 0.5f;
+    return static_cast<int16_t>(std::max(0.0f, std::min(hundredths, 32767.0f)));
+}
+
 uint16_t saturated_count(uint32_t count) {
     return static_cast<uint16_t>(std::min<uint32_t>(count, UINT16_MAX));
 }

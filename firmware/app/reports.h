@@ -7,6 +7,7 @@
 
 #include "app/legacy_line.h"
 #include "app/links.h"
+#include "app/parameters.h"
 #include "app/robot_clock.h"
 #include "app/robot_state.h"
 #include "app/signing.h"
@@ -22,6 +23,7 @@ struct ReportSources {
     const Links &links;
     const Signing &signing;
     const LegacyLine &legacy_line;
+    const Parameters &parameters;
 };
 
 /// Fills a message and sends it. @return false if it was dropped. @param asked true: REQUEST_MESSAGE, false: streamed.

@@ -63,6 +63,7 @@ void StatusTexts::restart() {
     phase_ = OMNI_PHASE_NONE;
     history_ = 0;
     slowed_said_us_ = 0;
+    limited_said_us_ = 0;
     read_back_said_ = false;
     gyro_said_ = GyroCause::none;
 }
@@ -142,6 +143,16 @@ void StatusTexts::say_cause() {
                                               .add(rounded_figure(stop.wheel_rad_s))
                                               .add(" rad/s"));
     }
+    if ((faults & OMNI_FAULT_MOTOR_HEAT) != 0) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text()
+                                              .add("motor ")
+                                              .add(uint32_t{stop.wheel})
+                                              .add(" too hot: ")
+                                              .add(rounded_figure(stop.current_A))
+                                              .add(" A, SAFE_I ")
+                                              .add(parameters_.values()[OMNI_PARAM_SAFE_I])
+                                              .add(" A"));
+    }
     if ((faults & OMNI_FAULT_BATTERY) != 0) {
         texts_.say(MAV_SEVERITY_CRITICAL, Text()
                                               .add("supply ")
@@ -202,6 +213,22 @@ void StatusTexts::say_slowed() {
     texts_.say(MAV_SEVERITY_NOTICE, text);
 }
 
+/// Motors that push less than the control wants, again and again for as long as that lasts.
+void StatusTexts::say_limited() {
+    const omni_outputs_t &out = robot_.latest().outputs;
+    const bool quiet = limited_said_us_ != 0 && clock_.now_us - limited_said_us_ < slowed_interval_us;
+    if (!(out.current_cut > 0.0f) || quiet) {
+        return;
+    }
+    limited_said_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
+    texts_.say(MAV_SEVERITY_NOTICE, Text()
+                                        .add("motors pushed at ")
+                                        .add(static_cast<uint32_t>((1.0f - out.current_cut) * 100.0f))
+                                        .add(" %: LIM_I ")
+                                        .add(rounded_figure(parameters_.values()[OMNI_PARAM_LIM_I]))
+                                        .add(" A"));
+}
+
 void StatusTexts::serve() {
     say_links();
     say_button();
@@ -219,6 +246,7 @@ void StatusTexts::serve() {
         texts_.say(MAV_SEVERITY_INFO, Text().add("trajectory done"));
     }
     say_slowed();
+    say_limited();
     state_ = out.state;
     phase_ = static_cast<uint8_t>(out.reference.phase);
     history_ = out.fault_history;

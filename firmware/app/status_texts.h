@@ -32,6 +32,7 @@ private:
     void say_failsafe();
     void say_cause();
     void say_slowed();
+    void say_limited();
 
     const Links &links_;
     Texts &texts_;
@@ -44,7 +45,8 @@ private:
     uint8_t state_ = OMNI_STATE_INIT;
     uint8_t phase_ = OMNI_PHASE_NONE;
     uint32_t history_ = 0;
-    uint64_t slowed_said_us_ = 0; ///< 0: not yet
+    uint64_t slowed_said_us_ = 0;  ///< 0: not yet
+    uint64_t limited_said_us_ = 0; ///< the same of currents
     bool read_back_said_ = false;
     GyroCause gyro_said_ = GyroCause::none;
     bool button_said_[Board::max_ports] = {};

@@ -25,6 +25,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 #include "robot/loop.c"
 
 #include "backlash.c"
+#include "bridge_limits.c"
 #include "drv8871.c"
 #include "faults.c"
 #include "floor.c"

@@ -56,7 +56,7 @@ hil_real_t hil_drv8871_mean_V(const hil_drv8871_t *bridge, const hil_winding_t *
     return driven_V - side * share * (supply_V + 2.0 * DIODE_V) + (bridge->coast - share) * winding->back_emf_V;
 }
 
-hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, double time_s,
+hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, hil_real_t time_s,
                                  hil_real_t *current_A) {
     const hil_real_t side = hil_copysign(1.0, *current_A);
     const hil_real_t start_A = hil_abs(*current_A);

@@ -95,6 +95,24 @@ void hil_floor_init(hil_plant_t *plant, const hil_world_config_t *config);
 /** Before a tick: which roller carries each wheel, the wheels' loads, slope and dry drag. */
 void hil_floor_step(hil_world_t *world, double step_s);
 
+/* bridge_limits.c: what protects bridges and supply, and what makes them warm, for plants full and slip */
+/** What acts on the motion during a substep, and what the windings that it opened have at its end. */
+typedef struct hil_limited_t {
+    hil_electrics_t electrics;
+    hil_real_t begin_A[HIL_MAX_WHEELS];
+    hil_real_t end_A[HIL_MAX_WHEELS];
+    hil_real_t opened[HIL_MAX_WHEELS]; /**< 1: a bridge that was to be closed is open; the current is its mean */
+} hil_limited_t;
+
+/** Does anything of it act? After the constants that all plants share. */
+void hil_limits_init(hil_plant_t *plant, const hil_world_config_t *config);
+/** Before a substep: `now` takes the place of the tick's electrics. */
+void hil_limits_begin(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s,
+                      hil_limited_t *now);
+/** After it. */
+void hil_limits_end(hil_world_t *world, const hil_electrics_t *electrics, hil_limited_t *now, hil_motion_t *y,
+                    double step_s);
+
 /* backlash.c: play of the gears, for plant full */
 /** Is there any? After the constants that all plants share. */
 void hil_backlash_init(hil_plant_t *plant, const hil_world_config_t *config);

@@ -76,6 +76,17 @@ void hil_motion_store(hil_world_t *world, const hil_motion_t *y, const hil_real_
     }
 }
 
+/* With electrics of its own. */
+static void limited_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s,
+                            hil_substep_t *substep) {
+    hil_limited_t now;
+    hil_contact_t contact;
+    hil_limits_begin(world, electrics, y, step_s, &now);
+    hil_contact_begin(&contact, world, &now.electrics, step_s);
+    substep(world, &now.electrics, &contact, y, step_s);
+    hil_limits_end(world, electrics, &now, y, step_s);
+}
+
 void hil_march(hil_world_t *world, const hil_electrics_t *electrics, double step_s,
                void (*fit)(const hil_world_t *world, hil_motion_t *y), hil_substep_t *substep) {
     const int substeps = 1 + (int)((step_s - 1e-9) / SUBSTEP_MAX_s);
@@ -91,7 +102,11 @@ void hil_march(hil_world_t *world, const hil_electrics_t *electrics, double step
     hil_contact_begin(&contact, world, electrics, substep_s);
     for (int n = 0; n < substeps; n++) {
         const hil_motion_t before = y;
-        substep(world, electrics, &contact, &y, substep_s);
+        if (world->plant.limits) {
+            limited_substep(world, electrics, &y, substep_s, substep);
+        } else {
+            substep(world, electrics, &contact, &y, substep_s);
+        }
         advance(world, &before, &y, substep_s, cos_sin);
     }
     hil_motion_store(world, &y, cos_sin);

@@ -17,6 +17,7 @@ static void full_step(hil_world_t *world, const hil_electrics_t *electrics, doub
 static void full_init(hil_plant_t *plant, const hil_world_config_t *config) {
     hil_floor_init(plant, config);
     hil_backlash_init(plant, config);
+    hil_limits_init(plant, config);
 }
 
 const hil_plant_model_t hil_plant_full = {.takes_torque = true, .init = full_init, .step = full_step};

@@ -23,6 +23,7 @@ hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config
     hil_bridges_init(world);
     hil_faults_update(world);
     world->supply_V = hil_fault_value(world, HIL_FAULT_BATTERY_SAG, config->battery_V);
+    world->source_V = config->battery_V;
     hil_slip_init(world);
     hil_sensors_sample(world);
     return HIL_OK;

@@ -47,7 +47,7 @@ hil_real_t hil_drv8871_mean_V(const hil_drv8871_t *bridge, const hil_winding_t *
  * Let the current of an open winding die for `time_s`. @param current_A in and out. @return mean current [A] over that
  * time.
  */
-hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, double time_s,
+hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, hil_real_t time_s,
                                  hil_real_t *current_A);
 
 #endif

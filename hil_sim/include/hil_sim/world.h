@@ -144,6 +144,7 @@ typedef struct hil_plant_t {
     bool uneven;                             /**< floor.c changes arms, radii and limits with each tick */
     hil_real_t roller_phase[HIL_MAX_WHEELS]; /**< where on the rollers a wheel stands at angle 0 [rollers] */
     hil_real_t inverse_tilt_inertia;         /**< of the body about x and y, 1 / (kg m^2) */
+    bool limits;                             /**< bridges, motors or supply have some: bridge_limits.c */
     bool play;                               /**< gears have play: backlash.c */
     hil_real_t inverse_wheel_inertia;        /**< 1 / (kg m^2) of a wheel whose motor turns freely */
     hil_real_t inverse_rotor_inertia;        /**< of motor and gear without the wheel */
@@ -166,6 +167,12 @@ typedef struct hil_world_t {
     hil_real_t mesh[HIL_MAX_WHEELS];        /**< with play: 1 or -1, the side on which the motor pushes; 0: none */
     hil_real_t current_A[HIL_MAX_WHEELS];
     hil_real_t voltage_V[HIL_MAX_WHEELS];      /**< mean bridge voltage, wheel direction; 0 while the winding is open */
+    hil_real_t bridge_rest_s[HIL_MAX_WHEELS];  /**< overcurrent: so long it stays open */
+    hil_real_t bridge_off[HIL_MAX_WHEELS];     /**< 1: too hot to drive */
+    hil_real_t bridge_trips[HIL_MAX_WHEELS];   /**< times that it has opened by itself */
+    hil_real_t bridge_K[HIL_MAX_WHEELS];       /**< warmer than the room */
+    hil_real_t winding_K[HIL_MAX_WHEELS];      /**< the same of the motor's winding */
+    hil_real_t source_V;                       /**< what a supply that limits its current has left, without load */
     hil_real_t slip_ratio[HIL_MAX_WHEELS];     /**< imposed */
     hil_real_t slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step that begins now */
     hil_real_t traction_N[HIL_MAX_WHEELS];     /**< 0 on plants without a contact */

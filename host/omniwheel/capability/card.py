@@ -107,10 +107,24 @@ def _motor_rows(model: DriveModel) -> list[Row]:
         Row("stall_torque", "torque of a wheel, standing still", model.stall_torque_N_m, "N m"),
         Row("stall_current", "current of a motor, standing still", model.stall_current_A, "A"),
         Row("supply_current", "current of all motors, standing still", model.wheels * model.stall_current_A, "A"),
+        *_current_rows(model),
         Row("counts_per_mm", "encoder counts per millimetre", per_mm, "1/mm"),
         Row("blocked", f"a blocked wheel is noticed, at {model.stall_V:g} V, after", model.blocked_s, "s"),
         Row("condition", "condition of the kinematics", model.condition, ""),
     ]
+
+
+def _current_rows(model: DriveModel) -> list[Row]:
+    """Return what LIM_I and SAFE_I leave; nothing where they are off."""
+    rows = []
+    if model.current_limit_A > 0.0:
+        rows += [
+            Row("current_limit", "current of a motor that drives, at most", model.current_limit_A, "A", "LIM_I"),
+            Row("limited_torque", "torque of a wheel with that, standing still", model.limited_torque_N_m, "N m"),
+        ]
+    if model.continuous_A > 0.0:
+        rows.append(Row("hot", "a blocked motor is too hot, by SAFE_I, after", model.hot_s, "s"))
+    return rows
 
 
 def _sensors(model: DriveModel) -> tuple[str, ...]:
@@ -180,6 +194,15 @@ def warnings(model: DriveModel) -> list[str]:
         found.append(
             f"A blocked wheel is noticed after {model.blocked_s:.2g} s, not SAFE_STALL_T = {model.stall_s:g} s: "
             f"{model.counts_per_revolution:g} counts per turn come too seldom. An encoder with more counts helps."
+        )
+    if model.current_limit_A >= model.stall_current_A:
+        found.append(
+            f"LIM_I = {model.current_limit_A:g} A never acts: a motor that stands still takes "
+            f"{model.stall_current_A:.3g} A. Lower it, or set it to 0."
+        )
+    elif model.current_limit_A > 0.0 and model.limited_torque_N_m == 0.0:
+        found.append(
+            f"LIM_I = {model.current_limit_A:g} A leaves a wheel no torque beyond its dry friction: it will not turn."
         )
     grip, motors = (bound.value for bound in reversed(acceleration_bounds(model, direction(0.0))))
     possible = min(grip, motors)

@@ -58,6 +58,9 @@ class DriveModel:
     stall_V: float
     stall_s: float
     gyro: bool = False
+    current_limit_A: float = 0.0
+    continuous_A: float = 0.0
+    heat_s: float = 10.0
 
     @property
     def blocked_s(self) -> float:
@@ -79,6 +82,19 @@ class DriveModel:
     def stall_current_A(self) -> float:
         """Current of one motor that stands still at full duty."""
         return self.supply_V * self.duty_limit / self.resistance_ohm
+
+    @property
+    def limited_torque_N_m(self) -> float:
+        """Torque of a wheel that stands still with the current that LIM_I leaves, dry friction taken off; 0 or more."""
+        return max(0.0, self.constant_N_m_A * min(self.current_limit_A, self.stall_current_A) - self.coulomb_N_m)
+
+    @property
+    def hot_s(self) -> float:
+        """How long a cold motor may stand still with the most current it can get, until SAFE_I stops it; or inf."""
+        most_A = min(self.current_limit_A or np.inf, self.stall_current_A)
+        if self.continuous_A == 0.0 or most_A <= self.continuous_A:
+            return float("inf")
+        return float(-self.heat_s * np.log1p(-((self.continuous_A / most_A) ** 2)))
 
     @property
     def braking_N_m_s(self) -> float:
@@ -147,4 +163,7 @@ def model_from_parameters(values: Mapping[str, float], simulation: Mapping[str, 
         stall_V=values["SAFE_STALL_V"],
         stall_s=values["SAFE_STALL_T"],
         gyro=values["GYRO_AXIS"] != 0.0,
+        current_limit_A=values["LIM_I"],
+        continuous_A=values["SAFE_I"],
+        heat_s=values["SAFE_I_TC"],
     )

@@ -122,13 +122,15 @@ def _wheel_table(status: RobotStatus, count: int) -> RenderableType:
     if wheels is None:
         return "[dim]no wheels yet[/]"
     table = _table("wheel", *(str(n) for n in range(1, count + 1)))
-    rows = (
+    rows: tuple[tuple[str, tuple[float, ...]], ...] = (
         ("speed [rad/s]", wheels.speed_rad_s),
         ("wanted [rad/s]", wheels.reference_rad_s),
         ("duty", wheels.duty),
         ("current [A]", wheels.current_A),
         ("slip [m/s]", wheels.slip_m_s),
     )
+    if any(wheels.heat):
+        rows += (("heat, 1 stops", wheels.heat),)
     for title, values in rows:
         table.add_row(escape(title), *(f"{value:.3f}" for value in values[:count]))
     return table

@@ -76,6 +76,10 @@ def new(
     supply: Annotated[
         float | None, _option("--supply", "Battery \\[V]; left out: the motor's rated voltage.", _BODY, "V")
     ] = None,
+    bridge_current: Annotated[
+        float | None,
+        _option("--bridge-current", "At which a bridge chops \\[A], for LIM_I; left out: no limit.", _BODY, "A"),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Start a robot file of your own: a copy of another, or from the numbers of a motor's data sheet.
@@ -86,7 +90,7 @@ def new(
     from omniwheel.datasheet.units import length_m
 
     sheet = (motor, voltage, no_load_rpm, stall_torque, stall_current, no_load_current, gear, encoder_lines)
-    body = (wheel_diameter, wheel_distance, mass, supply)
+    body = (wheel_diameter, wheel_distance, mass, supply, bridge_current)
     designed = ask or any(value is not None for value in (*sheet, *body))
     if designed and template is not None:
         raise typer.BadParameter("--from copies a robot, data-sheet numbers make one: give one or the other")
@@ -106,6 +110,7 @@ def new(
         ),
         mass_kg=form.number(mass, "--mass", "Mass of the whole robot [kg]"),
         supply_V=supply,
+        bridge_A=bridge_current,
     )
     _say(write_designed_robot(name, answers, folder), "from data-sheet numbers: read what it assumed", as_json)
 

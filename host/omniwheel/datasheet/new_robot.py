@@ -32,6 +32,8 @@ SLIP_SHARE = 0.1
 """ISMC_K_XY and ISMC_K_TH by the speed limits: a switching gain that covers wheels which slip by so much."""
 ROW_DISTANCE_RADII = 0.354
 """Distance between the rows of a double wheel of 4 inches: 18 mm on a radius of 50.8 mm."""
+BRIDGE_SHARE = 0.9
+"""LIM_I by the current at which a bridge chops: the PWM's ripple and the estimate's error are in the rest."""
 DIRECTIONS = 36
 DEFAULT_LINES = 2500.0
 TEMPLATES = {3: "three_wheel", 4: "four_wheel"}
@@ -40,7 +42,10 @@ ANGLES_DEG = {3: (0.0, 120.0, 240.0), 4: (45.0, 135.0, 225.0, 315.0)}
 
 @dataclass(frozen=True)
 class RobotAnswers:
-    """What a person knows of a robot. ``supply_V``: the battery, None for the motor's rated voltage."""
+    """What a person knows of a robot.
+
+    ``supply_V``: the battery, None for the motor's rated voltage. ``bridge_A``: at which a bridge chops, None: unknown.
+    """
 
     wheels: int
     wheel_diameter_m: float
@@ -48,6 +53,7 @@ class RobotAnswers:
     mass_kg: float
     motor: GearMotor
     supply_V: float | None = None
+    bridge_A: float | None = None
 
 
 def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path:
@@ -58,12 +64,13 @@ def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path
     """
     path = free_robot_path(name, folder)
     text = robot_file_text(name, answers)
+    currents = current_limits(answers)
     try:
         files.create(path, text.encode("utf-8"))
         limited = edited(text, derived_limits(drive_model(read_robot(path))))
         files.write_text(path, limited)
         robot = read_robot(path)
-        files.write_text(path, edited(limited, {**supply_limits(robot), **derived_gains(robot)}))
+        files.write_text(path, edited(limited, {**supply_limits(robot), **derived_gains(robot), **currents}))
         read_robot(path)
     except FileExistsError:
         raise RobotFileError(f"{path} exists already", hint="choose another name") from None
@@ -181,6 +188,35 @@ def derived_limits(model: DriveModel) -> Changes:
         "parameters.LIM_A": (
             ACCELERATION_SHARE * acceleration,
             f"m/s^2: {ACCELERATION_SHARE:.0%} of what motors and floor allow at half that speed",
+        ),
+    }
+
+
+def current_limits(answers: RobotAnswers) -> Changes:
+    """Return the limits that follow from the bridge; none where nobody knows it, or where it never chops.
+
+    The model's current makes the data sheet's torque, so it is smaller than the winding's by what the gear loses. Only
+    the sheet's stall current tells by how much. Raises DataSheetError without it.
+    """
+    motor, bridge_A = answers.motor, answers.bridge_A
+    if bridge_A is None:
+        return {}
+    if not (math.isfinite(bridge_A) and bridge_A > 0.0):
+        raise DataSheetError(f"the bridge's current is {bridge_A:g} A; a number above 0 is needed")
+    if motor.stall_current_A is None:
+        raise DataSheetError(
+            "the bridge's current does not tell the motor's limit without the motor's stall current",
+            hint="give --stall-current, or leave --bridge-current out and set LIM_I by hand",
+        )
+    supply_V = motor.voltage_V if answers.supply_V is None else answers.supply_V
+    if bridge_A >= motor.stall_current_A * supply_V / motor.voltage_V:
+        return {}
+    model_A = bridge_A * motor.voltage_V / motor.stall_current_A / motor_model(motor).resistance_ohm
+    return {
+        "parameters.LIM_I": (BRIDGE_SHARE * model_A, f"A: {BRIDGE_SHARE:.0%} of simulation.bridge_trip_A"),
+        "simulation.bridge_trip_A": (
+            model_A,
+            f"the bridge's {bridge_A:g} A in the winding, less what the gear loses of its torque",
         ),
     }
 

@@ -133,6 +133,18 @@ def test_noise_levels_that_follow_the_innovations_do_so_in_lanes_as_alone() -> N
     assert stats.together > 0.8 * (stats.together + stats.alone)
 
 
+def test_bridges_that_open_and_a_supply_that_sags_do_so_in_lanes_as_alone() -> None:
+    """Bridges open, and the supply is drained, at other times in each run; the robots' own limits act, too."""
+    numbers = {
+        "bridge_overcurrent_A": 1.2,
+        "supply_limit_A": 1.0,
+        "winding_thermal_K_W": 5.0,
+        "bridge_thermal_K_W": 40.0,
+    }
+    scenario = load_scenario("demo").with_parameters({**SHORT, "LIM_I": 0.9, "SAFE_I": 0.8})
+    assert_the_same(scenario.with_world(numbers))
+
+
 PATCHES = (FloorPatch((0.0, 0.3), (-0.5, 0.5), 0.3), FloorPatch((0.3, 0.3), (0.2, 0.2), 0.1, radius_m=0.3))
 
 

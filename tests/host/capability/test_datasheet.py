@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -87,6 +88,55 @@ def test_a_designed_robot_passes_its_check_and_its_limits_can_be_reached(wheels:
     shown = card(model)
     assert shown.value("speed_any") < shown.value("speed_motors")
     assert shown.value("speed_any") > 0.8 * shown.value("speed_motors")
+
+
+def test_a_bridge_s_current_gives_the_limit_in_the_model_s_current(tmp_path: Path) -> None:
+    """The limit's torque is that share of the sheet's stall torque which the bridge leaves of its stall current."""
+    motor = find_motor("pololu_37d_30")
+    assert motor.stall_current_A is not None
+    robot = read_robot(write_designed_robot("mine", RobotAnswers(3, 0.096, 0.16, 4.0, motor, bridge_A=3.0), tmp_path))
+    model = drive_model(robot)
+    torque_N_m = model.limited_torque_N_m + model.coulomb_N_m
+    whole_N_m = motor.stall_torque_N_m + model.coulomb_N_m
+    assert torque_N_m == pytest.approx(0.9 * 3.0 / motor.stall_current_A * whole_N_m, rel=0.01)
+    assert robot.simulation["bridge_trip_A"] == pytest.approx(model.current_limit_A / 0.9, rel=1e-4)
+    assert card(model).value("current_limit") == model.current_limit_A
+    assert warnings(model) == []
+
+
+@pytest.mark.parametrize("bridge_A", [None, 9.0])
+def test_a_bridge_that_never_chops_gives_no_limit(bridge_A: float | None, tmp_path: Path) -> None:
+    answers = RobotAnswers(3, 0.096, 0.16, 4.0, find_motor("pololu_37d_30"), bridge_A=bridge_A)
+    model = drive_model(read_robot(write_designed_robot("mine", answers, tmp_path)))
+    assert model.current_limit_A == 0.0
+    assert "current_limit" not in {row.key for row in card(model).rows}
+
+
+@pytest.mark.parametrize("bridge_A", [0.0, -1.0, math.nan])
+def test_a_bridge_s_current_that_cannot_be_is_refused(bridge_A: float, tmp_path: Path) -> None:
+    answers = RobotAnswers(3, 0.096, 0.16, 4.0, find_motor("pololu_37d_30"), bridge_A=bridge_A)
+    with pytest.raises(DataSheetError, match="above 0"):
+        write_designed_robot("mine", answers, tmp_path)
+
+
+def test_a_bridge_s_current_without_the_motor_s_is_refused(tmp_path: Path) -> None:
+    motor = replace(find_motor("pololu_37d_30"), stall_current_A=None, no_load_current_A=None)
+    with pytest.raises(DataSheetError, match="without the motor's stall current"):
+        write_designed_robot("mine", RobotAnswers(3, 0.096, 0.16, 4.0, motor, bridge_A=2.0), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_limits_of_the_current_that_make_no_sense_are_warned_of(tmp_path: Path) -> None:
+    model = drive_model(
+        read_robot(
+            write_designed_robot("mine", RobotAnswers(3, 0.096, 0.16, 4.0, find_motor("pololu_37d_30")), tmp_path)
+        )
+    )
+    for limit_A, said in ((50.0, "never acts"), (0.05, "will not turn")):
+        (told,) = [text for text in warnings(replace(model, current_limit_A=limit_A)) if text.startswith("LIM_I")]
+        assert said in told
+    watched = replace(model, continuous_A=0.5 * model.stall_current_A, heat_s=8.0)
+    assert card(watched).value("hot") == pytest.approx(-8.0 * math.log(0.75))
 
 
 def test_the_file_says_where_each_number_came_from(tmp_path: Path) -> None:

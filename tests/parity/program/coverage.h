@@ -34,6 +34,7 @@ typedef struct coverage_t {
     uint32_t gyro_leads;
     uint32_t gyro_rests;
     uint32_t gyro_rejected;
+    uint32_t currents_cut;
 } coverage_t;
 
 /** Note one tick, after it. */

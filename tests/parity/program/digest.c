@@ -15,10 +15,8 @@ typedef struct field_t {
     bool real;
 } field_t;
 
-#define REALS(name)                                                                                                    \
-    { #name, offsetof(omni_outputs_t, name), 4, sizeof(((omni_outputs_t *)0)->name) / 4, true }
-#define WHOLE(name)                                                                                                    \
-    { #name, offsetof(omni_outputs_t, name), sizeof(((omni_outputs_t *)0)->name), 1, false }
+#define REALS(name) {#name, offsetof(omni_outputs_t, name), 4, sizeof(((omni_outputs_t *)0)->name) / 4, true}
+#define WHOLE(name) {#name, offsetof(omni_outputs_t, name), sizeof(((omni_outputs_t *)0)->name), 1, false}
 
 static const field_t fields[] = {
     WHOLE(time_us),
@@ -64,6 +62,9 @@ static const field_t fields[] = {
     REALS(gyro_bias),
     REALS(gyro_bias_sd),
     WHOLE(gyro_used),
+    REALS(motor_heat),
+    REALS(current_cut),
+    REALS(stop.current_A),
 };
 
 enum {

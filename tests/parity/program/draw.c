@@ -45,8 +45,13 @@ static bool is_gyro(uint32_t index) {
     return index >= OMNI_PARAM_GYRO_AXIS && index <= OMNI_PARAM_GYRO_S_SD;
 }
 
+/* Drawn by current_draw, in the same way. */
+static bool is_current(uint32_t index) {
+    return index >= OMNI_PARAM_LIM_I && index <= OMNI_PARAM_SAFE_I_TC;
+}
+
 static bool is_left_out(uint32_t index) {
-    return is_wiring(index) || is_gyro(index);
+    return is_wiring(index) || is_gyro(index) || is_current(index);
 }
 
 /* Any parameter that the core may read: one that tells of the wiring more or less changes no draw. */

@@ -113,10 +113,12 @@ static void begin_episode(scene_t *scene) {
     draw_style_t style = styles[random_below(random, 4)];
     draw_parameters(random, scene->episode, style, values);
     gyro_draw(&scene->gyro, scene->episode, values);
+    current_draw(&scene->current, scene->episode, values);
     while (!configure(scene, values)) {
         style = DRAW_OWN;
         draw_parameters(random, scene->episode, style, values);
         gyro_draw(&scene->gyro, scene->episode, values);
+        current_draw(&scene->current, scene->episode, values);
     }
     scene->episode_ends = scene->tick + SHORTEST + random_below(random, LONGEST - SHORTEST);
     scene->setpoint_ends = scene->tick;
@@ -275,6 +277,7 @@ void scene_init(scene_t *scene, uint32_t seed) {
     memset(scene, 0, sizeof *scene);
     scene->random.state = seed;
     scene->gyro.random.state = seed + 1;
+    scene->current.state = seed + 2;
 }
 
 void scene_step(scene_t *scene) {

@@ -7,6 +7,7 @@
 #ifndef PARITY_SCENE_H
 #define PARITY_SCENE_H
 
+#include "current.h"
 #include "gyro.h"
 #include "omni/robot.h"
 #include "random.h"
@@ -49,6 +50,7 @@ typedef struct scene_t {
     omni_outputs_t outputs;
     world_t world;
     gyro_t gyro;
+    random_t current;       /**< of the current limit and the motors' heat */
     omni_pose_t fix_offset; /**< where the fixes say the world's origin is */
     uint64_t background;    /**< hash over what configuration and planning gave */
     uint64_t now_us;

@@ -4,6 +4,7 @@
 #define OMNI_OMNI_H
 
 #include "omni/bridge.h"
+#include "omni/current.h"
 #include "omni/direct_torque.h"
 #include "omni/feedback_linearization.h"
 #include "omni/gyro.h"

@@ -11,6 +11,7 @@
 #ifndef OMNI_ROBOT_H
 #define OMNI_ROBOT_H
 
+#include "omni/current.h"
 #include "omni/excitation.h"
 #include "omni/gyro.h"
 #include "omni/kinematics.h"
@@ -65,6 +66,7 @@ typedef struct omni_robot_config_t {
         omni_wheel_speed_config_t wheel_speed;
     omni_trajectory_config_t trajectory;
     omni_limits_t limits;
+    omni_current_config_t current;
     uint8_t controller;                        /**< enum omni_ctl_mode */
     uint8_t control_period;                    /**< ticks from one step of the position controller to the next, >= 1 */
     int8_t encoder_direction[OMNI_MAX_WHEELS]; /**< -1 or 1 */
@@ -141,6 +143,7 @@ typedef struct omni_stop_t {
     omni_real_t voltage_V;   /**< that this wheel was given */
     omni_real_t wheel_rad_s; /**< at which it turned, by its encoder in that tick */
     omni_real_t supply_V;
+    omni_real_t current_A;        /**< that this wheel's motor had, estimated; 0 while LIM_I and SAFE_I are 0 */
     omni_real_t error[OMNI_AXES]; /**< of the pose, world frame [m, m, rad]; 0 unless a pose was tracked */
 } omni_stop_t;
 
@@ -158,9 +161,11 @@ typedef struct omni_outputs_t {
     omni_real_t voltage_V[OMNI_MAX_WHEELS];       /**< in the wheel's direction */
     omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];     /**< estimate */
     omni_real_t wheel_reference[OMNI_MAX_WHEELS]; /**< rad/s */
-    omni_real_t current_A[OMNI_MAX_WHEELS];       /**< estimate of the motor filter; 0 when it is off */
-    omni_pose_t pose;                             /**< estimate */
-    omni_twist_t rate;                            /**< world twist from the wheels */
+    omni_real_t current_A[OMNI_MAX_WHEELS];  /**< estimate of omni/current.h; while that is off, the motor filter's;
+                                                       0 when that is off, too */
+    omni_real_t motor_heat[OMNI_MAX_WHEELS]; /**< 1 stops the motors; 0 while SAFE_I is 0 */
+    omni_pose_t pose;                        /**< estimate */
+    omni_twist_t rate;                       /**< world twist from the wheels */
     omni_real_t pose_sd[OMNI_AXES];
     omni_reference_t reference;
     omni_control_terms_t terms;
@@ -172,6 +177,7 @@ typedef struct omni_outputs_t {
     omni_real_t
         wheel_scale; /**< factor the wheel speeds (direct torque: by the runaway protection) were cut by, 1: none */
     omni_real_t duty_scale;      /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
+    omni_real_t current_cut;     /**< share of the motors' pushes that LIM_I takes away, 0: none */
     omni_real_t velocity_scale;  /**< factor left of a velocity set-point, or of the way to a pose, 1: all of it */
     omni_uint_t velocity_limits; /**< omni_velocity_limit_t that cut it; the highest bit is the one that decided */
     omni_stop_t stop;
@@ -240,7 +246,8 @@ typedef struct omni_supervisor_t {
     uint32_t fault_history; /**< stop faults since arming */
     omni_stop_t stop;       /**< of the latest one */
     omni_stall_watch_t stall[OMNI_MAX_WHEELS];
-    uint32_t battery_ticks; /**< ticks in a row with too little voltage */
+    omni_current_state_t current; /**< all 0 while LIM_I and SAFE_I are 0 */
+    uint32_t battery_ticks;       /**< ticks in a row with too little voltage */
 } omni_supervisor_t;
 
 /** What the stage that makes the reference keeps. */
@@ -274,7 +281,8 @@ typedef struct omni_gain_margin_t {
 /** What the last tick did: the filters predict with it, and the supervision judges it. */
 typedef struct omni_applied_t {
     omni_real_t voltage_V[OMNI_MAX_WHEELS]; /**< in the wheel's direction */
-    omni_flag_t saturated;                  /**< wheel speeds or duties were cut */
+    omni_real_t current_cut;                /**< share of the pushes that the current limit took away */
+    omni_flag_t saturated;                  /**< wheel speeds, duties or currents were cut */
     bool off_track;                         /**< the pose error was beyond the limit */
 } omni_applied_t;
 

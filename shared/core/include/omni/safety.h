@@ -45,6 +45,7 @@ typedef enum omni_fault_t {
     OMNI_FAULT_CONFIG = 1 << 9,       /**< no valid configuration */
     OMNI_FAULT_OVERRUN = 1 << 10,     /**< ticks missed their time (set by the firmware) */
     OMNI_FAULT_POSITION = 1 << 11,    /**< the estimated pose is beyond LIM_POS */
+    OMNI_FAULT_MOTOR_HEAT = 1 << 12,  /**< a motor had more than SAFE_I for too long */
     OMNI_WARN_POSE_STALE = 1 << 16,   /**< no pose fix for FIX_TIMEOUT although fixes had come */
     OMNI_WARN_FIX_REFUSED = 1 << 17,  /**< the latest pose fix was refused */
     OMNI_WARN_SETPOINT = 1 << 18,     /**< the latest set-point was refused */
@@ -52,8 +53,9 @@ typedef enum omni_fault_t {
     OMNI_WARN_ENCODER = 1 << 20,      /**< a single impossible count was thrown away */
     OMNI_WARN_ISMC_GAIN = 1 << 21,    /**< k of the ISMC does not cover the slip that may be there (condition 44) */
     OMNI_WARN_GYRO = 1 << 22,         /**< the gyro's readings are missing, cannot be true, or contradict the wheels */
-    OMNI_FAULT_STOP_MASK = 0xfff,
-    OMNI_WARN_MASK = 0x7f0000
+    OMNI_WARN_MOTOR_WARM = 1 << 23,   /**< a motor's heat is beyond OMNI_WARM_SHARE of what stops it */
+    OMNI_FAULT_STOP_MASK = 0x1fff,
+    OMNI_WARN_MASK = 0xff0000
 } omni_fault_t;
 
 /** The next state. An event or state out of range gives OMNI_STATE_ESTOP. */

@@ -24,6 +24,10 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
 
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config) {
     robot->config = config;
+    if (!config->current.watched) { /* what was known of the currents gets old from now on */
+        memset(&robot->supervisor.current, 0, sizeof robot->supervisor.current);
+        robot->applied.current_cut = 0.0f;
+    }
 }
 
 /* Does this fault come from this wheel? */
@@ -32,7 +36,8 @@ static bool is_to_blame(const omni_robot_t *robot, omni_uint_t faults, uint8_t w
                        robot->estimator.encoder_ticks[wheel] >= (uint32_t)OMNI_ENCODER_TICKS;
     const bool stalled = (faults & (uint32_t)OMNI_FAULT_STALL) != 0 &&
                          robot->supervisor.stall[wheel].stalled_s > robot->config->limits.stall_s;
-    return blind || stalled;
+    const bool hot = (faults & (uint32_t)OMNI_FAULT_MOTOR_HEAT) != 0 && robot->supervisor.current.heat[wheel] >= 1.0f;
+    return blind || stalled || hot;
 }
 
 /* A fault has just stopped the robot: keep what it saw. Once per stop, so small rather than fast. */
@@ -50,6 +55,7 @@ static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estima
         if (stop->wheel == 0 && is_to_blame(robot, faults, i)) {
             stop->wheel = (uint8_t)(i + 1);
             stop->voltage_V = robot->applied.voltage_V[i];
+            stop->current_A = robot->supervisor.current.current_A[i];
             stop->wheel_rad_s = (omni_real_t)estimate->delta_counts[i] * robot->config->rad_per_count /
                                 (robot->config->step_s * (omni_real_t)(estimate->steps > 0 ? estimate->steps : 1u));
         }
@@ -105,9 +111,11 @@ static void report_gyro(const omni_estimator_t *estimator, omni_outputs_t *outpu
 
 static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
                             const omni_estimate_t *estimate, omni_outputs_t *outputs) {
-    const bool filtered = config->motor_kf.mode != OMNI_KF_MODE_OFF;
-    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        outputs->current_A[i] = filtered && i < config->kinematics.wheels ? estimator->motor_kf[i].x[2] : 0.0f;
+    memset(outputs->current_A, 0, sizeof outputs->current_A);
+    if (config->motor_kf.mode != OMNI_KF_MODE_OFF) {
+        for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
+            outputs->current_A[i] = estimator->motor_kf[i].x[2];
+        }
     }
     memcpy(outputs->wheel_rad_s, estimate->wheel_rad_s, sizeof outputs->wheel_rad_s);
     memcpy(outputs->slip_m_s, estimate->slip_m_s, sizeof outputs->slip_m_s);
@@ -171,12 +179,24 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
     target.exciter = robot->exciter.left == 0 ? NULL : omni_robot_excite(&robot->exciter, config, inputs, &target);
     OMNI_INVARIANT(target.armed || (!target.position_loop && target.kind == OMNI_SETPOINT_NONE));
     omni_robot_control(&robot->control, config, inputs, estimate, &target, &robot->applied, &actuation);
+    if (config->current.watched) {
+        robot->applied.current_cut = 0.0f;
+        if (config->current.limited && target.armed) {
+            omni_robot_limit_currents(&robot->control, config, &robot->supervisor.current, estimate->supply_V,
+                                      &robot->applied, &actuation);
+        }
+    }
     faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target, margin);
     faults |= seal_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
     robot->supervisor.faults = faults;
     report_estimate(&robot->estimator, config, estimate, outputs);
     report_control(robot, &target, &actuation, outputs);
     memcpy(outputs->ismc_margin, margin, sizeof outputs->ismc_margin);
+    memset(outputs->motor_heat, 0, sizeof outputs->motor_heat);
+    outputs->current_cut = 0.0f;
+    if (config->current.watched) {
+        omni_robot_report_currents(&robot->supervisor.current, &robot->applied, outputs);
+    }
     outputs->time_us = inputs->time_us;
     outputs->state = (uint8_t)robot->supervisor.state;
     outputs->controller = config->controller;

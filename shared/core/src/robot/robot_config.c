@@ -181,6 +181,17 @@ static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
     l->driver_failures = (uint16_t)v[OMNI_PARAM_SAFE_I2C_N];
 }
 
+/* A wheel at its current limit that does not turn is to be found, too, however little voltage that takes. */
+static void set_current(omni_robot_config_t *c, const omni_real_t *v) {
+    const omni_real_t found = 0.9f; /* of the limit's voltage: the estimated speed is noise then */
+    omni_current_configure(&c->current, v[OMNI_PARAM_LIM_I], v[OMNI_PARAM_SAFE_I], v[OMNI_PARAM_SAFE_I_TC],
+                           c->motor.constant_N_m_A, c->motor.resistance_ohm, c->motor.inductance_H, c->rad_per_count,
+                           c->step_s);
+    if (c->current.limited && found * c->current.limit_V < c->limits.stall_V) {
+        c->limits.stall_V = found * c->current.limit_V;
+    }
+}
+
 static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v) {
     omni_trajectory_config_t *t = &c->trajectory;
     t->type = (uint8_t)v[OMNI_PARAM_TRJ_TYPE];
@@ -231,6 +242,7 @@ omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *
     set_gyro(config, values);
     set_wheel_speed(config, values);
     set_limits(config, values);
+    set_current(config, values);
     set_trajectory(config, values);
     return OMNI_OK;
 }

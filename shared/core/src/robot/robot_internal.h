@@ -12,6 +12,7 @@
  *   reference    inputs, estimate, safety state               omni_target_t
  *   excite       inputs, target                               the target's pose, what `control` adds (if anything)
  *   control      inputs, estimate, target                     omni_actuation_t
+ *   limit        the motors' speeds, omni_actuation_t         omni_actuation_t, if LIM_I is set
  *   gain margin  estimate, target                             margins, a warning
  *   report       all of these                                 omni_outputs_t
  */
@@ -133,5 +134,21 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
                                    const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
                                    const omni_target_t *target, omni_real_t *margin);
+
+/**
+ * The motors' currents and their heat; called only if config->current.watched. @param last what the last tick did.
+ * @return OMNI_FAULT_MOTOR_HEAT and OMNI_WARN_MOTOR_WARM, or 0.
+ */
+omni_uint_t omni_robot_watch_currents(omni_supervisor_t *supervisor, const omni_robot_config_t *config,
+                                      const omni_estimate_t *estimate, const omni_applied_t *last);
+
+/** After everything else that decides duties; called only if config->current.limited, while armed. */
+void omni_robot_limit_currents(omni_control_state_t *control, const omni_robot_config_t *config,
+                               const omni_current_state_t *state, omni_real_t supply_V, omni_applied_t *applied,
+                               omni_actuation_t *actuation);
+
+/** Currents and heat; called only if config->current.watched. While nobody watches, currents are the wheel filter's. */
+void omni_robot_report_currents(const omni_current_state_t *state, const omni_applied_t *applied,
+                                omni_outputs_t *outputs);
 
 #endif

@@ -166,6 +166,9 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
         faults |= OMNI_FAULT_POSITION;
     }
     faults |= supervise_wheels(supervisor->stall, config, estimate, last->voltage_V);
+    if (config->current.watched) {
+        faults |= omni_robot_watch_currents(supervisor, config, estimate, last);
+    }
     faults |= supervise_supply(&supervisor->battery_ticks, &config->limits, inputs, estimate->supply_V);
     faults |= supervise_link(&config->limits, inputs);
     faults |= supervise_setpoint(supervisor, &config->limits, inputs, kind);

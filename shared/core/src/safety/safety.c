@@ -26,25 +26,17 @@ typedef struct fault_name_t {
 } fault_name_t;
 
 static const fault_name_t fault_names[] = {
-    {OMNI_FAULT_NOT_FINITE, "not finite"},
-    {OMNI_FAULT_TIME, "time"},
-    {OMNI_FAULT_ENCODER, "encoder"},
-    {OMNI_FAULT_STALL, "stall"},
-    {OMNI_FAULT_COMMAND_LOSS, "command loss"},
-    {OMNI_FAULT_LINK_LOSS, "link loss"},
-    {OMNI_FAULT_BATTERY, "battery"},
-    {OMNI_FAULT_DRIVER, "driver"},
-    {OMNI_FAULT_TRACKING, "tracking"},
-    {OMNI_FAULT_CONFIG, "config"},
-    {OMNI_FAULT_OVERRUN, "overrun"},
-    {OMNI_FAULT_POSITION, "position"},
-    {OMNI_WARN_POSE_STALE, "pose stale"},
-    {OMNI_WARN_FIX_REFUSED, "fix refused"},
-    {OMNI_WARN_SETPOINT, "setpoint"},
-    {OMNI_WARN_SATURATED, "saturated"},
-    {OMNI_WARN_ENCODER, "encoder glitch"},
-    {OMNI_WARN_ISMC_GAIN, "ismc gain"},
-    {OMNI_WARN_GYRO, "gyro"},
+    {OMNI_FAULT_NOT_FINITE, "not finite"},     {OMNI_FAULT_TIME, "time"},
+    {OMNI_FAULT_ENCODER, "encoder"},           {OMNI_FAULT_STALL, "stall"},
+    {OMNI_FAULT_COMMAND_LOSS, "command loss"}, {OMNI_FAULT_LINK_LOSS, "link loss"},
+    {OMNI_FAULT_BATTERY, "battery"},           {OMNI_FAULT_DRIVER, "driver"},
+    {OMNI_FAULT_TRACKING, "tracking"},         {OMNI_FAULT_CONFIG, "config"},
+    {OMNI_FAULT_OVERRUN, "overrun"},           {OMNI_FAULT_POSITION, "position"},
+    {OMNI_FAULT_MOTOR_HEAT, "motor heat"},     {OMNI_WARN_POSE_STALE, "pose stale"},
+    {OMNI_WARN_FIX_REFUSED, "fix refused"},    {OMNI_WARN_SETPOINT, "setpoint"},
+    {OMNI_WARN_SATURATED, "saturated"},        {OMNI_WARN_ENCODER, "encoder glitch"},
+    {OMNI_WARN_ISMC_GAIN, "ismc gain"},        {OMNI_WARN_GYRO, "gyro"},
+    {OMNI_WARN_MOTOR_WARM, "motor warm"},
 };
 
 omni_safety_state_t omni_safety_next(omni_safety_state_t state, omni_safety_event_t event) {

@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: MIT */
+/* The motors' currents in the tick. Out of line: a robot that does not use them has a branch more, and no more. */
+#include <string.h>
+
+#include "../control/pid_inline.h"
+#include "robot_internal.h"
+
+omni_uint_t omni_robot_watch_currents(omni_supervisor_t *supervisor, const omni_robot_config_t *c,
+                                      const omni_estimate_t *estimate, const omni_applied_t *last) {
+    omni_current_state_t *state = &supervisor->current;
+    const bool driven = supervisor->state == OMNI_STATE_ARMED;
+    omni_current_estimate(state, &c->current, c->kinematics.wheels, last->voltage_V, estimate->wheel_rad_s,
+                          estimate->delta_counts, driven, estimate->steps);
+    omni_real_t most = 0.0f;
+    for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
+        most = omni_select(state->heat[i] > most, state->heat[i], most);
+    }
+    const omni_flag_t warm = most > OMNI_WARM_SHARE;
+    state->hot = (most >= 1.0f) | (state->hot & warm);
+    return omni_select(warm, (uint32_t)OMNI_WARN_MOTOR_WARM, 0u) |
+           omni_select(state->hot, (uint32_t)OMNI_FAULT_MOTOR_HEAT, 0u);
+}
+
+/* The wheel loops hear of it, as they do of the duty limit. */
+void omni_robot_limit_currents(omni_control_state_t *control, const omni_robot_config_t *c,
+                               const omni_current_state_t *state, omni_real_t supply_V, omni_applied_t *applied,
+                               omni_actuation_t *actuation) {
+    const uint8_t wheels = c->kinematics.wheels;
+    const omni_real_t most = c->wheel_speed.duty_limit;
+    omni_real_t given_V[OMNI_MAX_WHEELS];
+    for (uint8_t i = 0; i < wheels; ++i) {
+        given_V[i] = actuation->duty[i] * supply_V;
+    }
+    const omni_real_t factor = omni_current_limit(&c->current, wheels, state->wheel_rad_s, given_V);
+    const omni_flag_t cut = factor < 1.0f;
+    applied->current_cut = 1.0f - factor;
+    applied->saturated = applied->saturated | cut;
+    if (omni_all(factor >= 1.0f)) {
+        return;
+    }
+    for (uint8_t i = 0; i < wheels; ++i) {
+        const omni_real_t wanted_V = actuation->duty[i] * supply_V;
+        const omni_real_t applied_V = omni_select(cut, given_V[i], wanted_V);
+        actuation->duty[i] = omni_select(cut, omni_clampf(given_V[i] / supply_V, -most, most), actuation->duty[i]);
+        if (control->last_way == OMNI_DEMAND_TWIST) {
+            omni_pid_limited(&control->wheel_speed.pid[i], &c->wheel_speed.pid, wanted_V, applied_V);
+        }
+    }
+}
+
+void omni_robot_report_currents(const omni_current_state_t *state, const omni_applied_t *applied,
+                                omni_outputs_t *outputs) {
+    memcpy(outputs->current_A, state->current_A, sizeof outputs->current_A);
+    memcpy(outputs->motor_heat, state->heat, sizeof outputs->motor_heat);
+    outputs->current_cut = applied->current_cut;
+}
