@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Kinds of tags by name, and the calibration board. Importing this costs nothing."""
+"""Kinds of tags by name, and the calibration board."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ FAMILIES = {
     "aruco_6x6": "DICT_6X6_250",
 }
 """What a camera file calls a family, and what OpenCV calls it. AprilTag 16h5 is left out: it sees tags in noise."""
-DEFAULT_FAMILY = "apriltag_36h11"
-SIZES = {"apriltag_36h11": 587, "apriltag_25h9": 35, "aruco_4x4": 50, "aruco_5x5": 100, "aruco_6x6": 250}
-"""How many tags a family has."""
 CELLS = {"apriltag_36h11": 8, "apriltag_25h9": 7, "aruco_4x4": 6, "aruco_5x5": 7, "aruco_6x6": 8}
 """Cells along the side of a tag, its black border included."""
 BOARD_FAMILY = "DICT_5X5_1000"

@@ -20,7 +20,7 @@ from omniwheel.mocap.camera.setup import PlacedTag
 from omniwheel.mocap.camera.tags import square
 
 CORNER_SD_PX = 0.2
-"""Standard deviation of a corner in each direction, as assumed where uncertainty is stated."""
+"""Standard deviation of a corner in each direction, as assumed where uncertainty is stated. A worse fit raises it."""
 _ROUNDS = 8
 
 
@@ -106,7 +106,8 @@ def locate(eye: Eye, tags: Sequence[PlacedTag], corners: Mapping[int, Array]) ->
     moved = inverse @ slopes.T @ by_place
     pose = Pose(float(state[0]), float(state[1]), math.remainder(float(state[2]), math.tau))
     rms = float(np.sqrt(np.mean(away**2) * 2.0))
-    return Located(pose, rms, CORNER_SD_PX**2 * inverse, moved @ eye.covariance @ moved.T)
+    sd_px = max(CORNER_SD_PX, float(np.sqrt(np.sum(away**2) / (len(away) - 3))))
+    return Located(pose, rms, sd_px**2 * inverse, moved @ eye.covariance @ moved.T)
 
 
 def _first_guess(eye: Eye, tag: PlacedTag, corners: Array) -> Array | None:

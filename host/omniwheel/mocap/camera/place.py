@@ -85,7 +85,8 @@ def _solved(lens: Lens, points: Array, pixels: Array) -> tuple[Array, Array]:
 
 
 def _different(found: list[tuple[float, Array, Array]]) -> bool:
-    return bool(np.linalg.norm(found[0][1] - found[1][1]) > 1e-3)
+    one, other = (load_cv2().Rodrigues(each[1])[0] for each in found)  # two vectors may be one rotation
+    return bool(np.abs(one - other).max() > 1e-3)
 
 
 def _offsets(eye: Eye, seen: Sequence[PlacedTag], corners: Mapping[int, Array]) -> dict[int, float]:

@@ -15,7 +15,7 @@ from typing import Any
 from omni_schema import SchemaError
 from omni_schema.toml_file import number_within, read_toml, refuse_unknown_keys, take_table, take_text
 from omniwheel.errors import MocapSourceError
-from omniwheel.mocap.camera.families import DEFAULT_FAMILY, FAMILIES, SIZES
+from omniwheel.limits import TAG_FAMILIES
 
 _HINT = "omni mocap markers writes one to begin with"
 _CAMERA = ("device", "width", "height", "rate_Hz", "latency_s", "exposure", "lens", "place")
@@ -110,9 +110,9 @@ def _device(source: str, path: Path, value: object) -> int | str:
 def _family(source: str, document: dict[str, Any]) -> str:
     table = take_table(source, "tags", document.get("tags", {}))
     refuse_unknown_keys(source, "tags.", table, ("family",))
-    family = take_text(source, "tags.family", table.get("family", DEFAULT_FAMILY))
-    if family not in FAMILIES:
-        raise SchemaError(source, "tags.family", f"is {family!r}; allowed are {', '.join(FAMILIES)}")
+    family = take_text(source, "tags.family", table.get("family", next(iter(TAG_FAMILIES))))
+    if family not in TAG_FAMILIES:
+        raise SchemaError(source, "tags.family", f"is {family!r}; allowed are {', '.join(TAG_FAMILIES)}")
     return family
 
 
@@ -125,7 +125,7 @@ def _tags(source: str, document: dict[str, Any], name: str, family: str) -> tupl
         key = f"{name}[{at}]"
         table = take_table(source, key, table)
         refuse_unknown_keys(source, f"{key}.", table, _ROBOT if name == "robot" else _FLOOR)
-        found.append(_tag(_numbers(source, key, table), robot=name == "robot", most_id=SIZES[family] - 1))
+        found.append(_tag(_numbers(source, key, table), robot=name == "robot", most_id=TAG_FAMILIES[family] - 1))
     return tuple(found)
 
 
