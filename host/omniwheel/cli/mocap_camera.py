@@ -56,9 +56,9 @@ EXAMPLES = {
 
 def markers(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the sheets and the first camera file.")],
-    family: Annotated[
-        str, typer.Option("--family", help=f"Kind of tags: {', '.join(TAG_FAMILIES)}.")
-    ] = next(iter(TAG_FAMILIES)),
+    family: Annotated[str, typer.Option("--family", help=f"Kind of tags: {', '.join(TAG_FAMILIES)}.")] = next(
+        iter(TAG_FAMILIES)
+    ),
     floor: Annotated[int, typer.Option("--floor", min=1, max=20, metavar="N", help="How many tags for the floor.")] = 4,
     floor_size: Annotated[
         float, typer.Option("--floor-size", min=0.02, max=0.16, metavar="M", help="Black side of the floor's tags.")
@@ -257,7 +257,9 @@ def _line(watcher: Watcher, picture: Array, seen: Look) -> str:
         mirror = "; the picture is a mirror image: switch that off" if watcher.mirrored(picture) else ""
         return f"no pose: {seen.reason}{mirror} (tags {tags}{others})"
     x, y, theta = seen.found.pose
-    noise, bias = ([float(value) ** 0.5 for value in matrix.diagonal()] for matrix in (seen.found.noise, seen.found.bias))
+    noise, bias = (
+        [float(value) ** 0.5 for value in matrix.diagonal()] for matrix in (seen.found.noise, seen.found.bias)
+    )
     return (
         f"x {x:.3f} m, y {y:.3f} m, heading {theta:+.3f} rad; noise {1e3 * max(noise[:2]):.1f} mm, "
         f"{1e3 * noise[2]:.1f} mrad; place {1e3 * max(bias[:2]):.1f} mm; misfit {seen.found.rms_px:.2f} px "

@@ -22,9 +22,7 @@ SIMILAR_SHARE = 0.03
 """Two pictures are the same if the board's corners move by less than this share of the picture's width."""
 _GRID = 4
 _LEAST_CELLS = 13
-_HOW = (
-    "take 15 pictures or more: the board near, far, in each corner of the picture, and tilted by 30 degrees to each side"
-)
+_HOW = "take 15 pictures or more: the board near, far, in each corner of the picture, and tilted by 30 degrees to each side"
 
 
 @dataclass(frozen=True)
@@ -111,7 +109,9 @@ def find_lens(collected: Collected) -> Lens:
     if len(views) < LEAST_PICTURES or size is None:
         reasons = sorted({reason for reason in collected.left_out.values()})
         unused = f" Left out: {'; '.join(reasons)}." if reasons else ""
-        raise CameraError(f"{len(views)} pictures of the board can be used; {LEAST_PICTURES} are needed", hint=_HOW + unused)
+        raise CameraError(
+            f"{len(views)} pictures of the board can be used; {LEAST_PICTURES} are needed", hint=_HOW + unused
+        )
     _need_whole_picture(views, size)
     cv2 = load_cv2()
     rms, matrix, distortion, _, _, sd, _, each = cv2.calibrateCameraExtended(

@@ -48,7 +48,9 @@ def _edge_points(picture: Array, start: Array, end: Array, middle: Array, cells:
     grid = base[:, None, :] + offsets[None, :, None] * outward
     cv2 = load_cv2()
     where = grid.astype(np.float32)
-    levels = cv2.remap(picture, where[..., 0], where[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE).astype(float)
+    levels = cv2.remap(picture, where[..., 0], where[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE).astype(
+        float
+    )
     return _crossings(levels, offsets, base, outward)
 
 

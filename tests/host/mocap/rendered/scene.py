@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import cv2
@@ -26,7 +26,7 @@ Array = npt.NDArray[Any]
 Window = tuple[slice, slice]
 _SAMPLES = 6
 _COARSE = 8
-_BAND = 40
+_BOARD_SAMPLES = 3
 _PAPER, _INK = 215.0, 25.0
 
 
@@ -122,16 +122,17 @@ class View:
         x, y = self.lens.straight(u, v)
         return np.stack([x, y, np.ones_like(x)], axis=-1) @ self.axes
 
-    def fine_rays(self, window: Window) -> Array:
-        """Return rays through ``_SAMPLES`` x ``_SAMPLES`` places of each pixel, from those of the pixels around it."""
-        rows, columns = (self._between(part, size) for part, size in zip(window, self.rays.shape[:2], strict=True))
+    def fine_rays(self, window: Window, samples: int = _SAMPLES) -> Array:
+        """Return rays through samples x samples places of each pixel, from those of the pixels around it."""
+        ways = zip(window, self.rays.shape[:2], strict=True)
+        rows, columns = (self._between(part, size, samples) for part, size in ways)
         halfway = self.rays[rows[0]] * (1.0 - rows[1])[:, None, None] + self.rays[rows[0] + 1] * rows[1][:, None, None]
         left, right = halfway[:, columns[0]], halfway[:, columns[0] + 1]
         return np.asarray(left + (right - left) * columns[1][:, None])
 
     @staticmethod
-    def _between(part: slice, size: int) -> tuple[Array, Array]:
-        offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+    def _between(part: slice, size: int, samples: int) -> tuple[Array, Array]:
+        offsets = (np.arange(samples) + 0.5) / samples - 0.5
         at = (np.arange(part.start, part.stop)[:, None] + offsets).ravel()
         below = np.clip(np.floor(at).astype(int), 0, size - 2)
         return below, at - below
@@ -206,9 +207,12 @@ class Scene:
     def _empty(self) -> Array:
         if "floor" not in self.cache:
             lens = self.view.lens
-            bands = [slice(top, min(lens.height, top + _BAND)) for top in range(0, lens.height, _BAND)]
-            parts = [self._window((band, slice(0, lens.width)), None, ()) for band in bands]
-            self.cache["floor"] = np.concatenate(parts)
+            whole = self._window((slice(0, lens.height), slice(0, lens.width)), None, (), 1)
+            for sheet in self.floor:
+                window = self.view.window(0.0, sheet.x, sheet.y, 1.2 * sheet.size)
+                if window is not None:
+                    whole[window] = self._window(window, None, ())
+            self.cache["floor"] = whole
         return self.cache["floor"]
 
     def picture(self, poses: Pose | Sequence[Pose] | None, seed: int = 1, others: Sequence[Sheet] = ()) -> Array:
@@ -231,8 +235,8 @@ class Scene:
                 picture[window] = self._window(window, pose, others)
         return picture
 
-    def _window(self, window: Window, pose: Pose | None, others: Sequence[Sheet]) -> Array:
-        rays = self.view.fine_rays(window)
+    def _window(self, window: Window, pose: Pose | None, others: Sequence[Sheet], samples: int = _SAMPLES) -> Array:
+        rays = self.view.fine_rays(window, samples)
         x, y = self.view.plane(0.0, rays)
         with np.errstate(invalid="ignore"):
             planks = 120.0 + 12.0 * np.sin(9.0 * x) * np.cos(7.0 * y) + 6.0 * (np.floor(x / 0.09) % 2)
@@ -245,7 +249,7 @@ class Scene:
             tag.draw(*self.view.plane(tag.z, rays), picture)
         self._shade(picture, rays)
         height, width = (part.stop - part.start for part in window)
-        return np.asarray(picture.reshape(height, _SAMPLES, width, _SAMPLES).mean(axis=(1, 3)))
+        return np.asarray(picture.reshape(height, samples, width, samples).mean(axis=(1, 3)))
 
     def _drum(self, picture: Array, rays: Array, pose: Pose) -> None:
         for z in (float(z) for z in np.linspace(0.0, self.robot.height, 5)):
@@ -270,3 +274,63 @@ class Scene:
             picture = cv2.GaussianBlur(picture, (0, 0), light.blur_px)
         noise = light.noise * np.random.default_rng(seed).standard_normal(picture.shape)
         return np.clip(light.gain * picture + noise + 0.5, 0.0, 255.0).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class BoardView:
+    """A printed board before the camera: its middle [m] in the camera's axes, and how it is turned.
+
+    ``tilt`` is about x and y and ``spin`` about z [rad].
+    """
+
+    middle: tuple[float, float, float]
+    tilt: tuple[float, float] = (0.0, 0.0)
+    spin: float = 0.0
+
+    @property
+    def axes(self) -> Array:
+        """Rows: the print's right, down and away in the camera's axes."""
+        (a, b), c = self.tilt, self.spin
+        about_x = np.array([[1, 0, 0], [0, math.cos(a), -math.sin(a)], [0, math.sin(a), math.cos(a)]])
+        about_y = np.array([[math.cos(b), 0, math.sin(b)], [0, 1, 0], [-math.sin(b), 0, math.cos(b)]])
+        about_z = np.array([[math.cos(c), -math.sin(c), 0], [math.sin(c), math.cos(c), 0], [0, 0, 1]])
+        return np.asarray((about_x @ about_y @ about_z).T)
+
+
+@lru_cache(maxsize=4)
+def _straight(lens: Lens) -> View:
+    """Return a camera whose axes are the world's."""
+    return View(lens, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.0)
+
+
+def board_picture(
+    lens: Lens, paper: Array, width_m: float, view: BoardView, seed: int = 1, noise: float = 2.0
+) -> Array:
+    """Return a picture of a printed sheet ``paper`` (height, width), ``width_m`` wide, on a grey background."""
+    straight = _straight(lens)
+    in_camera = straight.axes.T  # rays are in the world's axes
+    picture = np.full((lens.height, lens.width), 90.0)
+    _, _, coarse = _on_sheet(straight.rays[::_COARSE, ::_COARSE] @ in_camera, paper, width_m, view)
+    near = np.argwhere(coarse)
+    (top, left), (bottom, right) = _COARSE * (near.min(axis=0) - 1), _COARSE * (near.max(axis=0) + 2)
+    window = slice(max(0, top), min(lens.height, bottom)), slice(max(0, left), min(lens.width, right))
+    rays = straight.fine_rays(window, _BOARD_SAMPLES) @ in_camera
+    row, column, inside = _on_sheet(rays, paper, width_m, view)
+    fine = np.full(inside.shape, 90.0)
+    fine[inside] = _INK + (_PAPER - _INK) / 255.0 * paper[row[inside], column[inside]]
+    height, width = (part.stop - part.start for part in window)
+    picture[window] = fine.reshape(height, _BOARD_SAMPLES, width, _BOARD_SAMPLES).mean(axis=(1, 3))
+    return Scene(straight, light=Light(noise=noise))._exposed(picture, seed)
+
+
+def _on_sheet(rays: Array, paper: Array, width_m: float, view: BoardView) -> tuple[Array, Array, Array]:
+    """Return row and column of the print that rays (..., 3) of the camera's axes hit, and whether they hit it."""
+    right, down, away = view.axes
+    middle = np.array(view.middle)
+    along = (middle @ away) / (rays @ away)
+    scale = paper.shape[1] / width_m
+    hit = rays * along[..., None] - middle
+    column = np.floor(scale * (hit @ right) + paper.shape[1] / 2).astype(int)
+    row = np.floor(scale * (hit @ down) + paper.shape[0] / 2).astype(int)
+    inside = (column >= 0) & (column < paper.shape[1]) & (row >= 0) & (row < paper.shape[0]) & (along > 0)
+    return row, column, inside
