@@ -6,7 +6,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,7 +43,7 @@ class Placement:
 
 
 def find_place(lens: Lens, floor: Sequence[PlacedTag], corners: Mapping[int, Array]) -> Placement:
-    """Return where the camera is that sees floor tags at these corners [px]. Raises CameraError that says what to do."""
+    """Return where the camera is that sees floor tags at these corners [px]. Raises CameraError."""
     seen = [tag for tag in floor if tag.id in corners]
     if not seen:
         wanted = ", ".join(str(tag.id) for tag in floor)
@@ -98,7 +97,7 @@ def _floor_sd(eye: Eye, middle: Array) -> float:
     """Return the standard deviation of floor points one metre from the middle of the tags, in the worst direction."""
     variances = []
     for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
-        point = (middle + (x, y, 0.0))[None]
+        point = (middle + np.array([x, y, 0.0]))[None]
         _, slopes = eye.lens.project(point, eye.rotation, eye.shift)
         by_floor = (slopes[:, 3:] @ eye.turn)[:, :2]
         moved = np.linalg.solve(by_floor, slopes)

@@ -73,7 +73,7 @@ def watcher(folder: Path, of: Scene) -> Watcher:
 def printed_board() -> tuple[Array, float]:
     """Return the calibration board as it is printed, and its width [m]."""
     sheet = board_sheet("a4")
-    sheet.figure.set_dpi(150)
+    sheet.figure.set_dpi(508)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     canvas = FigureCanvasAgg(sheet.figure)
