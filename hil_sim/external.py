@@ -202,6 +202,7 @@ class OutsideWorld(World):
     def __init__(self, config: Any, external: ExternalWorld) -> None:
         super().__init__(config)
         self._external = external
+        self._count = self.wheels  # asked for several times in every step
         self._outside = ffi.new("hil_outside_t *")
         self._motors = ffi.new("double[]", lib.HIL_MAX_WHEELS), ffi.new("double[]", lib.HIL_MAX_WHEELS)
         self._begun = False
@@ -240,8 +241,8 @@ class OutsideWorld(World):
     def _step(self) -> None:
         duty, coast = self._motors
         lib.hil_outside_drive(self.c, duty, coast)
-        wheels = self.wheels
-        self._call("apply", lambda: self._external.apply(tuple(duty[0:wheels]), tuple(coast[0:wheels])))
+        wheels = self._count
+        self._call("apply", self._external.apply, tuple(duty[0:wheels]), tuple(coast[0:wheels]))
         self._call("step", self._external.step)
         before = list(self._outside.pose)
         self._now_s = self.time_s + TICK_US * 1e-6
@@ -260,15 +261,16 @@ class OutsideWorld(World):
         if not isinstance(sensed, Sensed):
             raise self._wrong(f"gave {type(sensed).__name__}; it returns a hil_sim.external.Sensed")
         outside = self._outside
-        outside.edges[0 : self.wheels] = self._counts(sensed.counts)
+        wheels = self._count
+        outside.edges[0:wheels] = self._counts(sensed.counts)
         outside.pose = self._numbers("pose", sensed.pose, 3)
-        outside.supply_V = self._numbers("supply_V", [sensed.supply_V], 1)[0]
+        (outside.supply_V,) = self._numbers("supply_V", (sensed.supply_V,), 1)
         if outside.supply_V < 0.0:
             raise self._wrong(f"gave supply_V {sensed.supply_V}; allowed is 0 (not measured) or more")
         for field in ("wheel_rad_s", "current_A"):
             values = getattr(sensed, field)
-            told = [_UNKNOWN] * self.wheels if values is None else self._numbers(field, values, self.wheels)
-            getattr(outside, field)[0 : self.wheels] = told
+            told = [_UNKNOWN] * wheels if values is None else self._numbers(field, values, wheels)
+            getattr(outside, field)[0:wheels] = told
         self._take_fix(sensed.fix)
 
     def _take_fix(self, fix: Fix | None) -> None:
@@ -285,34 +287,38 @@ class OutsideWorld(World):
         self._outside.fix = pose
 
     def _counts(self, counts: Any) -> list[float]:
-        values = self._call("sense", lambda: list(counts))
-        if len(values) != self.wheels:
-            raise self._wrong(f"gave {len(values)} counts; the robot has {self.wheels} wheels")
+        values = self._call("sense", list, counts)
+        if len(values) != self._count:
+            raise self._wrong(f"gave {len(values)} counts; the robot has {self._count} wheels")
         try:
-            whole = [operator.index(value) for value in values]
+            whole = list(map(operator.index, values))
         except TypeError:
             raise self._wrong(f"gave counts {values}; they are whole numbers, of type int") from None
-        if any(abs(value) > _COUNTS_MAX for value in whole):
+        if max(map(abs, whole)) > _COUNTS_MAX:
             raise self._wrong(f"gave counts {whole}; allowed is up to 2^53")
-        return [float(value) for value in whole]
+        return list(map(float, whole))
 
     def _numbers(self, what: str, given: Any, count: int) -> list[float]:
-        values = self._call("sense", lambda: [float(value) for value in given])
+        values = self._call("sense", _floats, given)
         if len(values) != count:
             raise self._wrong(f"gave {len(values)} numbers as {what}; {count} are needed")
-        if not all(math.isfinite(value) for value in values):
+        if not all(map(math.isfinite, values)):
             raise self._wrong(f"gave {what} {', '.join(map(str, values))}; every number has to be finite")
         return values
 
     def _wrong(self, message: str, hint: str = "") -> ExternalWorldError:
         return ExternalWorldError(f"{self.name}.sense {message}; at {self._now_s:.3f} s", hint=hint)
 
-    def _call(self, method: str, function: Callable[[], Result]) -> Result:
+    def _call(self, method: str, function: Callable[..., Result], *arguments: Any) -> Result:
         try:
-            return function()
+            return function(*arguments)
         except Exception as error:
             message = f"{self.name}.{method} failed at {self._now_s:.3f} s: {_said(error)}"
             raise ExternalWorldError(message, hint=_where(error)) from error
+
+
+def _floats(given: Any) -> list[float]:
+    return list(map(float, given))
 
 
 def outside_world(scenario: Scenario, world: ExternalWorld) -> OutsideWorld:

@@ -20,6 +20,7 @@ from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.world import IDEAL_WHEELS
 from omniwheel._core import ffi, lib
+from omniwheel.robots import parameter_table
 
 Array = NDArray[np.float64]
 STAND_TICKS, LOOK_TICKS = 3000, 500
@@ -40,13 +41,24 @@ class Setting:
     seconds: int = 120
 
 
+def noise_of(name: str) -> Setting:
+    """Return the world whose gyro is this chip: noise, offset and scale as its row in shared/params.toml has them."""
+    chip = parameter_table().gyro_chips[name]
+    return Setting(
+        f"no fixes, {name}",
+        world={"gyro_noise_density": math.radians(chip.noise_dps), "gyro_bias_rad_s": math.radians(chip.offset_dps)},
+        parameters={"GYRO_ND": math.radians(chip.noise_dps), "GYRO_S_SD": chip.scale_error},
+        scale_sd=chip.scale_error,
+    )
+
+
 _NONE = {"fix_rate_Hz": 0.0}
 SETTINGS = (
     Setting("no fixes"),
     Setting("no fixes, slip to 30 %", world={"slip_max": 0.3}),
     Setting("no fixes, slip drawn each 0.5 s", world={"slip_time_s": 0.5}),
     Setting("no fixes, scale off by 0.5 %, tilt 2°", world={"gyro_tilt_rad": 0.035}, scale_sd=0.005),
-    Setting("no fixes, noise of a BMI270", world={"gyro_noise_density": 1.22e-4}, parameters={"GYRO_ND": 1.22e-4}),
+    *(noise_of(name) for name in parameter_table().gyro_chips),
     Setting("no fixes, four wheels", robot="four_wheel"),
     Setting("no fixes, ideal wheels", world=IDEAL_WHEELS),
     Setting("no fixes, fast robot", scenario="fast", world=_NONE, seconds=40),

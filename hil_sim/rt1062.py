@@ -100,6 +100,8 @@ class Wiring:
     motor_pins: tuple[tuple[int, int], ...] = ()
     gyro_address: int = 0
     """Of a chip on the second I2C bus; 0: none."""
+    gyro_chip: int = 0
+    """Its number in the table of gyro chips."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ def wiring_of(robot: Robot) -> Wiring:
         board.battery_divider,
         board.motor_pins,
         board.gyro.address if board.gyro is not None else 0,
+        board.gyro.chip.number if board.gyro is not None else 0,
     )
 
 
@@ -445,6 +448,7 @@ def _config(wiring: Wiring, options: Options) -> Any:
     config.battery_pin = _NO_PIN if wiring.battery_pin is None else wiring.battery_pin
     config.battery_divider = wiring.battery_divider
     config.gyro_address = wiring.gyro_address
+    config.gyro_chip = wiring.gyro_chip
     return config
 
 

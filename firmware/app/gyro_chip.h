@@ -10,20 +10,22 @@ namespace omni {
 
 /// Why there are no readings, or none to be trusted.
 enum class GyroCause : uint8_t {
-    none,      ///< it reads, or is still starting
-    absent,    ///< nobody acknowledges its address
-    bus,       ///< a line is held low, or a transfer takes too long
-    wrong_id,  ///< another chip answers: GyroTrouble::seen is what its identity register says
-    lost,      ///< it has lost its settings: a reset of its own, or a dip of its supply
-    silent,    ///< it answers but does not measure
-    stuck,     ///< the same reading again and again
-    saturated, ///< the robot turns faster than its range
-    noisy      ///< readings jump as nothing can turn: bits are lost on the wires
+    none,         ///< it reads, or is still starting
+    absent,       ///< nobody acknowledges its address
+    bus,          ///< a line is held low, or a transfer takes too long
+    wrong_id,     ///< another chip answers: GyroTrouble::seen is what its identity register says
+    lost,         ///< it has lost its settings: a reset of its own, or a dip of its supply
+    silent,       ///< it answers but does not measure
+    stuck,        ///< the same reading again and again
+    saturated,    ///< the robot turns faster than its range
+    noisy,        ///< readings jump as nothing can turn: bits are lost on the wires
+    configuration ///< it does not take its configuration file: GyroTrouble::seen is its status
 };
 
 struct GyroTrouble {
     GyroCause cause = GyroCause::none;
-    uint8_t seen = 0; ///< with wrong_id
+    uint8_t seen = 0;   ///< with wrong_id and configuration
+    uint8_t wanted = 0; ///< what the chip's identity register should say
 };
 
 class GyroChip {

@@ -1,92 +1,87 @@
 // SPDX-License-Identifier: MIT
-/// @file icm42688.h  Driver of the gyro in an ICM-42688-P (TDK data sheet DS-000347) on an I2C bus of its own.
+/// @file icm42688.h  The gyro in an ICM-42688-P (TDK data sheet DS-000347), for register_gyro.h.
 ///
-/// Start: bank 0 and WHO_AM_I, soft reset, settings, gyro on, 60 ms until it measures, settings read back. After that
-/// one read of six bytes per tick. Settings are read back 20 times a second in place of a reading. Where the chip says
-/// that it does not measure, they are read back at once. What goes wrong begins the start anew, 200 ms later.
-///
-/// Its bus must not be the PWM chip's. That one's updates are due in each tick, and a gyro that holds SDA low must not
-/// stop the motors.
-///
-/// The chip's reply has no checksum. A reading that differs from the last one by more than 4 rad/s is left out, unless
-/// the next one agrees with it. So a wrong bit of the upper four does not get through. One of the lower twelve does.
+/// Filters: anti-alias filter 488 Hz (DELT 11, DELTSQR 122, BITSHIFT 8). Then the UI filter, first order, bandwidth
+/// half the data rate. The first is of second order: sqrt(2) / (2 pi f) = 0.46 ms late. The other is 1 / (2 pi f) =
+/// 0.32 ms late, which makes 0.8 ms in all (calculated). Narrower ones would be quieter, but heading while turning
+/// would lag. Rollers shake at tens of hertz.
 #pragma once
 
-#include <atomic>
-#include <cstddef>
-#include <cstdint>
-#include <initializer_list>
+#include "app/gyro_registers.h"
 
-#include "app/board.h"
-#include "app/gyro_chip.h"
+namespace omni::icm42688 {
 
-namespace omni {
+// User bank 0.
+constexpr uint8_t reg_device_config = 0x11;
+constexpr uint8_t reg_gyro_data = 0x25;
+constexpr uint8_t reg_intf_config1 = 0x4D;
+constexpr uint8_t reg_pwr_mgmt0 = 0x4E;
+constexpr uint8_t reg_gyro_config0 = 0x4F;
+constexpr uint8_t reg_gyro_config1 = 0x51; ///< GYRO_ACCEL_CONFIG0 follows
+constexpr uint8_t reg_who_am_i = 0x75;
+constexpr uint8_t reg_bank_select = 0x76; ///< in every bank
+// User bank 1.
+constexpr uint8_t reg_gyro_config_static3 = 0x0C; ///< anti-alias filter, to 0x0E
 
-class Icm42688 final : public GyroChip {
-public:
-    static constexpr uint8_t address_low = 0x68;  ///< AD0 to ground
-    static constexpr uint8_t address_high = 0x69; ///< AD0 to VDDIO
+constexpr uint8_t soft_reset = 0x01;
+/// Reset value 0x91, but with adaptive range (bits 7:6) off. The data sheet does not name these bits. Public drivers
+/// switch it off, because readings stand still for moments while the chip changes its range.
+constexpr uint8_t no_adaptive_range = 0x51;
+constexpr uint8_t gyro_low_noise = 0x0C; ///< accelerometer off
+constexpr uint8_t range_2000_dps_1_kHz = 0x06;
+constexpr uint8_t accel_config0_reset = 0x06;
+constexpr uint8_t aaf_delt = 11;
+constexpr uint8_t aaf_delt_squared = 122;
+constexpr uint8_t aaf_bitshift = 8u << 4;
+constexpr uint8_t ui_first_order = 0x12;
+constexpr uint8_t ui_half_rate = 0x10; ///< the accelerometer's as after reset
 
-    /// @param bus the gyro's alone. @param address 7 bit.
-    explicit Icm42688(I2cBus &bus, uint8_t address = address_low) : bus_(bus), address_(address) {}
+/// Whatever bank a start that was broken off has left.
+inline constexpr uint8_t bank_0[] = {2, reg_bank_select, 0, 0};
+inline constexpr uint8_t reset[] = {2, reg_device_config, soft_reset, 0};
+/// Switched on last: nothing may be written in the 200 us after it.
+inline constexpr uint8_t settings[] = {2,
+                                       reg_bank_select,
+                                       1, //
+                                       4,
+                                       reg_gyro_config_static3,
+                                       aaf_delt,
+                                       aaf_delt_squared,
+                                       aaf_bitshift, //
+                                       2,
+                                       reg_bank_select,
+                                       0, //
+                                       2,
+                                       reg_intf_config1,
+                                       no_adaptive_range, //
+                                       2,
+                                       reg_gyro_config0,
+                                       range_2000_dps_1_kHz, //
+                                       3,
+                                       reg_gyro_config1,
+                                       ui_first_order,
+                                       ui_half_rate, //
+                                       2,
+                                       reg_pwr_mgmt0,
+                                       gyro_low_noise, //
+                                       0};
+/// Reset: the data sheet's 1 ms, and one more. Gyro start-up is 30 ms, and it must stay on for 45 ms at least.
+inline constexpr GyroStep steps[] = {{GyroStep::Kind::write, reset, 2000}, {GyroStep::Kind::write, settings, 60'000}};
+/// From reg_intf_config1 on.
+inline constexpr uint8_t expected[] = {no_adaptive_range,   gyro_low_noise, range_2000_dps_1_kHz,
+                                       accel_config0_reset, ui_first_order, ui_half_rate};
+inline constexpr GyroLook looks[] = {{reg_intf_config1, sizeof expected, expected}};
 
-    void use_axis(int8_t axis) override { wanted_axis_.store(axis, std::memory_order_relaxed); }
-    uint8_t read(uint64_t now_us, float *rad_s) override;
-    GyroTrouble trouble() const override;
-    /// Starts since boot, the first one included: attempts without an answer count, too.
-    uint32_t starts() const { return starts_; }
+inline constexpr GyroRegisters registers = {reg_who_am_i,
+                                            0x47,
+                                            bank_0,
+                                            steps,
+                                            sizeof steps / sizeof steps[0],
+                                            looks,
+                                            sizeof looks / sizeof looks[0],
+                                            reg_gyro_data,
+                                            true,
+                                            INT16_MIN,
+                                            2000.0f / 32768.0f * 0.017453293f};
 
-private:
-    /// What the batch in flight, or the next one, is for.
-    enum class Phase : uint8_t { identify, reset, configure, verify, run };
-    static constexpr size_t axes = 3;
-
-    void follow_axis();
-    uint8_t take_batch(uint64_t now_us, float *rad_s);
-    uint8_t arrived(uint64_t now_us, const uint8_t *bytes, float *rad_s);
-    void failed(uint64_t now_us, I2cStatus status);
-    void send_next(uint64_t now_us);
-    void send(uint64_t now_us, const I2cTransaction *batch, size_t count);
-    void send_identify(uint64_t now_us);
-    void send_settings(uint64_t now_us);
-    void send_read(uint64_t now_us, uint8_t reg, uint8_t count);
-    I2cTransaction write_of(std::initializer_list<uint8_t> bytes) const;
-    void begin_run();
-    void check_settings(uint64_t now_us, const uint8_t *bytes);
-    uint8_t take_reading(uint64_t now_us, const uint8_t *bytes, float *rad_s);
-    bool stands_still(const int16_t *raw);
-    bool jumps(int16_t raw);
-    void count_jump(bool jumped);
-    void judge(int16_t raw);
-    void start_again(uint64_t now_us, GyroCause cause, uint8_t seen = 0);
-    void show(GyroCause cause, uint8_t seen = 0);
-
-    I2cBus &bus_;
-    const uint8_t address_;
-    std::atomic<int8_t> wanted_axis_{0};
-    std::atomic<uint16_t> trouble_{0}; ///< cause and `seen`
-    int8_t axis_ = 0;                  ///< that the tick works with
-    Phase phase_ = Phase::identify;
-    bool in_flight_ = false;
-    bool looking_ = false;    ///< the batch in flight reads the settings back
-    bool suspicious_ = false; ///< read them back next
-    bool wrong_look_ = false; ///< the last look found other settings
-    bool have_used_ = false;  ///< used_ is a reading
-    bool left_out_ = false;   ///< the reading before was left out: it had jumped
-    bool noisy_ = false;      ///< too many of them jumped in the last window
-    uint8_t busy_ticks_ = 0;
-    uint8_t failures_ = 0;    ///< transfers in a row that did not arrive
-    uint8_t invalid_ = 0;     ///< readings in a row that the chip calls none
-    uint8_t same_ = 0;        ///< readings in a row that are equal in all axes
-    uint8_t good_ = 0;        ///< readings in a row that were used
-    uint16_t since_look_ = 0; ///< readings since the settings were read back
-    uint16_t window_ = 0;     ///< readings since the jumps were last counted
-    uint16_t jumps_ = 0;      ///< of them
-    int16_t last_[axes] = {}; ///< the newest reading, as the chip gives it
-    int16_t used_ = 0;        ///< the newest one of axis_ that was used
-    uint32_t starts_ = 0;
-    uint64_t sent_us_ = 0; ///< the batch in flight
-    uint64_t due_us_ = 0;  ///< nothing is sent before
-};
-
-} // namespace omni
+} // namespace omni::icm42688

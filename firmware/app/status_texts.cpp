@@ -34,7 +34,8 @@ Text gyro_text(const GyroTrouble &trouble) {
     case GyroCause::bus:
         return text.add("a line of its bus is held low");
     case GyroCause::wrong_id:
-        return add_byte(text.add("WHO_AM_I is "), trouble.seen).add(", not 0x47: another chip");
+        add_byte(text.add("WHO_AM_I is "), trouble.seen).add(", not ");
+        return add_byte(text, trouble.wanted).add(": another chip");
     case GyroCause::lost:
         return text.add("lost its settings; check its power");
     case GyroCause::silent:
@@ -45,6 +46,8 @@ Text gyro_text(const GyroTrouble &trouble) {
         return text.add("turning faster than its range");
     case GyroCause::noisy:
         return text.add("readings jump; check its wires");
+    case GyroCause::configuration:
+        return add_byte(text.add("configuration file refused, status "), trouble.seen);
     }
     return text;
 }

@@ -106,6 +106,8 @@ uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
     }
     if (number == 0.0f) {
         waypoints_.count = 0;
+    } else if (number == expected - 1.0f) {
+        waypoints_.count--; // sent again, since its acknowledgement got lost on a radio
     } else if (!(number == expected && number < static_cast<float>(OMNI_MAX_WAYPOINTS))) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: number without gaps, 0..31"));
         return MAV_RESULT_DENIED;

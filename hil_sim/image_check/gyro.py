@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: MIT
 """The gyro's chip on the second I2C bus: readings reach the estimator; without them the motors go on.
 
-The chip is the register model of an ICM-42688-P (``hil_sim/icm42688.h``) at the pins. It turns as the world's robot
-does.
+The chip is the register model of the one that the robot file names (``hil_sim/gyro_chip.h``), at the pins. It turns as
+the world's robot does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from math import radians
 
 from hil_sim.fault_cases import Kind
 from hil_sim.image_check.bench import Bench, CheckError, Context
@@ -24,10 +25,10 @@ NO_GYRO = "not tried: this robot has no gyro"
 TURN_RAD_S = 0.4
 TURN_S = 1.5
 LEARN_S = 3.0
+"""Of these a BMI270 needs 0.4 s for its configuration file."""
 STEP_S = 0.02
 TROUBLE_S = 1.0
 BACK_S = 1.5
-BIAS_SD_RAD_S = 0.0087
 BIAS_LIMIT_RAD_S = 5e-4
 RATE_LIMIT_RAD_S = 0.05
 """The telemetry's rate is some milliseconds older than the world's, and the wheels wobble."""
@@ -60,8 +61,10 @@ class Heard:
 
 def with_gyro(scenario: Scenario) -> Scenario:
     """Return the scenario with its robot on the floor and a gyro in its world, at the axis that the robot says."""
-    axis = scenario.parameter_values()[AXIS_PARAMETER]
-    world = {"gyro_rate_Hz": 1000.0, "gyro_axis": axis, "gyro_bias_rad_s": BIAS_SD_RAD_S}
+    wired = scenario.robot.board.gyro
+    if wired is None:
+        return scenario
+    world = {"gyro_rate_Hz": 1000.0, "gyro_axis": float(wired.axis), "gyro_bias_rad_s": radians(wired.chip.offset_dps)}
     return replace(scenario, world=world)
 
 

@@ -36,7 +36,7 @@ static void on_start(rt1062_t *m, uint32_t number) {
 
 static void on_stop(rt1062_t *m, uint32_t number) {
     m->s.i2c_chip[number].listens = false;
-    number == 0 ? hil_world_i2c_stop(m->world) : hil_icm42688_stop(&m->s.gyro);
+    number == 0 ? hil_world_i2c_stop(m->world) : hil_gyro_chip_stop(&m->s.gyro);
 }
 
 static void on_rise(rt1062_t *m, uint32_t number, bool sda) {
@@ -53,14 +53,14 @@ static void on_rise(rt1062_t *m, uint32_t number, bool sda) {
 static bool take(rt1062_t *m, uint32_t number) {
     rt_i2c_chip_t *chip = &m->s.i2c_chip[number];
     if (!chip->address) {
-        return number == 0 ? hil_world_i2c_put(m->world, chip->byte) : hil_icm42688_put(&m->s.gyro, chip->byte);
+        return number == 0 ? hil_world_i2c_put(m->world, chip->byte) : hil_gyro_chip_put(&m->s.gyro, chip->byte);
     }
     const bool reading = (chip->byte & 1) != 0;
     if (number == 0) {
         return hil_world_i2c_start(m->world, chip->byte >> 1, reading);
     }
     m->s.gyro.time_us = rt_now(m) / 1000;
-    return hil_icm42688_start(&m->s.gyro, chip->byte >> 1, reading);
+    return hil_gyro_chip_start(&m->s.gyro, chip->byte >> 1, reading);
 }
 
 static void send_bit(rt1062_t *m, uint32_t number) {
@@ -75,7 +75,7 @@ static void begin_byte(rt1062_t *m, uint32_t number) {
     chip->bit = 0;
     chip->listens = chip->acknowledges;
     if (chip->listens && chip->reads) {
-        chip->byte = number == 0 ? hil_world_i2c_get(m->world) : hil_icm42688_get(&m->s.gyro);
+        chip->byte = number == 0 ? hil_world_i2c_get(m->world) : hil_gyro_chip_get(&m->s.gyro);
         send_bit(m, number);
     } else {
         pull(m, number, false);

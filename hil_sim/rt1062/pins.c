@@ -182,16 +182,16 @@ static bool gyro_wired(const rt1062_t *m) {
 
 /* A world without a gyro has an empty socket. A gyro that the world makes silent has no power. */
 static void turn_gyro(rt1062_t *m) {
-    hil_icm42688_t *gyro = &m->s.gyro;
+    hil_gyro_chip_t *gyro = &m->s.gyro;
     if (!gyro_wired(m)) {
         return;
     }
     const bool silent = hil_world_fault_active(m->world, HIL_FAULT_GYRO_SILENT, HIL_MAX_WHEELS);
     if (silent && !gyro->faults.absent) {
-        hil_icm42688_reset(gyro, m->config.gyro_address);
+        hil_gyro_chip_reset(gyro, m->config.gyro_chip, m->config.gyro_address);
     }
     gyro->faults.absent = silent || m->world->config.gyro_rate_Hz <= 0.0;
-    hil_icm42688_sense(gyro, rt_now(m) / 1000, m->world->gyro_rad_s);
+    hil_gyro_chip_sense(gyro, rt_now(m) / 1000, m->world->gyro_rad_s);
 }
 
 void rt_world_event(rt1062_t *m) {
@@ -257,7 +257,7 @@ static void connect(rt1062_t *m) {
     pull(m, RT_PAD_SCL, 1);
     pull(m, RT_PAD_SDA, 1);
     if (gyro_wired(m)) {
-        hil_icm42688_reset(&m->s.gyro, m->config.gyro_address);
+        hil_gyro_chip_reset(&m->s.gyro, m->config.gyro_chip, m->config.gyro_address);
         pull(m, RT_PAD_SCL3, 1);
         pull(m, RT_PAD_SDA3, 1);
     }

@@ -7,7 +7,7 @@
 #ifndef HIL_SIM_RT1062_STATE_H
 #define HIL_SIM_RT1062_STATE_H
 
-#include "hil_sim/icm42688.h"
+#include "hil_sim/gyro_chip.h"
 #include "hil_sim/rt1062.h"
 
 #include "adc.h"
@@ -106,7 +106,7 @@ typedef struct rt_state_t {
     rt_adc_t adc[RT_ADCS];
     rt_i2c_t i2c[RT_I2C_UNITS];
     rt_i2c_chip_t i2c_chip[RT_I2C_UNITS];
-    hil_icm42688_t gyro; /* on the second bus, if gyro_wired */
+    hil_gyro_chip_t gyro; /* on the second bus, if gyro_wired */
     rt_pins_t pins;
     rt_lpuart_t lpuart;
     rt_usb_t usb;

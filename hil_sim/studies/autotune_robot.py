@@ -16,25 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import omniwheel
 from hil_sim.batch import run_batch
 from hil_sim.lockstep import SteppedLink
-from hil_sim.runs import new_world
+from hil_sim.studies.autotune_link import CABLE, Way, reached_robot
 from hil_sim.studies.drawn_robots import DrawnRobot, draw_robot
 from omniwheel.autotune.design import CHANGED
 from omniwheel.autotune.procedure import Outcome, Settings, autotune
-from omniwheel.autotune.wheel_loop import Margins, loaded, loop_of, motor_of
+from omniwheel.autotune.sweep import sweep
 from omniwheel.errors import OmniError
-from omniwheel.experiments import WheelPlan, wheel_chirp
-from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
+from omniwheel.wheel_loop import Margins, loaded, loop_of, motor_of
 
 FRESH_SEED = 1_000_000
 """The first seed that robots are judged by; the tuning's world has the robot's own seed."""
 JUDGING_RUNS = 16
-CHIRP_WHEEL_S, CHIRP_ROOM_M = 7.5, 2.0
-"""Length of the sweep times wheels: so much fits into the robot's memory."""
+SWEEP_ROOM_M = 2.0
+MARGIN_SIDES = ("model", "promised", "measured")
+"""What the model says of a margin, what autotune promises after its own sweep, and what a later sweep shows."""
 TEXT = 160
 
 ROW = np.dtype(
@@ -42,7 +41,8 @@ ROW = np.dtype(
         ("seed", "<u8"),
         ("outcome", "S16"),
         ("why", f"S{TEXT}"),
-        ("swings", "<f8"),
+        ("hardly_damped", "<f8"),
+        ("share", "<f8"),
         ("wheels", "<f8"),
         ("counts", "<f8"),
         ("top_m_s", "<f8"),
@@ -56,14 +56,15 @@ ROW = np.dtype(
         ),
         *((f"{name}_worse", "<f8") for name in ("position", "theta")),
         *((f"{name}_{what}", "<f8") for name in ("position", "theta") for what in ("seen", "seen_half")),
-        *((f"{name}_{side}", "<f8") for name in ("gain", "phase", "distance") for side in ("promised", "measured")),
+        *((f"{name}_{side}", "<f8") for name in ("gain", "phase", "distance") for side in MARGIN_SIDES),
         ("margin_why", f"S{TEXT}"),
         *((f"{name}_{side}", "<f8") for name in CHANGED for side in ("before", "after")),
     ]
 )
 """What is kept of a robot. ``outcome``: kept, reverted, refused (autotune said no) or stopped (a safety fault).
 
-``why``: the error, or what autotune's choice rests on. ``swings``: the old values were not driven. ``position_worse``:
+``why``: the error, or what autotune's choice rests on. ``hardly_damped``: the old values
+have less than half of the margins. ``share``: of the limits, at which both were compared last. ``position_worse``:
 lower end of the 95 % interval by which the figure grew, paired by seed; above 0: worse. ``position_seen``: by which
 share of itself the robot saw it grow while it was tuned, and half of that interval.
 """
@@ -84,21 +85,18 @@ class Trial:
 
 
 @contextmanager
-def waiting_robot(drawn: DrawnRobot) -> Iterator[tuple[Robot, SteppedLink]]:
+def waiting_robot(drawn: DrawnRobot, way: Way = CABLE) -> Iterator[tuple[Robot, SteppedLink]]:
     """Start the firmware with the wrong robot file in the true robot's world; it goes on while somebody waits."""
-    scenario = drawn.tuning_scenario()
-    parameters, links = scenario.parameter_values(), ["tcp:127.0.0.1:0"]
-    with FirmwareProcess(parameters=parameters, links=links, lockstep=True) as firmware:
-        link = SteppedLink(firmware.open_link(), new_world(scenario))
-        link.end_s = math.inf
-        with omniwheel.connect(link, clock=link.clock_s) as robot:
-            yield robot, link
+    with reached_robot(drawn.tuning_scenario(), way) as found:
+        yield found
 
 
-def tune(drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = lambda _: None) -> Trial:
-    """Tune a robot; the margins are measured afterwards if it keeps its new values."""
+def tune(
+    drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = lambda _: None, way: Way = CABLE
+) -> Trial:
+    """Tune a robot; the margins of the new values are measured afterwards, whether it keeps them or not."""
     trial = Trial()
-    with waiting_robot(drawn) as (robot, link):
+    with waiting_robot(drawn, way) as (robot, link):
         trial.before = {name: robot.parameters[name] for name in CHANGED}
         try:
             trial.outcome = autotune(robot, settings, True, tell)
@@ -106,25 +104,25 @@ def tune(drawn: DrawnRobot, settings: Settings, tell: Callable[[str], None] = la
             trial.error = error
             trial.stopped = isinstance(error, ExperimentError)
         trial.simulated_s = link.clock_s()
-        if trial.outcome is not None and trial.outcome.kept:
-            try:
-                trial.measured = _measured_margins(robot)
-            except OmniError as error:
-                trial.margin_error = str(error)
         robot.parameters.forget()
         trial.parameters = {name: robot.parameters[name] for name in CHANGED}
+        if trial.outcome is not None:
+            trial.measured, trial.margin_error = _measured_margins(robot, trial.outcome.new)
     return trial
 
 
-def _measured_margins(robot: Robot) -> Margins:
-    """Return the margins of all wheel loops together, turning, as ``omni experiment wheel-chirp`` measures them."""
-    plan = WheelPlan(duration_s=CHIRP_WHEEL_S / robot.parameters["WHEELS"])
-    found = wheel_chirp(robot, plan, CHIRP_ROOM_M, lambda _: None)
-    return Margins(*(found[name].measured for name in ("gain_margin", "phase_margin_rad", "distance")))
+def _measured_margins(robot: Robot, values: Mapping[str, float]) -> tuple[Margins | None, str]:
+    """Return the margins of these values, turning, as another sweep shows them; or why it does not."""
+    try:
+        robot.parameters.set_many(values)
+        found = sweep(robot, SWEEP_ROOM_M, lambda _: None)
+    except OmniError as error:
+        return None, str(error)
+    return found.margins, found.why
 
 
-def promised_margins(drawn: DrawnRobot, outcome: Outcome) -> Margins:
-    """Return what autotune's model says of the same loop."""
+def modelled_margins(drawn: DrawnRobot, outcome: Outcome) -> Margins:
+    """Return what autotune's model says of the loop that is swept."""
     values = {**drawn.tuning_scenario().parameter_values(), **outcome.new}
     loop = loop_of(values, loaded(motor_of(values), outcome.design.measured.turning))
     return loop.margins(values["WS_P"], values["WS_I"])
@@ -135,15 +133,16 @@ def judge(drawn: DrawnRobot, parameters: Mapping[str, float], runs: int = JUDGIN
     return run_batch(drawn.judging_scenario().with_parameters(parameters), FRESH_SEED, runs).rows
 
 
-def robot_row(seed: int, settings: Settings) -> NDArray[Any]:
-    """Tune the robot of a seed, judge it, and return its ROW."""
+def robot_row(seed: int, task: tuple[Settings, Way]) -> NDArray[Any]:
+    """Tune the robot of a seed with these settings in this way, judge it, and return its ROW."""
+    settings, way = task
     started = time.perf_counter()
     row = np.zeros(1, ROW)
     for name in ROW.names or ():
         if row.dtype[name].kind == "f":
             row[name] = math.nan
     drawn = draw_robot(seed)
-    trial = tune(drawn, settings)
+    trial = tune(drawn, settings, way=way)
     truth = drawn.truth.parameter_values()
     row["seed"], row["wheels"], row["counts"] = seed, drawn.truth.wheels, truth["ENC_CPR"]
     row["top_m_s"], row["simulated_s"] = truth["LIM_V"], trial.simulated_s
@@ -152,7 +151,8 @@ def robot_row(seed: int, settings: Settings) -> NDArray[Any]:
     for name in CHANGED:
         row[f"{name}_before"], row[f"{name}_after"] = trial.before[name], trial.parameters[name]
     if trial.outcome is not None:
-        row["explained"], row["swings"] = trial.outcome.design.fit.fit, trial.outcome.old_swings
+        row["explained"], row["hardly_damped"] = trial.outcome.design.fit.fit, trial.outcome.in_steps
+        row["share"] = trial.outcome.compared.share
         row["why"] = trial.outcome.choice.why.encode()[:TEXT]
         for verdict in trial.outcome.verdicts:
             name = verdict.kind.key.partition("_")[0]
@@ -174,7 +174,9 @@ def _fill_margins(row: NDArray[Any], drawn: DrawnRobot, trial: Trial) -> None:
     row["margin_why"] = trial.margin_error.encode()[:TEXT]
     if trial.outcome is None or trial.measured is None:
         return
-    for side, found in (("promised", promised_margins(drawn, trial.outcome)), ("measured", trial.measured)):
+    model = modelled_margins(drawn, trial.outcome)
+    sides = {"model": model, "promised": trial.outcome.swept.or_model(model), "measured": trial.measured}
+    for side, found in sides.items():
         for name, value in (("gain", found.gain), ("phase", found.phase_rad), ("distance", found.distance)):
             row[f"{name}_{side}"] = value
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,10 +27,10 @@ from omniwheel.robot import Robot
 
 STREAM = 15
 LATEST_S = 400.0
-"""Moments are drawn up to here; a tuning that is over sooner was not stopped."""
+"""Moments are drawn up to here. If a tuning is over sooner, one is drawn anew, up to its end."""
 KINDS = ("interrupt", "estop", "link", "power")
-REST_S = 4.0
-"""How long the robot has to come to rest: SAFE_LINK_TO and the way until it stands."""
+REST_S = 0.5
+"""How long the robot has to come to rest, besides SAFE_LINK_TO and what it takes from its top speed to standing."""
 REST_M_S, REST_RAD_S = 1e-3, 1e-2
 ROW = np.dtype(
     [
@@ -37,6 +38,7 @@ ROW = np.dtype(
         ("kind", "S16"),
         ("why", f"S{TEXT}"),
         ("moment_s", "<f8"),
+        ("tuned_s", "<f8"),
         ("simulated_s", "<f8"),
         ("wall_s", "<f8"),
         *((name, "<f8") for name in ("stopped", "at_rest", "old_parameters")),
@@ -72,17 +74,35 @@ class StoppedLink(SteppedLink):
         super().write(data)
 
 
-def drawn_stop(seed: int, latest_s: float = LATEST_S) -> tuple[str, float]:
+def drawn_stop(seed: int, latest_s: float = LATEST_S, attempt: int = 0) -> tuple[str, float]:
     """Return in which of KINDS a seed's tuning is stopped, and when [s]."""
     draw = np.random.default_rng([STREAM, seed])
-    return KINDS[int(draw.integers(len(KINDS)))], float(draw.uniform(0.0, latest_s))
+    kind = KINDS[int(draw.integers(len(KINDS)))]
+    moments = draw.uniform(0.0, latest_s, attempt + 1)
+    return kind, float(moments[attempt])
+
+
+def rest_s(values: Mapping[str, float]) -> float:
+    """Return after which time a robot must be at rest, by its own parameters, if the cable is pulled at top speed."""
+    rim_m_s = values["LIM_V"] + values["LIM_W"] * values["WHEEL_DIST"]
+    return values["SAFE_LINK_TO"] + rim_m_s / values["LIM_A"] + REST_S
 
 
 def stop_row(seed: int, settings: Settings, latest_s: float = LATEST_S) -> NDArray[Any]:
-    """Stop the tuning of a seed's robot at a random moment, in one of KINDS, and return its ROW."""
+    """Stop the tuning of a seed's robot at a random moment, in one of KINDS, and return its ROW.
+
+    If it is over by then nothing was stopped. So another moment is drawn from the time that it took.
+    """
     started = time.perf_counter()
+    row = _stopped(seed, settings, *drawn_stop(seed, latest_s))
+    if not row["stopped"][0]:
+        row = _stopped(seed, settings, *drawn_stop(seed, float(row["tuned_s"][0]), attempt=1))
+    row["wall_s"] = time.perf_counter() - started
+    return row
+
+
+def _stopped(seed: int, settings: Settings, kind: str, moment_s: float) -> NDArray[Any]:
     row = np.zeros(1, ROW)
-    kind, moment_s = drawn_stop(seed, latest_s)
     row["seed"], row["kind"], row["moment_s"] = seed, kind, moment_s
     scenario = draw_robot(seed).tuning_scenario()
     values = scenario.parameter_values()
@@ -91,12 +111,14 @@ def stop_row(seed: int, settings: Settings, latest_s: float = LATEST_S) -> NDArr
         world = new_world(scenario)
         with FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True, storage=storage) as firmware:
             link = StoppedLink(firmware.open_link(), world)
-            link.end_s, link.kind, link.moment_s = math.inf, kind, moment_s
+            link.end_s, link.kind = math.inf, kind
             robot = omniwheel.connect(link, clock=link.clock_s)
             before = {name: robot.parameters[name] for name in CHANGED}
+            begun_s = link.clock_s()
+            link.moment_s = begun_s + moment_s
             row["why"] = _tuned(robot, settings).encode()[:TEXT]
-            row["stopped"] = link.happened
-            link.run(round(REST_S * 1e3), link.drop_received)
+            row["stopped"], row["tuned_s"] = link.happened, link.clock_s() - begun_s
+            link.run(round(1e3 * rest_s(values)), link.drop_received)
             row["at_rest"] = bool(np.hypot(*world.twist[:2]) < REST_M_S and abs(world.twist[2]) < REST_RAD_S)
             row["simulated_s"] = link.clock_s()
             after = before if kind == "power" else _parameters(link)
@@ -104,7 +126,6 @@ def stop_row(seed: int, settings: Settings, latest_s: float = LATEST_S) -> NDArr
         if kind == "power" and link.happened:
             after = _after_power_cycle(values, storage)
     row["old_parameters"] = after == before
-    row["wall_s"] = time.perf_counter() - started
     return row
 
 

@@ -22,30 +22,32 @@ from numpy.typing import NDArray
 import omniwheel.autotune
 from hil_sim.processes import worker_pool
 from hil_sim.studies import autotune_rival, autotune_robot, autotune_stop, drawn_robots, engine
+from hil_sim.studies.autotune_link import CABLE, Way
 from hil_sim.studies.autotune_summary import document, page
 from hil_sim.studies.folder import Definition, StudyFolder
 from hil_sim.studies.store import KEY_BYTES
 from hil_sim.studies.study import Progress, no_progress
-from omniwheel import files
+from omniwheel import files, wheel_loop
 from omniwheel.autotune.procedure import Settings
 from omniwheel.plain import finite
 
 Array = NDArray[Any]
 SUMMARY_FILE, PAGE_FILE, ROBOTS_FILE = "summary.json", "report.md", "robots.csv"
 
-DECIDING = ("choice", "design", "gains", "motor_values", "procedure", "room", "wheel_loop")
+DECIDING = ("choice", "comparison", "design", "gains", "motor_values", "procedure", "room", "sweep")
 """Modules of autotune that decide what it finds."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How many robots, from which seed on; how many of them meet a rival; how many tunings are stopped."""
+    """How many robots, from which seed on, in which way; how many meet a rival; how many tunings are stopped."""
 
     robots: int
     first_seed: int = 1
     rivals: int = 0
     stops: int = 0
     settings: Settings = field(default_factory=Settings)
+    way: Way = CABLE
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ PARTS = (
 def sources_digest() -> str:
     """Return a digest of the code whose results are kept: autotune's, and how robots are drawn."""
     folder = Path(next(iter(omniwheel.autotune.__path__)))
-    paths = [*(folder / f"{name}.py" for name in DECIDING), Path(drawn_robots.__file__)]
+    paths = [*(folder / f"{name}.py" for name in DECIDING), Path(wheel_loop.__file__), Path(drawn_robots.__file__)]
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:16]
 
 
@@ -76,7 +78,7 @@ def run_study(
 ) -> dict[str, Any]:
     """Do what is missing and write the results; return the summary. Raises StudyFolderError, OutputFileError."""
     seeds = range(plan.first_seed, plan.first_seed + plan.robots)
-    robots = _done(PARTS[0], plan, path, seeds, [plan.settings] * plan.robots, jobs, fresh, told)
+    robots = _done(PARTS[0], plan, path, seeds, [(plan.settings, plan.way)] * plan.robots, jobs, fresh, told)
     tuned = [(row["seed"], autotune_robot.values_after(row)) for row in robots[: plan.rivals]]
     rivals = _done(PARTS[1], plan, path, [int(seed) for seed, _ in tuned], [v for _, v in tuned], jobs, fresh, told)
     stops = range(plan.first_seed, plan.first_seed + plan.stops)
@@ -103,6 +105,7 @@ def _done(
         return np.empty(0, part.row)
     content = {
         "settings": asdict(plan.settings),
+        "way": asdict(plan.way),
         "sources": sources_digest(),
         "engine": engine.identity(),
         "row": list(part.row.names or ()),

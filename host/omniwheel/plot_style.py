@@ -12,6 +12,7 @@ from typing import Any
 INK, GREY = "#222222", "#8a8a8a"
 WHEEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 TRUTH, WANTED, HEADING, MARK = "#0072B2", "#E69F00", "#009E73", "#D55E00"
+SETS = (WANTED, TRUTH, HEADING, MARK, "#CC79A7")  # parameter sets that are compared; the present one first
 
 STYLE: Any = {
     "font.size": 10.0,

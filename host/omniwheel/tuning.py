@@ -97,8 +97,9 @@ def step_figures(trace: Trace, axis: int, start: float, size: float) -> Figures:
 class Experiment:
     """Runs experiments on one robot. The robot is disarmed whenever an experiment is over, whatever happened."""
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+    def __init__(self, robot: Robot, rate_hz: float = RATE_HZ) -> None:
+        """``rate_hz``: how often the robot is to tell where it is; less on a slow radio."""
+        self._robot, self._rate_hz = robot, rate_hz
 
     def step(self, axis: str, size: float, duration_s: float) -> tuple[Trace, Figures]:
         """Step along an axis of the world by ``size`` [m or rad], watch for ``duration_s``, and step back."""
@@ -137,7 +138,7 @@ class Experiment:
         return trace, tracking_figures(trace)
 
     def _tracking(self) -> Tracking:
-        self._robot.set_message_interval(Tracking.message, RATE_HZ)
+        self._robot.set_message_interval(Tracking.message, self._rate_hz)
         return self._robot.wait_for(Tracking, START_TIMEOUT_S)
 
     def _require_driving(self) -> None:

@@ -13,11 +13,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from omniwheel.files import save_picture
-from omniwheel.plot_style import HEADING, INK, MARK, STYLE, TRUTH, WANTED
+from omniwheel.plot_style import INK, SETS, STYLE
 from omniwheel.tuning import AXES, UNITS, Trace
 
 _SIZE_IN, _DPI = (10.0, 7.5), 120
-_COLOURS = (WANTED, TRUTH, HEADING, MARK, "#CC79A7")
 
 
 def draw_tuning(tries: Mapping[str, Sequence[Trace]], title: str, path: Path) -> None:
@@ -44,7 +43,7 @@ def draw_tuning(tries: Mapping[str, Sequence[Trace]], title: str, path: Path) ->
 def _draw_answers(axes: Axes, tries: Mapping[str, Sequence[Trace]], column: int, axis: str) -> None:
     last = list(tries.values())[-1][-1]
     axes.plot(last.time_s, last.reference[:, column], color=INK, linewidth=1.0, linestyle="--", label="wanted")
-    for (name, traces), colour in zip(tries.items(), _COLOURS[: len(tries)], strict=True):
+    for (name, traces), colour in zip(tries.items(), SETS[: len(tries)], strict=True):
         for number, trace in enumerate(traces):
             label = name if number == 0 else None
             moved = trace.pose[:, column] - trace.reference[0, column] + last.reference[0, column]
@@ -53,7 +52,7 @@ def _draw_answers(axes: Axes, tries: Mapping[str, Sequence[Trace]], column: int,
 
 
 def _draw_errors(axes: Axes, tries: Mapping[str, Sequence[Trace]], column: int, axis: str) -> None:
-    for traces, colour in zip(tries.values(), _COLOURS[: len(tries)], strict=True):
+    for traces, colour in zip(tries.values(), SETS[: len(tries)], strict=True):
         for trace in traces:
             error = trace.pose[:, column] - trace.reference[:, column]
             if axis == "theta":

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 from omniwheel.robot import Robot
-from omniwheel.tuning import Figures, Trace
 
-Try = tuple[Trace, Figures]
+_Try = TypeVar("_Try")
 MAX_SETS = 5
 """As many sets can be told apart in one picture."""
 
@@ -23,17 +23,17 @@ def run_rounds(
     robot: Robot,
     sets: Sequence[Mapping[str, float]],
     rounds: int,
-    experiment: Callable[[Robot], Try],
+    experiment: Callable[[Robot], _Try],
     say: Callable[[int, int], None],
     set_many: Callable[[Mapping[str, float]], None] | None = None,
-) -> list[list[Try]]:
+) -> list[list[_Try]]:
     """Run an experiment with each set of parameter values in every round; return the tries of each set, in order.
 
     Each set holds all parameters that any of them changes. ``say(round, set)`` is called before each try. The robot is
     left with the values of the last try. ``set_many`` sets them; without it they are set for good.
     """
     use = set_many or robot.parameters.set_many
-    tries: list[list[Try]] = [[] for _ in sets]
+    tries: list[list[_Try]] = [[] for _ in sets]
     for number in range(rounds):
         for index in order(len(sets), number):
             say(number, index)

@@ -10,7 +10,7 @@ candidates are judged at once; each gets its share of the 5 % by which any of th
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +24,21 @@ RISK = 0.05
 
 @dataclass(frozen=True)
 class Kind:
-    """A figure for people: its name, unit, factor to that unit, digits; all are better if they are smaller."""
+    """A figure for people: its name, unit, factor to that unit, and digits.
+
+    ``better``: -1 if smaller is better, 1 if larger is, 0 if that depends.
+    """
 
     key: str
     name: str
     unit: str
     factor: float
     digits: int
+    better: int = -1
+
+    def shown(self, value: float) -> str:
+        """Return a value [SI] in the figure's unit, without the unit; a dash for none."""
+        return f"{value * self.factor:.{self.digits}f}" if math.isfinite(value) else "–"
 
 
 KINDS = (
@@ -61,17 +69,26 @@ class Verdict:
         """Whether the change is seen above the noise of the repeats."""
         return math.isfinite(self.half_width) and abs(self.difference) > self.half_width
 
+    @property
+    def word(self) -> str:
+        """Return "better" or "worse", or "higher" or "lower" where neither is better; "" inside the noise."""
+        if not self.shows:
+            return ""
+        if self.kind.better == 0:
+            return "higher" if self.difference > 0.0 else "lower"
+        return "better" if self.difference * self.kind.better > 0.0 else "worse"
+
     def sentence(self) -> str:
         """Return the verdict for a person."""
         kind = self.kind
-        before, after, moved, width = (
-            f"{value * kind.factor:.{kind.digits}f}"
-            for value in (self.before, self.after, abs(self.difference), self.half_width)
-        )
+        values = (self.before, self.after, abs(self.difference), self.half_width)
+        before, after, moved, width = map(kind.shown, values)
+        change = f"{before} → {after} {kind.unit}".rstrip()
+        if self.rounds < 2:
+            return f"{kind.name}: seen in a single round only ({change})"
         if not self.shows:
-            return f"{kind.name}: inside the noise of {self.rounds} rounds ({before} → {after} {kind.unit}, ± {width})"
-        word = "better" if self.difference < 0.0 else "worse"
-        return f"{kind.name} {before} → {after} {kind.unit}: {word} by {moved} ± {width}"
+            return f"{kind.name}: inside the noise of {self.rounds} rounds ({change}, ± {width})"
+        return f"{kind.name} {change}: {self.word} by {moved} ± {width}"
 
 
 def judge(before: Sequence[Figures], after: Sequence[Figures], candidates: int = 1) -> list[Verdict]:
@@ -79,10 +96,18 @@ def judge(before: Sequence[Figures], after: Sequence[Figures], candidates: int =
 
     ``candidates``: how many are judged at once. Raises MissingPackageError without SciPy if there are several rounds.
     """
-    pairs = [(one.as_dict(), other.as_dict()) for one, other in zip(before, after, strict=True)]
-    sides = {kind.key: np.array([(one[kind.key], other[kind.key]) for one, other in pairs]) for kind in KINDS}
+    one, other = ([entry.as_dict() for entry in side] for side in (before, after))
+    return judge_figures(one, other, KINDS, candidates)
+
+
+def judge_figures(
+    before: Sequence[Mapping[str, float]], after: Sequence[Mapping[str, float]], kinds: Sequence[Kind], candidates: int
+) -> list[Verdict]:
+    """Do as :func:`judge`, for figures of these kinds by their keys; one that is missing counts as NaN."""
+    pairs = list(zip(before, after, strict=True))
+    sides = {k.key: np.array([[side.get(k.key, math.nan) for side in pair] for pair in pairs]) for k in kinds}
     known = {key: side[np.isfinite(side).all(axis=1)] for key, side in sides.items()}
-    judged = [kind for kind in KINDS if len(known[kind.key])]
+    judged = [kind for kind in kinds if len(known[kind.key])]
     return [_verdict(kind, known[kind.key], len(judged) * candidates) for kind in judged]
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from c_tables import c_string, float_literal
-from omni_schema import Robot, SchemaError, as_float32
+from omni_schema import GyroWiring, Robot, SchemaError, as_float32
+from omni_schema.gyro_configuration import read_configuration
 
 TEMPLATE = """\
 // SPDX-License-Identifier: MIT
@@ -43,6 +44,33 @@ constexpr uint8_t gyro_address = {gyro}; ///< of the chip on the second I2C bus;
 
 }} // namespace omni::wiring
 """
+GYRO_TEMPLATE = """\
+// SPDX-License-Identifier: MIT
+// Written by shared/generate from {source}; edit that file instead.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/{header}.h"
+
+namespace omni::wiring {{
+
+inline constexpr const GyroRegisters &gyro_registers = {registers};
+{configuration}
+
+}} // namespace omni::wiring
+"""
+NO_CONFIGURATION = """\
+constexpr const uint8_t *gyro_configuration = nullptr;
+constexpr size_t gyro_configuration_size = 0;"""
+# A Teensy copies all other constants into its fast memory.
+CONFIGURATION = """\
+constexpr size_t gyro_configuration_size = {size};
+__attribute__((section(".progmem"))) constexpr uint8_t gyro_configuration[gyro_configuration_size] = {{
+{rows}
+}};"""
+NO_GYRO = "no_gyro"
 NO_PIN = 255
 _DECODER = {"auto": "automatic", "hardware": "hardware", "interrupt": "interrupt"}
 
@@ -73,6 +101,21 @@ def wiring_header(robot: Robot) -> str:
     )
 
 
+def gyro_header(source: str, gyro: GyroWiring | None) -> str:
+    """Return ``omni/gyro_gen.h``: the registers of the robot's chip. Raises SchemaError for its configuration file."""
+    configuration = NO_CONFIGURATION
+    if gyro is not None and gyro.chip.config_file:
+        content = read_configuration(source, gyro.config_file, gyro.config_sha256)
+        rows = (", ".join(map(str, content[start : start + 32])) for start in range(0, len(content), 32))
+        configuration = CONFIGURATION.format(size=len(content), rows=",\n".join(rows))
+    return GYRO_TEMPLATE.format(
+        source=Path(source).name,
+        header=gyro.chip.driver if gyro is not None else "gyro_registers",
+        registers=f"{gyro.chip.driver}::registers" if gyro is not None else NO_GYRO,
+        configuration=configuration,
+    )
+
+
 def _joined(items: Iterable[str]) -> str:
     return ", ".join(items)
 
@@ -82,10 +125,13 @@ def _or_none(pin: int | None) -> int:
 
 
 def write_wiring_header(robots: Sequence[Robot], out: Path) -> None:
-    """Write the header below ``out``; there must be exactly one robot."""
+    """Write both headers below ``out``; there must be exactly one robot."""
     if len(robots) != 1:
         names = ", ".join(robot.name for robot in robots)
         raise SchemaError("--part wiring", "", f"needs one robot file (--robot FILE), got {names}")
-    path = out / "include" / "omni" / "wiring_gen.h"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(wiring_header(robots[0]), encoding="utf-8")
+    robot = robots[0]
+    texts = {"wiring_gen.h": wiring_header(robot), "gyro_gen.h": gyro_header(robot.source, robot.board.gyro)}
+    for name, text in texts.items():
+        path = out / "include" / "omni" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -41,6 +42,9 @@ def sensitivity(bench: Bench, out: Any) -> Any:
 @pytest.mark.parametrize("mode", ["POSE", "SLIP"])
 def test_margin_is_k_less_three_sigma_of_the_slip_error(robot_name: str, mode: str) -> None:
     bench, out = driving(robot_name, EKF_MODE=float(getattr(lib, f"OMNI_EKF_MODE_{mode}")))
+    looked_at = {out.ismc_margin[0]}
+    while out.ismc_margin[0] in looked_at:  # it is looked at in every eighth tick
+        out = bench.tick()
     n, ekf = bench.wheels, bench.robot.estimator.pose_ekf
     rows = sensitivity(bench, out)
     cover, left = np.eye(n) * bench.values[lib.OMNI_PARAM_EKF_P_SLIP] ** 2, np.zeros(n)
@@ -69,6 +73,14 @@ def test_a_gain_too_small_warns_after_half_a_second_and_stops_nothing() -> None:
     out = bench.tick(lib.OMNI_EVENT_DISARM, count=2)
     assert not warned(out)
     assert out.ismc_margin[0] == 0.0
+
+
+def test_the_margin_is_looked_at_in_every_eighth_tick() -> None:
+    bench, _ = driving()
+    seen = [bench.tick().ismc_margin[0] for _ in range(80)]
+    changes = [i for i in range(1, 80) if seen[i] != seen[i - 1]]
+    assert len(changes) == 10
+    assert {later - earlier for earlier, later in itertools.pairwise(changes)} == {8}
 
 
 def test_the_defaults_cover_and_super_twisting_is_not_judged() -> None:

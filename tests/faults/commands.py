@@ -15,6 +15,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+import typer
 
 from hil_sim.hil import run_hil
 from hil_sim.scenario import load_scenario
@@ -23,14 +24,16 @@ from hil_sim.studies.autotune_study import PARTS, Part
 from omniwheel import FirmwareProcess
 from omniwheel.autotune.choice import Choice
 from omniwheel.autotune.gains import WheelGains
-from omniwheel.autotune.wheel_loop import Margins
+from omniwheel.autotune.sweep import Swept
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel
+from omniwheel.experiments.repeated import Try
 from omniwheel.experiments.session import Claims
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
 from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.tuning import Figures, Trace
+from omniwheel.wheel_loop import Margins
 from tests.host.logs import synthetic
 from tests.quick_scenario import QUICK
 
@@ -41,7 +44,7 @@ class Case:
 
     ``links``: it needs a robot, whose link takes the place of {link}. ``again``: after a failure the same command goes
     on in the same folder. ``during`` is a context for its run. ``step``: every so many calls one fails, for slow ones.
-    ``tells``: what is said whatever fails, because it took the robot minutes.
+    ``tells``: what is said whatever fails, because it took the robot minutes; only if ``driven`` was said.
     """
 
     line: str
@@ -49,6 +52,7 @@ class Case:
     again: bool = False
     step: int = 1
     tells: str = ""
+    driven: str = ""
     during: Callable[[], Any] = field(default=ExitStack)
 
     @property
@@ -101,9 +105,19 @@ def _live() -> Iterator[None]:
         yield
 
 
-def _rounds(*_: Any) -> Any:
+DRIVEN = "the robot has driven"
+
+
+def _rounds(_robot: Any, _sets: Any, _rounds: Any, run: Any, *_: Any) -> Any:
+    """Return tries as if the robot had driven for minutes."""
+    typer.echo(DRIVEN, err=True)
+    names = [experiment.name for experiment in run.__self__.experiments]
+    return [[_tried(*names)] * 2] * 2
+
+
+def _tried(*names: str) -> Try:
     trace = Trace(np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
-    return [[(trace, Figures(0.012, 0.0))] * 2] * 2
+    return Try(dict.fromkeys(names, trace), Figures(0.012, 0.0).as_dict())
 
 
 def _tuned(*_: Any) -> Any:
@@ -114,7 +128,7 @@ def _tuned(*_: Any) -> Any:
     design = SimpleNamespace(fit=fit, values=values, before=gains, after=gains)
     for name in ("lifted_before", "lifted_after", "position_before", "position_after"):
         setattr(design, name, gains.margins)
-    traces = {"before": [_rounds()[0][0][0]], "after": [_rounds()[0][0][0]]}
+    traces = {"before": [_tried("step").seen["step"]], "after": [_tried("step").seen["step"]]}
     return SimpleNamespace(
         old=values,
         new=values,
@@ -123,7 +137,9 @@ def _tuned(*_: Any) -> Any:
         traces=traces,
         kept=False,
         choice=Choice(False, "nothing moved"),
-        old_swings=False,
+        in_steps=False,
+        compared=SimpleNamespace(share=0.7),
+        swept=Swept(None, "nothing moved"),
     )
 
 
@@ -198,9 +214,11 @@ CASES = {
         step=2,
     ),
     "tune": Case(
-        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk}/t.png --link {link}",
+        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk} --link {link}",
         links=True,
         tells="12.00",
+        driven=DRIVEN,
+        step=8,
         during=lambda: _patched(omniwheel__tuning_rounds__run_rounds=_rounds),
     ),
     "autotune": Case(

@@ -136,7 +136,7 @@ class Drive:
         if not failed:  # timing: this run made fewer calls
             return []
         found = judge(result, failed, self.disk, wanted)
-        if self.case.tells not in result.output:
+        if self.case.driven in result.output and self.case.tells not in result.output:
             found.append(f"after {failed}: does not tell what was measured: {result.output[-_TAIL:]}")
         if self.case.again:
             with self.case.during():

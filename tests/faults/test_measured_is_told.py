@@ -18,7 +18,7 @@ from omniwheel.errors import OutputFileError
 from tests.faults.commands import CASES
 
 FULL = "/dev/full"
-TUNE = ("tune", "--set", "WS_P=6", "--rounds", "2", "--out", FULL)
+TUNE = ("tune", "--set", "WS_P=6", "--rounds", "2", "--plot", FULL)
 
 
 @pytest.fixture
@@ -39,8 +39,8 @@ def full(*_: Any) -> None:
     raise OutputFileError("cannot write it: No space left on device")
 
 
-def test_tune_tells_all_rounds_and_keeps_what_it_is_told_to_keep(url: str) -> None:
-    done = run("tune", *TUNE, "--keep", "--link", url)
+def test_tune_tells_all_rounds_and_keeps_what_it_is_told_to_keep(url: str, tmp_path: Path) -> None:
+    done = run("tune", *TUNE, "--keep", "--link", url, "--out", str(tmp_path))
     assert done.exit_code == 1
     assert f"error: cannot write {FULL}" in done.output
     assert "12.00" in done.output
@@ -49,14 +49,14 @@ def test_tune_tells_all_rounds_and_keeps_what_it_is_told_to_keep(url: str) -> No
         assert robot.parameters["WS_P"] == 6.0
 
 
-def test_its_json_holds_the_figures_beside_the_error(url: str) -> None:
-    done = run("tune", *TUNE, "--revert", "--json", "--link", url)
+def test_its_json_holds_the_figures_beside_the_error(url: str, tmp_path: Path) -> None:
+    done = run("tune", *TUNE, "--revert", "--json", "--link", url, "--out", str(tmp_path))
     assert done.exit_code == 1
     told = json.loads(done.stdout)
     assert told["error"]["type"] == "OutputFileError"
     assert told["rounds"] == 2
     assert told["candidates"][0]["after"]["position_m"] == pytest.approx(0.012)
-    assert "picture" not in told
+    assert FULL not in told["pictures"]
 
 
 @pytest.mark.parametrize(

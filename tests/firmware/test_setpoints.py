@@ -226,6 +226,18 @@ def test_waypoints_are_passed_in_their_order_with_their_headings(robot: FakeRobo
     assert reached == sorted(reached)
 
 
+def test_a_waypoint_that_is_sent_again_is_not_added_again(robot: FakeRobot) -> None:
+    """A radio lost the acknowledgement, the host sent it once more, and the robot refused it."""
+    for number in (0, 0, 1, 1, 1, 2, 2):
+        assert robot.ask(USB, waypoint(number, 0.1 * number, 0.0, 0.0)) == mav.MAV_RESULT_ACCEPTED
+    assert robot.ask(USB, waypoint(1, 0.1, 0.0, 0.0)) == mav.MAV_RESULT_DENIED, "others stay in their order"
+    assert robot.ask(USB, waypoint(4, 0.4, 0.0, 0.0)) == mav.MAV_RESULT_DENIED
+    for number in range(3, 32):
+        assert robot.ask(USB, waypoint(number, 0.01 * number, 0.0, 0.0)) == mav.MAV_RESULT_ACCEPTED
+    assert robot.ask(USB, waypoint(31, 0.3, 0.0, 0.0)) == mav.MAV_RESULT_ACCEPTED
+    assert robot.ask(USB, waypoint(32, 0.3, 0.0, 0.0)) == mav.MAV_RESULT_DENIED, "there are 32"
+
+
 def test_a_spline_passes_its_waypoints_without_a_stop_in_the_time_asked_for(robot: FakeRobot) -> None:
     points = [(0.1 * number, 0.02 * (number % 2), 0.0) for number in range(5)]
     for number, point in enumerate(points):

@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import shutil
+import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -142,6 +145,44 @@ def test_a_ros_parser_reads_the_urdf(robot: str, tmp_path: Path) -> None:
     read = parser.URDF.load(tmp_path / "robot.urdf")
     assert read.validate(), read.errors
     assert len(read.actuated_joints) == 19 * len(parts_of(robot).wheels)
+
+
+@pytest.fixture(scope="module")
+def sdf_reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Gazebo's own parser of SDF: a program around the library of the SDF project (Debian: libsdformat-dev)."""
+    flags = subprocess.run(["pkg-config", "--cflags", "--libs", "sdformat12"], capture_output=True, text=True)
+    if flags.returncode != 0:
+        if os.environ.get("CI") == "true":
+            pytest.fail("libsdformat-dev is not installed")
+        pytest.skip("needs libsdformat-dev and pkg-config")
+    program = tmp_path_factory.mktemp("sdf") / "sdf_reader"
+    source = Path(__file__).with_name("sdf_reader.cpp")
+    subprocess.run(["c++", str(source), "-o", str(program), *flags.stdout.split()], check=True)
+    return program
+
+
+@pytest.mark.skipif(shutil.which("pkg-config") is None and os.environ.get("CI") != "true", reason="needs pkg-config")
+@pytest.mark.parametrize("ending", ["sdf", "urdf"])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_gazebos_parser_understands_the_same_robot(sdf_reader: Path, robot: str, ending: str, tmp_path: Path) -> None:
+    """No error, no warning, masses that can be, and every hinge at the place and axis that our reader finds."""
+    text = FORMATS[ending](read_robot(robot))
+    path = tmp_path / f"robot.{ending}"
+    path.write_text(text, encoding="utf-8")
+    environment = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
+    done = subprocess.run([str(sdf_reader), str(path)], capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = [line.split() for line in done.stdout.splitlines()]
+    links = {name: (float(mass), valid) for kind, name, mass, valid, *rest in rows if kind == "link"}
+    assert {valid for _, valid in links.values()} == {"1"}
+    if ending == "sdf":  # a URDF's chassis is fixed to the world there
+        mass = sum(mass for mass, _ in links.values())
+        assert mass == pytest.approx(read_robot(robot).simulation["mass_kg"], rel=1e-6)
+    places = urdf_places(text) if ending == "urdf" else sdf_places(text)
+    joints = {row[1]: [float(word) for word in row[3:]] for row in rows if row[0] == "joint"}
+    assert set(joints) == set(places)
+    for name, (middle, axis) in places.items():
+        assert np.allclose(joints[name], [*middle, *axis], atol=1e-6)
 
 
 def proto_tokens(text: str) -> list[str]:

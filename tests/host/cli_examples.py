@@ -297,6 +297,8 @@ RULES = (
     Rule("params presets"),
     Rule("params undo", leave=LINK, during=changed),
     Rule("tune --experiment trajectory", leave=LINK, during=tried),
+    Rule("tune --set WS_P=1 -e", "--rounds 1", LINK, robot),
+    Rule("tune --set ISMC_LAM_XY=3", "--rounds 1", LINK, robot),
     Rule("tune --set WS_P=2", "--duration 2 --size 0.1 --rounds 2", LINK, robot),
     Rule("tune", "--duration 2 --size 0.1", LINK, robot),
     Rule("autotune", "--legs 4 --rounds 2", LINK, partial(robot, end_s=900.0), new="mine.toml"),

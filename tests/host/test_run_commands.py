@@ -45,7 +45,9 @@ def patient(sitl: str) -> str:
 def test_tune_compares_and_goes_back(patient: str, tmp_path: Path) -> None:
     before = parameter(patient, "WS_P")
     picture = tmp_path / "tune.png"
-    told = omni_json("tune", "--link", patient, "--set", "WS_P=6", *STEP, "--revert", "--out", picture)
+    told = omni_json(
+        "tune", "--link", patient, "--set", "WS_P=6", *STEP, "--revert", "--plot", picture, "--out", tmp_path
+    )
     assert told["old"] == {"WS_P": before}
     assert told["new"] == {"WS_P": 6.0}
     for side in ("before", "after"):
@@ -58,7 +60,7 @@ def test_tune_compares_and_goes_back(patient: str, tmp_path: Path) -> None:
 
 
 def test_tune_keeps_what_it_is_told_to_keep(patient: str, tmp_path: Path) -> None:
-    told = omni_json("tune", "--link", patient, "--set", "WS_P=5", *STEP, "--keep", "--out", tmp_path / "tune.png")
+    told = omni_json("tune", "--link", patient, "--set", "WS_P=5", *STEP, "--keep", "--out", tmp_path)
     assert told["kept"] is True
     assert parameter(patient, "WS_P") == 5.0
 
@@ -66,7 +68,7 @@ def test_tune_keeps_what_it_is_told_to_keep(patient: str, tmp_path: Path) -> Non
 def test_tune_tries_several_in_rounds_and_judges_each(patient: str, tmp_path: Path) -> None:
     before = parameter(patient, "ISMC_LAM_XY")
     words = ("--set", "ISMC_LAM_XY=4", "--candidate", f"ISMC_LAM_XY={before:g} WS_P=4", "--rounds", 3)
-    told = omni_json("tune", "--link", patient, *words, *STEP, "--out", tmp_path / "tune.png")
+    told = omni_json("tune", "--link", patient, *words, *STEP, "--out", tmp_path)
     assert told["rounds"] == 3
     assert [list(entry["new"]) for entry in told["candidates"]] == [["ISMC_LAM_XY"], ["ISMC_LAM_XY", "WS_P"]]
     assert told["kept"] is False
@@ -75,15 +77,15 @@ def test_tune_tries_several_in_rounds_and_judges_each(patient: str, tmp_path: Pa
             assert verdict["rounds"] <= 3
             assert ("inside the noise" in verdict["text"]) is not verdict["shows"]
     assert parameter(patient, "ISMC_LAM_XY") == before
-    omni("tune", "--link", patient, *words, *STEP, "--keep", "--out", tmp_path / "t.png", code=2)
+    omni("tune", "--link", patient, *words, *STEP, "--keep", "--out", tmp_path, code=2)
 
 
 @pytest.mark.parametrize("setting", ["WS_P=nan", "WS_P=1e9", "WSP=4", "WS_P", "WHEELS=3.5"])
 def test_tune_refuses_bad_values_before_anything_moves(sitl: str, tmp_path: Path, setting: str) -> None:
-    omni("tune", "--link", sitl, "--set", setting, "--revert", "--out", tmp_path / "tune.png", code=2)
+    omni("tune", "--link", sitl, "--set", setting, "--revert", "--out", tmp_path, code=2)
     with connect(sitl) as robot:
         assert not robot.status.armed
-    assert not (tmp_path / "tune.png").exists()
+    assert not list(tmp_path.iterdir())
 
 
 def test_duties_turn_the_robot_open_loop(sitl: str) -> None:

@@ -8,6 +8,7 @@
 
 #include "app/app.h"
 #include "app/icm42688.h"
+#include "app/register_gyro.h"
 #include "gyro_bus.h"
 
 extern "C" {
@@ -147,8 +148,8 @@ struct Robot {
     FakeStorage storage;
     FakeWatchdog watchdog;
     GyroBus gyro_bus;
-    std::optional<Icm42688> gyro; ///< none: not on this board
-    double gyro_rates[HIL_ICM42688_AXES] = {};
+    std::optional<RegisterGyro> gyro; ///< none: not on this board
+    double gyro_rates[HIL_GYRO_AXES] = {};
     Board board;
     std::optional<App> app;
     bool lockstep = false;
@@ -159,8 +160,8 @@ struct Robot {
     void boot() {
         clock.time_us = 0;
         if (gyro) {
-            gyro.emplace(gyro_bus);
-            hil_icm42688_reset(&gyro_bus.chip, GyroBus::address);
+            gyro.emplace(gyro_bus, gyro_bus.chip.address, icm42688::registers);
+            hil_gyro_chip_reset(&gyro_bus.chip, HIL_GYRO_ICM42688, gyro_bus.chip.address);
         }
         board.gyro_chip = gyro ? &*gyro : nullptr;
         app.emplace(board, lockstep);
@@ -218,11 +219,11 @@ void robot_reboot(Robot *robot) {
 void robot_run(Robot *robot, uint32_t ticks) {
     for (uint32_t i = 0; i < ticks; ++i) {
         robot->clock.time_us += 1000;
-        double seen[HIL_ICM42688_AXES];
-        for (uint32_t axis = 0; axis < HIL_ICM42688_AXES; ++axis) {
+        double seen[HIL_GYRO_AXES];
+        for (uint32_t axis = 0; axis < HIL_GYRO_AXES; ++axis) {
             seen[axis] = robot->gyro_rates[axis] + 1e-3 * hil_normal(1, axis, robot->clock.time_us);
         }
-        hil_icm42688_sense(&robot->gyro_bus.chip, robot->clock.time_us, seen);
+        hil_gyro_chip_sense(&robot->gyro_bus.chip, robot->clock.time_us, seen);
         robot->app->tick();
         robot->app->background();
         robot->ports[robot->radio].drain();
@@ -234,15 +235,15 @@ void robot_run(Robot *robot, uint32_t ticks) {
 
 /// Put a gyro's chip on the board: from the next boot on.
 void robot_add_gyro(Robot *robot) {
-    robot->gyro.emplace(robot->gyro_bus);
+    robot->gyro.emplace(robot->gyro_bus, robot->gyro_bus.chip.address, icm42688::registers);
 }
 
 /// @param rates about the chip's axes; white noise is added.
 void robot_turn_gyro(Robot *robot, const double *rates) {
-    std::copy_n(rates, HIL_ICM42688_AXES, robot->gyro_rates);
+    std::copy_n(rates, HIL_GYRO_AXES, robot->gyro_rates);
 }
 
-hil_icm42688_faults_t *robot_gyro_faults(Robot *robot) {
+hil_gyro_faults_t *robot_gyro_faults(Robot *robot) {
     return &robot->gyro_bus.chip.faults;
 }
 

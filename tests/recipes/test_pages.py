@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.recipes import board, controller, message, motor_driver, parameter, plant, sensor, trajectory
+from tests.recipes import board, controller, gyro_chip, message, motor_driver, parameter, plant, sensor, trajectory
 from tests.recipes.recipe import PAGES, Edit, Scratch, read_page
 
 FILES = {
@@ -22,6 +22,7 @@ FILES = {
     "plant": 3,
     "sensor": 5,
     "motor-driver": 2,
+    "gyro-chip": 5,
     "board": 2,
 }
 """How many files, docs and tests apart, an extension may cost at most."""
@@ -33,6 +34,7 @@ CHECKS: dict[str, Callable[[Scratch], None]] = {
     "plant": plant.check,
     "sensor": sensor.check,
     "motor-driver": motor_driver.check,
+    "gyro-chip": gyro_chip.check,
     "board": board.check,
 }
 

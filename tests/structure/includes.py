@@ -47,6 +47,7 @@ GENERATED = {
     "omni/tick_readings_gen.h": "generated/tables",
     "omni/board_readings_gen.h": "generated/tables",
     "omni/wiring_gen.h": "generated/wiring",
+    "omni/gyro_gen.h": "generated/wiring",
     "omni/version_gen.h": "generated/link",
     "omni/mavlink.h": "generated/link",
     "omni/familiar_messages.h": "generated/link",

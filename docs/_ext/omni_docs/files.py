@@ -11,7 +11,6 @@ from hil_sim import dispersion, patches, scenario
 from hil_sim.schema import WORLD
 from omni_docs.markdown import code, escaped, page, table
 from omni_schema import load_parameters
-from omni_schema.gyro import CHIPS
 from omni_schema.gyro import KEYS as GYRO_KEYS
 from omni_schema.robots import KEYED_SECTIONS, SECTIONS
 from omni_schema.wiring import BOARD_KEYS
@@ -42,8 +41,21 @@ def _robot_page(root: Path) -> str:
         ", ".join(code(key) for key in BOARD_KEYS)
         + ". They are built into the firmware; [the guide](../../guides/robot-file.md#pins-wiring) explains each.",
         "## Gyro",
-        f"The section `[gyro]` has {', '.join(code(key) for key in GYRO_KEYS)}; chips are {', '.join(map(code, CHIPS))}"
-        ". [The guide](../../guides/gyro.md#the-chip) explains each. Without the section there is no gyro.",
+        f"The section `[gyro]` has {', '.join(code(key) for key in GYRO_KEYS)}. "
+        "[The guide](../../guides/gyro.md#the-chip) explains each. Without the section there is no gyro. Chips:",
+        table(
+            ["Chip", "From", "Addresses", "Noise [mdps per √Hz]", "Filters' delay [ms]"],
+            [
+                [
+                    code(chip.name),
+                    chip.doc,
+                    " or ".join(code(f"0x{address:02X}") for address in chip.addresses),
+                    f"{1e3 * chip.noise_dps:g}",
+                    f"{chip.delay_ms:g}",
+                ]
+                for chip in known.gyro_chips.values()
+            ],
+        ),
         "## Everything else",
         "`[parameters]` sets any parameter by its [name](parameters.md). "
         "`[simulation]` is what the simulated world adds: "

@@ -96,7 +96,8 @@ typedef struct rt1062_config_t {
     uint8_t stop_button_pin;              /**< RT1062_NO_PIN: none */
     uint8_t battery_pin;                  /**< RT1062_NO_PIN: not measured */
     double battery_divider;               /**< V of the battery per V at the pin */
-    uint8_t gyro_address;                 /**< of an ICM-42688-P on the second I2C bus, 7 bit; 0: none */
+    uint8_t gyro_address;                 /**< of a chip on the second I2C bus, 7 bit; 0: none */
+    uint8_t gyro_chip;                    /**< hil_gyro_kind_t */
 } rt1062_config_t;
 
 /**

@@ -5,17 +5,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from omniwheel.autotune.design import Design
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.tuning_verdict import Verdict
+from omniwheel.wheel_loop import Margins
 
+SWEPT_SHARE = 0.8
+"""Of the required margins, what a sweep must show of the new values. The rest is its own noise."""
 WORTH = 0.1
-"""Share of a figure: an improvement that is smaller is not worth other gains, and what is worse by more is bad."""
-KNOWN: Mapping[str, float] = {}
-"""A robot that knows its pose exactly."""
+"""Share of a figure: an improvement that is smaller is not worth other gains."""
 
 
 @dataclass(frozen=True)
@@ -26,36 +27,52 @@ class Choice:
     why: str
 
 
-def choose(
-    verdicts: Sequence[Verdict],
-    design: Design,
-    required: Requirements,
-    prefer: Prefer,
-    unknown: Mapping[str, float] = KNOWN,
-) -> Choice:
-    """Choose. The new values need a reason, and no figure may be worse; no ``verdicts``: the old ones were not driven.
+@dataclass(frozen=True)
+class Shown:
+    """What a comparison showed at a ``share`` of the limits; ``whole``: that is the pace that counts.
 
-    ``unknown``: standard deviation of the robot's own pose, by the figure's key [m, rad]. What the robot sees of its
-    error and what it does not know of its pose add up, as squares.
-
-    A figure is worse if that shows above the noise, or if it looks worse by more than WORTH. The reason is a figure
-    that is better by more than WORTH of that sum, above the noise. With Prefer.MARGIN it is a reason, too, that the
-    old values have less margin than ``required``; then a figure may be worse. With less than half of it they need no
-    preference: the new values are kept unless a figure is worse.
+    ``unknown``: standard deviation of the robot's own pose, by the figure's key [m, rad]; {}: it knows it exactly.
+    ``swept``: the margins that a sweep with the new values showed, None without one.
     """
+
+    verdicts: Sequence[Verdict]
+    share: float
+    whole: bool = True
+    unknown: Mapping[str, float] = field(default_factory=dict)
+    swept: Margins | None = None
+
+
+def worse_of(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Return the figures that speak against the new values: worse above the noise, or by more than WORTH."""
+    return [v for v in verdicts if v.difference > 0.0 and (v.shows or v.difference > WORTH * v.before)]
+
+
+def choose(shown: Shown, design: Design, required: Requirements, prefer: Prefer) -> Choice:
+    """Choose. The new values need a reason, and no figure may be or look worse.
+
+    The reason is a figure that is better by more than WORTH, above the noise, at the pace that counts. What the robot
+    sees of its error and what it does not know of its pose add up for that, as squares. With Prefer.MARGIN it is a
+    reason, too, that the old values have less margin than ``required``. Then a figure may be worse.
+
+    New values that lack margin themselves, as the sweep shows, are never kept.
+    """
+    if shown.swept is not None and not required.part(SWEPT_SHARE).kept_by(shown.swept):
+        return Choice(False, f"a sweep shows that the new values lack margin: {_less(shown.swept, required)}")
     lacking = _lacking(design, required)
-    if not verdicts:
-        return Choice(True, f"the old values do not damp this robot: {lacking}")
-    worse = [v for v in verdicts if v.difference > 0.0 and (v.shows or v.difference > WORTH * v.before)]
-    looks_better = [v for v in verdicts if v.shows and v.difference < -WORTH * v.before]
+    worse = worse_of(shown.verdicts)
+    looks_worse = [v for v in shown.verdicts if v.difference > 0.0]
+    looks_better = [v for v in shown.verdicts if v.shows and v.difference < -WORTH * v.before]
+    unknown = shown.unknown
     better = [v for v in looks_better if _whole(v, v.after, unknown) < (1.0 - WORTH) * _whole(v, v.before, unknown)]
     seen = _seen(worse) or _seen(better) or _lost(looks_better, unknown)
+    if not shown.whole:
+        seen = f"{seen}, at {shown.share:.0%} of the limits already"
     if lacking and prefer is Prefer.MARGIN:
         return Choice(True, f"margins were preferred; {seen}, but the old values lack margin: {lacking}")
-    if better and not worse:
+    if better and shown.whole and not looks_worse:
         return Choice(True, seen)
-    if not worse and design.old_hardly_damp(required):
-        return Choice(True, f"{seen}, but the old values hardly damp this robot: {lacking}")
+    if better and not worse and looks_worse:
+        seen = f"{seen}, but {_seen(looks_worse)}, as far as noise lets see"
     remedy = f". But the old values lack margin: {lacking}. --prefer margin takes the new ones" if lacking else ""
     return Choice(False, seen + remedy)
 
@@ -90,15 +107,20 @@ def _lacking(design: Design, required: Requirements) -> str:
         if not found.stable:
             parts.append(f"the {loop} swings by itself")
             continue
-        words = (
-            (found.gain < required.gain, f"gain margin {found.gain:.2g} of {required.gain:.2g}"),
-            (
-                found.phase_rad < required.phase_rad,
-                f"phase margin {math.degrees(found.phase_rad):.0f}° of {math.degrees(required.phase_rad):.0f}°",
-            ),
-            (found.distance < required.distance, f"distance from -1 {found.distance:.2f} of {required.distance:.2f}"),
-        )
-        missing = ", ".join(text for lacks, text in words if lacks)
+        missing = _less(found, required)
         if missing:
             parts.append(f"{loop}: {missing}")
     return "; ".join(parts)
+
+
+def _less(found: Margins, required: Requirements) -> str:
+    """Return which margins are less than required, in words."""
+    words = (
+        (found.gain < required.gain, f"gain margin {found.gain:.2g} of {required.gain:.2g}"),
+        (
+            found.phase_rad < required.phase_rad,
+            f"phase margin {math.degrees(found.phase_rad):.0f}° of {math.degrees(required.phase_rad):.0f}°",
+        ),
+        (found.distance < required.distance, f"distance from -1 {found.distance:.2f} of {required.distance:.2f}"),
+    )
+    return ", ".join(text for lacks, text in words if lacks)

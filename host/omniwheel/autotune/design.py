@@ -23,10 +23,10 @@ from omniwheel.autotune.gains import (
     worst,
 )
 from omniwheel.autotune.motor_values import Measured, motor_values
-from omniwheel.autotune.wheel_loop import Margins, WheelLoop, loaded, loop_of, motor_of
 from omniwheel.errors import AutotuneError
 from omniwheel.identification.model import Layout, Model
 from omniwheel.identification.output_error import Fit, identify
+from omniwheel.wheel_loop import Margins, WheelLoop, loaded, loop_of, motor_of
 
 if TYPE_CHECKING:
     from omniwheel.autotune.room import Drive
@@ -66,19 +66,10 @@ class Design:
     def old_hardly_damp(self, required: Requirements) -> bool:
         """Whether wheel loops or position loop have less than half of the margins on the robot as it was measured.
 
-        It is driven gently then: a loop that swings and meets a limit swings more.
+        They are driven in steps then: a loop that swings and meets a limit swings more.
         """
-        return not self._before_keeps(required.half())
-
-    def old_swing(self, required: Requirements) -> bool:
-        """Whether they have less than a fifth of the margins, or none.
-
-        It is not driven with them then: what swings may stop itself, or run into a limit.
-        """
-        return not self._before_keeps(required.part(0.2))
-
-    def _before_keeps(self, required: Requirements) -> bool:
-        return required.kept_by(self.before.margins) and required.kept_by(self.position_before)
+        half = required.half()
+        return not (half.kept_by(self.before.margins) and half.kept_by(self.position_before))
 
 
 @dataclass(frozen=True)

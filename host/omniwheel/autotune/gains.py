@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from omniwheel.autotune.wheel_loop import Complex, Margins, WheelLoop, margins, turns_around
 from omniwheel.errors import AutotuneError
+from omniwheel.wheel_loop import Margins, WheelLoop, margins, position_open, turns_around
 
 PROPORTIONAL = np.geomspace(0.02, 50.0, 28)
 """Candidates for WS_P, in units of the motor's volts per rad/s, so that they fit any motor."""
@@ -163,9 +163,3 @@ def position_margins(loop: WheelLoop, wheels: WheelGains, lam: float, stiffness_
     inner = loop.closed(wheels.proportional, wheels.integral, loop.filter.model.speed_gain)
     found = position_open(loop, inner, lam, stiffness_1_s)
     return Margins(0.0, 0.0, 0.0) if turns_around(found) else margins(found)
-
-
-def position_open(loop: WheelLoop, inner: Complex, lam: float, stiffness_1_s: float) -> Complex:
-    """Return the open position loop: an integrator behind the wheel loop ``inner``, PI by lambda and k / phi."""
-    s = loop.difference
-    return np.asarray(inner * (lam + stiffness_1_s + lam * stiffness_1_s / s) / s, dtype=np.complex128)

@@ -11,8 +11,8 @@ from omniwheel import files, parameter_file
 from omniwheel.autotune.design import Design
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.procedure import Outcome
-from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.tuning_plot import draw_tuning
+from omniwheel.wheel_loop import Margins
 
 PAGE, PICTURE, BEFORE, AFTER = "autotune.md", "autotune.png", "before.toml", "after.toml"
 
@@ -104,7 +104,13 @@ def _margins(outcome: Outcome, required: Requirements) -> list[str]:
         row("position loop, after", design.position_after),
         row("a lifted wheel, before", design.lifted_before),
         row("a lifted wheel, after", design.lifted_after),
+        *(
+            []
+            if outcome.swept.margins is None
+            else [row("wheel loops turning, after, as swept", outcome.swept.margins)]
+        ),
         "",
+        *([f"A sweep with the new values showed nothing: {outcome.swept.why}.", ""] if outcome.swept.why else []),
         *_lifted(design, required),
     ]
 
@@ -121,9 +127,10 @@ def _lifted(design: Design, required: Requirements) -> list[str]:
 
 def _verdicts(outcome: Outcome) -> list[str]:
     end = "The new parameters were kept" if outcome.kept else "The robot has its old parameters again"
-    lines = [f"- {verdict.sentence()}" for verdict in outcome.verdicts]
-    if outcome.old_swings:
-        lines = ["The old values were not driven: on the robot as it was measured, they do not damp it."]
+    pace = f"Driven in turns at {outcome.compared.share:.0%} of the limits."
+    if outcome.in_steps:
+        pace += " The old values hardly damp the robot as it was measured, so it came to that pace in steps."
+    lines = [pace, "", *(f"- {verdict.sentence()}" for verdict in outcome.verdicts)]
     return [
         "## What they did",
         "",

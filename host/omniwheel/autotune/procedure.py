@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -11,15 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.autotune.choice import Choice, choose
+from omniwheel.autotune.comparison import Compared, Comparison
 from omniwheel.autotune.design import CHANGED, Design, design_from, gentle_values, measure
 from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.motor_values import PARAMETERS as MOTOR_PARAMETERS
 from omniwheel.autotune.motor_values import Measured
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.room import MOST_LEGS, SETTINGS, Drive, drive, leg_time, points, reach_of
-from omniwheel.autotune.wheel_loop import ANGLE_FILTER
-from omniwheel.autotune.wheel_loop import PARAMETERS as LOOP_PARAMETERS
-from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed
+from omniwheel.autotune.sweep import NOT_SWEPT, Swept, sweep
+from omniwheel.capability.drive_model import DriveModel, model_from_parameters
+from omniwheel.capability.speeds import TURNING, directions, limit_speed, motor_speed, top_acceleration
+from omniwheel.datasheet.new_robot import ACCELERATION_SHARE
 from omniwheel.errors import AutotuneError, IdentificationError
 from omniwheel.frames import Pose
 from omniwheel.identification.model import Layout
@@ -28,17 +31,16 @@ from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 from omniwheel.trial import Trial
 from omniwheel.tuning import Trace
-from omniwheel.tuning_rounds import order
-from omniwheel.tuning_verdict import Verdict, judge
+from omniwheel.tuning_verdict import Verdict
+from omniwheel.wheel_loop import ANGLE_FILTER
+from omniwheel.wheel_loop import PARAMETERS as LOOP_PARAMETERS
 
 GENTLE, BRISK, QUICK = 0.25, 0.42, 0.7
 """Shares of the robot's speed and acceleration limits, one after the other; BRISK only if GENTLE shows too little."""
 MARGIN_M = 0.03
 """What a wheel is wide and a tracking error long: added to the robot's size."""
-MOST_DRIVES = 5
+MOST_DRIVES = 6
 """Of those that measure: while they do not show enough, another one through other points is added."""
-MOST_ROUNDING = 0.2
-"""Of the wheels' measured motion: with more of it the model alone decides nothing."""
 REFUSED_SHARE = 0.01
 """Of the pose fixes: if the robot refuses more of them, its wheels and its fixes contradict each other."""
 _READ = tuple(dict.fromkeys((*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")))
@@ -46,8 +48,6 @@ _LIMITS = ("LIM_V", "LIM_W", "LIM_A", "LIM_DUTY", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
 REACH_S, TURN_RAD = 0.6, 1.2
 """A slow robot's points are within so many seconds at its top speed, so that its legs end; headings within this."""
-ACCELERATION_SHARE = 0.5
-"""Of the acceleration that the motors reach: the limit of quick legs."""
 DIRECTIONS = 24
 """Directions in which the robot's slowest one is looked for."""
 
@@ -76,17 +76,28 @@ class Settings:
 
 @dataclass(frozen=True)
 class Outcome:
-    """``old`` and ``new`` parameters, the design, verdicts of the comparison, the traces, and what was chosen and why.
+    """``old`` and ``new`` parameters, the design, what the comparison showed, and what was chosen and why.
 
-    ``old_swings``: the old values have so little margin on the measured robot that they were not driven; no verdicts.
+    ``in_steps``: the old or new values hardly damp the robot, so that the comparison came to its pace in steps.
+    ``swept``: the margins that a sweep with the new values showed.
     """
 
     old: dict[str, float]
     design: Design
-    verdicts: list[Verdict]
-    traces: dict[str, list[Trace]]
+    compared: Compared
     choice: Choice
-    old_swings: bool = False
+    in_steps: bool = False
+    swept: Swept = NOT_SWEPT
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """What the figures say at the quickest pace that was driven."""
+        return self.compared.verdicts
+
+    @property
+    def traces(self) -> dict[str, list[Trace]]:
+        """The paths that the verdicts rest on."""
+        return self.compared.traces
 
     @property
     def kept(self) -> bool:
@@ -134,7 +145,7 @@ def _tune(
     robot: Robot, trial: Trial, settings: Settings, old: Mapping[str, float], tell: Callable[[str], None]
 ) -> Outcome:
     here = robot.wait_for(Tracking, 5.0).pose
-    fast, turn = _top_speeds(robot, old)
+    fast, turn = _top_speeds(robot.drive_model(), old)
     reach = min(reach_of(settings.room_m, old["WHEEL_DIST"] + MARGIN_M), REACH_S * fast)
     places = points(here, reach, min(TURN_RAD, REACH_S * turn), settings.legs, settings.seed)
     present = {name: old[name] for name in CHANGED}
@@ -142,40 +153,22 @@ def _tune(
     fit, measured, old = _measured(robot, settings, old, places, tell)
     design = design_from(fit, measured, old, settings.required)
     sets = (present, {**present, **design.values})
-    old_swings = design.old_swing(settings.required)
-    if old_swings and fit.rounding_share > MOST_ROUNDING:
-        raise AutotuneError(
-            f"the old values seem not to damp this robot, but {fit.rounding_share:.0%} of what the encoders show is "
-            "their rounding: too much to choose others without driving the old ones",
-            hint="more --room or more --legs; or an encoder with more counts",
-        )
-    gently = design.old_hardly_damp(settings.required)
-    if old_swings:
-        tell("the old values are not driven: with the robot as it was measured, they do not damp it")
-    elif gently:
-        tell(
-            f"compared at {GENTLE:.0%} of the limits: with the robot as it was measured, the old values hardly damp it"
-        )
-    tries: list[list[Drive]] = [[], []]
-    leg_s = _leg(robot, places, old, GENTLE if gently and not old_swings else QUICK)
-    for number in range(settings.rounds):
-        for index in (1,) if old_swings else order(2, number):
-            tell(f"round {number + 1} of {settings.rounds}, with the {('old', 'new')[index]} parameters")
-            trial.set_many(sets[index])
-            tries[index].append(drive(robot, places, leg_s))
-    old_figures, new_figures = ([entry.figures for entry in side] for side in tries)
-    verdicts = [] if old_swings else judge(old_figures, new_figures)
-    choice = choose(verdicts, design, settings.required, settings.prefer, _unknown(tries[0]))
+    trial.set_many(sets[1])
+    swept = sweep(robot, settings.room_m, tell)
+    hardly = [name for name, does in _hardly_damp(design, swept, settings.required).items() if does]
+    if hardly:
+        tell(f"compared in steps: with the robot as it was measured, the {' and '.join(hardly)} values hardly damp it")
+    comparison = Comparison(robot, sets, trial.set_many, lambda way, share: _leg(robot, way, old, share), tell)
+    compared = comparison.run(places, QUICK, settings.rounds, in_steps=bool(hardly))
+    choice = choose(replace(compared.shown, swept=swept.margins), design, settings.required, settings.prefer)
     trial.set_many(sets[1 if choice.kept else 0])
-    sides = zip(("before", "after"), tries, strict=True)
-    traces = {name: [entry.trace for entry in side] for name, side in sides if side}
-    return Outcome(present, design, verdicts, traces, choice, old_swings)
+    return Outcome(present, design, compared, choice, bool(hardly), swept)
 
 
-def _unknown(drives: Sequence[Drive]) -> dict[str, float]:
-    """Return what the robot does not know of its own pose, RMS over drives, by figure; none without fixes."""
-    told = [entry.unknown for entry in drives if entry.unknown]
-    return {key: math.sqrt(sum(entry[key] ** 2 for entry in told) / len(told)) for key in (told[0] if told else ())}
+def _hardly_damp(design: Design, swept: Swept, required: Requirements) -> dict[str, bool]:
+    """Return which values have less than half of the margins: the old ones by the model, the new ones by the sweep."""
+    new = swept.margins is not None and not required.half().kept_by(swept.margins)
+    return {"old": design.old_hardly_damp(required), "new": new}
 
 
 def _measured(
@@ -185,7 +178,10 @@ def _measured(
     places: list[Pose],
     tell: Callable[[str], None],
 ) -> tuple[Fit, Measured, dict[str, float]]:
-    """Drive gently, then quickly, and on through other points while that does not show enough of the motors.
+    """Drive gently, then quickly, turn on the spot, and drive on while that does not show enough of the motors.
+
+    Between points the robot moves as fast as its way is long, and turns as it may. So on the way it turns slowly, and
+    says little of what a wheel moves then.
 
     Also returns the parameters with the acceleration limit that later drives keep to.
     """
@@ -200,10 +196,12 @@ def _measured(
             limits = found
             break
     drives.append(_drive(robot, places, limits, QUICK, tell))
+    turning = points(places[0], 0.0, turn_rad, settings.legs, settings.seed)
+    drives.append(_drive(robot, turning, limits, QUICK, tell))
     while True:
         try:
             fit, measured = measure(drives, old, _layout(robot, old))
-            return fit, measured, within_reach(limits, fit, tell)
+            return fit, measured, within_reach(robot.parameters, limits, fit, measured, tell)
         except (AutotuneError, IdentificationError) as error:
             if len(drives) == MOST_DRIVES:
                 raise
@@ -217,32 +215,41 @@ def _limits_so_far(
 ) -> dict[str, float] | None:
     """Return the robot's limits, or less where the drives show weaker motors; None if they do not show enough."""
     try:
-        fit, _ = measure(drives, old, _layout(robot, old))
+        fit, measured = measure(drives, old, _layout(robot, old))
     except (AutotuneError, IdentificationError) as error:
         tell(f"so far {error}")
         return None
-    return within_reach(old, fit, tell)
+    return within_reach(robot.parameters, old, fit, measured, tell)
 
 
-def within_reach(old: Mapping[str, float], fit: Fit, tell: Callable[[str], None]) -> dict[str, float]:
+def within_reach(
+    known: Mapping[str, float],
+    old: Mapping[str, float],
+    fit: Fit,
+    measured: Measured,
+    tell: Callable[[str], None],
+) -> dict[str, float]:
     """Return the parameters with an acceleration limit that the motors reach as they were measured.
 
-    At half of the quick speed, dry friction and back-EMF leave some of the supply's voltage. Half of that counts. But
-    the gentle drive was no trouble, so the quick one may accelerate as much.
+    It is computed as ``omni robots new`` does, at half of the quick speed, from all parameters that are ``known`` and
+    the measured ones. But the gentle drive was no trouble, so the quick one may accelerate as much.
     """
-    found, radius = fit.estimate, old["WHEEL_RADIUS"]
-    back_emf_V = found["speed_gain_V_s"] * 0.5 * QUICK * old["LIM_V"] / radius
-    left_V = old["LIM_DUTY"] * old["BAT_V_NOM"] - found["coulomb_V"] - back_emf_V
-    reached = ACCELERATION_SHARE * radius * left_V / found["inertia_xy_V_s2"]
+    values, radius = measured.values, old["WHEEL_RADIUS"]
+    mass = old["WHEELS"] * (measured.translating - values["MOT_J"]) / (2.0 * radius**2)
+    friction_N_m = fit.estimate["coulomb_V"] * values["MOT_K"] / old["MOT_R"]
+    model = model_from_parameters(
+        ChainMap({**values, "MASS": mass}, dict(known)), {"coulomb_friction_N_m": friction_N_m}
+    )
+    speed = 0.5 * QUICK * _top_speeds(model, old)[0]
+    reached = ACCELERATION_SHARE * min(top_acceleration(model, way, speed).value for way in directions(DIRECTIONS))
     limit = min(old["LIM_A"], max(reached, GENTLE / QUICK * old["LIM_A"]))
     if limit < old["LIM_A"]:
         tell(f"the motors do not reach {old['LIM_A']:.3g} m/s^2; the next drives take {limit:.3g} for LIM_A")
     return {**old, "LIM_A": limit}
 
 
-def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
+def _top_speeds(model: DriveModel, old: Mapping[str, float]) -> tuple[float, float]:
     """Return the speed [m/s] that it reaches in every direction, and its turn rate [rad/s]."""
-    model = robot.drive_model()
 
     def reached(limit: float, *ways: Array) -> float:
         return min([limit, *(min(limit_speed(model, way), motor_speed(model, way)) for way in ways)])
@@ -250,8 +257,8 @@ def _top_speeds(robot: Robot, old: Mapping[str, float]) -> tuple[float, float]:
     return reached(old["LIM_V"], *directions(DIRECTIONS)), reached(old["LIM_W"], TURNING)
 
 
-def _leg(robot: Robot, places: list[Pose], old: Mapping[str, float], share: float) -> float:
-    fast, turn = _top_speeds(robot, old)
+def _leg(robot: Robot, places: Sequence[Pose], old: Mapping[str, float], share: float) -> float:
+    fast, turn = _top_speeds(robot.drive_model(), old)
     acceleration = (share * old["LIM_A"], share * old["LIM_A"] / old["WHEEL_DIST"])
     return leg_time(places, (share * fast, share * turn), acceleration)
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from omniwheel.dialect import Message
+from omniwheel.drive_log import is_slow
 from omniwheel.errors import AutotuneError
 from omniwheel.frames import Pose
 from omniwheel.identification.dataset import Dataset
@@ -22,8 +23,26 @@ from omniwheel.tuning import Experiment, Figures, Trace
 MOST_LEGS = 31
 """The robot keeps 32 waypoints."""
 LEAST_ROOM_M = 0.05
-SAMPLE_HZ, COUNTED_HZ = 50.0, 2.0
-"""Rates of what identification needs, and of the counters of pose fixes."""
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How often the robot tells what: sums for the identification, its pose, its pose fixes [Hz].
+
+    ``quiet``: what it is not asked for meanwhile.
+    """
+
+    sample_hz: float = 50.0
+    tracking_hz: float = 50.0
+    fixes_hz: float = 5.0
+    quiet: tuple[str, ...] = ()
+
+
+CABLE = Rates()
+RADIO = Rates(3.0, 2.0, 0.5, ("ATTITUDE", "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED", "ODOMETRY"))
+"""What 480 bytes a second carry, half of 9600 baud. The samples are sums, so that none is lost between two of them."""
+FIX_NUMBERS = 3.0
+"""A fix is three numbers: the mean of its normalised innovation squared, if the robot knows what it does not know."""
 ROUNDING_SHARE, MOST_MERGED = 0.05, 4
 """Rounding of the encoders by the wheels' speed, and of how many samples a row is made until it is below that."""
 PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774
@@ -39,7 +58,7 @@ class Drive:
     """What a drive showed: voltages and wheel speeds, the path as the robot saw it, and its figures.
 
     ``fixes_refused`` of ``fixes``: pose fixes that the robot did not believe; 0 of 0 if there are none. ``unknown``: by
-    the key of a figure, the standard deviation of the pose while it moved, as the robot tells it [m, rad].
+    the key of a figure, what the robot does not know of its pose while it moves, standard deviation [m, rad].
     """
 
     data: Dataset
@@ -95,36 +114,53 @@ def drive(robot: Robot, places: Sequence[Pose], leg_s: float) -> Drive:
     Its waypoints are replaced, and SETTINGS are left changed. Raises ExperimentError if the robot stopped itself.
     """
     seen: list[Message] = []
-    names = ("WHEELS", "ENC_CPR", *(f"W{wheel + 1}_ENC_DIR" for wheel in range(int(robot.parameters["WHEELS"]))))
+    names = (
+        "WHEELS",
+        "ENC_CPR",
+        "EKF_R_XY",
+        "EKF_R_TH",
+        *(f"W{wheel + 1}_ENC_DIR" for wheel in range(int(robot.parameters["WHEELS"]))),
+    )
     parameters = {name: robot.parameters[name] for name in names}
     settings = dict(zip(SETTINGS, (_WAYPOINTS, leg_s, 1.0, 1.0, 0.1), strict=True))
     robot.parameters.set_many(settings)
     robot.set_waypoints(places)
     counted: list[Message] = []
     tracked: list[Message] = []
+    rates = RADIO if is_slow(robot.url) else CABLE
     taken = {"OMNI_SAMPLE": seen, "OMNI_CONTROL": counted, Tracking.message: tracked}
+    asked = {"OMNI_SAMPLE": rates.sample_hz, "OMNI_CONTROL": rates.fixes_hz, **dict.fromkeys(rates.quiet, 0.0)}
     remove = robot.connection.add_listener(lambda m: taken[m.get_type()].append(m) if m.get_type() in taken else None)
     try:
-        robot.set_message_interval("OMNI_SAMPLE", SAMPLE_HZ)
-        robot.set_message_interval("OMNI_CONTROL", COUNTED_HZ)
-        trace, figures = Experiment(robot).trajectory(10.0 + 4.0 * leg_s * len(places))
+        for message, rate_hz in asked.items():
+            robot.set_message_interval(message, rate_hz)
+        trace, figures = Experiment(robot, rates.tracking_hz).trajectory(10.0 + 4.0 * leg_s * len(places))
     finally:
         remove()
-        for message in taken:
+        for message in (*asked, Tracking.message):
             robot.set_message_interval(message, None)
     refused, accepted = (_grown(counted, name) for name in ("fixes_refused", "fixes_accepted"))
     fixes = refused + accepted
-    unknown = unknown_of(tracked) if fixes else {}
+    noise = (parameters["EKF_R_XY"], parameters["EKF_R_TH"])
+    unknown = unknown_of(tracked, [message.nis for message in counted], noise) if fixes else {}
     return Drive(merged(seen, robot.url, parameters), trace, figures, fixes, refused, unknown)
 
 
-def unknown_of(tracked: Sequence[Message]) -> dict[str, float]:
-    """Return what the robot does not know of its pose on its path: RMS of its standard deviations, by figure."""
+def unknown_of(tracked: Sequence[Message], nis: Sequence[float], fix_sd: tuple[float, float]) -> dict[str, float]:
+    """Return what the robot does not know of its pose on its path, RMS, by figure.
+
+    That is the standard deviation that it tells, and what its pose fixes contradict of it. With wrong wheels in the
+    robot file the fixes are further away than they should be: ``nis``, their normalised innovations squared, show that.
+    What is too much of these is taken for error of the pose. ``fix_sd``: of a fix [m, rad].
+    """
     told = np.array([message.pose_sd for message in tracked if message.phase == ON_PATH], dtype=np.float64)
     told = told[np.isfinite(told).all(axis=1)] if len(told) else told
     if not len(told):
         return {}
-    x, y, theta = np.mean(told**2, axis=0)
+    own = np.mean(told**2, axis=0)
+    seen = [value for value in nis if value > 0.0]
+    excess = max(float(np.mean(seen)) / FIX_NUMBERS - 1.0, 0.0) if seen else 0.0
+    x, y, theta = own + excess * (own + np.array([fix_sd[0], fix_sd[0], fix_sd[1]]) ** 2)
     return {"position_m": math.sqrt(x + y), "theta_rad": math.sqrt(theta)}
 
 

@@ -31,7 +31,7 @@ STILL_S = 1.0
 SCALE_TOLERANCE = 0.1
 """A hand and a mark are good for a degree or two; further off, it was another angle."""
 _STEP_S = 0.1
-_WIRES = "SDA to pin 17, SCL to pin 16, 3.3 V, GND, CS to 3.3 V; was the firmware built from the file with [gyro]?"
+_WIRES = "SDA to pin 17, SCL to pin 16, 3.3 V, GND, CS to 3.3 V; was the firmware built from the file with this [gyro]?"
 
 
 class Readings:

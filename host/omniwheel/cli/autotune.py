@@ -66,11 +66,12 @@ def autotune(
     """Measure the robot's motors and inertia, choose gains from that, drive with old and new in turns, keep the better.
 
     The robot drives by itself, for a few minutes, in a square around where it stands: first slowly, then at 70 % of
-    its limits. Leave it room, and stand by to stop it. No gain is raised until something swings: all follow from the
-    model that was measured. Whatever goes wrong, the robot is disarmed and has its old values again.
+    its limits. It turns on the spot, too. Leave it room, and stand by to stop it. No gain is raised until something
+    swings: all follow from the model that was measured. Whatever goes wrong, the robot is disarmed and has its old
+    values again.
 
-    Without --revert the new values are kept if they drive better, or if the old ones hardly damp the robot and drive
-    no better. With --name a copy of the robot file --robot gets them, too.
+    Without --revert the new values are kept if they drive better and a sweep shows their margins. With --name a copy
+    of the robot file --robot gets them, too.
     """
     from omniwheel.autotune.page import write_page  # here, not above: SciPy and matplotlib take a second
     from omniwheel.autotune.procedure import Settings

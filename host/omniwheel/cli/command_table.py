@@ -118,7 +118,6 @@ OLD_OPTIONS = (
     OldOption("identify logs", "--report", "--page"),
     OldOption("bringup all", "--folder", "--out"),
     OldOption("check-image", "--report", "--out"),
-    OldOption("tune", "--out", "--plot"),
     OldOption("soak", "--minutes", "--duration", 60.0),
     OldOption("drive velocity", "--world", "--world-frame"),
     OldOption("emulate", "--world", "--with-world"),

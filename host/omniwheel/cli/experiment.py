@@ -24,7 +24,7 @@ from omniwheel.cli.common import (
     print_json,
     signals_interrupt,
 )
-from omniwheel.cli.options import DEFAULT_OUT, Axis, AxisOption, OutOption, RoomOption, takes
+from omniwheel.cli.options import DEFAULT_OUT, Axis, AxisOption, LiftedOption, OutOption, RoomOption, takes
 from omniwheel.errors import OutputFileError
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
@@ -45,7 +45,7 @@ class _Wanted:
 
     link: LinkOption = None
     room_m: RoomOption = 1.0
-    lifted: Annotated[bool, typer.Option("--wheels-up", help="The wheels are in the air and carry nothing.")] = False
+    lifted: LiftedOption = False
     out: OutOption = DEFAULT_OUT
     timeout_s: TimeoutOption = DEFAULT_TIMEOUT_S
     json_wanted: JsonOption = False

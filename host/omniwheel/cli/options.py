@@ -60,6 +60,7 @@ NameOption = Annotated[str, typer.Option("--name", metavar="NAME", help="Name of
 RoomOption = Annotated[
     float, typer.Option("--room", min=0.1, max=20.0, metavar="M", help="Side of the square that the robot may use.")
 ]
+LiftedOption = Annotated[bool, typer.Option("--wheels-up", help="The wheels are in the air and carry nothing.")]
 KEEP = typer.Option(
     "--keep/--revert", help="Keep the new values, or go back to the old ones. Without either, see above."
 )
@@ -73,6 +74,18 @@ XBEE = typer.Option(
 )
 
 
+RadioOption = Annotated[
+    int | None,
+    typer.Option(
+        "--radio",
+        metavar="BAUD",
+        help="A simulated XBee of this speed: 9600, 57600 or 115200.",
+        show_default=False,
+    ),
+]
+LossOption = Annotated[
+    float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
+]
 ASSIGNMENTS = typer.Option(
     "--set",
     metavar="NAME=VALUE",

@@ -17,7 +17,7 @@ import typer
 
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
-from omniwheel.cli.options import HostOption, ListenPortOption
+from omniwheel.cli.options import HostOption, ListenPortOption, LossOption, RadioOption
 from omniwheel.cli.run_output import RobotOption, SeedOption, WorldOption, world_of
 from omniwheel.errors import FirmwareEndedError
 
@@ -90,18 +90,8 @@ def sitl(
     host: HostOption = "127.0.0.1",
     link: LinksOption = None,
     storage: StorageOption = None,
-    radio: Annotated[
-        int | None,
-        typer.Option(
-            "--radio",
-            metavar="BAUD",
-            help="A second port, behind a simulated XBee: 9600, 57600 or 115200.",
-            show_default=False,
-        ),
-    ] = None,
-    loss: Annotated[
-        float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
-    ] = 0.0,
+    radio: RadioOption = None,
+    loss: LossOption = 0.0,
     latency: Annotated[
         float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
     ] = 0.02,

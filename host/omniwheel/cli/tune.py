@@ -6,14 +6,13 @@ from __future__ import annotations
 import enum
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 from omniwheel.cli.common import (
     JsonOption,
@@ -31,22 +30,37 @@ from omniwheel.cli.common import (
     writable_path,
 )
 from omniwheel.cli.old_options import with_old_key
-from omniwheel.cli.options import ASSIGNMENTS, KEEP, PLOT, Axis, AxisOption, rounds_option
+from omniwheel.cli.options import (
+    ASSIGNMENTS,
+    DEFAULT_OUT,
+    KEEP,
+    PLOT,
+    Axis,
+    AxisOption,
+    LiftedOption,
+    OutOption,
+    RoomOption,
+    rounds_option,
+    takes,
+)
 from omniwheel.errors import OutputFileError
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
 if TYPE_CHECKING:
+    from omniwheel.cli.tune_outcome import TriedSets, TuneOutcome
+    from omniwheel.experiments.repeated import Series
     from omniwheel.robot import Robot
-    from omniwheel.tuning import Figures, Trace
-    from omniwheel.tuning_verdict import Verdict
 
 EXAMPLES = examples(
     "omni tune --link tcp:127.0.0.1:5760 --set ISMC_LAM_XY=15",
-    "omni tune --set WS_P=6 --set WS_I=150 --axis theta --size 0.5",
+    "omni tune --set WS_P=1 -e wheel-chirp -e wheel-step --rounds 3",
+    "omni tune --set ISMC_LAM_XY=3 --experiment position-step --rounds 5 --revert",
     "omni tune --experiment trajectory --set CTL_MODE=pid --revert --json",
     "omni tune --set WS_P=2 --candidate 'WS_P=6 WS_I=150' --rounds 5",
     "omni tune --set ISMC_LAM_XY=15 --keep --store",
 )
+NAME = "tune"
+LARGEST_STEP = 3.0
 
 
 class Kind(str, enum.Enum):
@@ -54,8 +68,53 @@ class Kind(str, enum.Enum):
 
     STEP = "step"
     TRAJECTORY = "trajectory"
+    WHEEL_STEP = "wheel-step"
+    WHEEL_CHIRP = "wheel-chirp"
+    POSITION_STEP = "position-step"
+    POSITION_SWEEP = "position-sweep"
+    DISTURBANCE = "disturbance"
 
 
+@dataclass(frozen=True)
+class _Wanted:
+    """What the robot is to do before and after."""
+
+    kinds: Annotated[
+        list[Kind] | None,
+        typer.Option("--experiment", "-e", help="What the robot does; repeatable. Default: step.", show_default=False),
+    ] = None
+    axis: AxisOption = Axis.X
+    size: Annotated[
+        float | None,
+        typer.Option(
+            "--size",
+            metavar="SIZE",
+            help="Size of the step, m or rad \\[0.1]; of another experiment's signal as its --amplitude.",
+            show_default=False,
+        ),
+    ] = None
+    duration_s: Annotated[
+        float | None,
+        typer.Option(
+            "--duration",
+            "-d",
+            min=0.05,
+            metavar="S",
+            help="Time to watch a step \\[3], allowed for a trajectory \\[600], or of the signal.",
+            show_default=False,
+        ),
+    ] = None
+    wheel: Annotated[
+        int | None,
+        typer.Option(
+            "--only-wheel", min=0, max=4, metavar="N", help="Which wheel a wheel experiment moves; 0: all of them."
+        ),
+    ] = None
+    lifted: LiftedOption = False
+    room_m: RoomOption = 1.0
+
+
+@takes(_Wanted)
 def tune(
     link: LinkOption = None,
     assignments: Annotated[list[str] | None, ASSIGNMENTS] = None,
@@ -66,88 +125,133 @@ def tune(
         ),
     ] = None,
     rounds: Annotated[int, rounds_option(1)] = 1,
-    experiment: Annotated[
-        Kind, typer.Option("--experiment", "-e", help="What the robot does before and after.")
-    ] = Kind.STEP,
-    axis: AxisOption = Axis.X,
-    size: Annotated[float, typer.Option("--size", min=-3.0, max=3.0, help="Size of the step \\[m or rad].")] = 0.1,
-    duration_s: Annotated[
-        float | None,
-        typer.Option(
-            "--duration",
-            "-d",
-            min=0.2,
-            metavar="S",
-            help="Time to watch a step \\[3], or allowed for a trajectory \\[600].",
-        ),
-    ] = None,
     keep: Annotated[bool | None, KEEP] = None,
     store: Annotated[bool, typer.Option("--store", help="With --keep: keep them over a restart too.")] = False,
     why: WhyOption = "",
-    out: Annotated[Path, PLOT] = Path("tune.png"),
+    out: OutOption = DEFAULT_OUT,
+    plot: Annotated[Path | None, PLOT] = None,
     timeout_s: TimeoutOption = DEFAULT_TIMEOUT_S,
     json_wanted: JsonOption = False,
+    *,
+    wanted: _Wanted,
 ) -> None:
     """Drive an experiment with the present gains and with others, compare, and keep the new ones or go back.
 
-    Shown are rise time, overshoot, settling time and RMSE. With several rounds the sets take turns, and each difference
-    is given with an interval, or is inside the noise. Without --keep or --revert you are asked; where nobody can
-    answer, the robot goes back.
+    The default experiment is a step of the wanted pose, within the robot's limits. It hardly shows what a gain does;
+    those of `omni experiment` do. All sets get the same signal. With several rounds the sets take turns, and each
+    difference is given with an interval, or is inside the noise. Without --keep or --revert you are asked; where nobody
+    can answer, the robot goes back.
 
     The robot moves: a step goes there and back, and needs that much room. Whatever goes wrong, the old values come
-    back and the robot is disarmed.
+    back and the robot is disarmed. A folder in runs keeps telemetry, figures and pictures.
     """
-    wanted = _wanted(assignments, candidates, keep)
-    if size == 0.0:
-        raise typer.BadParameter("--size must not be 0")
-    from omniwheel.trial import Trial
-    from omniwheel.tuning_rounds import run_rounds
+    wanted_sets = _wanted_sets(assignments, candidates, keep)
+    if out.suffix.lower() == ".png":
+        raise typer.BadParameter(f"--out is a folder: write --plot {out} for a picture")
+    target = None if plot is None else writable_path(plot, "the picture")
+    run = _Run(wanted_sets, _series(wanted, json_wanted), rounds, keep, store, json_wanted)
+    trouble: OutputFileError | None = None
+    try:
+        run.drive(link, timeout_s, why, out, target)
+    except OutputFileError as error:
+        if run.outcome is None:
+            raise
+        trouble = error
+    told = run.told(None if trouble is not None else target)
+    if trouble is not None:  # minutes of driving are told before that
+        trouble.found = told
+        raise trouble
+    if json_wanted:
+        print_json(with_old_key(told, "picture"))
 
-    target, plan = writable_path(out, "the picture"), _Plan(experiment, axis, size, duration_s)
-    kept: int | None = None
-    unwritten: OutputFileError | None = None
-    with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
-        recorder = keep_history(robot, why)
+
+class _Run:
+    """All tries on one robot: what is driven, written, shown and kept."""
+
+    def __init__(
+        self,
+        wanted: list[dict[str, float | str]],
+        series: Series,
+        rounds: int,
+        keep: bool | None,
+        store: bool,
+        quiet: bool,
+    ) -> None:
+        self._wanted, self._series, self._rounds = wanted, series, rounds
+        self._keep, self._store, self._quiet = keep, store, quiet
+        self.outcome: TuneOutcome | None = None
+        self._folder = Path()
+
+    def drive(self, link: str | None, timeout_s: float, why: str, out: Path, plot: Path | None) -> None:
+        """Drive everything, and keep or go back. An OutputFileError comes last, when all else is done."""
+        from omniwheel.cli.tune_outcome import TriedSets
+        from omniwheel.drive_log import DriveLog
+
+        with ExitStack() as stack:
+            stack.enter_context(signals_interrupt())
+            log = stack.enter_context(DriveLog(out, NAME, self._asked()))
+            robot = stack.enter_context(open_robot(link, timeout_s=timeout_s, recorder=log.write))
+            sets = TriedSets(robot, self._wanted)  # what is refused here leaves no folder
+            recorder = keep_history(robot, why)
+            stack.callback(log.leaving)
+            log.connected(robot)
+            self._folder = log.folder
+            trouble = self._try_all(robot, sets, plot)
+            if self.outcome is not None and self.outcome.kept is not None:
+                recorder.measured(self.outcome.pairs(self.outcome.kept))
+                if self._store:
+                    robot.store()
+            if not self._quiet:
+                kept = self.outcome.kept if self.outcome is not None else None
+                console.print("old values restored" if kept is None else f"kept: {sets.names[kept]}", markup=False)
+            if trouble is not None:
+                raise trouble
+
+    def _try_all(self, robot: Robot, sets: TriedSets, plot: Path | None) -> OutputFileError | None:
+        """Try all sets, decide, and leave the robot with what is kept; return why a file could not be written."""
+        from omniwheel.cli.tune_outcome import TuneOutcome
+        from omniwheel.trial import Trial
+        from omniwheel.tuning_rounds import run_rounds
+
+        kept: int | None = None
         with Trial(robot) as trial:
-            sets = _Sets(robot, wanted)
             try:
-                say = partial(_say, sets.names, rounds, json_wanted)
-                tries = run_rounds(robot, sets.values, rounds, plan.run, say, trial.set_many)
-                outcome = _Outcome(sets, [[figures for _, figures in entry] for entry in tries])
-                traces = {name: [trace for trace, _ in entry] for name, entry in zip(sets.names, tries, strict=True)}
-                unwritten = _unwritten(traces, sets.title, target)
-                if not json_wanted:
-                    outcome.show()
-                    console.print(f"\n[bold]{target}[/]" if unwritten is None else "")
-                kept = _chosen(keep, len(wanted), json_wanted)
+                self._series.prepare(robot, sets.values, trial.set_many)
+                say = partial(_say, sets.names, self._rounds, self._quiet)
+                tries = run_rounds(robot, sets.values, self._rounds, self._series.run, say, trial.set_many)
+                self.outcome = TuneOutcome(sets, self._series, tries)
+                trouble = _unwritten(self.outcome, self._folder, plot)
+                if not self._quiet:
+                    self.outcome.show()
+                    for path in self.outcome.pictures:
+                        console.print(f"[bold]{path}[/]", soft_wrap=True)
+                kept = self.outcome.kept = _chosen(self._keep, len(self._wanted), self._quiet)
             finally:
                 trial.set_many(sets.values[kept or 0])
-        if kept is not None:
-            recorder.measured(outcome.pairs(kept))
-            if store:
-                robot.store()
-    if not json_wanted:
-        console.print("old values restored" if kept is None else f"kept: {sets.names[kept]}")
-    told = {"experiment": experiment.value, "old": sets.values[0], "kept": kept is not None}
-    if unwritten is not None:
-        unwritten.found = {**told, **outcome.document()}
-        raise unwritten
-    if json_wanted:
-        print_json(with_old_key({**told, "picture": str(target), **outcome.document()}, "picture"))
+        return trouble
+
+    def _asked(self) -> str:
+        tried = " or ".join(" ".join(f"{name}={value}" for name, value in entry.items()) for entry in self._wanted)
+        return f"{NAME} {', '.join(experiment.name for experiment in self._series.experiments)}: {tried}"
+
+    def told(self, plot: Path | None) -> dict[str, Any]:
+        """Return everything as plain data, with folder and pictures that could be written."""
+        assert self.outcome is not None
+        pictures = [str(path) for path in self.outcome.pictures]
+        document = {**self.outcome.document(), "folder": str(self._folder), "pictures": pictures}
+        return {**document, "picture": str(plot or pictures[0])} if pictures else document
 
 
-def _unwritten(traces: Mapping[str, Sequence[Trace]], title: str, target: Path) -> OutputFileError | None:
-    """Draw the picture; return why it could not be written. All rounds are told, and their best kept, before that."""
-    from omniwheel.tuning_plot import draw_tuning
-
+def _unwritten(outcome: TuneOutcome, folder: Path, plot: Path | None) -> OutputFileError | None:
+    """Write pictures and numbers; return why that failed. All rounds are told, and their best kept, before that."""
     try:
-        draw_tuning(traces, title, target)
+        outcome.write(folder, plot)
     except OutputFileError as error:
         return error
     return None
 
 
-def _wanted(
+def _wanted_sets(
     assignments: list[str] | None, candidates: list[str] | None, keep: bool | None
 ) -> list[dict[str, float | str]]:
     """Return the sets to try beside the present values."""
@@ -164,97 +268,32 @@ def _wanted(
     return sets
 
 
-class _Sets:
-    """The sets that are tried: the present values first, then the candidates; each has all that any changes."""
+def _series(wanted: _Wanted, quiet: bool) -> Series:
+    """Return what the robot is to do with each set."""
+    from omniwheel.experiments.repeated import Loop, Repeated, Series, Signal, Step, Trajectory
 
-    def __init__(self, robot: Robot, wanted: list[dict[str, float | str]]) -> None:
-        checked = [{name: robot.parameters.check(name, value) for name, value in entry.items()} for entry in wanted]
-        old = {name: robot.parameters[name] for entry in checked for name in entry}
-        self.changes = checked
-        self.values = [old, *({**old, **entry} for entry in checked)]
-        alone = len(wanted) == 1
-        self.names = ["before" if alone else "present"]
-        self.names += ["after"] if alone else [_assigned(entry) for entry in checked]
-        self.title = ", ".join(f"{name} {old[name]:g} → {value:g}" for name, value in checked[0].items())
-        if not alone:
-            self.title = f"present: {_assigned(old)}"
-
-
-def _assigned(values: Mapping[str, float]) -> str:
-    return " ".join(f"{name}={value:g}" for name, value in values.items())
+    kinds = list(dict.fromkeys(wanted.kinds or [Kind.STEP]))
+    if len(kinds) > 1 and (wanted.size is not None or wanted.duration_s is not None):
+        raise typer.BadParameter("--size and --duration belong to one experiment: give them with a single -e")
+    if Kind.STEP in kinds and wanted.size is not None and not 0.0 < abs(wanted.size) <= LARGEST_STEP:
+        raise typer.BadParameter(f"--size {wanted.size:g}: a step is from -{LARGEST_STEP:g} to {LARGEST_STEP:g}, not 0")
+    size, duration_s = (math.nan if value is None else value for value in (wanted.size, wanted.duration_s))
+    signal = Signal(size, duration_s, wanted.axis.value, wanted.wheel, wanted.lifted)
+    tell = partial(note, quiet=quiet)
+    made: list[Repeated] = [
+        Step(signal)
+        if kind is Kind.STEP
+        else Trajectory(signal)
+        if kind is Kind.TRAJECTORY
+        else Loop(kind.value, signal, wanted.room_m, tell)
+        for kind in kinds
+    ]
+    return Series(made)
 
 
 def _say(names: list[str], rounds: int, quiet: bool, number: int, index: int) -> None:
     which = "the present values" if index == 0 else "the new values" if len(names) == 2 else names[index]
     note(f"{f'round {number + 1} of {rounds}, ' if rounds > 1 else ''}with {which} …", quiet=quiet)
-
-
-class _Outcome:
-    """What came of all tries: ``figures`` per set and round, and the verdicts of each candidate."""
-
-    def __init__(self, sets: _Sets, figures: list[list[Figures]]) -> None:
-        from omniwheel.tuning_verdict import judge
-
-        self._sets, self._figures = sets, figures
-        self._rounds = len(figures[0])
-        self._verdicts = [judge(figures[0], entry, len(figures) - 1) for entry in figures[1:]]
-
-    def pairs(self, candidate: int) -> dict[str, tuple[float, float]]:
-        """Return {figure: (before, after)} of a candidate, means over the rounds."""
-        return {verdict.kind.key: (verdict.before, verdict.after) for verdict in self._verdicts[candidate - 1]}
-
-    def show(self) -> None:
-        console.print(self._table())
-        for name, verdicts in zip(self._sets.names[1:], self._verdicts, strict=True) if self._rounds > 1 else ():
-            console.print(f"[bold]{escape(name)}[/]")
-            for verdict in verdicts:
-                style = "dim" if not verdict.shows else "green" if verdict.difference < 0.0 else "yellow"
-                console.print(f"  [{style}]{verdict.sentence()}[/]")
-
-    def _table(self) -> Table:
-        from omniwheel.tuning_verdict import KINDS
-
-        table = Table(title=escape(self._sets.title), title_style="bold", title_justify="left")
-        for heading in ("", *self._sets.names):
-            table.add_column(escape(heading), justify="right" if heading else "left")
-        for kind in KINDS:
-            means = [_mean([entry.as_dict()[kind.key] for entry in tries]) for tries in self._figures]
-            if any(math.isfinite(mean) for mean in means):
-                cells = (f"{mean * kind.factor:.{kind.digits}f}" if math.isfinite(mean) else "–" for mean in means)
-                table.add_row(escape(f"{kind.name} [{kind.unit}]"), *cells)
-        return table
-
-    def document(self) -> dict[str, Any]:
-        """Return everything as plain data; "new", "before" and "after" are those of the first candidate."""
-        from omniwheel.tuning_verdict import KINDS
-
-        means = [
-            {kind.key: _mean([entry.as_dict()[kind.key] for entry in tries]) for kind in KINDS}
-            for tries in self._figures
-        ]
-        candidates = [
-            {"new": new, "after": after, "verdicts": [_verdict_document(verdict) for verdict in verdicts]}
-            for new, after, verdicts in zip(self._sets.changes, means[1:], self._verdicts, strict=True)
-        ]
-        first = {"new": self._sets.changes[0], "before": means[0], "after": means[1]}
-        return {**first, "rounds": self._rounds, "candidates": candidates}
-
-
-def _mean(values: list[float]) -> float:
-    """Return the mean of those that exist, NaN without any."""
-    known = [value for value in values if math.isfinite(value)]
-    return sum(known) / len(known) if known else math.nan
-
-
-def _verdict_document(verdict: Verdict) -> dict[str, Any]:
-    return {
-        "figure": verdict.kind.key,
-        "difference": verdict.difference,
-        "half_width": verdict.half_width,
-        "rounds": verdict.rounds,
-        "shows": verdict.shows,
-        "text": verdict.sentence(),
-    }
 
 
 def _chosen(keep: bool | None, count: int, json_wanted: bool) -> int | None:
@@ -269,18 +308,3 @@ def _chosen(keep: bool | None, count: int, json_wanted: bool) -> int | None:
     while not 0 <= number <= count:
         number = typer.prompt(f"Keep which candidate, 1 to {count}? 0: none", type=int, default=0)
     return number or None
-
-
-class _Plan:
-    """The experiment that is run twice."""
-
-    def __init__(self, kind: Kind, axis: Axis, size: float, duration_s: float | None) -> None:
-        self.kind, self.axis, self.size = kind, axis, size
-        self.duration_s = duration_s if duration_s is not None else 3.0 if kind is Kind.STEP else 600.0
-
-    def run(self, robot: Robot) -> tuple[Trace, Figures]:
-        from omniwheel.tuning import Experiment
-
-        if self.kind is Kind.STEP:
-            return Experiment(robot).step(self.axis.value, self.size, self.duration_s)
-        return Experiment(robot).trajectory(self.duration_s)

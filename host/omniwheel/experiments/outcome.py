@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.wheel_loop import Margins
 from omniwheel.burst import Burst
 from omniwheel.experiments.response import Response
 from omniwheel.experiments.session import Claims
+from omniwheel.wheel_loop import Margins
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

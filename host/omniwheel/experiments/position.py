@@ -8,13 +8,13 @@ linear within its boundary layer only, and the wheels must not come to their lim
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.gains import position_open
-from omniwheel.autotune.wheel_loop import Motor, loaded, margins, motor_of
 from omniwheel.burst import Burst
 from omniwheel.errors import LimitError
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel, bode, margin_figures
@@ -32,9 +32,11 @@ from omniwheel.experiments.wheel import DUTY_SHARE, MARGIN_M, READ, modelled_loo
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 from omniwheel.tuning import AXES, UNITS, ExperimentError, step_response
+from omniwheel.wheel_loop import Motor, loaded, margins, motor_of, position_open
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+_Plan = TypeVar("_Plan")
 
 GAINS = ("CTL_MODE", "ISMC_SWITCH", *(f"ISMC_{name}_{axis}" for name in ("LAM", "K", "PHI") for axis in ("XY", "TH")))
 LIMITS = ("SAFE_ERR_XY", "SAFE_ERR_TH")
@@ -180,9 +182,7 @@ def position_step(robot: Robot, plan: PositionPlan, room_m: float, tell: Tell) -
 def position_sweep(robot: Robot, plan: PositionPlan, room_m: float, tell: Tell) -> Outcome:
     """Sweep the wanted pose: bandwidth and margins of the position loop, as measured and modelled."""
     setup = PositionSetup(robot)
-    plan = setup.filled(plan)
-    if plan.to_hz == 0.0:
-        plan = replace(plan, from_hz=LOWEST_SWEPT_HZ, to_hz=_reach_hz(setup, plan.axis))
+    plan = _sweeping(setup, setup.filled(plan))
     burst, claims = _run(robot, setup, plan, room_m, tell)
     pose, reference = _along(burst, plan.axis)
     sweep = Sweep(reference, burst.period_s, plan.from_hz, plan.to_hz, SMOOTHED_HZ)
@@ -207,10 +207,7 @@ def position_sweep(robot: Robot, plan: PositionPlan, room_m: float, tell: Tell) 
 def disturbance(robot: Robot, plan: PushPlan, room_m: float, tell: Tell) -> Outcome:
     """Push a wheel by a voltage while the robot holds its pose: how far it gives way, and how it comes back."""
     setup = PositionSetup(robot)
-    if not 1 <= plan.wheel <= setup.model.wheels:
-        raise LimitError(f"there is no wheel {plan.wheel}", hint=f"1 to {setup.model.wheels}")
-    if not math.isfinite(plan.amplitude_V):
-        plan = replace(plan, amplitude_V=PUSH_SHARE * setup.model.duty_limit * setup.model.supply_V)
+    plan = _filled_push(setup, plan)
     claims = setup.push_claims(plan)
     _check(setup, claims, room_m, tell)
     excitation = Excitation("voltage", plan.wheel, plan.amplitude_V, plan.duration_s)
@@ -231,6 +228,48 @@ def disturbance(robot: Robot, plan: PushPlan, room_m: float, tell: Tell) -> Outc
         Panel("turn", "time [s]", "[rad]", [Line("measured", burst.time_s, turned)]),
     ]
     return Outcome("disturbance", claims, asdict(plan), figures, panels, burst)
+
+
+Check = Callable[[_Plan, float], None]
+"""Raises LimitError for a plan that does not fit, in a room of a side in metres."""
+
+
+def chosen_position(robot: Robot, plan: PositionPlan, *, sweeps: bool) -> tuple[PositionPlan, Check[PositionPlan]]:
+    """Return the plan as the robot's present values fill it, and a check of another plan with these values."""
+    setup = PositionSetup(robot)
+    filled = setup.filled(plan)
+    return (
+        _sweeping(setup, filled) if sweeps else filled,
+        lambda other, room_m: _check(setup, setup.claims(setup.filled(other)), room_m, _silent),
+    )
+
+
+def chosen_push(robot: Robot, plan: PushPlan) -> tuple[PushPlan, Check[PushPlan]]:
+    """Return the push as the robot's present values fill it, and a check of another push with these values."""
+    setup = PositionSetup(robot)
+    return (
+        _filled_push(setup, plan),
+        lambda other, room_m: _check(setup, setup.push_claims(other), room_m, _silent),
+    )
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+def _sweeping(setup: PositionSetup, plan: PositionPlan) -> PositionPlan:
+    """Return the plan with frequencies up to a few bandwidths of the modelled loop, where it has none."""
+    if plan.to_hz > 0.0:
+        return plan
+    return replace(plan, from_hz=LOWEST_SWEPT_HZ, to_hz=_reach_hz(setup, plan.axis))
+
+
+def _filled_push(setup: PositionSetup, plan: PushPlan) -> PushPlan:
+    if not 1 <= plan.wheel <= setup.model.wheels:
+        raise LimitError(f"there is no wheel {plan.wheel}", hint=f"1 to {setup.model.wheels}")
+    if math.isfinite(plan.amplitude_V):
+        return plan
+    return replace(plan, amplitude_V=PUSH_SHARE * setup.model.duty_limit * setup.model.supply_V)
 
 
 def _check(setup: PositionSetup, claims: Claims, room_m: float, tell: Tell) -> None:

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.wheel_loop import Margins, margins
 from omniwheel.identification.estimate import require_scipy
+from omniwheel.wheel_loop import Margins, margins
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

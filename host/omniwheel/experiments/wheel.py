@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.wheel_loop import ANGLE_FILTER, PARAMETERS, TICK_S, Motor, WheelLoop, loaded, loop_of, motor_of
 from omniwheel.burst import Burst
 from omniwheel.capability.drive_model import DriveModel
 from omniwheel.errors import LimitError
 from omniwheel.experiments.session import Claims, Excitation, Procedure, require_duty, require_room
 from omniwheel.robot import Robot
+from omniwheel.wheel_loop import ANGLE_FILTER, PARAMETERS, TICK_S, Motor, WheelLoop, loaded, loop_of, motor_of
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,8 @@ SPEED_SHARE, AMPLITUDE_SHARE = 0.3, 0.5
 """What is used of LIM_WHEEL, and of that for the excitation, where nothing is said."""
 DUTY_SHARE = 0.9
 """Of LIM_DUTY and BAT_V_NOM: a battery is seldom full."""
+CHOSEN_DUTY_SHARE = 0.7
+"""Of the same, where nothing is said: the ripple of real wheels needs some, too."""
 MARGIN_M = 0.03
 SETTLE_S = 1.0
 ALL = 0
@@ -65,8 +67,13 @@ class WheelSetup:
     def __init__(self, robot: Robot, plan: WheelPlan) -> None:
         self.values = {name: robot.parameters[name] for name in READ}
         self.model = robot.drive_model()
-        self.plan = _filled(plan, self.model, self.values)
+        if not 0 <= plan.wheel <= self.model.wheels:
+            hint = f"1 to {self.model.wheels}, or 0 for all of them alike"
+            raise LimitError(f"there is no wheel {plan.wheel}", hint=hint)
+        self.plan = plan
         self.wheels = list(range(self.model.wheels)) if plan.wheel == ALL else [plan.wheel - 1]
+        self._volts = self._volts_per_wanted()
+        self.plan = _filled(plan, self.model, self.values, self._volts)
 
     @property
     def claims(self) -> Claims:
@@ -74,7 +81,7 @@ class WheelSetup:
         plan, model = self.plan, self.model
         radius = float(np.mean(model.radius_m))
         peak = plan.speed_rad_s + abs(plan.amplitude_rad_s)
-        volts = _peak_volts(self.values, plan.speed_rad_s, plan.amplitude_rad_s)
+        volts = motor_of(self.values).speed_gain * plan.speed_rad_s + self._volts * abs(plan.amplitude_rad_s)
         travel = 0.0 if plan.on_stand else self._travel_m(radius)
         room = 0.0 if plan.on_stand else 2.0 * (self.values["WHEEL_DIST"] + MARGIN_M + travel)
         turn = radius * float(np.linalg.norm(self._motion(np.ones(model.wheels))[2]))
@@ -106,6 +113,13 @@ class WheelSetup:
         mass = np.array([model.mass_kg, model.mass_kg, model.body_inertia_kg_m2])
         body = float(np.mean(model.radius_m)) ** 2 * float(motion @ (mass * motion)) / float(np.sum(pattern))
         return loaded(motor, motor.inertia + body)
+
+    def _volts_per_wanted(self) -> float:
+        """Return the most volts per added rad/s: at once after a jump, or where the loop swings most."""
+        forward = self.feed_forward
+        at_once = forward + self.values["WS_P"]
+        loop = self.loop(np.geomspace(0.5, 450.0, 200))
+        return at_once if loop is None else max(at_once, float(np.max(np.abs(loop.volts(*self.gains, forward)))))
 
     @property
     def gains(self) -> tuple[float, float]:
@@ -162,16 +176,8 @@ def modelled_loop(values: Mapping[str, float], motor: Motor, frequency_hz: Array
     return loop_of(values, motor, frequency_hz)
 
 
-def _peak_volts(values: Mapping[str, float], speed: float, amplitude: float) -> float:
-    """Return the most that the loop gives: what keeps the speed, and what a sudden change of the wanted one makes."""
-    gain = motor_of(values).speed_gain
-    return gain * speed + (values["WS_FF"] * gain + values["WS_P"]) * abs(amplitude)
-
-
-def _filled(plan: WheelPlan, model: DriveModel, values: Mapping[str, float]) -> WheelPlan:
+def _filled(plan: WheelPlan, model: DriveModel, values: Mapping[str, float], volts_per_wanted: float) -> WheelPlan:
     """Choose what was left open: a share of the limits, and no more than the supply gives."""
-    if not 0 <= plan.wheel <= model.wheels:
-        raise LimitError(f"there is no wheel {plan.wheel}", hint=f"1 to {model.wheels}, or 0 for all of them alike")
     gain = motor_of(values).speed_gain
     volts = DUTY_SHARE * model.duty_limit * model.supply_V
     turning = float(np.mean(model.rows[:, 2])) / float(np.mean(model.radius_m))
@@ -181,8 +187,8 @@ def _filled(plan: WheelPlan, model: DriveModel, values: Mapping[str, float]) -> 
         speed = min(SPEED_SHARE * fastest, 0.4 * volts / gain)
     amplitude = plan.amplitude_rad_s
     if not math.isfinite(amplitude):
-        left = max(0.0, volts - gain * speed) / (values["WS_FF"] * gain + values["WS_P"])
-        amplitude = min(AMPLITUDE_SHARE * speed, 0.95 * left)
+        left = max(0.0, CHOSEN_DUTY_SHARE * model.duty_limit * model.supply_V - gain * speed)
+        amplitude = min(AMPLITUDE_SHARE * speed, 0.95 * left / volts_per_wanted)
     if speed <= 0.0 or amplitude == 0.0 or abs(amplitude) > speed:
         raise LimitError(
             f"{amplitude:g} rad/s on {speed:g} rad/s: a wheel would stand or reverse",

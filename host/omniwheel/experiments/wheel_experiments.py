@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.autotune.wheel_loop import TICK_S, WheelLoop, margins
 from omniwheel.burst import Burst
 from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel, bode, margin_figures
 from omniwheel.experiments.response import (
@@ -26,6 +26,7 @@ from omniwheel.experiments.session import Claims, Tell, run_excitation
 from omniwheel.experiments.wheel import WheelPlan, WheelSetup, WheelSignals, signals_of
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError, step_response
+from omniwheel.wheel_loop import TICK_S, WheelLoop, margins
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -67,9 +68,7 @@ def wheel_chirp(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Out
 
     The robot is disarmed at the end. Raises LimitError before it arms, ExperimentError for an answer that says nothing.
     """
-    setup = WheelSetup(robot, plan)
-    if not plan.sweeps:
-        setup.plan = replace(setup.plan, from_hz=LOWEST_HZ, to_hz=_reach_hz(setup))
+    setup = _sweeping(robot, plan)
     burst = _run(robot, setup, room_m, tell)
     seen = signals_of(burst)
     sweep = Sweep(seen.wanted, TICK_S, setup.plan.from_hz, setup.plan.to_hz)
@@ -85,14 +84,43 @@ def wheel_chirp(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Out
         gains = setup.gains
         closed = loop.counted(*gains, setup.feed_forward)
         motor = sweep.response(seen.counted, seen.voltage)
-        cut = loop.feedback(*gains) / loop.difference
-        opened = replace(motor, value=np.asarray(cut * motor.value, dtype=np.complex128))
+        opened = opened_loop(motor, loop, gains)
         figures = _loop_figures(answer, closed, opened, loop, gains)
         figures.append(_value_figure("delay_s", "delay beyond the model's", "s", delay_s(motor, loop.counted_per_volt)))
         panels = bode("speed per wanted speed", answer, closed) + bode("open loop", opened, loop.open(*gains))
     hz = answer.frequency_hz
     panels.append(Panel("coherence", "frequency [Hz]", "", [Line("measured", hz, answer.coherence)], logarithmic=True))
     return _outcome("wheel-chirp", setup, burst, figures, [*panels, *_panels(seen)[1:]])
+
+
+def chosen_wheel(
+    robot: Robot, plan: WheelPlan, *, sweeps: bool
+) -> tuple[WheelPlan, Callable[[WheelPlan, float], None]]:
+    """Return the plan as the robot's present values fill it, and a check of another plan in a room with these values.
+
+    Both raise LimitError.
+    """
+    setup = _sweeping(robot, plan) if sweeps else WheelSetup(robot, plan)
+
+    def check(other: WheelPlan, room_m: float) -> None:
+        setup.plan = other
+        setup.check(room_m)
+
+    return setup.plan, check
+
+
+def _sweeping(robot: Robot, plan: WheelPlan) -> WheelSetup:
+    """Return the set-up of a sweep; where the plan has no frequencies, up to some bandwidths of the modelled loop."""
+    setup = WheelSetup(robot, plan)
+    if not plan.sweeps:
+        setup.plan = replace(setup.plan, from_hz=LOWEST_HZ, to_hz=_reach_hz(setup))
+    return setup
+
+
+def opened_loop(motor: Response, loop: WheelLoop, gains: tuple[float, float]) -> Response:
+    """Return the open loop: the motor as measured, filter and controller as the robot computes them."""
+    cut = loop.feedback(*gains) / loop.difference
+    return replace(motor, value=np.asarray(cut * motor.value, dtype=np.complex128))
 
 
 def _run(robot: Robot, setup: WheelSetup, room_m: float, tell: Tell) -> Burst:

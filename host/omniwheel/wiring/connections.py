@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omni_schema import GyroWiring
-from omni_schema.gyro import ADDRESSES, SCL_PIN, SDA_PIN
+from omni_schema.gyro import SCL_PIN, SDA_PIN
 from omniwheel.wiring import electrics
 from omniwheel.wiring.plan import RADIO_RX, RADIO_TX, SCL, SDA, WiringPlan
 
@@ -75,10 +75,11 @@ def button_mind() -> str:
 def gyro_mind(gyro: GyroWiring) -> str:
     """Return how the gyro's chip is mounted and addressed."""
     way = "up" if gyro.axis > 0 else "down"
-    level = "ground" if gyro.address == ADDRESSES[0] else "3.3 V"
+    chip = gyro.chip
+    level = "ground" if gyro.address == chip.addresses[0] else "3.3 V"
     return (
         f"{'xyz'[abs(gyro.axis) - 1]} of the chip points {way}, anywhere on the robot, screwed down hard; "
-        f"AD0 to {level} (address 0x{gyro.address:02X}), CS to 3.3 V; "
+        f"{chip.address_pin} to {level} (address 0x{gyro.address:02X}), {chip.select} to 3.3 V; "
         "pull-ups to 3.3 V: 10 kΩ do on wires of some 20 cm"
     )
 
@@ -141,8 +142,8 @@ def _gyro(plan: WiringPlan) -> list[Connection]:
         return []
     chip = plan.gyro.chip
     return [
-        Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip} SDA, SCL", gyro_mind(plan.gyro)),
-        Connection("Teensy 3.3 V", f"{chip} VDD, VDDIO", "never 5 V, unless its board has a regulator and says so"),
+        Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip.name} SDA, SCL", gyro_mind(plan.gyro)),
+        Connection("Teensy 3.3 V", f"{chip.name} {chip.supply}", "never 5 V, unless its board has a regulator"),
     ]
 
 

@@ -64,7 +64,7 @@ def draw_wiring(plan: WiringPlan) -> str:
         _draw_button(sheet, plan, divider_end)
     _draw_light(sheet, plan, radio)
     if plan.gyro is not None:
-        _draw_gyro(sheet, plan.gyro.chip, radio)
+        _draw_gyro(sheet, plan.gyro.chip.name, radio)
     draw_supply(sheet, plan, (LEFT, parts_end + 64))
     height = write_notes(sheet, plan, (LEFT, parts_end + 64 + SUPPLY_H), WIDTH - 2 * LEFT)
     return sheet.svg(WIDTH, height + LEFT)

@@ -7,8 +7,9 @@ from collections import Counter
 from dataclasses import dataclass
 from math import pi
 
-from omni_schema import EncoderPlan, GyroWiring, Robot, plan_encoders
+from omni_schema import EncoderPlan, GyroWiring, Robot, SchemaError, plan_encoders
 from omni_schema.encoder_plan import INTERRUPTS_PER_S
+from omni_schema.gyro_configuration import read_configuration
 from omniwheel.wiring.electrics import BRIDGE_SUPPLY_V, LOGIC_V
 
 ON_BOARD_LIGHT = 13
@@ -113,6 +114,18 @@ def plan_wiring(robot: Robot) -> WiringPlan:
     )
 
 
+def _no_configuration(robot: Robot) -> list[str]:
+    """Return what is wrong with the configuration file of the gyro's chip, if it needs one."""
+    gyro = robot.board.gyro
+    if gyro is None or not gyro.config_file:
+        return []
+    try:
+        read_configuration(robot.source, gyro.config_file, gyro.config_sha256)
+    except SchemaError as error:
+        return [NO_TEENSY_BUILD.format(problem=f"{error.key} {error.problem}. {error.hint}")]
+    return []
+
+
 def _warnings(robot: Robot, wheels: tuple[WheelWiring, ...], supply_V: float) -> list[str]:
     board = robot.board
     found = []
@@ -121,6 +134,7 @@ def _warnings(robot: Robot, wheels: tuple[WheelWiring, ...], supply_V: float) ->
         found.append(NO_OE if chip else NO_ENABLE)
     encoders = plan_encoders(board)
     found += [NO_TEENSY_BUILD.format(problem=problem) for problem in encoders.problems]
+    found += _no_configuration(robot)
     found += _too_fast(robot, encoders)
     used = Counter(channel for wheel in wheels for channel in (wheel.in1_channel, wheel.in2_channel))
     twice = [str(channel) for channel, count in sorted(used.items()) if count > 1]

@@ -8,6 +8,7 @@ file, the key, the value and what is allowed.
 from omni_schema.encoder_plan import EncoderPlan, plan_encoders
 from omni_schema.errors import SchemaError
 from omni_schema.gyro import GyroWiring
+from omni_schema.gyro_chips import GyroChip
 from omni_schema.parameters import (
     MAX_WHEELS,
     Parameter,
@@ -23,6 +24,7 @@ __all__ = [
     "MAX_WHEELS",
     "BoardWiring",
     "EncoderPlan",
+    "GyroChip",
     "GyroWiring",
     "Parameter",
     "ParameterTable",

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_schema.errors import SchemaError
-from omni_schema.gyro import AXIS_PARAMETER, parse_gyro
+from omni_schema.gyro import gyro_values, parse_gyro
 from omni_schema.parameters import Parameter, ParameterTable
 from omni_schema.toml_file import (
     read_toml,
@@ -77,10 +77,11 @@ def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str)
     wheels = _wheel_count(source, sections, table)
     _refuse_unknown_section_keys(source, sections, table)
     overrides = _keyed_values(source, sections, table, wheels)
-    overrides.update(_named_values(source, sections["parameters"], table))
-    gyro = parse_gyro(source, sections["gyro"] if "gyro" in document else None, sections["parameters"])
+    gyro_section = sections["gyro"] if "gyro" in document else None
+    gyro = parse_gyro(source, gyro_section, sections["parameters"], table.gyro_chips)
     if gyro is not None:
-        overrides[AXIS_PARAMETER] = float(gyro.axis)
+        overrides.update({name: table[name].parse(source, "gyro", value) for name, value in gyro_values(gyro).items()})
+    overrides.update(_named_values(source, sections["parameters"], table))
     return Robot(
         source=source,
         name=name,

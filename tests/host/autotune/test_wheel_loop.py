@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from omniwheel._core import ffi, lib
 from omniwheel.autotune.gains import Requirements, design_position, design_wheels, position_margins, worst
-from omniwheel.autotune.wheel_loop import LOWEST_HZ, Filter, Motor, WheelLoop, loaded, turns_around
 from omniwheel.errors import AutotuneError
+from omniwheel.wheel_loop import LOWEST_HZ, Filter, Motor, WheelLoop, loaded, turns_around
 
 FAST = Motor(0.00116979, 0.00073572, 0.33462, 2.87154, 0.00143577)
 COUNT_RAD = 2.0 * math.pi / 1920.0

@@ -89,7 +89,7 @@ def test_a_large_bias_is_told(make_bench: MakeBench) -> None:
 def test_without_a_gyro_it_passes_unless_the_file_has_one(bench: Bench) -> None:
     file = read_robot("three_wheel")
     assert check_gyro(bench.robot, bench, file=file).ok
-    wired = replace(file, board=replace(file.board, gyro=GyroWiring("ICM-42688-P", 3, 0x68)))
+    wired = replace(file, board=replace(file.board, gyro=GyroWiring(file.table.gyro_chips["ICM-42688-P"], 3, 0x68)))
     assert list(failures(check_gyro(bench.robot, bench, file=wired))) == ["gyro"]
     assert bench.questions == []
 

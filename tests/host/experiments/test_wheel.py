@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import omniwheel.robot
+from hil_sim.scenario import load_scenario
 from omniwheel import Robot
 from omniwheel.burst import load_burst
 from omniwheel.dialect import mavlink
@@ -158,3 +159,14 @@ def test_an_emergency_stop_from_somebody_else_ends_it() -> None:
             step(robot, duration_s=3.0, on_stand=True)
         assert at_rest(robot)
         assert robot.status.state == "estop"
+
+
+def test_the_fast_robot_is_not_driven_to_its_duty_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its loop swings more near 20 Hz than a jump needs at once: the sweep that was chosen cut its own voltages."""
+    fast = load_scenario("sitl", robot="fast_three_wheel")
+    monkeypatch.setattr("tests.host.cli_examples.load_scenario", lambda _: fast)
+    with connected(FLOOR) as robot:
+        outcome = chirp(robot)
+    assert not outcome.remarks
+    assert float(np.max(np.abs(outcome.burst["voltage"]))) < 0.98 * 12.0
+    assert outcome["phase_margin_rad"].measured == pytest.approx(outcome["phase_margin_rad"].model, abs=0.1)

@@ -212,6 +212,25 @@ def test_a_gyro_is_in_the_table_the_drawing_and_its_notes() -> None:
     assert "ICM" not in " ".join(Drawing(draw_wiring(plan_wiring(read_robot("three_wheel")))).words)
 
 
+@pytest.mark.parametrize(
+    ("chip", "address", "words"),
+    [
+        ("LSM6DSO", 0x6B, "SDO/SA0 to 3.3 V (address 0x6B), CS to 3.3 V"),
+        ("ISM330DHCX", 0x6A, "SDO/SA0 to ground (address 0x6A), CS to 3.3 V"),
+        ("BMI270", 0x68, "SDO to ground (address 0x68), CSB to 3.3 V"),
+    ],
+)
+def test_each_chips_pins_have_its_own_names(chip: str, address: int, words: str) -> None:
+    gyro: dict[str, object] = {"chip": chip, "axis": 3, "address": address}
+    if chip == "BMI270":
+        gyro["config_file"] = "not/there.c"
+    plan = plan_wiring(parse_robot(document() | {"gyro": gyro}, parameter_table(), "test.toml"))
+    assert any(words in row.mind for row in connections(plan))
+    assert chip in " ".join(Drawing(draw_wiring(plan)).words)
+    warned = [warning for warning in plan.warnings if "config_file" in warning]
+    assert len(warned) == (1 if chip == "BMI270" else 0)
+
+
 def test_the_stop_buttons_pull_ups_give_what_the_advice_says_within_what_a_pin_bears() -> None:
     assert electrics.button_A() == pytest.approx(0.15e-3)
     assert 3e-3 < electrics.button_A(electrics.BUTTON_PULL_UP_OHM) < electrics.PIN_LIMIT_A

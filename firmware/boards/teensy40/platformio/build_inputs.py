@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,6 +12,9 @@ from pathlib import Path
 class InputError(ValueError):
     """A robot file that is not there, or not the one that the environment is for; says what to do."""
 
+
+_CONFIG_FILE = re.compile(r"""^\s*(?:gyro\.)?config_file\s*=\s*(["'])(.*?)\1""", re.MULTILINE)
+# A file that is written in another way is read all the same, but a build does not notice when it changes.
 
 VARIABLE = "OMNI_ROBOT"
 """The environment variable that names a robot file of one's own; as ``custom_robot``: that file."""
@@ -43,7 +47,15 @@ def generator_inputs(root: Path, robot: Path) -> list[Path]:
     link = [path for path in (shared / "link").rglob("*") if path.is_file()]
     headers = (shared / "core" / "include" / "omni").glob("*.h")  # controllers and paths are looked up there
     schemas = [shared / "params.toml", shared / "world.toml"]
-    return sorted([robot, *schemas, *link, *headers, *(shared / "generate").rglob("*.py")])
+    named = files_named_in(robot)
+    return sorted([robot, *named, *schemas, *link, *headers, *(shared / "generate").rglob("*.py")])
+
+
+def files_named_in(robot: Path) -> list[Path]:
+    """Return the files that a robot file names and that are there: the configuration file of its gyro's chip."""
+    named = _CONFIG_FILE.search(robot.read_text(encoding="utf-8"))
+    path = robot.parent / (named[2] if named else "")
+    return [path] if path.is_file() else []
 
 
 def fingerprint(root: Path, robot: Path) -> str:

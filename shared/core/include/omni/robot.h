@@ -165,7 +165,7 @@ typedef struct omni_outputs_t {
     omni_reference_t reference;
     omni_control_terms_t terms;
     /** k - |B+ (v_s - v_s_hat)| of condition 44 per world axis [m/s, m/s, rad/s], with 3 sigma of the slip ratios'
-     * estimate as the error. 0 unless the ISMC is tracking. */
+     * estimate as the error. 0 unless the ISMC is tracking. Looked at in every eighth tick. */
     omni_real_t ismc_margin[OMNI_AXES];
     omni_real_t slip_m_s[OMNI_MAX_WHEELS]; /**< estimated v_s */
     omni_real_t slip_residual_m_s;
@@ -265,8 +265,10 @@ typedef struct omni_control_state_t {
 
 /** What the check of the ISMC's gain keeps (the report's condition 44). */
 typedef struct omni_gain_margin_t {
-    omni_real_t uncovered_s; /**< how long the condition has been violated */
-    omni_flag_t uncovered;   /**< it counts as violated */
+    omni_real_t margin[OMNI_AXES]; /**< of the latest look */
+    omni_real_t uncovered_s;       /**< how long the condition has been violated */
+    omni_flag_t uncovered;         /**< it counts as violated */
+    uint8_t ticks;                 /**< since the latest look */
 } omni_gain_margin_t;
 
 /** What the last tick did: the filters predict with it, and the supervision judges it. */

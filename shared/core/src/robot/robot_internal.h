@@ -126,6 +126,7 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
 /**
  * Do the controller's gains cover the slip error that may be there? The integral sliding mode has such a condition
  * (44).
+ * It is looked at in every eighth tick; the last answer stands in between.
  * @param margin out, per axis; 0 unless a controller that has one is tracking.
  * @return OMNI_WARN_ISMC_GAIN, or 0.
  */

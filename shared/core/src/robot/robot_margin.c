@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include <stddef.h>
+#include <string.h>
 
 #include "../estimation/pose_ekf_inline.h"
 #include "../kinematics/kinematics_inline.h"
@@ -10,6 +11,9 @@ static const omni_real_t sigmas = 3.0f;
 
 /* A violation shows after this long, and goes after as long without one. */
 static const omni_real_t debounce_s = 0.5f;
+
+/* Ticks from one look to the next: slip and speed, which decide, take far longer to change. */
+enum { look_ticks = 8 };
 
 /* d(world twist) / d(slip ratios): rows of R^T B+ diag(r phi'). */
 static inline void slip_sensitivity(const omni_kinematics_t *k, const omni_estimate_t *estimate,
@@ -60,28 +64,33 @@ static omni_flag_t is_covered(const omni_real_t margin[OMNI_AXES]) {
     return margin[0] >= 0.0f && margin[1] >= 0.0f && margin[2] >= 0.0f;
 }
 
-omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
-                                   const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
-                                   const omni_target_t *target, omni_real_t *margin) {
-    const omni_controller_t *controller = omni_controllers[config->controller];
-    if (!target->position_loop || controller->margin == NULL) {
-        state->uncovered_s = 0.0f;
-        state->uncovered = false;
-        margin[0] = 0.0f;
-        margin[1] = 0.0f;
-        margin[2] = 0.0f;
-        return 0;
-    }
+static void look(omni_gain_margin_t *state, const omni_robot_config_t *config, const omni_pose_ekf_state_t *ekf,
+                 const omni_estimate_t *estimate) {
     const omni_real_t fed = estimate->fix_is_fresh ? config->slip_feed : 0.0f;
     /* The count as a constant lets the compiler unroll the loops. */
     const omni_twist_t bound = config->kinematics.wheels == 3
                                    ? slip_bounds(config, ekf, estimate, fed, 3)
                                    : slip_bounds(config, ekf, estimate, fed, OMNI_MAX_WHEELS);
-    const bool judged = controller->margin(config, &bound, margin);
-    const omni_flag_t open = judged && !is_covered(margin);
-    const omni_real_t change = omni_select(open, config->step_s, -config->step_s);
+    const bool judged = omni_controllers[config->controller]->margin(config, &bound, state->margin);
+    const omni_flag_t open = judged && !is_covered(state->margin);
+    const omni_real_t period_s = (omni_real_t)look_ticks * config->step_s;
+    const omni_real_t change = omni_select(open, period_s, -period_s);
     state->uncovered_s = omni_clampf(state->uncovered_s + change, 0.0f, debounce_s);
     const omni_flag_t settled = state->uncovered_s == 0.0f || state->uncovered_s == debounce_s;
     state->uncovered = omni_select(settled, state->uncovered_s > 0.0f, state->uncovered);
+}
+
+omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
+                                   const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
+                                   const omni_target_t *target, omni_real_t *margin) {
+    if (!target->position_loop || omni_controllers[config->controller]->margin == NULL) {
+        memset(state, 0, sizeof *state);
+    } else {
+        if (state->ticks == 0) {
+            look(state, config, ekf, estimate);
+        }
+        state->ticks = (uint8_t)((state->ticks + 1) % look_ticks);
+    }
+    memcpy(margin, state->margin, sizeof state->margin);
     return omni_select(state->uncovered, (uint32_t)OMNI_WARN_ISMC_GAIN, 0u);
 }

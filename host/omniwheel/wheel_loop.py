@@ -185,9 +185,13 @@ class WheelLoop:
 
     def estimated(self, proportional: float, integral: float, feed_forward: float = 0.0) -> Complex:
         """Return the same as the wheel filter estimates it: what the robot itself believes."""
-        pi, seen = self._controller(proportional, integral), self._from_angle * self._angle
-        volts = (pi + feed_forward) / (1.0 + pi * (self._from_volts + seen))
-        return np.asarray((self._from_volts + seen) * volts, dtype=np.complex128)
+        seen = self._from_volts + self._from_angle * self._angle
+        return np.asarray(seen * self.volts(proportional, integral, feed_forward), dtype=np.complex128)
+
+    def volts(self, proportional: float, integral: float, feed_forward: float = 0.0) -> Complex:
+        """Return the voltage per wanted speed [V s/rad]. Near the loop's own frequency it is largest."""
+        pi, seen = self._controller(proportional, integral), self._from_volts + self._from_angle * self._angle
+        return np.asarray((pi + feed_forward) / (1.0 + pi * seen), dtype=np.complex128)
 
     @property
     def counted_per_volt(self) -> Complex:
@@ -259,6 +263,12 @@ def margins(loop: Complex) -> Margins:
         phase_rad=float(np.min(phases)) if len(phases) else math.pi,
         distance=float(np.min(np.abs(1.0 + loop))),
     )
+
+
+def position_open(loop: WheelLoop, inner: Complex, lam: float, stiffness_1_s: float) -> Complex:
+    """Return the open position loop: an integrator behind the wheel loop ``inner``, PI by lambda and k / phi."""
+    s = loop.difference
+    return np.asarray(inner * (lam + stiffness_1_s + lam * stiffness_1_s / s) / s, dtype=np.complex128)
 
 
 def loop_of(values: Mapping[str, float], motor: Motor | None = None, frequency_hz: Array | None = None) -> WheelLoop:
