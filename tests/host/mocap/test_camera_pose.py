@@ -51,14 +51,14 @@ def test_the_place_of_the_camera_is_found(eye: Watcher) -> None:
 def test_poses_all_over_the_floor_are_as_good_as_stated(eye: Watcher) -> None:
     draw = np.random.default_rng(3)
     ratios, errors = [], []
-    for seed in range(12):
+    for seed in range(8):
         truth = Pose(draw.uniform(-0.45, 0.45), draw.uniform(-0.25, 0.3), draw.uniform(-math.pi, math.pi))
         seen = eye.look(SCENE.picture(truth, seed))
         errors.append(error(seen, truth))
         assert seen.found is not None
         ratios.append(errors[-1] ** 2 / np.diagonal(seen.found.noise + seen.found.bias))
-    # Chi-square with 12 degrees of freedom per coordinate: above 28.3 in 5 of 1000 cases. It is stated with caution.
-    assert (np.sum(ratios, axis=0) < 28.3).all()
+    # Chi-square with 8 degrees of freedom per coordinate: above 21.95 in 5 of 1000 cases. It is stated with caution.
+    assert (np.sum(ratios, axis=0) < 21.95).all()
     assert np.sqrt(np.mean(np.square(errors), axis=0)) == pytest.approx([0.0, 0.0, 0.0], abs=0.006)
     assert np.abs(errors)[:, :2].max() < 0.002
 
@@ -74,6 +74,7 @@ def test_a_tag_aside_and_turned_on_the_robot_gives_the_robots_pose(tmp_path: Pat
     assert error(watcher(tmp_path, here).look(here.picture(HERE)), HERE) == pytest.approx([0.0] * 3, abs=0.006)
 
 
+@pytest.mark.nightly
 def test_a_moving_robot_is_where_it_was_in_the_middle_of_the_exposure(eye: Watcher) -> None:
     path = [Pose(0.1 + 0.006 * share, 0.05, 0.7 + 0.03 * share) for share in np.linspace(-0.5, 0.5, 5)]
     assert error(eye.look(SCENE.picture(path)), HERE) == pytest.approx([0.0, 0.0, 0.0], abs=0.012)
@@ -109,17 +110,19 @@ def test_no_pose_is_better_than_a_wrong_one(eye: Watcher, case: str) -> None:
     assert reason in seen.reason
 
 
+@pytest.mark.nightly
 def test_a_tag_that_is_partly_covered_gives_the_pose_or_none(eye: Watcher) -> None:
     """A spot of light or a finger anywhere on the tag: what is taken for a pose is one."""
     poses = 0
-    for at, (dx, dy) in enumerate((dx, dy) for dx in (-0.06, 0.0, 0.06) for dy in (-0.06, 0.06)):
-        for radius in (0.008, 0.02):
-            seen = eye.look(spoilt(glare=(0.1 + dx, 0.05 + dy, 0.12, radius)).picture(HERE, at))
-            poses += seen.found is not None
-            if seen.found is not None:
-                assert error(seen, HERE) == pytest.approx([0.0, 0.0, 0.0], abs=0.02)
-                assert math.dist(seen.found.pose[:2], HERE[:2]) < 0.004
-    assert poses < 12
+    places = [(dx, dy) for dx in (-0.06, 0.0, 0.06) for dy in (-0.06, 0.06)]
+    for at, (dx, dy) in enumerate(places):
+        radius = (0.008, 0.02)[(at + at // 2) % 2]
+        seen = eye.look(spoilt(glare=(0.1 + dx, 0.05 + dy, 0.12, radius)).picture(HERE, at))
+        poses += seen.found is not None
+        if seen.found is not None:
+            assert error(seen, HERE) == pytest.approx([0.0, 0.0, 0.0], abs=0.02)
+            assert math.dist(seen.found.pose[:2], HERE[:2]) < 0.004
+    assert poses < len(places)
 
 
 def test_a_camera_that_was_pushed_gives_no_pose(eye: Watcher) -> None:

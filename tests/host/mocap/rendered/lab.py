@@ -71,14 +71,18 @@ def watcher(folder: Path, of: Scene) -> Watcher:
 
 
 def printed_board() -> tuple[Array, float]:
-    """Return the calibration board as it is printed, and its width [m]."""
+    """Return the calibration board as it is printed, and its width [m].
+
+    It is softened by the distance of a picture's rays on it, or those would round its edges to whole rays.
+    """
     sheet = board_sheet("a4")
     sheet.figure.set_dpi(508)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     canvas = FigureCanvasAgg(sheet.figure)
     canvas.draw()
-    return np.asarray(cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2GRAY)), 1e-3 * sheet.width
+    grey = cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2GRAY)
+    return np.asarray(cv2.blur(grey, (7, 7))), 1e-3 * sheet.width
 
 
 VIEWS = tuple(
@@ -93,10 +97,12 @@ VIEWS = tuple(
         (0.05, 0.0, 0.5, -0.6, 0.3, -0.4),
         (-0.05, 0.02, 0.5, 0.3, -0.6, 0.8),
         (-0.1, 0.0, 0.6, -0.3, 0.6, 1.5),
-        (0.24, 0.12, 0.7, 0.4, 0.4, 0.0),
-        (-0.24, -0.12, 0.7, -0.4, -0.4, 0.1),
-        (0.24, -0.12, 0.7, 0.4, -0.4, 0.0),
-        (-0.24, 0.12, 0.7, -0.4, 0.4, 0.0),
+        (0.21, 0.11, 0.7, 0.4, 0.4, 1.0),
+        (-0.21, -0.11, 0.7, -0.4, -0.4, 1.1),
+        (0.21, -0.11, 0.7, 0.4, -0.4, 2.0),
+        (-0.21, 0.11, 0.7, -0.4, 0.4, 2.0),
+        (0.0, 0.0, 0.36, 0.5, 0.0, 3.1),
+        (0.0, 0.0, 0.4, 0.0, 0.5, 1.6),
     )
 )
 """How a person holds the board: everywhere in the picture, and tilted."""
