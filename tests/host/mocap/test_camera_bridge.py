@@ -70,7 +70,6 @@ def test_a_robot_that_did_not_know_its_place_drives_by_the_camera(tmp_path: Path
                     worst_rad = max(worst_rad, abs(math.remainder(tracking.pose[2] - truth.theta, math.tau)))
                     speed_m_s = max(speed_m_s, math.hypot(*lab.world.twist[:2]))
             statistics = bridge.report()
-    print(f"{1e3 * worst_m:.2f} mm, {1e3 * worst_rad:.2f} mrad, {speed_m_s:.3f} m/s, {statistics.sent} fixes")
     assert statistics.sent > 30
     assert source.reasons == {}
     assert speed_m_s > 0.05  # 60 ms taken as of now would be off by 3 mm and more

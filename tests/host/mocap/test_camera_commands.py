@@ -139,6 +139,7 @@ def test_a_printed_tag_has_its_size_and_is_found(family: str, tmp_path: Path) ->
     assert CELLS.keys() == FAMILIES.keys() == TAG_FAMILIES.keys()
     for name, number, side_m in (("floor-1", 1, 0.15), ("robot-10", 10, 0.12)):
         picture = cv2.imread(str(tmp_path / f"{name}.png"), cv2.IMREAD_GRAYSCALE)
+        assert picture is not None
         (tag,) = TagFinder(family).find(picture)
         assert tag.id == number
         assert tag.side_px == pytest.approx(side_m / 0.0254 * 100, abs=2.0)
@@ -219,10 +220,10 @@ def test_without_opencv_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
     def missing(_: str) -> None:
         raise ImportError("no cv2")
 
-    monkeypatch.setattr(library.importlib, "import_module", missing)
+    monkeypatch.setattr("importlib.import_module", missing)
     with pytest.raises(MocapLibraryError) as error:
         library.load_cv2()
     assert "omniwheel[vision]" in error.value.hint
-    monkeypatch.setattr(library.importlib, "import_module", lambda _: object())
+    monkeypatch.setattr("importlib.import_module", lambda _: object())
     with pytest.raises(MocapLibraryError, match=r"4\.8"):
         library.load_cv2()

@@ -22,7 +22,10 @@ SIMILAR_SHARE = 0.03
 """Two pictures are the same if the board's corners move by less than this share of the picture's width."""
 _GRID = 4
 _LEAST_CELLS = 13
-_HOW = "take 15 pictures or more: the board near, far, in each corner of the picture, and tilted by 30 degrees to each side"
+_HOW = (
+    "take 15 pictures or more: the board near, far, in each corner of the picture, "
+    "and tilted by 30 degrees to each side"
+)
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def find_lens(collected: Collected) -> Lens:
     """Return the lens. Raises CameraError if the pictures are too few, too similar, or do not fit one lens."""
     views, size = collected.views, collected.size
     if len(views) < LEAST_PICTURES or size is None:
-        reasons = sorted({reason for reason in collected.left_out.values()})
+        reasons = sorted(set(collected.left_out.values()))
         unused = f" Left out: {'; '.join(reasons)}." if reasons else ""
         raise CameraError(
             f"{len(views)} pictures of the board can be used; {LEAST_PICTURES} are needed", hint=_HOW + unused

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A camera's lens: which direction each pixel looks into. ``omni mocap calibrate`` writes it into a TOML file.
 
-A point at (x, y, z) of the camera's axes (right, down, into the picture) is first divided by z, then distorted by
-OpenCV's polynomial (k1, k2, p1, p2, k3), then scaled by the focal lengths and moved by the centre, both in pixels.
+A point at (x, y, z) of the camera's axes (right, down, into the picture) is first divided by z. Then it is distorted by
+OpenCV's polynomial (k1, k2, p1, p2, k3). At last it is scaled by the focal lengths and moved by the centre, in pixels.
 The middle of the picture's first pixel is (0, 0).
 """
 
@@ -29,7 +29,7 @@ _KEYS = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px", *_DISTORTION, "r
 
 @dataclass(frozen=True)
 class Lens:
-    """Size of the picture, focal lengths, centre and distortion. ``rms_px`` and ``pictures`` tell of the calibration."""
+    """Picture size, focal lengths, centre and distortion. ``rms_px`` and ``pictures`` tell of the calibration."""
 
     width: int
     height: int

@@ -62,7 +62,7 @@ class TagFinder:
         return self.find(np.ascontiguousarray(picture[:, ::-1]))
 
     def _large(self, tag: SeenTag) -> bool:
-        return tag.side_px >= LEAST_CELL_PX * self._cells
+        return bool(tag.side_px >= LEAST_CELL_PX * self._cells)
 
 
 def only_once(tags: Sequence[SeenTag]) -> tuple[dict[int, SeenTag], set[int]]:

@@ -8,6 +8,7 @@ camera is found from a picture of the empty floor. The lens is known exactly, so
 from __future__ import annotations
 
 import math
+import sys
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -58,7 +59,8 @@ def measured(lens: Lens, height_m: float, poses: int = POSES, seed: int = SEED) 
 def table() -> str:
     """Return the table as Markdown."""
     lines = [
-        "| Pictures | camera above the floor | RMS [mm] | largest [mm] | stated RMS [mm] | heading, RMS [mrad] | poses |",
+        "| Pictures | camera above the floor | RMS [mm] | largest [mm] | stated RMS [mm] | heading, RMS [mrad] "
+        "| poses |",
         "|---|---|---|---|---|---|---|",
     ]
     for lens, height_m in ROWS:
@@ -70,4 +72,4 @@ def table() -> str:
 
 
 if __name__ == "__main__":
-    print(table())
+    sys.stdout.write(table() + "\n")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -79,7 +80,7 @@ def printed_board() -> tuple[Array, float]:
     sheet.figure.set_dpi(508)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    canvas = FigureCanvasAgg(sheet.figure)
+    canvas: Any = FigureCanvasAgg(sheet.figure)
     canvas.draw()
     grey = cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2GRAY)
     return np.asarray(cv2.blur(grey, (7, 7))), 1e-3 * sheet.width
