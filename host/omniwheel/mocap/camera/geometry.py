@@ -2,7 +2,7 @@
 """Where a lens stands in the world, where its pixels meet a plane, and the pose of tags that lie in planes.
 
 The robot's pose has three unknowns, because its tags move at a known height. So a tag's position comes from the
-direction in which it is seen, and not from how large it looks: that would be ten times worse.
+direction in which it is seen. How large it looks would tell it ten times worse.
 """
 
 from __future__ import annotations
