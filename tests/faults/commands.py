@@ -294,7 +294,7 @@ CASES = {
         "host-control pose 0.1 0 0 --simulate --for 0.5 --tolerance 0 --plot {disk}/l.png",
     ),
     "mocap record": Case("mocap record {disk}/m.csv --source simulated --for 0.3"),
-    "mocap markers": Case("mocap markers {disk}/tags --floor 1 --format svg", step=6),
+    "mocap markers": Case("mocap markers {disk}/tags --floor 1 --sheets svg", step=6),
     "mocap calibrate": Case("mocap calibrate {inputs}/calibrate.toml {inputs}/empty.png", during=_camera),
     "mocap place": Case("mocap place {inputs}/place.toml {inputs}/empty.png", during=_camera),
     "radio key new": Case("radio key new {disk}/robot.key"),

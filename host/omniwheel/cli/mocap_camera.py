@@ -67,7 +67,7 @@ def markers(
         float, typer.Option("--robot-size", min=0.02, max=0.16, metavar="M", help="Black side of the robot's tag.")
     ] = 0.12,
     paper: Annotated[Paper, typer.Option("--paper", help="Size of the paper.")] = Paper.A4,
-    kind: Annotated[Kind, typer.Option("--format", help="Kind of file.")] = Kind.PDF,
+    kind: Annotated[Kind, typer.Option("--sheets", help="Kind of file for the sheets.")] = Kind.PDF,
     force: ForceOption = False,
 ) -> None:
     """Write sheets to print in true size: tags for floor and robot, the calibration board, and a camera file."""

@@ -56,7 +56,7 @@ def store(folder: Path, pictures: Sequence[tuple[str, Array]]) -> Path:
 
 
 def test_from_print_to_poses(tmp_path: Path, boards: list[tuple[str, Array]]) -> None:
-    run("markers", str(tmp_path / "tags"), "--format", "svg", "--floor", "2")
+    run("markers", str(tmp_path / "tags"), "--sheets", "svg", "--floor", "2")
     camera = tmp_path / "tags" / "camera.toml"
     assert load_setup(camera).robot[0].id in range(TAG_FAMILIES["apriltag_36h11"])
     store(tmp_path / "tags" / "floor", [(f"{at:03}.png", SCENE.picture(pose, at)) for at, pose in enumerate(LAP)])
@@ -154,7 +154,7 @@ def test_sheets_are_written_in_true_size(tmp_path: Path) -> None:
     assert box is not None
     assert [float(size) for size in box.groups()] == pytest.approx([612.0, 792.0], abs=0.1)
     assert "exists already" in " ".join(run("markers", str(tmp_path / "a"), code=2).stderr.split())
-    run("markers", str(tmp_path / "a"), "--format", "png", "--floor", "1", "--family", "aruco_4x4", "--force")
+    run("markers", str(tmp_path / "a"), "--sheets", "png", "--floor", "1", "--family", "aruco_4x4", "--force")
     assert load_setup(tmp_path / "a" / "camera.toml").family == "aruco_4x4"
     assert "there is no family" in run("markers", str(tmp_path / "b"), "--family", "qr", code=2).stderr
 
