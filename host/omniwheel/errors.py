@@ -29,7 +29,8 @@
     ├── MocapError                    a stream of poses from motion capture
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
     │   ├── MocapLibraryError         the library that reads it is not installed
-    │   └── MocapLostError            it cannot be reached, or went away
+    │   ├── MocapLostError            it cannot be reached, or went away
+    │   └── CameraError               pictures that cannot tell what was asked for; says what is missing
     ├── HostControlStopError          the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
@@ -218,6 +219,10 @@ class MocapLibraryError(MocapError):
 
 class MocapLostError(MocapError):
     """The stream cannot be reached, or went away."""
+
+
+class CameraError(MocapError):
+    """Pictures of a camera that cannot tell what was asked for; nothing was written."""
 
 
 class HostControlStopError(OmniError):

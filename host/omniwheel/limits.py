@@ -28,6 +28,8 @@ MOCAP_BUDGET_BYTES_S = 480.0
 """What all bytes of the bridge together may take: half of a 9600-baud radio."""
 MOCAP_MAX_AGE_S = 0.2
 """The oldest pose sent."""
+TAG_FAMILIES = {"apriltag_36h11": 587, "apriltag_25h9": 35, "aruco_4x4": 50, "aruco_5x5": 100, "aruco_6x6": 250}
+"""Kinds of tags that a webcam may look for, the usual one first, and how many tags each has."""
 HOST_CONTROL_FULL_PWM = 255
 """Largest PWM in a line for the original robot."""
 HOST_CONTROL_MOTORS = 4

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
+import matplotlib.image as imageio
 import numpy as np
 import typer
 
@@ -32,6 +33,9 @@ from omniwheel.experiments.session import Claims
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
 from omniwheel.identification.robot_file import write_robot_file
+from omniwheel.mocap.camera.geometry import Eye
+from omniwheel.mocap.camera.lens import Lens, save_lens
+from omniwheel.mocap.camera.place import Placement
 from omniwheel.tuning import Figures, Trace
 from omniwheel.wheel_loop import Margins
 from tests.host.logs import synthetic
@@ -193,6 +197,54 @@ def _quick(_name: str, _robot: str | None = None) -> Any:
 
 INPUTS: list[Path] = []
 
+_CAMERA = """\
+[camera]
+device = 0
+width = 640
+height = 360
+lens = {lens!r}
+place = {place!r}
+[[floor]]
+id = 1
+size_m = 0.15
+x_m = 0.0
+y_m = 0.0
+[[robot]]
+id = 10
+size_m = 0.12
+height_m = 0.12
+"""
+
+
+def known_lens() -> Any:
+    """Calibrate without a board: tests/host/mocap does it with one."""
+    lens = Lens(640, 360, (540.0, 540.0), (320.0, 180.0), (0.0,) * 5, 0.1, 15)
+    return _patched(omniwheel__mocap__camera__calibrate__find_lens=lambda _: lens)
+
+
+@contextmanager
+def _camera() -> Iterator[None]:
+    """A camera whose pictures are empty, and what they are said to show. What is written goes to the failing disk."""
+    inputs = INPUTS[0].resolve()
+    disk = inputs.parent / "disk"
+    lens = Lens(640, 360, (540.0, 540.0), (320.0, 180.0), (0.0,) * 5, 0.1, 15)
+    save_lens(lens, inputs / "lens.toml")
+    for name, path in (("calibrate", disk / "lens.toml"), ("place", inputs / "lens.toml")):
+        text = _CAMERA.format(lens=str(path), place=str(disk / "place.toml"))
+        (inputs / f"{name}.toml").write_text(text, encoding="utf-8")
+    imageio.imsave(inputs / "empty.png", np.zeros((360, 640)), cmap="gray")
+    eye = Eye(lens, np.array([np.pi, 0.0, 0.0]), np.array([0.0, 0.0, 2.0]), 1e-6 * np.eye(6))
+    place = Placement(eye, 0.1, {1: 0.001}, 0.001)
+    with (
+        known_lens(),
+        _patched(
+            omniwheel__cli__mocap_camera___mean_corners=lambda *_: {},
+            omniwheel__mocap__camera__place__find_place=lambda *_: place,
+        ),
+    ):
+        yield
+
+
 CASES = {
     "demo": Case("demo --no-compare --out {disk}", during=_short_demo),
     "hil": Case("hil {inputs}/quick.toml --out {disk}/runs"),
@@ -242,6 +294,9 @@ CASES = {
         "host-control pose 0.1 0 0 --simulate --for 0.5 --tolerance 0 --plot {disk}/l.png",
     ),
     "mocap record": Case("mocap record {disk}/m.csv --source simulated --for 0.3"),
+    "mocap markers": Case("mocap markers {disk}/tags --floor 1 --sheets svg", step=6),
+    "mocap calibrate": Case("mocap calibrate {inputs}/calibrate.toml {inputs}/empty.png", during=_camera),
+    "mocap place": Case("mocap place {inputs}/place.toml {inputs}/empty.png", during=_camera),
     "radio key new": Case("radio key new {disk}/robot.key"),
     "logs import": Case("logs import {inputs}/run1.csv --mapping {inputs}/mapping.toml --out {disk}/l.npz"),
     "robots new": Case(
@@ -280,7 +335,7 @@ WRITE_NOTHING = (
     "soak", "bench", "monitor", "studio", "flash", "doctor", "params list", "params get", "params set", "params load",
     "params presets", "params diff", "params reset", "params history", "params undo",
     "runs compare", "runs name", "runs delete",
-    "host-control motor", "mocap bridge", "radio key set", "radio key remove", "radio key show",
+    "host-control motor", "mocap bridge", "mocap look", "radio key set", "radio key remove", "radio key show",
     "logs show", "logs align", "robots list", "robots show", "robots motors", "robots params", "bringup link",
     "bringup i2c", "bringup encoders",
     "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "bringup gyro",

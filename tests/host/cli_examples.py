@@ -20,6 +20,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
+import matplotlib.image as imageio
 from typer.testing import CliRunner
 
 import omniwheel.robot
@@ -33,9 +34,12 @@ from omniwheel import FirmwareProcess, Robot
 from omniwheel.bringup import Assumed
 from omniwheel.cli import app
 from omniwheel.cli.common import keep_history
+from omniwheel.frames import Pose
 from omniwheel.signing import new_key_file
-from tests.faults.commands import CASES
+from tests.faults.commands import CASES, known_lens
 from tests.host.logs import synthetic
+from tests.host.mocap.rendered.lab import SMALL, scene, write_files
+from tests.host.mocap.rendered.scene import View
 from tests.quick_scenario import QUICK
 
 SIMULATOR = "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass MyWorld(TinyWorld):\n    fixes = False\n"
@@ -286,8 +290,13 @@ RULES = (
     Rule("monitor --once", leave=LINK, during=robot),
     Rule("monitor", leave=LINK, during=partial(robot, end_s=2.0)),
     Rule("mocap bridge --source recorded", "--duration 0.3", LINK, real_time_robot),
+    Rule("mocap bridge --source camera", "--duration 0.3", LINK, real_time_robot),
     Rule("mocap bridge", "--source simulated --duration 0.3", LINK, real_time_robot),
     Rule("mocap record", "--source simulated --duration 0.3", new="*.csv"),
+    Rule("mocap markers tags --paper", "--sheets svg"),
+    Rule("mocap markers", "--sheets svg", new="tags/camera.toml"),
+    Rule("mocap calibrate", during=known_lens),
+    Rule("mocap"),
     Rule("link", "--listen tcp:127.0.0.1:0", ("--listen",), soon_unplugged),
     Rule("radio key new", new="robot.key"),
     Rule("host-control motor", "--duration 0.1", during=no_radio),
@@ -376,6 +385,17 @@ def expanded(word: str) -> list[str]:
     return sorted(map(str, Path().glob(word))) if "?" in word else [word]
 
 
+def make_camera(folder: Path) -> None:
+    """Write the files of a webcam that is placed, and pictures in its stead: of the floor, and with a robot."""
+    of = scene(View(SMALL, (0.05, -0.9, 1.8), (0.0, 0.0, 0.0)))
+    (folder / "tags").mkdir()
+    write_files(folder / "tags", of, '"../board"')
+    (folder / "board").mkdir()
+    empty, robot = of.picture(None), of.picture(Pose(0.1, 0.0, 0.5))
+    for name, picture in (("empty_floor", empty), ("board/1", empty), ("floor1", robot), ("board/2", robot)):
+        imageio.imsave(folder / f"{name}.png", picture, cmap="gray", vmin=0, vmax=255)
+
+
 def make_files(folder: Path) -> None:
     """Write what the examples read: logs of a known robot, a finished run, robot and parameter files."""
     (folder / "quick.toml").write_text(QUICK, encoding="utf-8")
@@ -396,6 +416,7 @@ def make_files(folder: Path) -> None:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(b"")
     new_key_file(folder / "robot.key")
+    make_camera(folder)
     for seed, name in enumerate(("run1", "run2", "run3", "spin1", "motor1"), start=1):
         synthetic.write(folder, name, synthetic.Known(), seed)
         imported = f"logs import {name}.csv --mapping mapping.toml --truth truth_{name}.csv --out {name}.npz"

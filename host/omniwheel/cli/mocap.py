@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni mocap``: motion-capture poses to a robot, or into a file."""
+"""``omni mocap``: motion-capture poses to a robot, or into a file. ``mocap_camera`` has the commands for a webcam."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from omniwheel.cli import mocap_camera
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -38,7 +39,8 @@ app = typer.Typer(help="Send motion-capture poses to a robot, or record them.", 
 _SLICE_S = 0.25
 
 SourceOption = Annotated[
-    str, typer.Option("--source", metavar="STREAM", help="vicon:HOST/OBJECT, recorded:FILE or simulated.")
+    str,
+    typer.Option("--source", metavar="STREAM", help="vicon:HOST/OBJECT, camera:FILE, recorded:FILE or simulated."),
 ]
 DurationOption = Annotated[
     float,
@@ -53,6 +55,7 @@ DurationOption = Annotated[
     epilog=examples(
         "omni mocap bridge --source vicon:192.168.1.10/robot --link /dev/ttyUSB0,9600",
         "omni mocap bridge --source recorded:lap.csv --as vicon --rate 50 --budget 100000 --link /dev/ttyACM0",
+        "omni mocap bridge --source camera:tags/camera.toml --link /dev/ttyACM0 --budget 100000",
         "omni mocap bridge --source simulated --link tcp:127.0.0.1:5760 --duration 10",
     ),
 )
@@ -160,3 +163,7 @@ def _copy(stream: MocapSource, writer: RecordingWriter, duration_s: float) -> No
         if measured is not None:
             writer.write(measured)
         writer.flush_if_due()
+
+
+for _name, _examples in mocap_camera.EXAMPLES.items():
+    app.command(_name, epilog=_examples)(getattr(mocap_camera, _name))

@@ -3,6 +3,7 @@
 
 ==========================  ==========================================================================
 ``vicon:HOST/OBJECT``       Vicon DataStream server and the object's name in Tracker or Nexus
+``camera:FILE``             a webcam that sees tags; FILE is the camera file (the extra ``vision``)
 ``recorded:FILE``           a file of ``omni mocap record``, replayed with its own time stamps
 ``simulated``               a robot that drives a circle, with noise, latency and drop-outs
 ==========================  ==========================================================================
@@ -14,12 +15,13 @@ from pathlib import Path
 
 from omniwheel.errors import MocapSourceError
 from omniwheel.limits import DEFAULT_TIMEOUT_S
+from omniwheel.mocap.camera.source import open_camera
 from omniwheel.mocap.recorded import RecordedSource
 from omniwheel.mocap.simulated import SimulatedSource
 from omniwheel.mocap.source import MocapSource
 from omniwheel.mocap.vicon import ViconSource
 
-ALLOWED = "allowed are vicon:HOST/OBJECT, recorded:FILE, simulated"
+ALLOWED = "allowed are vicon:HOST/OBJECT, camera:FILE, recorded:FILE, simulated"
 
 
 def open_source(name: str, *, seed: int = 1, timeout_s: float = DEFAULT_TIMEOUT_S) -> MocapSource:
@@ -30,6 +32,8 @@ def open_source(name: str, *, seed: int = 1, timeout_s: float = DEFAULT_TIMEOUT_
         if not (host and slash and subject):
             raise MocapSourceError(f"cannot understand {name!r}: a host and an object are needed", hint=ALLOWED)
         return ViconSource(host, subject, timeout_s=timeout_s)
+    if kind == "camera" and place:
+        return open_camera(name, Path(place))
     if kind == "recorded" and place:
         return RecordedSource(Path(place))
     if name == "simulated":
