@@ -119,7 +119,7 @@ def test_what_drives_is_limited_by_one_factor_and_what_brakes_is_left_alone(
 
 def blocked(wheel: int, seconds: float, duty: float = 0.9, **parameters: float) -> tuple[Bench, list[float]]:
     """Return the bench and the largest true current of each tick: one wheel held, all driven."""
-    bench = Bench(**parameters)
+    bench = Bench("three_wheel", **parameters)
     bench.arm()
     currents = []
     for _ in range(round(seconds / STEP_S)):
@@ -189,7 +189,7 @@ def test_a_warning_comes_before_the_fault() -> None:
 
 def duties_of_a_stop(brake: float, **parameters: float) -> list[list[float]]:
     """Return the duties from speed until the wheels as good as stand."""
-    bench = Bench(**parameters)
+    bench = Bench("three_wheel", **parameters)
     bench.arm()
     for duty, ticks in ((0.1, 100), (0.2, 200), (0.3, 300), (0.4, 400)):
         for _ in range(ticks):
@@ -246,7 +246,7 @@ def test_the_controller_is_told_and_does_not_wind_up() -> None:
 def test_a_limit_that_is_never_reached_changes_no_duty() -> None:
     seen = []
     for parameters in ({}, {"LIM_I": 900.0}, {"SAFE_I": 900.0}):
-        bench = Bench(**parameters)
+        bench = Bench("three_wheel", **parameters)
         bench.arm()
         duties = []
         for number in range(600):

@@ -29,7 +29,8 @@ def errors(name: str) -> tuple[float, float, float]:
             true_A = np.array(drive.true_A())
             wrong.append(np.array(list(run.outputs.current_A)[: drive.wheels]) - true_A)
             right.append(true_A)
-    return *(float(np.sqrt(np.mean(np.square(values)))) for values in (wrong, right)), drive.stall_A
+    wrong_A, right_A = (float(np.sqrt(np.mean(np.square(values)))) for values in (wrong, right))
+    return wrong_A, right_A, drive.stall_A
 
 
 def table() -> list[str]:

@@ -70,7 +70,9 @@ def test_units(key: str, unit: str) -> None:
 
 
 def test_a_signal_is_the_value_that_the_class_has() -> None:
-    message = Wheels(1.0, (1, 2, 3, 4), (5, 6, 7, 8), (0.1, 0.2, 0.3, 0.4), (9, 10, 11, 12), (13, 14, 15, 16), 0.5, 0.6)
+    fours = [(n, n + 1, n + 2, n + 3) for n in (1, 5, 20, 9, 13, 30)]
+    speed, reference, duty, current, slip, heat = fours
+    message = Wheels(1.0, speed, reference, duty, current, slip, 0.5, 0.6, heat, 0.7)
     row = values(message)
     found = {signal.key: row[signal.column] for signal in signals_of(Wheels)}
     assert found["wheels.reference.3"] == 7
