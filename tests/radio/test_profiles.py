@@ -39,7 +39,9 @@ def test_a_minute_of_a_profile_stays_below_60_percent_of_the_line(baud: int, sig
             there.connection.add_listener(count)
             start_s, start = link.clock_s(), link.radio.down.bytes_in
             assert there.parameters.download()
-            there.pump(60.0 - (link.clock_s() - start_s))
+            loaded_s, meanwhile = link.clock_s(), heard["OMNI_TRACKING"]
+            there.pump(60.0 - (loaded_s - start_s))
+            after_s = link.clock_s() - loaded_s
             bytes_s = (link.radio.down.bytes_in - start) / (link.clock_s() - start_s)
         assert bytes_s < 0.6 * BYTES_S[baud]
         assert max(lengths) <= LONGEST_FRAME
@@ -49,7 +51,8 @@ def test_a_minute_of_a_profile_stays_below_60_percent_of_the_line(baud: int, sig
         assert heard["SYS_STATUS"] >= 11
         assert heard["OMNI_STATUS"] >= 7
         assert heard["LOCAL_POSITION_NED"] >= 50
-        assert heard["OMNI_TRACKING"] >= 40
+        assert heard["OMNI_TRACKING"] - meanwhile >= 0.95 * after_s, "once a second, and more often on a faster line"
+        assert meanwhile >= 0.25 * (loaded_s - start_s), "parameters do not keep everything else away"
 
 
 def test_the_default_rates_cannot_flood_a_slow_line() -> None:
