@@ -8,8 +8,6 @@ position in mm / heading in mrad, and in brackets the same over the posterior bo
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,8 +18,8 @@ from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.world import IDEAL_WHEELS
 from omni_reproduce import limits
 from omni_reproduce.experiment import read_spec
+from omni_reproduce.limits_table import print_table
 from omni_reproduce.posterior_bound import Array
-from omni_schema.errors import did_you_mean
 
 RATES = (0.0, 0.05, 0.1, 0.2)
 PATHS = 2
@@ -64,26 +62,15 @@ def line(key: str, seeds: int) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table as Markdown, a row as soon as it is known."""
+    """Print the table."""
     known = [*read_spec(limits.NAME)["setting"], *UNBOUNDED]
-    parser = argparse.ArgumentParser(prog="python -m omni_reproduce.limits_adapt", description=__doc__)
-    parser.add_argument("settings", nargs="*", metavar="SETTING", help=f"of: {', '.join(known)}")
-    parser.add_argument("--seeds", type=int, default=16, help="seeds of each cell (16)")
-    chosen = parser.parse_args(arguments)
-    for name in chosen.settings:
-        if name not in known:
-            parser.error(f"no setting {name!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
-    if chosen.seeds < 1:
-        parser.error(f"--seeds is {chosen.seeds}; 1 or more are needed")
-    _say(f"| setting | {' | '.join(f'EKF_ADAPT = {rate:g}' for rate in RATES)} |")
-    _say("|---" * (1 + len(RATES)) + "|")
-    for key in chosen.settings or known:
-        _say(line(key, chosen.seeds))
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+    print_table(
+        ("python -m omni_reproduce.limits_adapt", __doc__),
+        known,
+        [f"EKF_ADAPT = {rate:g}" for rate in RATES],
+        line,
+        arguments,
+    )
 
 
 if __name__ == "__main__":

@@ -8,16 +8,14 @@ over the posterior bound, position / heading, with the factor that has the least
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 
 import numpy as np
 
 from omni_reproduce import limits
 from omni_reproduce.experiment import read_spec
+from omni_reproduce.limits_table import print_table
 from omni_reproduce.posterior_bound import Array
-from omni_schema.errors import did_you_mean
 
 PARAMETERS = ("EKF_Q_XY", "EKF_Q_TH", "EKF_Q_SLIP", "EKF_P_SLIP")
 FACTORS = (0.25, 0.5, 2.0, 4.0)
@@ -59,26 +57,9 @@ def line(key: str, seeds: int) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table as Markdown, a row as soon as it is known."""
+    """Print the table."""
     known = list(read_spec(limits.NAME)["setting"])
-    parser = argparse.ArgumentParser(prog="python -m omni_reproduce.limits_noise", description=__doc__)
-    parser.add_argument("settings", nargs="*", metavar="SETTING", help=f"of: {', '.join(known)}")
-    parser.add_argument("--seeds", type=int, default=16, help="seeds of each cell (16)")
-    chosen = parser.parse_args(arguments)
-    for name in chosen.settings:
-        if name not in known:
-            parser.error(f"no setting {name!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
-    if chosen.seeds < 1:
-        parser.error(f"--seeds is {chosen.seeds}; 1 or more are needed")
-    _say(f"| setting | as shipped | {' | '.join(PARAMETERS)} |")
-    _say("|---" * (2 + len(PARAMETERS)) + "|")
-    for key in chosen.settings or known:
-        _say(line(key, chosen.seeds))
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+    print_table(("python -m omni_reproduce.limits_noise", __doc__), known, ["as shipped", *PARAMETERS], line, arguments)
 
 
 if __name__ == "__main__":

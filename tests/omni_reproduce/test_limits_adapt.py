@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from omni_reproduce import limits, limits_adapt
+from omni_reproduce import limits, limits_adapt, limits_noise
 from omni_reproduce.posterior_bound import Array
 
 
@@ -31,9 +33,21 @@ def test_the_rate_reaches_the_robot_and_outliers_the_world() -> None:
     assert {fault.name for fault in limits_adapt.scenario_of("outliers").faults} == {"pose_jump"}
 
 
+def test_each_noise_parameter_has_a_cell(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(limits, "bound_and_told", lambda *_: (np.array([1.0, 0.5]), np.ones(2)))
+    monkeypatch.setattr(limits_noise, "over_bound", lambda *_: np.array([1.5, 1.25]))
+    limits_noise.main(["demo", "--seeds", "2"])
+    head, _, demo = capsys.readouterr().out.splitlines()
+    assert head == f"| setting | as shipped | {' | '.join(limits_noise.PARAMETERS)} |"
+    assert demo.count("1.50 / 1.25") == 1 + len(limits_noise.PARAMETERS)
+
+
+@pytest.mark.parametrize("table", [limits_adapt, limits_noise])
 @pytest.mark.parametrize(("arguments", "says"), [(["dema"], "demo"), (["demo", "--seeds", "0"], "1 or more")])
-def test_wrong_arguments_are_refused(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_arguments_are_refused(
+    table: Any, arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as refused:
-        limits_adapt.main(arguments)
+        table.main(arguments)
     assert refused.value.code == 2
     assert says in capsys.readouterr().err

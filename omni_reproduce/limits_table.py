@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+"""The command line of a table with a row for each setting of ``omni reproduce limits``, in Markdown."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+
+from omni_schema.errors import did_you_mean
+
+
+def print_table(
+    program: tuple[str | None, str | None],
+    known: Sequence[str],
+    headings: Sequence[str],
+    line: Callable[[str, int], str],
+    arguments: Sequence[str] | None,
+) -> None:
+    """Print the table, a row as soon as it is known.
+
+    ``program`` is its name and its help, ``line`` makes a row from a setting and the number of seeds.
+    """
+    parser = argparse.ArgumentParser(prog=program[0], description=program[1])
+    parser.add_argument("settings", nargs="*", metavar="SETTING", help=f"of: {', '.join(known)}")
+    parser.add_argument("--seeds", type=int, default=16, help="seeds of each cell (16)")
+    chosen = parser.parse_args(arguments)
+    for name in chosen.settings:
+        if name not in known:
+            parser.error(f"no setting {name!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
+    if chosen.seeds < 1:
+        parser.error(f"--seeds is {chosen.seeds}; 1 or more are needed")
+    _say(f"| setting | {' | '.join(headings)} |")
+    _say("|---" * (1 + len(headings)) + "|")
+    for key in chosen.settings or known:
+        _say(line(key, chosen.seeds))
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
