@@ -134,7 +134,7 @@ static void write_power(hil_gyro_chip_t *chip, uint8_t value) {
 
 static bool write(hil_gyro_chip_t *chip, uint8_t bank, uint8_t reg, uint8_t value) {
     const bool slow = saves_power(chip);
-    if (reg <= LAST_READ_ONLY || (slow && reg != PWR_CONF && reg != CMD)) {
+    if (reg <= LAST_READ_ONLY || reg >= HIL_GYRO_REGISTERS || (slow && reg != PWR_CONF && reg != CMD)) {
         return false;
     }
     if (reg == CMD) {

@@ -15,8 +15,10 @@ typedef struct field_t {
     bool real;
 } field_t;
 
-#define REALS(name) {#name, offsetof(omni_outputs_t, name), 4, sizeof(((omni_outputs_t *)0)->name) / 4, true}
-#define WHOLE(name) {#name, offsetof(omni_outputs_t, name), sizeof(((omni_outputs_t *)0)->name), 1, false}
+#define REALS(name)                                                                                                    \
+    { #name, offsetof(omni_outputs_t, name), 4, sizeof(((omni_outputs_t *)0)->name) / 4, true }
+#define WHOLE(name)                                                                                                    \
+    { #name, offsetof(omni_outputs_t, name), sizeof(((omni_outputs_t *)0)->name), 1, false }
 
 static const field_t fields[] = {
     WHOLE(time_us),

@@ -65,7 +65,7 @@ static omni_flag_t is_covered(const omni_real_t margin[OMNI_AXES]) {
 }
 
 static void look_again(omni_gain_margin_t *state, const omni_robot_config_t *config, const omni_pose_ekf_state_t *ekf,
-                 const omni_estimate_t *estimate) {
+                       const omni_estimate_t *estimate) {
     const omni_real_t fed = estimate->fix_is_fresh ? config->slip_feed : 0.0f;
     /* The count as a constant lets the compiler unroll the loops. */
     const omni_twist_t bound = config->kinematics.wheels == 3
