@@ -48,6 +48,7 @@ static void make_state(void) {
     robot.margin.uncovered = any_bool();
     robot.applied.off_track = any_bool();
     robot.exciter.begun = any_bool();
+    robot.supervisor.current.hot = any_bool();
     omni_gyro_state_t *gyro = &robot.estimator.gyro;
     gyro->ready = any_bool();
     gyro->trouble = any_bool();
