@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.boards.teensy40.chip import write_wiring_header
 from tests.native import ROOT, build_library, generated_dir
 
 HERE = Path(__file__).resolve().parent
@@ -75,7 +76,10 @@ def system_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
         FAKES / "fake_flash.cpp",
         HERE / "system_shim.cpp",
     ]
-    return build_library(tmp_path_factory.mktemp("teensy40"), "system", sources, [FAKES])
+    out = tmp_path_factory.mktemp("teensy40")
+    # The fakes' pins come first; of the robot's own headers only the gyro's is taken: it has none.
+    generated = write_wiring_header(out, ROOT / "shared" / "robots" / "three_wheel.toml")
+    return build_library(out, "system", sources, [FAKES, generated])
 
 
 @pytest.fixture

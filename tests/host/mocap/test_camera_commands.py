@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 import re
@@ -220,10 +221,10 @@ def test_without_opencv_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
     def missing(_: str) -> None:
         raise ImportError("no cv2")
 
-    monkeypatch.setattr("importlib.import_module", missing)
+    monkeypatch.setattr(importlib, "import_module", missing)
     with pytest.raises(MocapLibraryError) as error:
         library.load_cv2()
     assert "omniwheel[vision]" in error.value.hint
-    monkeypatch.setattr("importlib.import_module", lambda _: object())
+    monkeypatch.setattr(importlib, "import_module", lambda _: object())
     with pytest.raises(MocapLibraryError, match=r"4\.8"):
         library.load_cv2()
