@@ -150,6 +150,17 @@ float correlation_of_xy(const omni_outputs_t &out) {
     return omni_is_finite(ratio) ? omni_clampf(ratio, -1.0f, 1.0f) : 0.0f;
 }
 
+/// Never 0, which says that a robot does not tell: a fix that was used in this very tick is 1 us old.
+float fix_age_s(const TickReport &latest) {
+    constexpr uint64_t most_us = UINT32_MAX;
+    if (latest.fix_us == 0) {
+        return -1.0f;
+    }
+    const uint64_t now_us = latest.outputs.time_us;
+    const uint64_t age_us = now_us > latest.fix_us ? now_us - latest.fix_us : 1;
+    return static_cast<float>(static_cast<uint32_t>(std::min(age_us, most_us))) * 1e-6f;
+}
+
 struct Angle {
     omni_real_t sine = 0.0f;
     omni_real_t cosine = 1.0f;

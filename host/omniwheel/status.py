@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message
+from omniwheel.pose_quality import PoseQuality, QualityWatch
 from omniwheel.telemetry import (
     Battery,
     Control,
@@ -21,6 +22,7 @@ from omniwheel.telemetry import (
 )
 
 _KINDS: tuple[type[Telemetry], ...] = (Heartbeat, Tracking, Wheels, Control, Status, Battery, StatusText)
+_OF_QUALITY: tuple[type[Telemetry], ...] = (Tracking, Control, Status)
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class RobotStatus:
     """What the robot said last; None where it has not said anything yet.
 
     ``heartbeat_age_s`` is the time since the last heartbeat on the connection's clock, infinite before the first.
+    ``quality`` says how good the pose is, by what the robot's filter knows.
     """
 
     heartbeat_age_s: float
@@ -38,6 +41,7 @@ class RobotStatus:
     safety: Status | None
     battery: Battery | None
     text: StatusText | None
+    quality: PoseQuality | None = None
 
     @property
     def armed(self) -> bool:
@@ -67,6 +71,7 @@ class StatusBoard:
         self._connection = connection
         self._latest: dict[str, Message] = {}
         self._heartbeat_s = float("-inf")
+        self._quality = QualityWatch()
         self._names = {kind.message for kind in _KINDS}
         connection.add_listener(self._take)
 
@@ -74,6 +79,10 @@ class StatusBoard:
         name = message.get_type()
         if name in self._names:
             self._latest[name] = message
+        for kind in _OF_QUALITY:
+            told = decode(kind, message)
+            if told is not None:
+                self._quality.take(told)
         if name == Heartbeat.message:
             self._heartbeat_s = self._connection.clock()
 
@@ -92,4 +101,5 @@ class StatusBoard:
             safety=self._last(Status),
             battery=self._last(Battery),
             text=self._last(StatusText),
+            quality=self._quality.quality(),
         )

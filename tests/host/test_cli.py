@@ -173,6 +173,10 @@ def test_monitor_once(url: str) -> None:
     counted = ("missed: ", "bus errors since the start: ", "frames not understood: ", "lack of room on the link: ")
     assert all(words in shown for words in counted), "each number says what it counts, in one line"
     assert "no path" in shown
+    assert status["quality"]["verdict"] == "no fixes"
+    assert status["quality"]["text"].startswith("pose without fixes: ±")
+    assert "pose without fixes: ±" in shown
+    assert "start a pose source" in shown
     heading = next(line for line in shown.splitlines() if "wheel " in line)
     assert [word for word in heading.split() if word.isdigit()] == ["1", "2", "3"]
 
@@ -211,7 +215,15 @@ def test_record_writes_a_log_that_pymavlink_reads(url: str, tmp_path: Path) -> N
 def test_drive_velocity_disarms_at_the_end(url: str) -> None:
     result = run_json("drive", "velocity", "0", "0", "0", "--for", "0.3", "--link", url)
     assert set(result["pose"]) == {"x", "y", "theta"}
+    assert result["quality"]["text"].startswith("pose without fixes: ±")
     assert run_json("monitor", "--link", url)["state"] == "disarmed"
+
+
+def test_a_drive_ends_with_how_good_the_pose_is_and_what_to_do(url: str) -> None:
+    shown = run("drive", "velocity", "0", "0", "0", "--for", "0.3", "--link", url).stdout
+    words = " ".join(shown.split())
+    assert "pose without fixes: ±" in words
+    assert "; start a pose source" in words
 
 
 def test_drive_pose_to_where_it_is_arrives(url: str) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -42,6 +43,8 @@ def test_fixes_that_the_robot_uses_are_marked_where_they_are(page: Page) -> None
     assert 0.0 < max(spread) < 0.05, "around the robot, each with its own noise"
     assert len({(mark["x"], mark["y"]) for mark in used}) > 10
     assert "0 refused" in (page.text_content("#fix-text") or "")
+    assert re.match(r"pose ±\S+ mm, ±\S+° \(95 %\)$", page.text_content("#quality-text") or "")
+    assert page.text_content("#quality-advice") == ""
 
 
 def test_a_covered_camera_brings_no_more_and_the_marks_fade(page: Page) -> None:
@@ -183,4 +186,7 @@ def test_a_robot_that_drives_blind_has_a_tilted_ellipse(page: Page, simulated: P
     assert (found["major"], found["minor"]) == pytest.approx((major, minor), rel=1e-3)
     assert abs(math.remainder(found["angle"] - angle, math.pi)) < 1e-3
     assert math.radians(95) < angle < math.radians(175), "across the way"
+    until(page, "document.getElementById('quality-text').textContent.startsWith('pose drifting: no fix for ')")
+    assert "check the pose source" in (page.text_content("#quality-advice") or "")
+    assert state["quality"]["verdict"] == "drifting"
     mend(page)

@@ -134,11 +134,15 @@ def _result(robot: Robot, as_json: bool, **more: Any) -> None:
     from omniwheel.telemetry import Tracking
 
     pose = robot.wait_for(Tracking).pose
+    quality = robot.status.quality
     if as_json:
-        print_json({"pose": pose._asdict(), **more})
+        told = {} if quality is None else {"quality": quality.as_dict()}
+        print_json({"pose": pose._asdict(), **more, **told})
     else:
         degrees = math.degrees(pose.theta)
         console.print(f"at x = {pose.x:.3f} m, y = {pose.y:.3f} m, theta = {pose.theta:.3f} rad ({degrees:.1f}°)")
+        if quality is not None:
+            console.print("; ".join(filter(None, (quality.text, quality.advice))), markup=False, highlight=False)
 
 
 @app.command(

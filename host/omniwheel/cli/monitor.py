@@ -27,6 +27,7 @@ from omniwheel.cli.common import (
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
 if TYPE_CHECKING:
+    from omniwheel.pose_quality import PoseQuality
     from omniwheel.robot import Robot
     from omniwheel.status import RobotStatus
 
@@ -34,6 +35,7 @@ EXAMPLES = examples("omni monitor --link tcp:127.0.0.1:5760", "omni monitor --on
 _REFRESH_S = 0.1
 _SILENT_S = 2.5
 _STATE_STYLES = {"armed": "bold green", "disarmed": "cyan", "failsafe": "bold red", "estop": "bold red"}
+_QUALITY_STYLES = {"good": "green", "contradicted": "bold red"}
 _SHOWN_TEXTS = 4
 
 
@@ -71,14 +73,22 @@ def status_as_dict(status: RobotStatus) -> dict[str, Any]:
     """Return a snapshot as plain values for JSON."""
     named = {"pose": status.tracking.pose._asdict()} if status.tracking is not None else {}
     head = {"state": status.state, "armed": status.armed, "mode": status.mode, "faults": status.faults}
-    return {**head, **named, **asdict(status)}
+    quality = {"quality": status.quality.as_dict()} if status.quality is not None else {}
+    return {**head, **named, **asdict(status), **quality}
 
 
 def view(robot: Robot, wheels: int) -> RenderableType:
     """Return the live view."""
     status = robot.status
     return Panel(
-        Group(_head(status), _pose_table(status), _wheel_table(status, wheels), _loop_line(status), _texts(robot)),
+        Group(
+            _head(status),
+            _pose_table(status),
+            _quality(status.quality),
+            _wheel_table(status, wheels),
+            _loop_line(status),
+            _texts(robot),
+        ),
         title=f"[bold]omni monitor[/]  {escape(robot.url)}",
         title_align="left",
         border_style="dim",
@@ -115,6 +125,14 @@ def _pose_table(status: RobotStatus) -> RenderableType:
     table.add_row("reference", *(f"{value:.4f}" for value in tracking.reference), path)
     table.add_row("estimate's sd", *(f"{value:.4f}" for value in tracking.pose_sd), "")
     return table
+
+
+def _quality(quality: PoseQuality | None) -> str:
+    if quality is None:
+        return ""
+    style = _QUALITY_STYLES.get(quality.verdict.value, "yellow")
+    advice = f"\n[dim]{escape(quality.advice)}[/]" if quality.advice else ""
+    return f"[{style}]{escape(quality.text)}[/]{advice}"
 
 
 def _wheel_table(status: RobotStatus, count: int) -> RenderableType:

@@ -95,6 +95,7 @@ def _pose_state(status: RobotStatus) -> dict[str, Any]:
         "reference": [round(value, _DIGITS) for value in tracking.reference],
         "pose_sd": [finite(round(value, _DIGITS)) for value in tracking.pose_sd],
         "pose_correlation": finite(round(tracking.pose_correlation, _DIGITS)),
+        "quality": None if status.quality is None else finite(status.quality.as_dict()),
         "phase": tracking.phase,
         "path_time_s": round(tracking.path_time_s, 2),
     }

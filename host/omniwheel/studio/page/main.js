@@ -139,6 +139,9 @@ function show_state(now) {
   parameters.armed(robot?.armed ?? false);
   map.state(robot);
   put("fix-text", robot ? fixes_in_words(robot.fixes, map.refused, link.quality?.radio) : "");
+  put("quality-text", robot?.quality?.text ?? "");
+  id("quality-text").dataset.verdict = robot?.quality?.verdict ?? "";
+  put("quality-advice", robot?.quality?.advice ?? "");
   if (robot?.pose) {
     const [x, y, theta] = robot.pose;
     id("map").setAttribute("aria-label",
