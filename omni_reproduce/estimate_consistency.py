@@ -30,6 +30,8 @@ FIRST_SEED = 5000
 LOOK_TICKS, STAND_TICKS, WARM_UP_S = 20, 3000, 5.0
 """One fix comes between two looks. What a run shows in its first seconds on the path does not count."""
 ADAPT = 0.05
+SMALLER_NOISE = {"EKF_Q_XY": 0.000375, "EKF_Q_TH": 0.001, "EKF_Q_SLIP": 0.01}
+"""A quarter, a quarter and a half of what is shipped: about what the demo's world does."""
 HEADINGS = ("NEES (right: 3)", "error over claim", "looks inside", "NIS (right: 3)", "runs inside")
 _EXACTLY = 1e-10
 
@@ -94,6 +96,9 @@ def settings() -> dict[str, Setting]:
                         wheels == "ideal",
                         seconds,
                     )
+    plain = out["fixes_slip_ideal"]
+    smaller = {**plain.parameters, **SMALLER_NOISE}
+    out["smaller_noise"] = replace(plain, title=f"{plain.title}, smaller noise", parameters=smaller)
     return out
 
 

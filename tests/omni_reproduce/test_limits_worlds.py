@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: MIT
+"""Worlds that a seed draws: the same each time, all different, in their ranges; and nobody is below the bound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from omni_reproduce import limits, limits_worlds
+from omni_reproduce.limits_worlds import RATES, Outcome, World, draw
+from omni_reproduce.posterior_bound import Array, Schedule
+
+MANY = 60
+NUMBERS = {
+    "slip_max": limits_worlds.SLIP_MAX,
+    "slip_time_s": limits_worlds.SLIP_TIME_S,
+    "fix_sd_xy_m": limits_worlds.FIX_SD,
+    "fix_sd_theta_rad": limits_worlds.FIX_SD,
+    "friction_coefficient": limits_worlds.FRICTION,
+}
+
+
+def test_a_seed_draws_the_same_worlds_however_many_and_another_seed_others() -> None:
+    assert draw(4, 2) == draw(4, 2)
+    assert len({draw(seed, number).title for seed in (1, 2) for number in range(1, 21)}) == 40
+
+
+def test_worlds_are_inside_their_ranges_and_reach_all_kinds() -> None:
+    worlds = [draw(7, number) for number in range(MANY)]
+    for name, (low, high) in NUMBERS.items():
+        found = np.array([world.entry["world"][name] for world in worlds])
+        assert low <= found.min() < found.max() <= high, name
+        assert found.min() < low + 0.25 * (high - low), name
+    assert {world.entry["scenario"] for world in worlds} == set(limits_worlds.ROBOTS)
+    assert {world.entry["world"]["fix_rate_Hz"] for world in worlds} == set(limits_worlds.FIX_RATES_HZ)
+    gyros = sum("GYRO_AXIS" in world.entry["parameters"] for world in worlds)
+    assert 0.25 * MANY < gyros < 0.75 * MANY
+
+
+def test_the_robot_is_told_of_its_sensors_and_of_nothing_else() -> None:
+    for number in range(20):
+        entry = draw(3, number).entry
+        told = {"EKF_R_XY": entry["world"]["fix_sd_xy_m"], "EKF_R_TH": entry["world"]["fix_sd_theta_rad"]}
+        if "gyro_rate_Hz" in entry["world"]:
+            told |= {"GYRO_AXIS": 3, "GYRO_ND": entry["world"]["gyro_noise_density"]}
+        assert entry["parameters"] == told
+
+
+def test_every_world_fits_the_steps_of_the_bound() -> None:
+    for number in range(MANY):
+        spec = {"setting": {"drawn": draw(11, number).entry}}
+        Schedule(limits.statistics_of(limits.scenario_of(spec, "drawn", "ideal"), 1))
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_drawn_world_has_its_bound_and_nobody_is_below_it(number: int) -> None:
+    outcome = limits_worlds.outcome_of(draw(1, number), 2)
+    assert outcome.unfinished == 0
+    assert set(outcome.reached) == {(wheels, rate) for wheels in limits.WHEELS for rate in RATES}
+    for rate in RATES:
+        assert (outcome.ratio("ideal", rate) > 1.0).all()
+    assert (outcome.reached["ideal", 0.0] != outcome.reached["ideal", 0.05]).all(), "the rate reaches the robot"
+    assert (outcome.reached["real", 0.0] != outcome.reached["ideal", 0.0]).all(), "so do the wheels"
+
+
+def made(ideal: float, real: float, gain: float) -> Outcome:
+    """Return an outcome with a bound of 2 mm and 1 mrad; EKF_ADAPT 0.05 has errors ``gain`` times as large."""
+    bound = np.array([2.0, 1.0])
+    pairs: dict[tuple[str, float], Array] = {}
+    for wheels, ratio in (("ideal", ideal), ("real", real)):
+        pairs |= {(wheels, 0.0): ratio * bound, (wheels, 0.05): gain * ratio * bound}
+    return Outcome(bound, pairs, 0)
+
+
+def test_a_row_and_the_summary_say_what_was_found() -> None:
+    row = limits_worlds.row(3, World("a title", {}), made(1.5, 2.0, 0.9))
+    assert row == (
+        "| 3 | a title | 2.00 / 1.00 | 3.00 / 1.50 (1.50 / 1.50) | 2.70 / 1.35 (1.35 / 1.35) "
+        "| 4.00 / 2.00 (2.00 / 2.00) | 3.60 / 1.80 (1.80 / 1.80) |"
+    )
+    lines = limits_worlds.summary([made(1.5, 2.0, 0.9), made(1.2, 1.3, 1.1), made(1.1, 1.2, 1.0)])
+    assert "ideal wheels, median: EKF_ADAPT 0 1.20 / 1.20 (worst 1.50 / 1.50)" in lines[0]
+    assert "better by more than 1 % in 1 / 1 of 3 worlds, and worse in 1 / 1" in lines[1]
+
+
+def test_an_estimate_below_its_bound_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Then the bound would be wrong, and with it the whole table."""
+    monkeypatch.setattr(limits_worlds, "outcome_of", lambda *_: made(0.9, 1.2, 1.0))
+    with pytest.raises(SystemExit) as stopped:
+        limits_worlds.main(["--worlds", "1"])
+    assert stopped.value.code == 1
+    assert "below the bound" in capsys.readouterr().err
+    monkeypatch.setattr(limits_worlds, "outcome_of", lambda *_: made(1.0, 0.95, 1.0))
+    limits_worlds.main(["--worlds", "1"])
+
+
+@pytest.mark.parametrize("name", ["worlds", "seeds"])
+def test_wrong_arguments_are_refused(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        limits_worlds.main([f"--{name}", "0"])
+    assert refused.value.code == 2
+    assert f"--{name} is 0; 1 or more are needed" in capsys.readouterr().err
