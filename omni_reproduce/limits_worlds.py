@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from hil_sim.batch import run_batch
 from hil_sim.c_scenario import scenario_world
 from omni_reproduce import limits
 from omni_reproduce.limits import WHEELS
@@ -49,11 +50,14 @@ class World:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Errors in one world [mm, mrad]: the bound, and those of each (wheels, EKF_ADAPT); runs that were not finished."""
+    """Errors in one world [mm, mrad]: the bound, and those of each (wheels, EKF_ADAPT).
+
+    ``stopped`` counts the runs in which the robot stopped by itself on the way. They count as far as they came.
+    """
 
     bound: Array
     reached: dict[tuple[str, float], Array]
-    unfinished: int
+    stopped: int
 
     def ratio(self, wheels: str, rate: float) -> Array:
         """Return the error over the bound, (position, heading)."""
@@ -106,20 +110,21 @@ def outcome_of(world: World, seeds: int) -> Outcome:
     """Compute the bound of a world, and drive in it on both kinds of wheels with each value of EKF_ADAPT."""
     spec = {"experiment": {"seed": FIRST_RUN}, "setting": {"drawn": world.entry}}
     bound, _ = limits.bound_and_told(spec, "drawn", PATHS)
-    reached, unfinished = {}, 0
+    reached, stopped = {}, 0
     for wheels in WHEELS:
         base = limits.scenario_of(spec, "drawn", wheels)
         for rate in RATES:
-            errors = limits.reached_by_robot(base.with_parameters({"EKF_ADAPT": rate}), FIRST_RUN, seeds, 1)
-            done = errors[np.isfinite(errors).all(axis=1)]
-            unfinished += len(errors) - len(done)
-            reached[wheels, rate] = np.sqrt(np.mean(done**2, axis=0)) if len(done) else np.full(2, np.nan)
-    return Outcome(bound, reached, unfinished)
+            rows = run_batch(base.with_parameters({"EKF_ADAPT": rate}), FIRST_RUN, seeds).rows
+            errors = 1e3 * np.stack([rows["estimate_position_m"], rows["estimate_theta_rad"]], axis=1)
+            stopped += int(np.count_nonzero(rows["completed"] < 1.0))
+            reached[wheels, rate] = np.sqrt(np.mean(errors**2, axis=0))
+    return Outcome(bound, reached, stopped)
 
 
 def row(number: int, world: World, outcome: Outcome) -> str:
     """Return a world's line of the table."""
-    cells = [str(number), world.title, _pair(outcome.bound)]
+    title = f"{world.title} ({outcome.stopped} runs stopped)" if outcome.stopped else world.title
+    cells = [str(number), title, _pair(outcome.bound)]
     for wheels in WHEELS:
         for rate in RATES:
             cells.append(f"{_pair(outcome.reached[wheels, rate])} ({_pair(outcome.ratio(wheels, rate))})")
@@ -142,8 +147,8 @@ def summary(outcomes: Sequence[Outcome]) -> list[str]:
             f"On {wheels} wheels EKF_ADAPT {RATES[1]:g} is better by more than {100 * TIES:.0f} % in {better[0]} / "
             f"{better[1]} of {len(outcomes)} worlds, and worse in {worse[0]} / {worse[1]}."
         )
-    unfinished = sum(outcome.unfinished for outcome in outcomes)
-    return [*lines, f"Runs that count for nothing, because they never reached the path: {unfinished}."]
+    stopped = sum(outcome.stopped for outcome in outcomes)
+    return [*lines, f"Runs in which the robot stopped by itself: {stopped}. They count as far as they came."]
 
 
 def _pair(values: Array) -> str:

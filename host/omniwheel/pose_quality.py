@@ -134,29 +134,34 @@ class QualityWatch:
         position, heading = half_axis_m(tracking), HEADING_SIGMAS * tracking.pose_sd[2]
         mean = self._nis_mean()
         return PoseQuality(
-            verdict=self._verdict(tracking, position + heading, mean),
+            verdict=self._verdict(position + heading, mean),
             position_m=position,
             heading_rad=heading,
-            fix_age_s=tracking.fix_age_s if tracking.fix_age_s > 0.0 else None,
+            fix_age_s=self._age_s if self._age_s > 0.0 else None,
             refused=self._refused(),
             drift=self._drift(tracking),
             nis_mean=mean,
             nis_count=len(self._nis),
         )
 
-    def _verdict(self, tracking: Tracking, size: float, nis_mean: float | None) -> Verdict:
+    @property
+    def _age_s(self) -> float:
+        return 0.0 if self._control is None else self._control.fix_age_s
+
+    def _verdict(self, size: float, nis_mean: float | None) -> Verdict:
         if not math.isfinite(size) or size == 0.0:
             return Verdict.UNKNOWN
         used = 1 if self._control is None else self._control.fixes_accepted
-        if tracking.fix_age_s < 0.0 or (tracking.fix_age_s == 0.0 and not used):
+        if self._age_s < 0.0 or (self._age_s == 0.0 and not used):
             return Verdict.NO_FIXES
-        if self._stale and not 0.0 < tracking.fix_age_s < _FRESH_S:
+        if self._stale and not 0.0 < self._age_s < _FRESH_S:
             return Verdict.DRIFTING
         return Verdict.CONTRADICTED if nis_mean is not None and nis_mean > NIS_MOST else Verdict.GOOD
 
     def _take_tracking(self, new: Tracking) -> None:
         old, self._tracking = self._tracking, new
-        if old is None or new.time_s < old.time_s or _renewed(old, new):
+        # Only a fix or a set pose makes the heading surer.
+        if old is None or new.time_s < old.time_s or new.pose_sd[2] < old.pose_sd[2]:
             self._base = new
 
     def _drift(self, now: Tracking) -> tuple[float, float] | None:
@@ -191,11 +196,6 @@ class QualityWatch:
         if len(seen) < LEAST_FIXES or seen[-1][0] - seen[0][0] < LEAST_S:
             return None
         return math.fsum(nis for _, nis in seen) / len(seen)
-
-
-def _renewed(old: Tracking, new: Tracking) -> bool:
-    """Return whether a fix has been used since, or the pose was set: only then does the heading become surer."""
-    return 0.0 < new.fix_age_s < new.time_s - old.time_s or new.pose_sd[2] < old.pose_sd[2]
 
 
 def _looked_at(control: Control) -> int:

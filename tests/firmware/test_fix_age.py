@@ -29,7 +29,7 @@ def give_fixes(robot: FakeRobot, count: int) -> None:
 
 
 def age_s(robot: FakeRobot) -> float:
-    return float(robot.asked("OMNI_TRACKING").fix_age)
+    return float(robot.asked("OMNI_CONTROL").fix_age)
 
 
 def look(watch: QualityWatch, robot: FakeRobot) -> PoseQuality:

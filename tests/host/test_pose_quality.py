@@ -36,7 +36,6 @@ SURE = Tracking(
     path_time_s=0.0,
     phase="none",
     pose_correlation=0.0,
-    fix_age_s=0.01,
 )
 ZERO = (0.0, 0.0, 0.0)
 CONTROL = Control(
@@ -52,6 +51,7 @@ CONTROL = Control(
     fixes_refused=0,
     config_sequence=1,
     controller=0,
+    fix_age_s=0.01,
 )
 
 
@@ -100,7 +100,7 @@ def test_the_numbers_are_those_of_the_cores_covariance(seconds: int) -> None:
     p = run.robot.estimator.pose_ekf.p
     covariance = np.array([[p[i][j] for j in range(3)] for i in range(3)])
     sd = float(run.outputs.pose_sd[0]), float(run.outputs.pose_sd[1]), float(run.outputs.pose_sd[2])
-    tracking = replace(SURE, pose_sd=sd, pose_correlation=run.outputs.pose_xy_m2 / (sd[0] * sd[1]), fix_age_s=-1.0)
+    tracking = replace(SURE, pose_sd=sd, pose_correlation=run.outputs.pose_xy_m2 / (sd[0] * sd[1]))
     quality = told(tracking)
     largest = np.linalg.eigvalsh(covariance[:2, :2])[-1]
     assert largest > 1.05 * max(covariance[0, 0], covariance[1, 1]), "askew, or the axes alone would do"
@@ -121,30 +121,35 @@ def test_lengths_have_two_digits_and_a_fitting_unit(sd_m: float, says: str) -> N
 
 def test_fixes_that_stop_make_it_drift_and_the_speed_of_it_is_told() -> None:
     """From 5 mm and 0.34° to 86 mm and 5.2° in 20 s."""
-    late = replace(SURE, time_s=21.0, pose_sd=(0.035, 0.02, 0.0463), fix_age_s=20.0)
-    quality = told(SURE, CONTROL, late, status("pose stale"))
+    late, aged = replace(SURE, time_s=21.0, pose_sd=(0.035, 0.02, 0.0463)), replace(CONTROL, fix_age_s=20.0)
+    quality = told(SURE, CONTROL, late, aged, status("pose stale"))
     assert quality.verdict is Verdict.DRIFTING
     assert quality.text == "pose drifting: no fix for 20 s, ±86 mm, ±5.2° (95 %)"
     assert quality.advice == (
         "check the pose source (cameras, bridge, link); without fixes it drifts about 4.0 mm and 0.24° a second"
     )
-    back = replace(SURE, time_s=21.1, fix_age_s=0.02)
-    assert told(SURE, CONTROL, late, status("pose stale"), back).verdict is Verdict.GOOD, "the warning is older"
+    back = replace(CONTROL, time_s=21.1, fixes_accepted=2, fix_age_s=0.02)
+    assert told(SURE, CONTROL, late, status("pose stale"), SURE, back).verdict is Verdict.GOOD, "the warning is older"
 
 
 def test_a_stale_pose_of_a_robot_that_tells_no_age() -> None:
-    old = replace(SURE, fix_age_s=0.0)
-    quality = told(old, CONTROL, status("pose stale"))
+    old = replace(CONTROL, fix_age_s=0.0)
+    quality = told(SURE, old, status("pose stale"))
     assert quality.text.startswith("pose drifting: no fix for some time, ")
-    assert told(old, CONTROL, status()).verdict is Verdict.GOOD
-    assert told(old, replace(CONTROL, fixes_accepted=0), status()).verdict is Verdict.NO_FIXES
+    assert told(SURE, old, status()).verdict is Verdict.GOOD
+    assert told(SURE, replace(old, fixes_accepted=0), status()).verdict is Verdict.NO_FIXES
+
+
+def test_over_a_radio_that_brings_no_omni_control() -> None:
+    assert told(SURE, status("pose stale")).text.startswith("pose drifting: no fix for some time, ")
+    assert told(SURE, status()).text == "pose ±4.9 mm, ±0.34° (95 %)"
 
 
 def test_refused_fixes_are_counted_since_the_last_good_one() -> None:
     first = replace(CONTROL, fixes_refused=7)
     used = replace(first, fixes_accepted=2, time_s=2.0)
-    refused = replace(used, fixes_refused=12, time_s=3.0, nis=80.0)
-    late = replace(SURE, time_s=3.0, fix_age_s=1.0)
+    refused = replace(used, fixes_refused=12, time_s=3.0, nis=80.0, fix_age_s=1.0)
+    late = replace(SURE, time_s=3.0)
     quality = told(SURE, first, used, refused, late, status("pose stale", "fix refused"))
     assert quality.refused == 5
     assert "no usable fix for 1.0 s" in quality.text
@@ -152,12 +157,9 @@ def test_refused_fixes_are_counted_since_the_last_good_one() -> None:
 
 
 def test_a_robot_that_never_had_a_fix() -> None:
-    none = replace(CONTROL, fixes_accepted=0)
-    start, later = (
-        replace(SURE, fix_age_s=-1.0),
-        replace(SURE, time_s=11.0, pose_sd=(0.012, 0.01, 0.02), fix_age_s=-1.0),
-    )
-    quality = told(start, none, later, status())
+    none = replace(CONTROL, fixes_accepted=0, fix_age_s=-1.0)
+    later = replace(SURE, time_s=11.0, pose_sd=(0.012, 0.01, 0.02))
+    quality = told(SURE, none, later, status())
     assert quality.text == "pose without fixes: ±29 mm, ±2.2° (95 %)"
     assert quality.advice == (
         "start a pose source, or go by the wheels alone as far as this is enough; "
