@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: MIT
 """What noise levels that follow the innovations do to the estimate: python -m omni_reproduce.limits_adapt [SETTING]...
 
-Each column is a value of EKF_ADAPT, with the same seeds on ideal wheels. A cell is the error of the robot's estimate,
-position in mm / heading in mrad, and in brackets the same over the posterior bound. Settings are those of
-``limits.toml``, and some without such a bound; all by default. Seeds count from that of ``limits.toml``.
+The columns are values of EKF_ADAPT and the preset ``adaptive``, with the same seeds. A cell is the error of the robot's
+estimate, position in mm / heading in mrad, and in brackets the same over the posterior bound. That is for ideal wheels,
+also beside real ones. Settings are those of ``limits.toml``, and some without such a bound; all by default. Seeds count
+from that of ``limits.toml``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +21,11 @@ from omni_reproduce import limits
 from omni_reproduce.experiment import read_spec
 from omni_reproduce.limits_table import print_table
 from omni_reproduce.posterior_bound import Array
+from omniwheel.presets import read_preset
+from omniwheel.robots import parameter_table
 
-RATES = (0.0, 0.05, 0.1, 0.2)
+RATES = (0.0, 0.05, 0.2)
+PRESET = "adaptive"
 PATHS = 2
 """Along so many paths the bound is computed; it differs little between them."""
 FAULTS = {
@@ -33,29 +37,35 @@ UNBOUNDED = {"no_fixes": "no fixes", "outliers": "outliers of 0.3 m", "late": "f
 """Settings that ``limits.toml`` does not have, and their titles."""
 
 
-def scenario_of(key: str) -> Scenario:
-    """Return the scenario of a setting, on ideal wheels."""
+def columns() -> dict[str, Mapping[str, float]]:
+    """Return the parameters of each column, by its heading."""
+    preset = read_preset(PRESET, parameter_table()).parameters
+    return {**{f"EKF_ADAPT = {rate:g}": {"EKF_ADAPT": rate} for rate in RATES}, f"preset `{PRESET}`": preset}
+
+
+def scenario_of(key: str, wheels: str) -> Scenario:
+    """Return the scenario of a setting on ideal or real wheels."""
     if key in FAULTS:
-        return replace(limits.scenario_of(read_spec(limits.NAME), "demo", "ideal"), faults=FAULTS[key])
+        return replace(limits.scenario_of(read_spec(limits.NAME), "demo", wheels), faults=FAULTS[key])
     if key in UNBOUNDED:
-        return load_scenario(key).with_world(IDEAL_WHEELS)
-    return limits.scenario_of(read_spec(limits.NAME), key, "ideal")
+        return load_scenario(key).with_world(IDEAL_WHEELS if limits.WHEELS[wheels] else {})
+    return limits.scenario_of(read_spec(limits.NAME), key, wheels)
 
 
-def errors_of(key: str, rate: float, seeds: int) -> Array:
-    """Return the root mean squares over seeds, (position [mm], heading [mrad]), with EKF_ADAPT = ``rate``."""
-    scenario = scenario_of(key).with_parameters({"EKF_ADAPT": rate})
+def errors_of(key: str, parameters: Mapping[str, float], seeds: int, wheels: str = "ideal") -> Array:
+    """Return the root mean squares over seeds, (position [mm], heading [mrad]), with these parameters."""
+    scenario = scenario_of(key, wheels).with_parameters(parameters)
     errors = limits.reached_by_robot(scenario, read_spec(limits.NAME)["experiment"]["seed"], seeds, 1)
     return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
 
 
-def line(key: str, seeds: int) -> str:
+def line(key: str, seeds: int, wheels: str) -> str:
     """Return a setting's row of the table."""
     spec = read_spec(limits.NAME)
     bound = None if key in UNBOUNDED else limits.bound_and_told(spec, key, PATHS)[0]
     cells = [UNBOUNDED.get(key) or spec["setting"][key]["title"]]
-    for rate in RATES:
-        error = errors_of(key, rate, seeds)
+    for parameters in columns().values():
+        error = errors_of(key, parameters, seeds, wheels)
         over = "" if bound is None else f" ({error[0] / bound[0]:.2f} / {error[1] / bound[1]:.2f})"
         cells.append(f"{error[0]:.2f} / {error[1]:.2f}{over}")
     return f"| {' | '.join(cells)} |"
@@ -67,9 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print_table(
         ("python -m omni_reproduce.limits_adapt", __doc__),
         known,
-        [f"EKF_ADAPT = {rate:g}" for rate in RATES],
+        list(columns()),
         line,
         arguments,
+        list(limits.WHEELS),
     )
 
 

@@ -14,16 +14,20 @@ def print_table(
     program: tuple[str | None, str | None],
     known: Sequence[str],
     headings: Sequence[str],
-    line: Callable[[str, int], str],
+    line: Callable[..., str],
     arguments: Sequence[str] | None,
+    wheels: Sequence[str] = (),
 ) -> None:
     """Print the table, a row as soon as it is known.
 
-    ``program`` is its name and its help, ``line`` makes a row from a setting and the number of seeds.
+    ``program`` is its name and its help. ``line`` makes a row from a setting and the number of seeds.
+    With ``wheels``, kinds of them to choose from, it also gets the one that was chosen; the first by default.
     """
     parser = argparse.ArgumentParser(prog=program[0], description=program[1])
     parser.add_argument("settings", nargs="*", metavar="SETTING", help=f"of: {', '.join(known)}")
     parser.add_argument("--seeds", type=int, default=16, help="seeds of each cell (16)")
+    if wheels:
+        parser.add_argument("--wheels", choices=wheels, default=wheels[0], help=f"the world's ({wheels[0]})")
     chosen = parser.parse_args(arguments)
     for name in chosen.settings:
         if name not in known:
@@ -33,7 +37,7 @@ def print_table(
     _say(f"| setting | {' | '.join(headings)} |")
     _say("|---" * (1 + len(headings)) + "|")
     for key in chosen.settings or known:
-        _say(line(key, chosen.seeds))
+        _say(line(key, chosen.seeds, *([chosen.wheels] if wheels else [])))
 
 
 def _say(text: str) -> None:

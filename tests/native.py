@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import hashlib
 import os
 import shlex
 import subprocess
@@ -10,9 +12,14 @@ import sysconfig
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
+_ENVIRONMENT = ("CC", "CXX", "OMNI_SANITIZED")
+_MUTANT = ("OMNI_CHANGED", "OMNI_OPTIONS")
+"""What tests/mutation/builds.py sets."""
 _SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 
 
@@ -59,6 +66,30 @@ def build_library(
     sanitizers = _SANITIZERS if os.environ.get("OMNI_SANITIZED") else ()
     _run([*_compiler("CXX", "c++"), "-shared", *sanitizers, *objects, *map(str, archives), "-o", str(library)])
     return library
+
+
+def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path], **options: Sequence[Any]) -> Path:
+    """Return ``build_library`` of the same arguments, built once for all test processes and kept for the next run.
+
+    What it is recognised by: its arguments, compilers and environment, and the content of everything it may include.
+    With a mutant's compiler, which changes what it reads, nothing is kept.
+    """
+    if any(os.environ.get(key) for key in _MUTANT):
+        return build_library(Path(mkdtemp(prefix="omni-library-")), name, sources, includes, **options)
+    folders = [*includes, ROOT / "firmware", ROOT / "shared" / "core", generated_dir()]
+    headers = sorted(path for folder in folders for path in folder.rglob("*.h"))
+    digest = hashlib.sha256(repr((includes, options, *map(os.environ.get, _ENVIRONMENT))).encode())
+    for path in (*sources, *headers, *options.get("archives", ())):
+        digest.update(f"{path}\0".encode() + path.read_bytes())
+    folder = ROOT / "build" / "test-libraries" / f"{name}-{digest.hexdigest()[:16]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        kept = folder / "kept"
+        if not kept.exists():
+            built = build_library(folder, name, sources, includes, **options)
+            built.rename(kept)  # a build that was cut off has no such file
+    return kept
 
 
 def core_archive() -> Path:

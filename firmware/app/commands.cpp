@@ -50,7 +50,8 @@ void Commands::on_command_long(const Frame &frame, const Sender &sender) {
             {message.param1, message.param2, message.param3, message.param4, message.param6, message.param7},
             sender,
             receipt_of(message, message.param5 != 0.0f),
-            is_stop(frame)});
+            is_stop(frame),
+            message.confirmation > 0});
 }
 
 void Commands::on_command_int(const Frame &frame, const Sender &sender) {
@@ -59,20 +60,31 @@ void Commands::on_command_int(const Frame &frame, const Sender &sender) {
             {message.param1, message.param2, message.param3, message.param4, static_cast<float>(message.y), message.z},
             sender,
             receipt_of(message, message.x != 0),
-            is_stop(frame)});
+            is_stop(frame),
+            false});
 }
 
 void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
     const auto mode = static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode);
+    done_[sender.link] = {};
     if (set_mode(mode) == MAV_RESULT_ACCEPTED) {
         services_.heartbeats.commanded(sender.link);
     }
 }
 
+bool Commands::was_done(const Command &command) const {
+    const Done &last = done_[command.sender.link];
+    return command.again && !command.stops && command.receipt != 0 && command.receipt == last.receipt &&
+           command.id == last.id && command.sender.system == last.sender.system &&
+           command.sender.component == last.sender.component;
+}
+
 void Commands::handle(const Command &command) {
     mavlink_command_ack_t ack{};
     ack.command = command.id;
-    ack.result = run(command);
+    ack.result = was_done(command) ? static_cast<uint8_t>(MAV_RESULT_ACCEPTED) : run(command);
+    const bool accepted = ack.result == MAV_RESULT_ACCEPTED;
+    done_[command.sender.link] = {command.id, accepted ? command.receipt : 0, command.sender};
     ack.result_param2 = command.receipt;
     ack.target_system = command.sender.system;
     ack.target_component = command.sender.component;

@@ -5,6 +5,10 @@
 /// Arm and disarm are the same command, and COMMAND_ACK says nothing of its parameters: a late one of "arm" looks like
 /// that of "disarm". So whoever numbers his commands in param5, which none of them uses, gets a receipt.
 /// COMMAND_ACK.result_param2 is then the CRC-32 of all seven parameters as they came. Without a number it is 0.
+///
+/// An answer may get lost, and the command is then sent again, with COMMAND_LONG.confirmation above 0. A numbered one
+/// that was accepted is not done twice, if nothing else came from its sender meanwhile: it is only answered again. Stops
+/// are done every time.
 #pragma once
 
 #include "app/arming.h"
@@ -50,8 +54,16 @@ private:
         Sender sender;
         int32_t receipt = 0;
         bool stops = false; ///< its answer goes before all others
+        bool again = false; ///< its sender says that he sent it before
+    };
+    /// The last command that came over a link, if it was accepted.
+    struct Done {
+        uint16_t id = 0;
+        int32_t receipt = 0; ///< 0: none
+        Sender sender;
     };
     void handle(const Command &command);
+    bool was_done(const Command &command) const;
     uint8_t run(const Command &command);
     uint8_t run_own(const Command &command);
     uint8_t run_motion(const Command &command);
@@ -70,6 +82,7 @@ private:
     RobotState &robot_;
     ControlLoop &control_;
     const Services services_;
+    Done done_[Board::max_ports];
 };
 
 } // namespace omni

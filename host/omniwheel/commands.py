@@ -42,6 +42,7 @@ class Commander:
         CommandRefusedError (ArmingRefusedError for arming) or LinkTimeoutError.
         """
         mark = self._texts.mark()
+        self._connection.beat()  # after a silence the robot must hear first that somebody is there
         ack = self._settled(command, params, last)
         if ack is None:
             raise LinkTimeoutError(f"the robot does not answer the command {what}")

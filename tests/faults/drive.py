@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Runs one command of tests/faults/commands.py again and again; each of its calls to the file system fails in turn.
 
-``LD_PRELOAD=failing_calls.so python -m tests.faults.drive CASE FOLDER`` prints one line of JSON: how many calls were
-tried, and what was wrong. Whatever fails, a command must end with a clear error and a code other than 0, leave whole
-files only, and work the next time.
+``LD_PRELOAD=failing_calls.so python -m tests.faults.drive CASE FOLDER [MOST]`` prints one line of JSON: how many calls
+there are, how many were tried (at most MOST), and what was wrong. Whatever fails, a command must end with a clear error
+and a code other than 0, leave whole files only, and work the next time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typer.testing import CliRunner, Result
 from omniwheel.cli import app
 from omniwheel.tlog import whole_records
 from tests.faults.commands import CASES, INPUTS, Case, firmware, make_inputs
-from tests.faults.shim import FAILURES, FULL, Failure
+from tests.faults.shim import FAILURES, FULL, Failure, chosen
 
 _LIBC = ctypes.CDLL(None)
 _LIBC.fail_last.restype = ctypes.c_char_p
@@ -120,16 +120,17 @@ class Drive:
             calls, failed = disarm()
         return result, calls, failed
 
-    def all(self) -> dict[str, Any]:
-        """Let every call fail in turn, each in another of the ways."""
+    def all(self, most: int) -> dict[str, Any]:
+        """Let every call fail in turn, each in another of the ways; of many, ``most`` of them from first to last."""
         result, calls, _ = self.once(0, FULL)
         if result.exit_code != 0:
             return {"calls": calls, "problems": [f"fails by itself: {result.output[-_TAIL:]} {result.exception!r}"]}
         wanted = [str(path.relative_to(self.disk)) for path in files_in(self.disk)]
         problems = []
-        for number in range(1, calls + 1, self.case.step):
+        numbers = chosen(range(1, calls + 1, self.case.step), most)
+        for number in numbers:
             problems += self._try(number, FAILURES[number % len(FAILURES)], wanted)
-        return {"calls": calls, "files": wanted, "problems": problems}
+        return {"calls": calls, "tried": len(numbers), "files": wanted, "problems": problems}
 
     def _try(self, number: int, failure: Failure, wanted: list[str]) -> list[str]:
         result, _, failed = self.once(number, failure)
@@ -146,7 +147,7 @@ class Drive:
         return [f"call {number}, {failure.name}: {text}" for text in found]
 
 
-def main(name: str, folder: Path) -> None:
+def main(name: str, folder: Path, most: int = sys.maxsize) -> None:
     """Drive one case."""
     case = CASES[name]
     inputs = folder / "inputs"
@@ -164,8 +165,8 @@ def main(name: str, folder: Path) -> None:
     with ExitStack() as stack:
         if case.links:
             values["link"] = stack.enter_context(firmware()).urls[0]
-        sys.stdout.write(json.dumps(Drive(case, folder.resolve(), values).all()) + "\n")
+        sys.stdout.write(json.dumps(Drive(case, folder.resolve(), values).all(most)) + "\n")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]))
+    main(sys.argv[1], Path(sys.argv[2]), *map(int, sys.argv[3:]))

@@ -11,6 +11,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from functools import cache
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -68,3 +69,10 @@ def environment(folder: Path, number: int, failure: Failure) -> dict[str, str]:
     values.update({"FAIL_STAYS": "1"} if failure.stays else {})
     values.update({"FAIL_SHORT": "1"} if failure.short else {})
     return values
+
+
+def chosen(numbers: Sequence[int], most: int) -> Sequence[int]:
+    """Return all numbers, or ``most`` (two or more) of them, evenly spaced, with the first and the last."""
+    if len(numbers) <= most:
+        return numbers
+    return [numbers[round(i * (len(numbers) - 1) / (most - 1))] for i in range(most)]

@@ -16,10 +16,12 @@ import typer
 
 from omniwheel.cli import app
 from tests.faults.commands import CASES, SAME_AS, STORED_BY_FIRMWARE, WRITE_NOTHING
-from tests.faults.shim import library, need_shim
+from tests.faults.shim import chosen, library, need_shim
 
 ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT_S = 1200
+SAMPLE = 4
+"""So many calls of a command fail in turn; all of them in `make nightly`."""
 
 
 def commands(command: Any, name: str = "") -> Iterator[str]:
@@ -39,12 +41,10 @@ def test_every_command_of_the_program_is_known_here() -> None:
     assert set(commands(typer.main.get_command(app))) == set(known)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
-def test_whatever_call_fails_a_command_says_so_and_leaves_whole_files(name: str, tmp_path: Path) -> None:
+def try_failing_calls(name: str, folder: Path, *most: int) -> None:
     need_shim()
     done = subprocess.run(
-        [sys.executable, "-m", "tests.faults.drive", name, str(tmp_path)],
+        [sys.executable, "-m", "tests.faults.drive", name, str(folder), *map(str, most)],
         cwd=ROOT,
         env={**os.environ, "LD_PRELOAD": str(library()), "COLUMNS": "200"},
         capture_output=True,
@@ -56,3 +56,21 @@ def test_whatever_call_fails_a_command_says_so_and_leaves_whole_files(name: str,
     told = json.loads(done.stdout.splitlines()[-1])
     assert told["problems"] == []
     assert told["calls"] >= 3, "a command that writes opens, writes and renames"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_some_call_fails_and_a_command_says_so_and_leaves_whole_files(name: str, tmp_path: Path) -> None:
+    try_failing_calls(name, tmp_path, SAMPLE)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", CASES)
+def test_whatever_call_fails_a_command_says_so_and_leaves_whole_files(name: str, tmp_path: Path) -> None:
+    try_failing_calls(name, tmp_path)
+
+
+def test_the_sample_has_the_first_and_the_last_call() -> None:
+    assert chosen(range(1, 6), 6) == range(1, 6)
+    assert chosen(range(1, 52), 6) == [1, 11, 21, 31, 41, 51]
+    assert chosen(range(1, 62, 6), 6) == [1, 13, 25, 37, 49, 61]

@@ -6,11 +6,10 @@ from __future__ import annotations
 import ctypes
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 from tests.firmware.client import GCS, mav
-from tests.native import ROOT, build_library, core_archive, generated_dir
+from tests.native import ROOT, core_archive, generated_dir, kept_library
 
 PORTS = 4
 USB, RADIO = 0, 1
@@ -29,14 +28,13 @@ TRAPS = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error",
 
 @cache
 def library(trapping: bool = False) -> ctypes.CDLL:
-    """Build the firmware with its shim, once per process; ``trapping`` with the core's sources too, and TRAPS."""
+    """Build the firmware with its shim; ``trapping`` with the core's sources too, and TRAPS."""
     sources = [*sorted((ROOT / "firmware/app").glob("*.cpp")), Path(__file__).parent / "robot_shim.cpp"]
     sources += [ROOT / "tests/fuzz" / name for name in ("chip.cpp", "check.cpp", "frames.cpp")]
     if trapping:
         sources += [*sorted(CORE.rglob("*.c")), *(generated_dir() / "src").glob("*_gen.c")]
-    built = build_library(
-        Path(mkdtemp(prefix="omni-robot-")),
-        "robot",
+    built = kept_library(
+        "trapping_robot" if trapping else "robot",
         sources,
         includes=[ROOT / "tests/fuzz"],
         flags=["-DMAVLINK_USE_MESSAGE_INFO", "-Wno-address-of-packed-member", *(TRAPS if trapping else ())],

@@ -47,6 +47,15 @@ def test_what_was_tried_stays_at_the_end(stepped: tuple[Robot, SteppedLink]) -> 
     assert fresh(robot) == 5.0
 
 
+def test_a_program_that_was_silent_may_begin_at_once(stepped: tuple[Robot, SteppedLink]) -> None:
+    """Its heartbeat is due, and goes out before its command."""
+    robot, link = stepped
+    link.run(SILENCE_MS, link.drop_received)
+    with Trial(robot) as trial:
+        trial.set_many({NAME: 5.0})
+    assert fresh(robot) == 5.0
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_after_an_error_the_old_values_are_back(error: type[BaseException], stepped: tuple[Robot, SteppedLink]) -> None:
     robot, _ = stepped

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,27 +11,28 @@ from omni_reproduce import limits, limits_adapt, limits_noise
 from omni_reproduce.posterior_bound import Array
 
 
-def test_a_row_has_a_cell_for_each_rate(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_row_has_a_cell_for_each_column(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Stand-ins for runs: the error is 2 - rate; the bound is 1 mm and 0.5 mrad."""
 
-    def errors_of(_key: str, rate: float, seeds: int) -> Array:
-        assert seeds == 2
-        return np.array([2.0 - rate, 2.0 - rate])
+    def errors_of(_key: str, parameters: Mapping[str, float], seeds: int, wheels: str) -> Array:
+        assert (seeds, wheels) == (2, "real")
+        return np.full(2, 2.0 - parameters["EKF_ADAPT"])
 
     monkeypatch.setattr(limits_adapt, "errors_of", errors_of)
     monkeypatch.setattr(limits, "bound_and_told", lambda *_: (np.array([1.0, 0.5]), np.ones(2)))
-    limits_adapt.main(["demo", "no_fixes", "--seeds", "2"])
+    limits_adapt.main(["demo", "no_fixes", "--seeds", "2", "--wheels", "real"])
     head, _, demo, without = capsys.readouterr().out.splitlines()
-    assert head.startswith("| setting | EKF_ADAPT = 0 | EKF_ADAPT = 0.05 |")
+    assert head == "| setting | EKF_ADAPT = 0 | EKF_ADAPT = 0.05 | EKF_ADAPT = 0.2 | preset `adaptive` |"
     assert demo.startswith("| demo | 2.00 / 2.00 (2.00 / 4.00) | 1.95 / 1.95 (1.95 / 3.90) |")
     assert without.startswith("| no fixes | 2.00 / 2.00 | 1.95 / 1.95 |")
 
 
 def test_the_rate_reaches_the_robot_and_outliers_the_world() -> None:
-    """The same seed: another rate or another world, another error."""
-    plain = limits_adapt.errors_of("fast", 0.0, 1)
-    assert (limits_adapt.errors_of("fast", 0.1, 1) != plain).all()
-    assert {fault.name for fault in limits_adapt.scenario_of("outliers").faults} == {"pose_jump"}
+    """The same seed: another rate or other wheels, another error."""
+    plain = limits_adapt.errors_of("fast", {}, 1)
+    assert (limits_adapt.errors_of("fast", {"EKF_ADAPT": 0.1}, 1) != plain).all()
+    assert (limits_adapt.errors_of("fast", {}, 1, "real") != plain).all()
+    assert {fault.name for fault in limits_adapt.scenario_of("outliers", "ideal").faults} == {"pose_jump"}
 
 
 def test_each_noise_parameter_has_a_cell(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,7 +13,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, float]]:
     """Stand-ins for runs: the error is least with EKF_Q_TH halved. Returns what was changed in each run."""
     changes: list[dict[str, float]] = []
 
-    def over_bound(_key: str, changed: dict[str, float], _bound: Array, _seeds: int) -> Array:
+    def over_bound(_key: str, changed: dict[str, float], _bound: Array, _seeds: int, _wheels: str) -> Array:
         changes.append(changed)
         factor = changed.get("EKF_Q_TH", 1.0)
         return np.array([1.5, 1.0 + abs(factor - 0.5)])

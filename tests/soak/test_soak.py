@@ -83,8 +83,10 @@ PLANTED = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("bug", PLANTED)
+BUGS = [pytest.param(bug, marks=pytest.mark.nightly if number else pytest.mark.slow) for number, bug in enumerate(PLANTED)]
+
+
+@pytest.mark.parametrize("bug", BUGS)
 def test_a_timer_that_does_not_survive_a_wrap_is_found(folder: Path, tmp_path: Path, bug: str) -> None:
     done = jumps(planted(tmp_path, *PLANTED[bug]), folder)
     assert done.returncode != 0
