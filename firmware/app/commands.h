@@ -7,8 +7,8 @@
 /// COMMAND_ACK.result_param2 is then the CRC-32 of all seven parameters as they came. Without a number it is 0.
 ///
 /// An answer may get lost, and the command is then sent again, with COMMAND_LONG.confirmation above 0. A numbered one
-/// that was accepted is not done twice, if nothing else came from its sender meanwhile: it is only answered again. Stops
-/// are done every time.
+/// that was accepted is not done twice, if nothing else came over its link meanwhile: it is only answered again.
+/// Stops are done every time.
 #pragma once
 
 #include "app/arming.h"
