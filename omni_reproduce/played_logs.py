@@ -159,7 +159,7 @@ def logged(played: Played, log: WheelLog, heading_step_rad: float) -> tuple[Whee
     starts = np.concatenate(([0], ends))
     edges = np.floor(played.angle / log.rad_per_count)
     heading = rounded(played.pose[starts, 2] - played.pose[0, 2], heading_step_rad)
-    time_s = log.period_s * np.arange(1, len(ends) + 1)
+    time_s = log.period_s * np.arange(1, len(ends) + 1, dtype=np.float64)
     rows = WheelLog(
         name=log.name,
         period_s=log.period_s,

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.world import world_config
 from omni_reproduce import ripple
-from omni_reproduce.experiment import Row, read_spec
+from omni_reproduce.experiment import Row
 from omni_reproduce.played_logs import Signals
 from omniwheel.robots import read_robot
 
@@ -58,9 +59,9 @@ class Compared:
 
 def orders_of() -> tuple[float, float]:
     """Return how often per turn a roller of the assumed wheel passes, and how often one of the same row does."""
-    simulation = read_robot(ROBOT).simulation
-    per_row = float(simulation["rollers_per_row"])
-    return float(simulation["wheel_rows"]) * per_row, per_row
+    config = world_config(read_robot(ROBOT))
+    per_row = float(config.rollers_per_row)
+    return float(config.wheel_rows) * per_row, per_row
 
 
 def measured(
@@ -158,8 +159,8 @@ def _orders(head: Mapping[str, Any], compared: Compared) -> str:
     kinds.update({name: runs[0] for name, runs in compared.worlds.items()})
     lines = [
         f"The order and the frequency that stand out most: density over that of its neighbours. From "
-        f"{head['stands_out']:g} on it counts (test: noise without a line stays below). A line that belongs to the "
-        "wheels' turning is sharper by order than by frequency.",
+        f"{head['stands_out']:g} on it counts: noise without a line gets there about once in a hundred times. A line that "
+        "belongs to the wheels' turning is sharper by order than by frequency.",
         "",
         "| | " + " | ".join(f"{sensor}: order | frequency" for sensor in UNITS) + " |",
         "|---" * (1 + 2 * len(UNITS)) + "|",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Real logs beside both simulated worlds: how much of what the logs show do the rollers of real wheels explain?
+"""Real logs beside both simulated worlds: how much of what logs show is explained by the rollers of real wheels.
 
 The duties of each log are played to our world and to MuJoCo, open loop, with one robot file. Nothing is fitted to what
 a world gives. What that robot would have logged is then compared: accelerometer, turn rate and wheel speeds, by RMS and
@@ -47,6 +47,7 @@ from omniwheel.robots import read_robot
 
 Array = NDArray[np.float64]
 
+
 @dataclass(frozen=True)
 class Job:
     """One world with one seed, and the logs whose duties it gets."""
@@ -67,7 +68,9 @@ def run(context: Context) -> Result:
             f"Not run: {len(paths)} runs with truth in {folder}; two are needed. Set {settings['folder_variable']} to "
             f"the folder that holds {settings['runs']} and the truth*.csv of each."
         )
-        return Result((Row(NAME, "not run", f"{ACCELEROMETER}, ripple", UNITS[ACCELEROMETER], None, explanation=missing),))
+        return Result(
+            (Row(NAME, "not run", f"{ACCELEROMETER}, ripple", UNITS[ACCELEROMETER], None, explanation=missing),)
+        )
     head, robot = spec["experiment"], read_robot(real_logs.ROBOT_FOLDER / "robot.toml")
     paths = paths[: settings["quick_runs"]] if context.quick else paths
     runs, air_paths = real_logs.read_logs(paths), sorted(folder.glob(settings["lifted"]))
@@ -80,9 +83,7 @@ def run(context: Context) -> Result:
     seeds = head["quick_seeds" if context.quick else "seeds"]
     jobs = [Job(name, seed, tuple(runs), curve) for name in worlds for seed in seeds]
     answers = context.map(in_world, jobs)
-    found = {
-        name: [answer for job, answer in zip(jobs, answers, strict=True) if job.world == name] for name in worlds
-    }
+    found = {name: [answer for job, answer in zip(jobs, answers, strict=True) if job.world == name] for name in worlds}
     compared = Compared(tuple(log.name for log in runs), real, air, found)
     return Result(rows(compared), (), notes(head, compared))
 

@@ -47,7 +47,7 @@ Part = tuple[Array, Sequence[Piece]]
 
 
 def pieces_of(speed: Array, period_s: float, length_s: float, least_rad_s: float) -> list[Piece]:
-    """Return the steady pieces of wheel speeds (n, wheels) [rad/s]; the fastest wheel of a piece is the one that counts.
+    """Return the steady pieces of wheel speeds (n, wheels) [rad/s], each by the speed of its fastest wheel.
 
     A piece has ``length_s``; they follow each other without a gap or an overlap. Slower ones than ``least_rad_s`` are
     left out.
@@ -66,9 +66,12 @@ def pieces_of(speed: Array, period_s: float, length_s: float, least_rad_s: float
 
 def by_time(pieces: Sequence[Piece], period_s: float) -> list[Piece]:
     """Return the pieces as if the wheel turned once per second: an order is then a frequency in hertz."""
-    return [
-        replace(piece, pace=2.0 * np.pi, angle=2.0 * np.pi * period_s * np.arange(len(piece.angle))) for piece in pieces
-    ]
+    turn = 2.0 * np.pi
+
+    def timed(piece: Piece) -> Piece:
+        return replace(piece, pace=turn, angle=turn * period_s * np.arange(len(piece.angle), dtype=np.float64))
+
+    return [timed(piece) for piece in pieces]
 
 
 def swift(signal: Array, period_s: float, over_s: float) -> Array:
