@@ -158,9 +158,9 @@ def _orders(head: Mapping[str, Any], compared: Compared) -> str:
     kinds = {LOGS: compared.real, **({} if compared.air is None else {LIFTED: compared.air})}
     kinds.update({name: runs[0] for name, runs in compared.worlds.items()})
     lines = [
-        f"The order and the frequency that stand out most: density over that of its neighbours. From "
-        f"{head['stands_out']:g} on it counts: noise without a line gets there about once in a hundred times. A line that "
-        "belongs to the wheels' turning is sharper by order than by frequency.",
+        "The order and the frequency that stand out most: density over that of its neighbours. From "
+        f"{head['stands_out']:g} on it counts: noise without a line gets there about once in a hundred times. A line "
+        "that belongs to the wheels' turning is sharper by order than by frequency.",
         "",
         "| | " + " | ".join(f"{sensor}: order | frequency" for sensor in UNITS) + " |",
         "|---" * (1 + 2 * len(UNITS)) + "|",

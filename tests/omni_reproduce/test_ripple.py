@@ -117,7 +117,7 @@ def test_pieces_are_steady_and_fast_enough() -> None:
 
 
 def test_without_a_piece_there_is_no_figure() -> None:
-    nothing = [(np.zeros(100), [])]
+    nothing: list[ripple.Part] = [(np.zeros(100), [])]
     assert np.isnan(ripple.total_rms(nothing))
     assert np.isnan(ripple.band_rms(nothing, 18.0, 0.15, T))
     assert ripple.peak(ripple.spectrum(nothing, ORDERS, T), ORDERS).contrast == 0.0
