@@ -2,8 +2,9 @@
 """A real log's duties played to a simulated world, and what that robot would have logged of it.
 
 The duties go through the motors' curve into the voltages at which linear motors are as fast, and these onto the
-windings, open loop. Each row of the log then has what such a robot's sensors show: the difference of an analogue angle
-over one millisecond, in counts; the heading of its IMU, rounded; the mean of its accelerometer over the row.
+windings, open loop. Each row of the log then has what such a robot's sensors show. A wheel's speed is the difference of
+an analogue angle over one millisecond, in counts. The IMU's heading is rounded, and its accelerometer is the mean over
+the row.
 """
 
 from __future__ import annotations

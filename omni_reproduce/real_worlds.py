@@ -2,8 +2,9 @@
 """Real logs beside both simulated worlds: how much of what logs show is explained by the rollers of real wheels.
 
 The duties of each log are played to our world and to MuJoCo, open loop, with one robot file. Nothing is fitted to what
-a world gives. What that robot would have logged is then compared: accelerometer, turn rate and wheel speeds, by RMS and
-in bands about the orders at which rollers pass; and how far dead reckoning goes astray.
+a world gives. What that robot would have logged is then compared with the log. Accelerometer, turn rate and wheel
+speeds are told by their RMS, and in bands about the orders at which rollers pass. The last figure is how far dead
+reckoning goes astray.
 """
 
 from __future__ import annotations
