@@ -12,6 +12,7 @@ import pytest
 from hil_sim.metrics import tracking_rmse
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import load_scenario
+from hil_sim.world import world_config
 from omniwheel._core import ffi, lib
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,6 +79,6 @@ def test_the_front_page_s_errors_are_those_of_the_picture_and_of_a_run_on_real_w
     position, heading = 1e3 * numbers["rmse.position_m"], 1e3 * numbers["rmse.theta_rad"]
     assert f"off its path by {position:.1f} mm and {heading:.1f} mrad" in text
     demo = load_scenario("demo")
-    assert demo.robot.simulation["rollers_per_row"] > 0
+    assert world_config(demo.robot).rollers_per_row > 0
     slow = tracking_rmse(run_in_process(demo).record)
     assert f"they are {1e3 * slow.position_m:.1f} mm and {1e3 * slow.theta_rad:.1f} mrad" in text
