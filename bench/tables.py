@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -88,8 +88,8 @@ def with_ratios(rows: Sequence[Row], column: str, reference: str, heading: str) 
 
 
 def write_page(page: Path, machine: str, tables: Sequence[Table]) -> None:
-    """Put the tables into the page, all or none."""
+    """Put the tables into the page, all or none. Each says when and where it was measured: others may be older."""
     text = replace_block(page.read_text(), "bench-machine", [machine])
-    for table in tables:
+    for table in (replace(table, note=f"{table.note} {machine}.") for table in tables):
         text = replace_block(text, f"bench-{table.name}", table.markdown())
     files.write_text(page, text)

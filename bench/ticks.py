@@ -21,7 +21,8 @@ WAYS = {
 PARTS = {"omni_robot_tick": "the core", "hil_world_step": "the plant"}
 CPU_INFO = Path("/proc/cpuinfo")
 COUNTED_TICKS = 2000
-SCENARIO = "demo"
+SCENARIO, IDEAL = "demo", "ideal"
+"""The demo on real wheels, and the same on ideal ones."""
 
 
 def ways() -> list[str]:
@@ -43,9 +44,9 @@ def program() -> Path:
     return build.build("ticks", [build.PROGRAMS / "ticks.c"], archives=archives)
 
 
-def write_inputs(folder: Path, seed: int) -> list[str]:
-    """Leave world and robot of the demo in the folder, as the program reads them; return their paths."""
-    scenario = replace(load_scenario(SCENARIO), seed=seed)
+def write_inputs(folder: Path, seed: int, name: str = SCENARIO) -> list[str]:
+    """Leave world and robot of a scenario in the folder, as the program reads them; return their paths."""
+    scenario = replace(load_scenario(name), seed=seed)
     world = new_world(scenario)
     config = core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)
     paths = [folder / "world.bin", folder / "config.bin"]
@@ -54,10 +55,10 @@ def write_inputs(folder: Path, seed: int) -> list[str]:
     return [str(path) for path in paths]
 
 
-def instructions(way: str, seed: int, ticks: int = COUNTED_TICKS) -> dict[str, float]:
+def instructions(way: str, seed: int, ticks: int = COUNTED_TICKS, scenario: str = SCENARIO) -> dict[str, float]:
     """Return instructions per tick of one run: "all", and the parts that the way lets be told apart."""
     built = program()
-    words = [way, *write_inputs(built.parent, seed), str(ticks)]
+    words = [way, *write_inputs(built.parent, seed, scenario), str(ticks)]
     parts = () if way == "lanes" else tuple(PARTS)
     counted = build.count(built, words, "counted", parts)
     done = build.numbers(build.call([str(built), *words]))["ticks"][0]

@@ -51,12 +51,12 @@ class Loop:
     run: Callable[[], LoopTime]
 
 
-def loops(seconds: float, seed: int = 1, *, compared: bool = False) -> dict[str, Loop]:
-    """Return the loops that can run here, over ``seconds`` of the demo's scenario.
+def loops(seconds: float, seed: int = 1, *, compared: bool = False, name: str = SCENARIO) -> dict[str, Loop]:
+    """Return the loops that can run here, over ``seconds`` of a scenario, the demo's if none is named.
 
     ``compared``: with what they are compared with, too: waiting asleep, and Monte Carlo run after run.
     """
-    scenario = replace(load_scenario(SCENARIO), duration_s=seconds, seed=seed)
+    scenario = replace(load_scenario(name), duration_s=seconds, seed=seed)
     found = {"hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario)))}
     if compared:
         words = "the same, both ends asleep while they wait"

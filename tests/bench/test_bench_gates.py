@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import pytest
 
+from bench import ticks
+from bench.__main__ import PAGE
 from bench.gates import RATIOS, quotient, read_recorded, too_many, too_slow
 from bench.peers.ardupilot_download import LIST_BYTES, VALUE_BYTES, Frames, download_s, frame
 from hil_sim.speed import Measurement, Spread, alternate
@@ -18,6 +20,20 @@ def test_instructions_that_grew_are_named() -> None:
     name = next(iter(recorded))
     assert [sentence.split(":")[0] for sentence in too_many({**recorded, name: recorded[name] * 2}, recorded)] == [name]
     assert "not the counts" in too_many({**recorded, "new": 1}, recorded)[0]
+
+
+def test_the_page_has_the_counts_that_the_gates_hold() -> None:
+    """Within 3 %: the page once had counts of ideal wheels, while the gates had gone on to real ones."""
+    page = PAGE.read_text(encoding="utf-8")
+    block = page.partition("<!-- bench-ticks -->")[2].partition("<!-- /bench-ticks -->")[0]
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in block.splitlines()]
+    told = {row[0]: float(row[1]) for row in cells if len(row) > 2 and row[1].isdigit()}
+    recorded = read_recorded()
+    assert {ticks.WAYS[way]: told[ticks.WAYS[way]] for way in recorded} == {
+        ticks.WAYS[way]: pytest.approx(count, rel=0.03) for way, count in recorded.items()
+    }
+    for way in ("in_process", "lanes"):
+        assert 1.05 < told[ticks.WAYS[way]] / told[f"{ticks.WAYS[way]}, ideal wheels"] < 1.15
 
 
 def test_a_lost_lead_is_named() -> None:

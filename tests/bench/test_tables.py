@@ -44,7 +44,10 @@ def test_the_page_gets_the_tables_and_keeps_everything_else(tmp_path: Path) -> N
     write_page(page, "a machine", [TABLE])
     text = page.read_text()
     assert text.startswith("# Page\n<!-- bench-machine -->\na machine\n<!-- /bench-machine -->\nmiddle\n")
-    assert "| theirs | 10 | 2.5 |\n| else | not installed |  |\n\n*seed 1*\n<!-- /bench-speed -->\nend\n" in text
+    assert (
+        "| theirs | 10 | 2.5 |\n| else | not installed |  |\n\n*seed 1 a machine.*\n<!-- /bench-speed -->\nend\n"
+        in text
+    )
     write_page(page, "a machine", [TABLE])
     assert page.read_text() == text
 
@@ -79,5 +82,17 @@ def test_short_runs_do_not_get_onto_the_page() -> None:
 
 def test_the_real_page_has_a_place_for_every_table() -> None:
     text = PAGE.read_text()
-    for name in ("machine", "loops", "ticks", "memory", "filter-study", "pose", "motor", "law", "download", "bus"):
+    for name in (
+        "machine",
+        "loops",
+        "wheels",
+        "ticks",
+        "memory",
+        "filter-study",
+        "pose",
+        "motor",
+        "law",
+        "download",
+        "bus",
+    ):
         replace_block(text, f"bench-{name}", [])

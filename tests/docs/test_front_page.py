@@ -3,11 +3,16 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
+from hil_sim.metrics import tracking_rmse
+from hil_sim.runs import run_in_process
+from hil_sim.scenario import load_scenario
+from hil_sim.world import world_config
 from omniwheel._core import ffi, lib
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,3 +70,15 @@ def test_every_word_of_the_glossary_is_used_elsewhere() -> None:
     assert len(words) > 50
     unused = [word for word in words if not re.search(rf"(?<![a-z]){re.escape(word.lower())}(?:s|es)?(?![a-z])", text)]
     assert unused == []
+
+
+def test_the_front_page_s_errors_are_those_of_the_picture_and_of_a_run_on_real_wheels() -> None:
+    """The fast robot's from the numbers behind the picture, which a test runs again; the slow one's from a run."""
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    numbers = json.loads((ROOT / "docs" / "images" / "pictures.json").read_text(encoding="utf-8"))["demo.png"]
+    position, heading = 1e3 * numbers["rmse.position_m"], 1e3 * numbers["rmse.theta_rad"]
+    assert f"off its path by {position:.1f} mm and {heading:.1f} mrad" in text
+    demo = load_scenario("demo")
+    assert world_config(demo.robot).rollers_per_row > 0
+    slow = tracking_rmse(run_in_process(demo).record)
+    assert f"they are {1e3 * slow.position_m:.1f} mm and {1e3 * slow.theta_rad:.1f} mrad" in text

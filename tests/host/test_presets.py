@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from omniwheel.cli import app
 from omniwheel.errors import ParameterFileError
 from omniwheel.presets import preset_names, read_preset
 from omniwheel.robots import parameter_table, read_robot
+from tests.host import preset_page
 
 TABLE = parameter_table()
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,20 +66,30 @@ def test_the_sliding_mode_gains_are_those_of_table_2() -> None:
     assert [gains["ISMC_LAM_XY"], gains["ISMC_LAM_XY"], gains["ISMC_LAM_TH"]] == fit["lambda_"]
 
 
-def test_the_table_of_presets_has_the_figures_of_today() -> None:
-    """RMSE of 40 s of the demo's path, as docs/guides/tuning.md has it: ``omni sim demo --preset NAME``, cut there."""
-    page = (ROOT / "docs/guides/tuning.md").read_text(encoding="utf-8")
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("| `")]
-    told = {tuple(re.findall(r"`(\w+)`", row[0])): row[2:4] for row in rows if len(row) == 5}
-    assert sorted(name for names in told for name in names) == sorted(GAINS)
-    for column, robot in enumerate(("three_wheel", "four_wheel")):
-        scenario = replace(load_scenario("demo", robot), duration_s=40.0)
-        for names, cells in told.items():
-            runs = [run_in_process(scenario.with_parameters(read_preset(name, TABLE).parameters)) for name in names]
-            found = [1e3 * metrics.tracking_rmse(run.record).position_m for run in runs]
-            assert (
-                cells[column] == ", ".join(f"{rmse:.0f}" if rmse >= 10.0 else f"{rmse:.1f}" for rmse in found) + " mm"
-            )
+def test_the_tables_of_presets_have_the_figures_of_today() -> None:
+    assert preset_page.written() == preset_page.PAGE.read_text(encoding="utf-8"), (
+        "python -m tests.host.preset_page --write"
+    )
+
+
+def test_what_the_page_says_of_presets_on_real_wheels() -> None:
+    def error(preset: str, robot: str, *, ideal: bool = False, fixes: bool = True) -> float:
+        return preset_page.driven(preset, robot, ideal=ideal, fixes=fixes).error_mm
+
+    slow = ("three_wheel", "four_wheel")
+    for robot in slow:
+        for preset in ("default", "report_pd", "report_pid"):
+            assert error(preset, robot) < 1.06 * error(preset, robot, ideal=True)
+        assert error("report_torque", robot) > 1.1 * error("report_torque", robot, ideal=True)
+        assert error("report_ismc", robot) > 1.3 * error("default", robot)
+        for preset in ("report_ismc", "report_ismc_motor"):
+            assert preset_page.driven(preset, robot).at_limit > 0.4
+    for ideal in (False, True):
+        assert preset_page.driven("original", "fast_three_wheel", ideal=ideal).fault == "tracking"
+    for law in ("p", "pd", "pid"):
+        assert 15.0 < error(f"report_{law}", "fast_three_wheel") / error("default", "fast_three_wheel") < 40.0
+    for robot in preset_page.ROBOTS:
+        assert all(error(preset, robot, fixes=False) > 1.8 for preset in preset_page.PRESETS)
 
 
 def test_the_default_preset_undoes_every_other_one() -> None:

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: MIT
+"""What presets do on real wheels and on ideal ones, for docs/guides/tuning.md: ``python -m tests.host.preset_page``.
+
+``--write`` puts the tables into the page. A run is 40 s of the demo's path for the slow robots and 20 s of the scenario
+``fast`` for the fast one; a run without fixes is of ``no_slip`` or ``fast_no_slip``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from hil_sim import metrics
+from hil_sim.runs import faults_seen, run_in_process
+from hil_sim.scenario import load_scenario
+from hil_sim.world import IDEAL_WHEELS
+from omniwheel.presets import preset_names, read_preset
+from omniwheel.robots import parameter_table
+from tests.parity.budget_page import replace_block
+
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "tuning.md"
+PRESETS = (
+    "default",
+    "report_p",
+    "report_pd",
+    "report_pid",
+    "report_ismc",
+    "report_ismc_motor",
+    "report_torque",
+    "original",
+)
+ROBOTS = {"three_wheel": "demo", "four_wheel": "demo", "fast_three_wheel": "fast"}
+WITHOUT_FIXES = {"demo": "no_slip", "fast": "fast_no_slip"}
+SECONDS = {"demo": 40.0, "fast": 20.0}
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A run: position RMSE [mm], share of the time at a limit, chatter, and the fault that stopped it or ""."""
+
+    error_mm: float
+    at_limit: float
+    chatter: float
+    fault: str
+
+
+@cache
+def driven(preset: str, robot: str, *, ideal: bool = False, fixes: bool = True) -> Driven:
+    """Drive a robot with a preset's gains."""
+    way = ROBOTS[robot]
+    scenario = load_scenario(way if fixes else WITHOUT_FIXES[way], robot).with_duration(SECONDS[way])
+    scenario = scenario.with_parameters(read_preset(preset, parameter_table()).parameters)
+    run = run_in_process(scenario.with_world(IDEAL_WHEELS if ideal else {}))
+    effort = metrics.effort(run.record, scenario.robot.wheels)
+    error = 1e3 * metrics.tracking_rmse(run.record).position_m
+    return Driven(error, effort.saturated_share, effort.chatter, " ".join(faults_seen(run)[0]))
+
+
+def shown(error_mm: float) -> str:
+    """Return an error with two digits."""
+    return f"{error_mm:.0f}" if error_mm >= 10.0 else f"{error_mm:.1f}"
+
+
+def cell(runs: Iterable[Driven]) -> str:
+    """Return real wheels' error / ideal wheels', with the fault that ended the first."""
+    real, ideal = runs
+    return f"{shown(real.error_mm)} / {shown(ideal.error_mm)}" + (f", stopped: {real.fault}" if real.fault else "")
+
+
+def table(*, fixes: bool) -> list[str]:
+    """Return position errors of every preset and robot [mm], on real / on ideal wheels."""
+    lines = ["| Preset | three-wheel robot | four-wheel robot | fast robot |", "|---|---:|---:|---:|"]
+    for preset in PRESETS:
+        cells = [cell(driven(preset, robot, ideal=ideal, fixes=fixes) for ideal in (False, True)) for robot in ROBOTS]
+        lines.append(f"| `{preset}` | {' | '.join(cells)} |")
+    return lines
+
+
+def effort_table() -> list[str]:
+    """Return how long each preset is at a limit on real / on ideal wheels, and its chatter over the default's."""
+    lines = ["| Preset | three-wheel robot | four-wheel robot | fast robot |", "|---|---:|---:|---:|"]
+    for preset in PRESETS:
+        cells = []
+        for robot in ROBOTS:
+            real, ideal = (driven(preset, robot, ideal=ideal) for ideal in (False, True))
+            times = real.chatter / driven("default", robot).chatter
+            cells.append(f"{100.0 * real.at_limit:.1f} / {100.0 * ideal.at_limit:.1f} %, {times:.1f}")
+        lines.append(f"| `{preset}` | {' | '.join(cells)} |")
+    return lines
+
+
+def written() -> str:
+    """Return the page with the tables of fresh runs."""
+    assert sorted(PRESETS) == [name for name in preset_names() if not name.startswith("radio_")]
+    text = replace_block(PAGE.read_text(encoding="utf-8"), "presets", table(fixes=True))
+    text = replace_block(text, "presets-effort", effort_table())
+    return replace_block(text, "presets-no-fixes", table(fixes=False))
+
+
+def main() -> int:
+    """Print the page's tables, or write them into the page."""
+    what = (__doc__ or "").split(":")[0]
+    parser = argparse.ArgumentParser(prog="python -m tests.host.preset_page", description=what)
+    parser.add_argument("--write", action="store_true", help="write the tables into the page")
+    if parser.parse_args().write:
+        PAGE.write_text(written(), encoding="utf-8")
+    else:
+        tables = (table(fixes=True), effort_table(), table(fixes=False))
+        sys.stdout.write("\n\n".join("\n".join(lines) for lines in tables) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
