@@ -25,6 +25,7 @@ from tests.parity.budget_page import replace_block
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "tuning.md"
 PRESETS = (
     "default",
+    "adaptive",
     "report_p",
     "report_pd",
     "report_pid",
