@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,12 +22,14 @@ from hil_sim.c_scenario import scenario_world
 from omni_reproduce import limits
 from omni_reproduce.limits import WHEELS
 from omni_reproduce.posterior_bound import STEP_S, Array
+from omniwheel.presets import read_preset
+from omniwheel.robots import parameter_table
 
 FIRST_RUN = 9001
 """Seed of the first run in each world."""
 PATHS = 2
 """Along so many paths the bound is computed; it differs little between them."""
-RATES = (0.0, 0.05)
+RATES, PRESET = (0.0, 0.05), "adaptive"
 ROBOTS = {"demo": "three wheels", "four_wheel": "four wheels", "fast": "fast"}
 FIX_RATES_HZ = (2.0, 5.0, 10.0, 20.0, 25.0, 50.0, 100.0)
 SLIP_MAX, SLIP_TIME_S = (0.02, 0.3), (0.5, 10.0)
@@ -56,12 +58,18 @@ class Outcome:
     """
 
     bound: Array
-    reached: dict[tuple[str, float], Array]
+    reached: dict[tuple[str, str], Array]
     stopped: int
 
-    def ratio(self, wheels: str, rate: float) -> Array:
+    def ratio(self, wheels: str, trial: str) -> Array:
         """Return the error over the bound, (position, heading)."""
-        return self.reached[wheels, rate] / self.bound
+        return self.reached[wheels, trial] / self.bound
+
+
+def trials() -> dict[str, Mapping[str, float]]:
+    """Return the parameters that are tried in each world, by their name; the first is as shipped."""
+    preset = read_preset(PRESET, parameter_table()).parameters
+    return {**{f"EKF_ADAPT {rate:g}": {"EKF_ADAPT": rate} for rate in RATES}, f"preset {PRESET}": preset}
 
 
 def draw(seed: int, number: int) -> World:
@@ -107,17 +115,17 @@ def stiffness_of(scenario: str) -> float:
 
 
 def outcome_of(world: World, seeds: int) -> Outcome:
-    """Compute the bound of a world, and drive in it on both kinds of wheels with each value of EKF_ADAPT."""
+    """Compute the bound of a world, and drive in it on both kinds of wheels with each trial's parameters."""
     spec = {"experiment": {"seed": FIRST_RUN}, "setting": {"drawn": world.entry}}
     bound, _ = limits.bound_and_told(spec, "drawn", PATHS)
     reached, stopped = {}, 0
     for wheels in WHEELS:
         base = limits.scenario_of(spec, "drawn", wheels)
-        for rate in RATES:
-            rows = run_batch(base.with_parameters({"EKF_ADAPT": rate}), FIRST_RUN, seeds).rows
+        for trial, parameters in trials().items():
+            rows = run_batch(base.with_parameters(parameters), FIRST_RUN, seeds).rows
             errors = 1e3 * np.stack([rows["estimate_position_m"], rows["estimate_theta_rad"]], axis=1)
             stopped += int(np.count_nonzero(rows["completed"] < 1.0))
-            reached[wheels, rate] = np.sqrt(np.mean(errors**2, axis=0))
+            reached[wheels, trial] = np.sqrt(np.mean(errors**2, axis=0))
     return Outcome(bound, reached, stopped)
 
 
@@ -126,27 +134,29 @@ def row(number: int, world: World, outcome: Outcome) -> str:
     title = f"{world.title} ({outcome.stopped} runs stopped)" if outcome.stopped else world.title
     cells = [str(number), title, _pair(outcome.bound)]
     for wheels in WHEELS:
-        for rate in RATES:
-            cells.append(f"{_pair(outcome.reached[wheels, rate])} ({_pair(outcome.ratio(wheels, rate))})")
+        for trial in trials():
+            cells.append(f"{_pair(outcome.reached[wheels, trial])} ({_pair(outcome.ratio(wheels, trial))})")
     return f"| {' | '.join(cells)} |"
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[str]:
-    """Return in words how near the bound the estimates are, and how often EKF_ADAPT is better."""
+    """Return in words how near the bound the estimates are, and how often a trial is better than the defaults."""
     lines = []
+    shipped, *others = trials()
     for wheels in WHEELS:
-        ratios = {rate: np.array([outcome.ratio(wheels, rate) for outcome in outcomes]) for rate in RATES}
+        ratios = {trial: np.array([outcome.ratio(wheels, trial) for outcome in outcomes]) for trial in trials()}
         said = [
-            f"EKF_ADAPT {rate:g} {_pair(np.nanmedian(found, axis=0))} (worst {_pair(np.nanmax(found, axis=0))})"
-            for rate, found in ratios.items()
+            f"{trial} {_pair(np.nanmedian(found, axis=0))} (worst {_pair(np.nanmax(found, axis=0))})"
+            for trial, found in ratios.items()
         ]
         lines.append(f"Over the bound on {wheels} wheels, median: {'; '.join(said)}.")
-        change = ratios[RATES[1]] / ratios[RATES[0]]
-        better, worse = (change < 1.0 - TIES).sum(axis=0), (change > 1.0 + TIES).sum(axis=0)
-        lines.append(
-            f"On {wheels} wheels EKF_ADAPT {RATES[1]:g} is better by more than {100 * TIES:.0f} % in {better[0]} / "
-            f"{better[1]} of {len(outcomes)} worlds, and worse in {worse[0]} / {worse[1]}."
-        )
+        for trial in others:
+            change = ratios[trial] / ratios[shipped]
+            better, worse = (change < 1.0 - TIES).sum(axis=0), (change > 1.0 + TIES).sum(axis=0)
+            lines.append(
+                f"On {wheels} wheels {trial} is better by more than {100 * TIES:.0f} % in {better[0]} / {better[1]} of "
+                f"{len(outcomes)} worlds, and worse in {worse[0]} / {worse[1]}."
+            )
     stopped = sum(outcome.stopped for outcome in outcomes)
     return [*lines, f"Runs in which the robot stopped by itself: {stopped}. They count as far as they came."]
 
@@ -157,7 +167,7 @@ def _pair(values: Array) -> str:
 
 def table(seed: int, worlds: int, seeds: int, say: Callable[[str], None]) -> list[Outcome]:
     """Say the table's lines, each as soon as it is known, and what they come to; return the outcomes."""
-    cells = [f"{wheels} wheels, EKF_ADAPT {rate:g}" for wheels in WHEELS for rate in RATES]
+    cells = [f"{wheels} wheels, {trial}" for wheels in WHEELS for trial in trials()]
     say(f"| | world | bound | {' | '.join(cells)} |")
     say("|---" * (3 + len(cells)) + "|")
     outcomes = []
@@ -176,7 +186,7 @@ def below_bound(outcomes: Sequence[Outcome]) -> list[int]:
 
     A mean over few runs may be lower than what it estimates, so MONTE_CARLO is allowed.
     """
-    ratios = [[outcome.ratio("ideal", rate).min() for rate in RATES] for outcome in outcomes]
+    ratios = [[outcome.ratio("ideal", trial).min() for trial in trials()] for outcome in outcomes]
     return [number for number, found in enumerate(ratios, start=1) if min(found) < 1.0 - MONTE_CARLO]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from omni_reproduce import limits, limits_worlds
-from omni_reproduce.limits_worlds import RATES, Outcome, World, draw
+from omni_reproduce.limits_worlds import Outcome, World, draw, trials
 from omni_reproduce.posterior_bound import Array, Schedule
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/report/reproduce.md"
@@ -62,19 +62,22 @@ def test_a_row_of_the_page_is_that_of_today_and_nobody_is_below_the_bound() -> N
     outcome = limits_worlds.outcome_of(world, 8)
     assert limits_worlds.row(KEPT_WORLD, world, outcome) in PAGE.read_text(encoding="utf-8").splitlines()
     assert outcome.stopped == 0
-    assert set(outcome.reached) == {(wheels, rate) for wheels in limits.WHEELS for rate in RATES}
-    for rate in RATES:
-        assert (outcome.ratio("ideal", rate) > 1.0).all()
-    assert (outcome.reached["ideal", 0.0] != outcome.reached["ideal", 0.05]).all(), "the rate reaches the robot"
-    assert (outcome.reached["real", 0.0] != outcome.reached["ideal", 0.0]).all(), "so do the wheels"
+    assert set(outcome.reached) == {(wheels, trial) for wheels in limits.WHEELS for trial in trials()}
+    shipped, *others = trials()
+    for trial in trials():
+        assert (outcome.ratio("ideal", trial) > 1.0).all()
+    for trial in others:
+        assert (outcome.reached["ideal", shipped] != outcome.reached["ideal", trial]).all(), "it reaches the robot"
+    assert (outcome.reached["real", shipped] != outcome.reached["ideal", shipped]).all(), "so do the wheels"
 
 
 def made(ideal: float, real: float, gain: float) -> Outcome:
-    """Return an outcome with a bound of 2 mm and 1 mrad; EKF_ADAPT 0.05 has errors ``gain`` times as large."""
+    """Return an outcome with a bound of 2 mm and 1 mrad; all but the defaults have errors ``gain`` times as large."""
     bound = np.array([2.0, 1.0])
-    pairs: dict[tuple[str, float], Array] = {}
+    pairs: dict[tuple[str, str], Array] = {}
     for wheels, ratio in (("ideal", ideal), ("real", real)):
-        pairs |= {(wheels, 0.0): ratio * bound, (wheels, 0.05): gain * ratio * bound}
+        for number, trial in enumerate(trials()):
+            pairs[wheels, trial] = (gain if number else 1.0) * ratio * bound
     return Outcome(bound, pairs, 0)
 
 
@@ -84,12 +87,16 @@ def test_a_row_and_the_summary_say_what_was_found() -> None:
     stopped = limits_worlds.row(3, World("a title", {}), replace(outcome, stopped=2))
     assert "| a title (2 runs stopped) |" in stopped
     assert row == (
-        "| 3 | a title | 2.00 / 1.00 | 3.00 / 1.50 (1.50 / 1.50) | 2.70 / 1.35 (1.35 / 1.35) "
-        "| 4.00 / 2.00 (2.00 / 2.00) | 3.60 / 1.80 (1.80 / 1.80) |"
+        "| 3 | a title | 2.00 / 1.00 | 3.00 / 1.50 (1.50 / 1.50)"
+        + 2 * " | 2.70 / 1.35 (1.35 / 1.35)"
+        + " | 4.00 / 2.00 (2.00 / 2.00)"
+        + 2 * " | 3.60 / 1.80 (1.80 / 1.80)"
+        + " |"
     )
     lines = limits_worlds.summary([made(1.5, 2.0, 0.9), made(1.2, 1.3, 1.1), made(1.1, 1.2, 1.0)])
     assert "ideal wheels, median: EKF_ADAPT 0 1.20 / 1.20 (worst 1.50 / 1.50)" in lines[0]
-    assert "better by more than 1 % in 1 / 1 of 3 worlds, and worse in 1 / 1" in lines[1]
+    for line, trial in zip(lines[1:3], list(trials())[1:], strict=True):
+        assert f"ideal wheels {trial} is better by more than 1 % in 1 / 1 of 3 worlds, and worse in 1 / 1" in line
 
 
 def test_an_estimate_below_its_bound_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -83,7 +83,7 @@ PLANTED = {
 }
 
 
-BUGS = [pytest.param(bug, marks=pytest.mark.nightly if number else pytest.mark.slow) for number, bug in enumerate(PLANTED)]
+BUGS = [pytest.param(bug, marks=pytest.mark.nightly if i else pytest.mark.slow) for i, bug in enumerate(PLANTED)]
 
 
 @pytest.mark.parametrize("bug", BUGS)
