@@ -145,11 +145,9 @@ def summary(outcomes: Sequence[Outcome]) -> list[str]:
     shipped, *others = trials()
     for wheels in WHEELS:
         ratios = {trial: np.array([outcome.ratio(wheels, trial) for outcome in outcomes]) for trial in trials()}
-        said = [
-            f"{trial} {_pair(np.nanmedian(found, axis=0))} (worst {_pair(np.nanmax(found, axis=0))})"
-            for trial, found in ratios.items()
-        ]
-        lines.append(f"Over the bound on {wheels} wheels, median: {'; '.join(said)}.")
+        for trial, found in ratios.items():
+            median, worst = _pair(np.nanmedian(found, axis=0)), _pair(np.nanmax(found, axis=0))
+            lines.append(f"Over the bound on {wheels} wheels, {trial}: median {median}, worst {worst}.")
         for trial in others:
             change = ratios[trial] / ratios[shipped]
             better, worse = (change < 1.0 - TIES).sum(axis=0), (change > 1.0 + TIES).sum(axis=0)

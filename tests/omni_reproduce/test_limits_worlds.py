@@ -94,8 +94,8 @@ def test_a_row_and_the_summary_say_what_was_found() -> None:
         + " |"
     )
     lines = limits_worlds.summary([made(1.5, 2.0, 0.9), made(1.2, 1.3, 1.1), made(1.1, 1.2, 1.0)])
-    assert "ideal wheels, median: EKF_ADAPT 0 1.20 / 1.20 (worst 1.50 / 1.50)" in lines[0]
-    for line, trial in zip(lines[1:3], list(trials())[1:], strict=True):
+    assert lines[0] == "Over the bound on ideal wheels, EKF_ADAPT 0: median 1.20 / 1.20, worst 1.50 / 1.50."
+    for line, trial in zip(lines[3:5], list(trials())[1:], strict=True):
         assert f"ideal wheels {trial} is better by more than 1 % in 1 / 1 of 3 worlds, and worse in 1 / 1" in line
 
 
