@@ -18,6 +18,7 @@ LONG = " ".join(["word"] * 25) + "."
 SHORT = " ".join(["word"] * 24) + "."
 
 
+@pytest.mark.nightly  # CI has it in `make lint`
 def test_the_pages_pass() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "tests.docs.prose"], cwd=sources.ROOT, capture_output=True, text=True, check=False
