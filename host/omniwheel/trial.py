@@ -33,6 +33,7 @@ class Trial:
         self._robot = robot
         self._known = True
         self._before: dict[str, float] = {}
+        self._tried: dict[str, float] = {}
 
     def __enter__(self) -> Trial:
         self._begin()
@@ -50,6 +51,7 @@ class Trial:
             self._begin()
         self._before = {**{name: parameters[name] for name in values}, **self._before}
         parameters.set_many(values)
+        self._tried |= {name: parameters[name] for name in values}
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -63,9 +65,13 @@ class Trial:
             self._read_again(name for name, value in self._before.items() if known.get(name) != value)
 
     def _read_again(self, names: Iterable[str]) -> None:
-        """Ask the robot: what is known here is of before it took something back."""
+        """Ask the robot: what is known here is of before it took something back. That goes into its history, too."""
+        parameters = self._robot.parameters
         for name in names:
-            self._robot.parameters.read(name)
+            parameters.read(name)
+        taken_back = {name: (value, parameters[name]) for name, value in self._tried.items()}
+        self._tried.clear()
+        parameters.report_changes({name: pair for name, pair in taken_back.items() if pair[0] != pair[1]})
 
     def _begin(self) -> None:
         try:

@@ -56,6 +56,36 @@ def test_a_program_that_was_silent_may_begin_at_once(stepped: tuple[Robot, Stepp
     assert fresh(robot) == 5.0
 
 
+def test_what_the_robot_takes_back_by_itself_is_a_change_like_any_other(stepped: tuple[Robot, SteppedLink]) -> None:
+    """Else the history of a try that went back says that it stayed."""
+    robot, link = stepped
+    seen: list[tuple[float, float]] = []
+    robot.parameters.on_change = lambda changes: seen.extend(changes.values())
+    with Trial(robot) as trial:
+        trial.set_many({NAME: 5.0})
+        link.run(SILENCE_MS, link.drop_received)
+        trial.set_many({NAME: BEFORE})
+    assert seen == [(BEFORE, 5.0), (5.0, BEFORE)]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_after_an_error_the_history_ends_where_it_began(
+    error: type[BaseException], stepped: tuple[Robot, SteppedLink]
+) -> None:
+    robot, _ = stepped
+    seen: list[tuple[float, float]] = []
+    robot.parameters.on_change = lambda changes: seen.extend(changes.values())
+
+    def fail() -> None:
+        with Trial(robot) as trial:
+            trial.set_many({NAME: 5.0})
+            raise error
+
+    with pytest.raises(error):
+        fail()
+    assert seen == [(BEFORE, 5.0), (5.0, BEFORE)]
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_after_an_error_the_old_values_are_back(error: type[BaseException], stepped: tuple[Robot, SteppedLink]) -> None:
     robot, _ = stepped
