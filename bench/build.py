@@ -26,7 +26,7 @@ CORE_PARTS = (
     *("control/original_law", "control/saturation", "kinematics/kinematics", "math/math"),
     *(
         f"estimation/{part}"
-        for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_history", "pose_ekf_turn")
+        for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_flow", "pose_ekf_history", "pose_ekf_turn")
     ),
 )
 METER = ROOT / "tests" / "parity" / "budgets"

@@ -18,6 +18,8 @@ CIRCLE = "circle"
 _POSE = {"fix_rate_Hz": 50.0, "fix_sd_xy_m": 0.002, "fix_sd_theta_rad": 0.002, "fix_delay_s": 0.02}
 _GYRO = {**_POSE, "gyro_rate_Hz": 1000.0}
 _USED = {"GYRO_AXIS": 3.0}
+_FLOW = {**_POSE, "flow_rate_Hz": 50.0}
+_FLOW_USED = {"FLOW_MODE": 2.0}
 _WITHOUT_PIN = {"output_enable_wired": 0.0}
 
 
@@ -187,6 +189,36 @@ CASES: tuple[FaultCase, ...] = (
         warns="gyro",
         world=_GYRO,
         parameters=_USED,
+    ),
+    FaultCase(
+        "flow_silent",
+        "floor-motion sensor sends nothing",
+        (Kind("flow_silent"),),
+        drive=CIRCLE,
+        lasts_s=1.0,
+        warns="floor motion",
+        world=_FLOW,
+        parameters=_FLOW_USED,
+    ),
+    FaultCase(
+        "flow_stuck",
+        "floor-motion sensor says that nothing moves",
+        (Kind("flow_stuck"),),
+        drive=CIRCLE,
+        lasts_s=1.0,
+        warns="floor motion",
+        world=_FLOW,
+        parameters=_FLOW_USED,
+    ),
+    FaultCase(
+        "flow_jump",
+        "floor-motion sensor off by 20 mm in each reading",
+        (Kind("flow_jump", value=0.02),),
+        drive=CIRCLE,
+        lasts_s=1.0,
+        warns="floor motion",
+        world=_FLOW,
+        parameters=_FLOW_USED,
     ),
     FaultCase("clock_forward", "clock jumps ahead by 0.1 s", (Kind("clock_jump", value=0.1),), "time", "0"),
     FaultCase("clock_back", "clock jumps back by 0.1 s", (Kind("clock_jump", value=-0.1),), "time", "0"),

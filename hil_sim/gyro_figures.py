@@ -102,11 +102,17 @@ def scenario_of(setting: Setting, seed: int, gyro: bool) -> Scenario:
 
 
 def drive(setting: Setting, seed: int, gyro: bool) -> tuple[Array, bool]:
-    """Stand for three seconds, then drive. Return a row per look, and whether the gyro's warning showed.
+    """Drive a setting with a seed. Return a row per look, and whether the gyro's warning showed."""
+    rows, faults = drive_scenario(scenario_of(setting, seed, gyro), f"{setting.title}, seed {seed}", setting.seconds)
+    return rows, bool(faults & lib.OMNI_WARN_GYRO)
 
-    A row is heading error [rad], its variance as the filter has it, x and y error [m]. Raises RuntimeError.
+
+def drive_scenario(scenario: Scenario, title: str, seconds: int) -> tuple[Array, int]:
+    """Stand for three seconds, then drive. Return a row per look, and the fault bits that showed.
+
+    A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances.
+    Raises RuntimeError.
     """
-    scenario = scenario_of(setting, seed, gyro)
     world = new_world(scenario).c
     config = core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)
     run, why = ffi.new("hil_run_t *"), ffi.new("char[]", 160)
@@ -120,18 +126,18 @@ def drive(setting: Setting, seed: int, gyro: bool) -> tuple[Array, bool]:
         run.robot.estimator.pose_ekf.p[axis][axis] = 1e-10
     lib.hil_run_advance(run, STAND_TICKS)
     if lib.hil_run_start_trajectory(run) != lib.OMNI_OK:
-        raise RuntimeError(f"{setting.title}: the path cannot be driven")
+        raise RuntimeError(f"{title}: the path cannot be driven")
     run.inputs.events |= lib.OMNI_EVENT_ARM
     rows, faults = [], 0
-    for _ in range(setting.seconds * 1000 // LOOK_TICKS):
+    for _ in range(seconds * 1000 // LOOK_TICKS):
         lib.hil_run_advance(run, LOOK_TICKS)
         ekf, truth = run.robot.estimator.pose_ekf, run.world.pose
         heading = math.remainder(ekf.pose.theta - truth[2], 2.0 * math.pi)
-        rows.append([heading, ekf.p[2][2], ekf.pose.x - truth[0], ekf.pose.y - truth[1]])
+        rows.append([heading, ekf.p[2][2], ekf.pose.x - truth[0], ekf.pose.y - truth[1], ekf.p[0][0] + ekf.p[1][1]])
         faults |= int(run.outputs.faults)
     if faults & lib.OMNI_FAULT_STOP_MASK:
-        raise RuntimeError(f"{setting.title}, seed {seed}: stopped by faults {faults:#x}")
-    return np.array(rows), bool(faults & lib.OMNI_WARN_GYRO)
+        raise RuntimeError(f"{title}: stopped by faults {faults:#x}")
+    return np.array(rows), faults
 
 
 def measure(setting: Setting, seeds: range, gyro: bool) -> Errors:

@@ -24,7 +24,7 @@ class LiveFault:
 
     ``words`` say what is broken, ``group`` where. ``reaction`` says what the robot does about it. ``value`` is the
     fault's number in its unit of ``world.toml``; None: it has none. ``needs_fixes``: it shows only with a pose sensor,
-    ``needs_gyro``: only with a gyro.
+    ``needs_gyro``: only with a gyro, ``needs_flow``: only with a sensor of motion over the floor.
     """
 
     name: str
@@ -34,6 +34,7 @@ class LiveFault:
     value: float | None = None
     needs_fixes: bool = False
     needs_gyro: bool = False
+    needs_flow: bool = False
 
 
 def reaction_words(case: FaultCase) -> str:
@@ -53,12 +54,14 @@ def _of_case(group: str, words: str, case_name: str, kind: str | None = None, la
     case = _CASES[case_name]
     found = next(fault for fault in case.faults if kind in (None, fault.name))
     gyro = case.world.get("gyro_rate_Hz", 0.0) > 0.0
-    fixes = case.world.get("fix_rate_Hz", 0.0) > 0.0 and not gyro
-    return LiveFault(found.name, group, words, f"{reaction_words(case)} {later}".strip(), found.value, fixes, gyro)
+    flow = case.world.get("flow_rate_Hz", 0.0) > 0.0
+    fixes = case.world.get("fix_rate_Hz", 0.0) > 0.0 and not gyro and not flow
+    reaction = f"{reaction_words(case)} {later}".strip()
+    return LiveFault(found.name, group, words, reaction, found.value, fixes, gyro, flow)
 
 
 _ENCODERS, _MOTORS, _POWER = "Encoders", "Motors and wheels", "Supply and motor driver"
-_POSES, _GYRO, _OTHERS = "Pose fixes", "Gyro", "Floor, button, clock"
+_POSES, _GYRO, _FLOW, _OTHERS = "Pose fixes", "Gyro", "Floor-motion sensor", "Floor, button, clock"
 
 LIVE_FAULTS: tuple[LiveFault, ...] = (
     _of_case(_ENCODERS, "Pull the encoder's plug: it counts no more", "encoder_stuck"),
@@ -91,6 +94,9 @@ LIVE_FAULTS: tuple[LiveFault, ...] = (
     _of_case(_GYRO, "The gyro falls silent", "gyro_silent"),
     _of_case(_GYRO, "The gyro repeats its last reading", "gyro_stuck"),
     _of_case(_GYRO, "The gyro's readings are off by 90 rad/s, beyond its range", "gyro_saturated"),
+    _of_case(_FLOW, "The floor-motion sensor falls silent", "flow_silent"),
+    _of_case(_FLOW, "The floor-motion sensor says that nothing moves", "flow_stuck"),
+    _of_case(_FLOW, "The floor-motion sensor's readings are off by 20 mm", "flow_jump"),
     LiveFault(
         ICE,
         _OTHERS,

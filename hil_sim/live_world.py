@@ -65,12 +65,14 @@ class LiveWorld:
         self._friction = float(world.c.config.friction_coefficient)
         self._icy = False
         gyro = world.c.config.gyro_rate_Hz > 0.0 and scenario.parameter_values()["GYRO_AXIS"] != 0.0
+        flow = world.c.config.flow_rate_Hz > 0.0 and scenario.parameter_values()["FLOW_MODE"] != 0.0
         fixes, plant_slips = world.c.config.fix_rate_Hz > 0.0, scenario.plant in _ICY_PLANTS
         self._known = {
             fault.name: fault
             for fault in LIVE_FAULTS
             if (fixes or not fault.needs_fixes)
             and (gyro or not fault.needs_gyro)
+            and (flow or not fault.needs_flow)
             and (plant_slips or fault.name != ICE)
             and not (isinstance(world, OutsideWorld) and fault.name in (ICE, *REFUSED_FAULTS))
         }

@@ -58,6 +58,8 @@ def faults_at_the_pins(context: Context) -> list[str]:
         reasons.update(dict.fromkeys(buses, "this robot has no PWM chip"))
     gyros = [case.name for case in CASES if "gyro_rate_Hz" in case.world]
     reasons.update(dict.fromkeys(gyros, "the check gyro is about it"))
+    flows = [case.name for case in CASES if "flow_rate_Hz" in case.world]
+    reasons.update(dict.fromkeys(flows, "no driver for such a chip yet"))
     values = context.scenario.parameter_values()
     figures = []
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:

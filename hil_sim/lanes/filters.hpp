@@ -29,6 +29,7 @@ namespace core {
 #include "estimation/motor_kf.c"
 #include "estimation/pose_ekf.c"
 #include "estimation/pose_ekf_correct.c"
+#include "estimation/pose_ekf_flow.c"
 #include "estimation/pose_ekf_history.c"
 #include "estimation/pose_ekf_turn.c"
 #include "kinematics/kinematics.c"

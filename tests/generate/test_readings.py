@@ -104,7 +104,7 @@ def test_readings_arrive_through_the_process_the_message_and_the_board_s_driver(
 
 def test_the_message_of_today_has_every_reading_s_field_and_gets_none_added() -> None:
     link, world = SHARED / "link", load_world(SHARED / "world.toml")
-    assert [r.name for r in world.readings] == ["counts", "battery_V", "gyro_rad_s"]
+    assert [r.name for r in world.readings] == ["counts", "battery_V", "gyro_rad_s", "flow_moved"]
     written = (link / "omni.xml").read_text(encoding="utf-8")
     assert ET.tostring(own_document(link)) == ET.tostring(ET.fromstring(written))
 

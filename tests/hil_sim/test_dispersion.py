@@ -102,6 +102,7 @@ def test_every_number_of_the_world_that_can_differ_is_there() -> None:
         "rollers_per_row",
         "wheel_rows",
         "gyro_axis",
+        "flow_turns",
     }
     assert set(WORLD_NUMBERS) - fixed <= set(QUANTITIES)
     one = scenario_world(scenario(*(Dispersion(name, 1e-4, 2e-4) for name in QUANTITIES)))

@@ -22,6 +22,7 @@ from omniwheel._core import lib
 
 NOT_OFFERED = {"link_silence", "clock_stuck"}
 GYRO_FAULTS = {"gyro_silent", "gyro_stuck", "gyro_offset"}
+FLOW_FAULTS = {"flow_silent", "flow_stuck", "flow_jump"}
 
 
 class Pace:
@@ -71,7 +72,14 @@ def test_a_gyros_faults_are_offered_where_the_robot_has_one() -> None:
     assert not names(LiveWorld(unused, cast(LockstepLink, Pace()), new_world(unused))) & GYRO_FAULTS
 
 
-@pytest.mark.parametrize("scenario", ["sitl", "gyro"])
+def test_a_floor_motion_sensors_faults_are_offered_where_the_robot_has_one() -> None:
+    assert names(made("flow")[0]) >= FLOW_FAULTS
+    assert not names(made("gyro")[0]) & FLOW_FAULTS
+    unused = load_scenario("flow").with_parameters({"FLOW_MODE": 0.0})
+    assert not names(LiveWorld(unused, cast(LockstepLink, Pace()), new_world(unused))) & FLOW_FAULTS
+
+
+@pytest.mark.parametrize("scenario", ["sitl", "gyro", "flow"])
 def test_every_offered_fault_goes_on_and_off(scenario: str) -> None:
     live, world, _ = made(scenario)
     for fault in live.catalogue()["faults"]:

@@ -38,6 +38,7 @@ enum {
     HIL_MAX_FAULTS = 16,
     HIL_MAX_PATCHES = 8, /**< of the floor, with another friction */
     HIL_MAX_FIXES = 64,  /**< pose fixes on their way */
+    HIL_MAX_FLOWS = 32,  /**< readings of the motion over the floor on their way */
     HIL_MAX_I2C = 128,   /**< bytes of the transactions of a tick */
     HIL_MAX_I2C_READ = 8
 };
@@ -152,6 +153,13 @@ typedef struct hil_plant_t {
     hil_real_t downhill_N;                   /**< the same along it */
 } hil_plant_t;
 
+/** A reading of the motion over the floor, on its way. */
+typedef struct hil_flow_t {
+    uint64_t arrives_us;
+    hil_real_t moved[3]; /**< x, y [m], turn [rad] */
+    hil_flag_t lost;     /**< marked as not valid */
+} hil_flow_t;
+
 typedef struct hil_world_t {
     hil_world_config_t config;
     hil_plant_t plant;
@@ -209,6 +217,13 @@ typedef struct hil_world_t {
     uint64_t gyro_samples;     /**< taken so far */
     uint64_t gyro_bias_step;   /**< number of the bias's last draw */
     bool gyro_new;             /**< the latest sample is of this tick */
+    hil_real_t flow_pose[3];   /**< of the body, when `flow_sum` was brought up to date */
+    hil_real_t flow_sum[3];    /**< way of the sensor's point along its own axes, and turn, since the start */
+    hil_real_t flow_read[3];   /**< what its counters said in the last reading */
+    uint64_t flow_samples;     /**< taken so far */
+    uint32_t flow_head;
+    uint32_t flow_count;
+    hil_flow_t flow[HIL_MAX_FLOWS];
     uint32_t fix_head;
     uint32_t fix_count;
     hil_fix_t fix[HIL_MAX_FIXES];

@@ -35,7 +35,9 @@ class Tally(ctypes.Structure):
 @pytest.fixture(scope="module")
 def lib(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     sources = [Path(__file__).with_name("robots.c")]
-    sources += [PROGRAM / f"{name}.c" for name in ("scene", "world", "gyro", "current", "draw", "random", "digest")]
+    sources += [
+        PROGRAM / f"{name}.c" for name in ("scene", "world", "gyro", "flow", "current", "draw", "random", "digest")
+    ]
     flags = ["-O2", "-fno-math-errno", "-std=c11", "-Domni_robot_tick=lanes_scene_tick"]
     archives = [generated_dir().parent / "hil_sim" / "libhil_sim.a", core_archive()]
     built = build_library(

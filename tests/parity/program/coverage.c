@@ -66,6 +66,9 @@ void coverage_note(coverage_t *coverage, const scene_t *scene) {
     coverage->gyro_leads += scene->robot.estimator.gyro.turn.leads ? 1u : 0u;
     coverage->gyro_rests += scene->robot.estimator.gyro.turn.rest ? 1u : 0u;
     coverage->gyro_rejected += scene->robot.estimator.gyro.rejected ? 1u : 0u;
+    const omni_flow_state_t *flow = &scene->robot.estimator.flow;
+    coverage->flow_used += flow->read_us == scene->now_us && flow->used > 0 && flow->good > 0 ? 1u : 0u;
+    coverage->flow_refused += flow->read_us == scene->now_us && flow->refused_in_row > 0 ? 1u : 0u;
     coverage->currents_cut += out->current_cut > 0.0f ? 1u : 0u;
     if (out->state == OMNI_STATE_ARMED) {
         note_armed(coverage, scene);
@@ -127,11 +130,12 @@ bool coverage_report(const coverage_t *coverage, const scene_t *scene, uint32_t 
     const char *const other[] = {
         "three wheels",  "four wheels",   "between control steps", "cut",          "fixes used",
         "fixes refused", "pose restarts", "changes while armed",   "sets refused", "plans refused",
-        "gyro leads",    "gyro at rest",  "gyro rejected",         "currents cut"};
-    const uint32_t figures[] = {coverage->wheels[3],     coverage->wheels[4],        coverage->held,
-                                coverage->cut,           coverage->fixes_used,       coverage->fixes_refused,
-                                coverage->restarts,      scene->changes_while_armed, scene->configs_refused,
-                                scene->plans_refused,    coverage->gyro_leads,       coverage->gyro_rests,
-                                coverage->gyro_rejected, coverage->currents_cut};
+        "gyro leads",    "gyro at rest",  "gyro rejected",         "currents cut", "flow used",
+        "flow refused"};
+    const uint32_t figures[] = {
+        coverage->wheels[3],     coverage->wheels[4],     coverage->held,       coverage->cut,
+        coverage->fixes_used,    coverage->fixes_refused, coverage->restarts,   scene->changes_while_armed,
+        scene->configs_refused,  scene->plans_refused,    coverage->gyro_leads, coverage->gyro_rests,
+        coverage->gyro_rejected, coverage->currents_cut,  coverage->flow_used,  coverage->flow_refused};
     return lines("other", other, figures, sizeof figures / sizeof figures[0], least < 1 ? least : 1) && reached;
 }

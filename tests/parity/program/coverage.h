@@ -35,6 +35,8 @@ typedef struct coverage_t {
     uint32_t gyro_rests;
     uint32_t gyro_rejected;
     uint32_t currents_cut;
+    uint32_t flow_used;
+    uint32_t flow_refused;
 } coverage_t;
 
 /** Note one tick, after it. */

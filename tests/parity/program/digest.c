@@ -64,6 +64,11 @@ static const field_t fields[] = {
     REALS(gyro_bias),
     REALS(gyro_bias_sd),
     WHOLE(gyro_used),
+    REALS(flow_sum),
+    REALS(flow_nis),
+    WHOLE(flow_used),
+    WHOLE(flow_refused),
+    WHOLE(flow_usable),
     REALS(motor_heat),
     REALS(current_cut),
     REALS(stop.current_A),
@@ -71,8 +76,8 @@ static const field_t fields[] = {
 
 enum {
     FIELDS = sizeof fields / sizeof fields[0],
-    /* After config_sequence 2, after stop.wheel 3, at the end 7. */
-    PADDING = 5 + 7
+    /* After config_sequence 2, after stop.wheel 3, after gyro_used 3, at the end 3. */
+    PADDING = 5 + 3 + 3
 };
 
 bool digest_is_complete(void) {

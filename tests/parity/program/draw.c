@@ -50,8 +50,13 @@ static bool is_current(uint32_t index) {
     return index >= OMNI_PARAM_LIM_I && index <= OMNI_PARAM_SAFE_I_TC;
 }
 
+/* Drawn by flow_draw, in the same way. */
+static bool is_flow(uint32_t index) {
+    return index >= OMNI_PARAM_FLOW_MODE && index <= OMNI_PARAM_FLOW_GATE;
+}
+
 static bool is_left_out(uint32_t index) {
-    return is_wiring(index) || is_gyro(index) || is_current(index);
+    return is_wiring(index) || is_gyro(index) || is_current(index) || is_flow(index);
 }
 
 /* Any parameter that the core may read: one that tells of the wiring more or less changes no draw. */

@@ -113,11 +113,13 @@ static void begin_episode(scene_t *scene) {
     draw_style_t style = styles[random_below(random, 4)];
     draw_parameters(random, scene->episode, style, values);
     gyro_draw(&scene->gyro, scene->episode, values);
+    flow_draw(&scene->flow, scene->episode, values);
     current_draw(&scene->current, scene->episode, values);
     while (!configure(scene, values)) {
         style = DRAW_OWN;
         draw_parameters(random, scene->episode, style, values);
         gyro_draw(&scene->gyro, scene->episode, values);
+        flow_draw(&scene->flow, scene->episode, values);
         current_draw(&scene->current, scene->episode, values);
     }
     scene->episode_ends = scene->tick + SHORTEST + random_below(random, LONGEST - SHORTEST);
@@ -278,6 +280,7 @@ void scene_init(scene_t *scene, uint32_t seed) {
     scene->random.state = seed;
     scene->gyro.random.state = seed + 1;
     scene->current.state = seed + 2;
+    scene->flow.random.state = seed + 3;
 }
 
 void scene_step(scene_t *scene) {
@@ -289,6 +292,7 @@ void scene_step(scene_t *scene) {
     pass_time(scene);
     move_world(scene);
     gyro_read(&scene->gyro, &scene->world, config_of(scene), &scene->inputs);
+    flow_read(&scene->flow, &scene->world, config_of(scene), &scene->inputs);
     see_pose(scene);
     read_supply(scene);
     listen(scene);

@@ -8,6 +8,7 @@
 #define PARITY_SCENE_H
 
 #include "current.h"
+#include "flow.h"
 #include "gyro.h"
 #include "omni/robot.h"
 #include "random.h"
@@ -50,6 +51,7 @@ typedef struct scene_t {
     omni_outputs_t outputs;
     world_t world;
     gyro_t gyro;
+    flow_t flow;
     random_t current;       /**< of the current limit and the motors' heat */
     omni_pose_t fix_offset; /**< where the fixes say the world's origin is */
     uint64_t background;    /**< hash over what configuration and planning gave */

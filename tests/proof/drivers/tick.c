@@ -55,6 +55,7 @@ static void make_state(void) {
     gyro->rejected = any_bool();
     gyro->turn.leads = any_bool();
     gyro->turn.rest = any_bool();
+    robot.estimator.flow.trouble = any_bool();
 }
 
 /* What make_state takes for granted holds again. */

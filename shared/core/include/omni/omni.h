@@ -7,6 +7,7 @@
 #include "omni/current.h"
 #include "omni/direct_torque.h"
 #include "omni/feedback_linearization.h"
+#include "omni/flow.h"
 #include "omni/gyro.h"
 #include "omni/ismc.h"
 #include "omni/kinematics.h"

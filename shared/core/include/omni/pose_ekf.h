@@ -33,6 +33,16 @@
  *
  * (docs/concepts/derivations/gyro.md).
  *
+ * A sensor of motion over the floor (omni/flow.h) says how far a point l of the body moved from t0 to t1. Its axes are
+ * the body's of mid-way. The wheels predict d and its noise w, which is in the pose, too. With J l = (-ly, lx) and the
+ * derivative G of d by s:
+ *
+ *   y = z - (d_xy + J l d_th, d_th),   H = G_s + J l G_th,s,   S = H P_ss H^T + W + C + R
+ *   K = (P_s H^T + cov(x, w)) S^-1,    P = P - K S K^T
+ *
+ * W is the wheels' noise q in t0..t1, C the counts' rounding at both ends. The history keeps what is left of W, so that
+ * late fixes stay as they are (docs/concepts/derivations/floor_motion.md).
+ *
  * How noisy the wheels' motion is depends on the floor. So a factor lambda multiplies q_xy, q_theta and q_slip, and the
  * innovations move it. With the right gain they are white; if they agree with those before, the gain is too low. With
  * S = L L^T the whitened innovation is v = L^-1 y. Its part that is not the fix's noise is k_i = 1 - R_i / L_ii^2. Per
@@ -88,12 +98,15 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t gate;      /**< NIS above this is refused; 0: no gate */
     uint16_t gate_restart; /**< refused fixes in a row after which the estimate restarts */
     omni_real_t step_s;
-    bool gyro;           /**< there is one: its bias and the error of its scale are states */
-    omni_real_t q_turn;  /**< variance that the gyro's noise adds to theta per step, rad^2 */
-    omni_real_t q_bias;  /**< variance added to the bias per step, (rad/s)^2 */
-    omni_real_t p_bias;  /**< its variance when the gyro is switched on */
-    omni_real_t p_scale; /**< variance of the scale's error then */
-    omni_real_t adapt;   /**< how fast innovations move the noise levels, 0..1; 0: they stay as configured */
+    bool gyro;             /**< there is one: its bias and the error of its scale are states */
+    omni_real_t q_turn;    /**< variance that the gyro's noise adds to theta per step, rad^2 */
+    omni_real_t q_bias;    /**< variance added to the bias per step, (rad/s)^2 */
+    omni_real_t p_bias;    /**< its variance when the gyro is switched on */
+    omni_real_t p_scale;   /**< variance of the scale's error then */
+    omni_real_t adapt;     /**< how fast innovations move the noise levels, 0..1; 0: they stay as configured */
+    bool flow;             /**< there is a sensor of motion over the floor */
+    omni_real_t r_count;   /**< variance of the counts' rounding in a wheel's way, both ends, m^2 */
+    omni_real_t flow_gate; /**< NIS above this is refused; 0: no gate */
 } omni_pose_ekf_config_t;
 
 /** What a gyro says of a tick. */
@@ -102,6 +115,26 @@ typedef struct omni_ekf_turn_t {
     omni_flag_t leads;      /**< it gives the turn; otherwise the wheels do */
     omni_flag_t rest;       /**< the wheels stand still, so it is the bias; never together with `leads` */
 } omni_ekf_turn_t;
+
+/** What a sensor of motion over the floor says. All finite. */
+typedef struct omni_ekf_flow_t {
+    omni_real_t move[OMNI_AXES]; /**< of its point: x, y [m] in body axes of mid-way; turn of the body [rad] */
+    omni_real_t arm_m[2];        /**< the point, body frame */
+    omni_real_t r_xy;            /**< variance of x and of y, m^2; > 0 */
+    omni_real_t r_turn;          /**< rad^2; > 0 */
+    bool turns;                  /**< the turn is measured; not used with a gyro, which leads it */
+    omni_flag_t counts;          /**< otherwise it is only compared */
+    uint32_t age_us;             /**< since the end of what it measured */
+    uint32_t span_us;            /**< that it measured; > 0 */
+} omni_ekf_flow_t;
+
+/** What came of it. */
+typedef struct omni_ekf_flow_result_t {
+    omni_real_t nis;
+    omni_flag_t fits;       /**< within the gate */
+    omni_real_t expected_m; /**< way of the point that the wheels say */
+    omni_real_t apart_m;    /**< how far the reading is from that */
+} omni_ekf_flow_result_t;
 
 /** What moved during one history slot, seen from the heading at its start. */
 typedef struct omni_ekf_slot_t {
@@ -144,6 +177,8 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
     omni_real_t fix_factor;      /**< rho: of a fix's variances; >= 1 */
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */
+    /** Share of a slot's noise of x and y, and of theta, that is out of `p`: motion over the floor has measured it. */
+    omni_real_t flow_known[OMNI_EKF_HISTORY][2];
 } omni_pose_ekf_state_t;
 
 /** What is known of a gyro: bias [rad/s], error of the scale. */
@@ -194,5 +229,23 @@ void omni_pose_ekf_predict_turn(omni_pose_ekf_state_t *state, const omni_pose_ek
  */
 omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                     const omni_kinematics_t *k, const omni_pose_fix_t *fix);
+
+/** A sensor of motion over the floor has been switched on. */
+void omni_pose_ekf_start_flow(omni_pose_ekf_state_t *state);
+
+/** With such a sensor: after each prediction. */
+void omni_pose_ekf_follow_flow(omni_pose_ekf_state_t *state);
+
+/** Slip ratios stay, but count as unknown: the floor may have changed. */
+void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                               const omni_kinematics_t *k);
+
+/**
+ * Use what such a sensor says, if it counts and fits. `flow` must be set in the configuration.
+ * @return false, and nothing else, if the history does not reach back that far.
+ */
+bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                const omni_kinematics_t *k, const omni_ekf_flow_t *flow,
+                                omni_ekf_flow_result_t *result);
 
 #endif

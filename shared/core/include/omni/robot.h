@@ -13,6 +13,7 @@
 
 #include "omni/current.h"
 #include "omni/excitation.h"
+#include "omni/flow.h"
 #include "omni/gyro.h"
 #include "omni/kinematics.h"
 #include "omni/modules_gen.h"
@@ -61,6 +62,7 @@ typedef struct omni_robot_config_t {
     omni_motor_kf_config_t motor_kf;
     omni_pose_ekf_config_t pose_ekf;
     omni_gyro_config_t gyro;
+    omni_flow_config_t flow;
     omni_torque_curve_t torque_curve;
     OMNI_CTL_MODE_CONFIG_MEMBERS /* of the controllers: omni_ismc_config_t ismc; and so on */
         omni_wheel_speed_config_t wheel_speed;
@@ -190,6 +192,12 @@ typedef struct omni_outputs_t {
     omni_real_t gyro_bias;    /**< rad/s */
     omni_real_t gyro_bias_sd; /**< standard deviation */
     omni_flag_t gyro_used;    /**< it gives the turn, or learns its bias */
+    /** Of the motion over the floor; 0 while FLOW_MODE is. */
+    omni_real_t flow_sum[OMNI_AXES]; /**< readings so far, in body axes: m, m, rad */
+    omni_real_t flow_nis;            /**< normalised innovation squared of the last reading */
+    omni_uint_t flow_used;           /**< readings used so far */
+    omni_uint_t flow_refused;
+    omni_flag_t flow_usable;
 } omni_outputs_t;
 
 /** What a position controller asks for, and so what follows it on the way to the wheels. */
@@ -225,6 +233,7 @@ typedef struct omni_estimator_t {
     bool primed;                             /**< last_* hold a first sample */
     omni_pose_ekf_state_t pose_ekf;
     omni_gyro_state_t gyro;
+    omni_flow_state_t flow;
 } omni_estimator_t;
 
 /** Whether a wheel under voltage turns. All 0 while its voltage is below `stall_V`. */

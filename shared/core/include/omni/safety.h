@@ -54,8 +54,10 @@ typedef enum omni_fault_t {
     OMNI_WARN_ISMC_GAIN = 1 << 21,    /**< k of the ISMC does not cover the slip that may be there (condition 44) */
     OMNI_WARN_GYRO = 1 << 22,         /**< the gyro's readings are missing, cannot be true, or contradict the wheels */
     OMNI_WARN_MOTOR_WARM = 1 << 23,   /**< a motor's heat is beyond OMNI_WARM_SHARE of what stops it */
+    OMNI_WARN_FLOW = 1 << 24,         /**< readings of the motion over the floor are missing, cannot be true, or do not
+                                           fit the wheels */
     OMNI_FAULT_STOP_MASK = 0x1fff,
-    OMNI_WARN_MASK = 0xff0000
+    OMNI_WARN_MASK = 0x1ff0000
 } omni_fault_t;
 
 /** The next state. An event or state out of range gives OMNI_STATE_ESTOP. */

@@ -86,13 +86,17 @@ static inline void add_slip_noise(omni_ekf_window_t *window, uint8_t i, omni_rea
  */
 static inline void prepend_slot(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot,
                                 const slot_motion_t *s, omni_real_t share, uint8_t columns, bool slip_noise,
-                                omni_ekf_window_t *window) {
+                                const omni_real_t *known, omni_ekf_window_t *window) {
     const omni_real_t later = 0.5f - 0.5f / (omni_real_t)OMNI_EKF_SLOT_TICKS;
     const omni_real_t after[2] = {window->move[0], window->move[1]};
     const omni_real_t steps = slot->steps * share;
-    const omni_real_t turn_noise = columns == OMNI_EKF_COLUMNS ? slot->turn_noise * share : config->q_theta * steps;
-    add_pose_noise(window, config->q_xy * steps, turn_noise, after[0] + later * s->move[0],
-                   after[1] + later * s->move[1]);
+    omni_real_t xy_noise = config->q_xy * steps;
+    omni_real_t turn_noise = columns == OMNI_EKF_COLUMNS ? slot->turn_noise * share : config->q_theta * steps;
+    if (known != NULL) {
+        xy_noise *= 1.0f - known[0];
+        turn_noise *= 1.0f - known[1];
+    }
+    add_pose_noise(window, xy_noise, turn_noise, after[0] + later * s->move[0], after[1] + later * s->move[1]);
     carry_gain(window, after, s, columns, later);
     for (uint8_t i = 0; slip_noise && i < columns && i < OMNI_MAX_WHEELS; ++i) {
         add_slip_noise(window, i, slot->noise[i] * share);
@@ -126,24 +130,26 @@ static inline void mirror_window(omni_ekf_window_t *window, uint8_t columns) {
     }
 }
 
-static inline __attribute__((always_inline)) bool fill_window(const omni_pose_ekf_state_t *state,
-                                                              const omni_pose_ekf_config_t *config,
-                                                              const omni_kinematics_t *k, uint32_t age_us,
-                                                              omni_ekf_window_t *window, uint8_t columns) {
-    /* Null space or gyro have measured the slip since t_f: most of its noise is no longer in P, see the derivation. */
-    const bool slip_noise = columns != OMNI_EKF_COLUMNS && !(k->has_null && config->r_null > 0.0f);
+/* @param known what a sensor of motion over the floor has taken of each slot's noise; NULL: there is none. */
+static inline __attribute__((always_inline)) bool
+fill_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+            uint32_t age_us, omni_ekf_window_t *window, uint8_t columns, const omni_real_t (*known)[2]) {
+    /* Null space, gyro or motion over the floor have measured the slip since t_f. Most of its noise is no longer in P,
+     * see the derivation. */
+    const bool slip_noise = columns != OMNI_EKF_COLUMNS && known == NULL && !(k->has_null && config->r_null > 0.0f);
     clear_window(window, columns);
     uint32_t left_us = age_us;
     for (uint8_t back = 0; left_us > 0; ++back) {
         if (back > state->filled) {
             return false;
         }
-        const omni_ekf_slot_t *slot = &state->history[(state->newest + OMNI_EKF_HISTORY - back) % OMNI_EKF_HISTORY];
+        const int index = (state->newest + OMNI_EKF_HISTORY - back) % OMNI_EKF_HISTORY;
+        const omni_ekf_slot_t *slot = &state->history[index];
         /* The slot being filled may be empty: it moved nothing, whatever its share. */
         const uint32_t used_us = left_us < slot->duration_us ? left_us : slot->duration_us;
         const omni_real_t share = (omni_real_t)used_us / (omni_real_t)(slot->duration_us > 0 ? slot->duration_us : 1u);
         const slot_motion_t s = slot_motion(state, slot, columns, state->pose.theta - window->move[2], share);
-        prepend_slot(config, slot, &s, share, columns, slip_noise, window);
+        prepend_slot(config, slot, &s, share, columns, slip_noise, known != NULL ? known[index] : NULL, window);
         left_us -= used_us;
     }
     mirror_window(window, columns);

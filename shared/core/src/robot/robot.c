@@ -109,6 +109,14 @@ static void report_gyro(const omni_estimator_t *estimator, omni_outputs_t *outpu
     outputs->gyro_used = used;
 }
 
+static void report_flow(const omni_flow_state_t *flow, omni_outputs_t *outputs) {
+    memcpy(outputs->flow_sum, flow->sum, sizeof outputs->flow_sum);
+    outputs->flow_nis = flow->nis;
+    outputs->flow_used = flow->used;
+    outputs->flow_refused = flow->refused;
+    outputs->flow_usable = !flow->trouble;
+}
+
 static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
                             const omni_estimate_t *estimate, omni_outputs_t *outputs) {
     memset(outputs->current_A, 0, sizeof outputs->current_A);
@@ -136,6 +144,14 @@ static void report_estimate(const omni_estimator_t *estimator, const omni_robot_
     outputs->gyro_used = false;
     if (config->gyro.axis != 0) {
         report_gyro(estimator, outputs);
+    }
+    memset(outputs->flow_sum, 0, sizeof outputs->flow_sum);
+    outputs->flow_nis = 0.0f;
+    outputs->flow_used = 0u;
+    outputs->flow_refused = 0u;
+    outputs->flow_usable = false;
+    if (config->flow.axes != 0) {
+        report_flow(&estimator->flow, outputs);
     }
 }
 

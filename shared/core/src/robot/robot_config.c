@@ -84,6 +84,28 @@ static void set_gyro(omni_robot_config_t *c, const omni_real_t *v) {
     e->p_scale = v[OMNI_PARAM_GYRO_S_SD] * v[OMNI_PARAM_GYRO_S_SD];
 }
 
+static omni_real_t flow_square(omni_real_t value) {
+    return value * value;
+}
+
+static void set_flow(omni_robot_config_t *c, const omni_real_t *v) {
+    omni_flow_config_t *f = &c->flow;
+    const uint8_t mode = (uint8_t)v[OMNI_PARAM_FLOW_MODE];
+    const omni_real_t count_m = c->kinematics.radius_m[0] * c->rad_per_count;
+    f->axes = mode == OMNI_FLOW_MODE_OFF ? 0 : (mode == OMNI_FLOW_MODE_XY ? 2 : 3);
+    f->arm_m[0] = v[OMNI_PARAM_FLOW_X];
+    f->arm_m[1] = v[OMNI_PARAM_FLOW_Y];
+    omni_sincosf(v[OMNI_PARAM_FLOW_ANGLE] * DEG, &f->sine, &f->cosine);
+    f->scale = v[OMNI_PARAM_FLOW_SCALE];
+    f->r_xy = flow_square(v[OMNI_PARAM_FLOW_SD]);
+    f->r_share = flow_square(v[OMNI_PARAM_FLOW_SHARE]);
+    f->r_turn = flow_square(v[OMNI_PARAM_FLOW_T_SD]);
+    f->delay_us = (uint32_t)(v[OMNI_PARAM_FLOW_DELAY] * 1e6f + 0.5f);
+    c->pose_ekf.flow = f->axes != 0;
+    c->pose_ekf.r_count = flow_square(count_m) / 6.0f; /* both ends are rounded to a count: 2 / 12 */
+    c->pose_ekf.flow_gate = v[OMNI_PARAM_FLOW_GATE];
+}
+
 /*
  * Four wheels always push against each other a little, and rubber creeps under that. It does so by 1.5 mm/s (3 N on
  * 2000 N s/m), for about a second in the same direction. It looks like slip and is none. As white noise of the sum over
@@ -240,6 +262,7 @@ omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *
     }
     set_pose_ekf(config, values);
     set_gyro(config, values);
+    set_flow(config, values);
     set_wheel_speed(config, values);
     set_limits(config, values);
     set_current(config, values);

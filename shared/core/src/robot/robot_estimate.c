@@ -139,6 +139,19 @@ static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_rob
     return usable ? (omni_uint_t)0u : (omni_uint_t)OMNI_WARN_GYRO;
 }
 
+/* What a sensor of motion over the floor says corrects the prediction. */
+static omni_uint_t use_flow(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                            bool timed) __attribute__((noinline));
+
+static omni_uint_t use_flow(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                            bool timed) {
+    const omni_flow_tick_t tick = {
+        .time_us = inputs->time_us, .reading = inputs->flow_moved, .valid = inputs->flow_valid, .timed = timed};
+    const omni_flag_t usable =
+        omni_flow_step(&estimator->flow, &c->flow, &tick, &estimator->pose_ekf, &c->pose_ekf, &c->kinematics);
+    return omni_select(usable, (omni_uint_t)0u, (omni_uint_t)OMNI_WARN_FLOW);
+}
+
 static omni_uint_t use_fix(omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, const omni_inputs_t *inputs,
                            bool *is_fresh) {
     omni_uint_t faults = 0;
@@ -203,6 +216,9 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
             const bool timed = (faults & (uint32_t)OMNI_FAULT_TIME) == 0;
             faults |= predict_with_gyro(estimator, config, inputs, estimate, counted.trusted, timed, turned_rad);
         }
+        if (config->flow.axes != 0) {
+            faults |= use_flow(estimator, config, inputs, (faults & (uint32_t)OMNI_FAULT_TIME) == 0);
+        }
         faults |= use_fix(&estimator->pose_ekf, config, inputs, &estimate->fix_is_fresh);
     }
     estimator->primed = true;
@@ -235,5 +251,6 @@ void omni_robot_restart_filters(omni_estimator_t *estimator, const omni_robot_co
         const omni_pose_t origin = {0.0f, 0.0f, 0.0f};
         omni_pose_ekf_reset(&estimator->pose_ekf, &config->pose_ekf, &origin, config->limits.position_m, OMNI_PI_F);
         memset(&estimator->gyro, 0, sizeof estimator->gyro);
+        memset(&estimator->flow, 0, sizeof estimator->flow);
     }
 }

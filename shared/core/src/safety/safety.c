@@ -36,7 +36,7 @@ static const fault_name_t fault_names[] = {
     {OMNI_WARN_FIX_REFUSED, "fix refused"},    {OMNI_WARN_SETPOINT, "setpoint"},
     {OMNI_WARN_SATURATED, "saturated"},        {OMNI_WARN_ENCODER, "encoder glitch"},
     {OMNI_WARN_ISMC_GAIN, "ismc gain"},        {OMNI_WARN_GYRO, "gyro"},
-    {OMNI_WARN_MOTOR_WARM, "motor warm"},
+    {OMNI_WARN_MOTOR_WARM, "motor warm"},      {OMNI_WARN_FLOW, "floor motion"},
 };
 
 omni_safety_state_t omni_safety_next(omni_safety_state_t state, omni_safety_event_t event) {

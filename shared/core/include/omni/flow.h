@@ -1,0 +1,92 @@
+/* SPDX-License-Identifier: MIT */
+/**
+ * @file flow.h
+ * A sensor of motion over the floor: its readings correct the pose EKF, or are left out.
+ *
+ * It may be an optical sensor, or wheels that only measure. A reading says how far a point of the body has moved since
+ * the reading before, in the sensor's axes. It may say how far the body has turned, too:
+ *
+ *   z_xy = scale R(angle)^T reading_xy      in body axes, of mid-way [m]
+ *   z_th = reading_turn                     counter-clockwise [rad]
+ *
+ * The wheels predict the same from the pose EKF's history. What the two differ by corrects slip ratios and pose
+ * (omni/pose_ekf.h). A reading replaces nothing.
+ *
+ * Bits 0 to 2 of `valid` say that x, y and the turn are good. Bit 3 says that a reading came, good or not: the next one
+ * counts from here. So a drop-out is bit 3 alone. A reading without bit 3 is not looked at.
+ *
+ * Left out is a reading that is not finite, or larger than any robot moves meanwhile. So is one that does not fit: its
+ * normalised innovation squared is beyond the gate. After OMNI_FLOW_DOUBT of these in a row the floor may have changed.
+ * The slip ratios count as unknown then, if the ways differ by less than half.
+ *
+ * The sensor is in trouble after OMNI_FLOW_REFUSED of them, or OMNI_FLOW_HOLD_TICKS without a good reading. So it is
+ * while it says exactly zero and the wheels have moved by more than 20 mm. Then the wheels count alone, until
+ * OMNI_FLOW_GOOD readings of a robot that moves fit in a row.
+ */
+#ifndef OMNI_FLOW_H
+#define OMNI_FLOW_H
+
+#include "omni/pose_ekf.h"
+#include "omni/types.h"
+
+enum {
+    OMNI_FLOW_HOLD_TICKS = 200, /**< ticks without a good reading after which it counts as silent */
+    OMNI_FLOW_GOOD = 5,         /**< readings in a row that fit before it is used; the robot must move */
+    OMNI_FLOW_DOUBT = 10,       /**< refused ones in a row after which the slip ratios count as unknown */
+    OMNI_FLOW_REFUSED = 20      /**< refused ones in a row after which it is in trouble */
+};
+
+/** Bits of omni_flow_tick_t::valid. */
+enum { OMNI_FLOW_XY = 3, OMNI_FLOW_TURN = 4, OMNI_FLOW_READ = 8 };
+
+typedef struct omni_flow_config_t {
+    uint8_t axes;         /**< 0: no sensor; 2: it measures x and y; 3: and the turn */
+    omni_real_t cosine;   /**< of its x axis, seen from the body's */
+    omni_real_t sine;     /**< the same */
+    omni_real_t scale;    /**< true way over reading */
+    omni_real_t arm_m[2]; /**< where it is, body frame */
+    omni_real_t r_xy;     /**< variance of x and of y of a reading, m^2 */
+    omni_real_t r_share;  /**< the same as a share of the way squared, added */
+    omni_real_t r_turn;   /**< rad^2 */
+    uint32_t delay_us;    /**< from the end of what it measures to the tick that gets it */
+} omni_flow_config_t;
+
+/** What a tick is told. */
+typedef struct omni_flow_tick_t {
+    uint64_t time_us;           /**< robot clock */
+    const omni_real_t *reading; /**< x, y [m], turn [rad] since the reading before; any value */
+    uint8_t valid;              /**< bits, see above */
+    bool timed;                 /**< the tick came in time */
+} omni_flow_tick_t;
+
+/** What it keeps from tick to tick. All zero: never used. */
+typedef struct omni_flow_state_t {
+    uint64_t time_us;           /**< of the last tick */
+    omni_flow_config_t config;  /**< of that tick */
+    uint64_t read_us;           /**< tick of the last reading, good or not; 0: none */
+    uint64_t good_us;           /**< of the last good one, or when it began */
+    omni_flag_t trouble;        /**< readings are missing, cannot be true, or do not fit */
+    omni_uint_t good;           /**< readings in a row that fitted while the robot moved */
+    omni_uint_t refused_in_row; /**< that did not fit */
+    omni_uint_t used;           /**< readings so far */
+    omni_uint_t refused;
+    omni_real_t sum[OMNI_AXES]; /**< readings so far that can be true, in body axes: m, m, rad */
+    omni_real_t zero_m;         /**< way of the wheels over which it said nothing but zero */
+    omni_real_t nis;            /**< normalised innovation squared of the last reading */
+} omni_flow_state_t;
+
+/**
+ * One tick, after the pose EKF's prediction.
+ *  * Left out is a reading that is not finite, or larger than any robot moves meanwhile. So is one that does not fit:
+ * its normalised innovation squared is beyond the gate. After OMNI_FLOW_DOUBT of these in a row the floor may have
+ * changed. The slip ratios count as unknown then, if the ways differ by less than half.
+ *
+ * The sensor is in trouble after OMNI_FLOW_REFUSED of them, or OMNI_FLOW_HOLD_TICKS without a good reading. So it is
+ * while it says exactly zero and the wheels have moved by more than 20 mm. Then the wheels count alone, until
+ * OMNI_FLOW_GOOD readings of a robot that moves fit in a row.return false while the readings cannot be used.
+ */
+omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
+                           omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
+                           const omni_kinematics_t *k);
+
+#endif

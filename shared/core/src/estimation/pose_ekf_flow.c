@@ -1,0 +1,348 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * What a sensor of motion over the floor and the wheels say of the same motion corrects the estimate: see
+ * omni/pose_ekf.h and docs/concepts/derivations/floor_motion.md.
+ */
+#include "pose_ekf_window.h"
+
+enum { FLOW_ROWS = OMNI_AXES };
+
+static const omni_real_t flow_doubt = 0.3f * 0.3f; /* variance of a slip ratio on a floor that is not known */
+
+/* One reading on its way into the estimate. Of arrays with FLOW_ROWS rows, `rows` are used. */
+typedef struct flow_update_t {
+    uint8_t rows; /* 2, or 3 with the turn */
+    uint8_t columns;
+    uint8_t states;
+    bool gyro;
+    omni_real_t move[OMNI_AXES];                   /* what the wheels say: dx, dy, dtheta in body axes of mid-way */
+    omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /* how that changes with each slip ratio */
+    omni_real_t cosine;                            /* of the heading of mid-way */
+    omni_real_t sine;
+    omni_real_t theta;        /* that heading */
+    omni_real_t since[2];     /* motion from mid-way to now, world frame */
+    omni_real_t w[OMNI_AXES]; /* noise of the motion, which the pose has, too: m^2, m^2, rad^2 */
+    omni_real_t c[OMNI_AXES]; /* variance of the counts' rounding */
+    omni_real_t r[OMNI_AXES]; /* of the reading */
+    omni_real_t innovation[FLOW_ROWS];
+    omni_real_t h[FLOW_ROWS][OMNI_EKF_COLUMNS];
+    omni_real_t factor[FLOW_ROWS][FLOW_ROWS];      /* Cholesky factor of S */
+    omni_real_t white[FLOW_ROWS];                  /* innovation over it */
+    omni_real_t share[FLOW_ROWS][OMNI_EKF_STATES]; /* covariance of the state with the innovation, over it */
+} flow_update_t;
+
+void omni_pose_ekf_start_flow(omni_pose_ekf_state_t *state) {
+    memset(state->flow_known, 0, sizeof state->flow_known);
+}
+
+void omni_pose_ekf_follow_flow(omni_pose_ekf_state_t *state) {
+    if (state->slot_tick == 0) {
+        state->flow_known[state->newest][0] = 0.0f;
+        state->flow_known[state->newest][1] = 0.0f;
+    }
+}
+
+void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                               const omni_kinematics_t *k) {
+    const uint8_t slips = omni_ekf_slips(config, k);
+    for (uint8_t i = 0; i < slips; ++i) {
+        for (int a = 0; a < OMNI_EKF_STATES; ++a) {
+            state->p[a][OMNI_AXES + i] = 0.0f;
+            state->p[OMNI_AXES + i][a] = 0.0f;
+        }
+        state->p[OMNI_AXES + i][OMNI_AXES + i] = omni_select(flow_doubt > config->p_slip, flow_doubt, config->p_slip);
+    }
+}
+
+/* Motion of the slots from span_us + age_us ago to age_us ago, world frame. @return false beyond the history. */
+static bool gather_motion(flow_update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                          const omni_ekf_flow_t *flow, omni_ekf_window_t *window) {
+    uint32_t skip_us = flow->age_us;
+    uint32_t left_us = flow->span_us;
+    omni_real_t theta = state->pose.theta; /* at the end of the slot that is looked at */
+    omni_real_t later[OMNI_AXES] = {0.0f, 0.0f, 0.0f};
+    memset(window->move, 0, sizeof window->move);
+    memset(window->gain, 0, sizeof window->gain);
+    memset(u->w, 0, sizeof u->w);
+    for (uint8_t back = 0; left_us > 0; ++back) {
+        if (back > state->filled) {
+            return false;
+        }
+        const uint16_t index = (uint16_t)((state->newest + OMNI_EKF_HISTORY - back) % OMNI_EKF_HISTORY);
+        const omni_ekf_slot_t *slot = &state->history[index];
+        const uint32_t skipped_us = skip_us < slot->duration_us ? skip_us : slot->duration_us;
+        const uint32_t rest_us = slot->duration_us - skipped_us;
+        const uint32_t used_us = left_us < rest_us ? left_us : rest_us;
+        const omni_real_t all_us = (omni_real_t)(slot->duration_us > 0 ? slot->duration_us : 1u);
+        const omni_real_t skipped = (omni_real_t)skipped_us / all_us;
+        const omni_real_t used = (omni_real_t)used_us / all_us;
+        slot_motion_t part = slot_motion(state, slot, u->columns, theta, 1.0f);
+        theta -= part.move[2];
+        for (int axis = 0; axis < OMNI_AXES; ++axis) {
+            later[axis] += skipped * part.move[axis];
+            part.move[axis] *= used;
+            for (uint8_t i = 0; i < u->columns; ++i) {
+                part.gain[axis][i] *= used;
+            }
+        }
+        carry_gain(window, window->move, &part, u->columns, 1.0f);
+        for (int axis = 0; axis < OMNI_AXES; ++axis) {
+            window->move[axis] += part.move[axis];
+        }
+        u->w[0] += config->q_xy * slot->steps * used;
+        u->w[2] += (config->gyro ? slot->turn_noise : config->q_theta * slot->steps) * used;
+        skip_us -= skipped_us;
+        left_us -= used_us;
+    }
+    u->w[1] = u->w[0];
+    u->theta = state->pose.theta - later[2] - 0.5f * window->move[2];
+    u->since[0] = later[0] + 0.5f * window->move[0];
+    u->since[1] = later[1] + 0.5f * window->move[1];
+    return true;
+}
+
+/* The same in body axes of mid-way. Slip that turns the body turns these axes by half of it. */
+static void see_from_body(flow_update_t *u, const omni_ekf_window_t *window) {
+    omni_sincosf(u->theta, &u->sine, &u->cosine);
+    memcpy(u->move, window->move, sizeof u->move);
+    rotate_pair(u->cosine, -u->sine, &u->move[0], &u->move[1]);
+    for (uint8_t i = 0; i < u->columns; ++i) {
+        const omni_real_t turned = window->gain[2][i];
+        omni_real_t gx = window->gain[0][i];
+        omni_real_t gy = window->gain[1][i];
+        rotate_pair(u->cosine, -u->sine, &gx, &gy);
+        u->gain[0][i] = gx + 0.5f * u->move[1] * turned;
+        u->gain[1][i] = gy - 0.5f * u->move[0] * turned;
+        u->gain[2][i] = turned;
+    }
+}
+
+/* Variance of the counts' rounding at both ends of the motion, in body axes. A gyro's turn has none. */
+static void find_noise(flow_update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                       const omni_ekf_flow_t *flow) {
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        u->c[axis] = 0.0f;
+        for (uint8_t i = 0; i < k->wheels; ++i) {
+            u->c[axis] += k->b_pinv[axis][i] * k->b_pinv[axis][i] * config->r_count;
+        }
+        u->r[axis] = axis < 2 ? flow->r_xy : flow->r_turn;
+    }
+    if (config->gyro) {
+        u->c[2] = 0.0f;
+    }
+}
+
+/* What the sensor's point moves more than the wheels say. */
+static void find_innovation(flow_update_t *u, const omni_ekf_flow_t *flow, omni_ekf_flow_result_t *result) {
+    const omni_real_t x = u->move[0] - flow->arm_m[1] * u->move[2];
+    const omni_real_t y = u->move[1] + flow->arm_m[0] * u->move[2];
+    u->innovation[0] = flow->move[0] - x;
+    u->innovation[1] = flow->move[1] - y;
+    u->innovation[2] = flow->move[2] - u->move[2];
+    result->expected_m = omni_sqrtf(x * x + y * y);
+    result->apart_m = omni_sqrtf(u->innovation[0] * u->innovation[0] + u->innovation[1] * u->innovation[1]);
+}
+
+/*
+ * The sensitivity to a slip ratio is the wheel's motion. The counts' rounding in that is in the innovation, too, and
+ * the product would not average out. So the motion is taken that counts and reading agree on: its error has nothing to
+ * do with the innovation.
+ */
+static void agree_on_motion(flow_update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                            const omni_ekf_flow_t *flow) {
+    const omni_real_t turn = u->rows > 2 ? u->innovation[2] : 0.0f;
+    const omni_real_t apart[OMNI_AXES] = {u->innovation[0] + flow->arm_m[1] * turn,
+                                          u->innovation[1] - flow->arm_m[0] * turn, turn};
+    omni_real_t moved[OMNI_AXES];
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        moved[axis] = apart[axis] * u->c[axis] / (u->c[axis] + u->w[axis] + u->r[axis]);
+    }
+    const uint8_t slips = omni_ekf_slips(config, k);
+    for (uint8_t i = 0; i < slips; ++i) {
+        const omni_real_t rolled = k->b[i][0] * moved[0] + k->b[i][1] * moved[1] + k->b[i][2] * moved[2];
+        for (int axis = 0; axis < (config->gyro ? 2 : OMNI_AXES); ++axis) {
+            u->gain[axis][i] -= k->b_pinv[axis][i] * rolled;
+        }
+    }
+}
+
+static void find_sensitivity(flow_update_t *u, const omni_ekf_flow_t *flow) {
+    for (uint8_t i = 0; i < u->columns; ++i) {
+        u->h[0][i] = u->gain[0][i] - flow->arm_m[1] * u->gain[2][i];
+        u->h[1][i] = u->gain[1][i] + flow->arm_m[0] * u->gain[2][i];
+        u->h[2][i] = u->gain[2][i];
+    }
+}
+
+/* Covariance of the state with the innovation: what the slip ratios do to both, and the motion's noise in both. */
+static void find_shares(flow_update_t *u, const omni_pose_ekf_state_t *state, const omni_real_t *lever,
+                        bool noise_is_shared) {
+    for (uint8_t row = 0; row < u->rows; ++row) {
+        for (uint8_t a = 0; a < u->states; ++a) {
+            omni_real_t sum = 0.0f;
+            for (uint8_t i = 0; i < u->columns; ++i) {
+                sum += state->p[a][OMNI_AXES + i] * u->h[row][i];
+            }
+            u->share[row][a] = sum;
+        }
+    }
+    if (noise_is_shared) {
+        u->share[0][0] += u->w[0] * u->cosine;
+        u->share[0][1] += u->w[0] * u->sine;
+        u->share[1][0] -= u->w[0] * u->sine;
+        u->share[1][1] += u->w[0] * u->cosine;
+        for (uint8_t row = 0; row < u->rows; ++row) {
+            const omni_real_t turned = u->w[2] * lever[row];
+            u->share[row][0] -= u->since[1] * turned;
+            u->share[row][1] += u->since[0] * turned;
+            u->share[row][2] += turned;
+        }
+    }
+}
+
+/* S = H P H^T + W + C + R = L L^T. */
+static void factor_flow(flow_update_t *u, const omni_pose_ekf_state_t *state, const omni_real_t *lever) {
+    for (uint8_t i = 0; i < u->rows; ++i) {
+        for (uint8_t j = 0; j <= i; ++j) {
+            omni_real_t sum = lever[i] * lever[j] * (u->w[2] + u->c[2]);
+            if (i == j) {
+                sum += u->r[i] + (i < 2 ? u->w[i] + u->c[i] : 0.0f);
+            }
+            for (uint8_t m = 0; m < u->columns; ++m) {
+                for (uint8_t n = 0; n < u->columns; ++n) {
+                    sum += u->h[i][m] * state->p[OMNI_AXES + m][OMNI_AXES + n] * u->h[j][n];
+                }
+            }
+            for (uint8_t c = 0; c < j; ++c) {
+                sum -= u->factor[i][c] * u->factor[j][c];
+            }
+            u->factor[i][j] = i == j ? omni_sqrtf(sum) : sum / u->factor[j][j];
+        }
+    }
+}
+
+static void whiten_flow(const flow_update_t *u, omni_real_t *v, int stride) {
+    for (int i = 0; i < u->rows; ++i) {
+        for (int c = 0; c < i; ++c) {
+            v[i * stride] -= u->factor[i][c] * v[c * stride];
+        }
+        v[i * stride] /= u->factor[i][i];
+    }
+}
+
+/* The motion's noise is better known now: the history has what moved, and less noise. */
+static void teach_history(const flow_update_t *u, omni_pose_ekf_state_t *state, const omni_ekf_flow_t *flow,
+                          const omni_real_t *lever, omni_flag_t fits) {
+    omni_real_t more[FLOW_ROWS] = {0.0f, 0.0f, 0.0f}; /* S^-1 y */
+    for (int i = u->rows - 1; i >= 0; --i) {
+        more[i] = u->white[i];
+        for (int c = i + 1; c < u->rows; ++c) {
+            more[i] -= u->factor[c][i] * more[c];
+        }
+        more[i] /= u->factor[i][i];
+    }
+    const omni_real_t noise = u->gyro ? 0.0f : u->w[2]; /* a gyro's turn stays as it is */
+    const omni_real_t turn = noise * (lever[0] * more[0] + lever[1] * more[1] + lever[2] * more[2]);
+    const omni_real_t known_xy = u->w[0] / (u->w[0] + u->c[0] + u->r[0]);
+    const omni_real_t known_turn = u->rows > 2 ? u->w[2] / (u->w[2] + u->c[2] + u->r[2]) : 0.0f;
+    uint32_t skip_us = flow->age_us;
+    uint32_t left_us = flow->span_us;
+    omni_real_t theta = state->pose.theta;
+    for (uint8_t back = 0; left_us > 0 && back <= state->filled; ++back) {
+        const uint16_t index = (uint16_t)((state->newest + OMNI_EKF_HISTORY - back) % OMNI_EKF_HISTORY);
+        omni_ekf_slot_t *slot = &state->history[index];
+        const uint32_t skipped_us = skip_us < slot->duration_us ? skip_us : slot->duration_us;
+        const uint32_t rest_us = slot->duration_us - skipped_us;
+        const uint32_t used_us = left_us < rest_us ? left_us : rest_us;
+        const omni_real_t of_slot =
+            (omni_real_t)used_us / (omni_real_t)(slot->duration_us > 0 ? slot->duration_us : 1u);
+        const omni_real_t of_span = (omni_real_t)used_us / (omni_real_t)flow->span_us;
+        theta -= slot->move[2];
+        omni_real_t sine;
+        omni_real_t cosine;
+        omni_sincosf(u->theta - theta, &sine, &cosine);
+        omni_real_t x = u->w[0] * more[0] * of_span;
+        omni_real_t y = u->w[1] * more[1] * of_span;
+        rotate_pair(cosine, sine, &x, &y);
+        slot->move[0] += omni_select(fits, x, 0.0f);
+        slot->move[1] += omni_select(fits, y, 0.0f);
+        slot->move[2] += omni_select(fits, turn * of_span, 0.0f);
+        omni_real_t *known = state->flow_known[index];
+        known[0] = omni_clampf(known[0] + omni_select(fits, known_xy * of_slot, 0.0f), 0.0f, 1.0f);
+        known[1] = omni_clampf(known[1] + omni_select(fits, known_turn * of_slot, 0.0f), 0.0f, 1.0f);
+        skip_us -= skipped_us;
+        left_us -= used_us;
+    }
+}
+
+/* Is it the gyro's: heading, bias, scale? Slip that lasts would teach it what is not so. */
+static bool is_of_gyro(const omni_pose_ekf_config_t *config, uint8_t a) {
+    return config->gyro && (a == 2 || a >= (uint8_t)(OMNI_AXES + (int)OMNI_EKF_BIAS));
+}
+
+/* x += K y and P -= K S K^T, with K = share S^-1; nothing changes unless it fits. What is the gyro's is not taught, but
+ * what is not known of it counts (Schmidt's filter). */
+static void correct_by_flow(flow_update_t *u, omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                            omni_flag_t fits) {
+    omni_real_t delta[OMNI_EKF_STATES] = {0.0f};
+    for (uint8_t a = 0; a < u->states; ++a) {
+        for (uint8_t row = 0; row < u->rows; ++row) {
+            u->share[row][a] = omni_select(fits, u->share[row][a], 0.0f);
+            delta[a] += is_of_gyro(config, a) ? 0.0f : u->share[row][a] * u->white[row];
+        }
+    }
+    for (uint8_t a = 0; a < u->states; ++a) {
+        for (uint8_t b = a; b < u->states; ++b) {
+            const bool both = is_of_gyro(config, a) && is_of_gyro(config, b);
+            for (uint8_t row = 0; row < u->rows && !both; ++row) {
+                state->p[a][b] -= u->share[row][a] * u->share[row][b];
+            }
+            state->p[b][a] = state->p[a][b];
+        }
+    }
+    omni_ekf_shift(state, delta, u->columns);
+}
+
+bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                const omni_kinematics_t *k, const omni_ekf_flow_t *flow,
+                                omni_ekf_flow_result_t *result) {
+    flow_update_t u; /* only what its rows and columns need gets a value, and is used */
+    omni_ekf_window_t window;
+    u.gyro = config->gyro;
+    u.rows = flow->turns && !config->gyro ? 3 : 2;
+    u.columns = omni_ekf_columns(config, k);
+    u.states = (uint8_t)(OMNI_AXES + u.columns);
+    if (config->gyro) {
+        omni_ekf_settle_turn_noise(state);
+    }
+    if (state->time_us <= (uint64_t)flow->age_us + flow->span_us || !gather_motion(&u, state, config, flow, &window)) {
+        return false;
+    }
+    const omni_real_t lever[FLOW_ROWS] = {-flow->arm_m[1], flow->arm_m[0], 1.0f};
+    const bool shared = state->last_taken_us <= state->time_us - flow->age_us - flow->span_us;
+    see_from_body(&u, &window);
+    find_noise(&u, config, k, flow);
+    find_innovation(&u, flow, result);
+    agree_on_motion(&u, config, k, flow);
+    find_sensitivity(&u, flow);
+    factor_flow(&u, state, lever);
+    find_shares(&u, state, lever, shared);
+    memcpy(u.white, u.innovation, sizeof u.white);
+    whiten_flow(&u, u.white, 1);
+    for (uint8_t a = 0; a < u.states; ++a) {
+        whiten_flow(&u, &u.share[0][a], OMNI_EKF_STATES);
+    }
+    result->nis = u.white[0] * u.white[0] + u.white[1] * u.white[1] + (u.rows > 2 ? u.white[2] * u.white[2] : 0.0f);
+    result->fits = config->flow_gate == 0.0f || result->nis <= config->flow_gate;
+    const omni_flag_t counts = flow->counts && result->fits;
+    if (shared) {
+        teach_history(&u, state, flow, lever, counts);
+    }
+    correct_by_flow(&u, state, config, counts);
+    return true;
+}
+
+bool omni_ekf_flow_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                          const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
+    return fill_window(state, config, k, age_us, window, omni_ekf_columns(config, k), state->flow_known);
+}
