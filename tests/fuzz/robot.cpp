@@ -157,6 +157,7 @@ void Robot::boot() {
     std::copy_n(omni_builtin_robots[number].values, OMNI_PARAM_COUNT, own_values_.begin());
     if (own_values_[OMNI_PARAM_WHEELS] > 3.0f) {
         own_values_[OMNI_PARAM_GYRO_AXIS] = 3.0f; // no shipped robot has a gyro; this one does
+        own_values_[OMNI_PARAM_FLOW_MODE] = 2.0f; // and a sensor of motion over the floor
     }
     board_.robot_values = own_values_.data();
     motor_pins.driver = static_cast<uint8_t>(board_.robot_values[OMNI_PARAM_MOT_DRIVER]);
@@ -288,6 +289,10 @@ Bytes Robot::hil_sensors(const Form &form) {
     const auto noise = static_cast<float>((hil_sequence_ * spread) >> 24);
     std::fill_n(message.gyro_rad_s, std::size(message.gyro_rad_s), 1e-5f * noise);
     message.gyro_valid = 0x7;
+    if (hil_sequence_ % 20 == 0) {
+        message.flow_moved[0] = 1e-5f * noise; // of a robot that stands
+        message.flow_valid = 0xF;
+    }
     hil_us += OMNI_TICK_US;
     return frame_of(MAVLINK_MSG_ID_OMNI_HIL_SENSORS, message, form);
 }

@@ -20,6 +20,8 @@ CASES = {
     "gyro": "three wheels and a gyro, every filter on, fix at 50 Hz, 20 ms old",
     "gyro_late_fix": "the same with fixes 250 ms old",
     "gyro_four_wheels": "four wheels and a gyro, fix at 50 Hz, 20 ms old",
+    "flow": "three wheels and a sensor of motion over the floor, read with each fix, 20 ms old",
+    "flow_gyro_late_fix": "three wheels, this sensor and a gyro, with fixes 250 ms old",
     "super_twisting": "three wheels, super-twisting ISMC",
     "p": "feedback-linearised P",
     "pd": "feedback-linearised PD",

@@ -6,8 +6,10 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -130,6 +132,7 @@ class FakeScons:
         self.custom_robot = custom_robot
         self.appended: dict[str, list[str]] = {}
         self.built: list[str] = []
+        self.middlewares: list[tuple[Any, str]] = []
 
     def subst(self, text: str) -> str:
         values = {"$PROJECT_DIR": self.root, "$BUILD_DIR": self.root / "build", "$PYTHONEXE": sys.executable}
@@ -144,6 +147,9 @@ class FakeScons:
     def Append(self, **values: list[str]) -> None:
         for name, more in values.items():
             self.appended.setdefault(name, []).extend(more)
+
+    def AddBuildMiddleware(self, callback: Any, pattern: str) -> None:
+        self.middlewares.append((callback, pattern))
 
     def BuildSources(self, _: str, folder: str) -> None:
         self.built.append(folder)
@@ -187,6 +193,18 @@ def test_the_script_itself_generates_once_and_again_after_a_change(
     dialect.write_bytes(dialect.read_bytes() + b"\n")
     run_prepare(project, robot, monkeypatch)
     assert header.exists()
+
+
+def test_the_sources_that_are_to_be_small_are_there_and_get_their_option_last(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OMNI_ROBOT", raising=False)
+    scons = run_prepare(project, "shared/robots/three_wheel.toml", monkeypatch)
+    assert scons.middlewares
+    for compile_small, pattern in scons.middlewares:
+        assert [file for file in (ROOT / "shared").rglob("*.c") if fnmatch(str(file), pattern)], pattern
+        made = type("Env", (dict,), {"Object": lambda self, node, CCFLAGS: (node, CCFLAGS)})(CCFLAGS=["-g", "-O3"])
+        assert compile_small(made, "file.c") == ("file.c", ["-g", "-O3", "-O2"])
 
 
 def test_the_script_ends_the_build_on_a_wrong_robot_file_and_is_strict_when_asked(

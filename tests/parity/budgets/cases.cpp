@@ -5,6 +5,7 @@ namespace {
 
 constexpr Setting ismc{OMNI_PARAM_CTL_MODE, OMNI_CTL_MODE_ISMC};
 constexpr Setting gyro{OMNI_PARAM_GYRO_AXIS, 3};
+constexpr Setting flow{OMNI_PARAM_FLOW_MODE, OMNI_FLOW_MODE_XY_TURN};
 constexpr Setting rose{OMNI_PARAM_TRJ_TYPE, OMNI_TRJ_TYPE_ROSE};
 
 constexpr Setting controller(int mode) {
@@ -25,6 +26,17 @@ constexpr Case cases[] = {
     {"gyro", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose, gyro}, 3, false, true},
     {"gyro_late_fix", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 250, {ismc, rose, gyro}, 3, false, true},
     {"gyro_four_wheels", "four_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose, gyro}, 3, false, true},
+    {"flow", "three_wheel", OMNI_SETPOINT_TRAJECTORY, 20, 20, {ismc, rose, flow}, 3, false, false, true},
+    {"flow_gyro_late_fix",
+     "three_wheel",
+     OMNI_SETPOINT_TRAJECTORY,
+     20,
+     250,
+     {ismc, rose, gyro, flow},
+     4,
+     false,
+     true,
+     true},
     {"super_twisting",
      "three_wheel",
      OMNI_SETPOINT_TRAJECTORY,

@@ -23,6 +23,7 @@ struct Case {
     size_t settings_used;
     bool burst = false; ///< everything is being recorded meanwhile
     bool gyro = false;  ///< it reads in every tick
+    bool flow = false;  ///< a sensor of motion over the floor reads in every twentieth, that of a fix
 };
 
 extern const Case cases[];

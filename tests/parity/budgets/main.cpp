@@ -80,6 +80,7 @@ public:
 private:
     void ask(uint64_t now_us);
     void tell_fix();
+    void read_flow(omni::TickSensors &sensors);
     void tick(uint64_t now_us, bool counted);
 
     const Case &case_;
@@ -87,6 +88,7 @@ private:
     const omni_robot_config_t *config_ = nullptr;
     world_t world_{};
     omni_real_t theta_ = 0.0f; ///< heading of the tick before
+    omni_pose_t read_{};       ///< at the last reading of the motion over the floor
     random_t random_{};
     uint32_t tick_ = 0;
     Bus bus_;
@@ -127,6 +129,7 @@ bool Bench::prepare() {
     }
     plan.timing.lead_in_us = 0;
     world_reset(&world_, &random_, &plan.start);
+    read_ = plan.start;
     omni::Request request;
     request.kind = omni::Request::Kind::set_pose;
     request.pose = plan.start;
@@ -166,6 +169,25 @@ void Bench::tell_fix() {
     loop_.offer_fix(fix);
 }
 
+/// Motion over the floor since the reading before, in body axes of mid-way, with noise.
+void Bench::read_flow(omni::TickSensors &sensors) {
+    if (!case_.flow || tick_ % 20 != 7) {
+        return;
+    }
+    const omni_pose_t &now = world_.pose;
+    const omni_real_t turned = omni_wrap_pi(now.theta - read_.theta);
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(now.theta - 0.5f * turned, &sine, &cosine);
+    const omni_real_t dx = now.x - read_.x;
+    const omni_real_t dy = now.y - read_.y;
+    sensors.flow_moved[0] = cosine * dx + sine * dy + 1e-4f * random_normal(&random_);
+    sensors.flow_moved[1] = cosine * dy - sine * dx + 1e-4f * random_normal(&random_);
+    sensors.flow_moved[2] = turned;
+    sensors.flow_valid = OMNI_FLOW_XY | OMNI_FLOW_TURN | OMNI_FLOW_READ;
+    read_ = now;
+}
+
 void Bench::tick(uint64_t now_us, bool counted) {
     omni::TickSensors sensors;
     sensors.time_us = now_us;
@@ -178,6 +200,7 @@ void Bench::tick(uint64_t now_us, bool counted) {
         sensors.gyro_rad_s[2] = turned * 1000.0f + 0.002f * random_normal(&random_);
         sensors.gyro_valid = 7;
     }
+    read_flow(sensors);
     depth_before_ = an500::stack_depth();
     const uint32_t begin = meter::timer();
     loop_.tick(sensors, wires_, stopwatch_);

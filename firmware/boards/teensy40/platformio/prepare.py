@@ -22,6 +22,9 @@ PARTS = ("tables", "wiring", "mavlink-c")
 # Module name and what pip installs for it.
 PACKAGES = {"pymavlink": "pymavlink>=2.4.41"} | ({} if sys.version_info >= (3, 11) else {"tomli": "tomli>=2"})
 
+# Run 50 times a second at most, or never: their loops unrolled by -O3 would take 7 KB of the fast memory.
+SMALL = ("*/shared/core/src/estimation/pose_ekf_flow.c",)
+
 generated = Path(env.subst("$BUILD_DIR")) / "generated"
 generator = root / "shared" / "generate"
 
@@ -62,6 +65,11 @@ def generate(robot: Path, parts: tuple[str, ...]) -> None:
         env.Exit(1)
 
 
+def compile_small(source_env: Any, node: Any) -> Any:
+    """Return how SCons makes an object of a source of SMALL. The last of several -O counts."""
+    return source_env.Object(node, CCFLAGS=[*source_env["CCFLAGS"], "-O2"])
+
+
 def prepare() -> None:
     """Bring the generated files up to date and put them and the system headers into the build."""
     robot = robot_of_environment()
@@ -79,6 +87,8 @@ def prepare() -> None:
     env.Append(CPPPATH=[str(generated / "include")])
     if warnings_are_errors(os.environ):
         env.Append(SRC_BUILD_FLAGS=["-Werror"])
+    for pattern in SMALL:
+        env.AddBuildMiddleware(compile_small, pattern)
     env.BuildSources(str(generated / "objects"), str(generated / "src"))
     print(f"Robot file: {robot}")
 

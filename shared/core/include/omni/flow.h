@@ -75,16 +75,7 @@ typedef struct omni_flow_state_t {
     omni_real_t nis;            /**< normalised innovation squared of the last reading */
 } omni_flow_state_t;
 
-/**
- * One tick, after the pose EKF's prediction.
- *  * Left out is a reading that is not finite, or larger than any robot moves meanwhile. So is one that does not fit:
- * its normalised innovation squared is beyond the gate. After OMNI_FLOW_DOUBT of these in a row the floor may have
- * changed. The slip ratios count as unknown then, if the ways differ by less than half.
- *
- * The sensor is in trouble after OMNI_FLOW_REFUSED of them, or OMNI_FLOW_HOLD_TICKS without a good reading. So it is
- * while it says exactly zero and the wheels have moved by more than 20 mm. Then the wheels count alone, until
- * OMNI_FLOW_GOOD readings of a robot that moves fit in a row.return false while the readings cannot be used.
- */
+/** One tick, after the pose EKF's prediction. @return false while the readings cannot be used. */
 omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
                            omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
                            const omni_kinematics_t *k);

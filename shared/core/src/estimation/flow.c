@@ -8,7 +8,8 @@
 static const omni_real_t flow_largest_m = 1.0f; /* 4 m/s over the reach of the pose EKF's history */
 static const omni_real_t flow_largest_rad = OMNI_PI_F;
 static const omni_real_t flow_zero_m = 0.02f;
-static const omni_real_t flow_proof_m = 0.001f;       /* a robot that stands proves nothing of where a sensor points */
+static const omni_real_t flow_proof_m = 0.001f;       /* a robot that stands proves nothing of where a sensor points, */
+static const omni_real_t flow_proof_sds = 4.0f;       /* nor does a way that could be the sensor's noise */
 static const omni_real_t flow_few_zeros_m = 0.002f;   /* a slow robot moves less than the sensor's steps */
 static const uint64_t flow_longest_pause_us = 100000; /* without a tick of its own it has been off meanwhile */
 static const uint64_t flow_hold_us = (uint64_t)OMNI_FLOW_HOLD_TICKS * 1000u;
@@ -51,9 +52,11 @@ static omni_flag_t can_be_true(const omni_ekf_flow_t *flow) {
 /* What follows from a reading that fits, or does not. */
 static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_pose_ekf_state_t *ekf,
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
+    const omni_real_t proof2 = flow_proof_sds * flow_proof_sds * state->config.r_xy;
     const omni_flag_t fits = result->fits;
     const omni_flag_t stuck = state->zero_m > flow_zero_m;
-    const omni_flag_t moves = result->expected_m > flow_proof_m;
+    const omni_flag_t moves =
+        result->expected_m > flow_proof_m && result->expected_m * result->expected_m > proof2;
     const omni_flag_t proves = fits && !stuck;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);
     state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);

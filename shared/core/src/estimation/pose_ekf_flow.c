@@ -8,6 +8,7 @@
 enum { FLOW_ROWS = OMNI_AXES };
 
 static const omni_real_t flow_doubt = 0.3f * 0.3f; /* variance of a slip ratio on a floor that is not known */
+static const omni_real_t largest_nis = 1e9f;
 
 /* One reading on its way into the estimate. Of arrays with FLOW_ROWS rows, `rows` are used. */
 typedef struct flow_update_t {
@@ -54,51 +55,77 @@ void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf
     }
 }
 
+/* The slots of a reading, from now back. */
+typedef struct flow_part_t {
+    uint32_t skip_us; /* still to be passed over: from the end of the reading to now */
+    uint32_t left_us; /* of the reading, still to come */
+    uint16_t index;   /* of the slot */
+    uint8_t back;     /* slots so far */
+    uint32_t used_us; /* of the slot, within the reading */
+    omni_real_t used; /* the same as a share of the slot */
+    omni_real_t skipped;
+} flow_part_t;
+
+static void first_part(flow_part_t *part, const omni_ekf_flow_t *flow) {
+    part->skip_us = flow->age_us;
+    part->left_us = flow->span_us;
+    part->back = 0;
+}
+
+/* @return false if the reading or the history has no more; `left_us` tells them apart. */
+static bool next_part(const omni_pose_ekf_state_t *state, flow_part_t *part) __attribute__((noinline));
+
+static bool next_part(const omni_pose_ekf_state_t *state, flow_part_t *part) {
+    if (part->left_us == 0 || part->back > state->filled) {
+        return false;
+    }
+    part->index = (uint16_t)((state->newest + OMNI_EKF_HISTORY - part->back) % OMNI_EKF_HISTORY);
+    const uint32_t duration_us = state->history[part->index].duration_us;
+    const uint32_t skipped_us = part->skip_us < duration_us ? part->skip_us : duration_us;
+    const uint32_t rest_us = duration_us - skipped_us;
+    const omni_real_t all_us = (omni_real_t)(duration_us > 0 ? duration_us : 1u);
+    part->used_us = part->left_us < rest_us ? part->left_us : rest_us;
+    part->used = (omni_real_t)part->used_us / all_us;
+    part->skipped = (omni_real_t)skipped_us / all_us;
+    part->skip_us -= skipped_us;
+    part->left_us -= part->used_us;
+    ++part->back;
+    return true;
+}
+
 /* Motion of the slots from span_us + age_us ago to age_us ago, world frame. @return false beyond the history. */
 static bool gather_motion(flow_update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                           const omni_ekf_flow_t *flow, omni_ekf_window_t *window) {
-    uint32_t skip_us = flow->age_us;
-    uint32_t left_us = flow->span_us;
+    flow_part_t part;
     omni_real_t theta = state->pose.theta; /* at the end of the slot that is looked at */
     omni_real_t later[OMNI_AXES] = {0.0f, 0.0f, 0.0f};
     memset(window->move, 0, sizeof window->move);
     memset(window->gain, 0, sizeof window->gain);
     memset(u->w, 0, sizeof u->w);
-    for (uint8_t back = 0; left_us > 0; ++back) {
-        if (back > state->filled) {
-            return false;
-        }
-        const uint16_t index = (uint16_t)((state->newest + OMNI_EKF_HISTORY - back) % OMNI_EKF_HISTORY);
-        const omni_ekf_slot_t *slot = &state->history[index];
-        const uint32_t skipped_us = skip_us < slot->duration_us ? skip_us : slot->duration_us;
-        const uint32_t rest_us = slot->duration_us - skipped_us;
-        const uint32_t used_us = left_us < rest_us ? left_us : rest_us;
-        const omni_real_t all_us = (omni_real_t)(slot->duration_us > 0 ? slot->duration_us : 1u);
-        const omni_real_t skipped = (omni_real_t)skipped_us / all_us;
-        const omni_real_t used = (omni_real_t)used_us / all_us;
-        slot_motion_t part = slot_motion(state, slot, u->columns, theta, 1.0f);
-        theta -= part.move[2];
+    first_part(&part, flow);
+    while (next_part(state, &part)) {
+        const omni_ekf_slot_t *slot = &state->history[part.index];
+        slot_motion_t motion = slot_motion(state, slot, u->columns, theta, 1.0f);
+        theta -= motion.move[2];
         for (int axis = 0; axis < OMNI_AXES; ++axis) {
-            later[axis] += skipped * part.move[axis];
-            part.move[axis] *= used;
+            later[axis] += part.skipped * motion.move[axis];
+            motion.move[axis] *= part.used;
             for (uint8_t i = 0; i < u->columns; ++i) {
-                part.gain[axis][i] *= used;
+                motion.gain[axis][i] *= part.used;
             }
         }
-        carry_gain(window, window->move, &part, u->columns, 1.0f);
+        carry_gain(window, window->move, &motion, u->columns, 1.0f);
         for (int axis = 0; axis < OMNI_AXES; ++axis) {
-            window->move[axis] += part.move[axis];
+            window->move[axis] += motion.move[axis];
         }
-        u->w[0] += config->q_xy * slot->steps * used;
-        u->w[2] += (config->gyro ? slot->turn_noise : config->q_theta * slot->steps) * used;
-        skip_us -= skipped_us;
-        left_us -= used_us;
+        u->w[0] += config->q_xy * slot->steps * part.used;
+        u->w[2] += (config->gyro ? slot->turn_noise : config->q_theta * slot->steps) * part.used;
     }
     u->w[1] = u->w[0];
     u->theta = state->pose.theta - later[2] - 0.5f * window->move[2];
     u->since[0] = later[0] + 0.5f * window->move[0];
     u->since[1] = later[1] + 0.5f * window->move[1];
-    return true;
+    return part.left_us == 0;
 }
 
 /* The same in body axes of mid-way. Slip that turns the body turns these axes by half of it. */
@@ -245,18 +272,12 @@ static void teach_history(const flow_update_t *u, omni_pose_ekf_state_t *state, 
     const omni_real_t turn = noise * (lever[0] * more[0] + lever[1] * more[1] + lever[2] * more[2]);
     const omni_real_t known_xy = u->w[0] / (u->w[0] + u->c[0] + u->r[0]);
     const omni_real_t known_turn = u->rows > 2 ? u->w[2] / (u->w[2] + u->c[2] + u->r[2]) : 0.0f;
-    uint32_t skip_us = flow->age_us;
-    uint32_t left_us = flow->span_us;
+    flow_part_t part;
     omni_real_t theta = state->pose.theta;
-    for (uint8_t back = 0; left_us > 0 && back <= state->filled; ++back) {
-        const uint16_t index = (uint16_t)((state->newest + OMNI_EKF_HISTORY - back) % OMNI_EKF_HISTORY);
-        omni_ekf_slot_t *slot = &state->history[index];
-        const uint32_t skipped_us = skip_us < slot->duration_us ? skip_us : slot->duration_us;
-        const uint32_t rest_us = slot->duration_us - skipped_us;
-        const uint32_t used_us = left_us < rest_us ? left_us : rest_us;
-        const omni_real_t of_slot =
-            (omni_real_t)used_us / (omni_real_t)(slot->duration_us > 0 ? slot->duration_us : 1u);
-        const omni_real_t of_span = (omni_real_t)used_us / (omni_real_t)flow->span_us;
+    first_part(&part, flow);
+    while (next_part(state, &part)) {
+        omni_ekf_slot_t *slot = &state->history[part.index];
+        const omni_real_t of_span = (omni_real_t)part.used_us / (omni_real_t)flow->span_us;
         theta -= slot->move[2];
         omni_real_t sine;
         omni_real_t cosine;
@@ -267,11 +288,9 @@ static void teach_history(const flow_update_t *u, omni_pose_ekf_state_t *state, 
         slot->move[0] += omni_select(fits, x, 0.0f);
         slot->move[1] += omni_select(fits, y, 0.0f);
         slot->move[2] += omni_select(fits, turn * of_span, 0.0f);
-        omni_real_t *known = state->flow_known[index];
-        known[0] = omni_clampf(known[0] + omni_select(fits, known_xy * of_slot, 0.0f), 0.0f, 1.0f);
-        known[1] = omni_clampf(known[1] + omni_select(fits, known_turn * of_slot, 0.0f), 0.0f, 1.0f);
-        skip_us -= skipped_us;
-        left_us -= used_us;
+        omni_real_t *known = state->flow_known[part.index];
+        known[0] = omni_clampf(known[0] + omni_select(fits, known_xy * part.used, 0.0f), 0.0f, 1.0f);
+        known[1] = omni_clampf(known[1] + omni_select(fits, known_turn * part.used, 0.0f), 0.0f, 1.0f);
     }
 }
 
@@ -288,7 +307,8 @@ static void correct_by_flow(flow_update_t *u, omni_pose_ekf_state_t *state, cons
     for (uint8_t a = 0; a < u->states; ++a) {
         for (uint8_t row = 0; row < u->rows; ++row) {
             u->share[row][a] = omni_select(fits, u->share[row][a], 0.0f);
-            delta[a] += is_of_gyro(config, a) ? 0.0f : u->share[row][a] * u->white[row];
+            const omni_real_t white = omni_select(fits, u->white[row], 0.0f); /* or it would make NaN of nothing */
+            delta[a] += is_of_gyro(config, a) ? 0.0f : u->share[row][a] * white;
         }
     }
     for (uint8_t a = 0; a < u->states; ++a) {
@@ -332,8 +352,11 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     for (uint8_t a = 0; a < u.states; ++a) {
         whiten_flow(&u, &u.share[0][a], OMNI_EKF_STATES);
     }
-    result->nis = u.white[0] * u.white[0] + u.white[1] * u.white[1] + (u.rows > 2 ? u.white[2] * u.white[2] : 0.0f);
-    result->fits = config->flow_gate == 0.0f || result->nis <= config->flow_gate;
+    const omni_real_t nis =
+        u.white[0] * u.white[0] + u.white[1] * u.white[1] + (u.rows > 2 ? u.white[2] * u.white[2] : 0.0f);
+    const omni_flag_t known = nis < largest_nis; /* false for NaN: rounding has spoilt the covariance */
+    result->nis = omni_select(known, nis, largest_nis);
+    result->fits = known && (config->flow_gate == 0.0f || nis <= config->flow_gate);
     const omni_flag_t counts = flow->counts && result->fits;
     if (shared) {
         teach_history(&u, state, flow, lever, counts);
