@@ -56,6 +56,7 @@ static void make_state(void) {
     gyro->turn.leads = any_bool();
     gyro->turn.rest = any_bool();
     robot.estimator.flow.trouble = any_bool();
+    robot.estimator.flow.frozen = any_bool();
 }
 
 /* What make_state takes for granted holds again. */

@@ -20,8 +20,10 @@
  * The slip ratios count as unknown then, if the ways differ by less than half.
  *
  * The sensor is in trouble after OMNI_FLOW_REFUSED of them, or OMNI_FLOW_HOLD_TICKS without a good reading. So it is
- * while it says exactly zero and the wheels have moved by more than 20 mm. Then the wheels count alone, until
- * OMNI_FLOW_GOOD readings of a robot that moves fit in a row.
+ * while it says exactly zero and the wheels have moved by more than 20 mm. So it is when OMNI_FLOW_REPEATS readings are
+ * the same, not zero, and the wheels say another way by then: by 1 mm and a tenth. Their slip must not hide that, so it
+ * is left out of the comparison. Then the wheels count alone, until OMNI_FLOW_GOOD readings of a robot that moves fit in
+ * a row.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H
@@ -33,7 +35,8 @@ enum {
     OMNI_FLOW_HOLD_TICKS = 200, /**< ticks without a good reading after which it counts as silent */
     OMNI_FLOW_GOOD = 5,         /**< readings in a row that fit before it is used; the robot must move */
     OMNI_FLOW_DOUBT = 10,       /**< refused ones in a row after which the slip ratios count as unknown */
-    OMNI_FLOW_REFUSED = 20      /**< refused ones in a row after which it is in trouble */
+    OMNI_FLOW_REFUSED = 20,     /**< refused ones in a row after which it is in trouble */
+    OMNI_FLOW_REPEATS = 5       /**< equal ones in a row that may be those of a sensor that has hung up */
 };
 
 /** Bits of omni_flow_tick_t::valid. */
@@ -73,6 +76,10 @@ typedef struct omni_flow_state_t {
     omni_real_t sum[OMNI_AXES]; /**< readings so far that can be true, in body axes: m, m, rad */
     omni_real_t zero_m;         /**< way of the wheels over which it said nothing but zero */
     omni_real_t nis;            /**< normalised innovation squared of the last reading */
+    omni_real_t last[2];        /**< x and y of the last reading that can be true */
+    omni_uint_t repeats;        /**< readings in a row that were the same as the one before, and not zero */
+    omni_real_t rolled_m[2];    /**< what the wheels said at the first of them, without slip */
+    omni_flag_t frozen;         /**< they repeat themselves, and the wheels say another way by now */
 } omni_flow_state_t;
 
 /** One tick, after the pose EKF's prediction. @return false while the readings cannot be used. */

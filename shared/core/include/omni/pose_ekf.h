@@ -131,9 +131,10 @@ typedef struct omni_ekf_flow_t {
 /** What came of it. */
 typedef struct omni_ekf_flow_result_t {
     omni_real_t nis;
-    omni_flag_t fits;       /**< within the gate */
-    omni_real_t expected_m; /**< way of the point that the wheels say */
-    omni_real_t apart_m;    /**< how far the reading is from that */
+    omni_flag_t fits;        /**< within the gate */
+    omni_real_t expected_m;  /**< way of the point that the wheels say */
+    omni_real_t apart_m;     /**< how far the reading is from that */
+    omni_real_t rolled_m[2]; /**< way of the robot's centre if no wheel slipped, body axes of mid-way */
 } omni_ekf_flow_result_t;
 
 /** What moved during one history slot, seen from the heading at its start. */

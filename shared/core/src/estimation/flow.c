@@ -8,8 +8,10 @@
 static const omni_real_t flow_largest_m = 1.0f; /* 4 m/s over the reach of the pose EKF's history */
 static const omni_real_t flow_largest_rad = OMNI_PI_F;
 static const omni_real_t flow_zero_m = 0.02f;
-static const omni_real_t flow_proof_m = 0.001f;       /* a robot that stands proves nothing of where a sensor points, */
-static const omni_real_t flow_proof_sds = 4.0f;       /* nor does a way that could be the sensor's noise */
+static const omni_real_t flow_proof_m = 0.001f; /* a robot that stands proves nothing of where a sensor points, */
+static const omni_real_t flow_proof_sds = 4.0f; /* nor does a way that could be the sensor's noise */
+static const omni_real_t flow_repeat_m = 0.001f;
+static const omni_real_t flow_repeat_share = 0.1f;
 static const omni_real_t flow_few_zeros_m = 0.002f;   /* a slow robot moves less than the sensor's steps */
 static const uint64_t flow_longest_pause_us = 100000; /* without a tick of its own it has been off meanwhile */
 static const uint64_t flow_hold_us = (uint64_t)OMNI_FLOW_HOLD_TICKS * 1000u;
@@ -49,14 +51,31 @@ static omni_flag_t can_be_true(const omni_ekf_flow_t *flow) {
     return far < flow_largest_m && omni_absf(flow->move[2]) < flow_largest_rad; /* false for NaN */
 }
 
+/* Does it repeat its last reading while the wheels do not? Before slip ratios have learned what is not so. */
+static void look_for_repeats(omni_flow_state_t *state, const omni_real_t *reading,
+                             const omni_ekf_flow_result_t *result) {
+    const omni_flag_t zero = reading[0] == 0.0f && reading[1] == 0.0f;
+    const omni_flag_t same = reading[0] == state->last[0] && reading[1] == state->last[1] && !zero;
+    omni_real_t way = 0.0f;
+    omni_real_t change = 0.0f;
+    for (int axis = 0; axis < 2; ++axis) {
+        state->last[axis] = reading[axis];
+        state->rolled_m[axis] = omni_select(same, state->rolled_m[axis], result->rolled_m[axis]);
+        way += omni_absf(state->rolled_m[axis]);
+        change += omni_absf(result->rolled_m[axis] - state->rolled_m[axis]);
+    }
+    state->repeats = omni_select(same, state->repeats + 1u, 0u);
+    const omni_flag_t other = change > flow_repeat_m + flow_repeat_share * way;
+    state->frozen = same && (state->frozen || (state->repeats >= (uint32_t)OMNI_FLOW_REPEATS && other));
+}
+
 /* What follows from a reading that fits, or does not. */
 static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_pose_ekf_state_t *ekf,
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_real_t proof2 = flow_proof_sds * flow_proof_sds * state->config.r_xy;
     const omni_flag_t fits = result->fits;
-    const omni_flag_t stuck = state->zero_m > flow_zero_m;
-    const omni_flag_t moves =
-        result->expected_m > flow_proof_m && result->expected_m * result->expected_m > proof2;
+    const omni_flag_t stuck = state->zero_m > flow_zero_m || state->frozen;
+    const omni_flag_t moves = result->expected_m > flow_proof_m && result->expected_m * result->expected_m > proof2;
     const omni_flag_t proves = fits && !stuck;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);
     state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);
@@ -101,6 +120,7 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     }
     state->nis = result.nis;
     state->zero_m = omni_select(zero, state->zero_m + result.expected_m, 0.0f);
+    look_for_repeats(state, tick->reading, &result);
     judge_reading(state, &result, ekf, ekf_config, k);
     state->used = omni_select(result.fits && flow.counts, state->used + 1u, state->used);
     state->good_us = tick->time_us;

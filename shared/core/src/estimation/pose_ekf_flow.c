@@ -160,7 +160,8 @@ static void find_noise(flow_update_t *u, const omni_pose_ekf_config_t *config, c
 }
 
 /* What the sensor's point moves more than the wheels say. */
-static void find_innovation(flow_update_t *u, const omni_ekf_flow_t *flow, omni_ekf_flow_result_t *result) {
+static void find_innovation(flow_update_t *u, const omni_pose_ekf_state_t *state, const omni_ekf_flow_t *flow,
+                            omni_ekf_flow_result_t *result) {
     const omni_real_t x = u->move[0] - flow->arm_m[1] * u->move[2];
     const omni_real_t y = u->move[1] + flow->arm_m[0] * u->move[2];
     u->innovation[0] = flow->move[0] - x;
@@ -168,6 +169,12 @@ static void find_innovation(flow_update_t *u, const omni_ekf_flow_t *flow, omni_
     u->innovation[2] = flow->move[2] - u->move[2];
     result->expected_m = omni_sqrtf(x * x + y * y);
     result->apart_m = omni_sqrtf(u->innovation[0] * u->innovation[0] + u->innovation[1] * u->innovation[1]);
+    for (int axis = 0; axis < 2; ++axis) {
+        result->rolled_m[axis] = u->move[axis];
+        for (uint8_t i = 0; i < u->columns && i < OMNI_MAX_WHEELS; ++i) {
+            result->rolled_m[axis] -= u->gain[axis][i] * state->slip[i];
+        }
+    }
 }
 
 /*
@@ -342,7 +349,7 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     const bool shared = state->last_taken_us <= state->time_us - flow->age_us - flow->span_us;
     see_from_body(&u, &window);
     find_noise(&u, config, k, flow);
-    find_innovation(&u, flow, result);
+    find_innovation(&u, state, flow, result);
     agree_on_motion(&u, config, k, flow);
     find_sensitivity(&u, flow);
     factor_flow(&u, state, lever);
