@@ -371,8 +371,3 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     correct_by_flow(&u, state, config, counts);
     return true;
 }
-
-bool omni_ekf_flow_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                          const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
-    return fill_window(state, config, k, age_us, window, omni_ekf_columns(config, k), state->flow_known);
-}

@@ -75,13 +75,10 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
                              const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
     /* The count as a constant lets the compiler unroll the loops; three wheels and no slip are the ones to be fast. */
     const uint8_t columns = omni_ekf_columns(config, k);
-    if (config->flow) {
-        return omni_ekf_flow_window(state, config, k, age_us, window);
-    }
-    if (columns == 3) {
+    if (columns == 3 && !config->flow) {
         return fill_window(state, config, k, age_us, window, 3, NULL);
     }
-    if (columns == OMNI_EKF_COLUMNS) {
+    if (columns == OMNI_EKF_COLUMNS || config->flow) {
         return omni_ekf_turn_window(state, config, k, age_us, window);
     }
     OMNI_INVARIANT(columns == 0 || columns == OMNI_MAX_WHEELS);

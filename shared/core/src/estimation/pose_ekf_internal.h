@@ -63,12 +63,8 @@ void omni_ekf_history_rebase(omni_pose_ekf_state_t *state, uint8_t columns);
 bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                              const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window);
 
-/** The same with a gyro. */
+/** The same with a gyro, or a sensor of motion over the floor. Slip ratios that are not in use change nothing. */
 bool omni_ekf_turn_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                          const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window);
-
-/** The same with a sensor of motion over the floor, with a gyro or without. */
-bool omni_ekf_flow_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                           const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window);
 
 #endif

@@ -91,7 +91,8 @@ static inline void prepend_slot(const omni_pose_ekf_config_t *config, const omni
     const omni_real_t after[2] = {window->move[0], window->move[1]};
     const omni_real_t steps = slot->steps * share;
     omni_real_t xy_noise = config->q_xy * steps;
-    omni_real_t turn_noise = columns == OMNI_EKF_COLUMNS ? slot->turn_noise * share : config->q_theta * steps;
+    omni_real_t turn_noise =
+        columns == OMNI_EKF_COLUMNS && config->gyro ? slot->turn_noise * share : config->q_theta * steps;
     if (known != NULL) {
         xy_noise *= 1.0f - known[0];
         turn_noise *= 1.0f - known[1];
