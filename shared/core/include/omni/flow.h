@@ -20,10 +20,10 @@
  * The slip ratios count as unknown then, if the ways differ by less than half.
  *
  * The sensor is in trouble after OMNI_FLOW_REFUSED of them, or OMNI_FLOW_HOLD_TICKS without a good reading. So it is
- * while it says exactly zero and the wheels have moved by more than 20 mm. So it is when OMNI_FLOW_REPEATS readings are
- * the same, not zero, and the wheels say another way by then: 1 mm and a tenth of it apart. Their slip is left out of
- * this comparison, or it would hide that. Then the wheels count alone, until OMNI_FLOW_GOOD readings of a robot that
- * moves fit in a row.
+ * while it says exactly zero and the wheels have moved by more than 20 mm. It may also repeat itself: the same reading,
+ * not zero, OMNI_FLOW_REPEATS times. If the wheels say another way by then, by 1 mm and a tenth of it, that is trouble,
+ * too. Their slip is left out of this comparison, or it would hide that. The wheels count alone then, until
+ * OMNI_FLOW_GOOD readings of a robot that moves fit in a row.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H
