@@ -57,7 +57,8 @@ def test_a_reading_that_repeats_itself_is_noticed_when_the_speed_changes() -> No
     core = Core()
     run(core, 2000, 0.5)
     x, said = core.x[0], [0.5 * SPAN * TICK_S, 0.0, 0.0]
-    way, usable = 0.0, []
+    way = 0.0
+    usable: list[bool] = []
     for _ in range(50):  # slows down at 0.5 m/s^2, then stands
         speed = max(0.5 - 0.5 * (way_s := len(usable) * SPAN * TICK_S), 0.0)
         usable += run(core, SPAN, speed, said)
