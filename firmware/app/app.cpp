@@ -469,8 +469,8 @@ void App::serve() {
     texts_.say_left_out();
 }
 
-/// The bytes of the world's link are read first and its frames taken last. Whatever another link was sent before the
-/// sensors of a tick acts in that tick: a stop does, and a run over two links is the same again.
+/// The bytes of the world's link are read first and its frames taken last. What another link was sent before the sensors
+/// of a tick acts in that tick. So a stop does, and a run over two links is the same again.
 void App::receive_all() {
     const size_t world = robot_.hil() ? hil_link_ : no_link;
     if (world != no_link) {

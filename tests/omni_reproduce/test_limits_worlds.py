@@ -56,6 +56,7 @@ def test_every_world_fits_the_steps_of_the_bound() -> None:
         Schedule(limits.statistics_of(limits.scenario_of(spec, "drawn", "ideal"), 1))
 
 
+@pytest.mark.nightly
 def test_a_row_of_the_page_is_that_of_today_and_nobody_is_below_the_bound() -> None:
     """One world of the page's twenty; the others take minutes."""
     world = draw(1, KEPT_WORLD)
