@@ -8,8 +8,8 @@ enum { BIAS = OMNI_AXES + OMNI_EKF_BIAS, SCALE = OMNI_AXES + OMNI_EKF_SCALE };
 /* Square of the innovation over its variance beyond which wheels or gyro are off by more than the model knows. */
 static const omni_real_t turn_gate = 25.0f;
 
-/* Wheels skid if the mean innovation, over about eight slots, has a square of more than this share of its variance. White
- * innovations of that variance have 1/15 of it. */
+/* Wheels skid if the mean innovation, over about eight slots, has a square of more than this share of its variance.
+ * White innovations of that variance have 1/15 of it. */
 static const omni_real_t skid_gate = 0.3f;
 static const omni_real_t skid_share = 0.125f;
 
@@ -63,8 +63,8 @@ void omni_pose_ekf_set_gyro(omni_pose_ekf_state_t *state, const omni_ekf_gyro_t 
     }
 }
 
-/* Slip ratios change slowly, and a skid does not: what wheels and gyro are apart then keeps its sign for many slots. The
- * measurement cannot tell which wheel it is. So it is left out, and the ratios become less sure. */
+/* Slip ratios change slowly, and a skid does not: what wheels and gyro are apart then keeps its sign for many slots.
+ * The measurement cannot tell which wheel it is. So it is left out, and the ratios become less sure. */
 static omni_flag_t notice_skid(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                const turn_measurement_t *turn, omni_real_t variance) {
     const omni_real_t mean = state->turn_apart + skid_share * (turn->innovation - state->turn_apart);
