@@ -31,7 +31,8 @@
  *
  *   0 = sum over the slot of (1 + k) (z - b) T - sum over the wheels of B+_theta,i r dphi_i (1 - s_i) + noise
  *
- * (docs/concepts/derivations/gyro.md).
+ * (docs/concepts/derivations/gyro.md). The noise is at least the counts' rounding. Wheels that skid teach no slip: if
+ * the mean of these innovations is larger than their variance allows, they are left out while it is.
  *
  * How noisy the wheels' motion is depends on the floor. So a factor lambda multiplies q_xy, q_theta and q_slip, and the
  * innovations move it. With the right gain they are white; if they agree with those before, the gain is too low. With
@@ -81,6 +82,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t q_theta;   /**< rad^2 per step */
     omni_real_t q_slip;    /**< per step, while the wheel turns and its ratio is known better than p_slip */
     omni_real_t p_slip;    /**< initial variance of a slip ratio, and the most that q_slip lets it grow to */
+    omni_real_t r_count;   /**< variance of what a wheel rolls in a history slot, from rounding to counts: m^2 */
     omni_real_t r_null;    /**< variance of n^T r phi' summed over a history slot, m^2: the counts' resolution,
                                       (r rad_per_count)^2 / 6, and creep. 0: four wheels' null direction is not used */
     omni_real_t r_xy;      /**< variance of a fix, m^2 */
@@ -141,6 +143,7 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t slot_turn_s;   /**< time over which it was summed */
     omni_real_t slot_rest;     /**< ticks of the slot at rest, and those in which the gyro gave the turn */
     omni_real_t slot_turns;
+    omni_real_t turn_apart;      /**< what the gyro turned less than the wheels in a slot [rad], mean of about eight */
     omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
     omni_real_t fix_factor;      /**< rho: of a fix's variances; >= 1 */
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */

@@ -103,7 +103,8 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     e->r_theta = v[OMNI_PARAM_EKF_R_TH] * v[OMNI_PARAM_EKF_R_TH];
     const omni_real_t count_m = c->kinematics.radius_m[0] * c->rad_per_count;
     /* Both ends of the slot are rounded to a count: 2 / 12. */
-    e->r_null = count_m * count_m / 6.0f + NULL_CREEP_m2_s * (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
+    e->r_count = count_m * count_m / 6.0f;
+    e->r_null = e->r_count + NULL_CREEP_m2_s * (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
     e->gate = v[OMNI_PARAM_EKF_GATE];
     e->adapt = v[OMNI_PARAM_EKF_ADAPT];
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
