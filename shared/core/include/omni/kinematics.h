@@ -57,9 +57,9 @@ omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni
 
 /** The body that the wheels move, in units of what one wheel turns by itself: its inertia J, with gear and motor. */
 typedef struct omni_body_load_t {
-    bool used;             /**< false: the wheels carry nothing */
-    omni_real_t mass_m2;   /**< m / J [1/m^2] */
-    omni_real_t inertia;   /**< I / J, about the centre */
+    bool used;           /**< false: the wheels carry nothing */
+    omni_real_t mass_m2; /**< m / J [1/m^2] */
+    omni_real_t inertia; /**< I / J, about the centre */
 } omni_body_load_t;
 
 /**
