@@ -206,9 +206,7 @@ def test_a_world_may_work_while_the_robot_does(circle: Scenario) -> None:
 
 
 @pytest.mark.parametrize("method", ["step", "ahead"])
-def test_a_robot_behind_a_link_is_disarmed_and_given_back_when_its_world_raises(
-    circle: Scenario, method: str
-) -> None:
+def test_a_robot_behind_a_link_is_disarmed_and_given_back_when_its_world_raises(circle: Scenario, method: str) -> None:
     world = Early(circle) if method == "ahead" else spoiled("step", 800, raises)(circle)
     if isinstance(world, Early):
         world.fails_at = 800
