@@ -35,8 +35,8 @@ void omni_wheel_speed_reset(omni_wheel_speed_state_t *state);
 
 /**
  * One tick. All arrays have OMNI_MAX_WHEELS entries.
- * @param reference [rad/s], @param acceleration [rad/s^2] of the reference, body added or not, @param measured [rad/s], @param supply_V >
- * 0.
+ * @param reference [rad/s], @param acceleration [rad/s^2] of the reference, body added or not, @param measured
+ * [rad/s], @param supply_V > 0.
  * @param duty out, -limit..limit; @param voltage_V out, duty * supply_V.
  * @return the common factor by which the voltages were cut (1: none). It is 0 with all duties 0 if supply or limit are
  *         0 or less or anything isn't finite. The loops' states then stay as they were.
