@@ -19,11 +19,12 @@ static void step_controller(omni_control_state_t *control, const omni_robot_conf
     }
 }
 
-/* What the body asks of the wheels on top: R xi''. A velocity demand in the body's frame gives its own rate of change
- * instead, R xi'' + R' xi'. */
-static void feed_body(const omni_robot_config_t *c, uint8_t kind, omni_twist_t felt, const omni_twist_t *rate,
-                      omni_real_t *acceleration) {
-    if (kind == OMNI_SETPOINT_VELOCITY_BODY || kind == OMNI_SETPOINT_VELOCITY_WORLD) {
+/* What the body asks of the wheels on top: R xi''. From the change of the body's rate, R xi'' + R' xi', that is without
+ * the turning; only without a controller a path gives it as it is. */
+static void feed_body(const omni_robot_config_t *c, const omni_target_t *target, omni_twist_t felt,
+                      const omni_twist_t *rate, omni_real_t *acceleration) {
+    const bool velocity = target->kind == OMNI_SETPOINT_VELOCITY_BODY || target->kind == OMNI_SETPOINT_VELOCITY_WORLD;
+    if (target->position_loop || velocity) {
         felt.vx -= rate->wz * rate->vy;
         felt.vy += rate->wz * rate->vx;
     }
@@ -35,15 +36,14 @@ static void feed_acceleration(const omni_robot_config_t *c, const omni_target_t 
     const omni_reference_t *reference = &target->reference;
     const omni_rotation_t heading = omni_rotation(reference->pose.theta);
     const omni_twist_t rate = omni_rotate_to_body(&reference->rate, &heading);
-    const omni_twist_t felt = omni_rotate_to_body(&reference->acceleration, &heading);
-    omni_twist_t body = felt;
+    omni_twist_t body = omni_rotate_to_body(&reference->acceleration, &heading);
     if (target->position_loop) { /* a body-frame velocity demand does not turn with the world */
         body.vx += rate.wz * rate.vy;
         body.vy -= rate.wz * rate.vx;
     }
     omni_kinematics_inverse(&c->kinematics, &body, NULL, acceleration);
     if (c->body_load.used) {
-        feed_body(c, target->kind, felt, &rate, acceleration);
+        feed_body(c, target, body, &rate, acceleration);
     }
 }
 
