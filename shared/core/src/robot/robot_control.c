@@ -19,8 +19,8 @@ static void step_controller(omni_control_state_t *control, const omni_robot_conf
     }
 }
 
-/* What the body asks of the wheels on top: R xi''. From the change of the body's rate, R xi'' + R' xi', that is without
- * the turning; only without a controller a path gives it as it is. */
+/* What the body asks of the wheels on top: R xi''. The change of the body's rate is R xi'' + R' xi', so the turning is
+ * taken out of it. Only a path without a controller gives R xi'' as it is. */
 static void feed_body(const omni_robot_config_t *c, const omni_target_t *target, omni_twist_t felt,
                       const omni_twist_t *rate, omni_real_t *acceleration) {
     const bool velocity = target->kind == OMNI_SETPOINT_VELOCITY_BODY || target->kind == OMNI_SETPOINT_VELOCITY_WORLD;
