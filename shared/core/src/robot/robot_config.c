@@ -145,6 +145,14 @@ static void set_opposed(omni_wheel_speed_config_t *w, const omni_kinematics_t *k
     }
 }
 
+/* The body in units of the wheel's own inertia: so one acceleration stands for both, see omni_kinematics_add_body. */
+static void set_body_load(omni_robot_config_t *c, const omni_real_t *v) {
+    const omni_real_t share = v[OMNI_PARAM_WS_FF_BODY];
+    c->body_load.used = share > 0.0f;
+    c->body_load.mass_m2 = share * v[OMNI_PARAM_MASS] / v[OMNI_PARAM_MOT_J];
+    c->body_load.inertia = share * v[OMNI_PARAM_INERTIA] / v[OMNI_PARAM_MOT_J];
+}
+
 static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
     omni_wheel_speed_config_t *w = &c->wheel_speed;
     w->wheels = c->kinematics.wheels;
@@ -211,6 +219,7 @@ static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v) {
     t->voltage_limit_V = v[OMNI_PARAM_BAT_V_NOM] * v[OMNI_PARAM_LIM_DUTY];
     t->ff_speed_V_s = omni_motor_speed_gain(&c->motor);
     t->ff_acceleration_V_s2 = omni_motor_acceleration_gain(&c->motor);
+    t->body_load = c->body_load;
     t->lead_in_m_s2 = v[OMNI_PARAM_LIM_A];
     t->lead_in_rad_s2 = v[OMNI_PARAM_LIM_A] / v[OMNI_PARAM_WHEEL_DIST];
 }
@@ -241,6 +250,7 @@ omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *
     }
     set_pose_ekf(config, values);
     set_gyro(config, values);
+    set_body_load(config, values);
     set_wheel_speed(config, values);
     set_limits(config, values);
     set_current(config, values);
