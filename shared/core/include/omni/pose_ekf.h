@@ -31,8 +31,8 @@
  *
  *   0 = sum over the slot of (1 + k) (z - b) T - sum over the wheels of B+_theta,i r dphi_i (1 - s_i) + noise
  *
- * (docs/concepts/derivations/gyro.md). The noise is at least the counts' rounding. Wheels that skid teach no slip: if
- * the mean of these innovations is larger than their variance allows, they are left out while it is.
+ * (docs/concepts/derivations/gyro.md). The noise is at least the counts' rounding. Wheels that skid teach no slip:
+ * while the mean of these innovations is larger than their variance allows, they are left out.
  *
  * How noisy the wheels' motion is depends on the floor. So a factor lambda multiplies q_xy, q_theta and q_slip, and the
  * innovations move it. With the right gain they are white; if they agree with those before, the gain is too low. With
