@@ -77,6 +77,9 @@ class ExternalWorld(Protocol):
 
     Time begins at 0. One tick is: :meth:`sense`, the robot's own tick, :meth:`apply`, :meth:`step`. After the last
     step comes one more :meth:`sense`. However a run ends, the last call is :meth:`apply` with all motors coasting.
+
+    A world may have a method ``ahead``, without arguments. It is called between :meth:`sense` and :meth:`apply`, while
+    the robot computes its tick. There it may do what of its step needs no motors.
     """
 
     def sense(self) -> Sensed:
@@ -202,6 +205,7 @@ class OutsideWorld(World):
     def __init__(self, config: Any, external: ExternalWorld) -> None:
         super().__init__(config)
         self._external = external
+        self._ahead: Callable[[], None] | None = getattr(external, "ahead", None)
         self._count = self.wheels  # asked for several times in every step
         self._outside = ffi.new("hil_outside_t *")
         self._motors = ffi.new("double[]", lib.HIL_MAX_WHEELS), ffi.new("double[]", lib.HIL_MAX_WHEELS)
@@ -220,14 +224,22 @@ class OutsideWorld(World):
             self._sense()
             self._set_twist(list(self._outside.pose))
             lib.hil_outside_begin(self.c, self._outside)
-        one = ffi.new("uint64_t *")
+        asked, ok, world = ffi.new("bool *"), lib.HIL_OK, self.c
         for number in range(ticks):
-            result = lib.hil_lockstep_exchange(link, self.c, record, one)
-            done[0] = number + one[0]
-            if result != lib.HIL_OK or not one[0]:
+            done[0] = number
+            result = lib.hil_lockstep_ask(link, world, asked)
+            if result != ok or not asked[0]:
                 return int(result)
+            try:
+                if self._ahead is not None:
+                    self._call("ahead", self._ahead)
+            finally:  # an answer left behind would be taken for that of a later tick
+                result = lib.hil_lockstep_take(link, world, record)
+            if result != ok:
+                return int(result)
+            done[0] = number + 1
             self._step()
-        return int(lib.HIL_OK)
+        return int(ok)
 
     def release(self) -> None:
         """Let every motor coast, whatever state the other world is in."""
@@ -242,7 +254,8 @@ class OutsideWorld(World):
         duty, coast = self._motors
         lib.hil_outside_drive(self.c, duty, coast)
         wheels = self._count
-        self._call("apply", self._external.apply, tuple(duty[0:wheels]), tuple(coast[0:wheels]))
+        motors = tuple(ffi.unpack(duty, wheels)), tuple(ffi.unpack(coast, wheels))
+        self._call("apply", self._external.apply, *motors)
         self._call("step", self._external.step)
         before = list(self._outside.pose)
         self._now_s = self.time_s + TICK_US * 1e-6

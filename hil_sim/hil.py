@@ -24,7 +24,7 @@ import omniwheel
 from hil_sim import core
 from hil_sim.external import ExternalWorld, OutsideWorld, outside_world
 from hil_sim.image_firmware import ImageFirmware
-from hil_sim.lockstep import LockstepLink, Served
+from hil_sim.lockstep import CHILD_TICK_TIMEOUT_S, ROBOT_TICK_TIMEOUT_S, LockstepLink, Served
 from hil_sim.runs import Run, finish, new_world
 from hil_sim.scenario import Event, Scenario
 from hil_sim.summary import TLOG_FILE
@@ -84,11 +84,22 @@ class AfterRunError(RunError):
 class HilLoop:
     """The world and the firmware over a lockstep link."""
 
-    def __init__(self, scenario: Scenario, base: FileLink, world: World | None = None, *, asleep: bool = False) -> None:
-        """``world`` goes on where an earlier loop left it; without it, the scenario's starts."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        base: FileLink,
+        world: World | None = None,
+        *,
+        asleep: bool = False,
+        timeout_s: float = CHILD_TICK_TIMEOUT_S,
+    ) -> None:
+        """``world`` goes on where an earlier loop left it; without it, the scenario's starts.
+
+        ``asleep`` and ``timeout_s`` as of :class:`~hil_sim.lockstep.LockstepLink`.
+        """
         self._table = scenario.robot.table
         self.values = scenario.parameter_values()
-        self.link = LockstepLink(base, world or new_world(scenario), asleep=asleep)
+        self.link = LockstepLink(base, world or new_world(scenario), asleep=asleep, timeout_s=timeout_s)
         self.measured: list[Status] = []
         connection = Connection(self.link, clock=self.link.clock_s)
         connection.target_system = int(self.values["SYS_ID"])
@@ -259,13 +270,14 @@ def _closed_loop(
     with ExitStack() as stack:
         if world is not None:
             stack.callback(world.release)
+        timeout_s = CHILD_TICK_TIMEOUT_S if link is None else ROBOT_TICK_TIMEOUT_S
         if image is not None:
             firmware = ImageFirmware(image, scenario.robot.source, lockstep=True, scenario=AT_REST)
             link = stack.enter_context(firmware).urls[0]
         base = stack.enter_context(
             _own_firmware(scenario, emulated, asleep) if link is None else _linked_firmware(scenario, link)
         )
-        loop = HilLoop(scenario, base, world, asleep=asleep)
+        loop = HilLoop(scenario, base, world, asleep=asleep, timeout_s=timeout_s)
         if out_dir is not None:
             log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
             loop.log_to(stack.enter_context(log))

@@ -26,6 +26,11 @@ ANY_WHEEL = 255
 RECORD_ROWS = 1000
 STEP_TICKS = 10
 """How far a read of a :class:`SteppedLink` goes on at most."""
+CHILD_TICK_TIMEOUT_S = 60.0
+"""Wall time for one tick of firmware that is a child process: a busy computer may take seconds, and its end shows at
+once."""
+ROBOT_TICK_TIMEOUT_S = 5.0
+"""Wall time for one tick of a robot behind a cable."""
 PATIENCE_S = 60.0
 """Simulated time after which whoever still talks over a :class:`SteppedLink` gets Ctrl-C, unless told otherwise."""
 LOG_BYTES = 8 * lib.HIL_LOCKSTEP_RX
@@ -53,7 +58,7 @@ class LockstepLink:
         base: FileLink,
         world: World,
         *,
-        timeout_s: float = 5.0,
+        timeout_s: float = CHILD_TICK_TIMEOUT_S,
         realtime_factor: float = 0.0,
         asleep: bool = False,
     ) -> None:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 
 from hil_sim.batch import run_batch
 from hil_sim.hil import run_hil
@@ -54,6 +55,8 @@ class Loop:
 def loops(seconds: float, seed: int = 1, *, compared: bool = False, name: str = SCENARIO) -> dict[str, Loop]:
     """Return the loops that can run here, over ``seconds`` of a scenario, the demo's if none is named.
 
+    The demo is driven in MuJoCo's world, too, if that is installed.
+
     ``compared``: with what they are compared with, too: waiting asleep, and Monte Carlo run after run.
     """
     scenario = replace(load_scenario(name), duration_s=seconds, seed=seed)
@@ -61,6 +64,8 @@ def loops(seconds: float, seed: int = 1, *, compared: bool = False, name: str = 
     if compared:
         words = "the same, both ends asleep while they wait"
         found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, asleep=True)))
+    if name == SCENARIO and find_spec("mujoco") is not None:
+        found["mujoco"] = Loop("firmware process and MuJoCo's world", 10.0, lambda: _of(_with_mujoco(scenario)))
     if _has_emulator():
         words = "firmware on an emulated Cortex-M7 in the loop"
         found["emulated"] = Loop(words, 2.0, lambda: _of(run_hil(scenario, emulated=True)))
@@ -80,6 +85,12 @@ def monte_carlo(scenario: Scenario, workers: int, blocks: int = 4) -> LoopTime:
     with ThreadPoolExecutor(workers) as pool:
         simulated_s = sum(pool.map(lambda first: _block_s(scenario, first), firsts))
     return LoopTime(time.perf_counter() - start, simulated_s, time.process_time() - cpu_start)
+
+
+def _with_mujoco(scenario: Scenario) -> Run:
+    from hil_sim.mujoco_world import MujocoWorld
+
+    return run_hil(scenario, world=MujocoWorld(scenario))
 
 
 def _run_after_run(scenario: Scenario) -> LoopTime:

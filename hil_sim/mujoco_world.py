@@ -28,6 +28,7 @@ from hil_sim.mujoco_settings import Floor, Settings, read_settings
 from hil_sim.patches import factor_at
 from hil_sim.scenario import Scenario
 from hil_sim.world import GRAVITY_M_S2
+from omniwheel._core import ffi
 
 SETTLE_STEPS = 300
 """The robot is set down on the floor before time 0."""
@@ -35,6 +36,14 @@ PLAIN = Settings()
 """A level floor and no film."""
 _BUMP_ROWS = 400
 """Points of the bumps' height along each side of the floor."""
+
+
+class _Numbers:
+    """MuJoCo's own numbers where it keeps them, read one by one: a tick needs a tenth of them."""
+
+    def __init__(self, data: Any) -> None:
+        views = [ffi.from_buffer("double[]", array) for array in (data.qpos, data.qvel, data.ctrl, data.act)]
+        self.position, self.speed, self.control, self.current = views
 
 
 class MujocoWorld:
@@ -72,6 +81,9 @@ class MujocoWorld:
         if heights is not None:
             self.model.hfield_data[:] = (heights / self.floor.bumps_m).ravel()
         self.data: Any = self._mujoco.MjData(self.model)
+        self._now = _Numbers(self.data)
+        self._position, self._quaternion = self._now.position, self._now.position + 3
+        self._is_ahead = False
         self._find(len(self.parts.wheels))
         self._turns, self._last_yaw = 0.0, 0.0
         self._duty, self._coast = (0.0,) * self._wheels, (1.0,) * self._wheels
@@ -94,18 +106,28 @@ class MujocoWorld:
         """Set the bridges for the next step."""
         self._duty, self._coast = tuple(duty), tuple(coast)
 
+    def ahead(self) -> None:
+        """Compute what of the next step needs no motors: where everything is, and what touches the floor."""
+        self._lower()
+        if self.floor.patches or self._patches:
+            self._tread()
+        self._mujoco.mj_step1(self.model, self.data)
+        self._is_ahead = True
+
     def step(self) -> None:
         """Go on by 1 ms."""
-        constant, per_ohm, data = self._constant, self._per_ohm, self.data
+        constant, per_ohm, now = self._constant, self._per_ohm, self._now
         supply_V, speeds = self._supply_V, self._wheel_rad_s
-        data.ctrl[:] = [
+        now.control[0 : self._wheels] = [
             (duty * supply_V - (1.0 - coast) * constant * speed) * per_ohm
             for duty, coast, speed in zip(self._duty, self._coast, speeds, strict=True)
         ]
         if 1.0 in self._coast:
-            data.act[[number for number, coast in enumerate(self._coast) if coast == 1.0]] = 0.0
+            for number, coast in enumerate(self._coast):
+                if coast == 1.0:
+                    now.current[number] = 0.0
         self._advance()
-        self._current_A = data.act.tolist()
+        self._current_A = ffi.unpack(now.current, self._wheels)
         drawn_A = sum(current * duty for current, duty in zip(self._current_A, self._duty, strict=True))
         self._supply_V = max(self._battery_V - self._battery_ohm * drawn_A, 0.0)
         if self._camera is not None:
@@ -163,6 +185,7 @@ class MujocoWorld:
             self._wheel_of_geom[geoms] = wheel
         self._pins = [[int(model.joint(f"pin_{w + 1}_{n + 1}").dofadr[0]) for n in range(count)] for w in range(wheels)]
         self._lowest: list[int] = [-1] * wheels
+        self._near: list[list[bool | None]] = [[None] * count for _ in range(wheels)]
 
     def _set_down(self, scenario: Scenario) -> None:
         """Put the robot where it starts, let it come to rest on its wheels, and begin to count time."""
@@ -184,17 +207,18 @@ class MujocoWorld:
         self._turns = 2.0 * math.pi * round((theta - self._last_yaw) / (2.0 * math.pi))
 
     def _advance(self) -> None:
-        self._lower()
-        if self.floor.patches or self._patches:
-            self._tread()
-        self._mujoco.mj_step(self.model, self.data)
+        """Take one step, in MuJoCo's two halves: the same as ``mj_step``, bit for bit."""
+        if not self._is_ahead:
+            self.ahead()
+        self._mujoco.mj_step2(self.model, self.data)
+        self._is_ahead = False
         self._look()
 
     def _look(self) -> None:
         """Take over where everything is now."""
-        self._position, speeds = self.data.qpos.tolist(), self.data.qvel.tolist()
+        speeds = self._now.speed
         self._wheel_rad_s = [speeds[i] for i in self._speeds]
-        w, x, y, z = self._position[3:7]
+        w, x, y, z = ffi.unpack(self._quaternion, 4)
         yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         self._turns += 2.0 * math.pi * round((self._last_yaw - yaw) / (2.0 * math.pi))
         self._last_yaw = yaw
@@ -212,15 +236,21 @@ class MujocoWorld:
 
     def _choose(self, wheel: int, angle: float) -> None:
         # A positive turn is about minus x: a roller at angle a from y is lowest where a - turn is -90 degrees.
-        dry_N_m = self.parts.wheels[wheel].drag * self.parts.roller_dry_N_m
-        reach, model = 2.0 * 2.0 * math.pi / len(self.parts.rollers), self.model
-        rollers = zip(self._pins[wheel], self._rollers[wheel], self.parts.rollers, strict=True)
-        for pin, geom, part in rollers:
+        reach = 2.0 * 2.0 * math.pi / len(self.parts.rollers)
+        chosen = self._near[wheel]
+        for number, part in enumerate(self.parts.rollers):
             near = abs(math.remainder(part.angle_rad - angle + 0.5 * math.pi, 2.0 * math.pi)) < reach
-            body = model.geom_bodyid[geom]
-            model.dof_frictionloss[pin] = dry_N_m if near else 0.0
-            model.geom_contype[geom] = model.body_contype[body] = ROLLER_BIT if near else 0
-            model.geom_conaffinity[geom] = model.body_conaffinity[body] = FLOOR_BIT if near else 0
+            if near != chosen[number]:
+                chosen[number] = near
+                self._let_touch(wheel, number, near)
+
+    def _let_touch(self, wheel: int, number: int, near: bool) -> None:
+        pin, geom, model = self._pins[wheel][number], self._rollers[wheel][number], self.model
+        body = model.geom_bodyid[geom]
+        dry_N_m = self.parts.wheels[wheel].drag * self.parts.roller_dry_N_m
+        model.dof_frictionloss[pin] = dry_N_m if near else 0.0
+        model.geom_contype[geom] = model.body_contype[body] = ROLLER_BIT if near else 0
+        model.geom_conaffinity[geom] = model.body_conaffinity[body] = FLOOR_BIT if near else 0
 
     def _tread(self) -> None:
         """Give the rollers of each wheel the friction of the patch that it stands on."""

@@ -400,12 +400,22 @@ void App::greet(size_t link) {
     status_texts_.greet(link);
 }
 
+bool App::handing_over() const {
+    return owner_.load(std::memory_order_acquire) == Owner::handing_over;
+}
+
+/// Takes bytes, not frames.
 void App::receive(size_t link) {
-    Link &channel = links_[link];
-    if (owner_.load(std::memory_order_acquire) == Owner::handing_over) {
-        return; // what comes next may be meant for host-in-the-loop: it waits a tick
+    if (!handing_over()) { // what comes next may be meant for host-in-the-loop: it waits a tick
+        links_[link].receive(board_.clock->stopwatch_ns());
     }
-    channel.receive(board_.clock->stopwatch_ns());
+}
+
+void App::take_frames(size_t link) {
+    Link &channel = links_[link];
+    if (handing_over()) {
+        return;
+    }
     watch_hil_peer();
     if (channel.connected_anew()) {
         greet(link);
@@ -414,7 +424,7 @@ void App::receive(size_t link) {
     const auto own = static_cast<uint8_t>(parameters_.values()[OMNI_PARAM_SYS_ID]);
     Frame frame;
     legacy_line_.set_on(parameters_.values()[OMNI_PARAM_LINK2_LEGACY] != 0.0f && !signing_.required());
-    while (owner_.load(std::memory_order_acquire) != Owner::handing_over && channel.next(&frame)) {
+    while (!handing_over() && channel.next(&frame)) {
         const bool for_us = frame.target_system == 0 || frame.target_system == own;
         const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
         // An echo. A station or a companion computer of the same number is another component: whoever chose that must
@@ -459,6 +469,24 @@ void App::serve() {
     texts_.say_left_out();
 }
 
+/// The bytes of the world's link are read first and its frames taken last. What another link was sent before the sensors
+/// of a tick acts in that tick. So a stop does, and a run over two links is the same again.
+void App::receive_all() {
+    const size_t world = robot_.hil() ? hil_link_ : no_link;
+    if (world != no_link) {
+        receive(world);
+    }
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        if (i != world) {
+            receive(i);
+            take_frames(i);
+        }
+    }
+    if (world != no_link) {
+        take_frames(world);
+    }
+}
+
 void App::flush() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].flush();
@@ -481,9 +509,7 @@ void App::background() {
     take_report();
     pose_fixes_.serve();
     board_.watchdog->feed();
-    for (size_t i = 0; i < board_.port_count; ++i) {
-        receive(i);
-    }
+    receive_all();
     watch_hil_silence();
     if (!robot_.hil() || hil_link_ == no_link) {
         serve(); // once the world's time runs, every frame and every tick does

@@ -70,7 +70,10 @@ private:
     void leave_hil();
     void watch_hil_peer();
     void watch_hil_silence();
+    bool handing_over() const;
+    void receive_all();
     void receive(size_t link);
+    void take_frames(size_t link);
     void say_restart(size_t link);
     void say_latch(size_t link);
     void keep_stop();

@@ -273,20 +273,24 @@ static void pace(hil_lockstep_t *link, const hil_world_t *world) {
     }
 }
 
-/* Everything of a tick but the step. */
-static hil_result_t tick(hil_lockstep_t *link, hil_world_t *world, hil_record_t *record) {
+/* A tick's first half: the robot gets its sensors. */
+static hil_result_t ask(hil_lockstep_t *link, hil_world_t *world) {
     hil_sensors_t sensors;
-    answer_t answer = {.arrived = false};
     if (link->serve_ticks != 0 && link->ticks % link->serve_ticks == 0) {
         hil_lockstep_serve(link);
     }
     pace(link, world);
     hil_world_sense(world, &sensors);
-    const int64_t deadline_us = hil_wire_now_us() + (int64_t)(link->timeout_s * 1e6);
-    hil_result_t result = send_sensors(link, &sensors, deadline_us);
-    if (result == HIL_OK) {
-        result = await_answer(link, deadline_us, &answer);
-    }
+    link->deadline_us = hil_wire_now_us() + (int64_t)(link->timeout_s * 1e6);
+    const hil_result_t result = send_sensors(link, &sensors, link->deadline_us);
+    link->sequence += result == HIL_OK ? 0u : 1u; /* what was half sent is not sent again */
+    return result;
+}
+
+/* Its second half: what the robot answers drives the chip and the bridges. The step is left. */
+static hil_result_t obey(hil_lockstep_t *link, hil_world_t *world, hil_record_t *record) {
+    answer_t answer = {.arrived = false};
+    hil_result_t result = await_answer(link, link->deadline_us, &answer);
     link->sequence++;
     if (result == HIL_OK) {
         hil_world_output_enable(world, answer.message.output_enable);
@@ -303,7 +307,10 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
                               uint64_t *done) {
     hil_result_t result = HIL_OK;
     for (*done = 0; *done < ticks && has_room(link); ++*done) {
-        result = tick(link, world, record);
+        result = ask(link, world);
+        if (result == HIL_OK) {
+            result = obey(link, world, record);
+        }
         if (result != HIL_OK) {
             return result;
         }
@@ -313,16 +320,15 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
     return result;
 }
 
-hil_result_t hil_lockstep_exchange(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record,
-                                   uint64_t *done) {
-    *done = 0;
-    if (!has_room(link)) {
-        return HIL_OK;
-    }
-    const hil_result_t result = tick(link, electronics, record);
+hil_result_t hil_lockstep_ask(hil_lockstep_t *link, hil_world_t *electronics, bool *asked) {
+    *asked = has_room(link);
+    return *asked ? ask(link, electronics) : HIL_OK;
+}
+
+hil_result_t hil_lockstep_take(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record) {
+    const hil_result_t result = obey(link, electronics, record);
     if (result == HIL_OK) {
         link->ticks++;
-        *done = 1;
     }
     return result;
 }

@@ -85,7 +85,6 @@ def test_the_real_page_has_a_place_for_every_table() -> None:
     for name in (
         "machine",
         "loops",
-        "wheels",
         "ticks",
         "memory",
         "filter-study",

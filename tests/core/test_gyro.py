@@ -18,6 +18,8 @@ Q_XY, Q_THETA, Q_SLIP, P_SLIP = 2.25e-9, 1.6e-8, 4e-7, 0.0064
 DENSITY, P_BIAS, P_SCALE = 5e-5, 0.02**2, 0.005**2
 BEARINGS = {3: np.deg2rad([0.0, 120.0, 240.0]), 4: np.deg2rad([45.0, 135.0, 225.0, 315.0])}
 RADIUS_M, DISTANCE_M = 0.05, 0.25
+SKID_RAD = 0.3 * TICK_S / RADIUS_M
+"""A wheel that skids by 0.3 m/s turns by so much more in a tick."""
 
 
 class Filter:
@@ -95,6 +97,7 @@ class Reference:
         self.x = core.x
         self.p = core.p
         self.slot: list[tuple[Array, float]] = []
+        self.apart, self.skids = 0.0, 0
 
     def move(self, x: Any, turned: Array, rate: float) -> Any:
         slip = x[3 : 3 + self.n]
@@ -140,12 +143,18 @@ class Reference:
 
         innovation = -apart(self.x, rolled)[0]
         h = self.derivative(lambda x: apart(x, rolled - self.core.matrix[:, 2] * innovation), 1)
-        variance = (h @ self.p @ h.T)[0, 0] + len(self.slot) * (Q_THETA + DENSITY**2 * TICK_S)
-        if innovation**2 <= 25.0 * variance:
+        weight = (self.inverse[2] ** 2).sum()
+        noise = max(len(self.slot) * (Q_THETA + DENSITY**2 * TICK_S), weight * self.core.config.r_count)
+        variance = (h @ self.p @ h.T)[0, 0] + noise
+        self.apart += 0.125 * (innovation - self.apart)
+        if self.apart**2 > 0.3 * (variance + weight * self.core.config.r_null):
+            self.skids += 1
+            ratios = range(3, 3 + self.n)
+            self.p[ratios, ratios] += np.where(np.diag(self.p)[ratios] < P_SLIP, 1e-5, 0.0)
+        elif innovation**2 <= 25.0 * variance:
             gain = self.p @ h[0] / variance
             gain[7:] = 0.0  # wheels that slip teach nothing of the gyro: Schmidt's filter, in Joseph's form
             left = np.eye(9) - np.outer(gain, h[0])
-            noise = variance - (h @ self.p @ h.T)[0, 0]
             self.x = self.x + gain * innovation
             self.p = left @ self.p @ left.T + noise * np.outer(gain, gain)
 
@@ -172,11 +181,15 @@ def drive(core: Filter, ticks: int, seed: int) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("mode", [lib.OMNI_EKF_MODE_POSE, lib.OMNI_EKF_MODE_SLIP])
 @pytest.mark.parametrize("wheels", [3, 4])
-def test_the_filter_is_the_one_of_numpy(wheels: int, mode: int) -> None:
+@pytest.mark.parametrize("counts_m2", [0.0, 4e-8], ids=["fine counts", "coarse counts"])
+def test_the_filter_is_the_one_of_numpy(wheels: int, mode: int, counts_m2: float) -> None:
+    """A wheel skids in between."""
     core = Filter(wheels, mode)
+    core.config.r_count = counts_m2
     lib.omni_pose_ekf_start_gyro(core.s, core.config)
     slips = mode == lib.OMNI_EKF_MODE_SLIP
     turned, rate = drive(core, 3000, seed=wheels)
+    turned[1500:1700, 1] += SKID_RAD
     core.predict(np.zeros(wheels), 0.0)
     other = Reference(core)
     for _ in range(3):  # the slot that the first tick began
@@ -198,6 +211,45 @@ def test_the_filter_is_the_one_of_numpy(wheels: int, mode: int) -> None:
     scale = np.outer(sd, sd)
     np.testing.assert_allclose(core.p[np.ix_(used, used)] / scale, other.p[np.ix_(used, used)] / scale, atol=5e-3)
     assert sd[-2] < 0.1 * math.sqrt(P_BIAS), "the fixes have taught the bias"
+    assert (other.skids > 10) == slips
+
+
+def turn_with_fixes(core: Filter, seconds: float, slip: Array, pose: Array, skid_rad: float = 0.0) -> Array:
+    """Drive an arc with these slip ratios, with a fix each 0.1 s; wheel 1 turns by ``skid_rad`` too much each tick."""
+    body = np.array([0.4, 0.1, 0.5])
+    turned = core.matrix @ body / RADIUS_M * TICK_S / (1.0 - slip)
+    turned[1] += skid_rad
+    for tick in range(round(seconds / TICK_S)):
+        core.predict(turned, body[2])
+        c, s = math.cos(pose[2] + 0.5e-3 * body[2]), math.sin(pose[2] + 0.5e-3 * body[2])
+        pose = pose + TICK_S * np.array([c * body[0] - s * body[1], s * body[0] + c * body[1], body[2]])
+        if not skid_rad and tick % 100 == 99:
+            core.correct(pose)
+    return pose
+
+
+def test_wheels_that_skid_teach_no_slip_ratios() -> None:
+    """0.3 s without a fix, and the gyro cannot tell which wheel it is."""
+    core = Filter()
+    lib.omni_pose_ekf_start_gyro(core.s, core.config)
+    slip = np.array([0.02, 0.05, 0.08])
+    pose = turn_with_fixes(core, 10.0, slip, np.zeros(3))
+    before, sure = core.x[3:6], np.diag(core.p)[3:6]
+    np.testing.assert_allclose(before, slip, atol=0.02)
+    turn_with_fixes(core, 0.3, slip, pose, SKID_RAD)
+    np.testing.assert_allclose(core.x[3:6], before, atol=0.03)
+    assert (np.diag(core.p)[3:6] > sure + 4e-4).all(), "it is less sure of them"
+
+
+def test_slip_that_has_changed_for_good_is_learned_all_the_same() -> None:
+    core = Filter()
+    lib.omni_pose_ekf_start_gyro(core.s, core.config)
+    slip = np.array([0.02, 0.05, 0.08])
+    pose = turn_with_fixes(core, 10.0, slip, np.zeros(3))
+    changed = np.array([0.02, 0.25, 0.08])
+    turn_with_fixes(core, 5.0, changed, pose)
+    assert np.abs(core.x[3:6] - changed).max() < 0.1, "more than half of it in five seconds"
+    assert core.s.refused == 0
 
 
 def test_a_late_fix_is_what_it_would_have_been_in_time() -> None:

@@ -59,6 +59,13 @@ def test_the_wheel_filter_moves_what_it_is_told_and_the_feed_forward_does_not() 
     assert Bench().configure(MOT_J=0.01, KF_J=0.0).motor_kf.model.a[1][1] == plain.motor_kf.model.a[1][1]
 
 
+def test_the_body_is_counted_in_the_wheel_s_own_inertia_by_loops_and_plans() -> None:
+    config = Bench().configure(WS_FF_BODY=0.5, MASS=4.0, INERTIA=0.0625, MOT_J=0.03125)
+    for load in (config.body_load, config.trajectory.body_load):
+        assert (load.used, load.mass_m2, load.inertia) == (True, 64.0, 1.0)
+    assert not Bench().configure(MASS=4.0).body_load.used
+
+
 def test_every_value_out_of_its_range_is_refused_and_named() -> None:
     bench = Bench()
     config, bad = ffi.new("omni_robot_config_t *"), ffi.new("int32_t *", 7)

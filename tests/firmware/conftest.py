@@ -26,13 +26,17 @@ ON_ALL_BOARDS = (
     "test_trial",
 )
 """The modules whose tests must hold for the firmware on any processor; ``pc_only`` tests are about the process."""
+NIGHTLY_ELSEWHERE = ("test_stations", "test_trial")
+"""Those that wait for silences, which take long where every instruction is emulated: only the PC's run each time."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    everywhere = metafunc.module.__name__.rpartition(".")[2] in ON_ALL_BOARDS
+    module = metafunc.module.__name__.rpartition(".")[2]
+    everywhere = module in ON_ALL_BOARDS
     alone = metafunc.definition.get_closest_marker("pc_only") is not None or "OMNI_SANITIZED" in os.environ
-    boards = BOARDS if everywhere and not alone else BOARDS[:1]
-    metafunc.parametrize("board", boards, indirect=True, scope="module")
+    marks = [pytest.mark.nightly] if module in NIGHTLY_ELSEWHERE else []
+    others = [pytest.param(name, marks=marks) for name in BOARDS[1:]] if everywhere and not alone else []
+    metafunc.parametrize("board", [BOARDS[0], *others], indirect=True, scope="module")
 
 
 @pytest.fixture(autouse=True, scope="module")

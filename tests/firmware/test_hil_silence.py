@@ -83,6 +83,18 @@ def test_with_a_host_that_ticks_a_stop_is_done_in_the_next_tick_and_the_loop_goe
     assert robot.ask(RADIO, HIL_ON if stop == "disarm" else HIL_OFF) == ACCEPTED
 
 
+@pytest.mark.parametrize("stop", STOPS)
+@pytest.mark.parametrize("world", [USB, RADIO, 2])
+@pytest.mark.parametrize("link", [USB, RADIO, 2])
+def test_a_stop_that_was_sent_before_the_sensors_acts_in_their_tick_whatever_links_both_use(
+    robot: FakeRobot, stop: str, world: int, link: int
+) -> None:
+    robot.in_loop(world)
+    robot.send(link, STOPS[stop][0])
+    robot.hil_tick(world)
+    assert not robot.driven(hil=True)
+
+
 def test_a_silent_host_times_out_and_the_robot_serves_others(robot: FakeRobot) -> None:
     robot.in_loop(RADIO)
     robot.tick(round(1000 * SILENCE_S) - 100)

@@ -7,8 +7,18 @@ import pytest
 
 from tests.firmware import stop_latency, stop_loads
 
+EVERY = 9
+"""Of the cases in turn; all of them in `make nightly`."""
+
 
 @pytest.mark.slow
+def test_stops_of_every_kind_and_moment_act_within_two_ticks() -> None:
+    ticks, late = stop_latency.measure(every=EVERY)
+    assert not late, late[:10]
+    assert all(sum(counted.values()) > 100 for counted in ticks.values())
+
+
+@pytest.mark.nightly
 def test_every_stop_acts_within_two_ticks_and_the_page_has_the_distribution() -> None:
     content, late = stop_latency.page_content()
     assert not late, late[:10]

@@ -40,7 +40,9 @@ def run(command: list[str], **environment: str) -> subprocess.CompletedProcess[s
 
 
 @pytest.mark.usefixtures("built")
-@pytest.mark.parametrize("target", fuzz.TARGETS)
+@pytest.mark.parametrize(
+    "target", [pytest.param(one, marks=pytest.mark.nightly if one == "app" else ()) for one in fuzz.TARGETS]
+)
 def test_a_seeded_run_finds_nothing_and_is_the_same_every_time(target: str) -> None:
     runs = [run(fuzz.seeded_command(target, 7, BYTES)) for _ in range(2)]
     assert runs[0].returncode == 0, runs[0].stdout + runs[0].stderr

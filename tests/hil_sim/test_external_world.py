@@ -185,13 +185,37 @@ def test_a_world_that_raises_ends_the_run(circle: Scenario, method: str) -> None
     assert "test_external_world.py, line" in caught.value.hint
 
 
-def test_a_robot_behind_a_link_is_disarmed_and_given_back_when_its_world_raises(circle: Scenario) -> None:
+class Early(TinyWorld):
+    """A world that may do something while the robot computes; it fails there at a tick."""
+
+    fails_at = -1
+
+    def ahead(self) -> None:
+        """Note that it is called."""
+        self.calls.append("ahead")
+        if self.ticks == self.fails_at:
+            raise ZeroDivisionError("no floor ahead")
+
+
+def test_a_world_may_work_while_the_robot_does(circle: Scenario) -> None:
+    short = circle.with_duration(1.0)
+    early, plain = Early(short), TinyWorld(short)
+    runs = [run_hil(short, world=world).record for world in (early, plain)]
+    assert runs[0].tobytes() == runs[1].tobytes()
+    assert early.calls[:6] == ["sense", "ahead", "apply", "step", "sense", "ahead"]
+
+
+@pytest.mark.parametrize("method", ["step", "ahead"])
+def test_a_robot_behind_a_link_is_disarmed_and_given_back_when_its_world_raises(circle: Scenario, method: str) -> None:
+    world = Early(circle) if method == "ahead" else spoiled("step", 800, raises)(circle)
+    if isinstance(world, Early):
+        world.fails_at = 800
     with FirmwareProcess("three_wheel") as firmware:
         before = "ISMC_LAM_XY", 7.0
         with omniwheel.connect(firmware.urls[0]) as robot:
             robot.parameters[before[0]] = before[1]
         with pytest.raises(ExternalWorldError, match="no floor"):
-            run_hil(circle, firmware.urls[0], world=spoiled("step", 800, raises)(circle))
+            run_hil(circle, firmware.urls[0], world=world)
         with omniwheel.connect(firmware.urls[0]) as robot:
             beat = robot.status.heartbeat
             assert beat is not None

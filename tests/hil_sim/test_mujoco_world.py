@@ -20,6 +20,7 @@ from hil_sim.hil import run_hil
 from hil_sim.models.parts import PartsError
 from hil_sim.mujoco_figures import SHOWN, row, yaw_ripple
 from hil_sim.mujoco_settings import Film, Floor, Patch, Settings, read_settings
+from hil_sim.mujoco_speed import table
 from hil_sim.mujoco_world import MujocoWorld
 from hil_sim.patches import FloorPatch
 from hil_sim.scenario import Event, Scenario, load_scenario
@@ -312,3 +313,27 @@ def test_the_scenario_s_numbers_of_wheels_and_floor_hold_here_too() -> None:
     assert len(world.parts.rollers) == 16
     assert max(roller.along_m for roller in world.parts.rollers) == pytest.approx(0.01)
     assert any("roller_dip_m" in note for note in world.notes)
+
+
+def test_the_page_s_table_of_times_has_the_robots_that_are_measured() -> None:
+    """Times depend on the machine, degrees of freedom do not."""
+    page = (ROOT / "docs" / "guides" / "mujoco.md").read_text(encoding="utf-8")
+    for line in table(rounds=1):
+        if line.startswith("| ") and "µs" not in line:
+            assert "|".join(line.split("|")[:3]) in page
+
+
+def test_a_step_in_two_halves_is_mujoco_s_own_step() -> None:
+    """With the same controls, friction and contacts, bit for bit."""
+    halves, whole = MujocoWorld(standing()), MujocoWorld(standing())
+    for world in (halves, whole):
+        driven(world, (0.3, -0.2, 0.4), 50)
+    for _ in range(30):
+        halves.ahead()
+        halves.step()
+        whole._lower()
+        whole.data.ctrl[:] = halves.data.ctrl
+        whole._mujoco.mj_step(whole.model, whole.data)
+        whole._look()
+        for name in ("qpos", "qvel", "act"):
+            assert getattr(halves.data, name).tobytes() == getattr(whole.data, name).tobytes()

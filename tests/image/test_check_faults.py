@@ -91,7 +91,7 @@ def test_what_is_not_as_promised_is_found(
         run(starts, replace(KNOWN[name], **changes))  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # `make firmware-check` runs the same checks
 @pytest.mark.parametrize("check", unplug.CHECKS, ids=lambda check: check.name)
 def test_cable_host_and_upload(image: Path, check: Check) -> None:
     assert check.run(context(image, "ci"))
@@ -110,7 +110,7 @@ def test_a_deaf_host_takes_nothing(image: Path) -> None:
         assert bench.take(Channel.USB) != b""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # `make firmware-check` runs the same checks
 @pytest.mark.parametrize("check", edges.CHECKS, ids=lambda check: check.name)
 def test_encoders_at_their_limits(image: Path, check: Check) -> None:
     assert check.run(context(image, "ci"))

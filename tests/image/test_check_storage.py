@@ -54,12 +54,13 @@ def planted(context: Context, symbol: str, code: bytes, *, instead_of: bytes = b
     return replace(context, image=replace(image, flash=image.flash[:at] + code + image.flash[at + len(code) :]))
 
 
+@pytest.mark.nightly  # `make firmware-check` runs the same checks
 @pytest.mark.parametrize("check", [saves, power_cuts, watchdog, crash, signing_clock])
 def test_a_good_image_passes(good: Context, check: Run) -> None:
     assert all(figure for figure in check(good))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_good_image_survives_restarts(good: Context) -> None:
     assert reboots(good)[0].startswith("8 starts; power cuts: ")
 

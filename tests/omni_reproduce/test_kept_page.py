@@ -18,7 +18,7 @@ from omni_reproduce.registry import EXPERIMENTS, Experiment, select
 from omniwheel.errors import OmniError
 from tests.omni_reproduce import kept_page
 
-QUICK_IN_FULL = ("models", "direct_torque", "table1", "table2", "diagrams")
+QUICK_IN_FULL = ("models", "direct_torque", "diagrams")
 """Experiments that take seconds with all their seeds. What changes core or world changes some of these, too."""
 TITLE, NOTE = "Two", "Kept.\n\n| a | 1 |"
 KEPT = f"`omni reproduce two`\n\n{NOTE}"

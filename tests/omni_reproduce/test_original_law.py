@@ -10,6 +10,8 @@ import pytest
 from omni_reproduce import original_law
 from omni_reproduce.experiment import Context, read_spec
 
+pytestmark = pytest.mark.nightly  # minutes of a whole robot's ticks
+
 SPEC = read_spec("original_law")
 PAGE = (Path(__file__).resolve().parents[2] / "docs/report/report-map.md").read_text(encoding="utf-8")
 

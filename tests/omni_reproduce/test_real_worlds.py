@@ -79,6 +79,7 @@ def test_logs_without_an_accelerometer_are_refused(tmp_path: Path) -> None:
         real_worlds.real_signals(HEAD, still(50), path, CURVE)
 
 
+@pytest.mark.nightly
 def test_the_whole_comparison_runs_on_other_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMNI_REAL_LOGS", str(write(tmp_path / "data", 0.5)))
     result = real_worlds.run(Context(tmp_path, quick=True))

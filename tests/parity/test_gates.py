@@ -17,6 +17,7 @@ from tests.parity.compare import compare
 from tests.parity.stack_bound import LIBRARY_BYTES, StackBoundError, read_call_graph
 
 
+@pytest.mark.nightly
 def test_fused_multiply_add_is_found_and_located() -> None:
     fused = Build("cortex-m7-fused", "arm-none-eabi-gcc", "-ffp-contract=fast")
     builds, missing = usable([GATE[0], fused])

@@ -309,6 +309,8 @@ def test_a_recording_becomes_a_run(tmp_path: Path, fed: Fed) -> None:
     assert recorder.state()["on"]
     until(lambda: (folder / "telemetry.tlog").stat().st_size > 1000, "nothing was written")
     assert list_runs(tmp_path)[0].end == NOT_ENDED  # what a kill leaves is listed, too
+    recorder.stop()
+    until(lambda: recorder.state()["completed"] == 1, "the figures were not made")
     recorder.close()
     worker.close()
     assert not recorder.state()["on"]

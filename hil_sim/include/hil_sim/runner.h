@@ -106,6 +106,7 @@ typedef struct hil_lockstep_t {
     uint32_t stale_answers;            /**< answers to ticks of earlier runs that had timed out */
     uint8_t input[HIL_LOCKSTEP_INPUT]; /**< bytes not yet taken apart; own */
     uint32_t input_length;
+    int64_t deadline_us;    /**< until which the robot may answer what it was asked; own */
     uint8_t frame_sequence; /**< MAVLink's, of the next frame */
     double pace_factor;     /**< pacing has been anchored for this factor ... */
     int64_t pace_wall_us;   /**< ... at this wall time ... */
@@ -127,11 +128,14 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
                               uint64_t *done);
 
 /**
- * One tick of it without the step, for a world that is somewhere else. Its sensors and bridges are those of
- * `electronics`. Next comes hil_outside_follow(). @param done out: 1; 0 where hil_lockstep_run() returns early.
+ * The first half of a tick for a world that is somewhere else: the robot gets the sensors of `electronics`. While it
+ * computes, the world may do what needs no motors. Next comes hil_lockstep_take(), whatever happens there.
+ * @param asked out: false where hil_lockstep_run() returns early; there is nothing to take then.
  */
-hil_result_t hil_lockstep_exchange(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record,
-                                   uint64_t *done);
+hil_result_t hil_lockstep_ask(hil_lockstep_t *link, hil_world_t *electronics, bool *asked);
+
+/** The second half: the answer drives the chip and bridges of `electronics`. Next comes hil_outside_follow(). */
+hil_result_t hil_lockstep_take(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record);
 
 /**
  * Look after the frames collected since the last time. Append them to `log` as a telemetry log's records. Each has 8

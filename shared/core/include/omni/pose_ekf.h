@@ -31,7 +31,8 @@
  *
  *   0 = sum over the slot of (1 + k) (z - b) T - sum over the wheels of B+_theta,i r dphi_i (1 - s_i) + noise
  *
- * (docs/concepts/derivations/gyro.md).
+ * (docs/concepts/derivations/gyro.md). The noise is at least the counts' rounding. Wheels that skid teach no slip:
+ * while the mean of these innovations is larger than their variance allows, they are left out.
  *
  * A sensor of motion over the floor (omni/flow.h) says how far a point l of the body moved from t0 to t1. Its axes are
  * the body's of mid-way. The wheels predict d and its noise w, which is in the pose, too. With J l = (-ly, lx) and the
@@ -91,6 +92,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t q_theta;   /**< rad^2 per step */
     omni_real_t q_slip;    /**< per step, while the wheel turns and its ratio is known better than p_slip */
     omni_real_t p_slip;    /**< initial variance of a slip ratio, and the most that q_slip lets it grow to */
+    omni_real_t r_count;   /**< variance of what a wheel rolls in a history slot, from rounding to counts: m^2 */
     omni_real_t r_null;    /**< variance of n^T r phi' summed over a history slot, m^2: the counts' resolution,
                                       (r rad_per_count)^2 / 6, and creep. 0: four wheels' null direction is not used */
     omni_real_t r_xy;      /**< variance of a fix, m^2 */
@@ -105,7 +107,6 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t p_scale;   /**< variance of the scale's error then */
     omni_real_t adapt;     /**< how fast innovations move the noise levels, 0..1; 0: they stay as configured */
     bool flow;             /**< there is a sensor of motion over the floor */
-    omni_real_t r_count;   /**< variance of the counts' rounding in a wheel's way, both ends, m^2 */
     omni_real_t flow_gate; /**< NIS above this is refused; 0: no gate */
 } omni_pose_ekf_config_t;
 
@@ -175,6 +176,7 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t slot_turn_s;   /**< time over which it was summed */
     omni_real_t slot_rest;     /**< ticks of the slot at rest, and those in which the gyro gave the turn */
     omni_real_t slot_turns;
+    omni_real_t turn_apart;      /**< what the gyro turned less than the wheels in a slot [rad], mean of about eight */
     omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
     omni_real_t fix_factor;      /**< rho: of a fix's variances; >= 1 */
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */

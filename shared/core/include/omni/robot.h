@@ -66,6 +66,7 @@ typedef struct omni_robot_config_t {
     omni_torque_curve_t torque_curve;
     OMNI_CTL_MODE_CONFIG_MEMBERS /* of the controllers: omni_ismc_config_t ismc; and so on */
         omni_wheel_speed_config_t wheel_speed;
+    omni_body_load_t body_load; /**< what the wheel loops feed forward of the body */
     omni_trajectory_config_t trajectory;
     omni_limits_t limits;
     omni_current_config_t current;

@@ -57,6 +57,7 @@ typedef struct omni_trajectory_config_t {
     omni_real_t voltage_limit_V;
     omni_real_t ff_speed_V_s; /**< motor: V per rad/s, for the voltage limit */
     omni_real_t ff_acceleration_V_s2;
+    omni_body_load_t body_load; /**< what the voltage limit counts of the body */
     omni_real_t lead_in_m_s2;   /**< the lead-in accelerates by no more; 0: as far as speed and voltage allow */
     omni_real_t lead_in_rad_s2; /**< likewise for its turning */
 } omni_trajectory_config_t;

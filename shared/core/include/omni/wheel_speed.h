@@ -8,7 +8,8 @@
  *   duty = V / supply, all wheels scaled by one factor to the limit                [report eq. 30]
  *
  * The first two terms are the motor's equations solved for the voltage [report eq. 24, 25, without L]. V_c makes up
- * for Coulomb friction.
+ * for Coulomb friction. J is the wheel's own inertia. The body is in w_d' if the caller has put it there
+ * (omni_kinematics_add_body).
  */
 #ifndef OMNI_WHEEL_SPEED_H
 #define OMNI_WHEEL_SPEED_H
@@ -34,8 +35,8 @@ void omni_wheel_speed_reset(omni_wheel_speed_state_t *state);
 
 /**
  * One tick. All arrays have OMNI_MAX_WHEELS entries.
- * @param reference [rad/s], @param acceleration [rad/s^2] of the reference, @param measured [rad/s], @param supply_V >
- * 0.
+ * @param reference [rad/s], @param acceleration [rad/s^2] of the reference, body added or not, @param measured
+ * [rad/s], @param supply_V > 0.
  * @param duty out, -limit..limit; @param voltage_V out, duty * supply_V.
  * @return the common factor by which the voltages were cut (1: none). It is 0 with all duties 0 if supply or limit are
  *         0 or less or anything isn't finite. The loops' states then stay as they were.

@@ -8,6 +8,24 @@ enum { BIAS = OMNI_AXES + OMNI_EKF_BIAS, SCALE = OMNI_AXES + OMNI_EKF_SCALE };
 /* Square of the innovation over its variance beyond which wheels or gyro are off by more than the model knows. */
 static const omni_real_t turn_gate = 25.0f;
 
+/* Wheels skid if the mean innovation, over about eight slots, has a square of more than this share of its variance.
+ * White innovations of that variance have 1/15 of it. */
+static const omni_real_t skid_gate = 0.3f;
+static const omni_real_t skid_share = 0.125f;
+
+/* Variance that a slip ratio gathers in a slot while wheels skid: 0.05 in the root of a second. */
+static const omni_real_t skid_noise = 1e-5f;
+
+/* What the turn of a slot says: h has an entry per state after the pose. */
+typedef struct turn_measurement_t {
+    omni_real_t h[OMNI_EKF_COLUMNS];
+    omni_real_t innovation;
+    omni_real_t noise; /* its variance */
+    omni_real_t creep; /* variance that wheels on the floor may add, and for longer than a slot */
+    omni_flag_t rest;
+    omni_flag_t counts;
+} turn_measurement_t;
+
 void omni_pose_ekf_start_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config) {
     for (int i = BIAS; i <= SCALE; ++i) {
         for (int a = 0; a < OMNI_EKF_STATES; ++a) {
@@ -16,6 +34,7 @@ void omni_pose_ekf_start_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_
         }
         state->p[i][i] = i == BIAS ? config->p_bias : config->p_scale;
         state->slip[i - OMNI_AXES] = 0.0f;
+        state->turn_apart = 0.0f;
         for (int slot = 0; slot < OMNI_EKF_HISTORY; ++slot) {
             for (int axis = 0; axis < OMNI_AXES; ++axis) {
                 state->history[slot].gain[axis][i - OMNI_AXES] = 0.0f;
@@ -44,13 +63,29 @@ void omni_pose_ekf_set_gyro(omni_pose_ekf_state_t *state, const omni_ekf_gyro_t 
     }
 }
 
-/* A scalar measurement; h has an entry per state after the pose. It teaches bias and scale only at `rest`: slip that
- * lasts looks like a wrong scale. What the filter does not know of them counts all the same (Schmidt's filter). Nothing
- * changes unless it `counts`. */
-static void correct_by_turn(omni_pose_ekf_state_t *state, const omni_real_t *h, omni_real_t innovation,
-                            omni_real_t noise, omni_flag_t rest, omni_flag_t counts) {
+/* Slip ratios change slowly, and a skid does not: what wheels and gyro are apart then keeps its sign for many slots.
+ * The measurement cannot tell which wheel it is. So it is left out, and the ratios become less sure. */
+static omni_flag_t notice_skid(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                               const turn_measurement_t *turn, omni_real_t variance) {
+    const omni_real_t mean = state->turn_apart + skid_share * (turn->innovation - state->turn_apart);
+    state->turn_apart = omni_select(turn->counts, omni_select(turn->rest, 0.0f, mean), state->turn_apart);
+    const omni_flag_t moves = turn->counts && !turn->rest;
+    const omni_flag_t skids = moves && mean * mean > skid_gate * (variance + turn->creep);
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        omni_real_t *known = &state->p[OMNI_AXES + i][OMNI_AXES + i];
+        *known += omni_select(skids && turn->h[i] != 0.0f && *known < config->p_slip, skid_noise, 0.0f);
+    }
+    return skids;
+}
+
+/* A scalar measurement. It teaches bias and scale only at rest: slip that lasts looks like a wrong scale. What the
+ * filter does not know of them counts all the same (Schmidt's filter). Nothing changes unless it counts. */
+static void correct_by_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                            const turn_measurement_t *turn) {
+    const omni_real_t *h = turn->h;
+    const omni_real_t innovation = turn->innovation;
     omni_real_t ph[OMNI_EKF_STATES];
-    omni_real_t variance = noise;
+    omni_real_t variance = turn->noise;
     for (int a = 0; a < OMNI_EKF_STATES; ++a) {
         ph[a] = 0.0f;
         for (int i = 0; i < OMNI_EKF_COLUMNS; ++i) {
@@ -60,9 +95,11 @@ static void correct_by_turn(omni_pose_ekf_state_t *state, const omni_real_t *h, 
     for (int i = 0; i < OMNI_EKF_COLUMNS; ++i) {
         variance += h[i] * ph[OMNI_AXES + i];
     }
-    const omni_flag_t fits = counts && variance > 0.0f && innovation * innovation <= turn_gate * variance;
+    const omni_flag_t skids = notice_skid(state, config, turn, variance);
+    const omni_flag_t near = variance > 0.0f && innovation * innovation <= turn_gate * variance;
+    const omni_flag_t fits = turn->counts && !skids && near;
     const omni_real_t inverse = omni_select(fits, 1.0f / variance, 0.0f);
-    const omni_real_t of_gyro = omni_select(rest, inverse, 0.0f);
+    const omni_real_t of_gyro = omni_select(turn->rest, inverse, 0.0f);
     omni_real_t delta[OMNI_EKF_STATES];
     for (int a = 0; a < OMNI_EKF_STATES; ++a) {
         const omni_real_t gain = ph[a] * inverse;
@@ -82,22 +119,28 @@ static void correct_by_turn(omni_pose_ekf_state_t *state, const omni_real_t *h, 
 static void measure_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                          uint8_t slips, omni_flag_t rest, omni_flag_t counts) {
     const omni_ekf_slot_t *slot = &state->history[state->newest];
-    omni_real_t h[OMNI_EKF_COLUMNS] = {0};
+    turn_measurement_t turn = {.rest = rest, .counts = counts};
     const omni_real_t scale = 1.0f + state->slip[OMNI_EKF_SCALE];
     const omni_real_t turned = state->slot_turn_rad - state->slip[OMNI_EKF_BIAS] * state->slot_turn_s;
     omni_real_t apart = scale * turned;
+    omni_real_t weight = 0.0f; /* of a wheel's variance [1/m^2] */
     for (uint8_t i = 0; i < slips; ++i) {
         apart -= k->b_pinv[2][i] * state->wheel_m[i] * (1.0f - state->slip[i]);
+        weight += k->b_pinv[2][i] * k->b_pinv[2][i];
     }
     for (uint8_t i = 0; i < slips; ++i) {
-        h[i] = omni_select(rest, 0.0f, k->b_pinv[2][i] * (state->wheel_m[i] + k->b[i][2] * apart));
+        turn.h[i] = omni_select(rest, 0.0f, k->b_pinv[2][i] * (state->wheel_m[i] + k->b[i][2] * apart));
     }
-    h[OMNI_EKF_BIAS] = -scale * state->slot_turn_s;
-    h[OMNI_EKF_SCALE] = omni_select(rest, 0.0f, turned);
+    turn.h[OMNI_EKF_BIAS] = -scale * state->slot_turn_s;
+    turn.h[OMNI_EKF_SCALE] = omni_select(rest, 0.0f, turned);
+    turn.innovation = -apart;
+    turn.creep = weight * config->r_null;
     const omni_real_t of_gyro =
         config->q_turn / state->noise_factor; /* lambda, which is in the steps, is the wheels' */
     const omni_real_t noise = (of_gyro + omni_select(rest, 0.0f, config->q_theta)) * slot->steps;
-    correct_by_turn(state, h, -apart, noise, rest, counts);
+    const omni_real_t least = omni_select(rest, 0.0f, weight * config->r_count);
+    turn.noise = omni_select(noise > least, noise, least);
+    correct_by_turn(state, config, &turn);
 }
 
 void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, omni_real_t turned_rad,

@@ -38,6 +38,15 @@ OMNI_KINEMATICS_INLINE void omni_kinematics_forward(const omni_kinematics_t *k, 
     *body = sum;
 }
 
+OMNI_KINEMATICS_INLINE void omni_kinematics_add_body(const omni_kinematics_t *k, const omni_body_load_t *load,
+                                                     const omni_twist_t *felt, omni_real_t *wheel_rad_s2) {
+    const omni_twist_t push = {load->mass_m2 * felt->vx, load->mass_m2 * felt->vy, load->inertia * felt->wz};
+    for (int i = 0; i < k->wheels; i++) {
+        const omni_real_t force = k->b_pinv[0][i] * push.vx + k->b_pinv[1][i] * push.vy + k->b_pinv[2][i] * push.wz;
+        wheel_rad_s2[i] += k->radius_m[i] * force;
+    }
+}
+
 OMNI_KINEMATICS_INLINE omni_rotation_t omni_rotation(omni_real_t theta) {
     omni_rotation_t r;
     omni_sincosf(theta, &r.sine, &r.cosine);

@@ -91,7 +91,6 @@ static omni_real_t flow_square(omni_real_t value) {
 static void set_flow(omni_robot_config_t *c, const omni_real_t *v) {
     omni_flow_config_t *f = &c->flow;
     const uint8_t mode = (uint8_t)v[OMNI_PARAM_FLOW_MODE];
-    const omni_real_t count_m = c->kinematics.radius_m[0] * c->rad_per_count;
     f->axes = mode == OMNI_FLOW_MODE_OFF ? 0 : (mode == OMNI_FLOW_MODE_XY ? 2 : 3);
     f->arm_m[0] = v[OMNI_PARAM_FLOW_X];
     f->arm_m[1] = v[OMNI_PARAM_FLOW_Y];
@@ -102,7 +101,6 @@ static void set_flow(omni_robot_config_t *c, const omni_real_t *v) {
     f->r_turn = flow_square(v[OMNI_PARAM_FLOW_T_SD]);
     f->delay_us = (uint32_t)(v[OMNI_PARAM_FLOW_DELAY] * 1e6f + 0.5f);
     c->pose_ekf.flow = f->axes != 0;
-    c->pose_ekf.r_count = flow_square(count_m) / 6.0f; /* both ends are rounded to a count: 2 / 12 */
     c->pose_ekf.flow_gate = v[OMNI_PARAM_FLOW_GATE];
 }
 
@@ -125,7 +123,8 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     e->r_theta = v[OMNI_PARAM_EKF_R_TH] * v[OMNI_PARAM_EKF_R_TH];
     const omni_real_t count_m = c->kinematics.radius_m[0] * c->rad_per_count;
     /* Both ends of the slot are rounded to a count: 2 / 12. */
-    e->r_null = count_m * count_m / 6.0f + NULL_CREEP_m2_s * (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
+    e->r_count = count_m * count_m / 6.0f;
+    e->r_null = e->r_count + NULL_CREEP_m2_s * (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
     e->gate = v[OMNI_PARAM_EKF_GATE];
     e->adapt = v[OMNI_PARAM_EKF_ADAPT];
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
@@ -164,6 +163,14 @@ static void set_opposed(omni_wheel_speed_config_t *w, const omni_kinematics_t *k
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         w->opposed[i] *= per_length;
     }
+}
+
+/* The body in units of the wheel's own inertia: so one acceleration stands for both, see omni_kinematics_add_body. */
+static void set_body_load(omni_robot_config_t *c, const omni_real_t *v) {
+    const omni_real_t share = v[OMNI_PARAM_WS_FF_BODY];
+    c->body_load.used = share > 0.0f;
+    c->body_load.mass_m2 = share * v[OMNI_PARAM_MASS] / v[OMNI_PARAM_MOT_J];
+    c->body_load.inertia = share * v[OMNI_PARAM_INERTIA] / v[OMNI_PARAM_MOT_J];
 }
 
 static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
@@ -232,6 +239,7 @@ static void set_trajectory(omni_robot_config_t *c, const omni_real_t *v) {
     t->voltage_limit_V = v[OMNI_PARAM_BAT_V_NOM] * v[OMNI_PARAM_LIM_DUTY];
     t->ff_speed_V_s = omni_motor_speed_gain(&c->motor);
     t->ff_acceleration_V_s2 = omni_motor_acceleration_gain(&c->motor);
+    t->body_load = c->body_load;
     t->lead_in_m_s2 = v[OMNI_PARAM_LIM_A];
     t->lead_in_rad_s2 = v[OMNI_PARAM_LIM_A] / v[OMNI_PARAM_WHEEL_DIST];
 }
@@ -263,6 +271,7 @@ omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *
     set_pose_ekf(config, values);
     set_gyro(config, values);
     set_flow(config, values);
+    set_body_load(config, values);
     set_wheel_speed(config, values);
     set_limits(config, values);
     set_current(config, values);

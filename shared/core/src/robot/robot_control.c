@@ -19,6 +19,18 @@ static void step_controller(omni_control_state_t *control, const omni_robot_conf
     }
 }
 
+/* What the body asks of the wheels on top: R xi''. The change of the body's rate is R xi'' + R' xi', so the turning is
+ * taken out of it. Only a path without a controller gives R xi'' as it is. */
+static void feed_body(const omni_robot_config_t *c, const omni_target_t *target, omni_twist_t felt,
+                      const omni_twist_t *rate, omni_real_t *acceleration) {
+    const bool velocity = target->kind == OMNI_SETPOINT_VELOCITY_BODY || target->kind == OMNI_SETPOINT_VELOCITY_WORLD;
+    if (target->position_loop || velocity) {
+        felt.vx -= rate->wz * rate->vy;
+        felt.vy += rate->wz * rate->vx;
+    }
+    omni_kinematics_add_body(&c->kinematics, &c->body_load, &felt, acceleration);
+}
+
 /* Wheel acceleration of the reference, from its exact second derivative: phi'' = B (R xi'' + R' xi') / r. */
 static void feed_acceleration(const omni_robot_config_t *c, const omni_target_t *target, omni_real_t *acceleration) {
     const omni_reference_t *reference = &target->reference;
@@ -30,6 +42,9 @@ static void feed_acceleration(const omni_robot_config_t *c, const omni_target_t 
         body.vy -= rate.wz * rate.vx;
     }
     omni_kinematics_inverse(&c->kinematics, &body, NULL, acceleration);
+    if (c->body_load.used) {
+        feed_body(c, target, body, &rate, acceleration);
+    }
 }
 
 /* Slip ratio s: the contact moves r phi' (1 - s), so phi' = v / (r (1 - s)); eq. 20 and 41 with v_s = s r phi'. Only

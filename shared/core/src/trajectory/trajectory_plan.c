@@ -41,16 +41,21 @@ static omni_real_t voltage_scale(omni_real_t speed_V, omni_real_t acceleration_V
     return 2.0f * -a / (b + omni_sqrtf(b * b - 4.0f * a * limit));
 }
 
-/* World rate and acceleration at heading theta, as wheel speeds and accelerations. */
-static void to_wheels(const omni_kinematics_t *k, omni_real_t theta, const omni_twist_t *rate,
-                      const omni_twist_t *acceleration, omni_real_t *wheel, omni_real_t *wheel_change) {
+/* World rate and acceleration at heading theta, as wheel speeds and accelerations, the body's load added. */
+static void to_wheels(const omni_kinematics_t *k, const omni_body_load_t *load, omni_real_t theta,
+                      const omni_twist_t *rate, const omni_twist_t *acceleration, omni_real_t *wheel,
+                      omni_real_t *wheel_change) {
     const omni_twist_t body = omni_twist_to_body(rate, theta);
-    omni_twist_t change = omni_twist_to_body(acceleration, theta);
+    const omni_twist_t felt = omni_twist_to_body(acceleration, theta);
+    omni_twist_t change = felt;
     /* (R xi')' = R xi'' + R' xi' */
     change.vx += body.wz * body.vy;
     change.vy -= body.wz * body.vx;
     omni_kinematics_inverse(k, &body, NULL, wheel);
     omni_kinematics_inverse(k, &change, NULL, wheel_change);
+    if (load->used) {
+        omni_kinematics_add_body(k, load, &felt, wheel_change);
+    }
 }
 
 static omni_real_t larger_of(omni_real_t a, omni_real_t b) {
@@ -61,7 +66,7 @@ static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, cons
                        omni_real_t theta, const omni_twist_t *rate, const omni_twist_t *acceleration) {
     omni_real_t wheel[OMNI_MAX_WHEELS] = {0};
     omni_real_t change[OMNI_MAX_WHEELS] = {0};
-    to_wheels(k, theta, rate, acceleration, wheel, change);
+    to_wheels(k, &c->body_load, theta, rate, acceleration, wheel, change);
     for (uint8_t i = 0; i < k->wheels; ++i) {
         const omni_real_t speed_V = c->ff_speed_V_s * wheel[i];
         const omni_real_t change_V = c->ff_acceleration_V_s2 * change[i];
@@ -237,6 +242,8 @@ static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
                                c->rotation_cycles,
                                c->voltage_limit_V,
                                c->ff_acceleration_V_s2,
+                               c->body_load.mass_m2,
+                               c->body_load.inertia,
                                c->lead_in_m_s2,
                                c->lead_in_rad_s2};
     for (size_t i = 0; i < sizeof all / sizeof all[0]; ++i) {
@@ -251,7 +258,7 @@ static omni_result_t check_numbers(const omni_trajectory_config_t *c) {
                       (omni_path_rows[c->type]->accepts == NULL || omni_path_rows[c->type]->accepts(c));
     const bool limits = c->margin > 0.0f && c->margin <= 1.0f && is_within(c->ramp_s, 0.0f, 3600.0f) &&
                         c->wheel_limit_rad_s > 0.0f && c->voltage_limit_V > 0.0f && c->ff_speed_V_s >= 0.0f &&
-                        c->ff_acceleration_V_s2 >= 0.0f;
+                        c->ff_acceleration_V_s2 >= 0.0f && c->body_load.mass_m2 >= 0.0f && c->body_load.inertia >= 0.0f;
     return path && limits ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
