@@ -168,6 +168,7 @@ def test_the_ellipse_is_drawn_askew_to_the_right_side(
         assert page.evaluate(TURNED, correlation) == where
 
 
+@pytest.mark.nightly
 def test_a_robot_that_drives_blind_has_a_tilted_ellipse(page: Page, simulated: Program) -> None:
     """Without fixes its heading gets unsure, and so its place across the way: along (1, 1) the ellipse tilts."""
     x, y, _ = page.evaluate("studio.state.robot.pose")
