@@ -78,9 +78,10 @@ class RadioLink:
         self._world.drop_received()
         self._world.forget_samples()
         now_s = self.clock_s()
+        # First what the ticks sent: the answer to what is written now may come at once, or after the next tick.
+        self.radio.down.put(self._base.read(0.0), now_s)
         if data := self.radio.up.take(now_s):
             self._base.write(data)
-        self.radio.down.put(self._base.read(0.0), now_s)
 
     def write(self, data: bytes) -> None:
         """Send towards the robot."""

@@ -47,6 +47,7 @@ def test_the_original_law_in_double_asks_for_the_same_voltages() -> None:
     assert np.ptp(ours) > 20.0
 
 
+@pytest.mark.nightly
 def test_the_cortex_m7_counts_and_computes_the_same() -> None:
     need_emulator()
     here = run(build.build("law", original_law.sources()), "core_law", "20")

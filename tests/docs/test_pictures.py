@@ -11,13 +11,13 @@ import pytest
 from tests.docs import pictures
 
 DOCS = pictures.IMAGES.parent
-SLOW = {"montecarlo.png"}
+NIGHTLY = {"montecarlo.png"}
 OF_THE_PAGE = {"studio.png"}
 """Taken in a browser; tests/studio/test_picture.py says when it is old."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in pictures.PICTURES]
+    "name", [pytest.param(name, marks=[pytest.mark.nightly] * (name in NIGHTLY)) for name in pictures.PICTURES]
 )
 def test_a_picture_shows_what_its_command_does_today(name: str, tmp_path: Path) -> None:
     """After a change: ``python -m tests.docs.pictures --write``."""

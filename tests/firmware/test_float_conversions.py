@@ -17,6 +17,7 @@ from omniwheel.robots import parameter_table
 from tests.firmware.client import mav
 from tests.firmware.fake_robot import ARM, DISARM, HEARTBEAT, USB, FakeRobot, command, frame, library
 
+pytestmark = pytest.mark.own_build
 HUGE = (0.0, 1e-45, 1e-30, -1e-9, 0.5, -1.5, 255.0, 1e6, 4e9, -4e9, 1e10, 1e19, -1e19, 1e30, -3e38, 3.4e38)
 START = mav.MAV_CMD_OMNI_TRAJECTORY_START
 KINDS = range(8)

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 
 import numpy as np
 
 from tests.hil_sim.motor_drive import Drive, load_scenario
 from tests.hil_sim.rollers_page import PAGE
-from tests.parity.budget_page import replace_block
+from tests.page_tables import main
 
 SCENARIOS = ("demo", "four_wheel", "fast")
 TICKS = 600
@@ -41,18 +40,10 @@ def table() -> list[str]:
     return lines
 
 
-def main() -> int:
-    """Print the page's table, or write it into the page."""
-    what = (__doc__ or "").split(":")[0]
-    parser = argparse.ArgumentParser(prog="python -m tests.hil_sim.current_page", description=what)
-    parser.add_argument("--write", action="store_true", help="write the table into the page")
-    lines = table()
-    if parser.parse_args().write:
-        PAGE.write_text(replace_block(PAGE.read_text(), "current-estimate", lines))
-    else:
-        sys.stdout.write("\n".join(lines) + "\n")
-    return 0
+def tables() -> dict[str, list[str]]:
+    """Return the table with the name of its place in the page."""
+    return {"current-estimate": table()}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main("tests.hil_sim.current_page", __doc__, PAGE, tables))

@@ -8,7 +8,6 @@ docs/concepts/derivations/feed_forward.md.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import astuple, dataclass, replace
 from functools import cache
@@ -20,13 +19,11 @@ from numpy.typing import NDArray
 from hil_sim.metrics import effort, on_path, pose_error, rmse
 from hil_sim.runs import Run, run_in_process
 from hil_sim.scenario import Event, Scenario, load_scenario
-from tests.parity.budget_page import replace_block
+from tests.host.preset_page import SECONDS, WITHOUT_FIXES
+from tests.page_tables import main, with_tables
 
 PAGE = Path(__file__).parents[2] / "docs" / "concepts" / "derivations" / "feed_forward.md"
 ROBOTS = {"three_wheel": "demo", "fast_three_wheel": "fast", "four_wheel": "demo"}
-WITHOUT_SLIP = {"demo": "no_slip", "fast": "fast_no_slip"}
-"""For starts and stops: fixes make what is asked of the wheels jump, and that is not what is looked at there."""
-SECONDS = {"demo": 40.0, "fast": 20.0}
 SEEDS = range(1, 5)
 WEAKER = 0.25
 LEG_S = 1.5
@@ -60,7 +57,8 @@ def wheel_error(samples: NDArray[np.void], wheels: int) -> float:
 
 def ramps(robot: str) -> Scenario:
     """Return the scenario of starts and stops: there, back, sideways, a turn, and rest."""
-    scenario = load_scenario(WITHOUT_SLIP[ROBOTS[robot]], robot)
+    # Fixes make what is asked of the wheels jump, and that is not what is looked at here.
+    scenario = load_scenario(WITHOUT_FIXES[ROBOTS[robot]], robot)
     values = scenario.parameter_values()
     reach = 0.8 * values["LIM_WHEEL"] * values["WHEEL_RADIUS"]
     speed = SPEED_SHARE * min(values["LIM_V"], reach)
@@ -123,22 +121,15 @@ def table() -> list[str]:
     return lines
 
 
+def tables() -> dict[str, list[str]]:
+    """Return the table with the name of its place in the page."""
+    return {"feed-forward": table()}
+
+
 def written() -> str:
     """Return the page with the table of fresh runs."""
-    return replace_block(PAGE.read_text(encoding="utf-8"), "feed-forward", table())
-
-
-def main() -> int:
-    """Print the page's table, or write it into the page."""
-    what = (__doc__ or "").split(":")[0]
-    parser = argparse.ArgumentParser(prog="python -m tests.hil_sim.feed_forward_page", description=what)
-    parser.add_argument("--write", action="store_true", help="write the table into the page")
-    if parser.parse_args().write:
-        PAGE.write_text(written(), encoding="utf-8")
-    else:
-        sys.stdout.write("\n".join(table()) + "\n")
-    return 0
+    return with_tables(PAGE, tables())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main("tests.hil_sim.feed_forward_page", __doc__, PAGE, tables))

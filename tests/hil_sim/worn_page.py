@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +12,7 @@ from hil_sim.patches import FloorPatch
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from tests.hil_sim.rollers_page import PAGE
-from tests.parity.budget_page import replace_block
+from tests.page_tables import main
 
 SEEDS = (1, 2, 3)
 SCENARIOS = ("demo", "no_slip", "fast", "fast_no_slip")
@@ -63,18 +62,10 @@ def table(seeds: Sequence[int] = SEEDS) -> list[str]:
     return lines
 
 
-def main() -> int:
-    """Print the page's table, or write it into the page."""
-    what = (__doc__ or "").split(":")[0]
-    parser = argparse.ArgumentParser(prog="python -m tests.hil_sim.worn_page", description=what)
-    parser.add_argument("--write", action="store_true", help="write the table into the page")
-    lines = table()
-    if parser.parse_args().write:
-        PAGE.write_text(replace_block(PAGE.read_text(), "worn-wheels", lines))
-    else:
-        sys.stdout.write("\n".join(lines) + "\n")
-    return 0
+def tables() -> dict[str, list[str]]:
+    """Return the table with the name of its place in the page."""
+    return {"worn-wheels": table()}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main("tests.hil_sim.worn_page", __doc__, PAGE, tables))

@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from hil_sim.scenario import load_scenario
 from hil_sim.world import IDEAL_WHEELS
 from omniwheel.presets import preset_names, read_preset
 from omniwheel.robots import parameter_table
-from tests.parity.budget_page import replace_block
+from tests.page_tables import main, with_tables
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "tuning.md"
 PRESETS = (
@@ -94,26 +93,16 @@ def effort_table() -> list[str]:
     return lines
 
 
+def tables() -> dict[str, list[str]]:
+    """Return the page's tables, of fresh runs."""
+    assert sorted(PRESETS) == [name for name in preset_names() if not name.startswith("radio_")]
+    return {"presets": table(fixes=True), "presets-effort": effort_table(), "presets-no-fixes": table(fixes=False)}
+
+
 def written() -> str:
     """Return the page with the tables of fresh runs."""
-    assert sorted(PRESETS) == [name for name in preset_names() if not name.startswith("radio_")]
-    text = replace_block(PAGE.read_text(encoding="utf-8"), "presets", table(fixes=True))
-    text = replace_block(text, "presets-effort", effort_table())
-    return replace_block(text, "presets-no-fixes", table(fixes=False))
-
-
-def main() -> int:
-    """Print the page's tables, or write them into the page."""
-    what = (__doc__ or "").split(":")[0]
-    parser = argparse.ArgumentParser(prog="python -m tests.host.preset_page", description=what)
-    parser.add_argument("--write", action="store_true", help="write the tables into the page")
-    if parser.parse_args().write:
-        PAGE.write_text(written(), encoding="utf-8")
-    else:
-        tables = (table(fixes=True), effort_table(), table(fixes=False))
-        sys.stdout.write("\n\n".join("\n".join(lines) for lines in tables) + "\n")
-    return 0
+    return with_tables(PAGE, tables())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main("tests.host.preset_page", __doc__, PAGE, tables))

@@ -66,6 +66,7 @@ def test_the_sliding_mode_gains_are_those_of_table_2() -> None:
     assert [gains["ISMC_LAM_XY"], gains["ISMC_LAM_XY"], gains["ISMC_LAM_TH"]] == fit["lambda_"]
 
 
+@pytest.mark.nightly
 def test_the_tables_of_presets_have_the_figures_of_today() -> None:
     assert preset_page.written() == preset_page.PAGE.read_text(encoding="utf-8"), (
         "python -m tests.host.preset_page --write"

@@ -65,6 +65,7 @@ def test_tune_keeps_what_it_is_told_to_keep(patient: str, tmp_path: Path) -> Non
     assert parameter(patient, "WS_P") == 5.0
 
 
+@pytest.mark.nightly
 def test_tune_tries_several_in_rounds_and_judges_each(patient: str, tmp_path: Path) -> None:
     before = parameter(patient, "ISMC_LAM_XY")
     words = ("--set", "ISMC_LAM_XY=4", "--candidate", f"ISMC_LAM_XY={before:g} WS_P=4", "--rounds", 3)

@@ -44,6 +44,11 @@ def proxy(image: Path, tmp_path: Path) -> Iterator[MavProxy]:
             process.wait(PATIENCE_S)
 
 
+def connect(url: str) -> Robot:
+    """Connect to a robot that a busy machine emulates slowly."""
+    return omniwheel.connect(url, timeout_s=PATIENCE_S)
+
+
 def connect_when_back(url: str) -> Robot:
     """Connect to a board that may be restarting."""
     end = time.monotonic() + PATIENCE_S
@@ -75,9 +80,9 @@ def test_pymavlink_talks_to_both_links_at_once(image: Path) -> None:
 def test_each_client_is_a_session_of_its_own(image: Path) -> None:
     with ImageFirmware(image, scenario="stand") as firmware:
         for number in range(3):
-            with omniwheel.connect(firmware.urls[0]) as robot:
+            with connect(firmware.urls[0]) as robot:
                 assert robot.version is not None, number
-        with omniwheel.connect(firmware.urls[0]) as robot:
+        with connect(firmware.urls[0]) as robot:
             robot.arm()
             robot.disarm()
 
@@ -88,7 +93,7 @@ def test_a_terminal_is_a_serial_port_with_a_name_of_ones_choice(image: Path, tmp
         assert name.is_symlink()
         assert firmware.urls == (str(name),)
         for _ in range(2):
-            with omniwheel.connect(str(name)) as robot:
+            with connect(str(name)) as robot:
                 assert robot.parameters["CTL_PERIOD"] >= 1
     assert not name.exists()
 
@@ -97,17 +102,17 @@ def test_saved_parameters_outlive_the_power(image: Path, tmp_path: Path) -> None
     storage = tmp_path / "memory"
     with (
         ImageFirmware(image, storage=storage, scenario="stand") as firmware,
-        omniwheel.connect(firmware.urls[0]) as robot,
+        connect(firmware.urls[0]) as robot,
     ):
         robot.parameters.set_many({"ISMC_LAM_XY": 7.5})
         robot.store()
     assert storage.stat().st_size == 60 * 1024
     with (
         ImageFirmware(image, storage=storage, scenario="stand") as firmware,
-        omniwheel.connect(firmware.urls[0]) as robot,
+        connect(firmware.urls[0]) as robot,
     ):
         assert robot.parameters["ISMC_LAM_XY"] == 7.5
-    with ImageFirmware(image, scenario="stand") as firmware, omniwheel.connect(firmware.urls[0]) as robot:
+    with ImageFirmware(image, scenario="stand") as firmware, connect(firmware.urls[0]) as robot:
         assert robot.parameters["ISMC_LAM_XY"] != 7.5
 
 
@@ -118,7 +123,7 @@ def listen_until_it_hangs_up(robot: Robot) -> None:
 
 def test_a_board_that_restarts_hangs_up_and_comes_back(image: Path) -> None:
     with ImageFirmware(image, scenario="stand") as firmware:
-        with omniwheel.connect(firmware.urls[0]) as robot:
+        with connect(firmware.urls[0]) as robot:
             robot.reboot()
             with pytest.raises(LinkError):
                 listen_until_it_hangs_up(robot)

@@ -32,7 +32,7 @@ def agree(core: Core, ticks: int) -> tuple[bool, str]:
     return good, console.export_text()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_tick_inside_the_image_gives_the_same_bits(image: Path) -> None:
     good, words = agree(FlashedCore(image), TICKS)
     assert good, f"{words}\nIs {image} of these sources? make firmware"

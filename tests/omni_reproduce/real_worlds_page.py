@@ -6,7 +6,6 @@ The figures are those of the kept results; ``--write`` puts the table into the p
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from omni_reproduce.real_measured import ACCELEROMETER, HEADED, IDEAL, LIFTED, M
 from omni_reproduce.registry import select
 from tests.omni_reproduce.kept_page import PAGE as RESULTS
 from tests.omni_reproduce.kept_page import sections
-from tests.parity.budget_page import replace_block
+from tests.page_tables import main, with_tables
 
 PAGE = Path(__file__).parents[2] / "docs" / "report" / "reproduce.md"
 BAND = f"{ACCELEROMETER}, at order 18"
@@ -36,29 +35,21 @@ def kept() -> dict[tuple[str, str], tuple[str, str, str]]:
     return found
 
 
-def written() -> str:
-    """Return the page with the table of the kept results."""
+def tables() -> dict[str, list[str]]:
+    """Return the page's table, of the kept results."""
     figures, settings = kept(), (LIFTED, IDEAL, OURS, MUJOCO)
     table = ["| | logs | wheels in the air | ideal wheels | our world | MuJoCo |", "|---|---:|---:|---:|---:|---:|"]
     for quantity in QUANTITIES:
         unit, logs, _ = figures[OURS, quantity]
         cells = [figures[setting, quantity][2] if (setting, quantity) in figures else "" for setting in settings]
         table.append(f"| {quantity.replace('^2', '²')} [{unit.replace('^2', '²')}] | {logs} | {' | '.join(cells)} |")
-    return replace_block(PAGE.read_text(encoding="utf-8"), "real-worlds", table)
+    return {"real-worlds": table}
 
 
-def main() -> int:
-    """Print the page's table, or write it into the page."""
-    what = (__doc__ or "").split(":")[0]
-    parser = argparse.ArgumentParser(prog="python -m tests.omni_reproduce.real_worlds_page", description=what)
-    parser.add_argument("--write", action="store_true", help="write the table into the page")
-    text = written()
-    if parser.parse_args().write:
-        PAGE.write_text(text, encoding="utf-8")
-    else:
-        sys.stdout.write("\n".join(line for line in text.split("\n") if line.startswith("|")) + "\n")
-    return 0
+def written() -> str:
+    """Return the page with the table of the kept results."""
+    return with_tables(PAGE, tables())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main("tests.omni_reproduce.real_worlds_page", __doc__, PAGE, tables))

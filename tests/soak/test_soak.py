@@ -59,7 +59,7 @@ def planted(tmp_path: Path, source: str, old: str, new: str) -> Path:
     return program
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_day_of_wraps_shows_nothing(folder: Path) -> None:
     done = jumps(folder / "soak", folder)
     assert done.returncode == 0, done.stdout
@@ -83,10 +83,8 @@ PLANTED = {
 }
 
 
-BUGS = [pytest.param(bug, marks=pytest.mark.nightly if i else pytest.mark.slow) for i, bug in enumerate(PLANTED)]
-
-
-@pytest.mark.parametrize("bug", BUGS)
+@pytest.mark.nightly
+@pytest.mark.parametrize("bug", PLANTED)
 def test_a_timer_that_does_not_survive_a_wrap_is_found(folder: Path, tmp_path: Path, bug: str) -> None:
     done = jumps(planted(tmp_path, *PLANTED[bug]), folder)
     assert done.returncode != 0

@@ -28,6 +28,7 @@ def browser() -> Iterator[Browser]:
 def shared_studio(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     """A studio with a simulated robot, for tests that leave it disarmed."""
     with studio("sitl", "--out", str(tmp_path_factory.mktemp("shared") / "runs")) as program:
+        program.hear_robot()
         yield program
 
 
@@ -35,6 +36,7 @@ def shared_studio(browser: Browser, tmp_path_factory: pytest.TempPathFactory) ->
 def simulated() -> Iterator[Program]:
     """A studio with a simulated robot, for the tests of one file."""
     with studio("sitl") as program:
+        program.hear_robot()
         yield program
 
 

@@ -42,6 +42,13 @@ class Program:
         with urlopen(f"{self.url}state.json") as answer:
             return json.load(answer)
 
+    def hear_robot(self) -> None:
+        """Wait until the robot has been heard: the studio is ready before."""
+        end_s = time.monotonic() + WAIT_MS / 1000
+        while self.state()["robot"] is None:
+            assert time.monotonic() < end_s, "no robot is heard"
+            time.sleep(0.05)
+
     def end(self) -> str:
         """End it as Ctrl-C does; return what it said to standard error."""
         self.process.terminate()

@@ -32,6 +32,7 @@ LONG = "position-sweep"
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     with studio("sitl", "--out", str(tmp_path_factory.mktemp("runs"))) as program:
+        program.hear_robot()
         yield program
 
 

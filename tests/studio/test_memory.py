@@ -28,6 +28,7 @@ HOURS = 1.0
 LARGEST_GROWTH_BYTES = 32 * 1024
 
 
+@pytest.mark.nightly
 def test_hours_of_telemetry_leave_the_server_as_large_as_it_was(tmp_path: Path) -> None:
     now_s = 0.0
     studio, session = Studio(tmp_path), Session("a line")

@@ -114,6 +114,7 @@ def test_signals_with_as_many_samples_at_other_times_keep_their_times(page: Page
     assert second == [11, None, 31, 41]
 
 
+@pytest.mark.nightly
 def test_a_robot_with_a_younger_clock_is_drawn_at_once(open_page: Opener) -> None:
     with studio("sitl") as program:
         page = open_page(program.url)

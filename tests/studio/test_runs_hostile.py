@@ -33,6 +33,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def program(root: Path) -> Iterator[Program]:
     with studio("sitl", "--out", str(root)) as found:
+        found.hear_robot()
         yield found
 
 

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+/// What comes over the links: bytes, frames and the original robot's lines.
+#include "app/app.h"
+#include "app/text.h"
+
+namespace omni {
+
+void App::greet(size_t link) {
+    parameters_.stop_list(link);
+    burst_log_.forget(link);
+    telemetry_.set_rates(link, parameters_.values());
+    telemetry_.restart(link);
+    say_restart(link);
+    say_latch(link);
+    status_texts_.greet(link);
+}
+
+bool App::handing_over() const {
+    return owner_.load(std::memory_order_acquire) == Owner::handing_over;
+}
+
+/// Takes bytes, not frames.
+void App::receive(size_t link) {
+    if (!handing_over()) { // what comes next may be meant for host-in-the-loop: it waits a tick
+        links_[link].receive(board_.clock->stopwatch_ns());
+    }
+}
+
+void App::take_frames(size_t link) {
+    Link &channel = links_[link];
+    if (handing_over()) {
+        return;
+    }
+    watch_hil_peer();
+    if (channel.connected_anew()) {
+        greet(link);
+        serve();
+    }
+    const auto own = static_cast<uint8_t>(parameters_.values()[OMNI_PARAM_SYS_ID]);
+    Frame frame;
+    legacy_line_.set_on(parameters_.values()[OMNI_PARAM_LINK2_LEGACY] != 0.0f && !signing_.required());
+    while (!handing_over() && channel.next(&frame)) {
+        const bool for_us = frame.target_system == 0 || frame.target_system == own;
+        const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
+        // An echo. A station or a companion computer of the same number is another component: whoever chose that must
+        // still be heard.
+        const bool by_us = frame.system == own && frame.component == MAV_COMP_ID_AUTOPILOT1;
+        if (for_us && for_component && !by_us && channel.admits(frame)) {
+            texts_.set_asker(link);
+            dispatch(frame, {link, frame.system, frame.component});
+            texts_.set_asker(Texts::nobody);
+            if (robot_.hil() && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
+                serve(); // what is sent must depend on the frames, not on how often background() is called
+            }
+        }
+    }
+    take_legacy_line(link);
+}
+
+/// The original robot's host sends nothing but lines: each is a sign of life too. None arms.
+void App::take_legacy_line(size_t link) {
+    LegacySetpoint setpoint;
+    if (link == line_link_ && legacy_line_.take(&setpoint)) {
+        heartbeats_.heard(link);
+        setpoints_.on_legacy_line(setpoint); // its refusal goes to all links: who sends lines reads no MAVLink
+        if (!setpoints_.refused()) {
+            heartbeats_.commanded(link);
+        }
+    }
+}
+
+/// The bytes of the world's link are read first and its frames taken last. What another link was sent before a tick's
+/// sensors acts in that tick. So a stop does.
+void App::receive_all() {
+    const size_t world = robot_.hil() ? hil_link_ : no_link;
+    if (world != no_link) {
+        receive(world);
+    }
+    for (size_t i = 0; i < board_.port_count; ++i) {
+        if (i != world) {
+            receive(i);
+            take_frames(i);
+        }
+    }
+    if (world != no_link) {
+        take_frames(world);
+    }
+}
+
+} // namespace omni
