@@ -31,7 +31,8 @@ App::App(const Board &board, bool lockstep)
       trajectories_(texts_, robot_, control_, parameters_), excitations_(texts_, robot_, control_, parameters_),
       setpoints_(texts_, clock_, robot_, control_, parameters_),
       pose_fixes_(texts_, clock_, robot_, control_, parameters_),
-      status_texts_(links_, texts_, clock_, robot_, heartbeats_, button_, parameters_, board_.gyro_chip),
+      status_texts_(links_, texts_, clock_, robot_, heartbeats_, button_, parameters_, board_.gyro_chip,
+                    board_.flow_chip),
       scan_(links_, texts_, clock_, robot_, control_, *this),
       burst_log_(board_, links_, texts_, robot_, control_, parameters_),
       arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
@@ -67,6 +68,9 @@ void App::parameters_changed() {
     heartbeats_.stations.set_timeout(static_cast<uint64_t>(values[OMNI_PARAM_SAFE_LINK_TO] * 1e6f));
     if (board_.gyro_chip != nullptr) {
         tell_gyro(static_cast<int8_t>(values[OMNI_PARAM_GYRO_AXIS]));
+    }
+    if (board_.flow_chip != nullptr) {
+        tell_flow(values[OMNI_PARAM_FLOW_MODE] > 0.0f);
     }
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].set_system(static_cast<uint8_t>(values[OMNI_PARAM_SYS_ID]));
@@ -116,6 +120,9 @@ void App::tick() {
     sensors.from_board(board_);
     if (board_.gyro_chip != nullptr) {
         read_gyro(&sensors);
+    }
+    if (board_.flow_chip != nullptr) {
+        read_flow(&sensors);
     }
     board_.encoders->errors(sensors.encoder_errors);
     watch_overrun(&sensors);

@@ -56,10 +56,14 @@ private:
     uint8_t switch_hil(bool enable, size_t link) override;
     bool hil_silent() const override { return robot_.hil() && !hil_.heard(); }
 
-    // Functions of their own: what looks at the image's calls knows by them which may lead to a gyro's chip.
+    // Functions of their own: what looks at the image's calls knows by them which may lead to a chip.
     [[gnu::noinline]] void tell_gyro(int8_t axis) { board_.gyro_chip->use_axis(axis); }
     [[gnu::noinline]] void read_gyro(TickSensors *sensors) {
         sensors->gyro_valid = board_.gyro_chip->read(sensors->time_us, sensors->gyro_rad_s);
+    }
+    [[gnu::noinline]] void tell_flow(bool wanted) { board_.flow_chip->use(wanted); }
+    [[gnu::noinline]] void read_flow(TickSensors *sensors) {
+        sensors->flow_valid = board_.flow_chip->read(sensors->time_us, sensors->flow_moved);
     }
     void watch_overrun(TickSensors *sensors);
     void update_owner();

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "app/flow_chip.h"
 #include "app/gyro_chip.h"
 #include "omni/types.h"
 
@@ -47,7 +48,7 @@ enum class I2cStatus : uint8_t {
 /// One I2C transaction: a write, then an optional read after a repeated START.
 struct I2cTransaction {
     static constexpr size_t max_write = 40;
-    static constexpr size_t max_read = 8;
+    static constexpr size_t max_read = 28;
     uint8_t address = 0;      ///< 7 bit
     uint8_t write_length = 0; ///< 0..max_write; 0 and nothing to read: the address alone, to see who acknowledges it
     uint8_t read_length = 0;  ///< 0..max_read
@@ -218,6 +219,7 @@ struct Board {
     MotorPins *motor_pins = nullptr;   ///< nullptr: none
     StopButton *stop_button = nullptr; ///< nullptr: none
     GyroChip *gyro_chip = nullptr;     ///< nullptr: none
+    FlowChip *flow_chip = nullptr;     ///< nullptr: none
     StatusLight *light = nullptr;      ///< nullptr: none
     SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
     size_t port_count = 0;

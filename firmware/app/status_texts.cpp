@@ -52,6 +52,33 @@ Text gyro_text(const GyroTrouble &trouble) {
     return text;
 }
 
+Text flow_text(const FlowTrouble &trouble) {
+    Text text;
+    text.add("flow: ");
+    switch (trouble.cause) {
+    case FlowCause::none:
+        return text.add("readings again");
+    case FlowCause::absent:
+        return text.add("no sensor answers; check power and wires");
+    case FlowCause::bus:
+        return text.add("a line of its bus is held low");
+    case FlowCause::wrong_id:
+        add_byte(text.add("its identity is "), trouble.seen).add(", not ");
+        return add_byte(text, trouble.wanted).add(": another chip");
+    case FlowCause::blind:
+        return text.add("it does not see the floor; height? tilted?");
+    case FlowCause::unplugged:
+        return text.add("one of its wheels is not connected");
+    case FlowCause::broken:
+        return add_byte(text.add("a part of it has failed, status "), trouble.seen);
+    case FlowCause::restarted:
+        return text.add("it has restarted; check its power");
+    case FlowCause::jumped:
+        return text.add("it jumped: restarted, or bits were lost");
+    }
+    return text;
+}
+
 bool is_velocity(uint8_t kind) {
     return kind == OMNI_SETPOINT_VELOCITY_BODY || kind == OMNI_SETPOINT_VELOCITY_WORLD;
 }
@@ -66,6 +93,7 @@ void StatusTexts::restart() {
     limited_said_us_ = 0;
     read_back_said_ = false;
     gyro_said_ = GyroCause::none;
+    flow_said_ = FlowCause::none;
 }
 
 void StatusTexts::say_state(uint8_t state) {
@@ -126,6 +154,15 @@ void StatusTexts::say_gyro() {
         texts_.say(over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
     }
     gyro_said_ = trouble.cause;
+}
+
+void StatusTexts::say_flow() {
+    const FlowTrouble trouble = flow_chip_->trouble();
+    if (trouble.cause != flow_said_) {
+        const bool over = trouble.cause == FlowCause::none;
+        texts_.say(over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, flow_text(trouble));
+    }
+    flow_said_ = trouble.cause;
 }
 
 /// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
@@ -235,6 +272,9 @@ void StatusTexts::serve() {
     say_read_back();
     if (gyro_chip_ != nullptr && !robot_.hil()) {
         say_gyro();
+    }
+    if (flow_chip_ != nullptr && !robot_.hil()) {
+        say_flow();
     }
     const omni_outputs_t &out = robot_.latest().outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {

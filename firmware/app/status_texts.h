@@ -14,9 +14,9 @@ class StatusTexts {
 public:
     StatusTexts(const Links &links, Texts &texts, const RobotClock &clock, const RobotState &robot,
                 Heartbeats &heartbeats, const ButtonWatch &button, const Parameters &parameters,
-                const GyroChip *gyro_chip)
+                const GyroChip *gyro_chip, const FlowChip *flow_chip)
         : links_(links), texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), button_(button),
-          parameters_(parameters), gyro_chip_(gyro_chip) {}
+          parameters_(parameters), gyro_chip_(gyro_chip), flow_chip_(flow_chip) {}
     /// Compare the latest tick with what was said last.
     void serve();
     void restart();
@@ -29,6 +29,7 @@ private:
     void say_button();
     void say_read_back();
     [[gnu::noinline]] void say_gyro();
+    [[gnu::noinline]] void say_flow();
     void say_failsafe();
     void say_cause();
     void say_slowed();
@@ -42,6 +43,7 @@ private:
     const ButtonWatch &button_;
     const Parameters &parameters_;
     const GyroChip *gyro_chip_; ///< nullptr: none
+    const FlowChip *flow_chip_; ///< nullptr: none
     uint8_t state_ = OMNI_STATE_INIT;
     uint8_t phase_ = OMNI_PHASE_NONE;
     uint32_t history_ = 0;
@@ -49,6 +51,7 @@ private:
     uint64_t limited_said_us_ = 0; ///< the same of currents
     bool read_back_said_ = false;
     GyroCause gyro_said_ = GyroCause::none;
+    FlowCause flow_said_ = FlowCause::none;
     bool button_said_[Board::max_ports] = {};
 };
 

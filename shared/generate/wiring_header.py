@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from c_tables import c_string, float_literal
-from omni_schema import GyroWiring, Robot, SchemaError, as_float32
+from omni_schema import FlowWiring, GyroWiring, Robot, SchemaError, as_float32
+from omni_schema.flow import settings_bytes
 from omni_schema.gyro_configuration import read_configuration
 
 TEMPLATE = """\
@@ -41,6 +42,7 @@ constexpr uint8_t motor_pins[wheels][2] = {{{motor_pins}}};
 constexpr uint32_t motor_pwm_Hz = {motor_pwm};
 constexpr uint32_t i2c_speed_Hz = {i2c_speed};
 constexpr uint8_t gyro_address = {gyro}; ///< of the chip on the second I2C bus; 0: none
+constexpr uint8_t flow_address = {flow}; ///< of the sensor on the third I2C bus; 0: none
 
 }} // namespace omni::wiring
 """
@@ -61,6 +63,22 @@ inline constexpr const GyroRegisters &gyro_registers = {registers};
 
 }} // namespace omni::wiring
 """
+FLOW_TEMPLATE = """\
+// SPDX-License-Identifier: MIT
+// Written by shared/generate from {source}; edit that file instead.
+#pragma once
+
+#include <cstdint>
+
+#include "app/{header}.h"
+
+namespace omni::wiring {{
+
+{settings}inline constexpr PoseCounter flow_chip = {chip};
+
+}} // namespace omni::wiring
+"""
+FLOW_SETTINGS = "inline constexpr uint8_t flow_settings[] = {{{bytes}}};\n"
 NO_CONFIGURATION = """\
 constexpr const uint8_t *gyro_configuration = nullptr;
 constexpr size_t gyro_configuration_size = 0;"""
@@ -98,6 +116,7 @@ def wiring_header(robot: Robot) -> str:
         motor_pwm=board.motor_pwm_Hz,
         i2c_speed=board.i2c_speed_Hz,
         gyro=f"0x{board.gyro.address:02X}" if board.gyro is not None else 0,
+        flow=f"0x{board.flow.chip.address:02X}" if board.flow is not None else 0,
     )
 
 
@@ -116,6 +135,22 @@ def gyro_header(source: str, gyro: GyroWiring | None) -> str:
     )
 
 
+def flow_header(source: str, flow: FlowWiring | None) -> str:
+    """Return ``omni/flow_gen.h``: the registers and settings of the robot's sensor of motion over the floor."""
+    settings, chip = "", "no_flow"
+    if flow is not None and flow.chip.wheels:
+        settings = FLOW_SETTINGS.format(bytes=_joined(map(str, settings_bytes(flow))))
+        chip = f"{flow.chip.driver}::with(flow_settings)"
+    elif flow is not None:
+        chip = f"{flow.chip.driver}::chip"
+    return FLOW_TEMPLATE.format(
+        source=Path(source).name,
+        header=flow.chip.driver if flow is not None else "pose_counter",
+        settings=settings,
+        chip=chip,
+    )
+
+
 def _joined(items: Iterable[str]) -> str:
     return ", ".join(items)
 
@@ -125,12 +160,16 @@ def _or_none(pin: int | None) -> int:
 
 
 def write_wiring_header(robots: Sequence[Robot], out: Path) -> None:
-    """Write both headers below ``out``; there must be exactly one robot."""
+    """Write the headers below ``out``; there must be exactly one robot."""
     if len(robots) != 1:
         names = ", ".join(robot.name for robot in robots)
         raise SchemaError("--part wiring", "", f"needs one robot file (--robot FILE), got {names}")
     robot = robots[0]
-    texts = {"wiring_gen.h": wiring_header(robot), "gyro_gen.h": gyro_header(robot.source, robot.board.gyro)}
+    texts = {
+        "wiring_gen.h": wiring_header(robot),
+        "gyro_gen.h": gyro_header(robot.source, robot.board.gyro),
+        "flow_gen.h": flow_header(robot.source, robot.board.flow),
+    }
     for name, text in texts.items():
         path = out / "include" / "omni" / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -319,5 +319,6 @@ void Teensy40I2cMaster<Port>::on_clear_timer() {
 
 template class Teensy40I2cMaster<MotorsPort>;
 template class Teensy40I2cMaster<GyroPort>;
+template class Teensy40I2cMaster<FlowPort>;
 
 } // namespace omni

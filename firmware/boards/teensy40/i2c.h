@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 /// @file i2c.h  Asynchronous I2C masters of a Teensy 4.0. LPI2C1 (SDA pin 18, SCL pin 19) is the motors' PWM chip's.
-/// LPI2C3 (SDA pin 17, SCL pin 16) is a gyro's.
+/// LPI2C3 (SDA pin 17, SCL pin 16) is a gyro's. LPI2C4 (SDA pin 25, SCL pin 24) is that of a sensor of motion over the
+/// floor.
 ///
 /// submit() turns a batch into the words of the master's command FIFO. An interrupt refills its four places, some ten
 /// times for an update of three motors. Nothing waits: if an interrupt comes late, the master stretches SCL. A batch
@@ -58,6 +59,19 @@ struct GyroPort {
     static void select_inputs() {
         IOMUXC_LPI2C3_SDA_SELECT_INPUT = 2;
         IOMUXC_LPI2C3_SCL_SELECT_INPUT = 2;
+    }
+};
+
+struct FlowPort {
+    static IMXRT_LPI2C_t &registers() { return IMXRT_LPI2C4; }
+    static constexpr IRQ_NUMBER_t interrupt = IRQ_LPI2C4;
+    static constexpr uint8_t sda_pin = 25;
+    static constexpr uint8_t scl_pin = 24;
+    static constexpr uint32_t mux = 0;
+    static void open_clock() { CCM_CCGR6 = CCM_CCGR6 | CCM_CCGR6_LPI2C4_SERIAL(CCM_CCGR_ON); }
+    static void select_inputs() {
+        IOMUXC_LPI2C4_SDA_SELECT_INPUT = 1;
+        IOMUXC_LPI2C4_SCL_SELECT_INPUT = 1;
     }
 };
 
@@ -126,5 +140,6 @@ private:
 
 using Teensy40I2c = Teensy40I2cMaster<MotorsPort>;
 using Teensy40GyroI2c = Teensy40I2cMaster<GyroPort>;
+using Teensy40FlowI2c = Teensy40I2cMaster<FlowPort>;
 
 } // namespace omni

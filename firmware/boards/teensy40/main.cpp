@@ -9,6 +9,7 @@
 #include "boards/teensy40/battery.h"
 #include "boards/teensy40/clock.h"
 #include "boards/teensy40/encoders.h"
+#include "boards/teensy40/flow.h"
 #include "boards/teensy40/gyro.h"
 #include "boards/teensy40/i2c.h"
 #include "boards/teensy40/memory.h"
@@ -59,6 +60,7 @@ private:
     Teensy40Encoders encoders_;
     Teensy40I2c i2c_;
     RobotGyro gyro_;
+    RobotFlow flow_;
     Teensy40MotorPins motor_pins_;
     MotorStop motor_stop_;
     Battery battery_{battery_wired ? static_cast<uint8_t>(wiring::battery_pin) : uint8_t{0}, wiring::battery_divider};
@@ -125,6 +127,7 @@ Board Teensy40::begin() {
     board.motor_pins = Teensy40MotorPins::wired() ? &motor_pins_ : nullptr;
     board.stop_button = Teensy40StopButton::wired() ? &stop_button_ : nullptr;
     board.gyro_chip = gyro_.begin();
+    board.flow_chip = flow_.begin();
     board.light = &light_;
     board.ports[0] = &usb_;
     board.ports[1] = &radio_;

@@ -7,6 +7,7 @@ file, the key, the value and what is allowed.
 
 from omni_schema.encoder_plan import EncoderPlan, plan_encoders
 from omni_schema.errors import SchemaError
+from omni_schema.flow import FlowChip, FlowWiring
 from omni_schema.gyro import GyroWiring
 from omni_schema.gyro_chips import GyroChip
 from omni_schema.parameters import (
@@ -24,6 +25,8 @@ __all__ = [
     "MAX_WHEELS",
     "BoardWiring",
     "EncoderPlan",
+    "FlowChip",
+    "FlowWiring",
     "GyroChip",
     "GyroWiring",
     "Parameter",

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_schema.errors import SchemaError, did_you_mean
+from omni_schema.flow import FLOW_CHIPS, FlowChip, parse_flow_chips
 from omni_schema.gyro_chips import GYRO_CHIPS, GyroChip, parse_gyro_chips
 from omni_schema.motor_drivers import MOTOR_DRIVERS, MotorDriver, parse_motor_drivers
 from omni_schema.toml_file import (
@@ -133,7 +134,7 @@ class ParameterTable(Mapping[str, Parameter]):
 
     ``crc`` is a CRC-32 over everything that decides whether two programs mean the same table. It changes with names,
     order, kinds, ranges, defaults and enum values, not with documentation. ``motor_drivers`` by name, in the order of
-    their numbers. ``gyro_chips`` by name.
+    their numbers. ``gyro_chips`` and ``flow_chips`` by name.
     """
 
     source: str
@@ -142,6 +143,7 @@ class ParameterTable(Mapping[str, Parameter]):
     crc: int
     motor_drivers: Mapping[str, MotorDriver] = field(default_factory=dict)
     gyro_chips: Mapping[str, GyroChip] = field(default_factory=dict)
+    flow_chips: Mapping[str, FlowChip] = field(default_factory=dict)
     _by_name: Mapping[str, Parameter] = field(repr=False, compare=False, default_factory=dict)
 
     def __getitem__(self, name: str) -> Parameter:
@@ -185,7 +187,7 @@ def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable
     drivers = parse_motor_drivers(source, document)
     parameters: list[Parameter] = []
     for name, value in document.items():
-        if name not in ("schema_version", RETIRED, MOTOR_DRIVERS, GYRO_CHIPS):
+        if name not in ("schema_version", RETIRED, MOTOR_DRIVERS, GYRO_CHIPS, FLOW_CHIPS):
             entry = take_table(source, name, value)
             if entry.get("values") == MOTOR_DRIVERS:
                 entry = {**entry, "values": {driver.name: driver.number for driver in drivers.values()}}
@@ -196,8 +198,16 @@ def parse_parameters(document: Mapping[str, Any], source: str) -> ParameterTable
         twice = next(name for name in names if names.count(name) > 1)
         raise SchemaError(source, twice, "is defined twice once the per-wheel names are expanded")
     _refuse_same_storage_keys(source, _retired(source, document.get(RETIRED, [])), by_name)
-    chips = parse_gyro_chips(source, document)
-    return ParameterTable(source, version, tuple(parameters), _crc(version, parameters), drivers, chips, by_name)
+    return ParameterTable(
+        source,
+        version,
+        tuple(parameters),
+        _crc(version, parameters),
+        drivers,
+        parse_gyro_chips(source, document),
+        parse_flow_chips(source, document),
+        by_name,
+    )
 
 
 def _retired(source: str, value: object) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_schema.errors import SchemaError
+from omni_schema.flow import flow_values, parse_flow
 from omni_schema.gyro import gyro_values, parse_gyro
 from omni_schema.parameters import Parameter, ParameterTable
 from omni_schema.toml_file import (
@@ -29,6 +30,7 @@ SECTIONS = (
     "motor",
     "wiring",
     "gyro",
+    "flow",
     "parameters",
     "simulation",
 )
@@ -77,10 +79,13 @@ def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str)
     wheels = _wheel_count(source, sections, table)
     _refuse_unknown_section_keys(source, sections, table)
     overrides = _keyed_values(source, sections, table, wheels)
-    gyro_section = sections["gyro"] if "gyro" in document else None
-    gyro = parse_gyro(source, gyro_section, sections["parameters"], table.gyro_chips)
+    given = {name: sections[name] if name in document else None for name in ("gyro", "flow")}
+    gyro = parse_gyro(source, given["gyro"], sections["parameters"], table.gyro_chips)
+    flow = parse_flow(source, given["flow"], sections["parameters"], table.flow_chips)
     if gyro is not None:
         overrides.update({name: table[name].parse(source, "gyro", value) for name, value in gyro_values(gyro).items()})
+    if flow is not None:
+        overrides.update({name: table[name].parse(source, "flow", value) for name, value in flow_values(flow).items()})
     overrides.update(_named_values(source, sections["parameters"], table))
     return Robot(
         source=source,
@@ -92,7 +97,7 @@ def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str)
         motor=sections["motor"],
         wiring=sections["wiring"],
         simulation=_simulation(source, sections["simulation"]),
-        board=parse_board_wiring(source, sections["wiring"], wheels, table.motor_drivers, gyro),
+        board=parse_board_wiring(source, sections["wiring"], wheels, table.motor_drivers, gyro, flow),
         overrides=overrides,
         table=table,
     )

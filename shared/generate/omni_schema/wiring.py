@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from omni_schema.errors import SchemaError
+from omni_schema.flow import PIN_USERS as FLOW_PIN_USERS
+from omni_schema.flow import FlowWiring
 from omni_schema.gyro import PIN_USERS, GyroWiring
 from omni_schema.motor_drivers import MotorDriver
 from omni_schema.toml_file import take_number
@@ -65,6 +67,7 @@ class BoardWiring:
     motor_pwm_Hz: int = DEFAULT_MOTOR_PWM_HZ
     motor_driver: MotorDriver = CHIP
     gyro: GyroWiring | None = None
+    flow: FlowWiring | None = None
 
 
 def parse_board_wiring(
@@ -73,10 +76,11 @@ def parse_board_wiring(
     wheels: int,
     drivers: Mapping[str, MotorDriver],
     gyro: GyroWiring | None = None,
+    flow: FlowWiring | None = None,
 ) -> BoardWiring:
     """Check the pin keys of the section ``wiring``; raise SchemaError for a pin that cannot be or is used twice.
 
-    ``gyro`` is what its own section says. ``drivers`` are those there are; that the file names one of them is checked
+    ``gyro`` and ``flow`` are what their own sections say. ``drivers`` are those there are; that the file names one of them is checked
     with its parameter, ``MOT_DRIVER``.
     """
     driver = drivers.get(str(section.get("motor_driver", CHIP_DRIVER)), CHIP)
@@ -93,6 +97,7 @@ def parse_board_wiring(
         motor_pwm_Hz=_motor_pwm(source, section),
         motor_driver=driver,
         gyro=gyro,
+        flow=flow,
     )
     _refuse_shared_pins(source, wiring)
     return wiring
@@ -212,6 +217,7 @@ def _motor_pwm(source: str, section: Mapping[str, Any]) -> int:
 
 def _refuse_shared_pins(source: str, wiring: BoardWiring) -> None:
     users = RESERVED_PINS | (PIN_USERS if wiring.gyro is not None else {})
+    users |= FLOW_PIN_USERS if wiring.flow is not None else {}
     wanted = [
         (f"{ENCODER_PINS_KEY}[{wheel}]", pin, f"the encoder of wheel {wheel + 1}")
         for wheel, pair in enumerate(wiring.encoder_pins)
