@@ -23,7 +23,8 @@ from typing import Any
 from hil_sim.i2c_wave import Edge, edges_of
 from hil_sim.image_file import EXTRA_HINT, FLASH_SIZE, Image, Place
 from hil_sim.world import World
-from omni_schema import Robot
+from omni_schema import FlowWiring, Robot
+from omni_schema.flow import AXES
 from omniwheel._core import ffi, lib
 from omniwheel.errors import FirmwareImageError, MissingPackageError
 
@@ -102,6 +103,8 @@ class Wiring:
     """Of a chip on the second I2C bus; 0: none."""
     gyro_chip: int = 0
     """Its number in the table of gyro chips."""
+    flow: FlowWiring | None = None
+    """A sensor on the third I2C bus."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,7 @@ def wiring_of(robot: Robot) -> Wiring:
         board.motor_pins,
         board.gyro.address if board.gyro is not None else 0,
         board.gyro.chip.number if board.gyro is not None else 0,
+        board.flow,
     )
 
 
@@ -449,6 +453,12 @@ def _config(wiring: Wiring, options: Options) -> Any:
     config.battery_divider = wiring.battery_divider
     config.gyro_address = wiring.gyro_address
     config.gyro_chip = wiring.gyro_chip
+    if wiring.flow is not None:
+        flow = wiring.flow
+        config.flow_address, config.flow_chip = flow.chip.address, flow.chip.number
+        config.flow_steps_per_mm = flow.steps_per_mm
+        config.flow_x_wheel_mm, config.flow_y_wheel_mm = flow.x_wheel_mm, flow.y_wheel_mm
+        config.flow_reversed = [axis in flow.reversed for axis in AXES]
     return config
 
 

@@ -54,27 +54,27 @@ Text gyro_text(const GyroTrouble &trouble) {
 
 Text flow_text(const FlowTrouble &trouble) {
     Text text;
-    text.add("flow: ");
+    text.add("floor motion: ");
     switch (trouble.cause) {
     case FlowCause::none:
         return text.add("readings again");
     case FlowCause::absent:
-        return text.add("no sensor answers; check power and wires");
+        return text.add("no sensor answers; check its wires");
     case FlowCause::bus:
         return text.add("a line of its bus is held low");
     case FlowCause::wrong_id:
         add_byte(text.add("its identity is "), trouble.seen).add(", not ");
-        return add_byte(text, trouble.wanted).add(": another chip");
+        return add_byte(text, trouble.wanted);
     case FlowCause::blind:
-        return text.add("it does not see the floor; height? tilted?");
+        return text.add("it does not see the floor");
     case FlowCause::unplugged:
-        return text.add("one of its wheels is not connected");
+        return text.add("a wheel of it is not connected");
     case FlowCause::broken:
-        return add_byte(text.add("a part of it has failed, status "), trouble.seen);
+        return add_byte(text.add("it reports a failure, status "), trouble.seen);
     case FlowCause::restarted:
-        return text.add("it has restarted; check its power");
+        return text.add("it restarted; check its power");
     case FlowCause::jumped:
-        return text.add("it jumped: restarted, or bits were lost");
+        return text.add("it jumped; check its power and wires");
     }
     return text;
 }

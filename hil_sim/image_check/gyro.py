@@ -7,14 +7,12 @@ the world's robot does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import radians
 
-from hil_sim.fault_cases import Kind
 from hil_sim.image_check.bench import Bench, CheckError, Context
 from hil_sim.image_check.check import CI, NIGHTLY, Check
-from hil_sim.image_check.fault_drive import install
+from hil_sim.image_check.sensor_trouble import STEP_S, Sensor, fail, held_line, world_fault
 from hil_sim.scenario import Scenario
 from omni_schema.gyro import AXIS_PARAMETER, SDA_PIN
 from omniwheel.dialect import Message
@@ -26,9 +24,6 @@ TURN_RAD_S = 0.4
 TURN_S = 1.5
 LEARN_S = 3.0
 """Of these a BMI270 needs 0.4 s for its configuration file."""
-STEP_S = 0.02
-TROUBLE_S = 1.0
-BACK_S = 1.5
 BIAS_LIMIT_RAD_S = 5e-4
 RATE_LIMIT_RAD_S = 0.05
 """The telemetry's rate is some milliseconds older than the world's, and the wheels wobble."""
@@ -81,9 +76,10 @@ def gyro(context: Context) -> list[str]:
         robot, heard = _listen(bench)
         figures.append(_rest(bench, robot, heard))
         figures.append(_turn(bench, robot, heard))
+        sensor = Sensor(bench, "gyro", heard.texts, heard.status, robot.pump)
         for fault in (SILENT, STUCK):
-            figures.append(_trouble(bench, robot, heard, WORDS[fault], *_world_fault(bench, fault)))
-        figures.append(_trouble(bench, robot, heard, WORDS["held"], *_held_line(bench)))
+            figures.append(fail(sensor, WORDS[fault], AGAIN, *world_fault(bench, fault)))
+        figures.append(fail(sensor, WORDS["held"], AGAIN, *held_line(bench, SDA_PIN)))
         errors = heard.status[-1].i2c_errors
         if errors != 0:
             raise CheckError(f"{errors} updates of the PWM chip failed meanwhile")
@@ -128,45 +124,6 @@ def _turn(bench: Bench, robot: Robot, heard: Heard) -> str:
     robot.disarm()
     robot.pump(1.0)
     return "turned by the motors it says " + " and ".join(f"{rate:+.2f}" for rate in rates) + " rad/s"
-
-
-def _world_fault(bench: Bench, name: str) -> tuple[Callable[[], None], Callable[[], None]]:
-    def begin() -> None:
-        install(bench, [Kind(name)], float(bench.world.c.time_us) * 1e-6, TROUBLE_S)
-
-    return begin, lambda: None
-
-
-def _held_line(bench: Bench) -> tuple[Callable[[], None], Callable[[], None]]:
-    return lambda: bench.machine.drive_pin(SDA_PIN, 0), lambda: bench.machine.drive_pin(SDA_PIN, None)
-
-
-def _trouble(
-    bench: Bench, robot: Robot, heard: Heard, word: str, begin: Callable[[], None], end: Callable[[], None]
-) -> str:
-    heard.texts.clear()
-    start_s = bench.clock_s()
-    begin()
-    _wait(bench, robot, lambda: word in heard.texts, TROUBLE_S, f"it does not say “{word}”", heard.texts)
-    said_s = bench.clock_s() - start_s
-    _wait(bench, robot, lambda: "gyro" in heard.status[-1].faults, TROUBLE_S, "it does not warn of the gyro", [])
-    robot.pump(max(0.0, TROUBLE_S - (bench.clock_s() - start_s)))
-    end()
-    back_s = bench.clock_s()
-    _wait(bench, robot, lambda: AGAIN in heard.texts, BACK_S, "there are no readings again", heard.texts)
-    again_s = bench.clock_s() - back_s
-    _wait(bench, robot, lambda: "gyro" not in heard.status[-1].faults, BACK_S, "the warning stays", [])
-    return f"“{word}” after {1e3 * said_s:.0f} ms, readings again {1e3 * again_s:.0f} ms after its end"
-
-
-def _wait(
-    bench: Bench, robot: Robot, condition: Callable[[], bool], limit_s: float, problem: str, texts: Sequence[str]
-) -> None:
-    end_s = bench.clock_s() + limit_s
-    while not condition():
-        if bench.clock_s() >= end_s:
-            raise CheckError(f"{problem} within {limit_s:g} s; said: {', '.join(texts) or 'nothing'}")
-        robot.pump(STEP_S)
 
 
 CHECKS = (Check("gyro", "the gyro's chip: bias, turn, silent, stuck, its bus held low", gyro, (CI, NIGHTLY)),)

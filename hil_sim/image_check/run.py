@@ -44,6 +44,7 @@ MODULES = (
     "clock",
     "interrupts",
     "gyro",
+    "flow",
     "storage",
     "power",
     "ring",

@@ -28,6 +28,7 @@ const rt_device_t *const rt_devices[] = {
     &rt_quad_timers, /* the same */
     &rt_lpi2c1,      /* I2C */
     &rt_lpi2c3,
+    &rt_lpi2c4,
     &rt_lpuart6, /* Serial1 */
     &rt_usb,     /* USB1 */
     &rt_usb_phy, /* and its transceiver */

@@ -49,6 +49,7 @@ typedef enum rt_clock_gate_t {
     RT_CLOCK_ENC2 = 16 * 4 + 13,
     RT_CLOCK_ENC3 = 16 * 4 + 14,
     RT_CLOCK_ENC4 = 16 * 4 + 15,
+    RT_CLOCK_LPI2C4 = 16 * 6 + 12,
     RT_CLOCK_WDOG3 = 16 * 5 + 2,
     RT_CLOCK_SNVS_HP = 16 * 5 + 14,
     RT_CLOCK_SNVS_LP = 16 * 5 + 15,

@@ -34,6 +34,7 @@ extern const rt_device_t rt_flexpwm;     /* pwm.c */
 extern const rt_device_t rt_quad_timers; /* pwm.c */
 extern const rt_device_t rt_lpi2c1;      /* lpi2c.c */
 extern const rt_device_t rt_lpi2c3;      /* lpi2c.c */
+extern const rt_device_t rt_lpi2c4;      /* lpi2c.c */
 extern const rt_device_t rt_wires;       /* pins.c: last in the table */
 
 #endif

@@ -7,6 +7,55 @@
 
 enum { BITS = 8, CLOCKS = 9 };
 
+/* Whoever hangs on the bus of this number. */
+static void chip_stop(rt1062_t *m, uint32_t number) {
+    switch (number) {
+    case 0:
+        hil_world_i2c_stop(m->world);
+        break;
+    case 1:
+        hil_gyro_chip_stop(&m->s.gyro);
+        break;
+    default:
+        hil_flow_chip_stop(&m->s.flow);
+    }
+}
+
+static bool chip_start(rt1062_t *m, uint32_t number, uint8_t address, bool reading) {
+    switch (number) {
+    case 0:
+        return hil_world_i2c_start(m->world, address, reading);
+    case 1:
+        m->s.gyro.time_us = rt_now(m) / 1000;
+        return hil_gyro_chip_start(&m->s.gyro, address, reading);
+    default:
+        m->s.flow.time_us = rt_now(m) / 1000;
+        return hil_flow_chip_start(&m->s.flow, address, reading);
+    }
+}
+
+static bool chip_put(rt1062_t *m, uint32_t number, uint8_t byte) {
+    switch (number) {
+    case 0:
+        return hil_world_i2c_put(m->world, byte);
+    case 1:
+        return hil_gyro_chip_put(&m->s.gyro, byte);
+    default:
+        return hil_flow_chip_put(&m->s.flow, byte);
+    }
+}
+
+static uint8_t chip_get(rt1062_t *m, uint32_t number) {
+    switch (number) {
+    case 0:
+        return hil_world_i2c_get(m->world);
+    case 1:
+        return hil_gyro_chip_get(&m->s.gyro);
+    default:
+        return hil_flow_chip_get(&m->s.flow);
+    }
+}
+
 static void drive(rt1062_t *m, uint32_t number) {
     const rt_i2c_chip_t *chip = &m->s.i2c_chip[number];
     rt_pad_wire(m, rt_i2c_units[number].pad[RT_SDA], chip->pulls || chip->stuck_sda ? 0 : RT_FLOATING, 0);
@@ -36,7 +85,7 @@ static void on_start(rt1062_t *m, uint32_t number) {
 
 static void on_stop(rt1062_t *m, uint32_t number) {
     m->s.i2c_chip[number].listens = false;
-    number == 0 ? hil_world_i2c_stop(m->world) : hil_gyro_chip_stop(&m->s.gyro);
+    chip_stop(m, number);
 }
 
 static void on_rise(rt1062_t *m, uint32_t number, bool sda) {
@@ -53,14 +102,9 @@ static void on_rise(rt1062_t *m, uint32_t number, bool sda) {
 static bool take(rt1062_t *m, uint32_t number) {
     rt_i2c_chip_t *chip = &m->s.i2c_chip[number];
     if (!chip->address) {
-        return number == 0 ? hil_world_i2c_put(m->world, chip->byte) : hil_gyro_chip_put(&m->s.gyro, chip->byte);
+        return chip_put(m, number, chip->byte);
     }
-    const bool reading = (chip->byte & 1) != 0;
-    if (number == 0) {
-        return hil_world_i2c_start(m->world, chip->byte >> 1, reading);
-    }
-    m->s.gyro.time_us = rt_now(m) / 1000;
-    return hil_gyro_chip_start(&m->s.gyro, chip->byte >> 1, reading);
+    return chip_start(m, number, chip->byte >> 1, (chip->byte & 1) != 0);
 }
 
 static void send_bit(rt1062_t *m, uint32_t number) {
@@ -75,7 +119,7 @@ static void begin_byte(rt1062_t *m, uint32_t number) {
     chip->bit = 0;
     chip->listens = chip->acknowledges;
     if (chip->listens && chip->reads) {
-        chip->byte = number == 0 ? hil_world_i2c_get(m->world) : hil_gyro_chip_get(&m->s.gyro);
+        chip->byte = chip_get(m, number);
         send_bit(m, number);
     } else {
         pull(m, number, false);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * LPI2C1 and LPI2C3 as masters: from commands to edges. Durations: RM, chapter LPI2C, "Timing Parameters". In
+ * LPI2C1, LPI2C3 and LPI2C4 as masters: from commands to edges. Durations: RM, chapter LPI2C, "Timing Parameters". In
  * prescaled clocks, with a latency of (2 + FILTSCL + rise time) / 2^PRESCALE, rounded down, from letting a line go to
  * seeing it high. The lines rise as fast as UM10204 lets them.
  */
@@ -24,6 +24,7 @@ enum {
 const rt_i2c_unit_t rt_i2c_units[RT_I2C_UNITS] = {
     {"LPI2C1", RT_CLOCK_LPI2C1, 28, {RT_PAD_SCL, RT_PAD_SDA}, 3, {RT_DAISY_LPI2C1_SCL, RT_DAISY_LPI2C1_SDA}, 1},
     {"LPI2C3", RT_CLOCK_LPI2C3, 30, {RT_PAD_SCL3, RT_PAD_SDA3}, 1, {RT_DAISY_LPI2C3_SCL, RT_DAISY_LPI2C3_SDA}, 2},
+    {"LPI2C4", RT_CLOCK_LPI2C4, 31, {RT_PAD_SCL4, RT_PAD_SDA4}, 0, {RT_DAISY_LPI2C4_SCL, RT_DAISY_LPI2C4_SDA}, 1},
 };
 
 static const rt_i2c_unit_t *unit_of(const rt1062_t *m, const rt_i2c_t *bus) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The registers of LPI2C1 and LPI2C3; i2c_master.c plays the buses. */
+/* The registers of LPI2C1, LPI2C3 and LPI2C4; i2c_master.c plays the buses. */
 #include "lpi2c.h"
 
 #include "clocks.h"
@@ -212,7 +212,7 @@ static void reset(rt1062_t *m, uint32_t number) {
     m->s.i2c[number] = (rt_i2c_t){.at_ps = rt_now(m) * 1000, .end_ps = RT_NEVER};
 }
 
-/* ------------------------------------------------------------------ the two of them */
+/* ------------------------------------------------------------------ the three of them */
 
 static bool read_motors(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value) {
     return read(m, 0, offset, size, value);
@@ -238,5 +238,18 @@ static void reset_gyro(rt1062_t *m) {
     reset(m, 1);
 }
 
+static bool read_flow(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t *value) {
+    return read(m, 2, offset, size, value);
+}
+
+static bool write_flow(rt1062_t *m, uint32_t offset, uint32_t size, uint32_t value) {
+    return write(m, 2, offset, size, value);
+}
+
+static void reset_flow(rt1062_t *m) {
+    reset(m, 2);
+}
+
 const rt_device_t rt_lpi2c1 = {"LPI2C1", 0x403F0000, 0x4000, read_motors, write_motors, reset_motors};
 const rt_device_t rt_lpi2c3 = {"LPI2C3", 0x403F8000, 0x4000, read_gyro, write_gyro, reset_gyro};
+const rt_device_t rt_lpi2c4 = {"LPI2C4", 0x403FC000, 0x4000, read_flow, write_flow, reset_flow};

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file lpi2c.h
- * I2C masters LPI2C1, the motors', and LPI2C3, the gyro's (i.MX RT1060 RM, chapter LPI2C). Each has the two lines of
- * its bus with what hangs on them.
+ * I2C masters LPI2C1, the motors', LPI2C3, the gyro's, and LPI2C4, the floor-motion sensor's (i.MX RT1060 RM, chapter
+ * LPI2C). Each has the two lines of its bus with what hangs on them.
  *
  * The master makes every edge of SCL and SDA at its time, by the register's divisions and the clock that CCM gives it.
  * See "Timing Parameters"; the rise is the fastest that UM10204 allows. The master learns acknowledges, arbitration and
@@ -21,7 +21,7 @@
 
 #include "hil_sim/rt1062.h"
 
-enum { RT_I2C_FIFO = 4, RT_I2C_UNITS = 2 };
+enum { RT_I2C_FIFO = 4, RT_I2C_UNITS = 3 };
 
 /* What the master is doing. */
 typedef enum rt_i2c_phase_t {

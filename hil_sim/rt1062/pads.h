@@ -31,6 +31,8 @@ enum {
     RT_PAD_SDA = RT_PAD_AD_B1 + 1,  /* Teensy pin 18 */
     RT_PAD_SCL3 = RT_PAD_AD_B1 + 7, /* Teensy pin 16 */
     RT_PAD_SDA3 = RT_PAD_AD_B1 + 6, /* Teensy pin 17 */
+    RT_PAD_SCL4 = RT_PAD_AD_B0 + 12, /* Teensy pin 24 */
+    RT_PAD_SDA4 = RT_PAD_AD_B0 + 13, /* Teensy pin 25 */
     RT_PAD_UART_TX = RT_PAD_AD_B0 + 2,
     RT_PAD_UART_RX = RT_PAD_AD_B0 + 3,
     RT_TEENSY_PINS = 40,
@@ -44,6 +46,8 @@ typedef enum rt_daisy_t {
     RT_DAISY_LPI2C1_SDA,
     RT_DAISY_LPI2C3_SCL,
     RT_DAISY_LPI2C3_SDA,
+    RT_DAISY_LPI2C4_SCL,
+    RT_DAISY_LPI2C4_SDA,
     RT_DAISY_LPUART6_RX,
     RT_DAISY_LPUART6_TX,
     RT_DAISY_XBAR02,

@@ -2,6 +2,7 @@
 #include "pins.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "devices.h"
 #include "handlers.h"
@@ -11,6 +12,7 @@
 #include "machine.h"
 #include "pads.h"
 #include "pwm.h"
+#include "sensor.h"
 
 enum { STEP_us = 1000, STEP_ns = 1000000, STREAM_NOISE = 0x4E4F4953 };
 
@@ -194,11 +196,35 @@ static void turn_gyro(rt1062_t *m) {
     hil_gyro_chip_sense(gyro, rt_now(m) / 1000, m->world->gyro_rad_s);
 }
 
+static bool flow_wired(const rt1062_t *m) {
+    return m->config.flow_address != 0;
+}
+
+/* As with the gyro. One that the world makes stuck counts no more. */
+static void move_flow(rt1062_t *m) {
+    hil_flow_chip_t *flow = &m->s.flow;
+    if (!flow_wired(m)) {
+        return;
+    }
+    const bool silent = hil_world_fault_active(m->world, HIL_FAULT_FLOW_SILENT, HIL_MAX_WHEELS);
+    if (silent && !flow->faults.absent) {
+        hil_flow_chip_reset(flow, m->config.flow_chip, m->config.flow_address);
+    }
+    flow->faults.absent = silent || m->world->config.flow_rate_Hz <= 0.0;
+    double moved[HIL_FLOW_AXES];
+    hil_flow_way(m->world, m->s.flow_pose, moved);
+    if (hil_world_fault_active(m->world, HIL_FAULT_FLOW_STUCK, HIL_MAX_WHEELS)) {
+        moved[0] = moved[1] = moved[2] = 0.0;
+    }
+    hil_flow_chip_move(flow, rt_now(m) / 1000, moved);
+}
+
 void rt_world_event(rt1062_t *m) {
     rt_i2c_sync(m);
     show_motor_pins(m);
     hil_world_step(m->world, STEP_us);
     turn_gyro(m);
+    move_flow(m);
     m->s.pins.begin_ns += STEP_ns;
     if (refuses_faults(m)) {
         return;
@@ -260,6 +286,15 @@ static void connect(rt1062_t *m) {
         hil_gyro_chip_reset(&m->s.gyro, m->config.gyro_chip, m->config.gyro_address);
         pull(m, RT_PAD_SCL3, 1);
         pull(m, RT_PAD_SDA3, 1);
+    }
+    if (flow_wired(m)) {
+        m->s.flow.wheels = (hil_flow_wheels_t){m->config.flow_steps_per_mm, m->config.flow_x_wheel_mm,
+                                               m->config.flow_y_wheel_mm,
+                                               {m->config.flow_reversed[0], m->config.flow_reversed[1]}};
+        hil_flow_chip_reset(&m->s.flow, m->config.flow_chip, m->config.flow_address);
+        memcpy(m->s.flow_pose, m->world->pose, sizeof m->s.flow_pose);
+        pull(m, RT_PAD_SCL4, 1);
+        pull(m, RT_PAD_SDA4, 1);
     }
     pull(m, output_enable_pad(m), 1);
     for (uint32_t i = 0; i < 2 * HIL_MAX_WHEELS; i++) {

@@ -7,6 +7,7 @@
 #ifndef HIL_SIM_RT1062_STATE_H
 #define HIL_SIM_RT1062_STATE_H
 
+#include "hil_sim/flow_chip.h"
 #include "hil_sim/gyro_chip.h"
 #include "hil_sim/rt1062.h"
 
@@ -107,6 +108,8 @@ typedef struct rt_state_t {
     rt_i2c_t i2c[RT_I2C_UNITS];
     rt_i2c_chip_t i2c_chip[RT_I2C_UNITS];
     hil_gyro_chip_t gyro; /* on the second bus, if gyro_wired */
+    hil_flow_chip_t flow; /* on the third, if flow_wired */
+    double flow_pose[3];  /* of the world, as the sensor saw it last */
     rt_pins_t pins;
     rt_lpuart_t lpuart;
     rt_usb_t usb;

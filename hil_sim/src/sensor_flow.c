@@ -16,13 +16,13 @@
 
 enum { FLOW_AXES = 3, FLOW_READ = 8 };
 
-/* Add the way since the last call. Over a tick the heading of mid-way is as good as the integral: to 1e-9 of it. */
-static void add_flow(hil_world_t *world) {
+/* Over a tick the heading of mid-way is as good as the integral: to 1e-9 of it. */
+void hil_flow_way(const hil_world_t *world, hil_real_t *pose, hil_real_t *way) {
     const hil_world_config_t *config = &world->config;
     hil_real_t moved[FLOW_AXES];
     for (uint32_t axis = 0; axis < FLOW_AXES; axis++) {
-        moved[axis] = world->pose[axis] - world->flow_pose[axis];
-        world->flow_pose[axis] = world->pose[axis];
+        moved[axis] = world->pose[axis] - pose[axis];
+        pose[axis] = world->pose[axis];
     }
     hil_real_t heading[2];
     hil_real_t mount[2];
@@ -30,9 +30,18 @@ static void add_flow(hil_world_t *world) {
     hil_cos_sin(config->flow_angle_rad, mount);
     const hil_real_t x = heading[0] * moved[0] + heading[1] * moved[1] - config->flow_y_m * moved[2];
     const hil_real_t y = heading[0] * moved[1] - heading[1] * moved[0] + config->flow_x_m * moved[2];
-    world->flow_sum[0] += mount[0] * x + mount[1] * y;
-    world->flow_sum[1] += mount[0] * y - mount[1] * x;
-    world->flow_sum[2] += moved[2];
+    way[0] = mount[0] * x + mount[1] * y;
+    way[1] = mount[0] * y - mount[1] * x;
+    way[2] = moved[2];
+}
+
+/* Add the way since the last call. */
+static void add_flow(hil_world_t *world) {
+    hil_real_t way[FLOW_AXES];
+    hil_flow_way(world, world->flow_pose, way);
+    for (uint32_t axis = 0; axis < FLOW_AXES; axis++) {
+        world->flow_sum[axis] += way[axis];
+    }
 }
 
 static hil_real_t in_steps(hil_real_t value, double step) {

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("troubleshooting.md", "guides/gyro.md")
-"""The second one has the texts of a gyro's chip; the first one links there."""
+PAGES = ("troubleshooting.md", "guides/gyro.md", "guides/floor-motion.md")
+"""The others have the texts of a sensor's chip; the first one links there."""
 PAGE = " ".join(" ".join((ROOT / "docs" / name).read_text(encoding="utf-8") for name in PAGES).split())
 LITERAL = re.compile(r'"((?:[^"\\\n])+)"')
 SHORTEST = 8

@@ -98,6 +98,12 @@ typedef struct rt1062_config_t {
     double battery_divider;               /**< V of the battery per V at the pin */
     uint8_t gyro_address;                 /**< of a chip on the second I2C bus, 7 bit; 0: none */
     uint8_t gyro_chip;                    /**< hil_gyro_kind_t */
+    uint8_t flow_address;                 /**< of a sensor on the third I2C bus, 7 bit; 0: none */
+    uint8_t flow_chip;                    /**< hil_flow_kind_t */
+    double flow_steps_per_mm;             /**< of one that has wheels: see hil_flow_wheels_t */
+    double flow_x_wheel_mm;
+    double flow_y_wheel_mm;
+    bool flow_reversed[2];
 } rt1062_config_t;
 
 /**

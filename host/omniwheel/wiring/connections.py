@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from omni_schema import GyroWiring
+from omni_schema import FlowWiring, GyroWiring
+from omni_schema import flow as floor_motion
 from omni_schema.gyro import SCL_PIN, SDA_PIN
 from omniwheel.wiring import electrics
 from omniwheel.wiring.plan import RADIO_RX, RADIO_TX, SCL, SDA, WiringPlan
@@ -25,7 +26,7 @@ class Connection:
 
 def connections(plan: WiringPlan) -> tuple[Connection, ...]:
     """Return every wire of the robot, signals first."""
-    signals = (*_bus(plan), *_output_enable(plan), *_wheels(plan), *_radio(), *_gyro(plan), *_extras(plan))
+    signals = (*_bus(plan), *_output_enable(plan), *_wheels(plan), *_radio(), *_gyro(plan), *_flow(plan), *_extras(plan))
     return (*signals, *_supplies(plan))
 
 
@@ -81,6 +82,16 @@ def gyro_mind(gyro: GyroWiring) -> str:
         f"{'xyz'[abs(gyro.axis) - 1]} of the chip points {way}, anywhere on the robot, screwed down hard; "
         f"{chip.address_pin} to {level} (address 0x{gyro.address:02X}), {chip.select} to 3.3 V; "
         "pull-ups to 3.3 V: 10 kΩ do on wires of some 20 cm"
+    )
+
+
+def flow_mind(flow: FlowWiring) -> str:
+    """Return how the sensor of motion over the floor is mounted."""
+    if not flow.chip.wheels:
+        return "flat, at the height over the floor that its maker names, its window free; cable below 20 cm"
+    return (
+        f"x wheel {flow.x_wheel_mm:g} mm left of the robot's centre, y wheel {flow.y_wheel_mm:g} mm in front of it "
+        "(negative: right, behind); cable below 20 cm"
     )
 
 
@@ -144,6 +155,17 @@ def _gyro(plan: WiringPlan) -> list[Connection]:
     return [
         Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip.name} SDA, SCL", gyro_mind(plan.gyro)),
         Connection("Teensy 3.3 V", f"{chip.name} {chip.supply}", "never 5 V, unless its board has a regulator"),
+    ]
+
+
+def _flow(plan: WiringPlan) -> list[Connection]:
+    if plan.flow is None:
+        return []
+    chip = plan.flow.chip
+    pins = f"Teensy {floor_motion.SDA_PIN} (SDA2), {floor_motion.SCL_PIN} (SCL2)"
+    return [
+        Connection(pins, f"{chip.name} SDA, SCL", flow_mind(plan.flow)),
+        Connection("Teensy 3.3 V", f"{chip.name} {chip.supply}", "never 5 V: the Teensy's pins bear 3.3 V"),
     ]
 
 

@@ -6,9 +6,11 @@ All places follow from the columns below and the number of wheels; wires of a wh
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
-from omni_schema.gyro import SCL_PIN, SDA_PIN
+from omni_schema import flow as floor_motion
+from omni_schema import gyro as gyro_wires
 from omniwheel import files
 from omniwheel.wiring import electrics
 from omniwheel.wiring.notes import Note, write_notes
@@ -34,6 +36,7 @@ RADIO_H = 132.0
 DIVIDER_H = 196.0
 BUTTON_H = 88.0
 SUPPLY_H = 190.0
+SENSOR_H = 100.0
 
 
 def draw_wiring(plan: WiringPlan) -> str:
@@ -43,7 +46,9 @@ def draw_wiring(plan: WiringPlan) -> str:
     wheels_end = ROWS + ROW * len(plan.wheels)
     radio = wheels_end + 24
     divider_end = radio + RADIO_H + (DIVIDER_H if plan.battery_pin is not None else 0)
-    parts_end = divider_end + (BUTTON_H if plan.stop_button_pin is not None else 0)
+    sensors = [wiring for wiring in (plan.gyro, plan.flow) if wiring is not None]
+    button_end = divider_end + (BUTTON_H if plan.stop_button_pin is not None else 0)
+    parts_end = max(button_end, radio + SENSOR_H * len(sensors) + 32)
     if plan.warnings:
         sheet.text((WIDTH - LEFT, 44), "Read the warning below", anchor="end", size=17, bold=True, kind="warning")
     _draw_shifter(sheet, plan, wheels_end)
@@ -62,9 +67,11 @@ def draw_wiring(plan: WiringPlan) -> str:
         _draw_divider(sheet, plan, radio + RADIO_H)
     if plan.stop_button_pin is not None:
         _draw_button(sheet, plan, divider_end)
-    _draw_light(sheet, plan, radio)
+    _draw_light(sheet, plan, radio + (SENSOR_H * len(sensors) - 16 if sensors else 64))
     if plan.gyro is not None:
-        _draw_gyro(sheet, plan.gyro.chip.name, radio)
+        _draw_sensor(sheet, plan.gyro.chip.name, GYRO, radio)
+    if plan.flow is not None:
+        _draw_sensor(sheet, plan.flow.chip.name, FLOOR_MOTION, radio + SENSOR_H * (len(sensors) - 1))
     draw_supply(sheet, plan, (LEFT, parts_end + 64))
     height = write_notes(sheet, plan, (LEFT, parts_end + 64 + SUPPLY_H), WIDTH - 2 * LEFT)
     return sheet.svg(WIDTH, height + LEFT)
@@ -264,23 +271,38 @@ def _draw_button(sheet: Sheet, plan: WiringPlan, y: float) -> None:
     sheet.marker((end + 40, line - 20), Note.STOP_BUTTON)
 
 
-def _draw_gyro(sheet: Sheet, chip: str, y: float) -> None:
-    """Draw the chip beside the Teensy, below the PWM chip, with its bus above the lamp."""
+@dataclass(frozen=True)
+class SensorBus:
+    """What a sensor is called, and its bus: pins of the Teensy, and the number in their names."""
+
+    what: str
+    sda_pin: int
+    scl_pin: int
+    number: int
+    note: Note
+
+
+GYRO = SensorBus("gyro", gyro_wires.SDA_PIN, gyro_wires.SCL_PIN, 1, Note.GYRO)
+FLOOR_MOTION = SensorBus("floor motion", floor_motion.SDA_PIN, floor_motion.SCL_PIN, 2, Note.FLOW)
+
+
+def _draw_sensor(sheet: Sheet, chip: str, bus: SensorBus, y: float) -> None:
+    """Draw a sensor beside the Teensy, below the PWM chip, with its bus above the lamp."""
     start = TEENSY_X + TEENSY_W
     sheet.box((CHIP_X, y - 8), CHIP_W, 76)
     sheet.text((CHIP_X + CHIP_W - 12, y + 16), chip, anchor="end", bold=True)
-    sheet.text((CHIP_X + CHIP_W - 12, y + 36), "gyro", anchor="end", size=SMALL)
+    sheet.text((CHIP_X + CHIP_W - 12, y + 36), bus.what, anchor="end", size=SMALL)
     sheet.flag((CHIP_X + CHIP_W - 30, y - 8), "3.3 V")
     sheet.ground((CHIP_X + CHIP_W / 2, y + 68))
-    for name, pin, line_y in (("SDA", SDA_PIN, y + 12), ("SCL", SCL_PIN, y + 36)):
-        sheet.text((start - 10, line_y + 5), f"{name}1 {pin}", anchor="end", bold=True)
+    for name, pin, line_y in (("SDA", bus.sda_pin, y + 12), ("SCL", bus.scl_pin, y + 36)):
+        sheet.text((start - 10, line_y + 5), f"{name}{bus.number} {pin}", anchor="end", bold=True)
         sheet.line(SIGNAL, (start, line_y), (CHIP_X, line_y))
         sheet.text((CHIP_X + 10, line_y + 5), name, size=SMALL)
-    sheet.marker((start + 60, y - 4), Note.GYRO)
+    sheet.marker((start + 60, y - 4), bus.note)
 
 
-def _draw_light(sheet: Sheet, plan: WiringPlan, radio: float) -> None:
-    start, y = TEENSY_X + TEENSY_W, radio + (84 if plan.gyro is not None else 64)
+def _draw_light(sheet: Sheet, plan: WiringPlan, y: float) -> None:
+    start = TEENSY_X + TEENSY_W
     if not plan.external_light:
         sheet.text((start - 10, y + 5), f"lamp {plan.light_pin}", anchor="end", bold=True)
         sheet.text((start + 14, y + 5), "on the board: nothing to wire", size=SMALL)

@@ -11,6 +11,7 @@ from omniwheel.wiring.connections import (
     bus_mind,
     button_mind,
     divider_mind,
+    flow_mind,
     gyro_mind,
     oe_mind,
     pull_down_mind,
@@ -36,6 +37,7 @@ class Note(IntEnum):
     DIVIDER = 10
     STOP_BUTTON = 11
     GYRO = 12
+    FLOW = 13
 
 
 def note_texts(plan: WiringPlan) -> dict[Note, str]:
@@ -67,6 +69,8 @@ def note_texts(plan: WiringPlan) -> dict[Note, str]:
         texts[Note.STOP_BUTTON] = f"Stop button: {button_mind()}."
     if plan.gyro is not None:
         texts[Note.GYRO] = f"Gyro: {gyro_mind(plan.gyro)}."
+    if plan.flow is not None:
+        texts[Note.FLOW] = f"{plan.flow.chip.name}: {flow_mind(plan.flow)}."
     return texts
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from math import pi
 
-from omni_schema import EncoderPlan, GyroWiring, Robot, SchemaError, plan_encoders
+from omni_schema import EncoderPlan, FlowWiring, GyroWiring, Robot, SchemaError, plan_encoders
 from omni_schema.encoder_plan import INTERRUPTS_PER_S
 from omni_schema.gyro_configuration import read_configuration
 from omniwheel.wiring.electrics import BRIDGE_SUPPLY_V, LOGIC_V
@@ -65,6 +65,7 @@ class WiringPlan:
     motor_inputs: tuple[str, str]
     warnings: tuple[str, ...]
     gyro: GyroWiring | None = None
+    flow: FlowWiring | None = None
 
     @property
     def chip(self) -> bool:
@@ -111,6 +112,7 @@ def plan_wiring(robot: Robot) -> WiringPlan:
         motor_inputs=(first, second),
         warnings=tuple(_warnings(robot, wheels, supply_V)),
         gyro=board.gyro,
+        flow=board.flow,
     )
 
 

@@ -32,11 +32,13 @@ _DIRECTION = {("y", True): 4, ("y", False): 8, ("x", True): 16, ("x", False): 32
 
 @dataclass(frozen=True)
 class FlowChip:
-    """A sensor. ``driver``: the header in ``firmware/app`` and the namespace in it. ``address``: of the bus, 7 bit.
+    """A sensor. ``number``: its place in the table. ``driver``: the header in ``firmware/app`` and the namespace in it.
 
+    ``address``: of the bus, 7 bit.
     ``supply``: its supply pin. ``wheels``: it measures with two wheels, which the robot file describes.
     """
 
+    number: int
     name: str
     doc: str
     driver: str
@@ -63,10 +65,10 @@ class FlowWiring:
 def parse_flow_chips(source: str, document: Mapping[str, Any]) -> dict[str, FlowChip]:
     """Return the sensors by name, in the order of the table; SchemaError if the table is wrong."""
     rows = take_table(source, FLOW_CHIPS, document.get(FLOW_CHIPS, {}))
-    return {name: _chip(source, name, row) for name, row in rows.items()}
+    return {name: _chip(source, number, name, row) for number, (name, row) in enumerate(rows.items())}
 
 
-def _chip(source: str, name: str, value: object) -> FlowChip:
+def _chip(source: str, number: int, name: str, value: object) -> FlowChip:
     key = f"{FLOW_CHIPS}.{name}"
     if not _NAME.fullmatch(name):
         raise SchemaError(source, key, "names have a letter first, then A-Z a-z 0-9 -")
@@ -80,7 +82,7 @@ def _chip(source: str, name: str, value: object) -> FlowChip:
         raise SchemaError(source, f"{key}.address", f"is {address!r}; an I2C address of 7 bit is needed")
     if not isinstance(wheels, bool):
         raise SchemaError(source, f"{key}.wheels", f"is {wheels!r}; true or false is needed")
-    return FlowChip(name, doc, driver, address, supply, wheels)
+    return FlowChip(number, name, doc, driver, address, supply, wheels)
 
 
 def parse_flow(
