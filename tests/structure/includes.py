@@ -48,6 +48,7 @@ GENERATED = {
     "omni/board_readings_gen.h": "generated/tables",
     "omni/wiring_gen.h": "generated/wiring",
     "omni/gyro_gen.h": "generated/wiring",
+    "omni/flow_gen.h": "generated/wiring",
     "omni/version_gen.h": "generated/link",
     "omni/mavlink.h": "generated/link",
     "omni/familiar_messages.h": "generated/link",

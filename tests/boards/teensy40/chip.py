@@ -14,7 +14,7 @@ from tests.native import ROOT, build_library
 
 BOARD = ROOT / "firmware" / "boards" / "teensy40"
 HERE = Path(__file__).parent
-MAX_READ = 8
+MAX_READ = 28
 START, STOP, NACK, BY_CHIP = 0x1000, 0x2000, 0x100, 0x200
 NOTHING, SDA, SCL = range(3)
 FOR_EVER = 1 << 30

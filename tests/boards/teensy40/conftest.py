@@ -77,7 +77,7 @@ def system_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
         HERE / "system_shim.cpp",
     ]
     out = tmp_path_factory.mktemp("teensy40")
-    # The fakes' pins come first; of the robot's own headers only the gyro's is taken: it has none.
+    # The fakes' pins come first; of the robot's own headers only those of sensors are taken: it has none.
     generated = write_wiring_header(out, ROOT / "shared" / "robots" / "three_wheel.toml")
     return build_library(out, "system", sources, [FAKES, generated])
 

@@ -26,6 +26,8 @@ EncoderPlan plan;
 std::optional<Teensy40Encoders> encoders;
 #ifdef GYRO_PORT
 using Master = Teensy40GyroI2c;
+#elif defined(FLOW_PORT)
+using Master = Teensy40FlowI2c;
 #else
 using Master = Teensy40I2c;
 #endif

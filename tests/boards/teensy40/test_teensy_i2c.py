@@ -20,12 +20,12 @@ SPEEDS = (100_000, 400_000, 1_000_000)
 SLOWEST_RISE_NS = {100_000: 1000, 400_000: 300, 1_000_000: 120}  # NXP UM10204, table 10
 
 
-PORTS = {"LPI2C1": (), "LPI2C3": ("-DGYRO_PORT",)}
+PORTS = {"LPI2C1": (), "LPI2C3": ("-DGYRO_PORT",), "LPI2C4": ("-DFLOW_PORT",)}
 
 
 @pytest.fixture(scope="module", params=list(PORTS.values()), ids=list(PORTS))
 def library(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    """The motors' bus, then the gyro's: the PWM chip of the fakes hangs on the one that is tested."""
+    """The motors' bus, the gyro's, the floor-motion sensor's: the PWM chip of the fakes hangs on the one that is tested."""
     return build(tmp_path_factory.mktemp("io"), request.param)
 
 

@@ -63,6 +63,8 @@ def strange(seed: int) -> Robot:
     file = document(template, tuple(gone), **wiring)
     if draw.random() < 0.5:
         file["gyro"] = {"chip": "ICM-42688-P", "axis": draw.choice([3, -1]), "address": draw.choice([0x68, 0x69])}
+    if draw.random() < 0.5 and not {24, 25} & set(pins):
+        file["flow"] = draw.choice([{"chip": "OTOS"}, {"chip": "Pinpoint", "steps_per_mm": 19.894, "x_wheel_mm": 50.0}])
     return parse_robot(file, parameter_table(), "test.toml")
 
 
@@ -210,6 +212,19 @@ def test_a_gyro_is_in_the_table_the_drawing_and_its_notes() -> None:
     assert "SDA1 17" in words
     assert "x of the chip points down" in words
     assert "ICM" not in " ".join(Drawing(draw_wiring(plan_wiring(read_robot("three_wheel")))).words)
+
+
+def test_a_sensor_of_floor_motion_is_in_the_table_the_drawing_and_its_notes() -> None:
+    wheels = {"steps_per_mm": 13.263, "x_wheel_mm": 60.0, "y_wheel_mm": -45.0}
+    file = document() | {"flow": {"chip": "Pinpoint", **wheels}}
+    plan = plan_wiring(parse_robot(file, parameter_table(), "test.toml"))
+    bus, supply = (row for row in connections(plan) if row.end.startswith("Pinpoint"))
+    assert bus.start == "Teensy 25 (SDA2), 24 (SCL2)"
+    assert "x wheel 60 mm left of the robot's centre, y wheel -45 mm in front of it" in bus.mind
+    assert supply.start == "Teensy 3.3 V"
+    words = " ".join(Drawing(draw_wiring(plan)).words)
+    assert "SDA2 25" in words
+    assert "x wheel 60 mm left" in words
 
 
 @pytest.mark.parametrize(

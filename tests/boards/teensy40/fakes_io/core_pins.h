@@ -35,7 +35,8 @@ struct Pin {
 
 extern const Pin pins[40];
 /// CCM, IOMUXC and other registers that only hold what was written.
-extern Register ccm_ccgr2, ccm_ccgr4, ccm_cscdr2, daisy[26], sda_daisy, scl_daisy, sda3_daisy, scl3_daisy;
+extern Register ccm_ccgr2, ccm_ccgr4, ccm_cscdr2, daisy[26], sda_daisy, scl_daisy, sda3_daisy, scl3_daisy, sda4_daisy,
+    scl4_daisy, ccm_ccgr6;
 extern uint32_t cycles;
 
 void attach(int irq, void (*function)());
@@ -71,13 +72,17 @@ void set_priority(int irq, uint8_t priority);
 #define IOMUXC_LPI2C1_SCL_SELECT_INPUT fake::scl_daisy
 #define IOMUXC_LPI2C3_SDA_SELECT_INPUT fake::sda3_daisy
 #define IOMUXC_LPI2C3_SCL_SELECT_INPUT fake::scl3_daisy
+#define IOMUXC_LPI2C4_SDA_SELECT_INPUT fake::sda4_daisy
+#define IOMUXC_LPI2C4_SCL_SELECT_INPUT fake::scl4_daisy
 #define CCM_CCGR2 fake::ccm_ccgr2
 #define CCM_CCGR4 fake::ccm_ccgr4
+#define CCM_CCGR6 fake::ccm_ccgr6
 #define CCM_CSCDR2 fake::ccm_cscdr2
 #define CCM_CCGR_ON 3u
 #define CCM_CCGR2_XBAR1(n) ((n) << 22)
 #define CCM_CCGR2_LPI2C1(n) ((n) << 6)
 #define CCM_CCGR2_LPI2C3(n) ((n) << 10)
+#define CCM_CCGR6_LPI2C4_SERIAL(n) ((n) << 24)
 #define CCM_CCGR4_ENC1(n) ((n) << 24)
 #define CCM_CCGR4_ENC2(n) ((n) << 26)
 #define CCM_CCGR4_ENC3(n) ((n) << 28)
@@ -88,7 +93,7 @@ void set_priority(int irq, uint8_t priority);
 #define F_CPU_ACTUAL 600000000u
 #define ARM_DWT_CYCCNT fake::cycles
 
-enum IRQ_NUMBER_t { IRQ_LPI2C1 = 28, IRQ_LPI2C3 = 30, IRQ_GPIO6789 = 157 };
+enum IRQ_NUMBER_t { IRQ_LPI2C1 = 28, IRQ_LPI2C3 = 30, IRQ_LPI2C4 = 31, IRQ_GPIO6789 = 157 };
 #define attachInterruptVector fake::attach
 #define NVIC_ENABLE_IRQ fake::enable
 #define NVIC_SET_PRIORITY fake::set_priority
@@ -101,7 +106,7 @@ extern IMXRT_ENC_t IMXRT_ENC1, IMXRT_ENC2, IMXRT_ENC3, IMXRT_ENC4;
 struct IMXRT_LPI2C_t {
     fake::Register MCR, MSR, MIER, MCFGR0, MCFGR1, MCFGR2, MCFGR3, MCCR0, MFCR, MFSR, MTDR, MRDR;
 };
-extern IMXRT_LPI2C_t IMXRT_LPI2C1, IMXRT_LPI2C3;
+extern IMXRT_LPI2C_t IMXRT_LPI2C1, IMXRT_LPI2C3, IMXRT_LPI2C4;
 
 #define LPI2C_MCR_RRF (1u << 9)
 #define LPI2C_MCR_RTF (1u << 8)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // An I2C master with its command FIFO, the two lines, a PCA9685 on them, and the interval timer. The master is LPI2C1;
-// compiled with GYRO_PORT it is LPI2C3.
+// compiled with GYRO_PORT it is LPI2C3, with FLOW_PORT LPI2C4.
 #include <cstring>
 #include <vector>
 
@@ -12,7 +12,7 @@ extern "C" {
 #include "hil_sim/pca9685.h"
 }
 
-IMXRT_LPI2C_t IMXRT_LPI2C1, IMXRT_LPI2C3;
+IMXRT_LPI2C_t IMXRT_LPI2C1, IMXRT_LPI2C3, IMXRT_LPI2C4;
 
 namespace fake {
 namespace {
@@ -22,6 +22,11 @@ IMXRT_LPI2C_t &master = IMXRT_LPI2C3;
 constexpr IRQ_NUMBER_t master_irq = IRQ_LPI2C3;
 constexpr uint8_t sda_pin = 17;
 constexpr uint8_t scl_pin = 16;
+#elif defined(FLOW_PORT)
+IMXRT_LPI2C_t &master = IMXRT_LPI2C4;
+constexpr IRQ_NUMBER_t master_irq = IRQ_LPI2C4;
+constexpr uint8_t sda_pin = 25;
+constexpr uint8_t scl_pin = 24;
 #else
 IMXRT_LPI2C_t &master = IMXRT_LPI2C1;
 constexpr IRQ_NUMBER_t master_irq = IRQ_LPI2C1;

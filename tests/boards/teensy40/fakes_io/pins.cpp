@@ -91,7 +91,8 @@ void deliver_pins() {
 #define TEN(n)                                                                                                         \
     pin(n), pin(n + 1), pin(n + 2), pin(n + 3), pin(n + 4), pin(n + 5), pin(n + 6), pin(n + 7), pin(n + 8), pin(n + 9)
 const Pin pins[40] = {TEN(0), TEN(10), TEN(20), TEN(30)};
-Register ccm_ccgr2, ccm_ccgr4, ccm_cscdr2, daisy[26], sda_daisy, scl_daisy, sda3_daisy, scl3_daisy;
+Register ccm_ccgr2, ccm_ccgr4, ccm_cscdr2, daisy[26], sda_daisy, scl_daisy, sda3_daisy, scl3_daisy, sda4_daisy,
+    scl4_daisy, ccm_ccgr6;
 uint32_t cycles = 0;
 
 void attach(int irq, void (*function)()) {

@@ -20,5 +20,6 @@ constexpr int battery_pin = 14;
 constexpr float battery_divider = 5.0f;
 constexpr uint8_t light_pin = 13;
 constexpr uint8_t gyro_address = 0;
+constexpr uint8_t flow_address = 0;
 
 } // namespace omni::wiring

@@ -15,7 +15,7 @@ public:
     bool on_wire() const;
 };
 
-/// No robot here has a gyro.
+/// No robot here has one of these sensors.
 class Teensy40GyroI2c final : public I2cBus {
 public:
     explicit Teensy40GyroI2c(uint32_t) {}
@@ -24,5 +24,7 @@ public:
     I2cStatus poll(uint8_t *) override { return I2cStatus::idle; }
     void recover() override {}
 };
+
+using Teensy40FlowI2c = Teensy40GyroI2c;
 
 } // namespace omni
