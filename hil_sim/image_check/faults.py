@@ -59,7 +59,7 @@ def faults_at_the_pins(context: Context) -> list[str]:
     gyros = [case.name for case in CASES if "gyro_rate_Hz" in case.world]
     reasons.update(dict.fromkeys(gyros, "the check gyro is about it"))
     flows = [case.name for case in CASES if "flow_rate_Hz" in case.world]
-    reasons.update(dict.fromkeys(flows, "no driver for such a chip yet"))
+    reasons.update(dict.fromkeys(flows, "the check flow is about it"))
     values = context.scenario.parameter_values()
     figures = []
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:

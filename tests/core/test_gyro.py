@@ -214,6 +214,28 @@ def test_the_filter_is_the_one_of_numpy(wheels: int, mode: int, counts_m2: float
     assert (other.skids > 10) == slips
 
 
+@pytest.mark.parametrize("age_ticks", [0, 3, 33, 120])
+def test_late_fixes_are_exact_with_a_scale_other_than_one(age_ticks: int) -> None:
+    """The gyro reads a sixth too little, the filter knows it, and the fixes are right: they have nothing to correct."""
+    core = Filter(mode=lib.OMNI_EKF_MODE_POSE)
+    lib.omni_pose_ekf_start_gyro(core.s, core.config)
+    core.s.slip[lib.OMNI_EKF_SCALE] = 0.2
+    core.s.p[8][8] = 1e-12
+    core.predict(np.zeros(3), 0.0)
+    body = np.array([0.4, 0.1, 1.5])
+    pose, poses = np.zeros(3), []
+    for tick in range(2000):
+        core.predict(core.matrix @ body / RADIUS_M * TICK_S, body[2] / 1.2)
+        c, s = math.cos(pose[2] + 0.5e-3 * body[2]), math.sin(pose[2] + 0.5e-3 * body[2])
+        pose = pose + TICK_S * np.array([c * body[0] - s * body[1], s * body[0] + c * body[1], body[2]])
+        poses.append(pose)
+        if tick % 25 == 24 and tick > age_ticks:
+            before = core.x[2]
+            assert core.correct(poses[tick - age_ticks], 1000 * age_ticks) == lib.OMNI_OK
+            assert core.x[2] - before == pytest.approx(0.0, abs=2e-6)
+    assert core.x[:2] == pytest.approx(pose[:2], abs=2e-5)
+
+
 def turn_with_fixes(core: Filter, seconds: float, slip: Array, pose: Array, skid_rad: float = 0.0) -> Array:
     """Drive an arc with these slip ratios, with a fix each 0.1 s; wheel 1 turns by ``skid_rad`` too much each tick."""
     body = np.array([0.4, 0.1, 0.5])

@@ -53,8 +53,7 @@ void omni_ekf_history_next(omni_pose_ekf_state_t *state) {
     omni_ekf_slot_t *slot = &state->history[state->newest];
     memset(slot, 0, sizeof *slot);
     memset(state->wheel_m, 0, sizeof state->wheel_m);
-    memcpy(slot->slip, state->slip, OMNI_MAX_WHEELS * sizeof *slot->slip);
-    slot->slip[OMNI_EKF_BIAS] = state->slip[OMNI_EKF_BIAS];
+    memcpy(slot->slip, state->slip, sizeof slot->slip);
     omni_sincosf(state->pose.theta, &state->slot_sine, &state->slot_cosine);
 }
 
@@ -66,8 +65,7 @@ void omni_ekf_history_rebase(omni_pose_ekf_state_t *state, uint8_t columns) {
             slot->move[axis] += slot->gain[axis][i] * change;
         }
     }
-    memcpy(slot->slip, state->slip, OMNI_MAX_WHEELS * sizeof *slot->slip);
-    slot->slip[OMNI_EKF_BIAS] = state->slip[OMNI_EKF_BIAS];
+    memcpy(slot->slip, state->slip, sizeof slot->slip);
     omni_sincosf(state->pose.theta - slot->move[2], &state->slot_sine, &state->slot_cosine);
 }
 
