@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from omniwheel.bringup.drive import check_drive
 from omniwheel.bringup.encoders import check_encoders
+from omniwheel.bringup.flow import check_flow
 from omniwheel.bringup.gyro import check_gyro
 from omniwheel.bringup.i2c import check_i2c
 from omniwheel.bringup.link import check_link
@@ -27,6 +28,7 @@ __all__ = [
     "Result",
     "check_drive",
     "check_encoders",
+    "check_flow",
     "check_gyro",
     "check_i2c",
     "check_link",

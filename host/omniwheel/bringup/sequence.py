@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from omni_schema import Robot as RobotFile
 from omniwheel.bringup.drive import check_drive
 from omniwheel.bringup.encoders import check_encoders
+from omniwheel.bringup.flow import check_flow
 from omniwheel.bringup.gyro import check_gyro
 from omniwheel.bringup.i2c import check_i2c
 from omniwheel.bringup.link import check_link
@@ -21,7 +22,7 @@ from omniwheel.bringup.stops import check_stops
 from omniwheel.limits import RADIO_BAUD
 from omniwheel.robot import Robot
 
-CHECKS = ("link", "i2c", "encoders", "gyro", "motors", "estop", "oe", "button", "drive")
+CHECKS = ("link", "i2c", "encoders", "gyro", "flow", "motors", "estop", "oe", "button", "drive")
 """In order, by the names of the commands. The radio's needs a second link."""
 
 
@@ -37,7 +38,7 @@ def bring_up(
 ) -> Iterator[Result]:
     """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it.
 
-    Those of PWM chip, stop button and gyro are left out for a robot file without them. ``only`` is the one of CHECKS
+    Those of PWM chip, stop button, gyro and floor motion are left out for a robot file without them. ``only`` is the one of CHECKS
     to run, whatever the robot file says.
     """
     checks: dict[str, Callable[[], Result]] = {
@@ -45,6 +46,7 @@ def bring_up(
         "i2c": lambda: check_i2c(robot),
         "encoders": lambda: check_encoders(robot, person),
         "gyro": lambda: check_gyro(robot, person, file=file),
+        "flow": lambda: check_flow(robot, person, file=file),
         "motors": lambda: check_motors(robot, person),
         "estop": lambda: check_stops(robot, person),
         "oe": lambda: check_output_enable(robot, person, file=file),
@@ -60,6 +62,8 @@ def bring_up(
         del checks["button"]
     if file is None or file.board.gyro is None:
         del checks["gyro"]
+    if file is None or file.board.flow is None:
+        del checks["flow"]
     if radio is not None:
         checks["radio"] = lambda: check_radio(radio, baud=baud)
     for check in checks.values():

@@ -218,6 +218,20 @@ def gyro(
     _checked(wanted, False, lambda robot, person: check_gyro(robot, person, file=file))
 
 
+@app.command("flow", epilog=examples("omni bringup flow", "omni bringup flow --robot mine.toml --json"))
+@takes(RobotOptions)
+def flow(
+    robot_file: RobotFileOption = None,
+    *,
+    wanted: RobotOptions,
+) -> None:
+    """Check direction and scale of the floor-motion sensor: you push the robot by hand when asked. No motor turns."""
+    from omniwheel.bringup import check_flow
+
+    file = None if robot_file is None else read_robot(robot_file)
+    _checked(wanted, False, lambda robot, person: check_flow(robot, person, file=file))
+
+
 @app.command("drive", epilog=examples("omni bringup drive"))
 @takes(RobotOptions)
 def drive(

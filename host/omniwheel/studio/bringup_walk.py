@@ -29,6 +29,7 @@ WORDS = {
     "i2c": "I2C: does the PWM board answer?",
     "encoders": "encoders: turn each wheel by hand",
     "gyro": "gyro: rest, then turn the robot by hand",
+    "flow": "floor motion: push the robot by hand along a metre",
     "motors": "motors: each wheel turns, on a stand",
     "estop": "stops: three ways to stop, on a stand",
     "oe": "output enable: its pin alone stops, on a stand",

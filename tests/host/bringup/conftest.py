@@ -23,6 +23,8 @@ STAND = 1e-6
 FLOOR = 0.6
 REVOLUTION_RAD_S = math.pi
 STEP_TICKS = 10
+PUSH_M_S = 0.2
+"""Of a push of a metre."""
 HEADER, CHECKSUM = 10, 2
 
 
@@ -103,6 +105,8 @@ class Bench:
         self.hands = [2 * math.pi] * world.wheels
         self.presses = False
         self.turn_rad = 2 * math.pi
+        self.push_m = 1.0
+        self.push_rad = 0.0
         self._moved = np.zeros(world.wheels)
 
     def tell(self, text: str) -> None:
@@ -111,6 +115,8 @@ class Bench:
             self._turn(int(text.split()[2]) - 1)
         if text.startswith("Turn the robot"):
             self._turn_robot()
+        if text.startswith("Push the robot"):
+            self._push_robot()
         if self.presses and "the stop button" in text:
             self._press("keep it pressed" in text)
 
@@ -146,6 +152,18 @@ class Bench:
         self.hands = [self.turn_rad * lever] * self.world.wheels
         for wheel in range(self.world.wheels):
             self._turn(wheel)
+
+    def _push_robot(self) -> None:
+        """Push the robot on the floor by ``push_m`` in the direction ``push_rad``: its wheels roll along."""
+        config = self.world.c.config
+        start_s = self.link.clock_s() + 0.5
+        for wheel in range(self.world.wheels):
+            rolled_m = self.push_m * math.sin(self.push_rad - float(config.wheel_angle_rad[wheel]))
+            fault = config.fault[config.fault_count]
+            config.fault_count += 1
+            fault.kind, fault.wheel = Fault("wheel_turned", 0.0).kind, wheel
+            fault.value = rolled_m / float(config.wheel_radius_m[wheel]) * PUSH_M_S
+            fault.start_s, fault.stop_s = start_s, start_s + 1.0 / PUSH_M_S
 
     def _turn(self, wheel: int) -> None:
         """Book a hand in the world, a little later."""

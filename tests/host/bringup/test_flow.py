@@ -1,14 +1,109 @@
 # SPDX-License-Identifier: MIT
-"""OMNI_FLOW: what a robot tells of its sensor of motion over the floor, as the guide to its scale needs it."""
+"""The bring-up step on the sensor of motion over the floor, and what OMNI_FLOW says of a drive of known length."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from hil_sim.faults import Fault
+from omni_schema import FlowWiring
+from omniwheel.bringup import check_flow
+from omniwheel.bringup.person import NotReadyError
+from omniwheel.robots import read_robot
 from omniwheel.telemetry import FlowState
-from tests.host.bringup.conftest import MakeBench
+from tests.host.bringup.conftest import Bench, MakeBench
+from tests.host.bringup.test_stops import failures
+
+
+def in_world(
+    make_bench: MakeBench, faults: Any = (), parameters: dict[str, float] | None = None, **numbers: float
+) -> Bench:
+    """Return a robot on the floor with such a sensor; ``numbers`` are the world's of it."""
+
+    def change(config: Any) -> None:
+        config.flow_rate_Hz = 50.0
+        config.seed = 5
+        config.motor_inertia_kg_m2 = 1.0  # so that the wheels keep the hand's speed between two steps
+        for name, value in numbers.items():
+            setattr(config, name, value)
+
+    return make_bench(on_floor=True, faults=faults, change=change, parameters={"FLOW_MODE": 2.0, **(parameters or {})})
+
+
+def pushed(bench: Bench) -> float:
+    """Return how far the hand has really pushed the robot [m]."""
+    return math.hypot(float(bench.world.c.pose[0]), float(bench.world.c.pose[1]))
+
+
+def test_a_sensor_that_is_right_passes_and_tells_its_figures(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench)
+    result = check_flow(bench.robot, bench)
+    assert result.ok, failures(result)
+    assert [finding.name for finding in result.findings] == ["readings", "rest", "turn", "direction", "scale"]
+    assert math.hypot(result.measured["x_m"], result.measured["y_m"]) == pytest.approx(pushed(bench), rel=0.01)
+    assert not bench.armed
+
+
+@pytest.mark.parametrize("error", [-0.05, 0.03])
+def test_its_scale_is_measured(make_bench: MakeBench, error: float) -> None:
+    bench = in_world(make_bench, flow_scale_error=error)
+    scale = check_flow(bench.robot, bench).measured["scale"]
+    assert scale * pushed(bench) == pytest.approx(1.0 / (1.0 + error), rel=0.005)
+
+
+@pytest.mark.parametrize("mounted_deg", [10.0, 90.0, -135.0, 180.0])
+def test_the_direction_that_it_says_is_the_one_of_the_sensor(make_bench: MakeBench, mounted_deg: float) -> None:
+    bench = in_world(make_bench, flow_angle_rad=math.radians(mounted_deg))
+    result = check_flow(bench.robot, bench)
+    assert list(failures(result)) == ([] if mounted_deg == 10.0 else ["direction"])
+    off = math.remainder(math.radians(result.measured["angle_deg"] - mounted_deg), math.tau)
+    assert off == pytest.approx(0.0, abs=math.radians(1.5))
+
+
+def test_with_that_direction_it_passes(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench, parameters={"FLOW_ANGLE": -135.0}, flow_angle_rad=math.radians(-135.0))
+    assert check_flow(bench.robot, bench).ok
+
+
+def test_a_push_of_another_length_is_no_scale(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench)
+    bench.push_m = 0.5
+    result = check_flow(bench.robot, bench)
+    assert list(failures(result)) == ["scale"]
+    assert "one metre" in result.advice[0]
+
+
+def test_a_robot_that_nobody_pushes_fails(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench)
+    bench.push_m = 0.0
+    assert list(failures(check_flow(bench.robot, bench, wait_s=3.0))) == ["way"]
+
+
+def test_a_sensor_that_sees_nothing_fails(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench, faults=[Fault("flow_stuck", 0.0)])
+    result = check_flow(bench.robot, bench, wait_s=8.0)
+    assert list(failures(result)) == ["way"]
+    assert "pin 25" in result.advice[0]
+
+
+def test_without_one_it_passes_unless_the_file_has_one(bench: Bench) -> None:
+    file = read_robot("three_wheel")
+    assert check_flow(bench.robot, bench, file=file).ok
+    wired = replace(file, board=replace(file.board, flow=FlowWiring(file.table.flow_chips["OTOS"])))
+    assert list(failures(check_flow(bench.robot, bench, file=wired))) == ["flow"]
+    assert bench.questions == []
+
+
+def test_nobody_agrees_nothing_is_asked(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench)
+    bench.agrees = False
+    with pytest.raises(NotReadyError):
+        check_flow(bench.robot, bench)
+    assert bench.told == []
 
 
 def test_a_drive_of_known_length_tells_scale_and_direction(make_bench: MakeBench) -> None:
