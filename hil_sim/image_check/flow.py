@@ -26,7 +26,10 @@ WAY_LIMIT_M = 2e-3
 TURN_LIMIT_RAD = 5e-3
 """The telemetry's sum is some milliseconds older than the world."""
 SILENT = "flow_silent"
-WORDS = {SILENT: "floor motion: no sensor answers; check its wires", "held": "floor motion: a line of its bus is held low"}
+WORDS = {
+    SILENT: "floor motion: no sensor answers; check its wires",
+    "held": "floor motion: a line of its bus is held low",
+}
 AGAIN = "floor motion: readings again"
 
 
@@ -87,8 +90,13 @@ def _drive(robot: Robot, seconds: float) -> None:
 
 def _first(sensor: Sensor, heard: Heard) -> str:
     begin_s = sensor.bench.clock_s()
-    wait(sensor, lambda: bool(heard.flow and heard.flow[-1].usable and heard.flow[-1].readings_used > 10), START_S,
-         "the sensor is not used", heard.texts)
+    wait(
+        sensor,
+        lambda: bool(heard.flow and heard.flow[-1].usable and heard.flow[-1].readings_used > 10),
+        START_S,
+        "the sensor is not used",
+        heard.texts,
+    )
     return f"in use {sensor.bench.clock_s() - begin_s:.2f} s after the robot began to move"
 
 
@@ -108,7 +116,9 @@ def _way(bench: Bench, robot: Robot, heard: Heard) -> str:
             raise CheckError(
                 f"it moved {1e3 * true:.1f} mm and {true_turn:.3f} rad; the sensor says {1e3 * way:.1f} and {turn:.3f}"
             )
-        told.append(f"{1e3 * way:.1f} of {1e3 * true:.1f} mm" if speed[2] == 0.0 else f"{turn:.3f} of {true_turn:.3f} rad")
+        told.append(
+            f"{1e3 * way:.1f} of {1e3 * true:.1f} mm" if speed[2] == 0.0 else f"{turn:.3f} of {true_turn:.3f} rad"
+        )
     return "ways and a turn from rest to rest: it says " + ", ".join(told)
 
 

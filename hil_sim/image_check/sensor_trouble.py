@@ -69,4 +69,3 @@ def wait(sensor: Sensor, condition: Callable[[], bool], limit_s: float, problem:
         if sensor.bench.clock_s() >= end_s:
             raise CheckError(f"{problem} within {limit_s:g} s; said: {', '.join(texts) or 'nothing'}")
         sensor.meanwhile(STEP_S)
-

@@ -231,7 +231,13 @@ def test_a_pinpoint_that_says_no_number_is_not_believed(pinpoint: Flow, value: f
 
 @pytest.mark.parametrize(
     "wheels",
-    [{"steps": 19.894367}, {"x_mm": 0.0}, {"y_mm": 168.0}, {"reversed_axes": (True, True)}, {"reversed_axes": (False, False)}],
+    [
+        {"steps": 19.894367},
+        {"x_mm": 0.0},
+        {"y_mm": 168.0},
+        {"reversed_axes": (True, True)},
+        {"reversed_axes": (False, False)},
+    ],
     ids=str,
 )
 def test_settings_of_other_wheels_show(pinpoint: Flow, wheels: dict[str, object]) -> None:

@@ -26,7 +26,15 @@ class Connection:
 
 def connections(plan: WiringPlan) -> tuple[Connection, ...]:
     """Return every wire of the robot, signals first."""
-    signals = (*_bus(plan), *_output_enable(plan), *_wheels(plan), *_radio(), *_gyro(plan), *_flow(plan), *_extras(plan))
+    signals = (
+        *_bus(plan),
+        *_output_enable(plan),
+        *_wheels(plan),
+        *_radio(),
+        *_gyro(plan),
+        *_flow(plan),
+        *_extras(plan),
+    )
     return (*signals, *_supplies(plan))
 
 

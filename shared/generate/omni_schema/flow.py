@@ -114,7 +114,9 @@ def parse_flow(
 
 def _with_wheels(source: str, section: Mapping[str, Any], chip: FlowChip) -> FlowWiring:
     if "steps_per_mm" not in section:
-        problem = "is missing: steps of a wheel's encoder per millimetre. goBILDA's 4-bar pod has 19.894, swingarm 13.263"
+        problem = (
+            "is missing: steps of a wheel's encoder per millimetre. goBILDA's 4-bar pod has 19.894, swingarm 13.263"
+        )
         raise SchemaError(source, "flow.steps_per_mm", problem)
     steps = number_within(source, "flow.steps_per_mm", section["steps_per_mm"], 0.1, 1000.0)
     offsets = [

@@ -23,7 +23,7 @@ STAND = 1e-6
 FLOOR = 0.6
 REVOLUTION_RAD_S = math.pi
 STEP_TICKS = 10
-PUSH_M_S = 0.2
+PUSH_M_S = 0.1
 """Of a push of a metre."""
 HEADER, CHECKSUM = 10, 2
 
