@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file register_flow.h  Driver of a chip that counts its own pose over the floor, on an I2C bus of its own; what is
+/// @file register_flow.h  Driver of a chip that counts its own pose over the floor, on an I2C bus of its own. What is
 /// special to a chip is data (pose_counter.h).
 ///
 /// Start: identity, once after boot the calibration of its gyro, then its settings, a write per tick. Such chips are

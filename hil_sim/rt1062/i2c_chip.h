@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file i2c_chip.h
- * What hangs on a bus outside: on the first the world's PWM chip, on the second a gyro, on the third a sensor of
+ * What hangs on a bus outside. On the first it is the world's PWM chip, on the second a gyro, on the third a sensor of
  * motion over the floor. Each learns everything from its two lines' levels (NXP UM10204), whoever moves them.
  */
 #ifndef HIL_SIM_RT1062_I2C_CHIP_H

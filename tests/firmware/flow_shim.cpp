@@ -14,8 +14,8 @@ using namespace omni;
 
 namespace {
 
-/// As shared/generate writes them: a swingarm pod (13.25 steps per mm), x wheel 84 mm left, y wheel 168 mm behind; y
-/// counts the other way.
+/// As shared/generate writes them: a swingarm pod (13.25 steps per mm), x wheel 84 mm left, y wheel 168 mm behind. The
+/// y wheel counts the other way.
 constexpr uint8_t settings[] = {5, 14, 0,  0, 0x54, 0x41, //
                                 5, 15, 0,  0, 0xA8, 0x42, //
                                 5, 16, 0,  0, 0x28, 0xC3, //

@@ -69,7 +69,7 @@ def test_what_is_wrong_is_refused_with_what_to_do(section: dict[str, Any], key: 
 
 
 def test_the_mode_is_not_given_twice() -> None:
-    with pytest.raises(SchemaError, match="flow.chip"):
+    with pytest.raises(SchemaError, match=r"flow\.chip"):
         robot({"chip": "OTOS"}, {"FLOW_MODE": 1.0})
 
 

@@ -38,8 +38,8 @@ def bring_up(
 ) -> Iterator[Result]:
     """Yield the results in order; end after the first failure unless ``keep_going``. No ``radio``, no check of it.
 
-    Those of PWM chip, stop button, gyro and floor motion are left out for a robot file without them. ``only`` is the one of CHECKS
-    to run, whatever the robot file says.
+    Those of PWM chip, stop button, gyro and floor motion are left out for a robot file without them. ``only`` is the
+    one of CHECKS to run, whatever the robot file says.
     """
     checks: dict[str, Callable[[], Result]] = {
         "link": lambda: check_link(robot, file, radio),

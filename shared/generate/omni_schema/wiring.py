@@ -80,8 +80,8 @@ def parse_board_wiring(
 ) -> BoardWiring:
     """Check the pin keys of the section ``wiring``; raise SchemaError for a pin that cannot be or is used twice.
 
-    ``gyro`` and ``flow`` are what their own sections say. ``drivers`` are those there are; that the file names one of them is checked
-    with its parameter, ``MOT_DRIVER``.
+    ``gyro`` and ``flow`` are what their own sections say. ``drivers`` are those there are. That the file
+    names one of them is checked with its parameter, ``MOT_DRIVER``.
     """
     driver = drivers.get(str(section.get("motor_driver", CHIP_DRIVER)), CHIP)
     wiring = BoardWiring(

@@ -25,7 +25,7 @@ PORTS = {"LPI2C1": (), "LPI2C3": ("-DGYRO_PORT",), "LPI2C4": ("-DFLOW_PORT",)}
 
 @pytest.fixture(scope="module", params=list(PORTS.values()), ids=list(PORTS))
 def library(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    """The motors' bus, the gyro's, the floor-motion sensor's: the PWM chip of the fakes hangs on the one that is tested."""
+    """The motors' bus, the gyro's, the floor-motion sensor's: the fakes' PWM chip hangs on the one that is tested."""
     return build(tmp_path_factory.mktemp("io"), request.param)
 
 
