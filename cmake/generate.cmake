@@ -69,7 +69,8 @@ add_library(omni_mavlink_headers INTERFACE)
 target_include_directories(omni_mavlink_headers SYSTEM INTERFACE "${OMNI_GENERATED}/mavlink")
 add_dependencies(omni_mavlink_headers omni_mavlink)
 
-install(FILES "${OMNI_PYTHON_DIALECT}" DESTINATION omniwheel/dialects)
+# The source comes along: other languages' generators read it.
+install(FILES "${OMNI_PYTHON_DIALECT}" "${PROJECT_SOURCE_DIR}/shared/link/omni.xml" DESTINATION omniwheel/dialects)
 # The mark lets mypy look for types beside the generated module, too.
 install(FILES "${OMNI_PYTHON_TELEMETRY}" "${PROJECT_SOURCE_DIR}/host/omniwheel/py.typed" DESTINATION omniwheel)
 install(FILES "${PROJECT_SOURCE_DIR}/shared/params.toml" "${PROJECT_SOURCE_DIR}/shared/world.toml" DESTINATION omniwheel)

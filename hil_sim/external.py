@@ -12,7 +12,7 @@ import importlib
 import math
 import operator
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +35,8 @@ REFUSED_FAULTS = ("battery_sag", "motor_stalled", "tick_late", "wheel_turned")
 _OWN_NUMBERS = ("fix_", "pca9685_", "i2c_", "output_enable_")
 """Beginnings of the world's numbers that are about the electronics."""
 _COUNTS_MAX = 2**53
+_LARGEST = 1e6
+"""Of any other number that a world gives: no robot is a thousand kilometres away."""
 _UNKNOWN = math.nan
 
 
@@ -137,7 +139,9 @@ def load_world(place: str, scenario: Scenario) -> ExternalWorld:
     Modules are looked for in the current folder first. ``mujoco`` and ``mujoco:FLOOR.toml`` are SHORT_NAMES; what
     such a world says of the robot or the file comes as it is: OmniError, SchemaError.
     """
-    short, _, file = place.partition(":")
+    short, colon, file = place.partition(":")
+    if short in SHORT_NAMES and colon and not file:
+        raise ExternalWorldInputError(f"--world {place}: a file is missing after the colon", hint=f"or write {short}")
     module_name, _, class_name = SHORT_NAMES.get(short, place).partition(":")
     if not module_name or not class_name.isidentifier():
         known = ", ".join(SHORT_NAMES)
@@ -154,11 +158,30 @@ def load_world(place: str, scenario: Scenario) -> ExternalWorld:
         return packaged
     try:
         world: ExternalWorld = kind(scenario)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ExternalWorldInputError(
-            f"--world {place}: {class_name}(scenario) failed: {_said(error)}", hint=_where(error)
+            f"--world {place}: {class_name}(scenario) failed: {_said(error)}", hint=_where(error, kind.__init__)
         ) from error
+    notes = getattr(world, "notes", ())
+    if isinstance(notes, str) or not isinstance(notes, Iterable) or not all(isinstance(line, str) for line in notes):
+        raise ExternalWorldInputError(
+            f"--world {place}: {class_name}.notes is {notes!r}; a list of sentences is needed, or none"
+        )
     return world
+
+
+def finish_world(world: ExternalWorld, folder: Path) -> None:
+    """Let a world that has ``finish(folder)`` write its files into a run's folder. Raises ExternalWorldError."""
+    finish = getattr(world, "finish", None)
+    if finish is None:
+        return
+    try:
+        finish(folder)
+    except OmniError:
+        raise
+    except (Exception, SystemExit) as error:
+        name = f"{type(world).__module__}:{type(world).__qualname__}"
+        raise ExternalWorldError(f"{name}.finish failed: {_said(error)}", hint=_where(error, finish)) from error
 
 
 def _module(place: str, name: str) -> Any:
@@ -166,7 +189,7 @@ def _module(place: str, name: str) -> Any:
         sys.path.insert(0, "")
     try:
         return importlib.import_module(name)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
             message, hint = f"there is no module {name}", "give it as Python imports it, from the folder where it is"
         else:
@@ -188,12 +211,20 @@ def _said(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
-def _where(error: BaseException) -> str:
-    """Return the line of code that raised, the innermost one."""
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
+def _where(error: BaseException, function: Any = None) -> str:
+    """Return the innermost line of the user's code that raised; where ``function`` begins if it was not even called."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"in {error.filename}, line {error.lineno}"
+    found, trace = "", error.__traceback__
+    while trace is not None:
+        file = trace.tb_frame.f_code.co_filename
+        if file != __file__ and not file.startswith("<frozen "):
+            found = f"raised in {file}, line {trace.tb_lineno}"
         trace = trace.tb_next
-    return "" if trace is None else f"raised in {trace.tb_frame.f_code.co_filename}, line {trace.tb_lineno}"
+    code = getattr(function, "__code__", None)
+    if not found and code is not None:
+        found = f"see {code.co_filename}, line {code.co_firstlineno}"
+    return found
 
 
 class OutsideWorld(World):
@@ -317,6 +348,8 @@ class OutsideWorld(World):
             raise self._wrong(f"gave {len(values)} numbers as {what}; {count} are needed")
         if not all(map(math.isfinite, values)):
             raise self._wrong(f"gave {what} {', '.join(map(str, values))}; every number has to be finite")
+        if max(map(abs, values)) > _LARGEST:
+            raise self._wrong(f"gave {what} {', '.join(map(str, values))}; allowed is up to {_LARGEST:g}")
         return values
 
     def _wrong(self, message: str, hint: str = "") -> ExternalWorldError:
@@ -325,9 +358,9 @@ class OutsideWorld(World):
     def _call(self, method: str, function: Callable[..., Result], *arguments: Any) -> Result:
         try:
             return function(*arguments)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             message = f"{self.name}.{method} failed at {self._now_s:.3f} s: {_said(error)}"
-            raise ExternalWorldError(message, hint=_where(error)) from error
+            raise ExternalWorldError(message, hint=_where(error, function)) from error
 
 
 def _listed(given: Any) -> list[Any]:

@@ -300,7 +300,7 @@ def _notes(config: Any) -> tuple[str, ...]:
     ]
     notes = []
     if slips:
-        notes.append(f"{', '.join(slips)} is our world's: in MuJoCo wheels slip by what their contacts give.")
+        notes.append(f"{', '.join(slips)}: of our own world only; in MuJoCo wheels slip by what their contacts give.")
     if shapes:
-        notes.append(f"{', '.join(shapes)} is our world's: in MuJoCo the rollers' shape and its contacts say that.")
+        notes.append(f"{', '.join(shapes)}: of our own world only; in MuJoCo the rollers' shape and contacts decide.")
     return tuple(notes)

@@ -58,6 +58,8 @@ def _head(figure: Figure, summary: Mapping[str, Any]) -> None:
     title = "  ·  ".join(name.replace("_", " ") for name in names)
     figure.text(0.055, 0.955, title, fontsize=17, fontweight="bold", va="center")
     rmse, way = summary["rmse"], "real firmware in the loop" if summary["way"] == "hil" else "in process"
+    if external := summary["world"].get("external"):
+        way += f", world {external.split(':')[-1]}"
     line = (
         f"RMSE on the path: position {_number(rmse['position_m'], 1e3, 'mm')}, "
         f"heading {_number(rmse['theta_rad'], 1e3, 'mrad')}   ·   "

@@ -118,7 +118,26 @@ _TURNED: dict[str, Callable[[Robot], Any]] = {
 """Numbers that the robot file says in another way."""
 
 
+OF_MODELS = ("roller_radius_m", "wheel_mass_kg")
+"""Keys of [simulation] that only models for other simulators need (hil_sim/models)."""
+
+
+def _refuse_unknown(robot: Robot) -> None:
+    """A misspelt key would leave its effect off, and nobody would know."""
+    prefix = "simulation."
+    keys = [quantity.robot_key for quantity in WORLD.numbers.values()]
+    keys += [parameter.robot_key for parameter in robot.table.parameters]
+    known = {key.removeprefix(prefix) for key in keys if key is not None and key.startswith(prefix)} | set(OF_MODELS)
+    for name in robot.simulation:
+        if name not in known:
+            hint = "docs/guides/robot-file.md lists the keys of [simulation]"
+            raise WorldError(
+                f"{robot.source}: simulation.{name} is no key of a robot file{did_you_mean(name, known)}", hint=hint
+            )
+
+
 def _fill_numbers(config: Any, robot: Robot) -> None:
+    _refuse_unknown(robot)
     for quantity in WORLD.numbers.values():
         if quantity.robot_key is None:
             value: Any = quantity.default
@@ -196,6 +215,10 @@ def world_config(
     config.plant = plant_number(plant)
     config.driver = robot.board.motor_driver.number
     config.seed = seed
+    if patches and plant != DEFAULT_PLANT:
+        raise WorldError(
+            f"plant {plant} knows no [[patch]]", hint=f"take the patches out of the scenario, or use {DEFAULT_PLANT}"
+        )
     _fill_pose_sensor(config, pose_sensor)
     _fill_faults(config, faults)
     _fill_patches(config, patches)
@@ -204,6 +227,8 @@ def world_config(
         if field not in dir(config):
             raise WorldError(f"{name} is no field of the world; see world.toml and hil_world_config_t in world.h")
         _set(config, field, value)
+    if config.rollers_per_row in (1, 2):
+        raise WorldError(f"rollers_per_row is {config.rollers_per_row}; allowed are 0 (ideal wheels) and 3 to 60")
     return config
 
 

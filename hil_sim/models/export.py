@@ -30,11 +30,12 @@ FORMATS: dict[str, Callable[[Robot], str]] = {
 """What makes the text of each. Raises PartsError, WorldError."""
 
 _WITH_FRICTION = ("sdf", "mjcf")
+_WITH_ROTOR = ("mjcf",)
 
 
 def missing_in(robot: Robot, wanted: str) -> list[str]:
-    """Return what a format of FORMATS cannot have of this robot's gears and wheels, as sentences without a full stop.
+    """Return what a format of FORMATS cannot have of this robot, as sentences without a full stop.
 
     Raises PartsError, WorldError.
     """
-    return left_out(robot_parts(robot), wanted in _WITH_FRICTION)
+    return left_out(robot_parts(robot), friction=wanted in _WITH_FRICTION, rotor=wanted in _WITH_ROTOR)

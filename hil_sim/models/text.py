@@ -13,24 +13,30 @@ def numbers(*values: float) -> str:
     return " ".join(f"{value + 0.0:.9g}" if abs(value) > 1e-15 else "0" for value in values)
 
 
-def left_out(parts: RobotParts, friction: bool = True) -> list[str]:
-    """Return what of the robot's gears and wheels a format cannot have; nothing for gears without play.
+def left_out(parts: RobotParts, *, friction: bool, rotor: bool = False) -> list[str]:
+    """Return what of the robot's motors, gears and wheels a format cannot have, as sentences without a full stop.
 
-    ``friction``: the format has each wheel's friction on the floor.
+    ``friction``: the format has each wheel's friction on the floor. ``rotor``: it has the inertia of motor and gear.
     """
-    sentences = []
+    inertia = numbers(parts.wheels[0].armature_kg_m2)
+    sentences = [] if rotor else [f"motor and gear turn with {inertia} kg.m^2 at each axle"]
     if parts.backlash_rad > 0.0:
         sentences.append(f"the gears have a play of {numbers(parts.backlash_rad)} rad at each wheel")
-    if not friction and len({wheel.friction for wheel in parts.wheels}) > 1:
-        each = numbers(*(wheel.friction for wheel in parts.wheels))
-        sentences.append(f"the wheels' friction coefficients on the floor are {each}")
+    if not friction:
+        each = [wheel.friction for wheel in parts.wheels]
+        same = len(set(each)) == 1
+        words = (
+            f"friction coefficient on the floor is {numbers(each[0])}"
+            if same
+            else (f"friction coefficients on the floor are {numbers(*each)}")
+        )
+        sentences.append(f"the wheels' {words}")
     return sentences
 
 
-def motor_note(parts: RobotParts, friction: bool = True) -> str:
+def motor_note(parts: RobotParts, *, friction: bool = True) -> str:
     """Return what formats without a rotor's inertia leave to the reader. ``friction``: as in :func:`left_out`."""
-    inertia = numbers(parts.wheels[0].armature_kg_m2)
-    missing = [f"motor and gear turn with {inertia} kg.m^2 at each axle", *left_out(parts, friction)]
+    missing = left_out(parts, friction=friction)
     return f"Made by omni robots export. Not in here: {'; '.join(missing)}. SI units."
 
 

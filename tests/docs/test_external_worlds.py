@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import re
-import shutil
+import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
-from omniwheel import FirmwareProcess
-from omniwheel.parameter_file import format_value
+import pytest
+
 from tests.native import ROOT
 
 PAGE = ROOT / "docs" / "guides" / "external-worlds.md"
@@ -25,61 +28,83 @@ def code_of(page: str) -> str:
     return str(re.findall(r"```python\n(.*?)```", page, re.DOTALL)[-1])
 
 
-def circle_of(page: str) -> dict[str, float]:
-    """Return the parameters that the page adds to the robot's."""
-    line = re.search(r"printf '([^']+)'", page)
-    assert line is not None
-    pairs = (word.split("=") for word in line[1].split("\\n") if word)
-    return {name: float(value) for name, value in pairs}
+def shell_of(page: str, words: str) -> str:
+    """Return the page's shell block that has these words."""
+    return next(str(block) for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL) if words in block)
 
 
-def firmware_of(page: str, folder: Path) -> tuple[FirmwareProcess, Path]:
-    """Return the firmware with the page's circle, and the file of its parameters."""
-    firmware = FirmwareProcess("three_wheel", parameters=circle_of(page), lockstep=True)
-    lines = [f"{name}={format_value(None, value)}" for name, value in firmware.values.items()]
-    (folder / "robot.params").write_text("\n".join(lines), encoding="utf-8")
-    return firmware, folder / "robot.params"
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
-def check_circle(command: list[str], folder: Path) -> None:
-    """Run an example and read what it says of its path."""
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    said = re.search(r"path driven in ([\d.]+) s, position RMSE ([\d.]+) mm", done.stdout)
-    assert said is not None, done.stdout
-    assert 7.0 < float(said[1]) < 60.0
-    assert 0.0 < float(said[2]) < 3.0
+def type_in(block: str, folder: Path) -> str:
+    """Type a block of a page into a shell in this folder, at a port that is free; return what it prints."""
+    place = Path(sys.executable).parent
+    block = "\n".join(line for line in block.splitlines() if not line.startswith("pip install"))
+    with subprocess.Popen(
+        ["bash", "-e", "-c", block.replace("5760", str(free_port()))], cwd=folder,
+        env={**os.environ, "PATH": f"{place}:{os.environ['PATH']}"}, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+    ) as shell:  # fmt: skip
+        try:
+            said, trouble = shell.communicate(timeout=900)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(shell.pid, signal.SIGKILL)
+    assert shell.returncode == 0, said + trouble
+    return said
 
 
-def test_the_example_drives_its_circle(tmp_path: Path) -> None:
+def promised(page: str) -> str:
+    """Return what the page says that its example ends with."""
+    return str(re.findall(r"```text\n(path driven in .*?)\n```", page)[0])
+
+
+def test_the_example_is_typed_as_it_stands_and_drives_its_circle(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding="utf-8")
     (tmp_path / "circle.py").write_text(BLOCKED + code_of(page), encoding="utf-8")
-    firmware, parameters = firmware_of(page, tmp_path)
-    with firmware:
-        host, port = firmware.urls[0].removeprefix("tcp:").split(":")
-        xml = ROOT / "shared" / "link" / "omni.xml"
-        check_circle([sys.executable, "circle.py", host, port, str(xml), parameters.name], tmp_path)
+    assert type_in(shell_of(page, "python circle.py"), tmp_path).splitlines()[-1] == promised(page)
 
 
-def test_the_example_in_c_is_built_as_its_page_says_and_drives_its_circle(tmp_path: Path) -> None:
+def test_without_a_firmware_the_example_says_so(tmp_path: Path) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    code = code_of(page).replace("range(100)", "range(2)")
+    (tmp_path / "circle.py").write_text(code, encoding="utf-8")
+    (tmp_path / "robot.params").write_text("SYS_ID=1\n", encoding="utf-8")
+    xml = str(ROOT / "shared" / "link" / "omni.xml")
+    words = [sys.executable, "circle.py", "127.0.0.1", str(free_port()), xml, "robot.params"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "start the firmware first" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_example_in_c_is_typed_as_it_stands_and_drives_its_circle(tmp_path: Path) -> None:
     page = C_PAGE.read_text(encoding="utf-8")
     program = re.search(r"```c\n(.*?)```", page, re.DOTALL)
-    build = re.search(r"```sh\npip install pymavlink\n(.*?)```", page, re.DOTALL)
     assert program is not None
-    assert build is not None
     (tmp_path / "circle.c").write_text(program[1], encoding="utf-8")
-    shutil.copy(ROOT / "shared" / "link" / "omni.xml", tmp_path)
-    commands = build[1].replace("cc -std", "cc -Wall -Wextra -Werror -std")
-    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    done = subprocess.run(
-        ["bash", "-ec", commands], cwd=tmp_path, env={**os.environ, "PATH": path}, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    firmware, parameters = firmware_of(page, tmp_path)
-    with firmware:
-        host, port = firmware.urls[0].removeprefix("tcp:").split(":")
-        check_circle(["./circle", host, port, parameters.name], tmp_path)
+    build = shell_of(page, "cc -std").replace("cc -std", "cc -Wall -Wextra -Werror -std")
+    type_in(build, tmp_path)
+    assert type_in(shell_of(page, "./circle"), tmp_path).splitlines()[-1] == promised(page)
+
+
+def test_the_class_of_the_page_is_a_world(tmp_path: Path) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    world, use = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[:2]
+    (tmp_path / "my_simulator.py").write_text(world, encoding="utf-8")
+    type_in(shell_of(page, "omni hil demo --world"), tmp_path)
+    folder = next((tmp_path / "runs").iterdir())
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["world"]["external"] == "my_simulator:MyWorld"
+    assert summary["duration_s"] == pytest.approx(20.0, abs=0.2)
+    assert 0.0 < summary["rmse"]["position_m"] < 2e-3
+    (tmp_path / "use.py").write_text(use, encoding="utf-8")
+    done = subprocess.run([sys.executable, "use.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("5101 ")
 
 
 def test_omni_xml_compiles_alone(tmp_path: Path) -> None:

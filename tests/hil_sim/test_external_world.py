@@ -281,6 +281,17 @@ FILES = {
     "typo.py": "def (:\n",
     "picky.py": "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass Picky(TinyWorld):\n"
     "    def __init__(self, scenario):\n        raise ValueError('only on Sundays')\n",
+    "quits.py": "import sys\n\nfrom tests.hil_sim.tiny_world import TinyWorld\n\n\nclass Quits(TinyWorld):\n"
+    "    def __init__(self, scenario):\n        sys.exit(0)\n\n\nclass Stops(TinyWorld):\n"
+    "    def step(self):\n        sys.exit('no more')\n",
+    "mute.py": "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass Mute(TinyWorld):\n    notes = None\n\n\n"
+    "class Wordy(TinyWorld):\n    notes = 'one'\n",
+    "other.py": "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass Other(TinyWorld):\n"
+    "    def __init__(self): ...\n\n\nclass Fewer(TinyWorld):\n    def apply(self, duty): ...\n",
+    "film.py": "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass Film(TinyWorld):\n"
+    "    def finish(self, folder):\n        raise ValueError('no film')\n",
+    "far.py": "from hil_sim.external import Sensed\nfrom tests.hil_sim.tiny_world import TinyWorld\n\n\n"
+    "class Far(TinyWorld):\n    def sense(self):\n        return Sensed([0, 0, 0], 12.0, (1e300, 0.0, 0.0))\n",
     "late.py": "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass Late(TinyWorld):\n"
     "    def step(self):\n        super().step()\n        assert self.ticks < 700, 'out of floor'\n",
 }
@@ -304,6 +315,13 @@ def folder(tmp_path: Path, circle: Scenario, monkeypatch: pytest.MonkeyPatch) ->
         ("broken:World", "No module named 'no_such_package_here'"),
         ("typo:World", "SyntaxError"),
         ("picky:Picky", "only on Sundays"),
+        ("nowhere:x", "--world nowhere:x: there is no module"),  # and no emoji in place of :x:
+        ("quits:Quits", "Quits(scenario) failed: SystemExit: 0"),
+        ("mute:Mute", "Mute.notes is None; a list of sentences is needed"),
+        ("mute:Wordy", "Wordy.notes is 'one'"),
+        ("other:Other", "other.py, line 5"),
+        ("typo:World", "typo.py, line 1"),
+        ("mujoco:", "a file is missing after the colon"),
     ],
 )
 def test_a_world_that_is_not_there_is_told_before_anything_runs(folder: Path, place: str, said: str) -> None:
@@ -324,6 +342,42 @@ def test_the_command_runs_it_and_keeps_the_folder_of_one_that_failed(folder: Pat
     assert bad.exit_code == 1
     assert "late:Late.step failed at 0.699 s: AssertionError: out of floor" in " ".join(bad.output.split())
     assert (folder / "bad" / "circle-seed1" / TLOG_FILE).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("quits:Stops", "quits:Stops.step failed at 0.000 s: SystemExit: no more"),
+        ("other:Fewer", "other.py, line 9"),
+        ("far:Far", "allowed is up to 1e+06"),
+    ],
+)
+def test_a_world_that_ends_the_program_or_takes_something_else_is_told_with_its_name(
+    folder: Path, place: str, said: str
+) -> None:
+    result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", place])
+    assert result.exit_code == 1
+    assert said in " ".join(result.output.split())
+    assert "hil_sim/external.py" not in result.output
+
+
+def test_a_world_that_cannot_finish_has_its_run_stored_and_shown_all_the_same(folder: Path) -> None:
+    result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "film:Film"])
+    assert result.exit_code == 1
+    assert "film:Film.finish failed: ValueError: no film" in " ".join(result.output.split())
+    kept = folder / "runs" / "circle-seed1"
+    assert {path.name for path in kept.iterdir()} >= {"summary.json", "run.png", TLOG_FILE}
+
+
+def test_a_run_that_is_refused_leaves_no_folder(folder: Path) -> None:
+    result = CliRunner().invoke(app, ["hil", "circle.toml", "--plant", "slip", "--world", "fine:TinyWorld"])
+    assert result.exit_code == 2, result.output
+    assert not (folder / "runs").exists()
+
+
+def test_the_picture_and_the_table_say_which_world_it_was(folder: Path) -> None:
+    result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "fine:TinyWorld", "--duration", "1.5"])
+    assert "(world tests.hil_sim.tiny_world:TinyWorld)" in " ".join(result.output.split())
 
 
 def test_sitl_without_a_world_waits_for_the_sensors_of_another_simulator() -> None:

@@ -217,6 +217,9 @@ def test_the_command_writes_what_the_ending_says_and_refuses_the_rest(tmp_path: 
         done = CliRunner().invoke(app, ["robots", "export", "three_wheel", str(path)])
         assert done.exit_code == 0, done.output
         assert path.read_text(encoding="utf-8").startswith(beginning)
+        said = " ".join(done.output.split())
+        assert ("motor and gear turn with" in said) == (ending != "mjcf"), "what a format cannot have is said"
+        assert ("friction coefficient on the floor is 0.6" in said) == (ending in ("urdf", "proto"))
     for words in (["robot.xyz"], ["robot.urdf", "--format", "obj"]):
         refused = CliRunner().invoke(app, ["robots", "export", "three_wheel", str(tmp_path / words[0]), *words[1:]])
         assert refused.exit_code == 2

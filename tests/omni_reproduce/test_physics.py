@@ -95,9 +95,16 @@ def test_the_guide_says_what_the_table_says() -> None:
         name: [round(float(row)) for row in re.findall(rf"\| {name}: cases within 20 % \| % \| – \| ([\d.]+) ", table)]
         for name in (FIXES, END)
     }
+    air = [
+        round(float(row))
+        for row in re.findall(r"\| wheels in the air: cases within 30 % \| % \| – \| ([\d.]+) ", table)
+    ]
     guide = " ".join((docs / "guides" / "mujoco.md").read_text(encoding="utf-8").split())
     assert "in {}, {} and {} % of the cases".format(*shares[FIXES]) in guide
     assert f"in {min(shares[END])} to {max(shares[END])} % of the cases" in guide
+    assert f"They do in {air[1]} % of the fast robot's cases, and in {air[2]} % of the four-wheel robot's." in guide
+    lifted = re.findall(r"^\| four_wheel \| (?:level|slippery|slope) \|.* / ([\d.]+) \|$", table, re.MULTILINE)
+    assert f"up to {100 * max(map(float, lifted)):.1f} %" in guide
 
 
 def test_the_page_has_the_prediction_and_what_was_found() -> None:

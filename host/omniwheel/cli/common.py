@@ -49,7 +49,7 @@ WARNING_SEVERITY = 4
 def _console(*, stderr: bool) -> Console:
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False)
+    return Console(stderr=stderr, highlight=False, emoji=False)
 
 
 def __getattr__(name: str) -> Any:

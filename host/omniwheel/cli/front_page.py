@@ -18,7 +18,7 @@ def print_front_page(group: Any, ctx: Any) -> None:
     from rich.console import Console
     from rich.padding import Padding
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, emoji=False)
     usage = " ".join([ctx.command_path, *group.collect_usage_pieces(ctx)])
     console.print(Padding(f"[yellow]Usage:[/] [bold]{_plain(usage)}[/]", 1))
     console.print(Padding(group.help, (0, 1, 1, 1)))

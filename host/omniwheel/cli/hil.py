@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omniwheel.cli.common import JsonOption, examples, note
 from omniwheel.cli.options import DEFAULT_OUT, ListOption, OutOption
 from omniwheel.cli.run_output import (
+    DurationOption,
     EmulatedOption,
     ImageOption,
     PlantOption,
@@ -30,6 +32,9 @@ from omniwheel.cli.run_output import (
     world_of,
 )
 
+if TYPE_CHECKING:
+    from hil_sim.external import ExternalWorld, ExternalWorldError
+
 EXAMPLES = examples(
     "omni hil",
     "omni hil --list",
@@ -39,6 +44,7 @@ EXAMPLES = examples(
     "omni hil --image firmware.elf          # the very image that is flashed, on an emulated Teensy",
     "omni hil --link /dev/ttyACM0           # a Teensy, its motors unplugged",
     "omni hil --world my_simulator:MyWorld  # a simulator of your own around the firmware",
+    "omni hil demo --duration 5             # the first five seconds",
     "omni hil no_slip --world mujoco        # every roller a body: needs pip install 'omniwheel[mujoco]'",
 )
 
@@ -57,6 +63,7 @@ def hil(
     plant: PlantOption = None,
     preset: PresetOption = None,
     world: WorldOption = None,
+    duration: DurationOption = None,
     listed: ListOption = False,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
@@ -69,7 +76,9 @@ def hil(
         return
     if sum((emulated, image is not None, link is not None)) > 1:
         raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
-    scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
+    scenario = scenario_of(
+        scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings, duration=duration
+    )
     external = world_of(world, scenario, json_wanted)
     with run_folder(out, scenario) as folder:
         note(scenario.description, quiet=json_wanted)
@@ -86,10 +95,19 @@ def hil(
                     world=external,
                 )
             )
-        finish: Any = getattr(external, "finish", None)
-        if finish is not None:
-            finish(folder)
-        store_and_print(run, folder, as_json=json_wanted, trouble=trouble)
+        unfinished = None if external is None else _finished(external, folder)
+        store_and_print(run, folder, as_json=json_wanted, trouble=trouble or unfinished)
+
+
+def _finished(world: ExternalWorld, folder: Path) -> ExternalWorldError | None:
+    """Let the world write its files; what goes wrong then is told once the run is stored and shown."""
+    from hil_sim.external import ExternalWorldError, finish_world
+
+    try:
+        finish_world(world, folder)
+    except ExternalWorldError as error:
+        return error
+    return None
 
 
 hil.__doc__ = f"{hil.__doc__}\n\n{scenario_help()}"

@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from hil_sim.limits import MAX_DURATION_S
 from hil_sim.schema import WORLD
 from omni_schema.errors import did_you_mean
 from omniwheel.cli import completion
@@ -104,6 +105,18 @@ SetOption = Annotated[
     ),
 ]
 
+DurationOption = Annotated[
+    float | None,
+    typer.Option(
+        "--duration",
+        "-d",
+        min=0.1,
+        max=MAX_DURATION_S,
+        metavar="S",
+        help="End every run at this time.",
+        show_default=False,
+    ),
+]
 WorldOption = Annotated[
     str | None,
     typer.Option(
@@ -185,11 +198,12 @@ def scenario_of(
     plant: str | None = None,
     preset: str | None = None,
     settings: Sequence[str] | None = None,
+    duration: float | None = None,
 ) -> Scenario:
     """Return the scenario that the options describe; a preset goes over the scenario's parameters, --set over both."""
     from hil_sim.scenario import load_scenario
 
-    scenario = load_scenario(name, robot).with_seed(seed).with_plant(plant)
+    scenario = load_scenario(name, robot).with_seed(seed).with_plant(plant).with_duration(duration)
     return apply_settings(apply_preset(scenario, preset), settings)
 
 
@@ -224,6 +238,7 @@ def run_folder(out: Path, scenario: Scenario) -> Iterator[Path]:
     """Make a new run folder; RunFolderError says why it cannot be made. An error that leaves it empty takes it away."""
     from omniwheel.logs.run_folder import new_run_folder
 
+    existed = out.exists()
     try:
         folder = new_run_folder(out, f"{scenario.name}-seed{scenario.seed}")
     except OutputFileError as error:
@@ -233,6 +248,8 @@ def run_folder(out: Path, scenario: Scenario) -> Iterator[Path]:
     except BaseException:
         with suppress(OSError):
             folder.rmdir()
+            if not existed:
+                out.rmdir()
         raise
 
 
@@ -322,7 +339,9 @@ def print_run(summary: Figures, folder: Path) -> None:
     if change is not None:
         columns += [("before", change["rmse_before"], None), ("after", change["rmse_after"], None)]
     columns.append(("whole path", summary["rmse"], summary["effort"]))
-    console.print(comparison_table(f"{summary['scenario']}: {summary['description']}", columns))
+    external = summary["world"].get("external")
+    where = f" (world {external})" if external else ""
+    console.print(comparison_table(f"{summary['scenario']}{where}: {summary['description']}", columns))
     print_facts(summary)
     console.print(f"\n[bold]{folder}[/]")
 

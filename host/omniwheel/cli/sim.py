@@ -14,6 +14,7 @@ from rich.table import Table
 from omniwheel.cli.common import JsonOption, console, error_console, examples, note, print_json
 from omniwheel.cli.options import DEFAULT_OUT, ListOption, OutOption
 from omniwheel.cli.run_output import (
+    DurationOption,
     PlantOption,
     PresetOption,
     RobotOption,
@@ -68,6 +69,7 @@ def sim(
     settings: SetOption = None,
     plant: PlantOption = None,
     preset: PresetOption = None,
+    duration: DurationOption = None,
     listed: ListOption = False,
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
@@ -78,7 +80,9 @@ def sim(
     if listed:
         print_scenarios(json_wanted)
         return
-    scenario = scenario_of(scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
+    scenario = scenario_of(
+        scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings, duration=duration
+    )
     if seeds > 1:
         _many(scenario, seeds, json_wanted)
         return

@@ -16,10 +16,9 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from hil_sim.limits import MAX_DURATION_S
 from omniwheel.cli.common import INTERRUPTED, JsonOption, console, error_console, signals_interrupt
 from omniwheel.cli.options import DEFAULT_OUT
-from omniwheel.cli.run_output import PlantOption, PresetOption, SeedOption, SetOption, scenario_of
+from omniwheel.cli.run_output import DurationOption, PlantOption, PresetOption, SeedOption, SetOption, scenario_of
 
 if TYPE_CHECKING:
     from hil_sim.scenario import Scenario
@@ -45,18 +44,6 @@ RunsOption = Annotated[
     int, typer.Option("--runs", help="Runs, each with a seed of its own; at every point or trial the same seeds.")
 ]
 BatchOption = Annotated[int, typer.Option("--batch", help="Runs that are done, kept and repeated together: 8, 16, ...")]
-DurationOption = Annotated[
-    float | None,
-    typer.Option(
-        "--duration",
-        "-d",
-        min=0.1,
-        max=MAX_DURATION_S,
-        metavar="S",
-        help="End every run at this time.",
-        show_default=False,
-    ),
-]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Forget the runs that the folder holds and start over.")]
 StudyOutOption = Annotated[
     Path | None,

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""What a robot file or a scenario asks of the simulated world that it does not have is refused in words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from omniwheel.cli import app
+from omniwheel.robots import find_robot_file
+
+
+def robot_file(folder: Path, *lines: str) -> str:
+    """Return a copy of the three-wheeled robot's file with lines at the end of its section simulation."""
+    path = folder / "mine.toml"
+    plain = find_robot_file("three_wheel").read_text(encoding="utf-8")
+    path.write_text(plain + "\n".join(lines) + "\n", encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("roller_per_row = 9", "simulation.roller_per_row is no key of a robot file (did you mean rollers_per_row?)"),
+        ("floor_slope_rad = 2.0", "simulation.floor_slope_rad is no key of a robot file"),
+    ],
+)
+@pytest.mark.parametrize("command", ["sim", "export"])
+def test_a_misspelt_key_of_simulation_is_no_ideal_wheel(tmp_path: Path, line: str, words: str, command: str) -> None:
+    file, out = robot_file(tmp_path, line), str(tmp_path / "out")
+    arguments = {
+        "sim": ["sim", "no_slip", "--robot", file, "--duration", "0.5", "--out", out],
+        "export": ["robots", "export", file, f"{out}.urdf"],
+    }
+    result = CliRunner().invoke(app, arguments[command])
+    assert result.exit_code == 2
+    assert words in " ".join(result.output.split())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.toml"]
+    checked = CliRunner().invoke(app, ["robots", "check", file])
+    assert words in " ".join(checked.output.split())
+
+
+@pytest.mark.parametrize("rollers", [1, 2])
+def test_a_wheel_of_one_or_two_rollers_is_none(tmp_path: Path, rollers: int) -> None:
+    arguments = ["sim", "no_slip", "--set", f"world.rollers_per_row={rollers}", "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code != 0
+    assert "0 (ideal wheels) and 3 to 60" in " ".join(result.output.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_plant_without_patches_says_so(tmp_path: Path) -> None:
+    scenario = tmp_path / "patched.toml"
+    text = '[scenario]\nname = "patched"\ndescription = "ice"\nextends = "no_slip"\n'
+    scenario.write_text(text + "\n[[patch]]\nx_m = [0.0, 1.0]\ny_m = [0.0, 1.0]\nfriction = 0.1\n", encoding="utf-8")
+    result = CliRunner().invoke(app, ["sim", str(scenario), "--plant", "slip", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "plant slip knows no [[patch]]" in " ".join(result.output.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["patched.toml"]
