@@ -14,8 +14,8 @@ ENABLED = 0xE000E100
 """NVIC_ISER0."""
 TICK_TIMER, ENCODER_PINS = 122, 157
 """PIT, and GPIO6 to 9 (i.MX RT1060 reference manual, chapter Interrupts)."""
-I2C = {"I2C": 28, "the gyro's I2C": 30}
-"""LPI2C1, and LPI2C3 if there is a gyro."""
+I2C = {"I2C": 28, "the gyro's I2C": 30, "the floor-motion sensor's I2C": 31}
+"""LPI2C1, LPI2C3 if there is a gyro, LPI2C4 if there is a sensor of motion over the floor."""
 LINKS = {"USB": 113, "the radio": 25}
 TICKS = 3
 

@@ -14,6 +14,7 @@ from omni_schema import Robot, SchemaError, load_parameters, parse_robot
 from omni_schema.flow import settings_bytes
 from omni_schema.toml_file import read_toml
 from tests.native import ROOT
+from wiring_header import flow_header, wiring_header
 
 TABLE = load_parameters(ROOT / "shared" / "params.toml")
 FILE = read_toml(ROOT / "shared" / "robots" / "three_wheel.toml")
@@ -32,6 +33,19 @@ def test_a_robot_without_one_has_none() -> None:
     plain = parse_robot(copy.deepcopy(FILE), TABLE, "mine.toml")
     assert plain.board.flow is None
     assert plain.parameter_values()["FLOW_MODE"] == 0.0
+
+
+def test_the_firmware_gets_its_header_address_and_settings() -> None:
+    otos, pinpoint, none = robot({"chip": "OTOS"}), robot(PINPOINT), parse_robot(copy.deepcopy(FILE), TABLE, "r.toml")
+    for made, address in ((otos, "0x17"), (pinpoint, "0x31"), (none, "0")):
+        assert f"constexpr uint8_t flow_address = {address};" in wiring_header(made)
+    assert "flow_chip = otos::chip;" in flow_header("r.toml", otos.board.flow)
+    assert "flow_chip = no_flow;" in flow_header("r.toml", None)
+    assert pinpoint.board.flow is not None
+    text = flow_header("r.toml", pinpoint.board.flow)
+    assert '#include "app/pinpoint.h"' in text
+    assert "flow_chip = pinpoint::with(flow_settings);" in text
+    assert ", ".join(map(str, settings_bytes(pinpoint.board.flow))) in text
 
 
 @pytest.mark.parametrize("section", [{"chip": "OTOS"}, PINPOINT], ids=["OTOS", "Pinpoint"])
