@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import omniwheel
 from hil_sim.external import ExternalWorld, outside_world
 from hil_sim.live_world import LiveWorld
 from hil_sim.lockstep import LockstepLink
@@ -130,9 +131,7 @@ def _start_process(
     number = RADIO_LINK if radio is not None else 0
     with ExitStack() as stack:
         firmware = stack.enter_context(
-            FirmwareProcess(
-                links=[*inner, WORLD_LINK], storage=storage, parameters=parameters, radio=number, lockstep=True
-            )
+            FirmwareProcess(links=[*inner, WORLD_LINK], storage=storage, parameters=parameters, radio=number)
         )
         urls = firmware.urls[:-1]
         bridge = None
@@ -142,7 +141,8 @@ def _start_process(
             bridge = stack.enter_context(RadioBridge(behind, radio.settings, address, seed=radio.seed))
             urls = (urls[0], bridge.url)
         base = open_link(firmware.urls[-1])
-        stack.callback(base.close)
+        robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
+        robot.enter_hil()
         link = LockstepLink(base, world, realtime_factor=realtime_factor)
         link.run(1)
         yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), bridge)
