@@ -16,7 +16,7 @@ enum {
     STAMP = 8,
     FLAG_SIGNED = 1,
     RX_ENOUGH = HIL_LOCKSTEP_RX / 4 * 3,
-    RESYNC_us = 200000,    /* silence within a frame after which its start was a false one */
+    RESYNC_us = 200000,     /* silence within a frame after which its start was a false one */
     PACE_SLACK_us = 100000, /* further behind real time than this is not caught up */
     OUTSIDE_ENOUGH = 2      /* heartbeats; one may have been on its way when the robot entered */
 };
