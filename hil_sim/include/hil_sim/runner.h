@@ -123,8 +123,8 @@ void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint
  * answer must be the last frame of a tick. While the link is silent (fault), due fixes are lost.
  * @param record may be NULL. @param done out: ticks run, also on failure.
  * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not parse)
- * or HIL_ERR_OUTSIDE (two heartbeats said so instead of an answer). The first of these may be from before the robot
- * entered. The world then stands before the failed tick's step.
+ * or HIL_ERR_OUTSIDE. That is when two heartbeats come without an answer and both say so. The first may be from before
+ * the robot entered. The world then stands before the failed tick's step.
  */
 hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record,
                               uint64_t *done);
