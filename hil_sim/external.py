@@ -180,8 +180,9 @@ def finish_world(world: ExternalWorld, folder: Path) -> None:
     except OmniError:
         raise
     except (Exception, SystemExit) as error:
-        name = f"{type(world).__module__}:{type(world).__qualname__}"
-        raise ExternalWorldError(f"{name}.finish failed: {_said(error)}", hint=_where(error, finish)) from error
+        raise ExternalWorldError(
+            f"{_name_of(world)}.finish failed: {_said(error)}", hint=_where(error, finish)
+        ) from error
 
 
 def _module(place: str, name: str) -> Any:
@@ -205,6 +206,10 @@ def _class_of(place: str, module: Any, name: str) -> Any:
             f"--world {place}: {module.__name__} has no class {name}{did_you_mean(name, known)}"
         )
     return kind
+
+
+def _name_of(world: ExternalWorld) -> str:
+    return f"{type(world).__module__}:{type(world).__qualname__}"
 
 
 def _said(error: BaseException) -> str:
@@ -246,7 +251,7 @@ class OutsideWorld(World):
     @property
     def name(self) -> str:
         """Module and class of the other world."""
-        return f"{type(self._external).__module__}:{type(self._external).__qualname__}"
+        return _name_of(self._external)
 
     def lockstep(self, link: Any, ticks: int, record: Any, done: Any) -> int:
         """Run ticks with the robot behind a ``hil_lockstep_t``; see :meth:`World.lockstep`."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hil_sim.record import Record
 from hil_sim.world import World
 from omniwheel._core import ffi, lib
-from omniwheel.errors import LinkError, LinkLostError, LinkTimeoutError
+from omniwheel.errors import LinkError, LinkLostError, LinkTimeoutError, OutsideLoopError
 from omniwheel.link import FileLink
 
 WORLD_SYSTEM_ID = 254
@@ -34,6 +34,10 @@ ROBOT_TICK_TIMEOUT_S = 5.0
 PATIENCE_S = 60.0
 """Simulated time after which whoever still talks over a :class:`SteppedLink` gets Ctrl-C, unless told otherwise."""
 LOG_BYTES = 8 * lib.HIL_LOCKSTEP_RX
+_WHY_OUTSIDE = (
+    "another program took it out, or a stop came while this computer was late by a second; release the emergency stop "
+    "if there was one, and start again"
+)
 
 
 @dataclass(frozen=True)
@@ -196,6 +200,8 @@ class LockstepLink:
         if result == lib.HIL_ERR_TIMEOUT:
             message = f"the robot did not answer within {self._lockstep.timeout_s:g} s {after}"
             return LinkTimeoutError(message, hint="is it in host-in-the-loop, and nothing else connected to this link?")
+        if result == lib.HIL_ERR_OUTSIDE:
+            return OutsideLoopError(f"the robot has left host-in-the-loop {after}", hint=_WHY_OUTSIDE)
         if result == lib.HIL_ERR_PROTOCOL:
             message = f"the robot's answer does not fit the tick it was asked for, {after}"
             return LinkError(

@@ -55,7 +55,7 @@ def row(name: str, seeds: Sequence[int] = SEEDS) -> str:
         millimetres.append(1e3 * rmse.position_m)
         milliradians.append(1e3 * rmse.theta_rad)
         shown = on_path(run.record)[4::5]
-        ours = tracking_rmse(run_in_process(load_scenario(name).with_seed(seed)).record)
+        ours = tracking_rmse(run_in_process(scenario).record)
         assert ours is not None
         our_millimetres.append(1e3 * ours.position_m)
         our_milliradians.append(1e3 * ours.theta_rad)

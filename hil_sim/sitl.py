@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +16,15 @@ from hil_sim.lockstep import LockstepLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario
 from hil_sim.world import World
+from omniwheel.dialect import Message, mavlink
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
+from omniwheel.errors import CommandRefusedError, LinkTimeoutError, OutsideLoopError
 from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import open_link
 from omniwheel.presets import read_preset
 from omniwheel.radio_model import RadioBridge, RadioSettings
+from omniwheel.robot import Robot
 from omniwheel.robots import parameter_table
 
 WORLD_LINK = "tcp:127.0.0.1:0"
@@ -31,6 +34,7 @@ RADIO_SLICE_TICKS = 5
 """How often the radio's bytes go on."""
 RADIO_LINK = 2
 """Number of the firmware's link that is the radio."""
+POLL_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,42 @@ class SimulatedRadio:
         return read_preset(f"radio_{self.settings.baud}", parameter_table()).parameters
 
 
+class _Loop:
+    """Runs the ticks, and takes a robot that has left host-in-the-loop back into it.
+
+    It leaves when a stop comes while the world is late, because a stop waits for nobody. Then the world stands still
+    until the robot is in the loop again, which is after the emergency stop's release.
+    """
+
+    def __init__(self, robot: Robot, link: LockstepLink) -> None:
+        self._robot, self._link = robot, link
+        self._outside = False
+
+    def run(self, ticks: int) -> None:
+        """Run ticks, or try to enter again. Raises LinkError if the firmware ended or does not answer any more."""
+        if self._outside:
+            self._outside = not self._entered()
+            return
+        try:
+            self._link.run(ticks, self._link.drop_received)
+        except OutsideLoopError:
+            self._outside = True
+
+    def _entered(self) -> bool:
+        """Try once per heartbeat; what else runs the world's thread goes on meanwhile."""
+        if self._robot.connection.wait(_says_outside, POLL_S) is None:
+            return False
+        with suppress(CommandRefusedError, LinkTimeoutError):
+            self._robot.enter_hil()
+            return True
+        return False
+
+
+def _says_outside(message: Message) -> bool:
+    in_loop = mavlink.MAV_MODE_FLAG_HIL_ENABLED
+    return bool(message.get_type() == "HEARTBEAT" and not message.base_mode & in_loop)
+
+
 @dataclass(frozen=True)
 class Sitl:
     """A running firmware process with its world. ``urls`` are the links for others; :meth:`advance` keeps it alive.
@@ -59,12 +99,16 @@ class Sitl:
     link: LockstepLink
     live: LiveWorld
     radio: RadioBridge | None = None
+    loop: _Loop | None = None
 
     def advance(self, ticks: int = SLICE_TICKS) -> None:
         """Go on by this many ticks, in real time. Raises LinkError if the firmware ended."""
         step = ticks if self.radio is None else RADIO_SLICE_TICKS
         for _ in range(0, ticks, step):
-            self.link.run(step, self.link.drop_received)
+            if self.loop is not None:
+                self.loop.run(step)
+            else:
+                self.link.run(step, self.link.drop_received)
             if self.radio is not None:
                 self.radio.pump(time.monotonic())
         self.link.drop_received()
@@ -144,5 +188,6 @@ def _start_process(
         robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
         robot.enter_hil()
         link = LockstepLink(base, world, realtime_factor=realtime_factor)
-        link.run(1)
-        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), bridge)
+        loop = _Loop(robot, link)
+        loop.run(1)
+        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), bridge, loop)

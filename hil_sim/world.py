@@ -118,21 +118,24 @@ _TURNED: dict[str, Callable[[Robot], Any]] = {
 """Numbers that the robot file says in another way."""
 
 
-OF_MODELS = ("roller_radius_m", "wheel_mass_kg")
-"""Keys of [simulation] that only models for other simulators need (hil_sim/models)."""
+_SIMULATION = "simulation."
+_OF_MODELS = ("roller_radius_m", "wheel_mass_kg")
+"""Keys of that section which only models for other simulators need (hil_sim/models)."""
+SIMULATION_KEYS = frozenset(
+    quantity.robot_key.removeprefix(_SIMULATION)
+    for quantity in WORLD.numbers.values()
+    if quantity.robot_key is not None and quantity.robot_key.startswith(_SIMULATION)
+).union(_OF_MODELS)
+"""Keys that a robot file's section simulation may have."""
 
 
 def _refuse_unknown(robot: Robot) -> None:
     """A misspelt key would leave its effect off, and nobody would know."""
-    prefix = "simulation."
-    keys = [quantity.robot_key for quantity in WORLD.numbers.values()]
-    keys += [parameter.robot_key for parameter in robot.table.parameters]
-    known = {key.removeprefix(prefix) for key in keys if key is not None and key.startswith(prefix)} | set(OF_MODELS)
     for name in robot.simulation:
-        if name not in known:
-            hint = "docs/guides/robot-file.md lists the keys of [simulation]"
+        if name not in SIMULATION_KEYS:
             raise WorldError(
-                f"{robot.source}: simulation.{name} is no key of a robot file{did_you_mean(name, known)}", hint=hint
+                f"{robot.source}: simulation.{name} is no key of a robot file{did_you_mean(name, SIMULATION_KEYS)}",
+                hint="docs/guides/robot-file.md lists the keys of [simulation]",
             )
 
 

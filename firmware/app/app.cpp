@@ -11,9 +11,9 @@ namespace {
 
 constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
-/// A host in the loop that sends no sensors for this long has gone. A stop waits a tenth of a second for it, others
-/// longer.
-constexpr uint64_t hil_stop_patience_us = 100'000;
+/// A host in the loop that sends no sensors for this long has gone. A stop waits a second for it: the robot's own
+/// motors are off meanwhile, and a busy computer may be late by some tenths.
+constexpr uint64_t hil_stop_patience_us = 1'000'000;
 constexpr uint64_t hil_patience_us = 10'000'000;
 /// A bus that stays busy this long is not waited for.
 constexpr uint32_t release_limit = 50;

@@ -24,13 +24,10 @@ def left_out(parts: RobotParts, *, friction: bool, rotor: bool = False) -> list[
         sentences.append(f"the gears have a play of {numbers(parts.backlash_rad)} rad at each wheel")
     if not friction:
         each = [wheel.friction for wheel in parts.wheels]
-        same = len(set(each)) == 1
-        words = (
-            f"friction coefficient on the floor is {numbers(each[0])}"
-            if same
-            else (f"friction coefficients on the floor are {numbers(*each)}")
-        )
-        sentences.append(f"the wheels' {words}")
+        if len(set(each)) == 1:
+            sentences.append(f"the wheels' friction coefficient on the floor is {numbers(each[0])}")
+        else:
+            sentences.append(f"the wheels' friction coefficients on the floor are {numbers(*each)}")
     return sentences
 
 

@@ -16,8 +16,9 @@ enum {
     STAMP = 8,
     FLAG_SIGNED = 1,
     RX_ENOUGH = HIL_LOCKSTEP_RX / 4 * 3,
-    RESYNC_us = 200000,    /* silence within a frame after which its start was a false one */
-    PACE_SLACK_us = 100000 /* further behind real time than this is not caught up */
+    RESYNC_us = 200000,     /* silence within a frame after which its start was a false one */
+    PACE_SLACK_us = 100000, /* further behind real time than this is not caught up */
+    OUTSIDE_ENOUGH = 2      /* heartbeats; one may have been on its way when the robot entered */
 };
 
 typedef struct answer_t {
@@ -119,10 +120,21 @@ static void collect(hil_lockstep_t *link, const uint8_t *frame, uint32_t length)
     link->rx_length += length;
 }
 
+static void take_heartbeat(hil_lockstep_t *link, const uint8_t *frame) {
+    mavlink_heartbeat_t message = {0};
+    const size_t sent = frame[1];
+    memcpy(&message, frame + HEADER, sent < sizeof message ? sent : sizeof message);
+    const bool robot = message.autopilot != MAV_AUTOPILOT_INVALID;
+    link->outside += robot && (message.base_mode & MAV_MODE_FLAG_HIL_ENABLED) == 0 ? 1u : 0u;
+}
+
 static void take_frame(hil_lockstep_t *link, const uint8_t *frame, uint32_t length, answer_t *answer) {
     if (message_id(frame) == MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS) {
         take_answer(link, frame, answer);
     } else {
+        if (message_id(frame) == MAVLINK_MSG_ID_HEARTBEAT) {
+            take_heartbeat(link, frame);
+        }
         collect(link, frame, length);
     }
 }
@@ -171,6 +183,9 @@ static hil_result_t read_some(hil_lockstep_t *link, int64_t deadline_us) {
 static hil_result_t await_answer(hil_lockstep_t *link, int64_t deadline_us, answer_t *answer) {
     take_input(link, answer);
     while (!answer->arrived) {
+        if (link->outside >= OUTSIDE_ENOUGH) {
+            return HIL_ERR_OUTSIDE;
+        }
         const int64_t resync_us = hil_wire_now_us() + RESYNC_us;
         const bool within_frame = link->input_length > 0 && resync_us < deadline_us;
         const hil_result_t result = read_some(link, within_frame ? resync_us : deadline_us);
@@ -281,6 +296,7 @@ static hil_result_t ask(hil_lockstep_t *link, hil_world_t *world) {
     }
     pace(link, world);
     hil_world_sense(world, &sensors);
+    link->outside = 0;
     link->deadline_us = hil_wire_now_us() + (int64_t)(link->timeout_s * 1e6);
     const hil_result_t result = send_sensors(link, &sensors, link->deadline_us);
     link->sequence += result == HIL_OK ? 0u : 1u; /* what was half sent is not sent again */

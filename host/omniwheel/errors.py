@@ -94,6 +94,10 @@ class LinkTimeoutError(LinkError, TimeoutError):
     """No answer in time."""
 
 
+class OutsideLoopError(LinkError):
+    """The robot is no longer in host-in-the-loop."""
+
+
 class SigningKeyError(LinkError, ValueError):
     """A signing key that is missing, malformed, readable by others, or not the robot's."""
 

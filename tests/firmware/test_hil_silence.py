@@ -31,6 +31,7 @@ from tests.firmware.fake_robot import (
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
 TRY_AGAIN = mav.MAV_RESULT_TEMPORARILY_REJECTED
 SILENCE_S = 10.0
+STOP_SILENCE_S = 1.0
 """Of docs/reference/protocol.md."""
 LEFT = "host-in-the-loop left: its host is silent"
 STOPS = {"disarm": (DISARM, DISARMED), "estop": (EMERGENCY, ESTOP), "terminate": (TERMINATE, ESTOP)}
@@ -53,7 +54,7 @@ def in_hil(robot: FakeRobot, port: int = USB) -> bool:
 
 
 @pytest.mark.parametrize("stop", STOPS)
-@pytest.mark.parametrize("silent_ms", [0, 5, 99, 500, 5000])
+@pytest.mark.parametrize("silent_ms", [0, 5, 99, 500, 999, 5000])
 @pytest.mark.parametrize("link", [USB, RADIO, 2])
 def test_a_stop_over_any_link_is_done_although_the_host_has_fallen_silent(
     robot: FakeRobot, stop: str, silent_ms: int, link: int
@@ -62,10 +63,24 @@ def test_a_stop_over_any_link_is_done_although_the_host_has_fallen_silent(
     robot.in_loop(RADIO)
     robot.tick(silent_ms)
     assert robot.ask(link, request) == ACCEPTED
-    robot.tick(102)
+    assert not robot.driven(), "the motors themselves are off all the time"
+    robot.tick(max(0, round(1000 * STOP_SILENCE_S) - silent_ms) + 2)
     assert robot.state(link) == state
     assert not robot.driven()
     assert not in_hil(robot)
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_a_host_that_is_late_by_under_a_second_does_the_stop_and_keeps_the_loop(robot: FakeRobot, stop: str) -> None:
+    request, state = STOPS[stop]
+    robot.in_loop(RADIO)
+    assert robot.ask(USB, request) == ACCEPTED
+    robot.tick(round(1000 * STOP_SILENCE_S) - 20)
+    robot.hil_tick(RADIO, 3)
+    assert not robot.driven(hil=True)
+    assert LEFT not in robot.texts(USB)
+    assert robot.state() == state
+    assert in_hil(robot)
 
 
 @pytest.mark.parametrize("stop", STOPS)

@@ -375,7 +375,7 @@ def test_a_run_that_is_refused_leaves_no_folder(folder: Path) -> None:
     assert not (folder / "runs").exists()
 
 
-def test_the_picture_and_the_table_say_which_world_it_was(folder: Path) -> None:
+def test_the_table_says_which_world_it_was(folder: Path) -> None:
     result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "fine:TinyWorld", "--duration", "1.5"])
     assert "(world tests.hil_sim.tiny_world:TinyWorld)" in " ".join(result.output.split())
 

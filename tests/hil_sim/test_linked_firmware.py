@@ -20,7 +20,7 @@ from hil_sim.summary import summarize
 from hil_sim.timeline import RunError
 from omniwheel import FirmwareProcess
 from omniwheel.cli import app
-from omniwheel.errors import CommandRefusedError, OmniError
+from omniwheel.errors import CommandRefusedError, OmniError, OutsideLoopError
 from omniwheel.robot import Robot
 
 NAME = "ISMC_LAM_XY"
@@ -81,7 +81,7 @@ def test_a_firmware_in_lockstep_is_refused_before_the_run(quick: Scenario, tmp_p
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 1
         assert "without --lockstep" in result.output
-        assert not list((tmp_path / "runs").iterdir())
+        assert not (tmp_path / "runs").exists()
         with omniwheel.connect(firmware.urls[0]) as robot:
             assert robot.parameters[NAME] == OWN
 
@@ -141,3 +141,20 @@ def test_errors_after_a_run_hold_it(quick: Scenario, tmp_path: Path, monkeypatch
         run_hil(quick, out_dir=tmp_path)
     assert caught.value.run.ticks == 601
     assert isinstance(caught.value, RunError)
+
+
+def test_a_robot_that_another_program_takes_out_of_the_loop_ends_the_run(quick: Scenario, tmp_path: Path) -> None:
+    links = ["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]
+    taken = False
+
+    with FirmwareProcess("three_wheel", links=links) as firmware, omniwheel.connect(firmware.urls[1]) as other:
+
+        def take_out(now_s: float, end_s: float | None) -> None:
+            nonlocal taken
+            if not taken:
+                taken = True
+                other.leave_hil()
+
+        with pytest.raises(OutsideLoopError, match="has left host-in-the-loop") as caught:
+            run_hil(quick, firmware.urls[0], progress=take_out)
+        assert "another program took it out" in caught.value.hint

@@ -156,6 +156,41 @@ def test_late_answers_of_a_timed_out_tick_are_stale(bench: Bench, make_world: An
     assert bench.link.stale_answers == 1
 
 
+def heartbeat(robot: EchoRobot, *, in_loop: bool, autopilot: int) -> bytes:
+    mode = robot.dialect.MAV_MODE_FLAG_HIL_ENABLED if in_loop else 0
+    return bytes(robot.dialect.MAVLink_heartbeat_message(10, autopilot, mode, 0, 3, 3).pack(robot.mav))
+
+
+@pytest.mark.parametrize(
+    ("in_loop", "autopilot", "beats", "result"),
+    [
+        (False, 0, 2, "HIL_ERR_OUTSIDE"),
+        (False, 0, 1, "HIL_ERR_TIMEOUT"),
+        (True, 0, 3, "HIL_ERR_TIMEOUT"),
+        (False, 8, 3, "HIL_ERR_TIMEOUT"),
+    ],
+    ids=["robot outside", "one from before", "robot in the loop", "a ground station"],
+)
+def test_two_heartbeats_from_outside_end_the_waiting(
+    bench: Bench, make_world: Any, in_loop: bool, autopilot: int, beats: int, result: str
+) -> None:
+    def outside(robot: EchoRobot, sensors: Any) -> None:
+        if sensors.sequence < 3:
+            answer(robot, sensors)
+        elif sensors.sequence == 3:
+            robot.sock.sendall(heartbeat(robot, in_loop=in_loop, autopilot=autopilot) * beats)
+        else:
+            robot.sock.sendall(heartbeat(robot, in_loop=in_loop, autopilot=autopilot) + robot.answer_bytes(sensors))
+
+    bench.robot(outside)
+    bench.link.timeout_s = 20.0 if result == "HIL_ERR_OUTSIDE" else 0.2
+    world = make_world()
+    assert bench.run(world, 10) == getattr(lib, result)
+    assert (bench.done[0], world.c.steps) == (3, 3)
+    bench.link.timeout_s = 20.0
+    assert bench.run(world, 10) == lib.HIL_OK, "a heartbeat per tick, each before its answer, is no reason to end"
+
+
 @pytest.mark.parametrize("fault", ["later sequence", "unparsable bytes"])
 def test_wrong_answers_are_protocol_errors(bench: Bench, make_world: Any, fault: str) -> None:
     def wrong(robot: EchoRobot, sensors: Any) -> None:

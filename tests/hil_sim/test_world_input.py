@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from hil_sim.models.parts import KEYS
+from hil_sim.world import SIMULATION_KEYS
 from omniwheel.cli import app
-from omniwheel.robots import find_robot_file
+from omniwheel.robots import find_robot_file, parameter_table
 
 
 def robot_file(folder: Path, *lines: str) -> str:
@@ -40,6 +42,14 @@ def test_a_misspelt_key_of_simulation_is_no_ideal_wheel(tmp_path: Path, line: st
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.toml"]
     checked = CliRunner().invoke(app, ["robots", "check", file])
     assert words in " ".join(checked.output.split())
+
+
+def test_every_key_that_the_models_read_may_be_in_a_robot_file() -> None:
+    assert set(KEYS) <= SIMULATION_KEYS
+    known = {parameter.robot_key for parameter in parameter_table().parameters}
+    assert {
+        str(key).removeprefix("simulation.") for key in known if str(key).startswith("simulation.")
+    } <= SIMULATION_KEYS
 
 
 @pytest.mark.parametrize("rollers", [1, 2])

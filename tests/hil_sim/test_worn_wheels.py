@@ -162,7 +162,7 @@ PATCH = FloorPatch((0.0, 1.0), (0.0, 1.0), 0.5)
         ({"patches": [FloorPatch((1.0, 0.0), (0.0, 1.0), 1.0)]}, "from, then a larger to"),
         ({"patches": [FloorPatch((0.0, 1.0), (0.0, math.nan), 1.0)]}, "is nan"),
         ({"patches": [FloorPatch((0.0, 0.0), (0.0, 0.0), 1.0, -1.0)]}, r"patch.radius_m\[0\] is -1"),
-        ({"patches": [PATCH], "plant": "slip"}, "0 for every plant but full"),
+        ({"patches": [PATCH], "plant": "slip"}, r"plant slip knows no \[\[patch\]\]"),
         ({"wheel_friction": (1.0, 0.0, 1.0)}, r"wheel_friction\[1\] is 0; allowed: a number from 0.001 to 10"),
         ({"wheel_drag": (1.0, -1.0, 1.0)}, r"wheel_drag\[1\] is -1"),
     ],

@@ -107,6 +107,7 @@ typedef struct hil_lockstep_t {
     uint8_t input[HIL_LOCKSTEP_INPUT]; /**< bytes not yet taken apart; own */
     uint32_t input_length;
     int64_t deadline_us;    /**< until which the robot may answer what it was asked; own */
+    uint32_t outside;       /**< heartbeats of this tick that say "not in host-in-the-loop"; own */
     uint8_t frame_sequence; /**< MAVLink's, of the next frame */
     double pace_factor;     /**< pacing has been anchored for this factor ... */
     int64_t pace_wall_us;   /**< ... at this wall time ... */
@@ -121,8 +122,9 @@ void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint
  * collected in `rx`. The run returns early when `rx` is three quarters full or `log` has no room for what may come. The
  * answer must be the last frame of a tick. While the link is silent (fault), due fixes are lost.
  * @param record may be NULL. @param done out: ticks run, also on failure.
- * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, or HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not
- * parse). The world then stands before the failed tick's step.
+ * @return HIL_ERR_LINK, HIL_ERR_TIMEOUT, HIL_ERR_PROTOCOL (an answer to a later tick, or I2C bytes that do not parse)
+ * or HIL_ERR_OUTSIDE. That is when two heartbeats come without an answer and both say so. The first may be from before
+ * the robot entered. The world then stands before the failed tick's step.
  */
 hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t ticks, hil_record_t *record,
                               uint64_t *done);

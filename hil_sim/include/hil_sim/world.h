@@ -47,9 +47,10 @@ enum {
 typedef enum hil_result_t {
     HIL_OK = 0,
     HIL_ERR_CONFIG,
-    HIL_ERR_LINK,    /**< the link broke or was closed */
-    HIL_ERR_TIMEOUT, /**< the robot did not answer in time */
-    HIL_ERR_PROTOCOL /**< the robot answered something else than asked */
+    HIL_ERR_LINK,     /**< the link broke or was closed */
+    HIL_ERR_TIMEOUT,  /**< the robot did not answer in time */
+    HIL_ERR_PROTOCOL, /**< the robot answered something else than asked */
+    HIL_ERR_OUTSIDE   /**< the robot says that it is not in host-in-the-loop */
 } hil_result_t;
 
 /** What drives the wheels. */
