@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A sensor on a bus of its own that fails for a while: what the robot says and warns of, and when it is over."""
+"""A sensor on a bus of its own that fails for a while: what the robot says meanwhile, and when it is over."""
 
 from __future__ import annotations
 
