@@ -83,9 +83,11 @@ def test_the_real_button_stops_the_simulated_robot_as_well(robot: FakeRobot) -> 
 def test_a_host_in_the_loop_that_is_silent_does_not_keep_the_button_from_stopping(robot: FakeRobot) -> None:
     MOMENTS_IN_LOOP["in the loop"](robot)
     robot.press()
-    robot.tick(110)
+    robot.tick(10)
     robot.press(False)
-    robot.tick(5)
+    robot.tick(990)
+    assert not robot.driven()
+    robot.tick(10)
     check_only_a_release_leads_out(robot)
 
 

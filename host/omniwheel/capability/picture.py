@@ -41,6 +41,6 @@ def draw_speeds(model: DriveModel, title: str, path: Path) -> None:
             axes.plot(angles, np.minimum(speeds, shown), color=colour, linestyle=line, linewidth=1.2, label=label)
         axes.set_rmax(shown)
         axes.set_rlabel_position(360.0 / DIRECTIONS)
-        axes.set_title(f"{title}: top speed by direction [m/s], forward is up", loc="center", pad=18)
+        axes.set_title(f"{title}:\ntop speed by direction [m/s], forward is up", loc="center", pad=18)
         figure.legend(loc="outside lower center", ncols=4)
         files.save_picture(figure, path)
