@@ -9,6 +9,7 @@
     │   ├── LinkOpenError             port or address cannot be opened
     │   ├── LinkLostError             the other end went away
     │   ├── LinkTimeoutError          no answer in time
+    │   ├── OutsideLoopError          the robot is no longer in host-in-the-loop
     │   └── SigningKeyError           a signing key is missing, malformed, exposed or another one  (bad input)
     ├── ParameterError
     │   ├── UnknownParameterError     no such name; says which one is close        (bad input, a KeyError)
