@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "app/cold.h"
 #include "app/services.h"
 #include "app/status_light.h"
 
@@ -20,7 +21,7 @@ constexpr uint32_t release_limit = 50;
 
 } // namespace
 
-App::App(const Board &board, bool lockstep)
+OMNI_COLD App::App(const Board &board, bool lockstep)
     : board_(board), wires_{*board_.i2c, *board_.output_enable, board_.motor_pins}, texts_(links_, clock_),
       robot_(texts_), signing_(*board_.storage), heartbeats_(clock_, robot_, control_),
       button_(board_.stop_button, control_), lockstep_(lockstep),

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "app/cold.h"
 #include "app/mavlink_types.h"
 
 namespace omni {
@@ -114,7 +115,7 @@ void Signing::set_time(uint64_t time) {
     }
 }
 
-bool Signing::set_key(const uint8_t *key, uint64_t time) {
+OMNI_COLD bool Signing::set_key(const uint8_t *key, uint64_t time) {
     const bool same = is_key(key);
     if (!same && !store_key(key)) {
         return false;

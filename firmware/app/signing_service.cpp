@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "app/signing_service.h"
+#include "app/cold.h"
 
 #include <algorithm>
 
@@ -36,7 +37,7 @@ const char *SigningService::obstacle(const Sender &sender, uint64_t time) {
     return time > Signing::latest_time ? "its time is beyond 2103" : nullptr;
 }
 
-void SigningService::on_setup(const Frame &frame, const Sender &sender) {
+OMNI_COLD void SigningService::on_setup(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_setup_signing_t>();
     if (const char *why = obstacle(sender, message.initial_timestamp)) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("signing key refused: ").add(why));

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "app/cold.h"
 #include "app/core.h"
 
 namespace omni {
@@ -147,7 +148,7 @@ void StatusTexts::say_read_back() {
 }
 
 /// Of the board's own chip: a host in the loop has another one.
-void StatusTexts::say_gyro() {
+OMNI_COLD void StatusTexts::say_gyro() {
     const GyroTrouble trouble = gyro_chip_->trouble();
     if (trouble.cause != gyro_said_) {
         const bool over = trouble.cause == GyroCause::none;
@@ -156,7 +157,7 @@ void StatusTexts::say_gyro() {
     gyro_said_ = trouble.cause;
 }
 
-void StatusTexts::say_flow() {
+OMNI_COLD void StatusTexts::say_flow() {
     const FlowTrouble trouble = flow_chip_->trouble();
     if (trouble.cause != flow_said_) {
         const bool over = trouble.cause == FlowCause::none;
@@ -166,7 +167,7 @@ void StatusTexts::say_flow() {
 }
 
 /// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
-void StatusTexts::say_cause() {
+OMNI_COLD void StatusTexts::say_cause() {
     const omni_stop_t &stop = robot_.latest().outputs.stop;
     const uint32_t faults = robot_.latest().outputs.fault_history;
     const omni_limits_t &limits = parameters_.config().limits;

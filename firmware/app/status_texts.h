@@ -28,8 +28,8 @@ private:
     void say_links();
     void say_button();
     void say_read_back();
-    [[gnu::noinline]] void say_gyro();
-    [[gnu::noinline]] void say_flow();
+    void say_gyro();
+    void say_flow();
     void say_failsafe();
     void say_cause();
     void say_slowed();

@@ -7,6 +7,7 @@ world's robot does. A Pinpoint's wheels are those of the robot file.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 from hil_sim.image_check.bench import Bench, CheckError, Context
@@ -14,12 +15,15 @@ from hil_sim.image_check.check import CI, NIGHTLY, Check
 from hil_sim.image_check.sensor_trouble import STEP_S, Sensor, fail, held_line, wait, world_fault
 from hil_sim.scenario import Scenario
 from omni_schema.flow import SDA_PIN
+from omniwheel.capability.speeds import top_speed, top_turn_rate
 from omniwheel.dialect import Message
 from omniwheel.robot import Robot
 from omniwheel.telemetry import FlowState, Status, decode
 
 NO_FLOW = "not tried: this robot has no sensor of motion over the floor"
 SPEED_M_S, TURN_RAD_S = 0.15, 0.4
+SPEED_SHARE, TURN_SHARE = 0.5, 0.25
+"""Of what a slower robot can do."""
 DRIVE_S = 1.5
 START_S = 3.0
 WAY_LIMIT_M = 2e-3
@@ -71,9 +75,12 @@ def flow(context: Context) -> list[str]:
         for name in ("OMNI_FLOW", "OMNI_STATUS"):
             robot.set_message_interval(name, 50.0)
         robot.arm()
-        sensor = Sensor(bench, "floor motion", heard.texts, heard.status, lambda seconds: _drive(robot, seconds))
+        speed, turn = _pace(robot)
+        sensor = Sensor(
+            bench, "floor motion", heard.texts, heard.status, lambda seconds: _drive(robot, speed, turn, seconds)
+        )
         figures.append(_first(sensor, heard))
-        figures.append(_way(bench, robot, heard))
+        figures.append(_way(bench, robot, heard, speed, turn))
         figures.append(fail(sensor, WORDS[SILENT], AGAIN, *world_fault(bench, SILENT)))
         figures.append(fail(sensor, WORDS["held"], AGAIN, *held_line(bench, SDA_PIN)))
         robot.disarm()
@@ -84,8 +91,16 @@ def flow(context: Context) -> list[str]:
     return figures
 
 
-def _drive(robot: Robot, seconds: float) -> None:
-    robot.drive_velocity(0.0, 0.0, TURN_RAD_S, max(seconds, STEP_S), stop=False)
+def _pace(robot: Robot) -> tuple[float, float]:
+    """Return a speed along each axis and a turn rate that this robot reaches."""
+    model = robot.drive_model()
+    top_m_s = min(top_speed(model, 0.0).value, top_speed(model, math.pi / 2.0).value)
+    return min(SPEED_M_S, SPEED_SHARE * top_m_s), min(TURN_RAD_S, TURN_SHARE * top_turn_rate(model).value)
+
+
+def _drive(robot: Robot, speed_m_s: float, turn_rad_s: float, seconds: float) -> None:
+    """Around a circle: a robot that turns on the spot proves nothing of where the sensor points."""
+    robot.drive_velocity(speed_m_s, 0.0, turn_rad_s, max(seconds, STEP_S), stop=False)
 
 
 def _first(sensor: Sensor, heard: Heard) -> str:
@@ -100,10 +115,10 @@ def _first(sensor: Sensor, heard: Heard) -> str:
     return f"in use {sensor.bench.clock_s() - begin_s:.2f} s after the robot began to move"
 
 
-def _way(bench: Bench, robot: Robot, heard: Heard) -> str:
+def _way(bench: Bench, robot: Robot, heard: Heard, speed_m_s: float, turn_rad_s: float) -> str:
     """Along each axis and around, each from rest to rest: then the age of the telemetry does not matter."""
     told = []
-    for speed in ((SPEED_M_S, 0.0, 0.0), (0.0, SPEED_M_S, 0.0), (0.0, 0.0, TURN_RAD_S)):
+    for speed in ((speed_m_s, 0.0, 0.0), (0.0, speed_m_s, 0.0), (0.0, 0.0, turn_rad_s)):
         robot.drive_velocity(0.0, 0.0, 0.0, 0.5)
         before, pose = heard.flow[-1], list(bench.world.c.pose)
         robot.drive_velocity(*speed, DRIVE_S)

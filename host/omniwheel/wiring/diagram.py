@@ -36,7 +36,7 @@ RADIO_H = 132.0
 DIVIDER_H = 196.0
 BUTTON_H = 88.0
 SUPPLY_H = 190.0
-SENSOR_H = 100.0
+SENSOR_H = 112.0
 
 
 def draw_wiring(plan: WiringPlan) -> str:
