@@ -10,7 +10,8 @@ enum { FLOW_ROWS = OMNI_AXES };
 static const omni_real_t flow_doubt = 0.3f * 0.3f; /* variance of a slip ratio on a floor that is not known */
 static const omni_real_t largest_nis = 1e9f;
 
-/* One reading on its way into the estimate. Of arrays with FLOW_ROWS rows, `rows` are used. */
+/* One reading on its way into the estimate. Of arrays with FLOW_ROWS rows, `rows` are used. The rest stays zero, so
+ * that all of it can be proved to be written before it is read. */
 typedef struct flow_update_t {
     uint8_t rows; /* 2, or 3 with the turn */
     uint8_t columns;
@@ -105,7 +106,8 @@ static bool gather_motion(flow_update_t *u, const omni_pose_ekf_state_t *state, 
     first_part(&part, flow);
     while (next_part(state, &part)) {
         const omni_ekf_slot_t *slot = &state->history[part.index];
-        slot_motion_t motion = slot_motion(state, slot, u->columns, theta, 1.0f);
+        slot_motion_t motion = {{0.0f}, {{0.0f}}};
+        find_slot_motion(state, slot, u->columns, theta, 1.0f, &motion);
         theta -= motion.move[2];
         for (int axis = 0; axis < OMNI_AXES; ++axis) {
             later[axis] += part.skipped * motion.move[axis];
@@ -333,8 +335,9 @@ static void correct_by_flow(flow_update_t *u, omni_pose_ekf_state_t *state, cons
 bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                 const omni_kinematics_t *k, const omni_ekf_flow_t *flow,
                                 omni_ekf_flow_result_t *result) {
-    flow_update_t u; /* only what its rows and columns need gets a value, and is used */
+    flow_update_t u;
     omni_ekf_window_t window;
+    memset(&u, 0, sizeof u);
     u.gyro = config->gyro;
     u.rows = flow->turns && !config->gyro ? 3 : 2;
     u.columns = omni_ekf_columns(config, k);

@@ -24,28 +24,26 @@ static inline void rotate_pair(omni_real_t cosine, omni_real_t sine, omni_real_t
     *x = turned;
 }
 
-/* The last `share` of a slot that ended with heading `theta`. */
-static inline slot_motion_t slot_motion(const omni_pose_ekf_state_t *state, const omni_ekf_slot_t *slot,
-                                        uint8_t columns, omni_real_t theta, omni_real_t share) {
-    slot_motion_t s;
-    memcpy(s.move, slot->move, sizeof s.move);
+/* The last `share` of a slot that ended with heading `theta`. Of `s` it writes `columns` columns. */
+static inline void find_slot_motion(const omni_pose_ekf_state_t *state, const omni_ekf_slot_t *slot, uint8_t columns,
+                                    omni_real_t theta, omni_real_t share, slot_motion_t *s) {
+    memcpy(s->move, slot->move, sizeof s->move);
     for (uint8_t i = 0; i < columns; ++i) {
         const omni_real_t change = state->slip[i] - slot->slip[i];
         for (int axis = 0; axis < OMNI_AXES; ++axis) {
-            s.gain[axis][i] = slot->gain[axis][i];
-            s.move[axis] += slot->gain[axis][i] * change;
+            s->gain[axis][i] = slot->gain[axis][i];
+            s->move[axis] += slot->gain[axis][i] * change;
         }
     }
     omni_real_t sine;
     omni_real_t cosine;
-    omni_sincosf(theta - s.move[2], &sine, &cosine);
-    rotate_pair(cosine * share, sine * share, &s.move[0], &s.move[1]);
-    s.move[2] *= share;
+    omni_sincosf(theta - s->move[2], &sine, &cosine);
+    rotate_pair(cosine * share, sine * share, &s->move[0], &s->move[1]);
+    s->move[2] *= share;
     for (uint8_t i = 0; i < columns; ++i) {
-        rotate_pair(cosine * share, sine * share, &s.gain[0][i], &s.gain[1][i]);
-        s.gain[2][i] *= share;
+        rotate_pair(cosine * share, sine * share, &s->gain[0][i], &s->gain[1][i]);
+        s->gain[2][i] *= share;
     }
-    return s;
 }
 
 /* window->gain += F g, where F carries a pose change at the slot's end over `after`, the motion since. */
@@ -149,7 +147,8 @@ fill_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *co
         /* The slot being filled may be empty: it moved nothing, whatever its share. */
         const uint32_t used_us = left_us < slot->duration_us ? left_us : slot->duration_us;
         const omni_real_t share = (omni_real_t)used_us / (omni_real_t)(slot->duration_us > 0 ? slot->duration_us : 1u);
-        const slot_motion_t s = slot_motion(state, slot, columns, state->pose.theta - window->move[2], share);
+        slot_motion_t s;
+        find_slot_motion(state, slot, columns, state->pose.theta - window->move[2], share, &s);
         prepend_slot(config, slot, &s, share, columns, slip_noise, known != NULL ? known[index] : NULL, window);
         left_us -= used_us;
     }
