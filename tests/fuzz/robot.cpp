@@ -68,6 +68,25 @@ omni::I2cStatus FakeBus::poll(uint8_t *read) {
     return foreign_ && fate == omni::I2cStatus::done ? omni::I2cStatus::nack : fate;
 }
 
+bool FlowBus::submit(const omni::I2cTransaction *batch, size_t count) {
+    check(count == 1, "a sensor's bus carries one transfer at a time", static_cast<long>(count));
+    identity_ = batch[0].read_length == 1 && batch[0].write[0] == omni::otos::reg_product_id;
+    return motors_.fate != omni::I2cStatus::busy;
+}
+
+omni::I2cStatus FlowBus::poll(uint8_t *read) {
+    constexpr uint32_t blind_every = 64;
+    constexpr uint32_t whole_turn = 1u << 16; // of its position's 16 bits, whose ends are at 10 m
+    ++reads_;
+    read[0] = identity_ ? omni::otos::product_id : reads_ % blind_every == 0 ? omni::otos::warn_optical : uint8_t{0};
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const uint32_t steps = reads_ * (3 + axis) % whole_turn;
+        read[1 + 2 * axis] = static_cast<uint8_t>(steps & 0xFF);
+        read[2 + 2 * axis] = static_cast<uint8_t>(steps >> 8);
+    }
+    return motors_.fate;
+}
+
 bool FakeMotorPins::set_steps(const omni::MotorPinSteps *to, size_t wheels) {
     check(wheels <= OMNI_MAX_WHEELS, "there are so many wheels", static_cast<long>(wheels));
     for (size_t i = 0; i < wheels; ++i) {
@@ -158,6 +177,7 @@ void Robot::boot() {
     if (own_values_[OMNI_PARAM_WHEELS] > 3.0f) {
         own_values_[OMNI_PARAM_GYRO_AXIS] = 3.0f; // no shipped robot has a gyro; this one does
         own_values_[OMNI_PARAM_FLOW_MODE] = 2.0f; // and a sensor of motion over the floor
+        board_.flow_chip = &flow_.emplace(flow_bus_, omni::otos::address, omni::otos::chip);
     }
     board_.robot_values = own_values_.data();
     motor_pins.driver = static_cast<uint8_t>(board_.robot_values[OMNI_PARAM_MOT_DRIVER]);

@@ -9,6 +9,8 @@
 #include <optional>
 
 #include "app/app.h"
+#include "app/otos.h"
+#include "app/register_flow.h"
 #include "chip.h"
 #include "frames.h"
 #include "script.h"
@@ -41,6 +43,20 @@ private:
     bool busy_ = false;
     bool foreign_ = false; ///< what is on the wire is for nobody here
     uint8_t read_[omni::I2cTransaction::max_read] = {};
+};
+
+/// A bus with an OTOS that creeps, and does not see the floor now and then. What the motors' bus suffers, it does, too.
+class FlowBus final : public omni::I2cBus {
+public:
+    explicit FlowBus(const FakeBus &motors) : motors_(motors) {}
+    bool submit(const omni::I2cTransaction *batch, size_t count) override;
+    omni::I2cStatus poll(uint8_t *read) override;
+    void recover() override {}
+
+private:
+    const FakeBus &motors_;
+    uint32_t reads_ = 0;
+    bool identity_ = false; ///< the batch asks who it is
 };
 
 struct FakePin final : omni::OutputEnable {
@@ -183,6 +199,8 @@ private:
     void note_arming(size_t port, const Bytes &bytes);
 
     alignas(8) uint8_t burst_memory_[4096];
+    FlowBus flow_bus_{bus};
+    std::optional<omni::RegisterFlow> flow_;
     std::array<float, OMNI_PARAM_COUNT> own_values_{};
     omni::Board board_;
     std::optional<omni::App> app_;
