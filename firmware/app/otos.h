@@ -2,8 +2,8 @@
 /// @file otos.h  SparkFun's Qwiic OTOS (a PAA5160E1 that sees the floor, and a 6-axis IMU), for register_flow.h.
 ///
 /// Registers and scales: SparkFun's public driver, version 1.0 of the chip's firmware. It counts a pose by itself, 417
-/// times a second: 16 bits for 20 m, and for a turn. It calibrates its gyro at power-up, in a hurry. The driver asks for
-/// 255 samples of 2.4 ms once after boot; the robot must stand for these 0.6 s. SparkFun does not say how late the
+/// times a second: 16 bits for 20 m, and for a turn. It calibrates its gyro at power-up, in a hurry. The driver asks
+/// for 255 samples of 2.4 ms once after boot; the robot must stand for these 0.6 s. SparkFun does not say how late the
 /// pose is. FLOW_DELAY is a guess until it has been measured.
 #pragma once
 

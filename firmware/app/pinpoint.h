@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /// @file pinpoint.h  goBILDA's Pinpoint (two dead wheels and a gyro), for register_flow.h.
 ///
-/// Registers: goBILDA's public driver. Each holds 32 bits, the low byte first: whole numbers and floats. BULK_READ gives
-/// status, loop time, two encoders, x [mm], y [mm], heading [rad], three speeds. The driver reads the first seven of
-/// these. Steps per millimetre, where the wheels are and which way they count come from the robot file
+/// Registers: goBILDA's public driver. Each holds 32 bits, the low byte first: whole numbers and floats. BULK_READ
+/// gives status, loop time, two encoders, x [mm], y [mm], heading [rad], three speeds. The driver reads the first seven
+/// of these. Steps per millimetre, where the wheels are and which way they count come from the robot file
 /// (omni/flow_gen.h). It measures its gyro's bias for 0.25 s when it is asked to, once after boot. The robot must
 /// stand meanwhile.
 #pragma once

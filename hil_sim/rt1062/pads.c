@@ -30,14 +30,14 @@ static const struct {
 } daisies[RT_DAISIES] = {
     [RT_DAISY_LPI2C1_SCL] = {0x4CC, 1}, [RT_DAISY_LPI2C1_SDA] = {0x4D0, 1}, [RT_DAISY_LPI2C3_SCL] = {0x4DC, 3},
     [RT_DAISY_LPI2C3_SDA] = {0x4E0, 3}, [RT_DAISY_LPI2C4_SCL] = {0x4E4, 1}, [RT_DAISY_LPI2C4_SDA] = {0x4E8, 1},
-    [RT_DAISY_LPUART6_RX] = {0x550, 1}, [RT_DAISY_LPUART6_TX] = {0x554, 1},
-    [RT_DAISY_XBAR02] = {0x60C, 1},     [RT_DAISY_XBAR03] = {0x610, 1},     [RT_DAISY_XBAR04] = {0x614, 1},
-    [RT_DAISY_XBAR05] = {0x618, 1},     [RT_DAISY_XBAR06] = {0x61C, 1},     [RT_DAISY_XBAR07] = {0x620, 1},
-    [RT_DAISY_XBAR08] = {0x624, 1},     [RT_DAISY_XBAR09] = {0x628, 1},     [RT_DAISY_XBAR17] = {0x62C, 3},
-    [RT_DAISY_XBAR18] = {0x630, 1},     [RT_DAISY_XBAR20] = {0x634, 1},     [RT_DAISY_XBAR22] = {0x638, 1},
-    [RT_DAISY_XBAR23] = {0x63C, 1},     [RT_DAISY_XBAR24] = {0x640, 1},     [RT_DAISY_XBAR14] = {0x644, 1},
-    [RT_DAISY_XBAR15] = {0x648, 1},     [RT_DAISY_XBAR16] = {0x64C, 1},     [RT_DAISY_XBAR25] = {0x650, 1},
-    [RT_DAISY_XBAR19] = {0x654, 1},     [RT_DAISY_XBAR21] = {0x658, 1},
+    [RT_DAISY_LPUART6_RX] = {0x550, 1}, [RT_DAISY_LPUART6_TX] = {0x554, 1}, [RT_DAISY_XBAR02] = {0x60C, 1},
+    [RT_DAISY_XBAR03] = {0x610, 1},     [RT_DAISY_XBAR04] = {0x614, 1},     [RT_DAISY_XBAR05] = {0x618, 1},
+    [RT_DAISY_XBAR06] = {0x61C, 1},     [RT_DAISY_XBAR07] = {0x620, 1},     [RT_DAISY_XBAR08] = {0x624, 1},
+    [RT_DAISY_XBAR09] = {0x628, 1},     [RT_DAISY_XBAR17] = {0x62C, 3},     [RT_DAISY_XBAR18] = {0x630, 1},
+    [RT_DAISY_XBAR20] = {0x634, 1},     [RT_DAISY_XBAR22] = {0x638, 1},     [RT_DAISY_XBAR23] = {0x63C, 1},
+    [RT_DAISY_XBAR24] = {0x640, 1},     [RT_DAISY_XBAR14] = {0x644, 1},     [RT_DAISY_XBAR15] = {0x648, 1},
+    [RT_DAISY_XBAR16] = {0x64C, 1},     [RT_DAISY_XBAR25] = {0x650, 1},     [RT_DAISY_XBAR19] = {0x654, 1},
+    [RT_DAISY_XBAR21] = {0x658, 1},
 };
 
 /* [core] core_pins.h, CORE_PINn_CONFIG. */

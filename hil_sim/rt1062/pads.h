@@ -27,10 +27,10 @@ enum {
     RT_PAD_SD_B1 = 112,
     RT_PADS = 124,
     RT_NO_PAD = 255,
-    RT_PAD_SCL = RT_PAD_AD_B1 + 0,  /* Teensy pin 19 */
-    RT_PAD_SDA = RT_PAD_AD_B1 + 1,  /* Teensy pin 18 */
-    RT_PAD_SCL3 = RT_PAD_AD_B1 + 7, /* Teensy pin 16 */
-    RT_PAD_SDA3 = RT_PAD_AD_B1 + 6, /* Teensy pin 17 */
+    RT_PAD_SCL = RT_PAD_AD_B1 + 0,   /* Teensy pin 19 */
+    RT_PAD_SDA = RT_PAD_AD_B1 + 1,   /* Teensy pin 18 */
+    RT_PAD_SCL3 = RT_PAD_AD_B1 + 7,  /* Teensy pin 16 */
+    RT_PAD_SDA3 = RT_PAD_AD_B1 + 6,  /* Teensy pin 17 */
     RT_PAD_SCL4 = RT_PAD_AD_B0 + 12, /* Teensy pin 24 */
     RT_PAD_SDA4 = RT_PAD_AD_B0 + 13, /* Teensy pin 25 */
     RT_PAD_UART_TX = RT_PAD_AD_B0 + 2,

@@ -12,7 +12,6 @@
 #include "machine.h"
 #include "pads.h"
 #include "pwm.h"
-#include "sensor.h"
 
 enum { STEP_us = 1000, STEP_ns = 1000000, STREAM_NOISE = 0x4E4F4953 };
 
@@ -212,7 +211,7 @@ static void move_flow(rt1062_t *m) {
     }
     flow->faults.absent = silent || m->world->config.flow_rate_Hz <= 0.0;
     double moved[HIL_FLOW_AXES];
-    hil_flow_way(m->world, m->s.flow_pose, moved);
+    hil_world_flow_way(m->world, m->s.flow_pose, moved);
     if (hil_world_fault_active(m->world, HIL_FAULT_FLOW_STUCK, HIL_MAX_WHEELS)) {
         moved[0] = moved[1] = moved[2] = 0.0;
     }
@@ -288,7 +287,8 @@ static void connect(rt1062_t *m) {
         pull(m, RT_PAD_SDA3, 1);
     }
     if (flow_wired(m)) {
-        m->s.flow.wheels = (hil_flow_wheels_t){m->config.flow_steps_per_mm, m->config.flow_x_wheel_mm,
+        m->s.flow.wheels = (hil_flow_wheels_t){m->config.flow_steps_per_mm,
+                                               m->config.flow_x_wheel_mm,
                                                m->config.flow_y_wheel_mm,
                                                {m->config.flow_reversed[0], m->config.flow_reversed[1]}};
         hil_flow_chip_reset(&m->s.flow, m->config.flow_chip, m->config.flow_address);

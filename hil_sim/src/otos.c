@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Model of SparkFun's Qwiic OTOS (public driver, firmware 1.0 of the sensor). Position: x, y in 10 m / 32768, heading in
- * pi / 32768, 16 bits each, the low byte first. Writing a position sets it once its second byte has come.
+ * Model of SparkFun's Qwiic OTOS (public driver, firmware 1.0 of the sensor). Position: x, y in 10 m / 32768, heading
+ * in pi / 32768, 16 bits each, the low byte first. Writing a position sets it once its second byte has come.
  */
 #include <math.h>
 

@@ -21,8 +21,4 @@ typedef struct hil_sensor_t {
     void (*show)(hil_world_t *world, hil_sensors_t *sensors);
 } hil_sensor_t;
 
-/** How a point of the body has moved since `pose`, in axes of the sensor of motion over the floor. @param pose in and
- *  out: x, y [m], heading [rad]; becomes the world's. @param way out: x, y [m], turn [rad]. */
-void hil_flow_way(const hil_world_t *world, hil_real_t *pose, hil_real_t *way);
-
 #endif

@@ -17,7 +17,7 @@
 enum { FLOW_AXES = 3, FLOW_READ = 8 };
 
 /* Over a tick the heading of mid-way is as good as the integral: to 1e-9 of it. */
-void hil_flow_way(const hil_world_t *world, hil_real_t *pose, hil_real_t *way) {
+void hil_world_flow_way(const hil_world_t *world, hil_real_t *pose, hil_real_t *way) {
     const hil_world_config_t *config = &world->config;
     hil_real_t moved[FLOW_AXES];
     for (uint32_t axis = 0; axis < FLOW_AXES; axis++) {
@@ -38,7 +38,7 @@ void hil_flow_way(const hil_world_t *world, hil_real_t *pose, hil_real_t *way) {
 /* Add the way since the last call. */
 static void add_flow(hil_world_t *world) {
     hil_real_t way[FLOW_AXES];
-    hil_flow_way(world, world->flow_pose, way);
+    hil_world_flow_way(world, world->flow_pose, way);
     for (uint32_t axis = 0; axis < FLOW_AXES; axis++) {
         world->flow_sum[axis] += way[axis];
     }

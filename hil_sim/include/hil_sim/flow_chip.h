@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file flow_chip.h
- * Models of sensors that count their own pose over the floor, at their I2C pins: SparkFun's OTOS and goBILDA's Pinpoint.
+ * Models of sensors that count their own pose over the floor, at their I2C pins: SparkFun's OTOS and goBILDA's
+ * Pinpoint.
  *
  * They are written from the makers' public drivers, because there are no data sheets of their registers. Whoever plays
  * the world tells a sensor how far it has moved (hil_flow_chip_move). Whoever plays the bus hands on START, bytes and
- * STOP. A sensor adds up what it measures by itself. Its errors are the world's: it has none of its own but the steps of
- * its counters.
+ * STOP. A sensor adds up what it measures by itself. Its errors are the world's: it has none of its own but the steps
+ * of its counters.
  *
- * Assumed, because the makers do not say it: an OTOS whose counter of 10 m is full stays there. While one calibrates its
- * gyro it does not count. The pose that is read is that of the moment at which the read begins.
+ * Assumed, because the makers do not say it: an OTOS whose counter of 10 m is full stays there. While one calibrates
+ * its gyro it does not count. The pose that is read is that of the moment at which the read begins.
  */
 #ifndef HIL_SIM_FLOW_CHIP_H
 #define HIL_SIM_FLOW_CHIP_H
@@ -59,11 +60,12 @@ typedef struct hil_flow_chip_t {
     uint32_t calibrations;
 } hil_flow_chip_t;
 
-/** Power-up. Time, faults and wheels stay. `*chip` must be initialised, to zero at first. @param kind hil_flow_kind_t. */
+/** Power-up. Time, faults and wheels stay. `*chip` must be initialised, to zero at first.
+ *  @param kind hil_flow_kind_t. */
 void hil_flow_chip_reset(hil_flow_chip_t *chip, uint8_t kind, uint8_t address);
 
-/** Time goes on. @param time_us must not go back. @param moved x, y [m] in the sensor's axes of mid-way, turn [rad]. For
- *  a Pinpoint that is the robot's centre. */
+/** Time goes on. @param time_us must not go back. @param moved x, y [m] in the sensor's axes of mid-way, turn [rad].
+ *  For a Pinpoint that is the robot's centre. */
 void hil_flow_chip_move(hil_flow_chip_t *chip, uint64_t time_us, const double *moved);
 
 /** START or repeated START and an address byte. @param address 7 bit. @return true if acknowledged. */

@@ -315,6 +315,12 @@ uint32_t hil_world_tick_us(const hil_world_t *world, uint32_t usual_us);
 /** Is a fault of this kind active for this wheel (or any wheel, wheel >= HIL_MAX_WHEELS)? */
 bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t wheel);
 
+/**
+ * How the point of the sensor of motion over the floor has moved since `pose`, in the sensor's axes of mid-way.
+ * @param pose in and out: x, y [m], heading [rad]; becomes the world's. @param way out: x, y [m], turn [rad].
+ */
+void hil_world_flow_way(const hil_world_t *world, hil_real_t *pose, hil_real_t *way);
+
 /** Value of an active fault of this kind; 0 if there is none. */
 double hil_world_fault_value(const hil_world_t *world, uint8_t kind);
 
