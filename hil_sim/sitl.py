@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import omniwheel
@@ -16,7 +17,7 @@ from hil_sim.lockstep import LockstepLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario
 from hil_sim.world import World
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import Message
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.errors import CommandRefusedError, LinkTimeoutError, OutsideLoopError
 from omniwheel.firmware_child import FirmwareChild
@@ -26,6 +27,7 @@ from omniwheel.presets import read_preset
 from omniwheel.radio_model import RadioBridge, RadioSettings
 from omniwheel.robot import Robot
 from omniwheel.robots import parameter_table
+from omniwheel.telemetry import Heartbeat, decode
 
 WORLD_LINK = "tcp:127.0.0.1:0"
 SLICE_TICKS = 50
@@ -83,32 +85,29 @@ class _Loop:
 
 
 def _says_outside(message: Message) -> bool:
-    in_loop = mavlink.MAV_MODE_FLAG_HIL_ENABLED
-    return bool(message.get_type() == "HEARTBEAT" and not message.base_mode & in_loop)
+    beat = decode(Heartbeat, message)
+    return beat is not None and not beat.hil
 
 
 @dataclass(frozen=True)
 class Sitl:
     """A running firmware process with its world. ``urls`` are the links for others; :meth:`advance` keeps it alive.
 
-    ``live`` breaks and mends things meanwhile.
+    ``live`` breaks and mends things meanwhile. ``run`` runs so many ticks, or fewer if the robot is outside.
     """
 
     urls: tuple[str, ...]
     firmware: FirmwareChild
     link: LockstepLink
     live: LiveWorld
+    run: Callable[[int], None]
     radio: RadioBridge | None = None
-    loop: _Loop | None = None
 
     def advance(self, ticks: int = SLICE_TICKS) -> None:
         """Go on by this many ticks, in real time. Raises LinkError if the firmware ended."""
         step = ticks if self.radio is None else RADIO_SLICE_TICKS
         for _ in range(0, ticks, step):
-            if self.loop is not None:
-                self.loop.run(step)
-            else:
-                self.link.run(step, self.link.drop_received)
+            self.run(step)
             if self.radio is not None:
                 self.radio.pump(time.monotonic())
         self.link.drop_received()
@@ -156,7 +155,8 @@ def _start_emulated(
         try:
             link = LockstepLink(base, world, realtime_factor=realtime_factor)
             link.run(1)
-            yield Sitl(firmware.urls[:-1], firmware, link, LiveWorld(scenario, link, world))
+            live = LiveWorld(scenario, link, world)
+            yield Sitl(firmware.urls[:-1], firmware, link, live, partial(link.run, between=link.drop_received))
         finally:
             base.close()
 
@@ -190,4 +190,4 @@ def _start_process(
         link = LockstepLink(base, world, realtime_factor=realtime_factor)
         loop = _Loop(robot, link)
         loop.run(1)
-        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), bridge, loop)
+        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), loop.run, bridge)

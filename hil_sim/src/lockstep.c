@@ -96,10 +96,15 @@ static bool frame_is_sound(const uint8_t *frame) {
     return frame[covered] == (checksum & 0xFF) && frame[covered + 1] == checksum >> 8;
 }
 
-static void take_answer(hil_lockstep_t *link, const uint8_t *frame, answer_t *answer) {
-    mavlink_omni_hil_actuators_t message = {0}; /* trailing zeros are not sent */
+/* @param message zero before: trailing zeros are not sent. */
+static void copy_payload(const uint8_t *frame, void *message, size_t size) {
     const size_t sent = frame[1];
-    memcpy(&message, frame + HEADER, sent < sizeof message ? sent : sizeof message);
+    memcpy(message, frame + HEADER, sent < size ? sent : size);
+}
+
+static void take_answer(hil_lockstep_t *link, const uint8_t *frame, answer_t *answer) {
+    mavlink_omni_hil_actuators_t message = {0};
+    copy_payload(frame, &message, sizeof message);
     const int32_t ahead = (int32_t)(message.sequence - link->sequence);
     if (ahead < 0) {
         link->stale_answers++;
@@ -122,8 +127,7 @@ static void collect(hil_lockstep_t *link, const uint8_t *frame, uint32_t length)
 
 static void take_heartbeat(hil_lockstep_t *link, const uint8_t *frame) {
     mavlink_heartbeat_t message = {0};
-    const size_t sent = frame[1];
-    memcpy(&message, frame + HEADER, sent < sizeof message ? sent : sizeof message);
+    copy_payload(frame, &message, sizeof message);
     const bool robot = message.autopilot != MAV_AUTOPILOT_INVALID;
     link->outside += robot && (message.base_mode & MAV_MODE_FLAG_HIL_ENABLED) == 0 ? 1u : 0u;
 }
