@@ -93,8 +93,19 @@ void StatusTexts::restart() {
     slowed_said_us_ = 0;
     limited_said_us_ = 0;
     read_back_said_ = false;
-    gyro_said_ = GyroCause::none;
-    flow_said_ = FlowCause::none;
+    for (size_t link = 0; link < links_.count(); ++link) {
+        forget_sensors(link);
+    }
+}
+
+void StatusTexts::greet(size_t link) {
+    button_said_[link] = false;
+    forget_sensors(link);
+}
+
+void StatusTexts::forget_sensors(size_t link) {
+    gyro_said_[link] = GyroCause::none;
+    flow_said_[link] = FlowCause::none;
 }
 
 void StatusTexts::say_state(uint8_t state) {
@@ -147,23 +158,26 @@ void StatusTexts::say_read_back() {
     read_back_said_ = missing;
 }
 
-/// Of the board's own chip: a host in the loop has another one.
+/// Of the board's own chip: a host in the loop has another one. Once on each link: somebody who comes later hears it, too.
 OMNI_COLD void StatusTexts::say_gyro() {
     const GyroTrouble trouble = gyro_chip_->trouble();
-    if (trouble.cause != gyro_said_) {
-        const bool over = trouble.cause == GyroCause::none;
-        texts_.say(over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
+    for (size_t link = 0; link < links_.count(); ++link) {
+        if (is_news(link, gyro_said_[link], trouble.cause)) {
+            const bool over = trouble.cause == GyroCause::none;
+            texts_.say_on(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
+        }
     }
-    gyro_said_ = trouble.cause;
 }
 
+/// The same.
 OMNI_COLD void StatusTexts::say_flow() {
     const FlowTrouble trouble = flow_chip_->trouble();
-    if (trouble.cause != flow_said_) {
-        const bool over = trouble.cause == FlowCause::none;
-        texts_.say(over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, flow_text(trouble));
+    for (size_t link = 0; link < links_.count(); ++link) {
+        if (is_news(link, flow_said_[link], trouble.cause)) {
+            const bool over = trouble.cause == FlowCause::none;
+            texts_.say_on(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, flow_text(trouble));
+        }
     }
-    flow_said_ = trouble.cause;
 }
 
 /// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.

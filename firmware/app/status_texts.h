@@ -20,14 +20,22 @@ public:
     /// Compare the latest tick with what was said last.
     void serve();
     void restart();
-    /// Somebody has come to this link: what stops the robot is news there.
-    void greet(size_t link) { button_said_[link] = false; }
+    /// Somebody has come to this link: what stops the robot, or is wrong with a sensor, is news there.
+    void greet(size_t link);
 
 private:
     void say_state(uint8_t state);
     void say_links();
     void say_button();
     void say_read_back();
+    /// Whether `cause` is another one than was said on this link, where somebody listens; it counts as said then.
+    template <typename Cause>
+    bool is_news(size_t link, Cause &said, Cause cause) const {
+        const bool news = cause != said && links_[link].connected();
+        said = news ? cause : said;
+        return news;
+    }
+    void forget_sensors(size_t link);
     void say_gyro();
     void say_flow();
     void say_failsafe();
@@ -50,8 +58,8 @@ private:
     uint64_t slowed_said_us_ = 0;  ///< 0: not yet
     uint64_t limited_said_us_ = 0; ///< the same of currents
     bool read_back_said_ = false;
-    GyroCause gyro_said_ = GyroCause::none;
-    FlowCause flow_said_ = FlowCause::none;
+    GyroCause gyro_said_[Board::max_ports] = {};
+    FlowCause flow_said_[Board::max_ports] = {};
     bool button_said_[Board::max_ports] = {};
 };
 

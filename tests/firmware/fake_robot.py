@@ -183,6 +183,10 @@ class FakeRobot:
         """Press the stop button or let it go; the simulated robot's if ``hil``."""
         self._c.robot_press(self._robot, pressed, hil)
 
+    def sensor_trouble(self, gyro: int = 0, flow: int = 0) -> None:
+        """Let the chips of gyro and floor motion have a trouble; 0: none, 1: no chip answers."""
+        self._c.robot_sensor_trouble(self._robot, gyro, flow)
+
     def driven(self, hil: bool = False) -> bool:
         """Return whether a motor gets voltage."""
         return bool(self._c.robot_driven(self._robot, hil))

@@ -88,6 +88,21 @@ struct TestButton final : omni::StopButton {
     bool open() override { return pressed; }
 };
 
+/// Chips that only have troubles.
+struct TestGyro final : omni::GyroChip {
+    omni::GyroTrouble now;
+    void use_axis(int8_t) override {}
+    uint8_t read(uint64_t, float *) override { return 0; }
+    omni::GyroTrouble trouble() const override { return now; }
+};
+
+struct TestFlow final : omni::FlowChip {
+    omni::FlowTrouble now;
+    void use(bool) override {}
+    uint8_t read(uint64_t, float *) override { return 0; }
+    omni::FlowTrouble trouble() const override { return now; }
+};
+
 struct TestPort final : omni::SerialPort {
     uint8_t in[16384] = {};
     size_t in_length = 0;
@@ -157,6 +172,8 @@ struct TestRobot {
     TestBus bus;
     TestPin pin;
     TestButton button;
+    TestGyro gyro;
+    TestFlow flow;
     TestPort ports[all_ports];
     TestStorage storage;
     TestWatchdog watchdog;
@@ -188,6 +205,8 @@ void TestRobot::boot() {
     board.i2c = &bus;
     board.output_enable = &pin;
     board.stop_button = &button;
+    board.gyro_chip = &gyro;
+    board.flow_chip = &flow;
     board.storage = &storage;
     board.watchdog = &watchdog;
     board.motor_pins = has_pins ? &pins : nullptr;
@@ -399,6 +418,12 @@ bool robot_pins_high(const TestRobot *robot) {
 /// Press the stop button, or cut its wire. @param hil the simulated robot's.
 void robot_press(TestRobot *robot, bool pressed, bool hil) {
     (hil ? robot->hil_button : robot->button.pressed) = pressed;
+}
+
+/// Causes of the chips' troubles, as GyroCause and FlowCause count them.
+void robot_sensor_trouble(TestRobot *robot, uint8_t gyro, uint8_t flow) {
+    robot->gyro.now.cause = static_cast<omni::GyroCause>(gyro);
+    robot->flow.now.cause = static_cast<omni::FlowCause>(flow);
 }
 
 uint8_t *robot_storage(TestRobot *robot) {

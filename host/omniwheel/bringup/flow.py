@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The sensor of motion over the floor: its direction and scale, from a push of the robot by hand along a metre."""
+"""The sensor of motion over the floor: its direction and scale, from two pushes of the robot by hand."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from omniwheel.telemetry import FlowState, decode
 
 REST = "Does the robot stand still on the floor, with a metre free in front of it, and is the motor supply off?"
 PUSH = "Push the robot by hand: one metre straight ahead, without turning it. Then let it stand"
+ASIDE = "Push the robot by hand: half a metre straight to its left, without turning it. Then let it stand"
 NONE = "none: FLOW_MODE is 0"
 WAY_M = 1.0
 RATE_HZ = 20.0
@@ -32,6 +33,8 @@ DIRECTION_TOLERANCE_RAD = math.radians(30.0)
 TURN_TOLERANCE_RAD = math.radians(5.0)
 _STEP_S = 0.1
 _WIRES = "check SDA to pin 25, SCL to pin 24, 3.3 V, GND; was the firmware built from the file with this [flow]?"
+_BACKWARDS = math.radians(150.0)
+_TURN_ADVICE = "push it straight; if you did, the sensor's own heading is wrong: let it stand after power-up"
 
 
 class Ways:
@@ -77,30 +80,32 @@ def _listening(robot: Robot) -> Iterator[Ways]:
 
 
 def check_flow(robot: Robot, person: Person, *, file: RobotFile | None = None, wait_s: float = WAIT_S) -> Result:
-    """Look at the sensor while somebody pushes the robot along a metre. No motor is driven.
+    """Look at the sensor while somebody pushes the robot along a metre, then aside. No motor is driven.
 
-    A robot without one passes, with a word, unless its ``file`` has one. ``wait_s``: how long the person may take.
+    A robot without one passes, with a word, unless its ``file`` has one. With the file of a sensor that has wheels the
+    advice is about these. ``wait_s``: how long the person may take for a push.
     """
     findings = Findings("flow")
+    wiring = None if file is None else file.board.flow
     if robot.parameters["FLOW_MODE"] == 0.0:
-        wired = file is not None and file.board.flow is not None
         advice = "the robot file has such a sensor: flash the firmware that was built from it"
-        findings.judge("flow", not wired, NONE, advice)
+        findings.judge("flow", wiring is None, NONE, advice)
         return findings.result()
     require(person, REST)
+    wheels = wiring is not None and wiring.chip.wheels
     with _listening(robot) as ways:
-        if _rests(robot, findings, ways):
-            _push(robot, person, findings, ways, wait_s)
+        if _rests(robot, findings, ways) and _ahead(robot, person, findings, ways, (wheels, wait_s)):
+            _aside(robot, person, findings, ways, (wheels, wait_s))
     return findings.result()
 
 
 def _rests(robot: Robot, findings: Findings, ways: Ways) -> bool:
-    mark = robot.texts.mark()
     robot.pump(REST_S)
     prefix = "floor motion: "
-    said = [text.text for text in robot.texts.since(mark) if text.text.startswith(prefix)]
-    trouble = [text for text in said if not text.endswith("readings again")]
-    if not findings.judge("readings", not trouble, ", ".join(trouble) or "nothing to complain of", _WIRES):
+    said = [text.text for text in robot.texts.since(0) if text.text.startswith(prefix)]
+    usable = ways.last is not None and ways.last.usable
+    seen = "they come" if usable else f"none that can be used: {said[-1] if said else 'nothing comes'}"
+    if not findings.judge("readings", usable, seen, _WIRES):
         return False
     x, y, _ = ways.moved()
     drift = math.hypot(x, y)
@@ -113,35 +118,80 @@ def _rests(robot: Robot, findings: Findings, ways: Ways) -> bool:
     )
 
 
-def _push(robot: Robot, person: Person, findings: Findings, ways: Ways, wait_s: float) -> None:
+def _push(robot: Robot, ways: Ways, wait_s: float) -> tuple[float, float, float] | None:
+    """Return x, y [m] and turn [rad] of a push that has been asked for; None if nothing moves."""
     ways.clear()
-    person.tell(PUSH)
     end_s = robot.connection.clock() + wait_s
     begun = False
     while robot.connection.clock() < end_s and not (begun and ways.still_s >= STILL_S):
         robot.pump(_STEP_S)
         begun = begun or math.hypot(*ways.moved()[:2]) > BEGUN_M
-    x, y, turn = ways.moved()
-    way = math.hypot(x, y)
-    findings.measured.update(x_m=x, y_m=y, turn_rad=turn)
-    if not begun:
+    return ways.moved() if begun else None
+
+
+def _ahead(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> bool:
+    """Whether another push makes sense. ``how``: whether the sensor has wheels, and how long to wait."""
+    wheels, wait_s = how
+    person.tell(PUSH)
+    moved = _push(robot, ways, wait_s)
+    if moved is None:
+        way = math.hypot(*ways.moved()[:2])
         findings.bad("way", f"{1e3 * way:.0f} mm seen within {wait_s:g} s", f"push it further; or {_WIRES}")
+        return False
+    x, y, turn = moved
+    findings.measured.update(x_m=x, y_m=y, turn_rad=turn)
+    straight = _judge_turn(robot, findings, "turn", turn)
+    right = _direction(robot, findings, math.atan2(y, x), wheels)
+    _scale(robot, findings, math.hypot(x, y))
+    return straight and right
+
+
+def _judge_turn(robot: Robot, findings: Findings, name: str, turn: float) -> bool:
+    """Of a sensor that measures the turn, too."""
+    if robot.parameters["FLOW_MODE"] <= 1.0:
+        return True
+    return findings.judge(name, abs(turn) < TURN_TOLERANCE_RAD, f"{math.degrees(turn):+.1f}° meanwhile", _TURN_ADVICE)
+
+
+def _aside(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> None:
+    """Straight ahead, a sensor that counts y the wrong way looks right."""
+    wheels, wait_s = how
+    person.tell(ASIDE)
+    moved = _push(robot, ways, wait_s)
+    if moved is None:
+        advice = "push it further, straight to the left"
+        findings.bad("left", f"nothing seen within {wait_s:g} s", _y_wheel_advice(advice) if wheels else advice)
         return
-    if robot.parameters["FLOW_MODE"] > 1.0:
-        advice = "push it straight; if you did, the sensor's own heading is wrong: let it stand after power-up"
-        findings.judge("turn", abs(turn) < TURN_TOLERANCE_RAD, f"{math.degrees(turn):+.1f}° meanwhile", advice)
-    _direction(robot, findings, math.atan2(y, x))
-    _scale(robot, findings, way)
+    x, y, turn = moved
+    findings.measured.update(aside_x_m=x, aside_y_m=y)
+    if not _judge_turn(robot, findings, "turn again", turn):
+        return
+    off = math.remainder(math.atan2(y, x) - math.pi / 2.0, math.tau)
+    advice = "push it to its left. If you did: is the sensor upside down, or are its x and y exchanged?"
+    if wheels and abs(off) > _BACKWARDS:
+        advice = 'the y wheel counts backwards: write "y" into reversed of [flow], or take it out there; then flash'
+    findings.judge(
+        "left", abs(off) < DIRECTION_TOLERANCE_RAD, f"{math.degrees(off):+.1f}° off a way straight to the left", advice
+    )
 
 
-def _direction(robot: Robot, findings: Findings, seen: float) -> None:
+def _y_wheel_advice(advice: str) -> str:
+    return f"{advice}; or the y wheel's encoder is not connected"
+
+
+def _direction(robot: Robot, findings: Findings, seen: float, wheels: bool) -> bool:
     angle = math.degrees(math.remainder(math.radians(robot.parameters["FLOW_ANGLE"]) - seen, math.tau))
     findings.measured["angle_deg"] = angle
-    findings.judge(
+    advice = f"set FLOW_ANGLE = {angle:.0f} and run this once more; to the front is the way in which x is counted"
+    if wheels and abs(seen) > _BACKWARDS:
+        advice = 'the x wheel counts backwards: write "x" into reversed of [flow], or take it out there; then flash'
+    elif wheels:
+        advice = "exchange the cables of the x and the y wheel: x is the one that rolls to the front"
+    return findings.judge(
         "direction",
         abs(seen) < DIRECTION_TOLERANCE_RAD,
         f"{math.degrees(seen):+.1f}° off straight ahead; FLOW_ANGLE = {angle:.1f} would make it 0",
-        f"set FLOW_ANGLE = {angle:.0f} and run this once more; to the front is the way in which x is counted",
+        advice,
     )
 
 

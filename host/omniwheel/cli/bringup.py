@@ -92,11 +92,12 @@ def _print(result: Result) -> None:
     console.print(f"{result.check}: {verdict}")
 
 
-def _checked(wanted: RobotOptions, yes: bool, check: Callable[..., Result]) -> None:
+def _checked(wanted: RobotOptions, yes: bool | None, check: Callable[..., Result]) -> None:
+    """Run a check and print it. ``yes``: what --yes says; None where there is no such option."""
     from omniwheel.bringup import Assumed
 
     with wanted.open() as robot:
-        result = check(robot, Assumed() if yes else TerminalPerson(robot))
+        result = check(robot, Assumed() if yes else TerminalPerson(robot, may_be_assumed=yes is not None))
     _finish(result, wanted.as_json)
 
 
@@ -136,7 +137,7 @@ def encoders(*, wanted: RobotOptions) -> None:
     """Check the encoders while you turn each wheel by hand: order, direction, counts, noise. Nothing is armed."""
     from omniwheel.bringup import check_encoders
 
-    _checked(wanted, False, check_encoders)
+    _checked(wanted, None, check_encoders)
 
 
 @app.command("motors", epilog=examples("omni bringup motors", "omni bringup motors --duty 0.3 --yes --json"))
@@ -201,7 +202,7 @@ def stop_button(
     from omniwheel.bringup import check_stop_button
 
     file = None if robot_file is None else read_robot(robot_file)
-    _checked(wanted, False, lambda robot, person: check_stop_button(robot, person, file=file))
+    _checked(wanted, None, lambda robot, person: check_stop_button(robot, person, file=file))
 
 
 @app.command("gyro", epilog=examples("omni bringup gyro", "omni bringup gyro --robot mine.toml --json"))
@@ -215,7 +216,7 @@ def gyro(
     from omniwheel.bringup import check_gyro
 
     file = None if robot_file is None else read_robot(robot_file)
-    _checked(wanted, False, lambda robot, person: check_gyro(robot, person, file=file))
+    _checked(wanted, None, lambda robot, person: check_gyro(robot, person, file=file))
 
 
 @app.command("flow", epilog=examples("omni bringup flow", "omni bringup flow --robot mine.toml --json"))
@@ -229,7 +230,7 @@ def flow(
     from omniwheel.bringup import check_flow
 
     file = None if robot_file is None else read_robot(robot_file)
-    _checked(wanted, False, lambda robot, person: check_flow(robot, person, file=file))
+    _checked(wanted, None, lambda robot, person: check_flow(robot, person, file=file))
 
 
 @app.command("drive", epilog=examples("omni bringup drive"))

@@ -24,10 +24,14 @@ class NoAnswerError(OmniError):
 
 
 class TerminalPerson:
-    """Asks on standard error, reads standard input, keeps the robots' links served meanwhile."""
+    """Asks on standard error, reads standard input, keeps the robots' links served meanwhile.
 
-    def __init__(self, *robots: Robot) -> None:
+    ``may_be_assumed``: whether the command has an option --yes.
+    """
+
+    def __init__(self, *robots: Robot, may_be_assumed: bool = True) -> None:
         self._robots = robots
+        self._hint = "run it in a terminal, or add --yes" if may_be_assumed else "run it in a terminal"
 
     def tell(self, text: str) -> None:
         """Print a line."""
@@ -50,7 +54,7 @@ class TerminalPerson:
         line = sys.stdin.readline()
         if not line:
             error_console.print()
-            raise NoAnswerError("nobody answers on standard input", hint="run it in a terminal, or add --yes")
+            raise NoAnswerError("nobody answers on standard input", hint=self._hint)
         return line.strip()
 
 

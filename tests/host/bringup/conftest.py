@@ -107,6 +107,7 @@ class Bench:
         self.turn_rad = 2 * math.pi
         self.push_m = 1.0
         self.push_rad = 0.0
+        self.aside_rad = math.pi / 2.0
         self._moved = np.zeros(world.wheels)
 
     def tell(self, text: str) -> None:
@@ -116,7 +117,8 @@ class Bench:
         if text.startswith("Turn the robot"):
             self._turn_robot()
         if text.startswith("Push the robot"):
-            self._push_robot()
+            aside = "to its left" in text
+            self._push_robot(0.5 * self.push_m if aside else self.push_m, self.aside_rad if aside else self.push_rad)
         if self.presses and "the stop button" in text:
             self._press("keep it pressed" in text)
 
@@ -153,12 +155,12 @@ class Bench:
         for wheel in range(self.world.wheels):
             self._turn(wheel)
 
-    def _push_robot(self) -> None:
-        """Push the robot on the floor by ``push_m`` in the direction ``push_rad``: its wheels roll along."""
+    def _push_robot(self, way_m: float, direction_rad: float) -> None:
+        """Push the robot on the floor along its own axes: its wheels roll along."""
         config = self.world.c.config
         start_s = self.link.clock_s() + 0.5
         for wheel in range(self.world.wheels):
-            rolled_m = self.push_m * math.sin(self.push_rad - float(config.wheel_angle_rad[wheel]))
+            rolled_m = way_m * math.sin(direction_rad - float(config.wheel_angle_rad[wheel]))
             fault = config.fault[config.fault_count]
             config.fault_count += 1
             fault.kind, fault.wheel = Fault("wheel_turned", 0.0).kind, wheel

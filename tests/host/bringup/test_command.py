@@ -66,6 +66,7 @@ def test_nobody_at_the_terminal_moves_nothing(stand: str) -> None:
         before = robot.version
     assert before
     assert "add --yes" in run("motors", "--link", stand, code=1).stderr
+    assert "add --yes" not in run("button", "--link", stand, code=1).stderr, "that command has no such option"
 
 
 def test_all_ends_at_the_first_failure_and_leaves_a_report(stand: str, tmp_path: Path) -> None:

@@ -43,16 +43,20 @@ def test_a_sensor_that_is_right_passes_and_tells_its_figures(make_bench: MakeBen
     bench = in_world(make_bench)
     result = check_flow(bench.robot, bench)
     assert result.ok, failures(result)
-    assert [finding.name for finding in result.findings] == ["readings", "rest", "turn", "direction", "scale"]
-    assert math.hypot(result.measured["x_m"], result.measured["y_m"]) == pytest.approx(pushed(bench), rel=0.01)
+    names = [finding.name for finding in result.findings]
+    assert names == ["readings", "rest", "turn", "direction", "scale", "turn again", "left"]
+    assert result.measured["x_m"] == pytest.approx(float(bench.world.c.pose[0]), abs=0.01)
+    assert result.measured["aside_y_m"] == pytest.approx(float(bench.world.c.pose[1]), abs=0.01)
     assert not bench.armed
 
 
 @pytest.mark.parametrize("error", [-0.05, 0.03])
 def test_its_scale_is_measured(make_bench: MakeBench, error: float) -> None:
     bench = in_world(make_bench, flow_scale_error=error)
-    scale = check_flow(bench.robot, bench).measured["scale"]
-    assert scale * pushed(bench) == pytest.approx(1.0 / (1.0 + error), rel=0.005)
+    bench.aside_rad = 0.0
+    result = check_flow(bench.robot, bench)
+    scale, way = result.measured["scale"], pushed(bench) - result.measured["aside_x_m"] / (1.0 + error)
+    assert scale * way == pytest.approx(1.0 / (1.0 + error), rel=0.005)
 
 
 @pytest.mark.parametrize("mounted_deg", [10.0, 90.0, -135.0, 180.0])
@@ -81,6 +85,7 @@ def test_a_robot_that_nobody_pushes_fails(make_bench: MakeBench) -> None:
     bench = in_world(make_bench)
     bench.push_m = 0.0
     assert list(failures(check_flow(bench.robot, bench, wait_s=3.0))) == ["way"]
+    assert not any("left" in text for text in bench.told), "a second push would tell nothing"
 
 
 def test_a_sensor_that_sees_nothing_fails(make_bench: MakeBench) -> None:
@@ -90,11 +95,50 @@ def test_a_sensor_that_sees_nothing_fails(make_bench: MakeBench) -> None:
     assert "pin 25" in result.advice[0]
 
 
-def test_without_one_it_passes_unless_the_file_has_one(bench: Bench) -> None:
+def test_a_sensor_from_which_nothing_comes_fails_at_once(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench, faults=[Fault("flow_silent", 0.0)])
+    bench.robot.pump(1.0)
+    result = check_flow(bench.robot, bench)
+    assert list(failures(result)) == ["readings"]
+    assert "pin 25" in result.advice[0]
+    assert bench.told == []
+
+
+def with_chip(name: str) -> Any:
+    """Return a robot file with this sensor."""
     file = read_robot("three_wheel")
-    assert check_flow(bench.robot, bench, file=file).ok
-    wired = replace(file, board=replace(file.board, flow=FlowWiring(file.table.flow_chips["OTOS"])))
-    assert list(failures(check_flow(bench.robot, bench, file=wired))) == ["flow"]
+    return replace(file, board=replace(file.board, flow=FlowWiring(file.table.flow_chips[name])))
+
+
+@pytest.mark.parametrize(("mounted_deg", "advice"), [(180.0, 'write "x" into reversed'), (90.0, "exchange the cables")])
+def test_measuring_wheels_are_put_right_not_turned(make_bench: MakeBench, mounted_deg: float, advice: str) -> None:
+    bench = in_world(make_bench, flow_angle_rad=math.radians(mounted_deg))
+    result = check_flow(bench.robot, bench, file=with_chip("Pinpoint"))
+    assert list(failures(result)) == ["direction"]
+    assert advice in result.advice[0]
+    assert "FLOW_ANGLE" not in result.advice[0]
+
+
+@pytest.mark.parametrize("chip", ["OTOS", "Pinpoint"])
+def test_a_sensor_that_counts_y_the_wrong_way_is_found(make_bench: MakeBench, chip: str) -> None:
+    """Pushed to the right in place of the left, it reads what such a sensor reads of a push to the left."""
+    bench = in_world(make_bench)
+    bench.aside_rad = -math.pi / 2.0
+    result = check_flow(bench.robot, bench, file=with_chip(chip))
+    assert list(failures(result)) == ["left"]
+    assert ('write "y" into reversed' if chip == "Pinpoint" else "upside down") in result.advice[0]
+
+
+def test_a_second_push_that_does_not_come_fails(make_bench: MakeBench) -> None:
+    bench = in_world(make_bench)
+    plain = bench.tell
+    bench.tell = lambda text: None if "left" in text else plain(text)  # type: ignore[method-assign]
+    assert list(failures(check_flow(bench.robot, bench, wait_s=15.0))) == ["left"]
+
+
+def test_without_one_it_passes_unless_the_file_has_one(bench: Bench) -> None:
+    assert check_flow(bench.robot, bench, file=read_robot("three_wheel")).ok
+    assert list(failures(check_flow(bench.robot, bench, file=with_chip("OTOS")))) == ["flow"]
     assert bench.questions == []
 
 

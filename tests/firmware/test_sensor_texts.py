@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: MIT
+"""What the robot says of a sensor's chip: once on each link, and again to whoever comes later."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.firmware.fake_robot import HIL_OFF, HIL_ON, PORTS, RADIO, USB, FakeRobot
+
+SAID = {
+    "gyro": ("gyro: no chip answers; check power and wires", "gyro: readings again"),
+    "flow": ("floor motion: no sensor answers; check its wires", "floor motion: readings again"),
+}
+MINUTE = 60_000
+
+
+@pytest.fixture
+def robot() -> Iterator[FakeRobot]:
+    one = FakeRobot()
+    yield one
+    one.close()
+
+
+@pytest.mark.parametrize("sensor", SAID)
+def test_a_trouble_and_its_end_are_said_once_on_each_link(robot: FakeRobot, sensor: str) -> None:
+    trouble, over = SAID[sensor]
+    robot.ready().sensor_trouble(**{sensor: 1})
+    robot.tick(2000)
+    assert [robot.texts(port).count(trouble) for port in range(PORTS)] == [1] * PORTS
+    robot.sensor_trouble()
+    robot.tick(2000)
+    assert [robot.texts(port).count(over) for port in range(PORTS)] == [1] * PORTS
+
+
+@pytest.mark.parametrize("sensor", SAID)
+def test_who_comes_later_hears_it_and_the_others_not_again(robot: FakeRobot, sensor: str) -> None:
+    trouble, _ = SAID[sensor]
+    robot.port(RADIO, connection=0)
+    robot.sensor_trouble(**{sensor: 1})
+    robot.ready()
+    robot.port(RADIO, connection=2)
+    robot.tick(3)
+    assert [robot.texts(port).count(trouble) for port in range(PORTS)] == [1] * PORTS
+    robot.port(USB, connection=0)
+    robot.tick(MINUTE)
+    robot.port(USB, connection=2)
+    robot.tick(3)
+    assert [robot.texts(port).count(trouble) for port in range(PORTS)] == [2 if port == USB else 1 for port in range(4)]
+
+
+@pytest.mark.parametrize("sensor", SAID)
+def test_who_comes_when_it_is_over_hears_nothing(robot: FakeRobot, sensor: str) -> None:
+    robot.ready().sensor_trouble(**{sensor: 1})
+    robot.tick(3)
+    robot.port(USB, connection=0)
+    robot.tick(3)
+    robot.sensor_trouble()
+    robot.tick(3)
+    robot.look()
+    robot.said[USB].clear()
+    robot.port(USB, connection=2)
+    robot.tick(3)
+    assert not {*SAID[sensor]} & {*robot.texts(USB)}
+
+
+def test_a_host_in_the_loop_has_other_sensors(robot: FakeRobot) -> None:
+    robot.ready()
+    robot.ask(USB, HIL_ON)
+    robot.sensor_trouble(gyro=1, flow=1)
+    robot.hil_tick(USB, 20)
+    assert not any(trouble in robot.texts(RADIO) for trouble, _ in SAID.values())
+    robot.ask(USB, HIL_OFF)
+    robot.tick(20)
+    assert all(trouble in robot.texts(RADIO) for trouble, _ in SAID.values())
