@@ -33,7 +33,7 @@ class Core:
         self.k = ffi.new("omni_kinematics_t *")
         assert lib.omni_kinematics_init(self.k, geometry) == lib.OMNI_OK
         values = {"mode": mode, "q_xy": Q_XY, "q_theta": Q_THETA, "q_slip": Q_SLIP, "p_slip": P_SLIP, "r_xy": 25e-6}
-        values |= {"r_theta": 25e-6, "gate_restart": 25, "step_s": TICK_S, "flow": True, "flow_gate": 16.3}
+        values |= {"r_theta": 25e-6, "gate_restart": 25, "step_s": TICK_S, "flow_gate": 16.3}
         self.config = ffi.new("omni_pose_ekf_config_t *", values)
         mount = {"axes": axes, "cosine": math.cos(angle), "sine": math.sin(angle), "scale": 1.0, "arm_m": ARM}
         self.mount = ffi.new(
@@ -49,7 +49,6 @@ class Core:
         """One tick of the pose filter alone."""
         self.time_us += 1000
         lib.omni_pose_ekf_predict(self.s, self.config, self.k, ffi.new("float[4]", list(turned)), self.time_us)
-        lib.omni_pose_ekf_follow_flow(self.s)
 
     def measure(self, moved: Any, rows: int, age: int = 0) -> Any:
         """Correct by a reading of the last SPAN ticks before ``age`` ticks ago."""
@@ -436,7 +435,6 @@ def test_with_a_gyro_the_turn_is_the_gyro_s() -> None:
         core.time_us += 1000
         turned = ffi.new("float[4]", list(wheels))
         lib.omni_pose_ekf_predict_turn(core.s, core.config, core.k, turned, turn, core.time_us)
-        lib.omni_pose_ekf_follow_flow(core.s)
         if tick % SPAN == SPAN - 1 and tick > SPAN:
             said = [0.4 * SPAN * TICK_S - ARM[1] * 0.01, ARM[0] * 0.01, 0.2]
             assert core.measure(said, 3).fits, "its own turn is not looked at"

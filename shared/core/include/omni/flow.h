@@ -17,13 +17,23 @@
  *
  * Left out is a reading that is not finite, or larger than any robot moves meanwhile. So is one that does not fit: its
  * normalised innovation squared is beyond the gate. After OMNI_FLOW_DOUBT of these in a row the floor may have changed.
- * The slip ratios count as unknown then, if the ways differ by less than half.
+ * The slip ratios of a sensor that has been right before count as unknown then, if the ways differ by less than half.
  *
  * The sensor is in trouble after OMNI_FLOW_REFUSED of them, or OMNI_FLOW_HOLD_TICKS without a good reading. So it is
- * while it says exactly zero and the wheels have moved by more than 20 mm. It may also repeat itself: the same reading,
- * not zero, OMNI_FLOW_REPEATS times. If the wheels say another way by then, by 1 mm and a tenth of it, that is trouble,
- * too. Their slip is left out of this comparison, or it would hide that. The wheels count alone then, until
- * OMNI_FLOW_GOOD readings of a robot that moves fit in a row.
+ * if most of its last readings do not fit, and while it says exactly zero and the wheels have moved by more than 20 mm.
+ * It may also repeat itself: the same reading, not zero, OMNI_FLOW_REPEATS times. If the wheels say another way by
+ * then, by 1 mm and a tenth of it, that is trouble, too. Their slip is left out of this comparison, or it would hide
+ * that. The wheels count alone then, until OMNI_FLOW_GOOD readings of a robot that moves fit in a row. If the readings
+ * were wrong, not missing, what they have taught is taken back: slip ratios, and the pose's motion by them over the
+ * last ways of about 2 m, but not beyond the last pose fix.
+ *
+ * A sensor that points elsewhere is taken for slip. But slip makes ways shorter and longer, and does not turn them:
+ * B+ diag(s) B is symmetric in x and y for wheels that stand evenly. So let d be the ways of the wheels without slip,
+ * and z = A d in least squares over the last ways of about 2 m. Then the direction is off by
+ *
+ *   psi = atan2(A_yx - A_xy, A_xx + A_yy)
+ *
+ * It is known once the robot has moved in two directions. Beyond 0.2 rad the sensor is in trouble.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H
@@ -74,12 +84,20 @@ typedef struct omni_flow_state_t {
     omni_uint_t used;           /**< readings so far */
     omni_uint_t refused;
     omni_real_t sum[OMNI_AXES]; /**< readings so far that can be true, in body axes: m, m, rad */
-    omni_real_t zero_m;         /**< way of the wheels over which it said nothing but zero */
+    omni_real_t zero_m[2];      /**< way of the wheels over which it said nothing but zero, body axes added up */
     omni_real_t nis;            /**< normalised innovation squared of the last reading */
     omni_real_t last[2];        /**< x and y of the last reading that can be true */
     omni_uint_t repeats;        /**< readings in a row that were the same as the one before, and not zero */
     omni_real_t rolled_m[2];    /**< what the wheels said at the first of them, without slip */
     omni_flag_t frozen;         /**< they repeat themselves, and the wheels say another way by now */
+    omni_uint_t lost;           /**< readings that came without a way */
+    omni_real_t refused_share;  /**< of the last ones, about fifty: those that did not fit */
+    omni_real_t way_m;          /**< over which the following sums reach back */
+    omni_real_t wheels_m2[3];   /**< of d_x d_x, d_x d_y, d_y d_y */
+    omni_real_t both_m2[2][2];  /**< of z d^T */
+    omni_real_t off_rad;        /**< psi above; 0 as long as it is not known */
+    omni_real_t taken[OMNI_AXES]; /**< how far readings have moved the pose over the same way: world, m, m, rad */
+    omni_uint_t fixes;            /**< pose fixes used until then */
 } omni_flow_state_t;
 
 /** One tick, after the pose EKF's prediction. @return false while the readings cannot be used. */

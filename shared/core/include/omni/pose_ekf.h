@@ -106,7 +106,6 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t p_bias;    /**< its variance when the gyro is switched on */
     omni_real_t p_scale;   /**< variance of the scale's error then */
     omni_real_t adapt;     /**< how fast innovations move the noise levels, 0..1; 0: they stay as configured */
-    bool flow;             /**< there is a sensor of motion over the floor */
     omni_real_t flow_gate; /**< NIS above this is refused; 0: no gate */
 } omni_pose_ekf_config_t;
 
@@ -135,7 +134,9 @@ typedef struct omni_ekf_flow_result_t {
     omni_flag_t fits;        /**< within the gate */
     omni_real_t expected_m;  /**< way of the point that the wheels say */
     omni_real_t apart_m;     /**< how far the reading is from that */
-    omni_real_t rolled_m[2]; /**< way of the robot's centre if no wheel slipped, body axes of mid-way */
+    omni_real_t rolled[OMNI_AXES]; /**< motion of the robot's centre if no wheel slipped, body axes of mid-way: m, rad */
+    omni_real_t moved[OMNI_AXES];  /**< the same with the slip ratios that were known */
+    omni_real_t seen[OMNI_AXES];   /**< the same as the reading says; the turn as `moved` where that is not measured */
 } omni_ekf_flow_result_t;
 
 /** What moved during one history slot, seen from the heading at its start. */
@@ -182,6 +183,7 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */
     /** Share of a slot's noise of x and y, and of theta, that is out of `p`: motion over the floor has measured it. */
     omni_real_t flow_known[OMNI_EKF_HISTORY][2];
+    uint8_t flow_slots; /**< newest slots among which there may be measured ones */
 } omni_pose_ekf_state_t;
 
 /** What is known of a gyro: bias [rad/s], error of the scale. */
@@ -226,25 +228,26 @@ void omni_pose_ekf_predict_turn(omni_pose_ekf_state_t *state, const omni_pose_ek
 
 /**
  * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.
- * @return OMNI_OK used. OMNI_ERR_RANGE gated out. OMNI_ERR_TIME older than the history, not newer than the last used
+ * @return OMNI_OK used. OMNI_ERR_RANGE gated out, or the covariance is spoilt. OMNI_ERR_TIME older than the history, not newer than the last used
  * one, from the future (> 5 ms), or no tick yet. OMNI_ERR_NOT_FINITE. OMNI_ERR_LOCKED in mode odometry, which ignores
  * fixes. Nothing but counters and diagnostics (nis, innovation) changes when a fix is refused.
  */
 omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                     const omni_kinematics_t *k, const omni_pose_fix_t *fix);
 
-/** A sensor of motion over the floor has been switched on. */
-void omni_pose_ekf_start_flow(omni_pose_ekf_state_t *state);
-
-/** With such a sensor: after each prediction. */
-void omni_pose_ekf_follow_flow(omni_pose_ekf_state_t *state);
-
 /** Slip ratios stay, but count as unknown: the floor may have changed. */
 void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                const omni_kinematics_t *k);
 
 /**
- * Use what such a sensor says, if it counts and fits. `flow` must be set in the configuration.
+ * What such a sensor has taught was wrong: slip ratios are 0 again, known as at the start. The pose moves back by
+ * `taken`, and is known less by as much. @param taken how far it has moved by the sensor: x, y [m] in the world, rad.
+ */
+void omni_pose_ekf_take_back_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                  const omni_kinematics_t *k, const omni_real_t *taken);
+
+/**
+ * Use what a sensor of motion over the floor says, if it counts and fits.
  * @return false, and nothing else, if the history does not reach back that far.
  */
 bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,

@@ -12,7 +12,13 @@ static const omni_real_t flow_proof_m = 0.001f; /* a robot that stands proves no
 static const omni_real_t flow_proof_sds = 4.0f; /* nor does a way that could be the sensor's noise */
 static const omni_real_t flow_repeat_m = 0.001f;
 static const omni_real_t flow_repeat_share = 0.1f;
-static const omni_real_t flow_few_zeros_m = 0.002f;   /* a slow robot moves less than the sensor's steps */
+static const omni_real_t flow_few_zeros_m = 0.002f; /* a slow robot moves less than the sensor's steps */
+static const omni_real_t flow_share_step = 0.02f;
+static const omni_real_t flow_share_most = 0.5f;
+static const omni_real_t flow_reach_m = 2.0f; /* of the sums that tell the direction */
+static const omni_real_t flow_direction_m = 0.5f;
+static const omni_real_t flow_two_ways = 0.05f; /* least product of the squares along two axes over their sum squared */
+static const omni_real_t flow_off_rad = 0.2f;
 static const uint64_t flow_longest_pause_us = 100000; /* without a tick of its own it has been off meanwhile */
 static const uint64_t flow_hold_us = (uint64_t)OMNI_FLOW_HOLD_TICKS * 1000u;
 
@@ -23,13 +29,11 @@ static bool same_flow(const omni_flow_config_t *a, const omni_flow_config_t *b) 
 }
 
 /* A sensor that is new, or configured anew, has to prove itself. */
-static void begin_flow(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
-                       omni_pose_ekf_state_t *ekf) {
+static void begin_flow(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick) {
     const bool paused = tick->time_us > state->time_us && tick->time_us - state->time_us > flow_longest_pause_us;
     if (paused || !same_flow(&state->config, config)) {
         memset(state, 0, sizeof *state);
         state->good_us = tick->time_us;
-        omni_pose_ekf_start_flow(ekf);
     }
     state->config = *config;
     state->time_us = tick->time_us;
@@ -51,6 +55,11 @@ static omni_flag_t can_be_true(const omni_ekf_flow_t *flow) {
     return far < flow_largest_m && omni_absf(flow->move[2]) < flow_largest_rad; /* false for NaN */
 }
 
+/* How far the wheels have moved while it said zero. Counts that flicker add up to nothing. */
+static omni_real_t zero_way(const omni_flow_state_t *state) {
+    return omni_sqrtf(state->zero_m[0] * state->zero_m[0] + state->zero_m[1] * state->zero_m[1]);
+}
+
 /* Does it repeat its last reading while the wheels do not? Before slip ratios have learned what is not so. */
 static void look_for_repeats(omni_flow_state_t *state, const omni_real_t *reading,
                              const omni_ekf_flow_result_t *result) {
@@ -60,13 +69,61 @@ static void look_for_repeats(omni_flow_state_t *state, const omni_real_t *readin
     omni_real_t change = 0.0f;
     for (int axis = 0; axis < 2; ++axis) {
         state->last[axis] = reading[axis];
-        state->rolled_m[axis] = omni_select(same, state->rolled_m[axis], result->rolled_m[axis]);
+        state->rolled_m[axis] = omni_select(same, state->rolled_m[axis], result->rolled[axis]);
         way += omni_absf(state->rolled_m[axis]);
-        change += omni_absf(result->rolled_m[axis] - state->rolled_m[axis]);
+        change += omni_absf(result->rolled[axis] - state->rolled_m[axis]);
     }
     state->repeats = omni_select(same, state->repeats + 1u, 0u);
     const omni_flag_t other = change > flow_repeat_m + flow_repeat_share * way;
     state->frozen = same && (state->frozen || (state->repeats >= (uint32_t)OMNI_FLOW_REPEATS && other));
+}
+
+/* Share of a sum over the last flow_reach_m that is left after a reading. */
+static omni_real_t kept_over(const omni_ekf_flow_result_t *result) {
+    const omni_real_t left = 1.0f - result->expected_m / flow_reach_m;
+    return omni_select(left > 0.0f, left, 0.0f);
+}
+
+/* How far the pose of now is from where the wheels without slip would have it, by the last readings. A fix has put
+ * right what was before it. */
+static void note_taken(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_flag_t counts,
+                       const omni_pose_ekf_state_t *ekf) {
+    const omni_real_t kept = omni_select(state->fixes == ekf->accepted, kept_over(result), 0.0f);
+    omni_real_t more[OMNI_AXES];
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        more[axis] = omni_select(counts, result->seen[axis], result->moved[axis]) - result->rolled[axis];
+    }
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(ekf->pose.theta, &sine, &cosine);
+    state->taken[0] = kept * state->taken[0] + cosine * more[0] - sine * more[1];
+    state->taken[1] = kept * state->taken[1] + sine * more[0] + cosine * more[1];
+    state->taken[2] = kept * state->taken[2] + more[2];
+    state->fixes = ekf->accepted;
+}
+
+/* Where does it point, seen from where the wheels say it moved? */
+static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_result_t *result) {
+    const omni_real_t *d = result->rolled;
+    const omni_real_t *z = result->seen;
+    const omni_real_t kept = kept_over(result);
+    state->way_m = kept * state->way_m + result->expected_m;
+    omni_real_t *dd = state->wheels_m2;
+    dd[0] = kept * dd[0] + d[0] * d[0];
+    dd[1] = kept * dd[1] + d[0] * d[1];
+    dd[2] = kept * dd[2] + d[1] * d[1];
+    for (int row = 0; row < 2; ++row) {
+        for (int column = 0; column < 2; ++column) {
+            state->both_m2[row][column] = kept * state->both_m2[row][column] + z[row] * d[column];
+        }
+    }
+    const omni_real_t(*zd)[2] = (const omni_real_t(*)[2])state->both_m2;
+    const omni_real_t squares = (dd[0] + dd[2]) * (dd[0] + dd[2]);
+    const omni_flag_t known =
+        state->way_m > flow_direction_m && dd[0] * dd[2] - dd[1] * dd[1] > flow_two_ways * squares;
+    const omni_real_t turned = zd[1][0] * dd[2] - zd[1][1] * dd[1] + zd[0][0] * dd[1] - zd[0][1] * dd[0];
+    const omni_real_t along = zd[0][0] * dd[2] - zd[0][1] * dd[1] - zd[1][0] * dd[1] + zd[1][1] * dd[0];
+    state->off_rad = omni_select(known, omni_atan2f(turned, along), state->off_rad);
 }
 
 /* What follows from a reading that fits, or does not. */
@@ -74,19 +131,30 @@ static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_real_t proof2 = flow_proof_sds * flow_proof_sds * state->config.r_xy;
     const omni_flag_t fits = result->fits;
-    const omni_flag_t stuck = state->zero_m > flow_zero_m || state->frozen;
+    const omni_flag_t zeros = zero_way(state) > flow_zero_m; /* these have taught nothing */
+    const omni_flag_t askew = omni_absf(state->off_rad) > flow_off_rad;
     const omni_flag_t moves = result->expected_m > flow_proof_m && result->expected_m * result->expected_m > proof2;
-    const omni_flag_t proves = fits && !stuck;
+    const omni_flag_t proves = fits && !zeros && !state->frozen && !askew;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);
     state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);
     state->refused = omni_select(fits, state->refused, state->refused + 1u);
     const omni_flag_t slips = result->apart_m < 0.5f * result->expected_m; /* no slip turns the way aside */
-    const omni_flag_t doubt = state->refused_in_row == (uint32_t)OMNI_FLOW_DOUBT && slips;
+    const omni_flag_t doubt = state->refused_in_row == (uint32_t)OMNI_FLOW_DOUBT && slips && state->used > 0u;
     if (doubt) {
         omni_pose_ekf_doubt_slips(ekf, ekf_config, k);
     }
+    const omni_real_t share = state->refused_share;
+    state->refused_share = share + flow_share_step * (omni_select(fits, 0.0f, 1.0f) - share);
     const omni_flag_t proved = state->good >= (uint32_t)OMNI_FLOW_GOOD;
-    const omni_flag_t failed = stuck || state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED;
+    const omni_flag_t wrong = state->frozen || askew || state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED ||
+                              state->refused_share > flow_share_most;
+    const omni_flag_t failed = zeros || wrong;
+    if (wrong && !state->trouble && state->used > 0u) {
+        omni_pose_ekf_take_back_flow(ekf, ekf_config, k, state->taken);
+        memset(state->taken, 0, sizeof state->taken);
+    }
+    const omni_flag_t over = state->trouble && proved && !failed;
+    state->refused_share = omni_select(over, 0.0f, state->refused_share);
     state->trouble = failed || (state->trouble && !proved);
 }
 
@@ -113,13 +181,17 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     }
     const omni_flag_t zero = tick->reading[0] == 0.0f && tick->reading[1] == 0.0f;
     const omni_flag_t proved = state->good >= (uint32_t)OMNI_FLOW_GOOD;
-    const omni_flag_t trusted = proved || (!state->trouble && state->used > 0u);
-    flow.counts = trusted && !(zero && state->zero_m > flow_few_zeros_m);
+    const omni_flag_t trusted = !state->trouble && (proved || state->used > 0u);
+    flow.counts = trusted && !(zero && zero_way(state) > flow_few_zeros_m);
     if (!omni_pose_ekf_correct_flow(ekf, ekf_config, k, &flow, &result)) {
         return; /* the estimate has begun anew meanwhile */
     }
     state->nis = result.nis;
-    state->zero_m = omni_select(zero, state->zero_m + result.expected_m, 0.0f);
+    for (int axis = 0; axis < 2; ++axis) {
+        state->zero_m[axis] = omni_select(zero, state->zero_m[axis] + result.rolled[axis], 0.0f);
+    }
+    compare_directions(state, &result);
+    note_taken(state, &result, flow.counts && result.fits, ekf);
     look_for_repeats(state, tick->reading, &result);
     judge_reading(state, &result, ekf, ekf_config, k);
     state->used = omni_select(result.fits && flow.counts, state->used + 1u, state->used);
@@ -129,14 +201,15 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
 omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
                            omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
                            const omni_kinematics_t *k) {
-    begin_flow(state, config, tick, ekf);
-    omni_pose_ekf_follow_flow(ekf);
+    begin_flow(state, config, tick);
     if ((tick->valid & (uint32_t)OMNI_FLOW_READ) != 0u) {
         const uint64_t since_us = state->read_us;
         state->read_us = tick->time_us;
-        if ((tick->valid & (uint32_t)OMNI_FLOW_XY) == (uint32_t)OMNI_FLOW_XY) {
+        const bool has_way = (tick->valid & (uint32_t)OMNI_FLOW_XY) == (uint32_t)OMNI_FLOW_XY;
+        if (has_way) {
             use_reading(state, config, tick, since_us, ekf, ekf_config, k);
         }
+        state->lost = state->lost + omni_select(has_way, 0u, 1u);
     }
     if (tick->time_us > state->good_us && tick->time_us - state->good_us > flow_hold_us) {
         state->good = 0u;

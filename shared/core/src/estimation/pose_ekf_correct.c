@@ -311,16 +311,18 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (result == OMNI_OK) {
         result = prepare_update(&u, state, config, k, fix);
     }
-    if (result != OMNI_OK) {
+    /* A covariance that is none refuses every fix: they count as refused by the gate, so the estimate restarts. */
+    const bool spoilt = result == OMNI_ERR_RANGE;
+    if (result != OMNI_OK && !spoilt) {
         return refuse_fix(state, result);
     }
-    const omni_real_t nis = normalised_square(&u);
+    const omni_real_t nis = spoilt ? state->nis : normalised_square(&u);
     if (!omni_is_finite(nis)) {
         return refuse_fix(state, OMNI_ERR_NOT_FINITE); /* so far away that its square overflows */
     }
     memcpy(state->innovation, u.innovation, sizeof state->innovation);
     state->nis = nis;
-    if (config->gate > 0.0f && !(state->nis <= config->gate)) {
+    if (spoilt || (config->gate > 0.0f && !(state->nis <= config->gate))) {
         ++state->refused_in_row;
         if (state->refused_in_row < config->gate_restart) {
             return refuse_fix(state, OMNI_ERR_RANGE);

@@ -33,17 +33,6 @@ typedef struct flow_update_t {
     omni_real_t share[FLOW_ROWS][OMNI_EKF_STATES]; /* covariance of the state with the innovation, over it */
 } flow_update_t;
 
-void omni_pose_ekf_start_flow(omni_pose_ekf_state_t *state) {
-    memset(state->flow_known, 0, sizeof state->flow_known);
-}
-
-void omni_pose_ekf_follow_flow(omni_pose_ekf_state_t *state) {
-    if (state->slot_tick == 0) {
-        state->flow_known[state->newest][0] = 0.0f;
-        state->flow_known[state->newest][1] = 0.0f;
-    }
-}
-
 void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                const omni_kinematics_t *k) {
     const uint8_t slips = omni_ekf_slips(config, k);
@@ -54,6 +43,17 @@ void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf
         }
         state->p[OMNI_AXES + i][OMNI_AXES + i] = omni_select(flow_doubt > config->p_slip, flow_doubt, config->p_slip);
     }
+}
+
+void omni_pose_ekf_take_back_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                                  const omni_kinematics_t *k, const omni_real_t *taken) {
+    omni_real_t delta[OMNI_EKF_STATES] = {0.0f};
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        delta[axis] = -taken[axis];
+        state->p[axis][axis] += taken[axis] * taken[axis];
+    }
+    omni_ekf_restart_slips(state, config, omni_ekf_slips(config, k));
+    omni_ekf_shift(state, delta, omni_ekf_columns(config, k));
 }
 
 /* The slots of a reading, from now back. */
@@ -171,10 +171,15 @@ static void find_innovation(flow_update_t *u, const omni_pose_ekf_state_t *state
     u->innovation[2] = flow->move[2] - u->move[2];
     result->expected_m = omni_sqrtf(x * x + y * y);
     result->apart_m = omni_sqrtf(u->innovation[0] * u->innovation[0] + u->innovation[1] * u->innovation[1]);
-    for (int axis = 0; axis < 2; ++axis) {
-        result->rolled_m[axis] = u->move[axis];
+    const omni_real_t turn = u->rows > 2 ? u->innovation[2] : 0.0f;
+    const omni_real_t more[OMNI_AXES] = {u->innovation[0] + flow->arm_m[1] * turn,
+                                         u->innovation[1] - flow->arm_m[0] * turn, turn};
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        result->moved[axis] = u->move[axis];
+        result->seen[axis] = u->move[axis] + more[axis];
+        result->rolled[axis] = u->move[axis];
         for (uint8_t i = 0; i < u->columns && i < OMNI_MAX_WHEELS; ++i) {
-            result->rolled_m[axis] -= u->gain[axis][i] * state->slip[i];
+            result->rolled[axis] -= u->gain[axis][i] * state->slip[i];
         }
     }
 }
@@ -185,13 +190,10 @@ static void find_innovation(flow_update_t *u, const omni_pose_ekf_state_t *state
  * do with the innovation.
  */
 static void agree_on_motion(flow_update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
-                            const omni_ekf_flow_t *flow) {
-    const omni_real_t turn = u->rows > 2 ? u->innovation[2] : 0.0f;
-    const omni_real_t apart[OMNI_AXES] = {u->innovation[0] + flow->arm_m[1] * turn,
-                                          u->innovation[1] - flow->arm_m[0] * turn, turn};
+                            const omni_ekf_flow_result_t *result) {
     omni_real_t moved[OMNI_AXES];
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
-        moved[axis] = apart[axis] * u->c[axis] / (u->c[axis] + u->w[axis] + u->r[axis]);
+        moved[axis] = (result->seen[axis] - result->moved[axis]) * u->c[axis] / (u->c[axis] + u->w[axis] + u->r[axis]);
     }
     const uint8_t slips = omni_ekf_slips(config, k);
     for (uint8_t i = 0; i < slips; ++i) {
@@ -353,7 +355,7 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     see_from_body(&u, &window);
     find_noise(&u, config, k, flow);
     find_innovation(&u, state, flow, result);
-    agree_on_motion(&u, config, k, flow);
+    agree_on_motion(&u, config, k, result);
     find_sensitivity(&u, flow);
     factor_flow(&u, state, lever);
     find_shares(&u, state, lever, shared);
@@ -368,6 +370,7 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     result->nis = omni_select(known, nis, largest_nis);
     result->fits = known && (config->flow_gate == 0.0f || nis <= config->flow_gate);
     const omni_flag_t counts = flow->counts && result->fits;
+    state->flow_slots = OMNI_EKF_HISTORY;
     if (shared) {
         teach_history(&u, state, flow, lever, counts);
     }

@@ -53,6 +53,9 @@ void omni_ekf_history_next(omni_pose_ekf_state_t *state) {
     omni_ekf_slot_t *slot = &state->history[state->newest];
     memset(slot, 0, sizeof *slot);
     memset(state->wheel_m, 0, sizeof state->wheel_m);
+    state->flow_known[state->newest][0] = 0.0f;
+    state->flow_known[state->newest][1] = 0.0f;
+    state->flow_slots = (uint8_t)(state->flow_slots > 0 ? state->flow_slots - 1 : 0);
     memcpy(slot->slip, state->slip, sizeof slot->slip);
     omni_sincosf(state->pose.theta, &state->slot_sine, &state->slot_cosine);
 }
@@ -73,10 +76,11 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
                              const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
     /* The count as a constant lets the compiler unroll the loops; three wheels and no slip are the ones to be fast. */
     const uint8_t columns = omni_ekf_columns(config, k);
-    if (columns == 3 && !config->flow) {
+    const bool measured = state->flow_slots > 0;
+    if (columns == 3 && !measured) {
         return fill_window(state, config, k, age_us, window, 3, NULL);
     }
-    if (columns == OMNI_EKF_COLUMNS || config->flow) {
+    if (columns == OMNI_EKF_COLUMNS || measured) {
         return omni_ekf_turn_window(state, config, k, age_us, window);
     }
     OMNI_INVARIANT(columns == 0 || columns == OMNI_MAX_WHEELS);

@@ -100,7 +100,6 @@ static void set_flow(omni_robot_config_t *c, const omni_real_t *v) {
     f->r_share = flow_square(v[OMNI_PARAM_FLOW_SHARE]);
     f->r_turn = flow_square(v[OMNI_PARAM_FLOW_T_SD]);
     f->delay_us = (uint32_t)(v[OMNI_PARAM_FLOW_DELAY] * 1e6f + 0.5f);
-    c->pose_ekf.flow = f->axes != 0;
     c->pose_ekf.flow_gate = v[OMNI_PARAM_FLOW_GATE];
 }
 
