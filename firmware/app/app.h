@@ -18,6 +18,7 @@
 #include "app/links.h"
 #include "app/parameters.h"
 #include "app/pose_fixes.h"
+#include "app/rest_watch.h"
 #include "app/robot_clock.h"
 #include "app/robot_state.h"
 #include "app/scan_service.h"
@@ -63,7 +64,8 @@ private:
     }
     [[gnu::noinline]] void tell_flow(bool wanted) { board_.flow_chip->use(wanted); }
     [[gnu::noinline]] void read_flow(TickSensors *sensors) {
-        sensors->flow_valid = board_.flow_chip->read(sensors->time_us, sensors->flow_moved);
+        const bool rests = rest_.look(sensors->counts, sensors->time_us);
+        sensors->flow_valid = board_.flow_chip->read(sensors->time_us, sensors->flow_moved, rests);
     }
     void watch_overrun(TickSensors *sensors);
     void update_owner();
@@ -105,6 +107,7 @@ private:
     LegacyLine legacy_line_; ///< on the first radio
     Heartbeats heartbeats_;
     ButtonWatch button_;
+    RestWatch rest_; ///< for the sensor of motion over the floor
     const bool lockstep_;
     Hil hil_;
     SigningService signing_service_;

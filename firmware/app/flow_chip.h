@@ -34,9 +34,9 @@ public:
     virtual void use(bool wanted) = 0;
     /// Once per tick, from the tick; never waits. @param now_us robot clock.
     /// @param moved x, y [m] and turn [rad] since the reading before, in the sensor's axes of mid-way; left as they are
-    /// where nothing is new.
+    /// where nothing is new. @param rests the robot has stood still for a while: a chip may calibrate its gyro.
     /// @return bits of omni_flow_tick_t::valid (omni/flow.h).
-    virtual uint8_t read(uint64_t now_us, float *moved) = 0;
+    virtual uint8_t read(uint64_t now_us, float *moved, bool rests) = 0;
     /// From any context.
     virtual FlowTrouble trouble() const = 0;
 

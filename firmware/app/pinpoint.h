@@ -4,8 +4,7 @@
 /// Registers: goBILDA's public driver. Each holds 32 bits, the low byte first: whole numbers and floats. BULK_READ
 /// gives status, loop time, two encoders, x [mm], y [mm], heading [rad], three speeds. The driver reads the first seven
 /// of these. Steps per millimetre, where the wheels are and which way they count come from the robot file
-/// (omni/flow_gen.h). It measures its gyro's bias for 0.25 s when it is asked to, once after boot. The robot must
-/// stand meanwhile.
+/// (omni/flow_gen.h). It measures its gyro's bias for 0.25 s when it is asked to. The robot must stand meanwhile.
 #pragma once
 
 #include <cstring>
@@ -19,6 +18,7 @@ constexpr uint8_t reg_device_id = 1;
 constexpr uint8_t reg_control = 4;
 constexpr uint8_t reg_x = 8;
 constexpr uint8_t reg_y = 9;
+constexpr uint8_t reg_heading = 10;
 constexpr uint8_t reg_bulk_read = 18;
 
 constexpr uint8_t device_id = 1;
@@ -44,7 +44,8 @@ inline float float_value(const uint8_t *bytes) {
 inline CountedPose decode(const uint8_t *bytes) {
     CountedPose pose;
     pose.status = bytes[0];
-    pose.ready = (pose.status & ready) != 0 && (pose.status & calibrating) == 0;
+    const bool failed = (pose.status & (wheel_missing | imu_runaway)) != 0; // then `ready` may be missing
+    pose.ready = (pose.status & calibrating) == 0 && ((pose.status & ready) != 0 || failed);
     if ((pose.status & imu_runaway) != 0) {
         pose.cause = FlowCause::broken;
     } else if ((pose.status & wheel_missing) != 0) {
@@ -58,12 +59,12 @@ inline CountedPose decode(const uint8_t *bytes) {
 
 inline constexpr uint8_t calibrate[] = {5, reg_control, recalibrate, 0, 0, 0, 0};
 /// A float of zero is four bytes of zero.
-inline constexpr uint8_t zero[] = {5, reg_x, 0, 0, 0, 0, 5, reg_y, 0, 0, 0, 0, 0};
+inline constexpr uint8_t zero[] = {5, reg_heading, 0, 0, 0, 0, 5, reg_x, 0, 0, 0, 0, 5, reg_y, 0, 0, 0, 0, 0};
 
 /// @param settings of the robot file.
 constexpr PoseCounter with(I2cWrites settings) {
-    return {reg_device_id, {device_id, device_id_v2}, calibrate, 300'000, settings, 10'000, zero, reg_bulk_read, 28,
-            decode};
+    return {reg_device_id, {device_id, device_id_v2}, calibrate, 300'000, settings, 10'000, zero, 5'000,
+            reg_bulk_read, 28, decode};
 }
 
 } // namespace omni::pinpoint

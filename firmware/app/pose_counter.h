@@ -27,11 +27,12 @@ struct PoseCounter {
     static constexpr size_t max_identities = 2;
     uint8_t identity_reg = 0;
     uint8_t identities[max_identities] = {}; ///< what it may say; equal ones: only that
-    I2cWrites calibrate = nullptr;           ///< once after boot, while the robot stands; nullptr: nothing
+    I2cWrites calibrate = nullptr;           ///< once, while the robot stands; nullptr: nothing
     uint32_t calibrate_us = 0;               ///< how long that takes
     I2cWrites start = nullptr;               ///< settings, before each start
     uint32_t start_us = 0;
-    I2cWrites zero = nullptr; ///< x and y become zero, heading stays
+    I2cWrites zero = nullptr;   ///< its pose becomes zero,
+    uint32_t zero_us = 0;       ///< so much later
     uint8_t data_reg = 0;
     uint8_t data_count = 0;
     CountedPose (*decode)(const uint8_t *bytes) = nullptr;

@@ -20,6 +20,11 @@ constexpr float farthest_m = 8.0f;
 /// Faster is no robot: its wheels would turn at 100 turns a second.
 constexpr float fastest_m_s = 10.0f;
 
+/// And no larger than anything that is driven.
+bool is_number(const CountedPose &pose) {
+    return std::fabs(pose.x_m) < 1e6f && std::fabs(pose.y_m) < 1e6f && std::fabs(pose.heading_rad) < 1e6f;
+}
+
 constexpr uint8_t whole =
     static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_TURN) | static_cast<uint8_t>(OMNI_FLOW_READ);
 
@@ -57,7 +62,9 @@ void RegisterFlow::follow_wish() {
     show(FlowCause::none);
 }
 
-uint8_t RegisterFlow::read(uint64_t now_us, float *moved) {
+uint8_t RegisterFlow::read(uint64_t now_us, float *moved, bool rests) {
+    rests_ = rests;
+    rested_ = rested_ && rests;
     follow_wish();
     const uint8_t fresh = in_flight_ ? take_batch(now_us, moved) : uint8_t{0};
     if (used_ && !in_flight_ && now_us >= due_us_) {
@@ -93,8 +100,6 @@ void RegisterFlow::failed(uint64_t now_us, I2cStatus status) {
         start_again(now_us, status == I2cStatus::nack ? FlowCause::absent : FlowCause::bus);
         return;
     }
-    // Whether x and y have become zero is not known: the next pose is compared with nothing.
-    have_pose_ = have_pose_ && phase_ == Phase::run;
     phase_ = Phase::run;
 }
 
@@ -113,24 +118,26 @@ uint8_t RegisterFlow::arrived(uint64_t now_us, const uint8_t *bytes, float *move
     return 0;
 }
 
+/// The next pose is compared with nothing.
 void RegisterFlow::begin(Phase phase, I2cWrites writes) {
     phase_ = phase;
     next_write_ = writes;
+    have_pose_ = false;
+    rested_ = rested_ || phase == Phase::calibrate;
 }
 
 void RegisterFlow::writes_done(uint64_t now_us) {
     if (phase_ == Phase::calibrate) {
-        calibrated_ = true;
         begin(Phase::start, chip_.start);
         due_us_ = now_us + chip_.calibrate_us;
-        return;
-    }
-    if (phase_ == Phase::start) {
+    } else if (phase_ == Phase::start) {
+        calibrated_ = calibrated_ || rested_;
+        begin(Phase::zero, chip_.zero);
         due_us_ = now_us + chip_.start_us;
     } else {
-        last_.x_m = last_.y_m = 0.0f;
+        phase_ = Phase::run;
+        due_us_ = now_us + chip_.zero_us;
     }
-    phase_ = Phase::run;
 }
 
 void RegisterFlow::identified(uint64_t now_us, uint8_t seen) {
@@ -138,7 +145,8 @@ void RegisterFlow::identified(uint64_t now_us, uint8_t seen) {
         start_again(now_us, FlowCause::wrong_id, seen);
         return;
     }
-    if (chip_.calibrate != nullptr && !calibrated_) {
+    rested_ = false;
+    if (can_calibrate()) {
         begin(Phase::calibrate, chip_.calibrate);
     } else {
         begin(Phase::start, chip_.start);
@@ -148,7 +156,12 @@ void RegisterFlow::identified(uint64_t now_us, uint8_t seen) {
 /// What the chip does not trust is left out, but the next way counts from here.
 uint8_t RegisterFlow::take_pose(uint64_t now_us, const CountedPose &pose, float *moved) {
     if (!pose.ready) {
+        calibrated_ = false;
         start_again(now_us, FlowCause::restarted); // and has lost its settings
+        return 0;
+    }
+    if (!is_number(pose)) {
+        start_again(now_us, FlowCause::jumped);
         return 0;
     }
     uint8_t fresh = OMNI_FLOW_READ;
@@ -161,7 +174,7 @@ uint8_t RegisterFlow::take_pose(uint64_t now_us, const CountedPose &pose, float 
     if (fresh != 0) {
         last_ = pose;
         last_us_ = sent_us_;
-        have_pose_ = true;
+        have_pose_ = phase_ == Phase::run; // or it is being set to zero
     }
     return fresh;
 }
@@ -171,8 +184,8 @@ uint8_t RegisterFlow::take_move(uint64_t now_us, const CountedPose &pose, float 
     const float x = pose.x_m - last_.x_m;
     const float y = pose.y_m - last_.y_m;
     const float most = fastest_m_s * static_cast<float>(sent_us_ - last_us_) * 1e-6f;
-    const bool near = std::fabs(x) + std::fabs(y) <= most && std::fabs(pose.heading_rad) < 1e6f; // false for NaN
-    if (!near) {
+    if (std::fabs(x) + std::fabs(y) > most) {
+        calibrated_ = false; // it may have lost its power
         start_again(now_us, FlowCause::jumped);
         return 0;
     }
@@ -216,6 +229,9 @@ void RegisterFlow::send_next(uint64_t now_us) {
     if (phase_ == Phase::identify) {
         ++starts_;
         send_read(now_us, chip_.identity_reg, 1);
+    } else if (phase_ == Phase::run && can_calibrate()) {
+        begin(Phase::calibrate, chip_.calibrate);
+        send_write(now_us);
     } else if (phase_ == Phase::run) {
         due_us_ = now_us + period_us;
         send_read(now_us, chip_.data_reg, chip_.data_count);

@@ -2,16 +2,19 @@
 /// @file register_flow.h  Driver of a chip that counts its own pose over the floor, on an I2C bus of its own. What is
 /// special to a chip is data (pose_counter.h).
 ///
-/// Start: identity, once after boot the calibration of its gyro, then its settings, a write per tick. Such chips are
-/// small computers: each write ends with a STOP of its own. After that there is one read every 20 ms. The difference of
-/// two poses is turned into the sensor's axes of mid-way:
+/// Start: identity, the calibration of its gyro, its settings, a pose of zero, a write per tick. Such chips are small
+/// computers: each write ends with a STOP of its own. After that there is one read every 20 ms. The difference of two
+/// poses is turned into the sensor's axes of mid-way:
 ///
 ///   moved_xy = R(-(h0 + h1) / 2) (p1 - p0),   turn = h1 - h0 within half a turn
 ///
 /// A pose that the chip does not trust is not used, and what it measured meanwhile is lost. A read that fails loses
-/// nothing: the next difference spans both. Beyond 8 m from its zero the chip's x and y are set to zero, because an
-/// OTOS counts to 10 m. What the robot drives in these two or three milliseconds is lost: at 1 m/s 3 mm of 8 m. What
-/// goes wrong begins the start anew, 200 ms later.
+/// nothing: the next difference spans both. Beyond 8 m from its zero the chip's pose is set to zero, because an OTOS
+/// counts to 10 m. One reading is lost then, because nobody knows when that takes effect. What goes wrong begins the
+/// start anew, 200 ms later.
+///
+/// The gyro is calibrated while the robot stands, once. If it moves meanwhile, or when the chip has lost its power, it
+/// is done again at the next rest. Until then the chip uses what it has found by itself.
 ///
 /// Its bus must not be the PWM chip's: a sensor that holds SDA low must not stop the motors.
 #pragma once
@@ -34,7 +37,7 @@ public:
     RegisterFlow(I2cBus &bus, uint8_t address, const PoseCounter &chip) : bus_(bus), address_(address), chip_(chip) {}
 
     void use(bool wanted) override { wanted_.store(wanted, std::memory_order_relaxed); }
-    uint8_t read(uint64_t now_us, float *moved) override;
+    uint8_t read(uint64_t now_us, float *moved, bool rests) override;
     FlowTrouble trouble() const override;
     /// Starts since boot, the first one included: attempts without an answer count, too.
     uint32_t starts() const { return starts_; }
@@ -54,6 +57,7 @@ private:
     void send_read(uint64_t now_us, uint8_t reg, uint8_t count);
     void send_write(uint64_t now_us);
     void send(uint64_t now_us, const I2cTransaction &transaction);
+    bool can_calibrate() const { return chip_.calibrate != nullptr && !calibrated_ && rests_; }
     void begin(Phase phase, I2cWrites writes);
     void writes_done(uint64_t now_us);
     void start_again(uint64_t now_us, FlowCause cause, uint8_t seen = 0);
@@ -67,7 +71,9 @@ private:
     bool used_ = false;                ///< what the tick works with
     Phase phase_ = Phase::identify;
     I2cWrites next_write_ = nullptr; ///< of the phase's list
-    bool calibrated_ = false;        ///< once is enough: later the robot may be on its way
+    bool rests_ = false;             ///< the robot stands
+    bool rested_ = false;            ///< it has stood since the calibration began
+    bool calibrated_ = false;        ///< once is enough
     bool in_flight_ = false;
     bool have_pose_ = false; ///< last_ is the pose that the next one is compared with
     uint8_t busy_ticks_ = 0;

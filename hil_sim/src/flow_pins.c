@@ -25,6 +25,7 @@ void hil_flow_chip_reset(hil_flow_chip_t *chip, uint8_t kind, uint8_t address) {
     chip->kind = kind;
     chip->address = address;
     chip->busy_until_us = 0;
+    chip->written_us = 0;
     chip->talk = SILENT;
     memset(chip->pose, 0, sizeof chip->pose);
     memset(chip->registers, 0, sizeof chip->registers);

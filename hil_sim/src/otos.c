@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Model of SparkFun's Qwiic OTOS (public driver, firmware 1.0 of the sensor). Position: x, y in 10 m / 32768, heading
- * in pi / 32768, 16 bits each, the low byte first. Writing a position sets it once its second byte has come.
+ * in pi / 32768, 16 bits each, the low byte first. A position that is written takes effect with the next cycle.
  */
 #include <math.h>
+#include <string.h>
 
 #include "flow_models.h"
 
@@ -21,6 +22,7 @@ enum {
 
     OTOS_ID = 0x5F,
     ALL_PROCESSING = 0x0F,
+    WARN_TILT = 0x01,
     WARN_OPTICAL = 0x02,
     ERROR_IMU = 0x80,
     SAMPLE_us = 2400,
@@ -55,7 +57,8 @@ static void show(hil_flow_chip_t *chip, uint8_t reg) {
     chip->registers[PRODUCT_ID] = chip->faults.other_id != 0 ? chip->faults.other_id : (uint8_t)OTOS_ID;
     chip->registers[IMU_CALIBRATION] = (uint8_t)((left_us + SAMPLE_us - 1) / SAMPLE_us);
     chip->registers[STATUS] =
-        (uint8_t)((chip->faults.blind ? WARN_OPTICAL : 0) | (chip->faults.broken ? ERROR_IMU : 0));
+        (uint8_t)((chip->faults.tilted ? WARN_TILT : 0) | (chip->faults.blind ? WARN_OPTICAL : 0) |
+                  (chip->faults.broken ? ERROR_IMU : 0));
     show_position(chip);
     for (uint32_t i = 0; i < HIL_FLOW_READ && reg + i < HIL_FLOW_REGISTERS; i++) {
         chip->given[i] = chip->registers[reg + i];
@@ -64,7 +67,11 @@ static void show(hil_flow_chip_t *chip, uint8_t reg) {
 
 static void set_position(hil_flow_chip_t *chip, uint32_t axis, uint8_t low, uint8_t high) {
     const int16_t steps = (int16_t)(uint16_t)(low | high << 8);
-    chip->pose[axis] = (double)steps * (axis < 2 ? STEP_m : STEP_rad);
+    if (chip->written_us == 0) {
+        memcpy(chip->written, chip->pose, sizeof chip->written);
+    }
+    chip->written[axis] = (double)steps * (axis < 2 ? STEP_m : STEP_rad);
+    chip->written_us = chip->time_us > 0 ? chip->time_us : 1;
 }
 
 static bool take(hil_flow_chip_t *chip, uint8_t byte) {
@@ -91,6 +98,10 @@ static bool take(hil_flow_chip_t *chip, uint8_t byte) {
 }
 
 static void count(hil_flow_chip_t *chip, const double *moved) {
+    if (chip->written_us != 0 && chip->time_us - chip->written_us >= SAMPLE_us) {
+        memcpy(chip->pose, chip->written, sizeof chip->pose);
+        chip->written_us = 0;
+    }
     const double seen = chip->faults.blind ? 0.0 : 1.0;
     hil_flow_add(chip, seen * moved[0], seen * moved[1], moved[2]);
 }

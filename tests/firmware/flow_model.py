@@ -36,8 +36,8 @@ class Chip:
     step_rad: float
 
 
-OTOS = Chip("OTOS", 0, 720, 10.0 / 32768.0, float(np.pi) / 32768.0)
-PINPOINT = Chip("Pinpoint", 1, 370, 1e-6, 1e-6)
+OTOS = Chip("OTOS", 0, 730, 10.0 / 32768.0, float(np.pi) / 32768.0)
+PINPOINT = Chip("Pinpoint", 1, 390, 1e-6, 1e-6)
 CHIPS = (OTOS, PINPOINT)
 
 
@@ -54,6 +54,7 @@ class Faults(ctypes.Structure):
         ("absent", ctypes.c_bool),
         ("blind", ctypes.c_bool),
         ("unplugged", ctypes.c_bool),
+        ("tilted", ctypes.c_bool),
         ("broken", ctypes.c_bool),
         ("other_id", ctypes.c_uint8),
     )
@@ -96,6 +97,10 @@ class Flow:
     def use(self, wanted: bool) -> None:
         """Set FLOW_MODE."""
         self._lib.flow_use(self._c, int(wanted))
+
+    def rest(self, rests: bool) -> None:
+        """Say whether the robot has stood still for a while."""
+        self._lib.flow_rest(self._c, int(rests))
 
     def wheels(
         self,

@@ -92,6 +92,7 @@ struct Flow {
     FlowBus bus;
     RegisterFlow driver;
     uint64_t time_us = 1000;
+    bool rests = true;
 };
 
 } // namespace
@@ -112,7 +113,7 @@ void flow_use(Flow *flow, int wanted) {
 
 /// A tick, then a millisecond in which the sensor moves. @param read out: as it is where nothing is new. @return bits.
 int flow_tick(Flow *flow, const double *moved, float *read) {
-    const int valid = flow->driver.read(flow->time_us, read);
+    const int valid = flow->driver.read(flow->time_us, read, flow->rests);
     flow->time_us += 1000;
     hil_flow_chip_move(&flow->bus.chip, flow->time_us, moved);
     return valid;
@@ -144,6 +145,10 @@ uint32_t flow_calibrations(Flow *flow) {
 
 uint32_t flow_ignored_writes(Flow *flow) {
     return flow->bus.chip.ignored_writes;
+}
+
+void flow_rest(Flow *flow, int rests) {
+    flow->rests = rests != 0;
 }
 
 void flow_hold(Flow *flow, int held) {

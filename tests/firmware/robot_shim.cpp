@@ -99,7 +99,7 @@ struct TestGyro final : omni::GyroChip {
 struct TestFlow final : omni::FlowChip {
     omni::FlowTrouble now;
     void use(bool) override {}
-    uint8_t read(uint64_t, float *) override { return 0; }
+    uint8_t read(uint64_t, float *, bool) override { return 0; }
     omni::FlowTrouble trouble() const override { return now; }
 };
 

@@ -139,7 +139,6 @@ def test_a_read_that_fails_loses_no_way(flow: Flow, lost: int) -> None:
 
 
 def test_ten_reads_that_fail_begin_the_start_anew_without_another_calibration(flow: Flow) -> None:
-    """The robot may be on its way by now: a gyro that is calibrated then is wrong until the next boot."""
     flow.start()
     flow.call("lose", 10)
     flow.run(10 * PERIOD_TICKS + 2, CURVE)
@@ -191,7 +190,8 @@ def test_a_pose_that_the_sensor_does_not_trust_is_not_used(chip: Chip, fault: st
 
 
 def test_one_that_restarts_by_itself_on_its_way_is_noticed(flow: Flow) -> None:
-    flow.start().run(3000, (1.0, 0.0, 0.0))
+    flow.start().rest(False)
+    flow.run(3000, (1.0, 0.0, 0.0))
     flow.call("power_cycle")
     flow.run(2 * PERIOD_TICKS, (1.0, 0.0, 0.0))
     assert not (flow.valid == WHOLE)[1:].any()
@@ -203,13 +203,15 @@ def test_one_that_restarts_by_itself_on_its_way_is_noticed(flow: Flow) -> None:
 
 
 def test_a_way_without_end_never_fills_the_counter(flow: Flow) -> None:
-    """100 m: an OTOS counts to 10. What is lost each time that it is set to zero is what the robot drives meanwhile."""
+    """100 m: an OTOS counts to 10. A reading is lost each time that it is set to zero, and said to be."""
     flow.start()
     flow.run(100_000, (1.0, 0.0, 0.0))
     assert np.abs(flow.pose()[:2]).max() < 9.0
-    way = flow.moved[flow.valid == WHOLE][:, 0].sum()
-    assert way == pytest.approx(100.0, abs=0.1)
-    assert set(flow.valid) == {0, WHOLE}
+    ways = flow.moved[flow.valid == WHOLE][1:, 0]
+    assert ways == pytest.approx(0.02, abs=2 * flow.chip.step_m), "none is of another time than the driver says"
+    assert ways.sum() == pytest.approx(100.0, abs=0.5)
+    assert np.count_nonzero(flow.valid == CAME) == 12
+    assert (flow.cause(), flow.call("starts")) == (Cause.NONE, 1)
 
 
 def test_bits_that_were_lost_are_no_way(flow: Flow) -> None:
@@ -247,3 +249,57 @@ def test_settings_of_other_wheels_show(pinpoint: Flow, wheels: dict[str, object]
     pinpoint.start().run(1000, CURVE)
     way = pinpoint.moved[pinpoint.valid == WHOLE][2:].mean(axis=0)
     assert np.abs(way[:2] - np.multiply(CURVE[:2], PERIOD_TICKS * 1e-3)).max() > 5e-4
+
+
+def test_a_tilted_otos_sees_the_floor(otos: Flow) -> None:
+    otos.faults.tilted = True
+    otos.start().run(1000, CURVE)
+    assert (otos.cause(), np.count_nonzero(otos.valid == WHOLE)) == (Cause.NONE, 50)
+
+
+def test_a_gyro_is_not_calibrated_while_the_robot_moves(flow: Flow) -> None:
+    """It is at the next rest, once, and the readings come all the while before that."""
+    flow.rest(False)
+    flow.start().run(2000, CURVE)
+    assert (flow.call("calibrations"), flow.cause()) == (0, Cause.NONE)
+    assert np.count_nonzero(flow.valid == WHOLE) == 2000 // PERIOD_TICKS
+    flow.rest(True)
+    flow.run(1000)
+    assert flow.call("calibrations") == 1
+    flow.run(2000)
+    assert flow.call("calibrations") == 1
+    assert flow.valid[-PERIOD_TICKS:].max() == WHOLE
+
+
+def test_a_calibration_during_which_the_robot_moved_is_done_again(flow: Flow) -> None:
+    flow.run(100)
+    assert flow.call("calibrations") == 1
+    flow.rest(False)
+    flow.run(3000, CURVE)
+    assert flow.call("calibrations") == 1
+    flow.rest(True)
+    flow.run(3000)
+    assert flow.call("calibrations") == 2
+
+
+def test_one_that_lost_its_power_on_the_way_is_calibrated_at_the_next_rest(flow: Flow) -> None:
+    flow.start()
+    flow.rest(False)
+    flow.run(3000, (1.0, 0.0, 0.0))
+    before = flow.call("calibrations")
+    flow.call("power_cycle")
+    flow.run(3000, (1.0, 0.0, 0.0))
+    assert flow.call("calibrations") == before
+    flow.rest(True)
+    flow.run(1500)
+    assert flow.call("calibrations") == before + 1
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_pinpoint_that_says_no_number_is_set_to_zero_and_used_again(pinpoint: Flow, axis: int) -> None:
+    pinpoint.start()
+    pinpoint.put(*(np.nan if axis == here else 0.0 for here in range(3)))
+    pinpoint.run(RETRY_TICKS + 1000)
+    pinpoint.run(1000, CURVE)
+    assert (pinpoint.cause(), pinpoint.call("starts")) == (Cause.NONE, 2)
+    assert np.count_nonzero(pinpoint.valid == WHOLE) == 1000 // PERIOD_TICKS

@@ -28,6 +28,7 @@ typedef struct hil_flow_faults_t {
     bool absent;      /**< not there: it acknowledges nothing */
     bool blind;       /**< an OTOS that has been lifted: it says so, and counts nothing */
     bool unplugged;   /**< a Pinpoint without its x wheel: it says so, and counts nothing of it */
+    bool tilted;      /**< an OTOS on a ramp: it says so, and goes on */
     bool broken;      /**< the OTOS's IMU fails its test, or the Pinpoint's has run away */
     uint8_t other_id; /**< another chip's identity; 0: its own */
 } hil_flow_faults_t;
@@ -47,6 +48,8 @@ typedef struct hil_flow_chip_t {
     hil_flow_faults_t faults;
     uint64_t time_us;
     uint64_t busy_until_us;     /**< it calibrates its gyro */
+    uint64_t written_us;        /**< when a pose was written that it has not taken over yet; 0: none */
+    double written[HIL_FLOW_AXES];
     double pose[HIL_FLOW_AXES]; /**< what it has counted: x, y [m], heading [rad] */
     uint8_t registers[HIL_FLOW_REGISTERS];
     float settings[HIL_FLOW_REGISTERS]; /**< a Pinpoint's, by register */

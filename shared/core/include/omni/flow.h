@@ -33,7 +33,8 @@
  *
  *   psi = atan2(A_yx - A_xy, A_xx + A_yy)
  *
- * It is known once the robot has moved in two directions. Beyond 0.2 rad the sensor is in trouble.
+ * It is known once the robot has moved in two directions. Beyond 0.15 rad the sensor is in trouble, until it is
+ * below 0.075 rad.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: MIT
+"""When a sensor of motion over the floor is wrong: that is found, and what it has taught is taken back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from omniwheel._core import ffi, lib
+from tests.core.test_flow import ARM, RADIUS_M, SD_M, SD_RAD, SPAN, TICK_S, Array, Core, straight
+
+SLIP = np.array([0.02, 0.05, 0.03])
+
+
+class Drive:
+    """A robot that drives to and fro in all directions and turns; its sensor, and the same robot without one."""
+
+    def __init__(self, turning: float = 1.0) -> None:
+        self.core, self.alone = Core(), Core()
+        self.pose, self._way, self._turning = np.zeros(3), np.zeros(3), turning
+        self._random = np.random.default_rng(1)
+
+    def go(self, seconds: float, angle: float | Callable[[int], float] = 0.0, silent: bool = False) -> list[bool]:
+        """Go on; the sensor's axes are turned by ``angle``. Return by tick whether readings are used."""
+        usable = []
+        for _ in range(round(seconds * 1e3)):
+            tick = self.core.time_us // 1000
+            body = np.array([0.5 * math.cos(1.3e-3 * tick), 0.5 * math.sin(0.7e-3 * tick), 0.0])
+            body[2] = self._turning * math.sin(0.5e-3 * tick)
+            moved = body * TICK_S
+            cosine, sine = math.cos(self.pose[2] + moved[2] / 2), math.sin(self.pose[2] + moved[2] / 2)
+            self.pose += [cosine * moved[0] - sine * moved[1], sine * moved[0] + cosine * moved[1], moved[2]]
+            self._way += moved + [-ARM[1] * moved[2], ARM[0] * moved[2], 0.0]
+            wheels = self.core.matrix @ moved / RADIUS_M / (1.0 - SLIP)
+            reading = None
+            if tick % SPAN == SPAN - 1:
+                turn = angle(tick) if callable(angle) else angle
+                x, y, turned = self._way
+                way = [math.cos(turn) * x + math.sin(turn) * y, math.cos(turn) * y - math.sin(turn) * x, turned]
+                reading = None if silent else list(way + self._random.normal(0.0, [SD_M, SD_M, SD_RAD]))
+                self._way[:] = 0.0
+            self.core.tick(wheels, reading)
+            self.alone.predict(wheels)
+            usable.append(self.core.usable)
+        return usable
+
+    @staticmethod
+    def _off(estimate: Array, pose: Array) -> float:
+        return float(np.hypot(*(estimate[:2] - pose[:2])))
+
+    @property
+    def error_m(self) -> float:
+        """How far the estimate is from the robot, with the sensor."""
+        return self._off(self.core.x, self.pose)
+
+    @property
+    def error_alone_m(self) -> float:
+        """The same without it."""
+        return self._off(self.alone.x, self.pose)
+
+
+def test_the_direction_of_a_sensor_is_measured_while_the_wheels_slip() -> None:
+    drive = Drive()
+    drive.go(6.0, math.radians(6.0))
+    assert drive.core.usable
+    assert drive.core.flow.off_rad == pytest.approx(-math.radians(6.0), abs=math.radians(1.5))
+
+
+def test_straight_ahead_tells_no_direction() -> None:
+    core = Core()
+    for tick in range(4000):
+        reading = [0.5 * SPAN * TICK_S, 0.0, 0.0] if tick % SPAN == SPAN - 1 else None
+        core.tick(straight(core, 0.5, 0.2), reading)
+    assert core.flow.off_rad == 0.0
+    assert core.usable
+
+
+@pytest.mark.parametrize("degrees", [15.0, 20.0, 30.0, 40.0, 90.0, -25.0])
+def test_one_that_points_elsewhere_from_the_start_is_found_and_does_no_harm(degrees: float) -> None:
+    drive = Drive()
+    usable = drive.go(20.0, math.radians(degrees))
+    assert usable.index(False) < 3000
+    assert not any(usable[6000:])
+    assert drive.error_m < 1.6 * drive.error_alone_m + 0.02
+    assert np.abs(drive.core.x[3:]).max() < 0.01, "what it taught of slip is forgotten"
+
+
+def test_one_that_comes_loose_on_the_way_is_found_and_its_last_metres_are_taken_back() -> None:
+    drive = Drive()
+    drive.go(10.0)
+    before = drive.error_m
+    assert before < 0.01
+    usable = drive.go(4.0, math.radians(25.0))
+    assert not usable[-1]
+    drive.go(10.0, silent=True)
+    assert drive.error_m < 0.2, "without taking anything back it was 0.8 m"
+    assert np.abs(drive.core.x[3:]).max() < 0.01
+
+
+def test_one_that_is_put_right_is_used_again() -> None:
+    drive = Drive()
+    drive.go(6.0, math.radians(30.0))
+    used = drive.core.flow.used
+    assert not drive.core.usable
+    assert drive.go(8.0)[-1]
+    assert drive.core.flow.used > used + 50
+
+
+def test_one_that_fits_only_now_and_then_is_not_used_for_long() -> None:
+    """Twenty refused in a row never come: every eighth reading fits."""
+    drive = Drive()
+    drive.go(4.0)
+    usable = drive.go(6.0, lambda tick: 0.0 if tick // SPAN % 8 == 0 else 1.2)
+    assert not usable[-1]
+
+
+def test_counts_that_flicker_while_the_robot_stands_are_no_way() -> None:
+    """A sensor that says zero all the while is right."""
+    core, rng = Core(), np.random.default_rng(0)
+    for tick in range(1000):
+        core.tick(straight(core, 0.5), [0.5 * SPAN * TICK_S, 0.0, 0.0] if tick % SPAN == SPAN - 1 else None)
+    shown = np.zeros(3)
+    for tick in range(60_000):
+        seen = rng.integers(0, 2, 3) if tick % 7 == 0 else shown
+        turned, shown = (seen - shown) * 2.0 * math.pi / 1000, seen
+        core.tick(turned, [0.0, 0.0, 0.0] if tick % SPAN == SPAN - 1 else None)
+        assert core.usable, tick
+
+
+@pytest.mark.parametrize("change", ["set anew", "switched off"])
+@pytest.mark.parametrize("late", [40, 80, 200])
+@pytest.mark.parametrize("before", [3, 20, 60])
+def test_a_change_on_the_way_leaves_the_covariance_one(change: str, late: int, before: int) -> None:
+    """Late fixes come from before the change, when readings had measured the noise of the wheels' motion."""
+    if before > late:
+        pytest.skip("the fix would be from after the change")
+    core, sd, x, poses, off = Core(), 1e-3, 0.0, [0.0], False
+    core.config.r_xy, core.config.r_theta, core.config.gate = sd**2, sd**2, 30.0
+    rng = np.random.default_rng(1)
+    for tick in range(2500):
+        x += 0.5 * TICK_S
+        poses.append(x)
+        off = off or (change == "switched off" and tick >= 1500 - before)
+        if tick == 1500 - before and not off:
+            core.mount.delay_us = 3000
+        way = rng.normal([0.5 * SPAN * TICK_S, 0.0, 0.0], [SD_M, SD_M, SD_RAD])
+        if off:
+            core.predict(straight(core, 0.5))
+        else:
+            core.tick(straight(core, 0.5), list(way) if tick % SPAN == SPAN - 1 else None)
+        if tick % 50 == 0 and tick > 300:
+            taken = [poses[tick + 1 - late], 0.0, 0.0] + rng.normal(0.0, sd, 3)
+            assert core.correct(list(taken), late) == lib.OMNI_OK, tick
+        assert np.linalg.eigvalsh(core.p).min() > 0.0, tick
+
+
+def test_a_covariance_that_is_spoilt_restarts_the_estimate() -> None:
+    core = Core()
+    for tick in range(400):
+        core.tick(straight(core, 0.5), [0.5 * SPAN * TICK_S, 0.0, 0.0] if tick % SPAN == SPAN - 1 else None)
+    core.s.p[0][0] = -1.0
+    answers = []
+    for _ in range(2 * core.config.gate_restart):
+        core.predict(straight(core, 0.5))
+        answers.append(core.correct([0.5 * core.time_us * 1e-6, 0.0, 0.0]))
+    assert answers.index(lib.OMNI_OK) == core.config.gate_restart - 1
+    assert set(answers[core.config.gate_restart :]) == {lib.OMNI_OK}
+    assert core.s.restarts == 1
+    assert np.linalg.eigvalsh(core.p).min() > 0.0
+    assert ffi.string(ffi.cast("omni_result_t", answers[0])) == "OMNI_ERR_RANGE"
