@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from hil_sim.faults import MAX_FAULTS, Fault
 from hil_sim.patches import MAX_PATCHES, FloorPatch
+from hil_sim.robot_sensors import sensor_numbers
 from hil_sim.schema import WORLD
 from omni_schema import Robot
 from omni_schema.errors import did_you_mean
@@ -210,7 +211,7 @@ def world_config(
 
     ``plant`` is one of :data:`PLANTS`. ``numbers`` are those of ``world.toml`` by name, or other number fields of
     ``hil_world_config_t``: ``slip_max=0.1``, ``start_pose=(0.5, 0.0, 0.0)``. They replace the robot file's and the
-    defaults. Raises WorldError.
+    defaults. Sensors that the robot file names are there. Raises WorldError.
     """
     config = ffi.new("hil_world_config_t *")
     config.wheels = robot.wheels
@@ -225,7 +226,7 @@ def world_config(
     _fill_pose_sensor(config, pose_sensor)
     _fill_faults(config, faults)
     _fill_patches(config, patches)
-    for name, value in numbers.items():
+    for name, value in {**sensor_numbers(robot), **numbers}.items():
         field = WORLD.numbers[name].field if name in WORLD.numbers else name
         if field not in dir(config):
             raise WorldError(f"{name} is no field of the world; see world.toml and hil_world_config_t in world.h")

@@ -63,8 +63,9 @@ inline constexpr uint8_t zero[] = {5, reg_heading, 0, 0, 0, 0, 5, reg_x, 0, 0, 0
 
 /// @param settings of the robot file.
 constexpr PoseCounter with(I2cWrites settings) {
-    return {reg_device_id, {device_id, device_id_v2}, calibrate, 300'000, settings, 10'000, zero, 5'000,
-            reg_bulk_read, 28, decode};
+    return {
+        reg_device_id, {device_id, device_id_v2}, calibrate, 300'000, settings, 10'000, zero, 5'000, reg_bulk_read, 28,
+        decode};
 }
 
 } // namespace omni::pinpoint

@@ -31,8 +31,8 @@ struct PoseCounter {
     uint32_t calibrate_us = 0;               ///< how long that takes
     I2cWrites start = nullptr;               ///< settings, before each start
     uint32_t start_us = 0;
-    I2cWrites zero = nullptr;   ///< its pose becomes zero,
-    uint32_t zero_us = 0;       ///< so much later
+    I2cWrites zero = nullptr; ///< its pose becomes zero,
+    uint32_t zero_us = 0;     ///< so much later
     uint8_t data_reg = 0;
     uint8_t data_count = 0;
     CountedPose (*decode)(const uint8_t *bytes) = nullptr;

@@ -62,6 +62,8 @@ def test_naming_it_switches_it_on(section: dict[str, Any]) -> None:
         ({}, "flow.chip", "give one of OTOS, Pinpoint"),
         ({"chip": "otos"}, "flow.chip", "OTOS"),
         ({"chip": 3}, "flow.chip", "OTOS, Pinpoint"),
+        ({"chip": ["OTOS"]}, "flow.chip", "OTOS, Pinpoint"),
+        ({"chip": "OTOS", "FLOW_X": 0.05}, "flow.FLOW_X", "in the section [parameters]"),
         ({"chip": "OTOS", "steps_per_mm": 13.0}, "flow.steps_per_mm", "no wheels"),
         ({"chip": "OTOS", "reversed": []}, "flow.reversed", "no wheels"),
         ({"chip": "Pinpoint"}, "flow.steps_per_mm", "13.263"),

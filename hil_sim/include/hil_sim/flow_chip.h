@@ -47,8 +47,8 @@ typedef struct hil_flow_chip_t {
     hil_flow_wheels_t wheels;
     hil_flow_faults_t faults;
     uint64_t time_us;
-    uint64_t busy_until_us;     /**< it calibrates its gyro */
-    uint64_t written_us;        /**< when a pose was written that it has not taken over yet; 0: none */
+    uint64_t busy_until_us; /**< it calibrates its gyro */
+    uint64_t written_us;    /**< when a pose was written that it has not taken over yet; 0: none */
     double written[HIL_FLOW_AXES];
     double pose[HIL_FLOW_AXES]; /**< what it has counted: x, y [m], heading [rad] */
     uint8_t registers[HIL_FLOW_REGISTERS];

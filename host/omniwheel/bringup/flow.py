@@ -27,13 +27,16 @@ STILL_M = 0.002
 STILL_S = 1.0
 DRIFT_LIMIT_M = 0.002
 """Of a robot at rest: several steps of the coarsest sensor."""
-SCALE_TOLERANCE = 0.1
-"""A hand and a ruler are good for a few millimetres of a metre; further off, it was another way."""
-DIRECTION_TOLERANCE_RAD = math.radians(30.0)
+SCALE_TOLERANCE = 0.03
+"""A hand and a ruler are good for some millimetres of a metre."""
+DIRECTION_TOLERANCE_RAD = math.radians(3.0)
+"""What a push along an edge of the floor is good for. The estimator takes an error for slip of the wheels."""
+ASIDE_TOLERANCE_RAD = math.radians(30.0)
+"""Only the side is asked for."""
 TURN_TOLERANCE_RAD = math.radians(5.0)
 _STEP_S = 0.1
 _WIRES = "check SDA to pin 25, SCL to pin 24, 3.3 V, GND; was the firmware built from the file with this [flow]?"
-_BACKWARDS = math.radians(150.0)
+_BACKWARDS, _ASIDE = math.radians(150.0), math.radians(60.0)
 _TURN_ADVICE = "push it straight; if you did, the sensor's own heading is wrong: let it stand after power-up"
 
 
@@ -58,6 +61,11 @@ class Ways:
     def clear(self) -> None:
         """Begin a new way."""
         self.first, self.still_s = self.last, 0.0
+
+    @property
+    def lost(self) -> int:
+        """Readings since then that came without a way."""
+        return 0 if self.first is None or self.last is None else self.last.readings_lost - self.first.readings_lost
 
     def moved(self) -> tuple[float, float, float]:
         """Return x, y [m] and turn [rad] since then."""
@@ -139,7 +147,10 @@ def _ahead(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tu
         findings.bad("way", f"{1e3 * way:.0f} mm seen within {wait_s:g} s", f"push it further; or {_WIRES}")
         return False
     x, y, turn = moved
-    findings.measured.update(x_m=x, y_m=y, turn_rad=turn)
+    findings.measured.update(x_m=x, y_m=y, turn_rad=turn, lost=ways.lost)
+    lost = "the way lacks what these would have measured: a better floor, the right height, cables that sit tight"
+    if not findings.judge("whole", ways.lost == 0, f"{ways.lost} readings without a way during the push", lost):
+        return False
     straight = _judge_turn(robot, findings, "turn", turn)
     right = _direction(robot, findings, math.atan2(y, x), wheels)
     _scale(robot, findings, math.hypot(x, y))
@@ -171,7 +182,7 @@ def _aside(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tu
     if wheels and abs(off) > _BACKWARDS:
         advice = 'the y wheel counts backwards: write "y" into reversed of [flow], or take it out there; then flash'
     findings.judge(
-        "left", abs(off) < DIRECTION_TOLERANCE_RAD, f"{math.degrees(off):+.1f}° off a way straight to the left", advice
+        "left", abs(off) < ASIDE_TOLERANCE_RAD, f"{math.degrees(off):+.1f}° off a way straight to the left", advice
     )
 
 
@@ -182,10 +193,10 @@ def _y_wheel_advice(advice: str) -> str:
 def _direction(robot: Robot, findings: Findings, seen: float, wheels: bool) -> bool:
     angle = math.degrees(math.remainder(math.radians(robot.parameters["FLOW_ANGLE"]) - seen, math.tau))
     findings.measured["angle_deg"] = angle
-    advice = f"set FLOW_ANGLE = {angle:.0f} and run this once more; to the front is the way in which x is counted"
+    advice = f"if you pushed it straight, set FLOW_ANGLE={angle:.1f} (omni params set) and run this once more"
     if wheels and abs(seen) > _BACKWARDS:
         advice = 'the x wheel counts backwards: write "x" into reversed of [flow], or take it out there; then flash'
-    elif wheels:
+    elif wheels and abs(seen) > _ASIDE:
         advice = "exchange the cables of the x and the y wheel: x is the one that rolls to the front"
     return findings.judge(
         "direction",
@@ -203,5 +214,6 @@ def _scale(robot: Robot, findings: Findings, way: float) -> None:
         "scale",
         abs(ratio - 1.0) < SCALE_TOLERANCE,
         f"{1e3 * way:.0f} mm for a metre; FLOW_SCALE = {scale:.4f} would make it 1000",
-        "push it by just one metre; if it was one, the sensor's height or its steps per millimetre are wrong",
+        f"if it was just one metre, set FLOW_SCALE={scale:.4f} and run this once more. More than 10 % off: is the height "
+        "that of its maker, are the steps per millimetre right?",
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from omni_schema import Robot
 from omniwheel.capability.drive_model import DriveModel
 from omniwheel.capability.speeds import (
     TURNING,
@@ -136,11 +137,37 @@ def _sensors(model: DriveModel) -> tuple[str, ...]:
             f"gyro: the heading without fixes, and {more} of the wheels' slip, the one that turns the robot; slip that "
             "carries it sideways or along does not show",
         )
+    flow: tuple[str, ...] = ()
+    if model.flow_axes:
+        turn = " and the turn" if model.flow_axes > 2 else ""
+        flow = (
+            f"floor motion: the way{turn} since the start, whatever the wheels do; with encoders, each wheel's slip "
+            "while it drives",
+        )
     return (
         f"encoders: motion since the start, and {slip}; the pose drifts without fixes",
         *gyro,
+        *flow,
         "pose fixes (Vicon, or any program that sends them): the pose; with encoders, each wheel's slip over time",
     )
+
+
+def sensor_warnings(robot: Robot) -> list[str]:
+    """Return what the robot file says of its sensors and probably does not mean, each with its remedy."""
+    flow, values = robot.board.flow, robot.parameter_values()
+    if flow is None or not flow.chip.wheels:
+        return []
+    found = []
+    name = flow.chip.name
+    if values["FLOW_X"] or values["FLOW_Y"]:
+        found.append(f"A {name} tells the motion of the robot's centre: leave FLOW_X and FLOW_Y at 0.")
+    places = {"x_wheel_mm": flow.x_wheel_mm, "y_wheel_mm": flow.y_wheel_mm}
+    for key, value in places.items():
+        if value == 0.0:
+            found.append(f"flow.{key} is 0: is that wheel in line with the robot's centre? If not, say where it is.")
+        elif abs(value) < 1.0:
+            found.append(f"flow.{key} = {value:g} is in millimetres: less than one is hardly meant.")
+    return found
 
 
 def problems(model: DriveModel) -> list[str]:

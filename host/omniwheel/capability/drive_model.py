@@ -58,6 +58,7 @@ class DriveModel:
     stall_V: float
     stall_s: float
     gyro: bool = False
+    flow_axes: int = 0
     current_limit_A: float = 0.0
     continuous_A: float = 0.0
     heat_s: float = 10.0
@@ -163,6 +164,7 @@ def model_from_parameters(values: Mapping[str, float], simulation: Mapping[str, 
         stall_V=values["SAFE_STALL_V"],
         stall_s=values["SAFE_STALL_T"],
         gyro=values["GYRO_AXIS"] != 0.0,
+        flow_axes=(0, 2, 3)[int(values["FLOW_MODE"])],
         current_limit_A=values["LIM_I"],
         continuous_A=values["SAFE_I"],
         heat_s=values["SAFE_I_TC"],

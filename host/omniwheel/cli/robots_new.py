@@ -187,10 +187,11 @@ def _say(target: Path, what: str, as_json: bool) -> None:
 
 
 def warnings_of(robot: Robot, model: DriveModel) -> list[str]:
-    """Return what is possible but unwise about a robot: its wiring, then its numbers."""
+    """Return what is possible but unwise about a robot: its wiring, its sensors, then its numbers."""
+    from omniwheel.capability import sensor_warnings
     from omniwheel.capability import warnings as doubts
 
-    return [*plan_wiring(robot).warnings, *doubts(model)]
+    return [*plan_wiring(robot).warnings, *sensor_warnings(robot), *doubts(model)]
 
 
 def print_warnings(warnings: Iterable[str]) -> None:

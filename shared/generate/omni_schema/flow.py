@@ -94,11 +94,14 @@ def parse_flow(
     """
     if section is None:
         return None
+    for key in section:
+        if key.startswith("FLOW_"):
+            raise SchemaError(source, f"flow.{key}", "is a parameter; write it in the section [parameters]")
     refuse_unknown_keys(source, "flow.", section, ("chip", *WHEEL_KEYS))
     if "chip" not in section:
         raise SchemaError(source, "flow.chip", f"is missing; give one of {', '.join(chips)}")
     name = section["chip"]
-    if name not in chips:
+    if not isinstance(name, str) or name not in chips:
         problem = f"is {name!r}{did_you_mean(str(name), chips)}; the firmware has drivers for {', '.join(chips)}"
         raise SchemaError(source, "flow.chip", problem)
     if MODE_PARAMETER in parameters:

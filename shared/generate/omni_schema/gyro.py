@@ -47,13 +47,16 @@ def parse_gyro(
     """
     if section is None:
         return None
+    for key in section:
+        if key.startswith("GYRO_"):
+            raise SchemaError(source, f"gyro.{key}", "is a parameter; write it in the section [parameters]")
     refuse_unknown_keys(source, "gyro.", section, KEYS)
     for key in ("chip", "axis"):
         if key not in section:
             problem = "is missing; " + (f"give one of {', '.join(chips)}" if key == "chip" else _axis_wanted())
             raise SchemaError(source, f"gyro.{key}", problem)
     name, axis = section["chip"], section["axis"]
-    if name not in chips:
+    if not isinstance(name, str) or name not in chips:
         problem = f"is {name!r}{did_you_mean(str(name), chips)}; the firmware has drivers for {', '.join(chips)}"
         raise SchemaError(source, "gyro.chip", problem)
     chip = chips[name]

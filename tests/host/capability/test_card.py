@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.world import IDEAL_WHEELS, NO_POSE_SENSOR, World, world_config
-from omniwheel.capability import card, drive_model, problems, warnings
+from omniwheel.capability import card, drive_model, problems, sensor_warnings, warnings
 from omniwheel.capability.drive_model import Array
 from omniwheel.capability.speeds import TURNING, acceleration_bounds, direction, motor_speed, top_speed
 from omniwheel.cli import app
@@ -65,6 +65,36 @@ def test_with_a_gyro_it_says_one_combination_of_slip_more(name: str) -> None:
     said = card(dataclasses.replace(without, gyro=True)).sensors
     assert [line for line in said if line not in card(without).sensors] == [said[1]]
     assert ("another combination" if name == "four_wheel" else "one combination") in said[1]
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_with_floor_motion_it_says_what_that_is_good_for(axes: int) -> None:
+    without = drive_model(read_robot("three_wheel"))
+    said = card(dataclasses.replace(without, flow_axes=axes)).sensors
+    assert [line for line in said if line not in card(without).sensors] == [said[1]]
+    assert ("and the turn" in said[1]) == (axes == 3)
+
+
+@pytest.mark.parametrize(
+    ("section", "parameters", "words"),
+    [
+        ('x_wheel_mm = 60.0\ny_wheel_mm = -45.0', "", []),
+        ('x_wheel_mm = 60.0\ny_wheel_mm = -45.0', "\n[parameters]\nFLOW_X = 0.05", ["leave FLOW_X and FLOW_Y at 0"]),
+        ("x_wheel_mm = 0.06", "", ["is in millimetres", "y_wheel_mm is 0"]),
+    ],
+    ids=["fine", "a place", "metres"],
+)
+def test_a_pinpoint_that_is_hardly_meant_so_is_warned_of(
+    tmp_path: Path, section: str, parameters: str, words: list[str]
+) -> None:
+    """And the file is fine: the command that checks it prints them."""
+    text = Path(read_robot("three_wheel").source).read_text().replace("[parameters]", parameters or "[parameters]")
+    path = tmp_path / "mine.toml"
+    path.write_text(f'{text}\n[flow]\nchip = "Pinpoint"\nsteps_per_mm = 13.263\n{section}\n')
+    found = sensor_warnings(read_robot(str(path)))
+    assert len(found) == len(words)
+    for warning, word in zip(found, words, strict=True):
+        assert word in warning
 
 
 def gained(name: str, torque_N_m: float, **overrides: float) -> float:

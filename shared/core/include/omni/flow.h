@@ -84,19 +84,19 @@ typedef struct omni_flow_state_t {
     omni_uint_t refused_in_row; /**< that did not fit */
     omni_uint_t used;           /**< readings so far */
     omni_uint_t refused;
-    omni_real_t sum[OMNI_AXES]; /**< readings so far that can be true, in body axes: m, m, rad */
-    omni_real_t zero_m[2];      /**< way of the wheels over which it said nothing but zero, body axes added up */
-    omni_real_t nis;            /**< normalised innovation squared of the last reading */
-    omni_real_t last[2];        /**< x and y of the last reading that can be true */
-    omni_uint_t repeats;        /**< readings in a row that were the same as the one before, and not zero */
-    omni_real_t rolled_m[2];    /**< what the wheels said at the first of them, without slip */
-    omni_flag_t frozen;         /**< they repeat themselves, and the wheels say another way by now */
-    omni_uint_t lost;           /**< readings that came without a way */
-    omni_real_t refused_share;  /**< of the last ones, about fifty: those that did not fit */
-    omni_real_t way_m;          /**< over which the following sums reach back */
-    omni_real_t wheels_m2[3];   /**< of d_x d_x, d_x d_y, d_y d_y */
-    omni_real_t both_m2[2][2];  /**< of z d^T */
-    omni_real_t off_rad;        /**< psi above; 0 as long as it is not known */
+    omni_real_t sum[OMNI_AXES];   /**< readings so far that can be true, in body axes: m, m, rad */
+    omni_real_t zero_m[2];        /**< way of the wheels over which it said nothing but zero, body axes added up */
+    omni_real_t nis;              /**< normalised innovation squared of the last reading */
+    omni_real_t last[2];          /**< x and y of the last reading that can be true */
+    omni_uint_t repeats;          /**< readings in a row that were the same as the one before, and not zero */
+    omni_real_t rolled_m[2];      /**< what the wheels said at the first of them, without slip */
+    omni_flag_t frozen;           /**< they repeat themselves, and the wheels say another way by now */
+    omni_uint_t lost;             /**< readings that came without a way */
+    omni_real_t refused_share;    /**< of the last ones, about fifty: those that did not fit */
+    omni_real_t way_m;            /**< over which the following sums reach back */
+    omni_real_t wheels_m2[3];     /**< of d_x d_x, d_x d_y, d_y d_y */
+    omni_real_t both_m2[2][2];    /**< of z d^T */
+    omni_real_t off_rad;          /**< psi above; 0 as long as it is not known */
     omni_real_t taken[OMNI_AXES]; /**< how far readings have moved the pose over the same way: world, m, m, rad */
     omni_uint_t fixes;            /**< pose fixes used until then */
 } omni_flow_state_t;

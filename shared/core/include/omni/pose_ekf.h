@@ -131,12 +131,13 @@ typedef struct omni_ekf_flow_t {
 /** What came of it. */
 typedef struct omni_ekf_flow_result_t {
     omni_real_t nis;
-    omni_flag_t fits;        /**< within the gate */
-    omni_real_t expected_m;  /**< way of the point that the wheels say */
-    omni_real_t apart_m;     /**< how far the reading is from that */
-    omni_real_t rolled[OMNI_AXES]; /**< motion of the robot's centre if no wheel slipped, body axes of mid-way: m, rad */
-    omni_real_t moved[OMNI_AXES];  /**< the same with the slip ratios that were known */
-    omni_real_t seen[OMNI_AXES];   /**< the same as the reading says; the turn as `moved` where that is not measured */
+    omni_flag_t fits;       /**< within the gate */
+    omni_real_t expected_m; /**< way of the point that the wheels say */
+    omni_real_t apart_m;    /**< how far the reading is from that */
+    omni_real_t
+        rolled[OMNI_AXES];        /**< motion of the robot's centre if no wheel slipped, body axes of mid-way: m, rad */
+    omni_real_t moved[OMNI_AXES]; /**< the same with the slip ratios that were known */
+    omni_real_t seen[OMNI_AXES];  /**< the same as the reading says; the turn as `moved` where that is not measured */
 } omni_ekf_flow_result_t;
 
 /** What moved during one history slot, seen from the heading at its start. */

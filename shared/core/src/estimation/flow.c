@@ -19,7 +19,7 @@ static const omni_real_t flow_reach_m = 2.0f; /* of the sums that tell the direc
 static const omni_real_t flow_direction_m = 0.5f;
 static const omni_real_t flow_two_ways = 0.05f; /* least product of the squares along two axes over their sum squared */
 static const omni_real_t flow_off_rad = 0.15f;
-static const omni_real_t flow_right_rad = 0.075f; /* below it a sensor in trouble points right again */
+static const omni_real_t flow_right_rad = 0.075f;     /* below it a sensor in trouble points right again */
 static const uint64_t flow_longest_pause_us = 100000; /* without a tick of its own it has been off meanwhile */
 static const uint64_t flow_hold_us = (uint64_t)OMNI_FLOW_HOLD_TICKS * 1000u;
 
@@ -133,8 +133,7 @@ static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t
     const omni_real_t proof2 = flow_proof_sds * flow_proof_sds * state->config.r_xy;
     const omni_flag_t fits = result->fits;
     const omni_flag_t zeros = zero_way(state) > flow_zero_m; /* these have taught nothing */
-    const omni_flag_t askew =
-        omni_absf(state->off_rad) > omni_select(state->trouble, flow_right_rad, flow_off_rad);
+    const omni_flag_t askew = omni_absf(state->off_rad) > omni_select(state->trouble, flow_right_rad, flow_off_rad);
     const omni_flag_t moves = result->expected_m > flow_proof_m && result->expected_m * result->expected_m > proof2;
     const omni_flag_t proves = fits && !zeros && !state->frozen && !askew;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);

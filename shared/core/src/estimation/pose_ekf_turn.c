@@ -178,5 +178,6 @@ void omni_pose_ekf_predict_turn(omni_pose_ekf_state_t *state, const omni_pose_ek
 
 bool omni_ekf_turn_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                           const omni_kinematics_t *k, uint32_t age_us, omni_ekf_window_t *window) {
-    return fill_window(state, config, k, age_us, window, OMNI_EKF_COLUMNS, state->flow_slots > 0 ? state->flow_known : NULL);
+    return fill_window(state, config, k, age_us, window, OMNI_EKF_COLUMNS,
+                       state->flow_slots > 0 ? state->flow_known : NULL);
 }
