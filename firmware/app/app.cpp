@@ -64,7 +64,7 @@ void App::attach_links() {
     }
 }
 
-void App::parameters_changed() {
+OMNI_COLD void App::parameters_changed() {
     const omni_real_t *values = parameters_.values();
     heartbeats_.stations.set_timeout(static_cast<uint64_t>(values[OMNI_PARAM_SAFE_LINK_TO] * 1e6f));
     if (board_.gyro_chip != nullptr) {

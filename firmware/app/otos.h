@@ -4,8 +4,8 @@
 /// Registers and scales: SparkFun's public driver, version 1.0 of the chip's firmware. It counts a pose by itself, 417
 /// times a second: 16 bits for 20 m, and for a turn. It calibrates its gyro at power-up, in a hurry. The driver asks
 /// for 255 samples of 2.4 ms; the robot must stand for these 0.6 s. A pose that is written takes effect with its next
-/// cycle, within 2.4 ms. Tilted, it leaves its accelerometer out: that is no failure. SparkFun does not say how late the
-/// pose is. FLOW_DELAY is a guess until it has been measured.
+/// cycle, within 2.4 ms. Tilted, it leaves its accelerometer out: that is no failure. SparkFun does not say how late
+/// the pose is. FLOW_DELAY is a guess until it has been measured.
 #pragma once
 
 #include "app/pose_counter.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/services.h"
 
+#include "app/cold.h"
 #include "app/mavlink_types.h"
 
 namespace omni {
@@ -119,7 +120,7 @@ void refuse_politely(Links &links, const Frame &frame, const Sender &sender) {
 
 } // namespace
 
-void serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender) {
+OMNI_COLD void serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender) {
     switch (frame.id) {
     case MAVLINK_MSG_ID_TIMESYNC:
         answer_timesync(links, clock, frame, sender);

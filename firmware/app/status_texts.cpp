@@ -158,7 +158,7 @@ void StatusTexts::say_read_back() {
     read_back_said_ = missing;
 }
 
-/// Of the board's own chip: a host in the loop has another one. Once on each link: somebody who comes later hears it, too.
+/// Of the board's own chip: a host in the loop has another one. Once on each link: who comes later hears it, too.
 OMNI_COLD void StatusTexts::say_gyro() {
     const GyroTrouble trouble = gyro_chip_->trouble();
     for (size_t link = 0; link < links_.count(); ++link) {

@@ -33,7 +33,7 @@ class Drive:
             moved = body * TICK_S
             cosine, sine = math.cos(self.pose[2] + moved[2] / 2), math.sin(self.pose[2] + moved[2] / 2)
             self.pose += [cosine * moved[0] - sine * moved[1], sine * moved[0] + cosine * moved[1], moved[2]]
-            self._way += moved + [-ARM[1] * moved[2], ARM[0] * moved[2], 0.0]
+            self._way += np.add(moved, [-ARM[1] * moved[2], ARM[0] * moved[2], 0.0])
             wheels = self.core.matrix @ moved / RADIUS_M / (1.0 - SLIP)
             reading = None
             if tick % SPAN == SPAN - 1:
@@ -122,7 +122,7 @@ def test_counts_that_flicker_while_the_robot_stands_are_no_way() -> None:
     core, rng = Core(), np.random.default_rng(0)
     for tick in range(1000):
         core.tick(straight(core, 0.5), [0.5 * SPAN * TICK_S, 0.0, 0.0] if tick % SPAN == SPAN - 1 else None)
-    shown = np.zeros(3)
+    shown = np.zeros(3, int)
     for tick in range(60_000):
         seen = rng.integers(0, 2, 3) if tick % 7 == 0 else shown
         turned, shown = (seen - shown) * 2.0 * math.pi / 1000, seen
@@ -152,7 +152,7 @@ def test_a_change_on_the_way_leaves_the_covariance_one(change: str, late: int, b
         else:
             core.tick(straight(core, 0.5), list(way) if tick % SPAN == SPAN - 1 else None)
         if tick % 50 == 0 and tick > 300:
-            taken = [poses[tick + 1 - late], 0.0, 0.0] + rng.normal(0.0, sd, 3)
+            taken = rng.normal([poses[tick + 1 - late], 0.0, 0.0], sd)
             assert core.correct(list(taken), late) == lib.OMNI_OK, tick
         assert np.linalg.eigvalsh(core.p).min() > 0.0, tick
 

@@ -119,7 +119,9 @@ def test_without_fixes_the_errors_are_at_most_a_third_of_the_wheels_alone(seed: 
 ASKEW = tuple(each for each in flow_figures.SETTINGS if each.title.startswith("no fixes, mounted"))
 
 
-@pytest.mark.parametrize("setting", [each for each in flow_figures.SETTINGS if each not in ASKEW], ids=lambda each: each.title)
+@pytest.mark.parametrize(
+    "setting", [each for each in flow_figures.SETTINGS if each not in ASKEW], ids=lambda each: each.title
+)
 def test_it_is_better_and_as_sure_as_it_says(setting: flow_figures.Setting) -> None:
     seeds = range(8 if setting.gyro else 3)
     short = replace(setting, seconds=20)

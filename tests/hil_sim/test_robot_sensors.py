@@ -45,7 +45,7 @@ def test_the_world_has_what_the_file_names(tmp_path: Path) -> None:
     config = world_config(robot)
     assert (config.gyro_rate_Hz, config.gyro_axis, config.flow_rate_Hz) == (1000.0, -3, 50.0)
     assert config.gyro_noise_density == pytest.approx(math.radians(robot.table.gyro_chips["ICM-42688-P"].noise_dps))
-    assert (config.flow_x_m, config.flow_y_m) == (0.05, -0.02)
+    assert (config.flow_x_m, config.flow_y_m) == pytest.approx((0.05, -0.02))
     assert config.flow_angle_rad == pytest.approx(math.pi / 2)
     assert (1.0 + config.flow_scale_error) * 1.05 == pytest.approx(1.0)
     assert (1.0 + config.gyro_scale_error) * 0.98 == pytest.approx(1.0)

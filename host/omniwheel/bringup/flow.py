@@ -214,6 +214,6 @@ def _scale(robot: Robot, findings: Findings, way: float) -> None:
         "scale",
         abs(ratio - 1.0) < SCALE_TOLERANCE,
         f"{1e3 * way:.0f} mm for a metre; FLOW_SCALE = {scale:.4f} would make it 1000",
-        f"if it was just one metre, set FLOW_SCALE={scale:.4f} and run this once more. More than 10 % off: is the height "
-        "that of its maker, are the steps per millimetre right?",
+        f"if it was just one metre, set FLOW_SCALE={scale:.4f} and run this once more. More than 10 % off: is the "
+        "height that of its maker, are the steps per millimetre right?",
     )

@@ -78,8 +78,8 @@ def test_with_floor_motion_it_says_what_that_is_good_for(axes: int) -> None:
 @pytest.mark.parametrize(
     ("section", "parameters", "words"),
     [
-        ('x_wheel_mm = 60.0\ny_wheel_mm = -45.0', "", []),
-        ('x_wheel_mm = 60.0\ny_wheel_mm = -45.0', "\n[parameters]\nFLOW_X = 0.05", ["leave FLOW_X and FLOW_Y at 0"]),
+        ("x_wheel_mm = 60.0\ny_wheel_mm = -45.0", "", []),
+        ("x_wheel_mm = 60.0\ny_wheel_mm = -45.0", "\n[parameters]\nFLOW_X = 0.05", ["leave FLOW_X and FLOW_Y at 0"]),
         ("x_wheel_mm = 0.06", "", ["is in millimetres", "y_wheel_mm is 0"]),
     ],
     ids=["fine", "a place", "metres"],
