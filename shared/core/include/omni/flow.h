@@ -25,12 +25,12 @@
  * It may also repeat itself: the same reading, not zero, OMNI_FLOW_REPEATS times. If the wheels say another way by
  * then, by 1 mm and a tenth of it, that is trouble, too. Their slip is left out of this comparison, or it would hide
  * that. The wheels count alone then, until OMNI_FLOW_GOOD readings of a robot that moves fit in a row. If the readings
- * were wrong, not missing, what they have taught is taken back. That is the slip ratios, and how far they have moved the
- * pose. This goes back by about 2 m of way, and to the last pose fix at most.
+ * were wrong, not missing, what they have taught is taken back. That is the slip ratios, and how far they have moved
+ * the pose. This goes back by about 2 m of way, and to the last pose fix at most.
  *
  * A sensor that points elsewhere is taken for slip. But slip makes ways shorter and longer, and does not turn them:
- * B+ diag(s) B is symmetric in x and y. (So it is for wheels that stand evenly.) Let d be the ways of the wheels without slip. Let
- * z = A d hold in least squares over the last ways of about 2 m. Then the direction is off by
+ * B+ diag(s) B is symmetric in x and y. (So it is for wheels that stand evenly.) Let d be the ways of the wheels
+ * without slip. Let z = A d hold in least squares over the last ways of about 2 m. Then the direction is off by
  *
  *   psi = atan2(A_yx - A_xy, A_xx + A_yy)
  *
