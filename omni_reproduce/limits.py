@@ -24,6 +24,7 @@ from omni_reproduce.posterior_bound import (
     STEP_S,
     STEP_TICKS,
     Array,
+    BoundError,
     Statistics,
     Wheels,
     bound_variances,
@@ -103,11 +104,13 @@ def wheels_of(scenario: Scenario) -> tuple[Wheels, int]:
 
 
 def statistics_of(scenario: Scenario, paths: int) -> Statistics:
-    """Return what is random in a scenario's world.
+    """Return what is random in a scenario's world; BoundError for a sensor that the bound does not know.
 
     A fix's noise that differs from robot to robot is spread evenly over the paths, from the least to the most.
     """
     config = scenario_world(replace(scenario, dispersion=()))
+    if config.flow_rate_Hz > 0.0 and config.flow_turns:
+        raise BoundError("flow_turns is 1: the bound knows ways over the floor only", hint="set world.flow_turns to 0")
     spread = {entry.quantity: entry for entry in scenario.dispersion}
     fix_sd = np.tile([config.fix_sd_xy_m, config.fix_sd_xy_m, config.fix_sd_theta_rad], (paths, 1))
     if "fix_sd_xy_m" in spread:
@@ -127,6 +130,9 @@ def statistics_of(scenario: Scenario, paths: int) -> Statistics:
         gyro_step_variance=_gyro_step_variance(config),
         gyro_bias_sd=config.gyro_bias_rad_s,
         gyro_bias_walk=config.gyro_bias_walk,
+        flow_rate_Hz=config.flow_rate_Hz,
+        flow_sd=config.flow_sd_m,
+        flow_share=config.flow_share,
     )
 
 

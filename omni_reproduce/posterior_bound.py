@@ -66,7 +66,8 @@ class Statistics:
     ``fix_sd`` is that of x, y, theta; shape (3,), or (paths, 3) where it differs. ``wheel_sd`` are the standard
     deviations of each wheel's radius and distance (relative) and bearing [rad]; all 0: as the robot file says.
     ``count_rad`` is the angle of an encoder's count. ``gyro_step_variance`` [rad^2] is that of the turn in STEP_S; 0:
-    no gyro.
+    no gyro. A sensor of motion over the floor has ``flow_rate_Hz`` readings of x and y; 0: none. Their standard
+    deviation is ``flow_sd`` [m], and ``flow_share`` of the way that each measures, in squares.
     """
 
     slip_max: float
@@ -79,6 +80,9 @@ class Statistics:
     gyro_step_variance: float = 0.0
     gyro_bias_sd: float = 0.0
     gyro_bias_walk: float = 0.0
+    flow_rate_Hz: float = 0.0
+    flow_sd: float = 0.0
+    flow_share: float = 0.0
 
     @property
     def slip_variance(self) -> float:
@@ -94,6 +98,20 @@ class Statistics:
     def has_gyro(self) -> bool:
         """Whether there is a gyro."""
         return self.gyro_step_variance > 0.0
+
+    @property
+    def has_flow(self) -> bool:
+        """Whether there is a sensor of motion over the floor."""
+        return self.flow_rate_Hz > 0.0
+
+    def flow_step_variances(self, moves: Array) -> Array:
+        """Return the variances [m^2] of x and y that it measures in a step, (..., 2), for moves (..., 3) in a step.
+
+        As if a reading was divided evenly among its steps: that tells a little more than the reading.
+        """
+        steps = 1.0 / (self.flow_rate_Hz * STEP_S)
+        way2 = np.sum(moves[..., :2] ** 2, axis=-1) * steps**2
+        return np.repeat(((self.flow_sd**2 + self.flow_share**2 * way2) / steps)[..., None], 2, axis=-1)
 
     @property
     def has_constants(self) -> bool:
@@ -285,6 +303,16 @@ def turn_row(step: Array, layout: Layout) -> Array:
     return row
 
 
+def way_rows(step: Array) -> Array:
+    """Return what the way in a step says about the state before it, (paths, 2, size), from its Jacobian.
+
+    The way is that in body axes. Its noise is the same in all directions, so the world's axes do.
+    """
+    rows = step[:, :2, :].copy()
+    rows[:, :, :3] = 0.0
+    return rows
+
+
 def bound_variances(moves: Array, gains: Array, wheels: int, statistics: Statistics) -> Array:
     """Return the bound of the variances of x, y, theta in each step, (paths, steps, 3), in m^2 and rad^2.
 
@@ -313,6 +341,9 @@ def bound_variances(moves: Array, gains: Array, wheels: int, statistics: Statist
         if statistics.has_gyro:
             h = turn_row(f, layout)
             p = corrected(p, h, gain_of(p, h, np.array([statistics.gyro_step_variance])))
+        if statistics.has_flow:
+            h = way_rows(f)
+            p = corrected(p, h, gain_of(p, h, statistics.flow_step_variances(moves[:, step])))
         p = f @ p @ np.swapaxes(f, -1, -2) + fresh
         out[:, step] += 0.5 * p[:, axes, axes]
     return out
@@ -341,13 +372,13 @@ def all_at_once(
         prior[-1] = statistics.gyro_bias_sd**2
     pose = np.zeros((len(moves) + 1, 3, size))
     pose[0, :, :3] = np.eye(3)
-    turns = np.zeros((len(moves), size))
+    turns, ways = np.zeros((len(moves), size)), np.zeros((len(moves), 2, size))
     for step, (move, gain) in enumerate(zip(moves, gains, strict=True)):
         own = np.zeros((3, size))
         at = 3 + step // schedule.knot * wheels
         own[:, at : at + 2 * wheels] = gain[:, : 2 * wheels]
         own[:, 3 + knots * wheels : 3 + knots * wheels + constants] = gain[:, 2 * wheels : -wheels]
-        turns[step] = own[2]
+        turns[step], ways[step] = own[2], own[:2]
         own[0] -= move[1] * pose[step, 2]
         own[1] += move[0] * pose[step, 2]
         pose[step + 1] = pose[step] + own
@@ -360,5 +391,8 @@ def all_at_once(
         information = np.diag(1.0 / prior) + np.einsum("kai,kaj->ij", seen, seen)
         if statistics.has_gyro:
             information += turns[:step].T @ turns[:step] / statistics.gyro_step_variance
+        if statistics.has_flow:
+            weighted = ways[:step] / statistics.flow_step_variances(moves[:step])[..., None]
+            information += np.einsum("kai,kaj->ij", ways[:step], weighted)
         out[row] = np.diag(pose[step] @ np.linalg.solve(information, pose[step].T))
     return out

@@ -33,7 +33,7 @@ from omni_reproduce.posterior_bound import (
     turned_by,
 )
 
-_ENCODER, _FIX, _GYRO, _BIAS = range(4)
+_ENCODER, _FIX, _GYRO, _BIAS, _FLOOR = range(5)
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,15 @@ class Readings:
     """What robots on several paths measure: per step, with the path as the first axis.
 
     ``turned`` (paths, steps, n) angles of the wheels [rad]. ``fixes`` (paths, steps + 1, 3) the pose with a fix's
-    noise, whether or not one is taken then. ``turns`` (paths, steps) by the gyro [rad] or None. ``truth`` (paths,
-    steps + 1, 3) is for the error.
+    noise, whether or not one is taken then. ``turns`` (paths, steps) by the gyro [rad] or None. ``ways`` (paths, steps,
+    2) over the floor [m], in body axes of mid-step, or None. ``truth`` (paths, steps + 1, 3) is for the error.
     """
 
     turned: Array
     fixes: Array
     turns: Array | None
     truth: Array
+    ways: Array | None = None
 
 
 def measure(record: NDArray[Any], wheels: Wheels, statistics: Statistics, counts: int, seed: int) -> Readings:
@@ -61,18 +62,21 @@ def measure(record: NDArray[Any], wheels: Wheels, statistics: Statistics, counts
     noise = np.random.default_rng([seed, _FIX]).standard_normal((steps + 1, 3))
     turned = _turned(record, wheels.count, counts, steps, seed)
     turns = _gyro_turns(truth[:, 2], statistics, seed)[None] if statistics.has_gyro else None
-    return Readings(turned[None], (truth + noise * statistics.fix_sd)[None], turns, truth[None])
+    ways = _floor_ways(truth, statistics, seed)[None] if statistics.has_flow else None
+    return Readings(turned[None], (truth + noise * statistics.fix_sd)[None], turns, truth[None], ways)
 
 
 def together(readings: Sequence[Readings]) -> Readings:
     """Return several paths' readings as one, as long as the shortest."""
     steps = min(entry.turned.shape[1] for entry in readings)
     turns = [entry.turns[:, :steps] for entry in readings if entry.turns is not None]
+    ways = [entry.ways[:, :steps] for entry in readings if entry.ways is not None]
     return Readings(
         np.concatenate([entry.turned[:, :steps] for entry in readings]),
         np.concatenate([entry.fixes[:, : steps + 1] for entry in readings]),
         np.concatenate(turns) if turns else None,
         np.concatenate([entry.truth[:, : steps + 1] for entry in readings]),
+        np.concatenate(ways) if ways else None,
     )
 
 
@@ -92,6 +96,14 @@ def _gyro_turns(heading: Array, statistics: Statistics, seed: int) -> Array:
     walk = np.cumsum(statistics.gyro_bias_walk * np.sqrt(STEP_S) * drawn[1:])
     bias = statistics.gyro_bias_sd * drawn[0] + walk
     return np.asarray(np.diff(heading) + STEP_S * bias + noise)
+
+
+def _floor_ways(truth: Array, statistics: Statistics, seed: int) -> Array:
+    """Return ways in body axes of mid-step with noise, (steps, 2)."""
+    moves = np.diff(truth, axis=0)
+    noise = np.random.default_rng([seed, _FLOOR]).standard_normal((len(moves), 2))
+    seen = turned_by(-(truth[:-1, 2] + 0.5 * moves[:, 2]), moves[..., None])[:, :2, 0]
+    return np.asarray(seen + noise * np.sqrt(statistics.flow_step_variances(moves)))
 
 
 class Filter:
@@ -123,14 +135,23 @@ class Filter:
             seen = fixes[:, step - schedule.delay] - self.state[:, layout.slot(arriving)]
             self._correct(h, np.square(self._statistics.fix_sd), seen)
 
-    def move(self, step: int, turned: Array, turn: Array | None) -> None:
-        """Move by the angles (paths, n) of the wheels in this step; ``turn`` (paths,) by the gyro corrects before."""
+    def move(self, step: int, turned: Array, turn: Array | None, way: Array | None = None) -> None:
+        """Move by the angles (paths, n) of the wheels in this step.
+
+        ``turn`` (paths,) by the gyro and ``way`` (paths, 2) over the floor correct before.
+        """
         if turn is not None:
             _, jacobian, believed = self._motion(step, turned)
             h = jacobian[:, 2:3] - np.eye(self._layout.size)[2]
             h[:, :, self._layout.bias] = STEP_S
             expected = believed[:, 2] + STEP_S * self.state[:, self._layout.bias][:, 0]
             self._correct(h, np.array([self._statistics.gyro_step_variance]), (turn - expected)[:, None])
+        if way is not None:
+            after, jacobian, believed = self._motion(step, turned)
+            h = jacobian[:, :2].copy()
+            h[:, :, :3] = 0.0
+            seen = turned_by(0.5 * (self.state[:, 2] + after[:, 2]), np.pad(way, ((0, 0), (0, 1)))[..., None])
+            self._correct(h, self._statistics.flow_step_variances(believed), seen[:, :2, 0] - believed[:, :2])
         self.state, f, _ = self._motion(step, turned)
         self.p = f @ self.p @ np.swapaxes(f, -1, -2) + self._fresh
 
@@ -182,6 +203,7 @@ def filter_errors(readings: Readings, wheels: Wheels, statistics: Statistics) ->
     for step in range(steps):
         robot.begin_step(step, readings.fixes)
         out[:, step] = 0.5 * (robot.state[:, :3] - readings.truth[:, step]) ** 2
-        robot.move(step, readings.turned[:, step], None if readings.turns is None else readings.turns[:, step])
+        turn, way = (None if each is None else each[:, step] for each in (readings.turns, readings.ways))
+        robot.move(step, readings.turned[:, step], turn, way)
         out[:, step] += 0.5 * (robot.state[:, :3] - readings.truth[:, step + 1]) ** 2
     return out

@@ -37,6 +37,8 @@ WORLD = Statistics(0.1, 0.5, 50.0, np.array([0.005, 0.004, 0.003]), 0.03)
 SEEDS, PATHS = 8, 2
 MONTE_CARLO = 0.1
 """How far a mean over a few paths may be below what it estimates."""
+FLOW = {"flow_rate_Hz": 50.0, "flow_sd": 1e-4, "flow_share": 0.02}
+"""What a sensor of motion over the floor adds to it."""
 
 
 def drive(twist: Array, statistics: Statistics, wheels: Wheels = THREE, seed: int = 1) -> NDArray[Any]:
@@ -89,6 +91,8 @@ def test_steady_speed_of_unknown_size_is_a_line_through_noisy_points() -> None:
         {"wheel_sd": (0.003, 0.002, 0.005)},
         {"gyro_step_variance": 1e-9, "gyro_bias_sd": 0.01},
         {"gyro_step_variance": 1e-9, "gyro_bias_sd": 0.01, "wheel_sd": (0.003, 0.002, 0.005)},
+        FLOW,
+        {**FLOW, "gyro_step_variance": 1e-9, "gyro_bias_sd": 0.01},
     ],
 )
 def test_the_recursion_is_least_squares_over_everything_that_arrived(more: dict[str, Any], delay_s: float) -> None:
@@ -115,14 +119,20 @@ def test_to_know_less_raises_the_bound() -> None:
     ]
     for change in changes:
         assert (mean(replace(WORLD, **change)) > mean(WORLD)).all(), change
-    gyro = replace(WORLD, gyro_step_variance=1e-9, gyro_bias_sd=0.01)
-    assert (mean(gyro) < mean(WORLD)).all()
+    gyro = {"gyro_step_variance": 1e-9, "gyro_bias_sd": 0.01}
+    for more in (gyro, FLOW):
+        assert (mean(replace(WORLD, **more)) < mean(WORLD)).all()
+    assert (mean(replace(WORLD, **gyro, **FLOW)) < mean(replace(WORLD, **gyro))).all()
 
 
-@pytest.mark.parametrize("gyro", [{}, {"gyro_step_variance": 2.5e-11, "gyro_bias_sd": 0.009, "gyro_bias_walk": 1e-6}])
-def test_a_filter_that_knows_the_world_reaches_the_bound(gyro: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "more",
+    [{}, {"gyro_step_variance": 2.5e-11, "gyro_bias_sd": 0.009, "gyro_bias_walk": 1e-6}, FLOW],
+    ids=["wheels", "gyro", "floor motion"],
+)
+def test_a_filter_that_knows_the_world_reaches_the_bound(more: dict[str, Any]) -> None:
     """Over many short runs its mean square error is the bound, within what so many runs leave open."""
-    world = replace(WORLD, fix_delay_s=0.02, count_rad=2.0 * np.pi / 10000, **gyro)
+    world = replace(WORLD, fix_delay_s=0.02, count_rad=2.0 * np.pi / 10000, **more)
     paths = 150
     records = [drive(winding(3.0), world, seed=seed) for seed in range(paths)]
     readings = together([measure(record, THREE, world, 10000, seed) for seed, record in enumerate(records)])
@@ -136,7 +146,7 @@ def test_a_filter_that_knows_the_world_reaches_the_bound(gyro: dict[str, Any]) -
     assert (open_share < MONTE_CARLO).all(), "too few paths to say so"
 
 
-@pytest.mark.parametrize("key", ["demo", "gyro"])
+@pytest.mark.parametrize("key", ["demo", "gyro", "flow"])
 def test_the_robot_is_not_below_the_bound(key: str) -> None:
     """Below it the bound would be wrong."""
     bound, told = limits.bound_and_told(SPEC, key, PATHS)
@@ -215,3 +225,13 @@ def test_times_that_fit_no_step_are_refused(change: dict[str, Any], named: str) 
     assert isinstance(refused.value, OmniError)
     assert refused.value.hint
     assert STEP_TICKS * TICK_S == STEP_S
+
+
+def test_a_turn_over_the_floor_is_not_in_the_bound_and_refused() -> None:
+    """A bound without it would be too high."""
+    turns = limits.scenario_of(SPEC, "flow", "ideal").with_world({"flow_turns": 1})
+    with pytest.raises(BoundError, match="flow_turns"):
+        limits.statistics_of(turns, 1)
+    ways = limits.statistics_of(limits.scenario_of(SPEC, "flow", "ideal"), 1)
+    assert (ways.flow_rate_Hz, ways.flow_sd, ways.flow_share) == (50.0, 1e-4, 0.02)
+    assert not limits.statistics_of(limits.scenario_of(SPEC, "demo", "ideal"), 1).has_flow
