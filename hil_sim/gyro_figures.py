@@ -107,11 +107,11 @@ def drive(setting: Setting, seed: int, gyro: bool) -> tuple[Array, bool]:
     return rows, bool(faults & lib.OMNI_WARN_GYRO)
 
 
-def drive_scenario(scenario: Scenario, title: str, seconds: int) -> tuple[Array, int]:
-    """Stand for three seconds, then drive. Return a row per look, and the fault bits that showed.
+def drive_scenario(scenario: Scenario, title: str, seconds: int, stand_ticks: int = STAND_TICKS) -> tuple[Array, int]:
+    """Stand for three seconds, or ``stand_ticks``, then drive. Return a row per look, and the fault bits that showed.
 
-    A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances.
-    Raises RuntimeError.
+    A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances, and
+    where the robot is, x and y [m]. Raises RuntimeError.
     """
     world = new_world(scenario).c
     config = core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)
@@ -124,7 +124,7 @@ def drive_scenario(scenario: Scenario, title: str, seconds: int) -> tuple[Array,
     lib.hil_run_advance(run, 1)
     for axis in range(3):  # it is told exactly, not as well as a fix
         run.robot.estimator.pose_ekf.p[axis][axis] = 1e-10
-    lib.hil_run_advance(run, STAND_TICKS)
+    lib.hil_run_advance(run, stand_ticks)
     if lib.hil_run_start_trajectory(run) != lib.OMNI_OK:
         raise RuntimeError(f"{title}: the path cannot be driven")
     run.inputs.events |= lib.OMNI_EVENT_ARM
@@ -133,7 +133,8 @@ def drive_scenario(scenario: Scenario, title: str, seconds: int) -> tuple[Array,
         lib.hil_run_advance(run, LOOK_TICKS)
         ekf, truth = run.robot.estimator.pose_ekf, run.world.pose
         heading = math.remainder(ekf.pose.theta - truth[2], 2.0 * math.pi)
-        rows.append([heading, ekf.p[2][2], ekf.pose.x - truth[0], ekf.pose.y - truth[1], ekf.p[0][0] + ekf.p[1][1]])
+        off = [ekf.pose.x - truth[0], ekf.pose.y - truth[1]]
+        rows.append([heading, ekf.p[2][2], *off, ekf.p[0][0] + ekf.p[1][1], truth[0], truth[1]])
         faults |= int(run.outputs.faults)
     if faults & lib.OMNI_FAULT_STOP_MASK:
         raise RuntimeError(f"{title}: stopped by faults {faults:#x}")
