@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """How far the pose drifts in ten minutes without a fix, with each set of sensors: python -m hil_sim.no_fix_figures.
 
-The robot is told exactly where it stands at first. It stands for three seconds, or 20, and learns a gyro's bias. Then it
-drives the demo's rose again and again, on real wheels that slip by 0 to 10 %. All parameters are as shipped. A cell is
-what 95 % of the seeds are below at the end.
+The robot is told exactly where it stands at first. It stands for three seconds, or 20, and learns a gyro's bias. Then
+it drives the demo's rose again and again, on real wheels that slip by 0 to 10 %. All parameters are as shipped. A cell
+is what 95 % of the seeds are below at the end.
 """
 
 from __future__ import annotations

@@ -39,6 +39,7 @@ def _flow(flow: FlowWiring, values: Mapping[str, float]) -> dict[str, float]:
         "flow_x_m": values["FLOW_X"],
         "flow_y_m": values["FLOW_Y"],
         "flow_angle_rad": math.radians(values["FLOW_ANGLE"]),
+        "flow_delay_s": values["FLOW_DELAY"],
         "flow_scale_error": 1.0 / values["FLOW_SCALE"] - 1.0,
     }
     if flow.chip.wheels:

@@ -10,6 +10,7 @@ namespace omni {
 namespace {
 
 constexpr uint64_t retry_us = 200'000;
+constexpr uint64_t patience_us = 1'000'000;
 /// A reading that waited longer was asked for before a pause: the host was in the loop.
 constexpr uint64_t stale_us = 10'000;
 /// Ticks that a transfer may take. The longest, a Pinpoint's pose, is 0.75 ms at 400 kHz.
@@ -19,6 +20,8 @@ constexpr uint8_t good_enough = 10;
 constexpr float farthest_m = 8.0f;
 /// Faster is no robot: its wheels would turn at 100 turns a second.
 constexpr float fastest_m_s = 10.0f;
+
+constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_READ);
 
 /// And no larger than anything that is driven.
 bool is_number(const CountedPose &pose) {
@@ -97,6 +100,7 @@ void RegisterFlow::failed(uint64_t now_us, I2cStatus status) {
     }
     const bool running = phase_ == Phase::run || phase_ == Phase::zero;
     if (!running || ++failures_ >= failures_allowed) {
+        calibrated_ = false; // it may have lost its power
         start_again(now_us, status == I2cStatus::nack ? FlowCause::absent : FlowCause::bus);
         return;
     }
@@ -130,8 +134,11 @@ void RegisterFlow::writes_done(uint64_t now_us) {
     if (phase_ == Phase::calibrate) {
         begin(Phase::start, chip_.start);
         due_us_ = now_us + chip_.calibrate_us;
+        ready_by_us_ = due_us_ + patience_us;
+        spoilt_ = true;
     } else if (phase_ == Phase::start) {
         calibrated_ = calibrated_ || rested_;
+        spoilt_ = spoilt_ && !rested_;
         begin(Phase::zero, chip_.zero);
         due_us_ = now_us + chip_.start_us;
     } else {
@@ -155,6 +162,9 @@ void RegisterFlow::identified(uint64_t now_us, uint8_t seen) {
 
 /// What the chip does not trust is left out, but the next way counts from here.
 uint8_t RegisterFlow::take_pose(uint64_t now_us, const CountedPose &pose, float *moved) {
+    if (!pose.ready && now_us < ready_by_us_) {
+        return 0;
+    }
     if (!pose.ready) {
         calibrated_ = false;
         start_again(now_us, FlowCause::restarted); // and has lost its settings
@@ -204,7 +214,7 @@ uint8_t RegisterFlow::take_move(uint64_t now_us, const CountedPose &pose, float 
         begin(Phase::zero, chip_.zero);
         due_us_ = now_us;
     }
-    return whole;
+    return spoilt_ ? way_only : whole;
 }
 
 void RegisterFlow::send(uint64_t now_us, const I2cTransaction &transaction) {

@@ -13,8 +13,8 @@
 /// counts to 10 m. One reading is lost then, because nobody knows when that takes effect. What goes wrong begins the
 /// start anew, 200 ms later.
 ///
-/// The gyro is calibrated while the robot stands, once. If it moves meanwhile, or when the chip has lost its power, it
-/// is done again at the next rest. Until then the chip uses what it has found by itself.
+/// The gyro is calibrated while the robot stands, once. It is done again at the next rest if the robot moves meanwhile,
+/// and after the chip was away: it may have lost its power. After a calibration on the move its turns are not used.
 ///
 /// Its bus must not be the PWM chip's: a sensor that holds SDA low must not stop the motors.
 #pragma once
@@ -74,6 +74,8 @@ private:
     bool rests_ = false;             ///< the robot stands
     bool rested_ = false;            ///< it has stood since the calibration began
     bool calibrated_ = false;        ///< once is enough
+    bool spoilt_ = false;            ///< the robot moved during the last calibration
+    uint64_t ready_by_us_ = 0;       ///< until then a chip that has been calibrated may still be getting ready
     bool in_flight_ = false;
     bool have_pose_ = false; ///< last_ is the pose that the next one is compared with
     uint8_t busy_ticks_ = 0;

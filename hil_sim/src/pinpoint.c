@@ -106,7 +106,7 @@ static void show(hil_flow_chip_t *chip, uint8_t reg) {
 
 static void control(hil_flow_chip_t *chip, uint32_t bits) {
     if ((bits & (RECALIBRATE | RESET_POSE)) != 0) {
-        chip->busy_until_us = chip->time_us + CALIBRATION_us;
+        chip->busy_until_us = chip->time_us + (chip->calibration_us > 0 ? chip->calibration_us : CALIBRATION_us);
         chip->calibrations++;
     }
     if ((bits & RESET_POSE) != 0) {

@@ -153,5 +153,5 @@ class Flow:
         self._lib.flow_put(self._c, *(ctypes.c_double(value) for value in (x, y, heading)))
 
 
-WHOLE, CAME = 15, 8
-"""Bits of a reading that is good, and of one that only came."""
+WHOLE, CAME, TURN = 15, 8, 4
+"""Bits of a reading that is good, of one that only came, and of the turn."""

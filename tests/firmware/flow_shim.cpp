@@ -151,6 +151,11 @@ void flow_rest(Flow *flow, int rests) {
     flow->rests = rests != 0;
 }
 
+/// Milliseconds that a Pinpoint's calibration takes.
+void flow_slow_calibration(Flow *flow, int ms) {
+    flow->bus.chip.calibration_us = static_cast<uint32_t>(ms) * 1000;
+}
+
 void flow_hold(Flow *flow, int held) {
     flow->bus.held = held != 0;
 }

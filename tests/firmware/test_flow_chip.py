@@ -15,6 +15,7 @@ from tests.firmware.flow_model import (
     PERIOD_TICKS,
     PINPOINT,
     RETRY_TICKS,
+    TURN,
     WHOLE,
     Cause,
     Chip,
@@ -138,8 +139,9 @@ def test_a_read_that_fails_loses_no_way(flow: Flow, lost: int) -> None:
     assert before[2] > 0.0
 
 
-def test_ten_reads_that_fail_begin_the_start_anew_without_another_calibration(flow: Flow) -> None:
+def test_ten_reads_that_fail_begin_the_start_anew_and_it_is_calibrated_at_the_next_rest(flow: Flow) -> None:
     flow.start()
+    flow.rest(False)
     flow.call("lose", 10)
     flow.run(10 * PERIOD_TICKS + 2, CURVE)
     assert flow.cause() is Cause.ABSENT
@@ -147,6 +149,9 @@ def test_ten_reads_that_fail_begin_the_start_anew_without_another_calibration(fl
     assert (flow.cause(), flow.call("starts"), flow.call("calibrations")) == (Cause.NONE, 2, 1)
     first = flow.valid[flow.valid > 0][0]
     assert first == CAME, "what it counted meanwhile is not known to be whole"
+    flow.rest(True)
+    flow.run(1000)
+    assert flow.call("calibrations") == 2
 
 
 def test_a_bus_that_is_held_low_is_freed_and_said(flow: Flow) -> None:
@@ -157,7 +162,8 @@ def test_a_bus_that_is_held_low_is_freed_and_said(flow: Flow) -> None:
     assert flow.cause() is Cause.BUS
     assert not flow.valid[PERIOD_TICKS:].any()
     flow.call("hold", 0)
-    flow.run(RETRY_TICKS + 15 * PERIOD_TICKS)
+    flow.run(RETRY_TICKS).start()
+    flow.run(15 * PERIOD_TICKS)
     assert (flow.valid[-PERIOD_TICKS:].max(), flow.cause()) == (WHOLE, Cause.NONE)
 
 
@@ -251,6 +257,13 @@ def test_settings_of_other_wheels_show(pinpoint: Flow, wheels: dict[str, object]
     assert np.abs(way[:2] - np.multiply(CURVE[:2], PERIOD_TICKS * 1e-3)).max() > 5e-4
 
 
+def test_a_pinpoint_that_takes_longer_to_calibrate_is_waited_for(pinpoint: Flow) -> None:
+    pinpoint.call("slow_calibration", 900)
+    pinpoint.run(3000)
+    assert (pinpoint.cause(), pinpoint.call("calibrations")) == (Cause.NONE, 1)
+    assert pinpoint.valid[-PERIOD_TICKS:].max() == WHOLE
+
+
 def test_a_tilted_otos_sees_the_floor(otos: Flow) -> None:
     otos.faults.tilted = True
     otos.start().run(1000, CURVE)
@@ -278,9 +291,11 @@ def test_a_calibration_during_which_the_robot_moved_is_done_again(flow: Flow) ->
     flow.rest(False)
     flow.run(3000, CURVE)
     assert flow.call("calibrations") == 1
+    assert set(flow.valid[-100:]) == {0, WHOLE & ~TURN}, "its gyro has been taught a bias that is not there"
     flow.rest(True)
     flow.run(3000)
     assert flow.call("calibrations") == 2
+    assert flow.valid[-PERIOD_TICKS:].max() == WHOLE
 
 
 def test_one_that_lost_its_power_on_the_way_is_calibrated_at_the_next_rest(flow: Flow) -> None:

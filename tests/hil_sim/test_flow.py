@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil_sim import flow_figures
+from hil_sim import core, flow_figures
 from hil_sim.faults import Fault
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import load_scenario
@@ -114,6 +114,21 @@ def test_without_fixes_the_errors_are_at_most_a_third_of_the_wheels_alone(seed: 
         assert "floor motion" not in faults_seen(run)[1]
         errors[name] = np.array([np.hypot(off[:, 0], off[:, 1]).max(), np.abs(off[:, 2]).max()])
     assert (errors["flow_no_fixes"] < errors["no_fixes"] / 3.0).all()
+
+
+def test_a_pose_that_is_set_forgets_how_readings_have_moved_the_one_of_before() -> None:
+    scenario = load_scenario("flow_no_fixes")
+    world = new_world(scenario).c
+    config = core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)
+    run, why = ffi.new("hil_run_t *"), ffi.new("char[]", 160)
+    assert lib.hil_run_init(run, ffi.addressof(world, "config"), config, why, len(why)) == lib.HIL_OK
+    lib.hil_run_advance(run, 10)
+    taken = run.robot.estimator.flow.taken
+    taken[0], taken[1], taken[2] = 0.3, -0.2, 0.1
+    run.inputs.pose.x, run.inputs.pose.y, run.inputs.pose.theta = 1.0, 2.0, 0.5
+    run.inputs.events |= lib.OMNI_EVENT_SET_POSE
+    lib.hil_run_advance(run, 1)
+    assert list(taken) == [0.0, 0.0, 0.0]
 
 
 ASKEW = tuple(each for each in flow_figures.SETTINGS if each.title.startswith("no fixes, mounted"))

@@ -61,6 +61,7 @@ typedef struct hil_flow_chip_t {
     uint8_t given[HIL_FLOW_READ]; /**< what a read gives, from its beginning */
     uint32_t ignored_writes;      /**< to registers that cannot be written */
     uint32_t calibrations;
+    uint32_t calibration_us; /**< that a Pinpoint's takes; 0: as its maker says */
 } hil_flow_chip_t;
 
 /** Power-up. Time, faults and wheels stay. `*chip` must be initialised, to zero at first.

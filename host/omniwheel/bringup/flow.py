@@ -22,6 +22,7 @@ WAY_M = 1.0
 RATE_HZ = 20.0
 REST_S = 2.0
 WAIT_S = 40.0
+LEAST_READINGS = 10
 BEGUN_M = 0.2
 STILL_M = 0.002
 STILL_S = 1.0
@@ -63,6 +64,11 @@ class Ways:
         self.first, self.still_s = self.last, 0.0
 
     @property
+    def came(self) -> int:
+        """Readings since then, good or not."""
+        return 0 if self.first is None or self.last is None else self.last.readings_came - self.first.readings_came
+
+    @property
     def lost(self) -> int:
         """Readings since then that came without a way."""
         return 0 if self.first is None or self.last is None else self.last.readings_lost - self.first.readings_lost
@@ -99,8 +105,12 @@ def check_flow(robot: Robot, person: Person, *, file: RobotFile | None = None, w
         advice = "the robot file has such a sensor: flash the firmware that was built from it"
         findings.judge("flow", wiring is None, NONE, advice)
         return findings.result()
-    require(person, REST)
     wheels = wiring is not None and wiring.chip.wheels
+    angle = robot.parameters["FLOW_ANGLE"]
+    if wheels and abs(angle) > math.degrees(DIRECTION_TOLERANCE_RAD):
+        findings.bad("FLOW_ANGLE", f"{angle:g}", "wheels are put right by their cables and `reversed`: set it to 0")
+        return findings.result()
+    require(person, REST)
     with _listening(robot) as ways:
         if _rests(robot, findings, ways) and _ahead(robot, person, findings, ways, (wheels, wait_s)):
             _aside(robot, person, findings, ways, (wheels, wait_s))
@@ -111,9 +121,9 @@ def _rests(robot: Robot, findings: Findings, ways: Ways) -> bool:
     robot.pump(REST_S)
     prefix = "floor motion: "
     said = [text.text for text in robot.texts.since(0) if text.text.startswith(prefix)]
-    usable = ways.last is not None and ways.last.usable
-    seen = "they come" if usable else f"none that can be used: {said[-1] if said else 'nothing comes'}"
-    if not findings.judge("readings", usable, seen, _WIRES):
+    good = ways.came - ways.lost
+    seen = f"{good} in {REST_S:g} s"
+    if not findings.judge("readings", good >= LEAST_READINGS, ", ".join([seen, *said[-1:]]), _WIRES):
         return False
     x, y, _ = ways.moved()
     drift = math.hypot(x, y)

@@ -161,6 +161,8 @@ def sensor_warnings(robot: Robot) -> list[str]:
     name = flow.chip.name
     if values["FLOW_X"] or values["FLOW_Y"]:
         found.append(f"A {name} tells the motion of the robot's centre: leave FLOW_X and FLOW_Y at 0.")
+    if values["FLOW_ANGLE"]:
+        found.append(f"A {name} is put right by its cables and `reversed`: leave FLOW_ANGLE at 0.")
     places = {"x_wheel_mm": flow.x_wheel_mm, "y_wheel_mm": flow.y_wheel_mm}
     for key, value in places.items():
         if value == 0.0:

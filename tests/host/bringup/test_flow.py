@@ -107,6 +107,24 @@ def test_a_sensor_from_which_nothing_comes_fails_at_once(make_bench: MakeBench) 
     assert bench.told == []
 
 
+def test_a_sensor_that_starts_late_and_wheels_that_were_turned_before_are_fine(make_bench: MakeBench) -> None:
+    """As with a chip that calibrates its gyro first, and after the check of the encoders."""
+    turned = Fault("wheel_turned", 1.0, 2.0, wheel=0, value=1.0)
+    bench = in_world(make_bench, faults=[Fault("flow_silent", 0.0, 0.7), turned])
+    bench.robot.pump(4.0)
+    result = check_flow(bench.robot, bench)
+    assert result.ok, failures(result)
+
+
+@pytest.mark.parametrize("angle", [90.0, 180.0])
+def test_wheels_with_an_angle_are_told_to_have_none(make_bench: MakeBench, angle: float) -> None:
+    """Left over from another sensor; any advice on cables would be wrong then."""
+    bench = in_world(make_bench, parameters={"FLOW_ANGLE": angle})
+    result = check_flow(bench.robot, bench, file=with_chip("Pinpoint"))
+    assert list(failures(result)) == ["FLOW_ANGLE"]
+    assert bench.told == []
+
+
 def test_readings_that_are_lost_on_the_way_are_no_scale(make_bench: MakeBench) -> None:
     bench = in_world(make_bench, flow_drop_probability=0.08)
     result = check_flow(bench.robot, bench)

@@ -6,7 +6,7 @@
  * It may be an optical sensor, or wheels that only measure. A reading says how far a point of the body has moved since
  * the reading before, in the sensor's axes. It may say how far the body has turned, too:
  *
- *   z_xy = scale R(angle)^T reading_xy      in body axes, of mid-way [m]
+ *   z_xy = scale R(angle) reading_xy        in body axes, of mid-way [m]
  *   z_th = reading_turn                     counter-clockwise [rad]
  *
  * The wheels predict the same from the pose EKF's history. What the two differ by corrects slip ratios and pose
@@ -17,16 +17,15 @@
  *
  * Left out is a reading that is not finite, or larger than any robot moves meanwhile. So is one that does not fit: its
  * normalised innovation squared is beyond the gate. After OMNI_FLOW_DOUBT of these in a row the floor may have changed.
- * The slip ratios of a sensor that has been right before count as unknown then, if the ways differ by less than half.
+ * The slip ratios count as unknown then, if the ways differ by less than half. So they do once more every
+ * OMNI_FLOW_AGAIN readings. A sensor that has never been used must point right for that, see below.
  *
- * The sensor is in trouble after OMNI_FLOW_REFUSED of them, or OMNI_FLOW_HOLD_TICKS without a good reading. So it is
- * if most of its last readings do not fit. So it is while it says exactly zero and the wheels have moved by more than
- * 20 mm.
- * It may also repeat itself: the same reading, not zero, OMNI_FLOW_REPEATS times. If the wheels say another way by
- * then, by 1 mm and a tenth of it, that is trouble, too. Their slip is left out of this comparison, or it would hide
- * that. The wheels count alone then, until OMNI_FLOW_GOOD readings of a robot that moves fit in a row. If the readings
- * were wrong, not missing, what they have taught is taken back. That is the slip ratios, and how far they have moved
- * the pose. This goes back by about 2 m of way, and to the last pose fix at most.
+ * It is silent after OMNI_FLOW_HOLD_TICKS without a good reading, until one comes. It is in trouble after
+ * OMNI_FLOW_REFUSED that do not fit, or if most of its last readings do not. So it is while it says exactly zero and the
+ * wheels have moved by more than 20 mm. It may also repeat itself: the same reading, not zero, OMNI_FLOW_REPEATS times.
+ * If the wheels say another way by then, by 1 mm and a tenth of it, that is trouble, too. Their slip is left out of this
+ * comparison, or it would hide that. The wheels count alone then, until OMNI_FLOW_GOOD readings of a robot that moves
+ * fit in a row. A sensor that was silent must prove itself in the same way before it counts.
  *
  * A sensor that points elsewhere is taken for slip. But slip makes ways shorter and longer, and does not turn them:
  * B+ diag(s) B is symmetric in x and y. (So it is for wheels that stand evenly.) Let d be the ways of the wheels
@@ -34,8 +33,9 @@
  *
  *   psi = atan2(A_yx - A_xy, A_xx + A_yy)
  *
- * It is known once the robot has moved in two directions. Beyond 0.15 rad the sensor is in trouble, until it is
- * below 0.075 rad.
+ * It is known once the robot has moved in two directions, and by more than noise. Beyond 0.15 rad the sensor is in
+ * trouble, until psi is below 0.075 rad. What it has taught is then taken back. That is the slip ratios, and how far its
+ * readings have moved the pose. This goes back by about 2 m of way, and to the last pose fix at most.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H
@@ -46,7 +46,8 @@
 enum {
     OMNI_FLOW_HOLD_TICKS = 200, /**< ticks without a good reading after which it counts as silent */
     OMNI_FLOW_GOOD = 5,         /**< readings in a row that fit before it is used; the robot must move */
-    OMNI_FLOW_DOUBT = 10,       /**< refused ones in a row after which the slip ratios count as unknown */
+    OMNI_FLOW_DOUBT = 10,       /**< refused ones in a row after which the slip ratios count as unknown, */
+    OMNI_FLOW_AGAIN = 50,       /**< and again after so many */
     OMNI_FLOW_REFUSED = 20,     /**< refused ones in a row after which it is in trouble */
     OMNI_FLOW_REPEATS = 5       /**< equal ones in a row that may be those of a sensor that has hung up */
 };
@@ -80,7 +81,9 @@ typedef struct omni_flow_state_t {
     omni_flow_config_t config;  /**< of that tick */
     uint64_t read_us;           /**< tick of the last reading, good or not; 0: none */
     uint64_t good_us;           /**< of the last good one, or when it began */
-    omni_flag_t trouble;        /**< readings are missing, cannot be true, or do not fit */
+    omni_flag_t trouble;        /**< readings do not fit, or hang, or it points elsewhere */
+    omni_flag_t silent;         /**< readings are missing, or cannot be true */
+    omni_flag_t trusted;        /**< it has proved itself since it was last in trouble or silent */
     omni_uint_t good;           /**< readings in a row that fitted while the robot moved */
     omni_uint_t refused_in_row; /**< that did not fit */
     omni_uint_t used;           /**< readings so far */
@@ -92,12 +95,15 @@ typedef struct omni_flow_state_t {
     omni_uint_t repeats;          /**< readings in a row that were the same as the one before, and not zero */
     omni_real_t rolled_m[2];      /**< what the wheels said at the first of them, without slip */
     omni_flag_t frozen;           /**< they repeat themselves, and the wheels say another way by now */
-    omni_uint_t lost;             /**< readings that came without a way */
+    omni_uint_t came;             /**< readings so far, good or not */
+    omni_uint_t lost;             /**< those that came without a way */
     omni_real_t refused_share;    /**< of the last ones, about fifty: those that did not fit */
     omni_real_t way_m;            /**< over which the following sums reach back */
     omni_real_t wheels_m2[3];     /**< of d_x d_x, d_x d_y, d_y d_y */
     omni_real_t both_m2[2][2];    /**< of z d^T */
-    omni_real_t off_rad;          /**< psi above; 0 as long as it is not known */
+    omni_flag_t knows;            /**< the direction is known */
+    omni_flag_t askew;            /**< it is wrong, or was when it was last known */
+    omni_real_t off_rad;          /**< psi above; 0 while it is not known */
     omni_real_t taken[OMNI_AXES]; /**< how far readings have moved the pose over the same way: world, m, m, rad */
     omni_uint_t fixes;            /**< pose fixes used until then */
 } omni_flow_state_t;

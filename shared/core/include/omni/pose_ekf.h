@@ -134,6 +134,7 @@ typedef struct omni_ekf_flow_result_t {
     omni_flag_t fits;       /**< within the gate */
     omni_real_t expected_m; /**< way of the point that the wheels say */
     omni_real_t apart_m;    /**< how far the reading is from that */
+    omni_real_t noise_m2;   /**< variance of the difference along one axis, if the slip ratios are right */
     omni_real_t
         rolled[OMNI_AXES];        /**< motion of the robot's centre if no wheel slipped, body axes of mid-way: m, rad */
     omni_real_t moved[OMNI_AXES]; /**< the same with the slip ratios that were known */

@@ -198,7 +198,8 @@ typedef struct omni_outputs_t {
     omni_real_t flow_nis;            /**< normalised innovation squared of the last reading */
     omni_uint_t flow_used;           /**< readings used so far */
     omni_uint_t flow_refused;
-    omni_uint_t flow_lost;    /**< that came without a way */
+    omni_uint_t flow_came;    /**< readings so far, good or not */
+    omni_uint_t flow_lost;    /**< those without a way */
     omni_real_t flow_off_rad; /**< direction of its x axis, seen from where it should point; 0: not known */
     omni_flag_t flow_usable;
 } omni_outputs_t;

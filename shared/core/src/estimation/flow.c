@@ -8,8 +8,8 @@
 static const omni_real_t flow_largest_m = 1.0f; /* 4 m/s over the reach of the pose EKF's history */
 static const omni_real_t flow_largest_rad = OMNI_PI_F;
 static const omni_real_t flow_zero_m = 0.02f;
-static const omni_real_t flow_proof_m = 0.001f; /* a robot that stands proves nothing of where a sensor points, */
-static const omni_real_t flow_proof_sds = 4.0f; /* nor does a way that could be the sensor's noise */
+static const omni_real_t flow_proof_m = 0.001f;
+static const omni_real_t flow_proof_sds = 4.0f;
 static const omni_real_t flow_repeat_m = 0.001f;
 static const omni_real_t flow_repeat_share = 0.1f;
 static const omni_real_t flow_few_zeros_m = 0.002f; /* a slow robot moves less than the sensor's steps */
@@ -18,8 +18,10 @@ static const omni_real_t flow_share_most = 0.5f;
 static const omni_real_t flow_reach_m = 2.0f; /* of the sums that tell the direction */
 static const omni_real_t flow_direction_m = 0.5f;
 static const omni_real_t flow_two_ways = 0.05f; /* least product of the squares along two axes over their sum squared */
+static const omni_real_t flow_longest = 2.0f;   /* times the wheels' way */
+static const omni_real_t flow_off_sd_rad = 0.04f; /* by the readings' noise */
 static const omni_real_t flow_off_rad = 0.15f;
-static const omni_real_t flow_right_rad = 0.075f;     /* below it a sensor in trouble points right again */
+static const omni_real_t flow_right_rad = 0.075f;     /* below it a sensor that was askew points right again */
 static const uint64_t flow_longest_pause_us = 100000; /* without a tick of its own it has been off meanwhile */
 static const uint64_t flow_hold_us = (uint64_t)OMNI_FLOW_HOLD_TICKS * 1000u;
 
@@ -80,8 +82,8 @@ static void look_for_repeats(omni_flow_state_t *state, const omni_real_t *readin
 }
 
 /* Share of a sum over the last flow_reach_m that is left after a reading. */
-static omni_real_t kept_over(const omni_ekf_flow_result_t *result) {
-    const omni_real_t left = 1.0f - result->expected_m / flow_reach_m;
+static omni_real_t kept_over(omni_real_t way_m) {
+    const omni_real_t left = 1.0f - way_m / flow_reach_m;
     return omni_select(left > 0.0f, left, 0.0f);
 }
 
@@ -89,7 +91,7 @@ static omni_real_t kept_over(const omni_ekf_flow_result_t *result) {
  * right what was before it. */
 static void note_taken(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_flag_t counts,
                        const omni_pose_ekf_state_t *ekf) {
-    const omni_real_t kept = omni_select(state->fixes == ekf->accepted, kept_over(result), 0.0f);
+    const omni_real_t kept = omni_select(state->fixes == ekf->accepted, kept_over(result->expected_m), 0.0f);
     omni_real_t more[OMNI_AXES];
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
         more[axis] = omni_select(counts, result->seen[axis], result->moved[axis]) - result->rolled[axis];
@@ -103,60 +105,85 @@ static void note_taken(omni_flow_state_t *state, const omni_ekf_flow_result_t *r
     state->fixes = ekf->accepted;
 }
 
-/* Where does it point, seen from where the wheels say it moved? */
+/* A robot that stands proves nothing of where a sensor points, nor does a way that could be the sensor's noise. */
+static omni_flag_t is_proof(const omni_flow_state_t *state, omni_real_t way2) {
+    return way2 > flow_proof_m * flow_proof_m && way2 > flow_proof_sds * flow_proof_sds * state->config.r_xy;
+}
+
+/* Where does it point, seen from where the wheels say it moved? A reading that is far too long says nothing. */
 static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_result_t *result) {
     const omni_real_t *d = result->rolled;
     const omni_real_t *z = result->seen;
-    const omni_real_t kept = kept_over(result);
-    state->way_m = kept * state->way_m + result->expected_m;
+    const omni_real_t d2 = d[0] * d[0] + d[1] * d[1];
+    const omni_flag_t tells = is_proof(state, d2) && z[0] * z[0] + z[1] * z[1] < flow_longest * flow_longest * d2;
+    const omni_real_t way = omni_select(tells, omni_sqrtf(d2), 0.0f);
+    const omni_real_t weight = omni_select(tells, 1.0f, 0.0f);
+    const omni_real_t kept = kept_over(way);
+    state->way_m = kept * state->way_m + way;
     omni_real_t *dd = state->wheels_m2;
-    dd[0] = kept * dd[0] + d[0] * d[0];
-    dd[1] = kept * dd[1] + d[0] * d[1];
-    dd[2] = kept * dd[2] + d[1] * d[1];
+    dd[0] = kept * dd[0] + weight * d[0] * d[0];
+    dd[1] = kept * dd[1] + weight * d[0] * d[1];
+    dd[2] = kept * dd[2] + weight * d[1] * d[1];
     for (int row = 0; row < 2; ++row) {
         for (int column = 0; column < 2; ++column) {
-            state->both_m2[row][column] = kept * state->both_m2[row][column] + z[row] * d[column];
+            const omni_real_t product = omni_select(tells, z[row] * d[column], 0.0f);
+            state->both_m2[row][column] = kept * state->both_m2[row][column] + product;
         }
     }
     const omni_real_t(*zd)[2] = (const omni_real_t(*)[2])state->both_m2;
-    const omni_real_t squares = (dd[0] + dd[2]) * (dd[0] + dd[2]);
-    const omni_flag_t known =
-        state->way_m > flow_direction_m && dd[0] * dd[2] - dd[1] * dd[1] > flow_two_ways * squares;
+    const omni_real_t sum = dd[0] + dd[2];
+    const omni_real_t spread = dd[0] * dd[2] - dd[1] * dd[1];
+    const omni_flag_t sure = result->noise_m2 * sum < 4.0f * flow_off_sd_rad * flow_off_sd_rad * spread;
+    state->knows = state->way_m > flow_direction_m && spread > flow_two_ways * sum * sum && sure;
     const omni_real_t turned = zd[1][0] * dd[2] - zd[1][1] * dd[1] + zd[0][0] * dd[1] - zd[0][1] * dd[0];
     const omni_real_t along = zd[0][0] * dd[2] - zd[0][1] * dd[1] - zd[1][0] * dd[1] + zd[1][1] * dd[0];
-    state->off_rad = omni_select(known, omni_atan2f(turned, along), state->off_rad);
+    state->off_rad = omni_select(state->knows, omni_atan2f(turned, along), 0.0f);
+}
+
+/* A sensor that points elsewhere has taught what is not so. */
+static void judge_direction(omni_flow_state_t *state, omni_pose_ekf_state_t *ekf,
+                            const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
+    const omni_flag_t before = state->askew;
+    const omni_flag_t off = omni_absf(state->off_rad) > omni_select(before, flow_right_rad, flow_off_rad);
+    state->askew = (state->knows && off) || (!state->knows && before);
+    if (state->askew && !before && state->used > 0u) {
+        omni_pose_ekf_take_back_flow(ekf, ekf_config, k, state->taken);
+        memset(state->taken, 0, sizeof state->taken);
+    }
+}
+
+/* The floor may have changed: no slip turns the way aside. Then the slip ratios count as unknown, once, and again
+ * every OMNI_FLOW_AGAIN readings. A sensor that has never been used must be known to point right. */
+static omni_flag_t may_be_floor(const omni_flow_state_t *state, const omni_ekf_flow_result_t *result) {
+    const omni_flag_t slips = result->apart_m < 0.5f * result->expected_m;
+    const omni_flag_t right = state->knows && omni_absf(state->off_rad) < flow_right_rad;
+    const omni_flag_t due = state->refused_in_row % (omni_uint_t)OMNI_FLOW_AGAIN == (omni_uint_t)OMNI_FLOW_DOUBT;
+    return due && slips && !state->askew && (state->used > 0u || right);
 }
 
 /* What follows from a reading that fits, or does not. */
 static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_pose_ekf_state_t *ekf,
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
-    const omni_real_t proof2 = flow_proof_sds * flow_proof_sds * state->config.r_xy;
     const omni_flag_t fits = result->fits;
-    const omni_flag_t zeros = zero_way(state) > flow_zero_m; /* these have taught nothing */
-    const omni_flag_t askew = omni_absf(state->off_rad) > omni_select(state->trouble, flow_right_rad, flow_off_rad);
-    const omni_flag_t moves = result->expected_m > flow_proof_m && result->expected_m * result->expected_m > proof2;
-    const omni_flag_t proves = fits && !zeros && !state->frozen && !askew;
+    judge_direction(state, ekf, ekf_config, k);
+    const omni_flag_t hangs = zero_way(state) > flow_zero_m || state->frozen;
+    const omni_flag_t moves = is_proof(state, result->expected_m * result->expected_m);
+    const omni_flag_t proves = fits && !hangs && !state->askew;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);
     state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);
     state->refused = omni_select(fits, state->refused, state->refused + 1u);
-    const omni_flag_t slips = result->apart_m < 0.5f * result->expected_m; /* no slip turns the way aside */
-    const omni_flag_t doubt = state->refused_in_row == (uint32_t)OMNI_FLOW_DOUBT && slips && state->used > 0u;
-    if (doubt) {
+    if (may_be_floor(state, result)) {
         omni_pose_ekf_doubt_slips(ekf, ekf_config, k);
     }
     const omni_real_t share = state->refused_share;
     state->refused_share = share + flow_share_step * (omni_select(fits, 0.0f, 1.0f) - share);
     const omni_flag_t proved = state->good >= (uint32_t)OMNI_FLOW_GOOD;
-    const omni_flag_t wrong = state->frozen || askew || state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED ||
-                              state->refused_share > flow_share_most;
-    const omni_flag_t failed = zeros || wrong;
-    if (wrong && !state->trouble && state->used > 0u) {
-        omni_pose_ekf_take_back_flow(ekf, ekf_config, k, state->taken);
-        memset(state->taken, 0, sizeof state->taken);
-    }
+    const omni_flag_t failed = hangs || state->askew || state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED ||
+                               state->refused_share > flow_share_most;
     const omni_flag_t over = state->trouble && proved && !failed;
     state->refused_share = omni_select(over, 0.0f, state->refused_share);
     state->trouble = failed || (state->trouble && !proved);
+    state->trusted = !state->trouble && (state->trusted || proved);
 }
 
 static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
@@ -181,9 +208,7 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
         state->sum[axis] += flow.move[axis];
     }
     const omni_flag_t zero = tick->reading[0] == 0.0f && tick->reading[1] == 0.0f;
-    const omni_flag_t proved = state->good >= (uint32_t)OMNI_FLOW_GOOD;
-    const omni_flag_t trusted = !state->trouble && (proved || state->used > 0u);
-    flow.counts = trusted && !(zero && zero_way(state) > flow_few_zeros_m);
+    flow.counts = state->trusted && !(zero && zero_way(state) > flow_few_zeros_m);
     if (!omni_pose_ekf_correct_flow(ekf, ekf_config, k, &flow, &result)) {
         return; /* the estimate has begun anew meanwhile */
     }
@@ -197,6 +222,7 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     judge_reading(state, &result, ekf, ekf_config, k);
     state->used = omni_select(result.fits && flow.counts, state->used + 1u, state->used);
     state->good_us = tick->time_us;
+    state->silent = false;
 }
 
 omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
@@ -210,11 +236,13 @@ omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *c
         if (has_way) {
             use_reading(state, config, tick, since_us, ekf, ekf_config, k);
         }
+        state->came = state->came + 1u;
         state->lost = state->lost + omni_select(has_way, 0u, 1u);
     }
     if (tick->time_us > state->good_us && tick->time_us - state->good_us > flow_hold_us) {
         state->good = 0u;
-        state->trouble = true;
+        state->silent = true;
+        state->trusted = false;
     }
-    return !state->trouble;
+    return !state->trouble && !state->silent;
 }

@@ -327,6 +327,9 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
         if (state->refused_in_row < config->gate_restart) {
             return refuse_fix(state, OMNI_ERR_RANGE);
         }
+        if (spoilt && config->gyro) {
+            omni_pose_ekf_start_gyro(state, config); /* it may be what is spoilt */
+        }
         reinitialise_filter(&u, config, k, fix, state);
     } else {
         if (config->adapt > 0.0f) {

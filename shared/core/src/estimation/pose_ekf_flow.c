@@ -170,6 +170,7 @@ static void find_innovation(flow_update_t *u, const omni_pose_ekf_state_t *state
     u->innovation[1] = flow->move[1] - y;
     u->innovation[2] = flow->move[2] - u->move[2];
     result->expected_m = omni_sqrtf(x * x + y * y);
+    result->noise_m2 = u->w[0] + u->c[0] + u->r[0];
     result->apart_m = omni_sqrtf(u->innovation[0] * u->innovation[0] + u->innovation[1] * u->innovation[1]);
     const omni_real_t turn = u->rows > 2 ? u->innovation[2] : 0.0f;
     const omni_real_t more[OMNI_AXES] = {u->innovation[0] + flow->arm_m[1] * turn,
@@ -370,7 +371,9 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     result->nis = omni_select(known, nis, largest_nis);
     result->fits = known && (config->flow_gate == 0.0f || nis <= config->flow_gate);
     const omni_flag_t counts = flow->counts && result->fits;
-    state->flow_slots = OMNI_EKF_HISTORY;
+    if (omni_any(counts)) {
+        state->flow_slots = OMNI_EKF_HISTORY;
+    }
     if (shared) {
         teach_history(&u, state, flow, lever, counts);
     }

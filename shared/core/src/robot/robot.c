@@ -114,9 +114,10 @@ static void report_flow(const omni_flow_state_t *flow, omni_outputs_t *outputs) 
     outputs->flow_nis = flow->nis;
     outputs->flow_used = flow->used;
     outputs->flow_refused = flow->refused;
+    outputs->flow_came = flow->came;
     outputs->flow_lost = flow->lost;
     outputs->flow_off_rad = flow->off_rad;
-    outputs->flow_usable = !flow->trouble;
+    outputs->flow_usable = !flow->trouble && !flow->silent;
 }
 
 static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
@@ -151,6 +152,7 @@ static void report_estimate(const omni_estimator_t *estimator, const omni_robot_
     outputs->flow_nis = 0.0f;
     outputs->flow_used = 0u;
     outputs->flow_refused = 0u;
+    outputs->flow_came = 0u;
     outputs->flow_lost = 0u;
     outputs->flow_off_rad = 0.0f;
     outputs->flow_usable = false;

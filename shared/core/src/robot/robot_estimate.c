@@ -233,6 +233,7 @@ void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t 
     omni_pose_ekf_get_gyro(&estimator->pose_ekf, &gyro);
     omni_pose_ekf_set_pose(&estimator->pose_ekf, &config->pose_ekf, &inputs->pose, inputs->time_us);
     omni_pose_ekf_set_gyro(&estimator->pose_ekf, &gyro);
+    memset(estimator->flow.taken, 0, sizeof estimator->flow.taken); /* it moved the pose of before */
     read_pose(&estimator->pose_ekf, estimate);
     for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
         estimate->slip_ratio[i] = slip_ratio(&estimator->pose_ekf, config, i);
