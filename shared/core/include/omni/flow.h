@@ -35,7 +35,8 @@
  *
  * It is known once the robot has moved in two directions, and by more than noise. Beyond 0.15 rad the sensor is in
  * trouble, until psi is below 0.075 rad. What it has taught is then taken back. That is the slip ratios, and how far its
- * readings have moved the pose. This goes back by about 2 m of way, and to the last pose fix at most.
+ * readings have moved the pose. This goes back by about 2 m of way, and to the last pose fix at most. The same is done
+ * if it does not fit within the first 2 m of its use.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H
@@ -106,6 +107,7 @@ typedef struct omni_flow_state_t {
     omni_real_t off_rad;          /**< psi above; 0 while it is not known */
     omni_real_t taken[OMNI_AXES]; /**< how far readings have moved the pose over the same way: world, m, m, rad */
     omni_uint_t fixes;            /**< pose fixes used until then */
+    omni_real_t counted_m;        /**< way over which readings have been used since anything was taken back */
 } omni_flow_state_t;
 
 /** One tick, after the pose EKF's prediction. @return false while the readings cannot be used. */

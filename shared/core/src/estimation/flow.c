@@ -140,15 +140,19 @@ static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_res
     state->off_rad = omni_select(state->knows, omni_atan2f(turned, along), 0.0f);
 }
 
-/* A sensor that points elsewhere has taught what is not so. */
-static void judge_direction(omni_flow_state_t *state, omni_pose_ekf_state_t *ekf,
-                            const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
+/* A sensor that points elsewhere has taught what is not so. So has one that does not fit soon after it was first used.
+ * Of one that has been right for longer, or hangs, what it has taught stays. */
+static void judge_lessons(omni_flow_state_t *state, omni_flag_t hangs, omni_pose_ekf_state_t *ekf,
+                          const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_flag_t before = state->askew;
     const omni_flag_t off = omni_absf(state->off_rad) > omni_select(before, flow_right_rad, flow_off_rad);
     state->askew = (state->knows && off) || (!state->knows && before);
-    if (state->askew && !before && state->used > 0u) {
+    const omni_flag_t refused = state->refused_in_row == (omni_uint_t)OMNI_FLOW_REFUSED && !hangs;
+    const omni_flag_t wrong = (state->askew && !before) || (refused && state->counted_m < flow_reach_m);
+    if (wrong && state->counted_m > 0.0f) {
         omni_pose_ekf_take_back_flow(ekf, ekf_config, k, state->taken);
         memset(state->taken, 0, sizeof state->taken);
+        state->counted_m = 0.0f;
     }
 }
 
@@ -165,13 +169,13 @@ static omni_flag_t may_be_floor(const omni_flow_state_t *state, const omni_ekf_f
 static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_pose_ekf_state_t *ekf,
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_flag_t fits = result->fits;
-    judge_direction(state, ekf, ekf_config, k);
+    state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);
+    state->refused = omni_select(fits, state->refused, state->refused + 1u);
     const omni_flag_t hangs = zero_way(state) > flow_zero_m || state->frozen;
+    judge_lessons(state, hangs, ekf, ekf_config, k);
     const omni_flag_t moves = is_proof(state, result->expected_m * result->expected_m);
     const omni_flag_t proves = fits && !hangs && !state->askew;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);
-    state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);
-    state->refused = omni_select(fits, state->refused, state->refused + 1u);
     if (may_be_floor(state, result)) {
         omni_pose_ekf_doubt_slips(ekf, ekf_config, k);
     }
@@ -220,7 +224,9 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     note_taken(state, &result, flow.counts && result.fits, ekf);
     look_for_repeats(state, tick->reading, &result);
     judge_reading(state, &result, ekf, ekf_config, k);
-    state->used = omni_select(result.fits && flow.counts, state->used + 1u, state->used);
+    const omni_flag_t counted = result.fits && flow.counts;
+    state->used = omni_select(counted, state->used + 1u, state->used);
+    state->counted_m += omni_select(counted, result.expected_m, 0.0f);
     state->good_us = tick->time_us;
     state->silent = false;
 }
