@@ -110,8 +110,8 @@ def drive(setting: Setting, seed: int, gyro: bool) -> tuple[Array, bool]:
 def drive_scenario(scenario: Scenario, title: str, seconds: int, stand_ticks: int = STAND_TICKS) -> tuple[Array, int]:
     """Stand for three seconds, or ``stand_ticks``, then drive. Return a row per look, and the fault bits that showed.
 
-    A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances, and
-    where the robot is, x and y [m]. Raises RuntimeError.
+    A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances. The
+    last two are x and y of the robot [m]. Raises RuntimeError.
     """
     world = new_world(scenario).c
     config = core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)

@@ -13,8 +13,8 @@
 /// counts to 10 m. One reading is lost then, because nobody knows when that takes effect. What goes wrong begins the
 /// start anew, 200 ms later.
 ///
-/// The gyro is calibrated while the robot stands, once. It is done again at the next rest if the robot moves meanwhile,
-/// and after the chip was away: it may have lost its power. After a calibration on the move its turns are not used.
+/// The gyro is calibrated while the robot stands, once. It is done again at the next rest if the robot moves meanwhile.
+/// So it is after the chip was away, without power perhaps. After a calibration on the move its turns are not used.
 ///
 /// Its bus must not be the PWM chip's: a sensor that holds SDA low must not stop the motors.
 #pragma once

@@ -338,7 +338,8 @@ WRITE_NOTHING = (
     "host-control motor", "mocap bridge", "mocap look", "radio key set", "radio key remove", "radio key show",
     "logs show", "logs align", "robots list", "robots show", "robots motors", "robots params", "bringup link",
     "bringup i2c", "bringup encoders",
-    "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "bringup gyro", "bringup flow",
+    "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "bringup gyro",
+    "bringup flow",
     "stop", "link",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""

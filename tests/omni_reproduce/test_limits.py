@@ -37,7 +37,7 @@ WORLD = Statistics(0.1, 0.5, 50.0, np.array([0.005, 0.004, 0.003]), 0.03)
 SEEDS, PATHS = 8, 2
 MONTE_CARLO = 0.1
 """How far a mean over a few paths may be below what it estimates."""
-FLOW = {"flow_rate_Hz": 50.0, "flow_sd": 1e-4, "flow_share": 0.02}
+FLOW: dict[str, Any] = {"flow_rate_Hz": 50.0, "flow_sd": 1e-4, "flow_share": 0.02}
 """What a sensor of motion over the floor adds to it."""
 
 

@@ -67,6 +67,17 @@ def fingerprint(root: Path, robot: Path) -> str:
     return state.hexdigest()
 
 
+def dialect_number(folder: Path) -> int:
+    """Return a number that is another one for another MAVLink codec: 32 bits of a hash of the headers in ``folder``.
+
+    SCons does not look into system headers. With this number among the flags it compiles anew what includes them.
+    """
+    state = hashlib.sha256()
+    for path in sorted(folder.rglob("*.h")):
+        state.update(f"{path.relative_to(folder)}\0".encode() + path.read_bytes())
+    return int.from_bytes(state.digest()[:4], "big")
+
+
 def warnings_are_errors(environ: Mapping[str, str]) -> bool:
     """Return whether OMNI_WERROR asks for it; it is for our CI, whose compilers are known."""
     return environ.get("OMNI_WERROR", "0") not in ("", "0")

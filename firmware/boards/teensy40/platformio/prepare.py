@@ -16,7 +16,7 @@ env: Any = DefaultEnvironment()
 root = Path(env.subst("$PROJECT_DIR"))
 sys.path.insert(0, str(root / "firmware" / "boards" / "teensy40" / "platformio"))
 
-from build_inputs import InputError, fingerprint, robot_file, warnings_are_errors  # noqa: E402
+from build_inputs import InputError, dialect_number, fingerprint, robot_file, warnings_are_errors  # noqa: E402
 
 PARTS = ("tables", "wiring", "mavlink-c")
 # Module name and what pip installs for it.
@@ -85,6 +85,7 @@ def prepare() -> None:
     for folder in (generated / "mavlink", framework):
         env.Append(CCFLAGS=["-isystem", str(folder)])
     env.Append(CPPPATH=[str(generated / "include")])
+    env.Append(SRC_BUILD_FLAGS=[f"-DOMNI_DIALECT={dialect_number(generated / 'mavlink')}u"])
     if warnings_are_errors(os.environ):
         env.Append(SRC_BUILD_FLAGS=["-Werror"])
     for pattern in SMALL:
