@@ -25,6 +25,8 @@ SPEED_M_S, TURN_RAD_S = 0.15, 0.4
 SPEED_SHARE, TURN_SHARE = 0.5, 0.25
 """Of what a slower robot can do."""
 DRIVE_S = 1.5
+CALIBRATE_S = 1.0
+"""Its gyro is calibrated while the robot stands; on the move its turns would not be used."""
 START_S = 3.0
 WAY_LIMIT_M = 2e-3
 TURN_LIMIT_RAD = 5e-3
@@ -74,6 +76,7 @@ def flow(context: Context) -> list[str]:
         robot.pump(0.2)
         for name in ("OMNI_FLOW", "OMNI_STATUS"):
             robot.set_message_interval(name, 50.0)
+        robot.pump(CALIBRATE_S)
         robot.arm()
         speed, turn = _pace(robot)
         sensor = Sensor(

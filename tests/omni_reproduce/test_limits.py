@@ -119,7 +119,7 @@ def test_to_know_less_raises_the_bound() -> None:
     ]
     for change in changes:
         assert (mean(replace(WORLD, **change)) > mean(WORLD)).all(), change
-    gyro = {"gyro_step_variance": 1e-9, "gyro_bias_sd": 0.01}
+    gyro: dict[str, Any] = {"gyro_step_variance": 1e-9, "gyro_bias_sd": 0.01}
     for more in (gyro, FLOW):
         assert (mean(replace(WORLD, **more)) < mean(WORLD)).all()
     assert (mean(replace(WORLD, **gyro, **FLOW)) < mean(replace(WORLD, **gyro))).all()
