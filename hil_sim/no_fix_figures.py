@@ -24,7 +24,7 @@ from hil_sim.scenario import load_scenario
 
 Array = NDArray[np.float64]
 
-SEEDS = 200
+SEEDS = 50
 SECONDS = 600
 FIRST_SEED = 3001
 SHARE = 95.0
