@@ -57,6 +57,10 @@ static void make_state(void) {
     gyro->turn.rest = any_bool();
     robot.estimator.flow.trouble = any_bool();
     robot.estimator.flow.frozen = any_bool();
+    robot.estimator.flow.silent = any_bool();
+    robot.estimator.flow.trusted = any_bool();
+    robot.estimator.flow.knows = any_bool();
+    robot.estimator.flow.askew = any_bool();
 }
 
 /* What make_state takes for granted holds again. */

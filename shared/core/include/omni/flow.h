@@ -21,11 +21,12 @@
  * OMNI_FLOW_AGAIN readings. A sensor that has never been used must point right for that, see below.
  *
  * It is silent after OMNI_FLOW_HOLD_TICKS without a good reading, until one comes. It is in trouble after
- * OMNI_FLOW_REFUSED that do not fit, or if most of its last readings do not. So it is while it says exactly zero and the
- * wheels have moved by more than 20 mm. It may also repeat itself: the same reading, not zero, OMNI_FLOW_REPEATS times.
- * If the wheels say another way by then, by 1 mm and a tenth of it, that is trouble, too. Their slip is left out of this
- * comparison, or it would hide that. The wheels count alone then, until OMNI_FLOW_GOOD readings of a robot that moves
- * fit in a row. A sensor that was silent must prove itself in the same way before it counts.
+ * OMNI_FLOW_REFUSED that do not fit, or if most of its last readings do not. So it is while it says exactly zero
+ * and the wheels have moved by more than 20 mm. It may also repeat itself: the same reading, not zero,
+ * OMNI_FLOW_REPEATS times. If the wheels say another way by then, by 1 mm and a tenth of it, that is trouble, too.
+ * Their slip is left out of this comparison, or it would hide that. The wheels count alone then, until
+ * OMNI_FLOW_GOOD readings of a robot that moves fit in a row. A sensor that was silent must prove itself in the
+ * same way before it counts.
  *
  * A sensor that points elsewhere is taken for slip. But slip makes ways shorter and longer, and does not turn them:
  * B+ diag(s) B is symmetric in x and y. (So it is for wheels that stand evenly.) Let d be the ways of the wheels
@@ -34,9 +35,9 @@
  *   psi = atan2(A_yx - A_xy, A_xx + A_yy)
  *
  * It is known once the robot has moved in two directions, and by more than noise. Beyond 0.15 rad the sensor is in
- * trouble, until psi is below 0.075 rad. What it has taught is then taken back. That is the slip ratios, and how far its
- * readings have moved the pose. This goes back by about 2 m of way, and to the last pose fix at most. The same is done
- * if it does not fit within the first 2 m of its use.
+ * trouble, until psi is below 0.075 rad. What it has taught is then taken back. That is the slip ratios, and how
+ * far its readings have moved the pose. This goes back by about 2 m of way, and to the last pose fix at most. The
+ * same is done if it does not fit within the first 2 m of its use.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H

@@ -230,9 +230,10 @@ void omni_pose_ekf_predict_turn(omni_pose_ekf_state_t *state, const omni_pose_ek
 
 /**
  * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.
- * @return OMNI_OK used. OMNI_ERR_RANGE gated out, or the covariance is spoilt. OMNI_ERR_TIME older than the history, not
- * newer than the last used one, from the future (> 5 ms), or no tick yet. OMNI_ERR_NOT_FINITE. OMNI_ERR_LOCKED in mode
- * odometry, which ignores fixes. Nothing but counters and diagnostics (nis, innovation) changes when a fix is refused.
+ * @return OMNI_OK used. OMNI_ERR_RANGE gated out, or the covariance is spoilt. OMNI_ERR_TIME older than the
+ * history, not newer than the last used one, from the future (> 5 ms), or no tick yet. OMNI_ERR_NOT_FINITE.
+ * OMNI_ERR_LOCKED in mode odometry, which ignores fixes. Nothing but counters and diagnostics (nis, innovation)
+ * changes when a fix is refused.
  */
 omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                     const omni_kinematics_t *k, const omni_pose_fix_t *fix);

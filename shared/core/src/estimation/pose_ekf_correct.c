@@ -263,14 +263,14 @@ static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
 static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *state,
                                     const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                                     const omni_pose_fix_t *fix) {
-    if (!omni_ekf_history_window(state, config, k, u->age_us, &u->window)) {
-        return OMNI_ERR_TIME;
-    }
     u->columns = omni_ekf_columns(config, k);
     u->states = (uint8_t)(OMNI_AXES + u->columns);
     u->r[0] = variance_of(fix->sd_xy, config->r_xy) * state->fix_factor;
     u->r[1] = u->r[0];
     u->r[2] = variance_of(fix->sd_theta, config->r_theta) * state->fix_factor;
+    if (!omni_ekf_history_window(state, config, k, u->age_us, &u->window)) {
+        return OMNI_ERR_TIME;
+    }
     set_innovation(u, state, fix);
     return innovation_covariance(u, state) ? OMNI_OK : OMNI_ERR_RANGE;
 }
