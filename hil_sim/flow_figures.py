@@ -41,9 +41,9 @@ class Setting:
 
 
 _NONE = {"fix_rate_Hz": 0.0}
-_OPTICAL = {"flow_turns": 0.0, "flow_step_m": 0.0, "flow_sd_m": 1e-4, "flow_share": 0.02}
+OPTICAL = {"flow_turns": 0.0, "flow_step_m": 0.0, "flow_sd_m": 1e-4, "flow_share": 0.02}
 """A chip that measures no turn: a PMW3901's noise is not in its data sheet; this is a guess."""
-_TOLD_OPTICAL = {"FLOW_MODE": 1.0, "FLOW_SHARE": 0.02}
+TOLD_OPTICAL = {"FLOW_MODE": 1.0, "FLOW_SHARE": 0.02}
 SETTINGS = (
     Setting("no fixes"),
     Setting("no fixes, slip to 30 %", world={"slip_max": 0.3}),
@@ -59,8 +59,8 @@ SETTINGS = (
     ),
     Setting("no fixes, four wheels", robot="four_wheel"),
     Setting("no fixes, fast robot", scenario="fast", world=_NONE, seconds=30),
-    Setting("no fixes, no turn measured", sensor=_OPTICAL, told=_TOLD_OPTICAL),
-    Setting("no fixes, no turn measured, gyro in both", sensor=_OPTICAL, told=_TOLD_OPTICAL, gyro=True),
+    Setting("no fixes, no turn measured", sensor=OPTICAL, told=TOLD_OPTICAL),
+    Setting("no fixes, no turn measured, gyro in both", sensor=OPTICAL, told=TOLD_OPTICAL, gyro=True),
     Setting("fixes", scenario="demo"),
     Setting("fixes, fast robot", scenario="fast", seconds=25),
 )

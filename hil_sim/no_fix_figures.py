@@ -12,12 +12,13 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.flow_figures import OPTICAL, TOLD_OPTICAL
 from hil_sim.gyro_figures import drive_scenario
 from hil_sim.processes import worker_pool
 from hil_sim.scenario import load_scenario
@@ -40,17 +41,16 @@ class Sensors:
     stand_s: int = 3
 
 
-_GYRO = {"gyro_rate_Hz": 1000.0}
-_OPTICAL = {"flow_rate_Hz": 50.0, "flow_turns": 0.0, "flow_step_m": 0.0, "flow_sd_m": 1e-4, "flow_share": 0.02}
+_GYRO, _FLOOR = {"gyro_rate_Hz": 1000.0}, {"flow_rate_Hz": 50.0}
 SETS = (
     Sensors("wheels alone", {}, {}),
     Sensors("gyro", _GYRO, {"GYRO_AXIS": 3.0}),
     Sensors("gyro, 20 s at rest before", _GYRO, {"GYRO_AXIS": 3.0}, stand_s=20),
-    Sensors("floor motion: way and turn", {"flow_rate_Hz": 50.0}, {"FLOW_MODE": 2.0}),
+    Sensors("floor motion: way and turn", _FLOOR, {"FLOW_MODE": 2.0}),
     Sensors(
         "gyro, and floor motion: way",
-        {**_GYRO, **_OPTICAL},
-        {"GYRO_AXIS": 3.0, "FLOW_MODE": 1.0, "FLOW_SD": 1e-4, "FLOW_SHARE": 0.02},
+        {**_GYRO, **_FLOOR, **OPTICAL},
+        {"GYRO_AXIS": 3.0, **TOLD_OPTICAL, "FLOW_SD": OPTICAL["flow_sd_m"]},
     ),
 )
 """The sensors' noise is that of docs/guides/gyro.md and docs/guides/floor-motion.md."""
@@ -58,12 +58,8 @@ SETS = (
 
 def drift(sensors: Sensors, seconds: int, seed: int) -> Array:
     """Return position error [m], heading error [rad] and way driven [m] at the end of one run. Raises RuntimeError."""
-    base = load_scenario("no_fixes").with_seed(seed)
-    scenario = replace(
-        base,
-        world={**base.world, **sensors.world},
-        parameters={**base.parameters, "TRJ_LAPS": 0.0, **sensors.parameters},
-    )
+    scenario = load_scenario("no_fixes").with_seed(seed).with_world(sensors.world)
+    scenario = scenario.with_parameters({"TRJ_LAPS": 0.0, **sensors.parameters})
     rows, _ = drive_scenario(scenario, f"{sensors.title}, seed {seed}", seconds, 1000 * sensors.stand_s)
     way = float(np.hypot(*np.diff(rows[:, 5:7], axis=0).T).sum())
     return np.array([np.hypot(*rows[-1, 2:4]), abs(rows[-1, 0]), way])

@@ -10,6 +10,7 @@ namespace omni {
 namespace {
 
 constexpr uint64_t retry_us = 200'000;
+/// How much longer than its maker says a chip may take to be ready after its calibration.
 constexpr uint64_t patience_us = 1'000'000;
 /// A reading that waited longer was asked for before a pause: the host was in the loop.
 constexpr uint64_t stale_us = 10'000;
@@ -22,14 +23,12 @@ constexpr float farthest_m = 8.0f;
 constexpr float fastest_m_s = 10.0f;
 
 constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_READ);
+constexpr uint8_t whole = way_only | static_cast<uint8_t>(OMNI_FLOW_TURN);
 
-/// And no larger than anything that is driven.
+/// A pose that can be reckoned with.
 bool is_number(const CountedPose &pose) {
     return std::fabs(pose.x_m) < 1e6f && std::fabs(pose.y_m) < 1e6f && std::fabs(pose.heading_rad) < 1e6f;
 }
-
-constexpr uint8_t whole =
-    static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_TURN) | static_cast<uint8_t>(OMNI_FLOW_READ);
 
 } // namespace
 

@@ -8,12 +8,11 @@ world's robot does. A Pinpoint's wheels are those of the robot file.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from hil_sim.image_check.bench import Bench, CheckError, Context
 from hil_sim.image_check.check import CI, NIGHTLY, Check
-from hil_sim.image_check.sensor_trouble import STEP_S, Sensor, fail, held_line, wait, world_fault
-from hil_sim.scenario import Scenario
+from hil_sim.image_check.sensor_trouble import STEP_S, Sensor, fail, held_line, on_floor, wait, world_fault
 from omni_schema.flow import SDA_PIN
 from omniwheel.capability.speeds import top_speed, top_turn_rate
 from omniwheel.dialect import Message
@@ -57,11 +56,6 @@ class Heard:
         self.status += [status] if status is not None else []
 
 
-def with_flow(scenario: Scenario) -> Scenario:
-    """Return the scenario with such a sensor in its world."""
-    return replace(scenario, world={"flow_rate_Hz": 50.0}) if scenario.robot.board.flow is not None else scenario
-
-
 def flow(context: Context) -> list[str]:
     """Ways of a drive and of a turn, and each trouble that wires can show: what is said, and the way back.
 
@@ -70,7 +64,7 @@ def flow(context: Context) -> list[str]:
     if context.scenario.robot.board.flow is None:
         return [NO_FLOW]
     figures = []
-    with context.booted(scenario=with_flow(context.scenario)) as bench:
+    with context.booted(scenario=on_floor(context.scenario)) as bench:
         robot, heard = bench.connect(), Heard()
         robot.connection.add_listener(heard.take)
         robot.pump(0.2)

@@ -7,13 +7,11 @@ the world's robot does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from math import radians
+from dataclasses import dataclass, field
 
 from hil_sim.image_check.bench import Bench, CheckError, Context
 from hil_sim.image_check.check import CI, NIGHTLY, Check
-from hil_sim.image_check.sensor_trouble import STEP_S, Sensor, fail, held_line, world_fault
-from hil_sim.scenario import Scenario
+from hil_sim.image_check.sensor_trouble import STEP_S, Sensor, fail, held_line, on_floor, world_fault
 from omni_schema.gyro import AXIS_PARAMETER, SDA_PIN
 from omniwheel.dialect import Message
 from omniwheel.robot import Robot
@@ -54,15 +52,6 @@ class Heard:
         self.status += [status] if status is not None else []
 
 
-def with_gyro(scenario: Scenario) -> Scenario:
-    """Return the scenario with its robot on the floor and a gyro in its world, at the axis that the robot says."""
-    wired = scenario.robot.board.gyro
-    if wired is None:
-        return scenario
-    world = {"gyro_rate_Hz": 1000.0, "gyro_axis": float(wired.axis), "gyro_bias_rad_s": radians(wired.chip.offset_dps)}
-    return replace(scenario, world=world)
-
-
 def gyro(context: Context) -> list[str]:
     """Bias at rest, rate in a turn by the motors, and each trouble that wires can show: what is said, and the way back.
 
@@ -72,7 +61,7 @@ def gyro(context: Context) -> list[str]:
     if robot_file.board.gyro is None:
         return [NO_GYRO]
     figures = []
-    with context.booted(scenario=with_gyro(context.scenario)) as bench:
+    with context.booted(scenario=on_floor(context.scenario)) as bench:
         robot, heard = _listen(bench)
         figures.append(_rest(bench, robot, heard))
         figures.append(_turn(bench, robot, heard))

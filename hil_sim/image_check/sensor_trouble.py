@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hil_sim.fault_cases import Kind
 from hil_sim.image_check.bench import Bench, CheckError
 from hil_sim.image_check.fault_drive import install
+from hil_sim.scenario import Scenario
 from omniwheel.telemetry import Status
 
 STEP_S = 0.02
@@ -28,6 +29,11 @@ class Sensor:
     texts: list[str]
     status: list[Status]
     meanwhile: Callable[[float], None]
+
+
+def on_floor(scenario: Scenario) -> Scenario:
+    """Return the scenario with its robot on the floor. The world has the sensors that the robot file names."""
+    return replace(scenario, world={})
 
 
 def world_fault(bench: Bench, name: str) -> tuple[Callable[[], None], Callable[[], None]]:

@@ -116,7 +116,7 @@ def no_radio() -> Iterator[None]:
 @contextmanager
 def person() -> Iterator[None]:
     """Somebody agrees to everything and looks at nothing, beside a robot on a stand."""
-    with robot("stand"), patch("omniwheel.cli.bringup.TerminalPerson", lambda *_: Assumed()):
+    with robot("stand"), patch("omniwheel.cli.bringup.TerminalPerson", lambda *_, **__: Assumed()):
         yield
 
 

@@ -130,26 +130,23 @@ def _current_rows(model: DriveModel) -> list[Row]:
 
 def _sensors(model: DriveModel) -> tuple[str, ...]:
     slip = "one combination of the wheels' slip" if model.wheels > 3 else "no slip"
-    gyro: tuple[str, ...] = ()
+    lines = [f"encoders: motion since the start, and {slip}; the pose drifts without fixes"]
     if model.gyro:
         more = "another combination" if model.wheels > 3 else "one combination"
-        gyro = (
+        lines.append(
             f"gyro: the heading without fixes, and {more} of the wheels' slip, the one that turns the robot; slip that "
-            "carries it sideways or along does not show",
+            "carries it sideways or along does not show"
         )
-    flow: tuple[str, ...] = ()
     if model.flow_axes:
         turn = " and the turn" if model.flow_axes > 2 else ""
-        flow = (
+        lines.append(
             f"floor motion: the way{turn} since the start, whatever the wheels do; with encoders, each wheel's slip "
-            "while it drives",
+            "while it drives"
         )
-    return (
-        f"encoders: motion since the start, and {slip}; the pose drifts without fixes",
-        *gyro,
-        *flow,
-        "pose fixes (Vicon, or any program that sends them): the pose; with encoders, each wheel's slip over time",
+    lines.append(
+        "pose fixes (Vicon, or any program that sends them): the pose; with encoders, each wheel's slip over time"
     )
+    return tuple(lines)
 
 
 def sensor_warnings(robot: Robot) -> list[str]:

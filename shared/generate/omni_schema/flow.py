@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from omni_schema.errors import SchemaError, did_you_mean
-from omni_schema.toml_file import number_within, refuse_unknown_keys, take_table, take_text
+from omni_schema.errors import SchemaError
+from omni_schema.toml_file import number_within, refuse_unknown_keys, take_chip, take_table, take_text
 
 FLOW_CHIPS = "flow_chips"
 """The key of the table in ``params.toml``."""
@@ -94,16 +94,10 @@ def parse_flow(
     """
     if section is None:
         return None
-    for key in section:
-        if key.startswith("FLOW_"):
-            raise SchemaError(source, f"flow.{key}", "is a parameter; write it in the section [parameters]")
     refuse_unknown_keys(source, "flow.", section, ("chip", *WHEEL_KEYS))
     if "chip" not in section:
         raise SchemaError(source, "flow.chip", f"is missing; give one of {', '.join(chips)}")
-    name = section["chip"]
-    if not isinstance(name, str) or name not in chips:
-        problem = f"is {name!r}{did_you_mean(str(name), chips)}; the firmware has drivers for {', '.join(chips)}"
-        raise SchemaError(source, "flow.chip", problem)
+    name = take_chip(source, "flow.chip", section["chip"], chips)
     if MODE_PARAMETER in parameters:
         raise SchemaError(source, f"parameters.{MODE_PARAMETER}", "follows from the key flow.chip; remove it")
     chip = chips[name]

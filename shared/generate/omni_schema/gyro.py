@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from omni_schema.errors import SchemaError, did_you_mean
+from omni_schema.errors import SchemaError
 from omni_schema.gyro_chips import GyroChip
 from omni_schema.gyro_configuration import CONFIG_FILE_KEY, SHA_KEY, WHERE
-from omni_schema.toml_file import refuse_unknown_keys, take_text
+from omni_schema.toml_file import refuse_unknown_keys, take_chip, take_text
 
 AXES = (1, 2, 3, -1, -2, -3)
 AXIS_PARAMETER = "GYRO_AXIS"
@@ -47,19 +47,12 @@ def parse_gyro(
     """
     if section is None:
         return None
-    for key in section:
-        if key.startswith("GYRO_"):
-            raise SchemaError(source, f"gyro.{key}", "is a parameter; write it in the section [parameters]")
     refuse_unknown_keys(source, "gyro.", section, KEYS)
     for key in ("chip", "axis"):
         if key not in section:
             problem = "is missing; " + (f"give one of {', '.join(chips)}" if key == "chip" else _axis_wanted())
             raise SchemaError(source, f"gyro.{key}", problem)
-    name, axis = section["chip"], section["axis"]
-    if not isinstance(name, str) or name not in chips:
-        problem = f"is {name!r}{did_you_mean(str(name), chips)}; the firmware has drivers for {', '.join(chips)}"
-        raise SchemaError(source, "gyro.chip", problem)
-    chip = chips[name]
+    axis, chip = section["axis"], chips[take_chip(source, "gyro.chip", section["chip"], chips)]
     if type(axis) is not int or axis not in AXES:
         raise SchemaError(source, "gyro.axis", f"is {axis!r}; {_axis_wanted()}")
     if AXIS_PARAMETER in parameters:

@@ -88,10 +88,24 @@ def number_within(source: str, key: str, value: object, low: float, high: float)
     return number
 
 
+def take_chip(source: str, key: str, value: object, chips: Iterable[str]) -> str:
+    """Return ``value`` if it is the name of one of the ``chips`` that the firmware has drivers for."""
+    known = list(chips)
+    if not isinstance(value, str) or value not in known:
+        problem = f"is {value!r}{did_you_mean(str(value), known)}; the firmware has drivers for {', '.join(known)}"
+        raise SchemaError(source, key, problem)
+    return value
+
+
 def refuse_unknown_keys(source: str, prefix: str, table: Mapping[str, object], known: Iterable[str]) -> None:
-    """Raise SchemaError for the first key of ``table`` that is not in ``known``."""
+    """Raise SchemaError for the first key of ``table`` that is not in ``known``.
+
+    Parameters are the only names in capitals: such a key stands in the wrong section.
+    """
     allowed = list(known)
     for key in table:
+        if key not in allowed and key.isupper():
+            raise SchemaError(source, f"{prefix}{key}", "is a parameter; write it in the section [parameters]")
         if key not in allowed:
             hint = did_you_mean(key, allowed)
             raise SchemaError(source, f"{prefix}{key}", f"unknown key{hint}; allowed are {', '.join(allowed)}")
