@@ -17,6 +17,7 @@ NOTICE = """\
 """
 
 _MEMBER = {"int": "int32_t", "bool": "bool"}
+_BY_SIZE = ("hil_real_t", "double", "int32_t", "bool")
 _ANY = Range("real", "", -1e6, 1e6)
 """What the number of a fault that needs none may be."""
 
@@ -67,14 +68,18 @@ def _fault_doc(fault: FaultKind) -> str:
 
 def members(world: WorldSchema) -> str:
     """Return ``hil_sim/world_members_gen.h``: the numbers as members of ``hil_world_config_t``."""
-    return "\n".join([NOTICE, *(_member(quantity) for quantity in world.numbers.values()), ""])
+    by_size = sorted(world.numbers.values(), key=lambda quantity: _BY_SIZE.index(_kind(quantity)))  # no padding between
+    return "\n".join([NOTICE, *(_member(quantity) for quantity in by_size), ""])
+
+
+def _kind(quantity: Quantity) -> str:
+    return _MEMBER.get(quantity.kind, "double" if quantity.deciding else "hil_real_t")
 
 
 def _member(quantity: Quantity) -> str:
-    kind = _MEMBER.get(quantity.kind, "double" if quantity.deciding else "hil_real_t")
     count = "[HIL_MAX_WHEELS]" if quantity.per_wheel else f"[{len(quantity.elements)}]" if quantity.elements else ""
     unit = f" [{quantity.unit}]" if quantity.unit else ""
-    return f"{kind} {quantity.field}{count}; /**< {quantity.doc}{unit} */"
+    return f"{_kind(quantity)} {quantity.field}{count}; /**< {quantity.doc}{unit} */"
 
 
 def ranges_source(world: WorldSchema) -> str:

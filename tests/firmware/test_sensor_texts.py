@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.firmware.client import mav
 from tests.firmware.fake_robot import HIL_OFF, HIL_ON, PORTS, RADIO, USB, FakeRobot
 
 SAID = {
@@ -32,6 +33,8 @@ def test_a_trouble_and_its_end_are_said_once_on_each_link(robot: FakeRobot, sens
     robot.sensor_trouble()
     robot.tick(2000)
     assert [robot.texts(port).count(over) for port in range(PORTS)] == [1] * PORTS
+    loud = {m.text: m.severity for m in robot.said[USB] if m.get_type() == "STATUSTEXT"}
+    assert (loud[trouble], loud[over]) == (mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO)
 
 
 @pytest.mark.parametrize("sensor", SAID)

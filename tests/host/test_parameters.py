@@ -136,7 +136,7 @@ def test_diff_lists_what_differs(robot: Robot) -> None:
         ("[parameters]\nISMC_LAM_XY = 1000\n", ["ISMC_LAM_XY", "1000", "from 0 to 200"]),
         ("[parameters]\nISMC_LAM_XY = nan\n", ["ISMC_LAM_XY", "nan"]),
         ('[parameters]\nCTL_MODE = "pidd"\n', ["CTL_MODE", "did you mean pid"]),
-        ("ISMC_LAM_XY = 1\n", ["ISMC_LAM_XY", "unknown key"]),
+        ("ISMC_LAM_XY = 1\n", ["ISMC_LAM_XY", "section [parameters]"]),
         ("[parameters\n", ["not valid TOML"]),
     ],
 )

@@ -68,6 +68,9 @@ static const field_t fields[] = {
     REALS(flow_nis),
     WHOLE(flow_used),
     WHOLE(flow_refused),
+    WHOLE(flow_came),
+    WHOLE(flow_lost),
+    REALS(flow_off_rad),
     WHOLE(flow_usable),
     REALS(motor_heat),
     REALS(current_cut),
@@ -76,8 +79,8 @@ static const field_t fields[] = {
 
 enum {
     FIELDS = sizeof fields / sizeof fields[0],
-    /* After config_sequence 2, after stop.wheel 3, after gyro_used 3, at the end 3. */
-    PADDING = 5 + 3 + 3
+    /* After config_sequence 2, after stop.wheel 3, after gyro_used 3, at the end 7. */
+    PADDING = 5 + 3 + 7
 };
 
 bool digest_is_complete(void) {

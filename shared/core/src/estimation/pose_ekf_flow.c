@@ -260,7 +260,7 @@ static void factor_flow(flow_update_t *u, const omni_pose_ekf_state_t *state, co
     }
 }
 
-static void whiten_flow(const flow_update_t *u, omni_real_t *v, int stride) {
+static void whiten_flow(const flow_update_t *u, omni_real_t *v, ptrdiff_t stride) {
     for (int i = 0; i < u->rows; ++i) {
         for (int c = 0; c < i; ++c) {
             v[i * stride] -= u->factor[i][c] * v[c * stride];
