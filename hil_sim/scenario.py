@@ -40,7 +40,14 @@ from hil_sim.schema import WORLD, WORLD_LISTS, WORLD_NUMBERS
 from hil_sim.world import DEFAULT_PLANT, PLANTS
 from omni_schema import ParameterTable, Robot, SchemaError
 from omni_schema.errors import did_you_mean
-from omni_schema.toml_file import read_toml, refuse_unknown_keys, take_number, take_table, take_text
+from omni_schema.toml_file import (
+    read_toml,
+    refuse_misplaced_parameters,
+    refuse_unknown_keys,
+    take_number,
+    take_table,
+    take_text,
+)
 from omni_schema.world import FaultKind
 from omniwheel.robots import read_robot
 
@@ -189,6 +196,7 @@ def load_scenario(name_or_path: str | Path, robot: str | None = None, world_robo
 
 def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
     """Build a scenario from a parsed document (``extends`` already resolved); ``source`` names it in errors."""
+    refuse_misplaced_parameters(source, document)
     refuse_unknown_keys(source, "", document, _SECTIONS)
     head = take_table(source, "scenario", document.get("scenario", {}))
     refuse_unknown_keys(source, "scenario.", head, _HEAD)

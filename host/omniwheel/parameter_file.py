@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
-from omni_schema.toml_file import parse_toml, read_toml, refuse_unknown_keys, take_table
+from omni_schema.toml_file import parse_toml, read_toml, refuse_misplaced_parameters, refuse_unknown_keys, take_table
 from omniwheel import files
 from omniwheel.errors import ParameterFileError
 
@@ -74,6 +74,7 @@ def parse(text: str, source: str, table: ParameterTable) -> dict[str, float]:
 
 
 def _checked(document: Mapping[str, Any], source: str, table: ParameterTable) -> dict[str, float]:
+    refuse_misplaced_parameters(source, document)
     refuse_unknown_keys(source, "", document, ("parameters", "preset"))
     section = take_table(source, "parameters", document.get("parameters"))
     return {name: table.find(source, name, name).parse(source, name, value) for name, value in section.items()}

@@ -69,6 +69,7 @@ def edit(section: str, key: str, value: object) -> Callable[[dict[str, Any]], No
         (edit("robot", "name", "My Robot"), "robot.name", "a-z 0-9 _"),
         (edit("robot", "colour", "red"), "robot.colour", "unknown key"),
         (edit("geometry", "LIM_V", 1.0), "geometry.LIM_V", "write it in the section [parameters]"),
+        (lambda document: document.update(LIM_V=1.0), "LIM_V", "write it in the section [parameters]"),
         (edit("geometri", "wheels", 3), "geometri", "did you mean geometry?"),
     ],
 )

@@ -89,6 +89,7 @@ def test_what_a_scenario_says_is_what_it_holds() -> None:
         ({"parameters": {"ISMC_LAM_XY": 1e9}}, ("parameters.ISMC_LAM_XY", "200")),
         ({"parameters": {"CTL_MODE": "ismcc"}}, ("parameters.CTL_MODE", "did you mean ismc")),
         ({"world": {"slip_maximum": 0.1}}, ("world.slip_maximum", "did you mean slip_max")),
+        ({"world": {"EKF_GATE": 0}}, ("world.EKF_GATE", "write it in the section [parameters]")),
         ({"world": {"plant": "slipp"}}, ("world.plant", "did you mean slip", "kinematic+motors")),
         ({"world": {"plant": 3}}, ("world.plant", "3")),
         ({"world": {"slip_speed_max_m_s": -0.1}}, ("world.slip_speed_max_m_s", "-0.1")),

@@ -16,6 +16,7 @@ from omni_schema.gyro import gyro_values, parse_gyro
 from omni_schema.parameters import Parameter, ParameterTable
 from omni_schema.toml_file import (
     read_toml,
+    refuse_misplaced_parameters,
     refuse_unknown_keys,
     take_number,
     take_table,
@@ -73,6 +74,7 @@ def load_robot(path: Path | str, table: ParameterTable) -> Robot:
 
 def parse_robot(document: Mapping[str, Any], table: ParameterTable, source: str) -> Robot:
     """Build a robot from a parsed document; ``source`` names it in errors."""
+    refuse_misplaced_parameters(source, document)
     refuse_unknown_keys(source, "", document, SECTIONS)
     sections = {name: copy.deepcopy(take_table(source, name, document.get(name, {}))) for name in SECTIONS}
     name, description = _identity(source, sections["robot"])

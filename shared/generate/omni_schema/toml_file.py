@@ -97,15 +97,22 @@ def take_chip(source: str, key: str, value: object, chips: Iterable[str]) -> str
     return value
 
 
-def refuse_unknown_keys(source: str, prefix: str, table: Mapping[str, object], known: Iterable[str]) -> None:
-    """Raise SchemaError for the first key of ``table`` that is not in ``known``.
+def refuse_misplaced_parameters(source: str, document: Mapping[str, object]) -> None:
+    """Raise SchemaError for the first parameter outside the section ``[parameters]`` of a document that may have one.
 
-    Parameters are the only names in capitals: such a key stands in the wrong section.
+    In such documents parameters are the only names in capitals.
     """
+    others = {name: section for name, section in document.items() if name != "parameters"}
+    inside = [f"{name}.{key}" for name, section in others.items() if isinstance(section, Mapping) for key in section]
+    for key in (*others, *inside):
+        if key.rpartition(".")[2].isupper():
+            raise SchemaError(source, key, "is a parameter; write it in the section [parameters]")
+
+
+def refuse_unknown_keys(source: str, prefix: str, table: Mapping[str, object], known: Iterable[str]) -> None:
+    """Raise SchemaError for the first key of ``table`` that is not in ``known``."""
     allowed = list(known)
     for key in table:
-        if key not in allowed and key.isupper():
-            raise SchemaError(source, f"{prefix}{key}", "is a parameter; write it in the section [parameters]")
         if key not in allowed:
             hint = did_you_mean(key, allowed)
             raise SchemaError(source, f"{prefix}{key}", f"unknown key{hint}; allowed are {', '.join(allowed)}")

@@ -193,7 +193,8 @@ def test_lens_and_place_files_are_checked(tmp_path: Path) -> None:
     with pytest.raises(MocapSourceError, match="the lens changed"):
         load_place(setup, other)
     for path, problem in ((setup.lens_path, "fx_px"), (setup.place_path, "shift_m")):
-        path.write_text(path.read_text(encoding="utf-8").replace(problem, "other"), encoding="utf-8")
+        wrong = problem.upper()  # such a file has no section [parameters] to send anybody to
+        path.write_text(path.read_text(encoding="utf-8").replace(problem, wrong), encoding="utf-8")
     with pytest.raises(MocapSourceError, match="unknown key"):
         load_lens(setup.lens_path)
     save_lens(lens, setup.lens_path)
