@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hil_sim import core
+from hil_sim.faults import Fault
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.world import IDEAL_WHEELS
@@ -23,15 +24,17 @@ from omni_reproduce.consistency import inside
 from omni_reproduce.limits_table import print_table
 from omni_reproduce.posterior_bound import Array
 from omniwheel._core import ffi, lib
+from omniwheel.presets import read_preset
+from omniwheel.robots import parameter_table
 
 AXES, SHARE = 3, 0.95
 FIRST_SEED = 5000
 """Nothing was made with these seeds."""
 LOOK_TICKS, STAND_TICKS, WARM_UP_S = 20, 3000, 5.0
 """One fix comes between two looks. What a run shows in its first seconds on the path does not count."""
-ADAPT = 0.05
-SMALLER_NOISE = {"EKF_Q_XY": 0.000375, "EKF_Q_TH": 0.001, "EKF_Q_SLIP": 0.01}
-"""A quarter, a quarter and a half of what is shipped: about what the demo's world does."""
+LOST = (Fault("pose_loss", 1e-3 * STAND_TICKS + WARM_UP_S),)
+"""No fixes any more from the first look on."""
+FIXED = "fixed_noise"
 HEADINGS = ("NEES (right: 3)", "error over claim", "looks inside", "NIS (right: 3)", "runs inside")
 _EXACTLY = 1e-10
 
@@ -45,11 +48,17 @@ class Setting:
     parameters: Mapping[str, float] = field(default_factory=dict)
     ideal: bool = True
     seconds: int = 30
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def begins_with_fixes(self) -> bool:
+        """Whether pose fixes come before the first look."""
+        return "no_fixes" not in self.scenario
 
     @property
     def has_fixes(self) -> bool:
-        """Whether pose fixes come."""
-        return "no_fixes" not in self.scenario
+        """Whether pose fixes come while it is looked at."""
+        return self.begins_with_fixes and LOST != self.faults
 
 
 @dataclass(frozen=True)
@@ -79,33 +88,44 @@ def settings() -> dict[str, Setting]:
     """Return every row, by its key."""
     out = {}
     sensors = {
-        "fixes": ("wheels + fixes", "demo", 30),
-        "gyro": ("wheels + fixes + gyro", "gyro", 30),
-        "alone": ("wheels alone", "no_fixes", 60),
-        "gyro_alone": ("wheels + gyro", "gyro_no_fixes", 60),
+        "fixes": ("wheels + fixes", "demo", 30, ()),
+        "gyro": ("wheels + fixes + gyro", "gyro", 30, ()),
+        "flow": ("wheels + fixes + floor motion", "flow", 30, ()),
+        "lost": ("wheels, fixes lost", "demo", 60, LOST),
+        "gyro_lost": ("wheels + gyro, fixes lost", "gyro", 60, LOST),
+        "flow_lost": ("wheels + floor motion, fixes lost", "flow", 60, LOST),
+        "alone": ("wheels alone", "no_fixes", 60, ()),
+        "gyro_alone": ("wheels + gyro", "gyro_no_fixes", 60, ()),
+        "flow_alone": ("wheels + floor motion", "flow_no_fixes", 60, ()),
     }
-    for key, (title, scenario, seconds) in sensors.items():
+    for key, (title, scenario, seconds, faults) in sensors.items():
         for mode, number in (("slip", lib.OMNI_EKF_MODE_SLIP), ("pose", lib.OMNI_EKF_MODE_POSE)):
             for wheels in ("ideal", "real"):
-                for adapt in (0.0, ADAPT) if "fixes" in title else (0.0,):
-                    added = f", EKF_ADAPT {adapt:g}" if adapt else ""
-                    out["_".join((key, mode, wheels, *(["adapt"] if adapt else [])))] = Setting(
-                        f"{title}, {mode} mode, {wheels} wheels{added}",
-                        scenario,
-                        {"EKF_MODE": float(number), "EKF_ADAPT": adapt},
-                        wheels == "ideal",
-                        seconds,
-                    )
-    plain = out["fixes_slip_ideal"]
-    smaller = {**plain.parameters, **SMALLER_NOISE}
-    out["smaller_noise"] = replace(plain, title=f"{plain.title}, smaller noise", parameters=smaller)
+                out[f"{key}_{mode}_{wheels}"] = Setting(
+                    f"{title}, {mode} mode, {wheels} wheels",
+                    scenario,
+                    {"EKF_MODE": float(number)},
+                    wheels == "ideal",
+                    seconds,
+                    faults,
+                )
+    fixed = read_preset(FIXED, parameter_table()).parameters
+    for key in ("fixes_slip_real", "fixes_pose_real", "gyro_slip_real", "lost_slip_real", "alone_slip_real"):
+        plain = out[key]
+        with_fixed = {**plain.parameters, **fixed}
+        out[f"{key}_fixed"] = replace(plain, title=f"{plain.title}, preset {FIXED}", parameters=with_fixed)
+    for key in ("lost_slip_real", "gyro_lost_slip_real"):
+        plain = out[key]
+        without_more = {**plain.parameters, "EKF_ALONE": 1.0}
+        out[f"{key}_no_more"] = replace(plain, title=f"{plain.title}, EKF_ALONE 1", parameters=without_more)
     return out
 
 
 def scenario_of(setting: Setting, seed: int) -> Scenario:
     """Return the scenario of one run; it drives on as long as it is looked at."""
     found = load_scenario(setting.scenario).with_seed(seed).with_world(IDEAL_WHEELS if setting.ideal else {})
-    return replace(found, parameters={**found.parameters, **setting.parameters, "TRJ_LAPS": 0.0})
+    parameters = {**found.parameters, **setting.parameters, "TRJ_LAPS": 0.0}
+    return replace(found, parameters=parameters, faults=setting.faults)
 
 
 def drive(setting: Setting, seed: int) -> Looks:
@@ -123,7 +143,7 @@ def drive(setting: Setting, seed: int) -> Looks:
     run.inputs.pose.x, run.inputs.pose.y, run.inputs.pose.theta = run.world.pose
     run.inputs.events |= lib.OMNI_EVENT_SET_POSE
     lib.hil_run_advance(run, 1)
-    for axis in range(AXES) if not setting.has_fixes else ():
+    for axis in range(AXES) if not setting.begins_with_fixes else ():
         run.robot.estimator.pose_ekf.p[axis][axis] = _EXACTLY
     lib.hil_run_advance(run, STAND_TICKS)
     if lib.hil_run_start_trajectory(run) != lib.OMNI_OK:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What noise levels that follow the innovations do to the estimate: python -m omni_reproduce.limits_adapt [SETTING]...
 
-The columns are values of EKF_ADAPT and the preset ``adaptive``, with the same seeds. A cell is the error of the robot's
+The columns are the preset ``fixed_noise`` and values of EKF_ADAPT, with the same seeds. A cell is the error of the robot's
 estimate, position in mm / heading in mrad, and in brackets the same over the posterior bound. That is for ideal wheels,
 also beside real ones. Settings are those of ``limits.toml``, and some without such a bound; all by default. Seeds count
 from that of ``limits.toml``.
@@ -25,7 +25,7 @@ from omniwheel.presets import read_preset
 from omniwheel.robots import parameter_table
 
 RATES = (0.0, 0.05, 0.2)
-PRESET = "adaptive"
+PRESET = "fixed_noise"
 PATHS = 2
 """Along so many paths the bound is computed; it differs little between them."""
 FAULTS = {
@@ -40,7 +40,7 @@ UNBOUNDED = {"no_fixes": "no fixes", "outliers": "outliers of 0.3 m", "late": "f
 def columns() -> dict[str, Mapping[str, float]]:
     """Return the parameters of each column, by its heading."""
     preset = read_preset(PRESET, parameter_table()).parameters
-    return {**{f"EKF_ADAPT = {rate:g}": {"EKF_ADAPT": rate} for rate in RATES}, f"preset `{PRESET}`": preset}
+    return {f"preset `{PRESET}`": preset, **{f"EKF_ADAPT = {rate:g}": {"EKF_ADAPT": rate} for rate in RATES}}
 
 
 def scenario_of(key: str, wheels: str) -> Scenario:

@@ -55,7 +55,7 @@ class Adaptive:
         change = np.clip(RATE * float((1.0 - kept) * white @ self.seen), -0.3, 0.3)
         self.seen = kept * self.seen + white
         self.noise = float(np.clip(self.noise * (1.0 + change), 1.0 / 64.0, 64.0))
-        excess = min(float(white @ white), 12.0) / 3.0 - 1.0
+        excess = min(float(white @ white), 12.0) / 3.0 - 1.1
         self.fix = float(np.clip(self.fix * (1.0 + RATE / 20.0 * excess), 1.0, 16.0))
 
     def now(self) -> Any:

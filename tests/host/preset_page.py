@@ -24,7 +24,7 @@ from tests.page_tables import main, with_tables
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "tuning.md"
 PRESETS = (
     "default",
-    "adaptive",
+    "fixed_noise",
     "report_p",
     "report_pd",
     "report_pid",

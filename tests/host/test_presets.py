@@ -40,7 +40,7 @@ def omni_json(*arguments: object, code: int = 0) -> Any:
 
 def test_the_report_s_controllers_are_there_next_to_ours() -> None:
     report = {f"report_{name}" for name in ("p", "pd", "pid", "ismc", "ismc_motor", "torque")}
-    assert set(preset_names()) == report | {"default", "adaptive", "original"} | RADIO
+    assert set(preset_names()) == report | {"default", "fixed_noise", "original"} | RADIO
 
 
 @pytest.mark.parametrize("name", preset_names())

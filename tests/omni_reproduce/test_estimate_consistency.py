@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,10 @@ Of the page's seeds, ten groups of four were off by no more than 1.17, 1.34 and 
 RATIO_OF_MANY, NIS_OF_MANY = {True: 1.08, False: 1.2}, 0.015
 """About three standard errors of the page's 50 seeds."""
 KEYS = list(consistency.settings())
+SHORT = ("fixes_slip_real", "fixes_pose_real", "gyro_slip_real", "flow_slip_real", "lost_slip_real", "alone_slip_ideal")
+"""Driven in every run of the tests; `make nightly` drives all."""
+MOST_ERROR = {True: 1.05, False: 1.1}
+"""Errors over the claim that a pose as shipped may have, with fixes and without."""
 
 
 def kept() -> Mapping[str, tuple[float, float | None]]:
@@ -46,7 +51,7 @@ def check(key: str, seeds: int, ratio: Mapping[bool, float], nis_share: float) -
         assert found.nis.mean() == pytest.approx(nis, rel=nis_share)
 
 
-@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("key", SHORT)
 def test_few_seeds_agree_with_the_page(key: str) -> None:
     check(key, SEEDS, RATIO_OF_FEW, NIS_OF_FEW)
 
@@ -59,6 +64,23 @@ def test_many_seeds_agree_with_the_page(key: str) -> None:
 
 def test_the_page_has_every_row_and_no_other() -> None:
     assert list(kept()) == [setting.title for setting in consistency.settings().values()]
+
+
+@pytest.mark.parametrize("key", [key for key in KEYS if key.endswith(("slip_ideal", "slip_real"))])
+def test_as_shipped_the_pose_is_as_good_as_it_says(key: str) -> None:
+    """By the page's figures, which the tests above drive: with every set of sensors, on both kinds of wheels."""
+    setting = consistency.settings()[key]
+    error, nis = kept()[setting.title]
+    assert error < MOST_ERROR[setting.has_fixes]
+    assert nis is None or abs(nis / 3.0 - 1.0) < 0.05
+
+
+def test_lost_fixes_come_before_the_first_look_and_never_after() -> None:
+    setting = consistency.settings()["lost_slip_ideal"]
+    assert setting.begins_with_fixes
+    assert not setting.has_fixes
+    found = consistency.measure(replace(setting, seconds=4), 1)
+    assert found.nis.shape == (1, 0)
 
 
 def test_a_filter_that_claims_another_noise_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:

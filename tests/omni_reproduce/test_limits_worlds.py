@@ -73,7 +73,7 @@ def test_a_row_of_the_page_is_that_of_today_and_nobody_is_below_the_bound() -> N
     assert (outcome.reached["real", shipped] != outcome.reached["ideal", shipped]).all(), "so do the wheels"
 
 
-@pytest.mark.parametrize(("number", "trial"), [(6, 0), (11, 0), (7, 2), (14, 2)])
+@pytest.mark.parametrize(("number", "trial"), [(6, 1), (11, 1), (7, 0), (14, 0)])
 def test_wheels_that_skid_do_not_make_a_gyro_worse_than_none(number: int, trial: int) -> None:
     """What wheels and gyro were apart in a skid once taught slip ratios, and the error was 4 to 120 times as large."""
     spec = {"experiment": {"seed": limits_worlds.FIRST_RUN}, "setting": {"drawn": draw(1, number).entry}}
@@ -102,14 +102,14 @@ def test_a_row_and_the_summary_say_what_was_found() -> None:
     assert "| a title (2 runs stopped) |" in stopped
     assert row == (
         "| 3 | a title | 2.00 / 1.00 | 3.00 / 1.50 (1.50 / 1.50)"
-        + 2 * " | 2.70 / 1.35 (1.35 / 1.35)"
+        + " | 2.70 / 1.35 (1.35 / 1.35)"
         + " | 4.00 / 2.00 (2.00 / 2.00)"
-        + 2 * " | 3.60 / 1.80 (1.80 / 1.80)"
+        + " | 3.60 / 1.80 (1.80 / 1.80)"
         + " |"
     )
     lines = limits_worlds.summary([made(1.5, 2.0, 0.9), made(1.2, 1.3, 1.1), made(1.1, 1.2, 1.0)])
-    assert lines[0] == "Over the bound on ideal wheels, EKF_ADAPT 0: median 1.20 / 1.20, worst 1.50 / 1.50."
-    for line, trial in zip(lines[3:5], list(trials())[1:], strict=True):
+    assert lines[0] == "Over the bound on ideal wheels, as shipped: median 1.20 / 1.20, worst 1.50 / 1.50."
+    for line, trial in zip(lines[2:3], list(trials())[1:], strict=True):
         assert f"ideal wheels {trial} is better by more than 1 % in 1 / 1 of 3 worlds, and worse in 1 / 1" in line
 
 

@@ -51,12 +51,16 @@
  *
  *   g      = sum k_i v_i u_i,   u_i = (1 - k_i) u_i + v_i afterwards        slope of the likelihood
  *   lambda = lambda (1 + adapt g),   at most +-OMNI_EKF_ADAPT_STEP a fix, OMNI_EKF_LEAST_NOISE..OMNI_EKF_MOST_NOISE
- *   rho    = rho (1 + adapt / 20 (min(y^T S^-1 y, 12) / 3 - 1)),   1..OMNI_EKF_MOST_FIX_NOISE
+ *   rho    = rho (1 + adapt / 20 (min(y^T S^-1 y, 12) / 3 - 1 - margin)),   1..OMNI_EKF_MOST_FIX_NOISE
  *
- * rho multiplies the variance of a fix: squares that stay above what S says make the filter less sure. Both stand still
- * while the robot does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with
- * adapt = 0, the default. What a slot of the history gathered is kept with the factor of its time, so a late fix is
- * still exact (docs/concepts/derivations/adaptive_noise.md).
+ * rho multiplies the variance of a fix: squares that stay above what S says make the filter less sure. It cannot fall
+ * below 1, so chance alone would hold it above: OMNI_EKF_FIX_MARGIN takes that away. Both stand still while the robot
+ * does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with adapt = 0. What a
+ * slot of the history gathered is kept with the factor of its time, so a late fix is still exact
+ * (docs/concepts/derivations/adaptive_noise.md).
+ *
+ * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
+ * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used for OMNI_EKF_ALONE_US.
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
@@ -71,13 +75,15 @@ enum {
     OMNI_EKF_COLUMNS,                               /**< slip ratios, bias and scale */
     OMNI_EKF_STATES = OMNI_AXES + OMNI_EKF_COLUMNS, /**< with the pose */
     OMNI_EKF_HISTORY = 64,                          /**< slots of the motion history */
-    OMNI_EKF_SLOT_TICKS = 4                         /**< ticks per slot: 256 ticks of reach */
+    OMNI_EKF_SLOT_TICKS = 4,                        /**< ticks per slot: 256 ticks of reach */
+    OMNI_EKF_ALONE_US = 2000000                     /**< the filter is alone when no fix was used for longer */
 };
 
 #define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
 #define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
 #define OMNI_EKF_MOST_NOISE 64.0f           /**< greatest lambda */
 #define OMNI_EKF_MOST_FIX_NOISE 16.0f       /**< greatest rho */
+#define OMNI_EKF_FIX_MARGIN 0.1f            /**< share by which squares must be too large before rho grows */
 
 typedef struct omni_pose_fix_t {
     uint64_t time_us; /**< when it was taken, robot clock */
@@ -107,6 +113,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t p_scale;   /**< variance of the scale's error then */
     omni_real_t adapt;     /**< how fast innovations move the noise levels, 0..1; 0: they stay as configured */
     omni_real_t flow_gate; /**< NIS above this is refused; 0: no gate */
+    omni_real_t alone;     /**< share by which q_xy and q_theta are larger without fixes; 0: no difference */
 } omni_pose_ekf_config_t;
 
 /** What a gyro says of a tick. */
@@ -181,6 +188,7 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t slot_turns;
     omni_real_t turn_apart;      /**< what the gyro turned less than the wheels in a slot [rad], mean of about eight */
     omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
+    omni_real_t white_factor;    /**< of q_xy and q_theta: lambda, and what being without fixes adds */
     omni_real_t fix_factor;      /**< rho: of a fix's variances; >= 1 */
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */
     /** Share of a slot's noise of x and y, and of theta, that is out of `p`: motion over the floor has measured it. */

@@ -127,7 +127,7 @@ static inline void adapt_noise(const update_t *u, omni_pose_ekf_state_t *state, 
     }
     const omni_real_t rate = omni_select(moves, adapt, 0.0f);
     const omni_real_t change = omni_clampf(rate * slope, -OMNI_EKF_ADAPT_STEP, OMNI_EKF_ADAPT_STEP);
-    const omni_real_t square = omni_select(nis < 12.0f, nis, 12.0f) / 3.0f - 1.0f;
+    const omni_real_t square = omni_select(nis < 12.0f, nis, 12.0f) / 3.0f - (1.0f + OMNI_EKF_FIX_MARGIN);
     const omni_real_t noise = state->noise_factor * (1.0f + change);
     const omni_real_t fix = state->fix_factor * (1.0f + 0.05f * rate * square);
     state->noise_factor = omni_clampf(noise, OMNI_EKF_LEAST_NOISE, OMNI_EKF_MOST_NOISE);

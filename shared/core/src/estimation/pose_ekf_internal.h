@@ -13,7 +13,8 @@ typedef struct omni_ekf_motion_t {
     omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /**< d move / d s_i, d b, d k, in the same frame */
     omni_real_t noise[OMNI_EKF_COLUMNS];           /**< variance added to each of them */
     omni_real_t steps;                             /**< elapsed nominal steps */
-    omni_real_t noise_steps;                       /**< times lambda */
+    omni_real_t slip_steps;                        /**< times lambda */
+    omni_real_t noise_steps;                       /**< times the factor of q_xy and q_theta */
     omni_real_t turn_noise;                        /**< variance added to theta, with a gyro */
     uint32_t duration_us;
 } omni_ekf_motion_t;

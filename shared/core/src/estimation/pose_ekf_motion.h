@@ -62,7 +62,10 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
         motion->duration_us = (uint32_t)(elapsed < longest_us ? elapsed : longest_us);
     }
     motion->steps = (omni_real_t)motion->duration_us / nominal_us;
-    motion->noise_steps = motion->steps * state->noise_factor;
+    const bool alone = time_us > state->last_fix_us && time_us - state->last_fix_us > OMNI_EKF_ALONE_US;
+    state->white_factor = alone ? state->noise_factor * (1.0f + config->alone) : state->noise_factor;
+    motion->slip_steps = motion->steps * state->noise_factor;
+    motion->noise_steps = motion->steps * state->white_factor;
     state->time_us = time_us;
 }
 
@@ -255,7 +258,7 @@ static inline void follow_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf
         (1.0f + state->slip[OMNI_EKF_SCALE]) * (turn->rate_rad_s - state->slip[OMNI_EKF_BIAS]) * gyro->duration_s;
     gyro->leads = turn->leads;
     gyro->bias_noise = config->q_bias * motion->steps;
-    const omni_real_t q_wheels = config->q_theta * state->noise_factor;
+    const omni_real_t q_wheels = config->q_theta * state->white_factor;
     gyro->turn_noise = omni_select(turn->leads || turn->rest, config->q_turn, q_wheels) * motion->steps;
     state->slot_turn_rad += turn->rate_rad_s * gyro->duration_s;
     state->slot_turn_s += gyro->duration_s;
@@ -289,7 +292,7 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     }
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_flag_t known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
-        motion.noise[i] = omni_select(turned[i] != 0.0f && known, config->q_slip * motion.noise_steps, 0.0f);
+        motion.noise[i] = omni_select(turned[i] != 0.0f && known, config->q_slip * motion.slip_steps, 0.0f);
         state->wheel_m[i] += k->radius_m[i] * turned[i];
     }
     const omni_real_t moved[OMNI_AXES] = {world_x(&motion, motion.move[0], motion.move[1]),

@@ -135,8 +135,7 @@ static void measure_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
     turn.h[OMNI_EKF_SCALE] = omni_select(rest, 0.0f, turned);
     turn.innovation = -apart;
     turn.creep = weight * config->r_null;
-    const omni_real_t of_gyro =
-        config->q_turn / state->noise_factor; /* lambda, which is in the steps, is the wheels' */
+    const omni_real_t of_gyro = config->q_turn / state->white_factor; /* the factor in the steps is the wheels' */
     const omni_real_t noise = (of_gyro + omni_select(rest, 0.0f, config->q_theta)) * slot->steps;
     const omni_real_t least = omni_select(rest, 0.0f, weight * config->r_count);
     turn.noise = omni_select(noise > least, noise, least);

@@ -126,6 +126,7 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     e->r_null = e->r_count + NULL_CREEP_m2_s * (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
     e->gate = v[OMNI_PARAM_EKF_GATE];
     e->adapt = v[OMNI_PARAM_EKF_ADAPT];
+    e->alone = v[OMNI_PARAM_EKF_ALONE] * v[OMNI_PARAM_EKF_ALONE] - 1.0f;
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
 }
 
