@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The small sample of every CI run: mutants that a named test kills, tried again with that test alone.
+"""The small sample of every nightly run: mutants that a named test kills, tried again with that test alone.
 
 usage: python -m tests.mutation.sample [--write]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The sample of every CI run names mutants and tests that are there, of both areas, and its floor is one."""
+"""The sample of every nightly run names mutants and tests that are there, of both areas, and its floor is one."""
 
 from __future__ import annotations
 

@@ -6,11 +6,12 @@ from __future__ import annotations
 import math
 import re
 import time
+from collections.abc import Callable
 from typing import Literal
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, Position
 
 from tests.studio.parts import Opener, Program, studio, until
 
@@ -42,18 +43,26 @@ def arm(page: Page) -> None:
     until(page, "robot.armed")
 
 
-def follow_a_circle(page: Page) -> None:
-    """Start a path. On a computer that is too busy for a robot in real time, the robot stops itself: begin again."""
-    page.select_option("#path", "circle")
+def drive(page: Page, begin: Callable[[], None], reached: str) -> None:
+    """Arm if need be, begin to drive and wait until an expression is true.
+
+    On a computer that is too busy for a robot in real time, the robot stops itself: then begin again.
+    """
     for _ in range(4):
-        arm(page)
-        page.click("#start-path")
-        until(page, "(robot.phase === 'path' && robot.path_time_s > 1) || robot.state === 'failsafe'")
+        if not page.evaluate("studio.state.robot.armed"):
+            arm(page)
+        begin()
+        until(page, f"({reached}) || robot.state === 'failsafe'")
         if page.evaluate("studio.state.robot.state") != "failsafe":
             return
         page.click("#disarm")
         until(page, "robot.state === 'disarmed'")
     raise AssertionError(page.text_content("#texts"))
+
+
+def follow_a_circle(page: Page) -> None:
+    page.select_option("#path", "circle")
+    drive(page, lambda: page.click("#start-path"), "robot.phase === 'path' && robot.path_time_s > 1")
 
 
 def set_gain(page: Page, name: str, value: str) -> None:
@@ -144,18 +153,15 @@ def test_the_stop_button_stops_when_the_finger_comes_down(page: Page) -> None:
 
 
 def test_a_click_on_the_map_drives_there(page: Page) -> None:
-    arm(page)
     x, y, _ = page.evaluate("studio.state.robot.pose")
     page.fill("#target-x", f"{x + 0.1:.3f}")
     page.fill("#target-y", f"{y:.3f}")
     page.fill("#target-theta", "0")
-    page.click("#go")
-    until(page, f"Math.abs(robot.pose[0] - {x + 0.1}) < 0.01")
+    drive(page, lambda: page.click("#go"), f"Math.abs(robot.pose[0] - {x + 0.1}) < 0.01")
     box = page.locator("#map").bounding_box()
     assert box is not None
-    place = {"x": box["width"] / 2, "y": box["height"] * 0.4}  # a fifth of a metre to the left
-    page.locator("#map").click(position=place)
-    until(page, f"robot.pose[1] > {y} + 0.15")
+    place = Position(x=box["width"] / 2, y=box["height"] * 0.4)  # a fifth of a metre to the left
+    drive(page, lambda: page.locator("#map").click(position=place), f"robot.pose[1] > {y} + 0.15")
 
 
 def test_a_path_drawn_with_the_mouse_is_shown_and_followed(page: Page) -> None:
