@@ -114,7 +114,7 @@ def settings() -> dict[str, Setting]:
         plain = out[key]
         with_fixed = {**plain.parameters, **fixed}
         out[f"{key}_fixed"] = replace(plain, title=f"{plain.title}, preset {FIXED}", parameters=with_fixed)
-    for key in ("lost_slip_real", "gyro_lost_slip_real"):
+    for key in ("alone_slip_real", "lost_slip_real", "gyro_lost_slip_real"):
         plain = out[key]
         without_more = {**plain.parameters, "EKF_ALONE": 1.0}
         out[f"{key}_no_more"] = replace(plain, title=f"{plain.title}, EKF_ALONE 1", parameters=without_more)

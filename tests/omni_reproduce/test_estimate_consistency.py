@@ -36,7 +36,7 @@ def kept() -> Mapping[str, tuple[float, float | None]]:
     rows = {}
     for text in PAGE.read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in text.strip("| ").split("|")]
-        if text.startswith("| wheels "):
+        if text.startswith("| wheels"):
             rows[cells[0]] = float(cells[2]), float(cells[4]) if len(cells) > 4 and cells[4] else None
     return rows
 
