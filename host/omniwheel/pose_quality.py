@@ -78,7 +78,7 @@ class PoseQuality:
         if self.verdict is Verdict.CONTRADICTED:
             return (
                 "check the delay (FIX_DELAY) and noise (EKF_R_XY, EKF_R_TH) of the fixes, wheel radius and distance; "
-                "on a floor that slips more, use EKF_ADAPT = 0.05, or raise EKF_Q_XY and EKF_Q_TH"
+                "keep EKF_ADAPT above 0, so that the filter follows the floor"
             )
         if self.verdict is Verdict.DRIFTING and self.refused:
             return f"the robot refused {self.refused} fixes: is the pose source's frame the robot's?{self._drift()}"
