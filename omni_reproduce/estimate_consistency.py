@@ -58,7 +58,7 @@ class Setting:
     @property
     def has_fixes(self) -> bool:
         """Whether pose fixes come while it is looked at."""
-        return self.begins_with_fixes and LOST != self.faults
+        return self.begins_with_fixes and self.faults != LOST
 
 
 @dataclass(frozen=True)

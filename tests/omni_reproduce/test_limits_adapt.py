@@ -23,7 +23,9 @@ def test_a_row_has_a_cell_for_each_column(monkeypatch: pytest.MonkeyPatch, capsy
     limits_adapt.main(["demo", "no_fixes", "--seeds", "2", "--wheels", "real"])
     head, _, demo, without = capsys.readouterr().out.splitlines()
     assert head == "| setting | preset `fixed_noise` | EKF_ADAPT = 0 | EKF_ADAPT = 0.05 | EKF_ADAPT = 0.2 |"
-    assert demo.startswith("| demo | 2.00 / 2.00 (2.00 / 4.00) | 2.00 / 2.00 (2.00 / 4.00) | 1.95 / 1.95 (1.95 / 3.90) |")
+    assert demo.startswith(
+        "| demo | 2.00 / 2.00 (2.00 / 4.00) | 2.00 / 2.00 (2.00 / 4.00) | 1.95 / 1.95 (1.95 / 3.90) |"
+    )
     assert without.startswith("| no fixes | 2.00 / 2.00 | 2.00 / 2.00 | 1.95 / 1.95 |")
 
 
