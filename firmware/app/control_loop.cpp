@@ -357,6 +357,8 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.tick_us_max = tick_us_max_;
     out.tick_jitter_us_max = sensors.jitter_us;
     out.fix_us = robot_.estimator.pose_ekf.last_fix_us;
+    out.noise_factor = robot_.estimator.pose_ekf.noise_factor;
+    out.fix_factor = robot_.estimator.pose_ekf.fix_factor;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
     std::memcpy(out.encoder_errors, sensors.encoder_errors, sizeof out.encoder_errors);

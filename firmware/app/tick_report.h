@@ -39,6 +39,8 @@ struct TickReport {
     float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
     uint32_t last_tick_ns = 0;       ///< how long the tick before took; only while a burst is recorded
     uint64_t fix_us = 0;             ///< when the last pose fix that was used came; 0: none since the pose was set
+    float noise_factor = 1.0f;       ///< lambda of the pose filter, omni/pose_ekf.h
+    float fix_factor = 1.0f;         ///< rho
     int32_t counts[OMNI_MAX_WHEELS] = {};
     uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
     uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};

@@ -21,6 +21,8 @@ NIS_MOST = 1.5 * NIS_RIGHT
 """Above it the fixes contradict the estimate. Of 50 fixes, chance brings a right filter there once in 10 000 times."""
 NIS_CUT = 12.0
 """A fix counts with no more than this, as in the core: a single wild fix says nothing of the others."""
+NOISE_MOST = 4.0
+"""A filter that takes the wheels for so many times as noisy as configured hides a mistake. Sound robots are below 2."""
 WINDOW_S, LEAST_S, LEAST_FIXES = 30.0, 10.0, 50
 """Fixes so far back count; over less time, or with fewer, nothing is said of them."""
 _DRIFT_S = 1.0
@@ -46,6 +48,7 @@ class PoseQuality:
     95 % as well. ``fix_age_s`` is the time since a fix was last used, None if there was none or the robot does not
     tell. ``refused`` counts the fixes refused since then. ``drift`` is how fast both have grown since then (m/s and
     rad/s), None if that is not known. ``nis_mean`` is over ``nis_count`` fixes, None while they are too few.
+    ``wheel_noise`` is how many times as noisy as configured the filter takes the wheels' motion for, 0 if not told.
     """
 
     verdict: Verdict
@@ -56,6 +59,7 @@ class PoseQuality:
     drift: tuple[float, float] | None = None
     nis_mean: float | None = None
     nis_count: int = 0
+    wheel_noise: float = 0.0
 
     @property
     def text(self) -> str:
@@ -63,6 +67,9 @@ class PoseQuality:
         size = f"±{_metres(self.position_m)}, ±{_degrees(self.heading_rad)} (95 %)"
         if self.verdict is Verdict.UNKNOWN:
             return "pose: the robot does not say how good it is"
+        if self.verdict is Verdict.CONTRADICTED and self.wheel_noise >= NOISE_MOST:
+            times = f"{self.wheel_noise:.0f} times"
+            return f"pose doubtful: it says {size}, but wheels and fixes disagree {times} as much as configured"
         if self.verdict is Verdict.CONTRADICTED:
             return f"pose doubtful: it says {size}, but its fixes are further off (NIS {self.nis_mean:.1f}, not 3)"
         if self.verdict is Verdict.NO_FIXES:
@@ -78,7 +85,7 @@ class PoseQuality:
         if self.verdict is Verdict.CONTRADICTED:
             return (
                 "check the delay (FIX_DELAY) and noise (EKF_R_XY, EKF_R_TH) of the fixes, wheel radius and distance; "
-                "keep EKF_ADAPT above 0, so that the filter follows the floor"
+                "if these are right, the floor is worse than EKF_Q_XY and EKF_Q_TH say: raise them"
             )
         if self.verdict is Verdict.DRIFTING and self.refused:
             return f"the robot refused {self.refused} fixes: is the pose source's frame the robot's?{self._drift()}"
@@ -142,6 +149,7 @@ class QualityWatch:
             drift=self._drift(tracking),
             nis_mean=mean,
             nis_count=len(self._nis),
+            wheel_noise=0.0 if self._control is None else self._control.wheel_noise,
         )
 
     @property
@@ -156,7 +164,9 @@ class QualityWatch:
             return Verdict.NO_FIXES
         if self._stale and not 0.0 < self._age_s < _FRESH_S:
             return Verdict.DRIFTING
-        return Verdict.CONTRADICTED if nis_mean is not None and nis_mean > NIS_MOST else Verdict.GOOD
+        noisy = self._control is not None and self._control.wheel_noise >= NOISE_MOST
+        contradicted = noisy or (nis_mean is not None and nis_mean > NIS_MOST)
+        return Verdict.CONTRADICTED if contradicted else Verdict.GOOD
 
     def _take_tracking(self, new: Tracking) -> None:
         old, self._tracking = self._tracking, new

@@ -54,7 +54,10 @@ class Replay:
 
 
 def replay_config(robot: Robot, period_s: float) -> Any:
-    """Return a new ``omni_robot_config_t`` for a log's period; noise densities stay what the robot file says."""
+    """Return a new ``omni_robot_config_t`` for a log's period; noise densities stay what the robot file says.
+
+    The pose filter's noise levels do not follow the fixes: a replay is to show how far both are apart.
+    """
     try:
         config = robot_config(robot.parameter_values(), robot.table, 0)
     except CoreError as error:
@@ -62,6 +65,7 @@ def replay_config(robot: Robot, period_s: float) -> Any:
     ratio = period_s / float(config.step_s)
     kf, ekf = config.motor_kf, config.pose_ekf
     kf.step_s = ekf.step_s = config.step_s = period_s
+    ekf.adapt = ekf.alone = 0.0
     for field in ("q_speed", "q_current"):
         setattr(kf, field, getattr(kf, field) * ratio)
     for field in ("q_xy", "q_theta", "q_slip"):

@@ -9,7 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from omniwheel._core import lib
+
+from hil_sim.scenario import load_scenario
+from omniwheel._core import ffi, lib
+from omniwheel.core_config import robot_config
+from tests.core.test_gyro import DENSITY, DISTANCE_M, Q_SLIP, Q_THETA, RADIUS_M, Filter
 from tests.core.test_pose_ekf import GEOMETRY, POSE, SLIP, TICK_US, Array, Ekf, assert_same, drive, float32, reference
 
 ALONE = 3.0
@@ -37,11 +41,66 @@ def test_it_begins_two_seconds_after_a_fix_and_ends_with_the_next() -> None:
     assert grown(ekf, 1000) == pytest.approx([1.0, 1.0], rel=1e-3)
 
 
-def test_a_filter_that_never_had_a_fix_is_alone() -> None:
+@pytest.mark.parametrize("begun_us", [0, 3_000_000, 2**40])
+def test_a_filter_that_never_had_a_fix_is_alone_two_seconds_after_its_first_tick(begun_us: int) -> None:
+    """However long the robot's clock has run before."""
     ekf = Ekf(alone=ALONE, sd=(1e-3, 1e-3))
-    ekf.time_us = 3_000_000
+    ekf.time_us = begun_us
     ekf.predict(STANDS)
+    assert grown(ekf, ALONE_TICKS) == pytest.approx([1.0, 1.0], rel=1e-3)
     assert grown(ekf, 1000) == pytest.approx([1.0 + ALONE] * 2, rel=1e-3)
+
+
+def test_a_pose_that_is_set_counts_as_told() -> None:
+    ekf = Ekf(alone=ALONE, sd=(1e-3, 1e-3))
+    ekf.predict(STANDS, 2 * ALONE_TICKS)
+    assert ekf.s.white_factor == 1.0 + ALONE
+    lib.omni_pose_ekf_set_pose(ekf.s, ekf.config, ffi.new("omni_pose_t *"), ekf.time_us)
+    assert ekf.s.white_factor == 1.0
+    assert grown(ekf, ALONE_TICKS) == pytest.approx([1.0, 1.0], rel=1e-2)
+    assert grown(ekf, 1000) == pytest.approx([1.0 + ALONE] * 2, rel=1e-2)
+
+
+def test_the_parameter_is_a_factor_of_the_deviation() -> None:
+    scenario = load_scenario("demo")
+    for factor in (1.0, 2.5):
+        values = scenario.with_parameters({"EKF_ALONE": factor}).parameter_values()
+        config = robot_config(values, scenario.robot.table, 0)
+        assert config.pose_ekf.alone == pytest.approx(factor**2 - 1.0)
+
+
+@pytest.mark.parametrize("alone", [0.0, ALONE])
+def test_with_a_gyro_only_the_wheels_share_of_a_slot_is_noisier(alone: float) -> None:
+    """The slip ratios learn from what gyro and wheels are apart; its variance has the gyro's own noise once."""
+    found = Filter()
+    found.config.alone = alone
+    found.s.white_factor = 1.0
+    turned = [0.2 * 1e-3] * 3
+    for _ in range(4 * (ALONE_TICKS // 4 + 10)):
+        found.predict(turned, 0.2 * RADIUS_M / DISTANCE_M)
+    assert found.s.white_factor == 1.0 + alone
+    before = found.p[3:6, 3:6]
+    for _ in range(4):
+        found.predict(turned, 0.2 * RADIUS_M / DISTANCE_M)
+    row = np.linalg.pinv(found.matrix)[2] * RADIUS_M * np.array(turned) * 4.0
+    noise = 4.0 * (DENSITY**2 * 1e-3 + Q_THETA * (1.0 + alone))
+    assert noise > 0.0
+    prior = before + np.eye(3) * Q_SLIP * 4.0
+    gain = prior @ row / (row @ prior @ row + noise)
+    expected = prior - np.outer(gain, row @ prior)
+    assert np.diag(found.p[3:6, 3:6]) == pytest.approx(np.diag(expected), rel=2e-2)
+
+
+def test_what_a_gyro_gave_wrongly_comes_back_with_the_wheels_noise_of_now() -> None:
+    grown_by = []
+    for factor in (1.0, 5.0):
+        found = Filter()
+        found.s.white_factor = factor
+        before = found.p[2, 2]
+        lib.omni_pose_ekf_turn_back(found.s, found.config, 0.01, 2.0)
+        grown_by.append(found.p[2, 2] - before)
+    assert grown_by[0] == pytest.approx(Q_THETA * 2000.0, rel=1e-2)
+    assert grown_by[1] == pytest.approx(5.0 * grown_by[0], rel=1e-2)
 
 
 def test_slip_ratios_gather_no_more_noise() -> None:
@@ -57,13 +116,16 @@ def test_slip_ratios_gather_no_more_noise() -> None:
     assert (found[1][:3] > found[0][:3]).all()
 
 
-def test_one_times_is_the_filter_without_it_bit_by_bit() -> None:
-    plain, same = Ekf(3, SLIP), Ekf(3, SLIP, alone=0.0)
-    for ekf in (plain, same):
-        ekf.predict([0.01, 0.02, -0.01], 2 * ALONE_TICKS)
-        assert ekf.correct((0.01, 0.0, 0.1), 40 * TICK_US) == lib.OMNI_OK
-    assert plain.snapshot() == same.snapshot()
-    assert plain.s.white_factor == 1.0
+def test_one_times_is_the_filter_that_is_never_alone_bit_by_bit() -> None:
+    """One of both gets a fix that changes nothing, of a sensor as bad as can be, so it is never alone."""
+    plain, told = Ekf(3, SLIP), Ekf(3, SLIP)
+    for ekf in (plain, told):
+        ekf.predict([0.01, 0.02, -0.01], ALONE_TICKS)
+        if ekf is told:
+            ekf.s.told_us = ekf.time_us
+        ekf.predict([0.01, 0.02, -0.01], ALONE_TICKS)
+    told.s.told_us = plain.s.told_us
+    assert plain.snapshot() == told.snapshot()
 
 
 def carry(filter_: Any, motion: list[tuple[Array, float, float]]) -> None:

@@ -64,6 +64,13 @@ def test_a_refused_fix_does_not_make_it_young(robot: FakeRobot) -> None:
     assert age_s(robot) == pytest.approx(before + 0.1, abs=3e-3)
 
 
+def test_noise_that_the_filter_has_found_is_told(robot: FakeRobot) -> None:
+    """At rest nothing is found: both are as configured."""
+    give_fixes(robot, 50)
+    told = Control.decoded(robot.asked("OMNI_CONTROL"))
+    assert (told.wheel_noise, told.fix_noise) == (1.0, 1.0)
+
+
 def test_the_words_follow_from_fixes_to_none(robot: FakeRobot) -> None:
     """The size is the robot's own covariance, as the standard message ODOMETRY has it."""
     watch = QualityWatch()

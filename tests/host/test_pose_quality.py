@@ -52,6 +52,8 @@ CONTROL = Control(
     config_sequence=1,
     controller=0,
     fix_age_s=0.01,
+    wheel_noise=1.0,
+    fix_noise=1.0,
 )
 
 
@@ -180,8 +182,19 @@ def test_innovations_that_contradict_the_estimate_for_long_are_told() -> None:
         "pose doubtful: it says ±4.9 mm, ±0.34° (95 %), but its fixes are further off (NIS 6.1, not 3)"
     )
     assert "FIX_DELAY" in quality.advice
-    assert "EKF_ADAPT" in quality.advice
+    assert "EKF_Q_XY" in quality.advice
     assert told(SURE, *fixes(3.4, 100, 0.2), status()).verdict is Verdict.GOOD
+
+
+def test_wheels_taken_for_much_noisier_than_configured_are_told_although_the_innovations_fit() -> None:
+    """A filter whose noise levels follow its fixes has a NIS of 3 whatever is wrong, such as a delay nobody told."""
+    quality = told(SURE, replace(CONTROL, nis=3.0, wheel_noise=6.7), status())
+    assert quality.verdict is Verdict.CONTRADICTED
+    assert quality.text == (
+        "pose doubtful: it says ±4.9 mm, ±0.34° (95 %), but wheels and fixes disagree 7 times as much as configured"
+    )
+    assert "FIX_DELAY" in quality.advice
+    assert told(SURE, replace(CONTROL, nis=3.0, wheel_noise=1.7), status()).verdict is Verdict.GOOD
 
 
 @pytest.mark.parametrize(("count", "period_s"), [(LEAST_FIXES - 1, 0.5), (200, 0.9 * LEAST_S / 200)])

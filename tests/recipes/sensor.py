@@ -8,6 +8,7 @@ import json
 import math
 from typing import Any
 
+from omniwheel.robots import parameter_table
 from tests.native import ROOT, build_library
 from tests.recipes.drive import OWN_PACKAGES, run_program, scenario
 from tests.recipes.recipe import Scratch
@@ -67,8 +68,9 @@ extern "C" void taken() { ADC2_HS = 0; }
 extern "C" unsigned read_spin(float *rad_s) { return board.spin(rad_s); }
 """
 
-Q_THETA, PERIOD_S, SPIN_SD = 0.004**2 * 1e-3, 1e-3, 0.01
-"""EKF_Q_TH of a tick, the tick, and the noise that the page's measurement expects."""
+PERIOD_S, SPIN_SD = 1e-3, 0.01
+Q_THETA = parameter_table()["EKF_Q_TH"].default ** 2 * PERIOD_S
+"""The tick, the noise that the page's measurement expects, and the filter's own of the heading in a tick."""
 
 
 def check(copy: Scratch) -> None:

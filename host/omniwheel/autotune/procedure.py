@@ -27,7 +27,9 @@ from omniwheel.errors import AutotuneError, IdentificationError
 from omniwheel.frames import Pose
 from omniwheel.identification.model import Layout
 from omniwheel.identification.output_error import Fit
+from omniwheel.presets import read_preset
 from omniwheel.robot import Robot
+from omniwheel.robots import parameter_table
 from omniwheel.telemetry import Tracking
 from omniwheel.trial import Trial
 from omniwheel.tuning import Trace
@@ -43,6 +45,8 @@ MOST_DRIVES = 6
 """Of those that measure: while they do not show enough, another one through other points is added."""
 REFUSED_SHARE = 0.01
 """Of the pose fixes: if the robot refuses more of them, its wheels and its fixes contradict each other."""
+FILTER = "fixed_noise"
+"""The pose filter's levels while it drives. Levels that follow the fixes would hide how far these contradict the wheels."""
 _READ = tuple(dict.fromkeys((*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")))
 _LIMITS = ("LIM_V", "LIM_W", "LIM_A", "LIM_DUTY", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
@@ -128,9 +132,11 @@ def _on_trial(robot: Robot, trial: Trial, settings: Settings, keep: bool, tell: 
         raise AutotuneError("autotune is for KF_MODE = angle", hint="omni params set KF_MODE=angle")
     if old["ISMC_K_XY"] <= 0.0 or old["ISMC_K_TH"] <= 0.0:
         raise AutotuneError("autotune needs ISMC_K_XY and ISMC_K_TH above 0", hint="omni params reset has the defaults")
-    before = {name: robot.parameters[name] for name in SETTINGS}
+    filter_levels = read_preset(FILTER, parameter_table()).parameters
+    before = {name: robot.parameters[name] for name in (*SETTINGS, *filter_levels)}
     kept = False
     try:
+        trial.set_many(filter_levels)
         outcome = _tune(robot, trial, settings, old, tell)
         if not keep and outcome.kept:
             outcome = replace(outcome, choice=Choice(False, f"as you asked for, although {outcome.choice.why}"))

@@ -60,7 +60,8 @@
  * (docs/concepts/derivations/adaptive_noise.md).
  *
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
- * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used for OMNI_EKF_ALONE_US.
+ * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used, and no pose was set, for
+ * OMNI_EKF_ALONE_US.
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
@@ -81,7 +82,7 @@ enum {
 
 #define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
 #define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
-#define OMNI_EKF_MOST_NOISE 64.0f           /**< greatest lambda */
+#define OMNI_EKF_MOST_NOISE 1024.0f         /**< greatest lambda: 32 times the deviation that is configured */
 #define OMNI_EKF_MOST_FIX_NOISE 16.0f       /**< greatest rho */
 #define OMNI_EKF_FIX_MARGIN 0.1f            /**< share by which squares must be too large before rho grows */
 
@@ -181,6 +182,7 @@ typedef struct omni_pose_ekf_state_t {
     uint16_t refused_in_row;   /**< gated out in a row */
     uint64_t last_fix_us;      /**< arrival of the last accepted fix; 0: none yet */
     uint64_t last_taken_us;    /**< when the last accepted fix was taken; 0: none yet */
+    uint64_t told_us;          /**< when the pose was last told: by a fix that was used, set, or at the first tick */
     omni_real_t turn_noise;    /**< variance of theta that is not in `p` yet: too little for its last bit */
     omni_real_t slot_turn_rad; /**< gyro's rate summed over the slot being filled, bias included */
     omni_real_t slot_turn_s;   /**< time over which it was summed */

@@ -29,6 +29,7 @@ void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
 
 void omni_ekf_restart_noise(omni_pose_ekf_state_t *state) {
     state->noise_factor = 1.0f;
+    state->white_factor = 1.0f;
     state->fix_factor = 1.0f;
     memset(state->past, 0, sizeof state->past);
 }
@@ -53,6 +54,7 @@ void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
                             uint64_t time_us) {
     omni_pose_ekf_reset(state, config, pose, omni_sqrtf(config->r_xy), omni_sqrtf(config->r_theta));
     state->time_us = time_us;
+    state->told_us = time_us;
 }
 
 void omni_ekf_shift(omni_pose_ekf_state_t *state, const omni_real_t *delta, uint8_t columns) {

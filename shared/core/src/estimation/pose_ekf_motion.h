@@ -56,13 +56,14 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
     const uint64_t longest_us = 1000000000;
     const omni_real_t nominal_us = config->step_s * 1e6f;
     if (state->time_us == 0) {
+        state->told_us = time_us;
         motion->duration_us = (uint32_t)(nominal_us + 0.5f);
     } else {
         const uint64_t elapsed = time_us > state->time_us ? time_us - state->time_us : 0;
         motion->duration_us = (uint32_t)(elapsed < longest_us ? elapsed : longest_us);
     }
     motion->steps = (omni_real_t)motion->duration_us / nominal_us;
-    const bool alone = time_us > state->last_fix_us && time_us - state->last_fix_us > OMNI_EKF_ALONE_US;
+    const bool alone = time_us > state->told_us && time_us - state->told_us > OMNI_EKF_ALONE_US;
     state->white_factor = alone ? state->noise_factor * (1.0f + config->alone) : state->noise_factor;
     motion->slip_steps = motion->steps * state->noise_factor;
     motion->noise_steps = motion->steps * state->white_factor;

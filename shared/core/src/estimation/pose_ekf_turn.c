@@ -135,8 +135,9 @@ static void measure_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
     turn.h[OMNI_EKF_SCALE] = omni_select(rest, 0.0f, turned);
     turn.innovation = -apart;
     turn.creep = weight * config->r_null;
-    const omni_real_t of_gyro = config->q_turn / state->white_factor; /* the factor in the steps is the wheels' */
-    const omni_real_t noise = (of_gyro + omni_select(rest, 0.0f, config->q_theta)) * slot->steps;
+    /* The slot's steps are times the wheels' factor, which is none of the gyro's. */
+    const omni_real_t of_gyro = config->q_turn * (state->slot_turn_s / config->step_s);
+    const omni_real_t noise = of_gyro + omni_select(rest, 0.0f, config->q_theta * slot->steps);
     const omni_real_t least = omni_select(rest, 0.0f, weight * config->r_count);
     turn.noise = omni_select(noise > least, noise, least);
     correct_by_turn(state, config, &turn);
@@ -145,7 +146,7 @@ static void measure_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
 void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, omni_real_t turned_rad,
                              omni_real_t duration_s) {
     const omni_real_t delta[OMNI_EKF_STATES] = {0.0f, 0.0f, -turned_rad};
-    state->p[2][2] += config->q_theta * duration_s / config->step_s;
+    state->p[2][2] += config->q_theta * state->white_factor * duration_s / config->step_s;
     omni_ekf_shift(state, delta, OMNI_EKF_COLUMNS);
 }
 
