@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from hil_sim.faults import Fault
-from hil_sim.runs import run_in_process
+from hil_sim.runs import new_world, run_in_process
 from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
+from omniwheel.core_config import robot_config
 from omniwheel.pose_quality import NOISE_MOST
 from omniwheel.presets import read_preset
 from omniwheel.robots import parameter_table
@@ -210,11 +211,18 @@ def test_they_stay_within_their_bounds_whatever_comes(far: float) -> None:
 
 @pytest.mark.parametrize(("late_s", "least", "most"), [(0.0, 0.4, 2.0), (0.02, 4.0, 32.0)])
 def test_a_delay_that_nobody_told_shows_in_the_level(late_s: float, least: float, most: float) -> None:
-    """On the fast robot: the innovations then fit again, so only the level tells (omniwheel.pose_quality.NOISE_MOST)."""
+    """On the fast robot: the innovations then fit again, so only the level tells (NOISE_MOST)."""
     scenario = load_scenario("fast").with_duration(16.0)
     delayed = replace(scenario, faults=(Fault("pose_delay", 1.0, value=late_s),) if late_s else ())
-    found = run_in_process(delayed).robot.estimator.pose_ekf
-    assert least < float(found.noise_factor) ** 0.5 < most
+    world = new_world(delayed).c
+    config = robot_config(delayed.parameter_values(), delayed.robot.table, 0)
+    run, why = ffi.new("hil_run_t *"), ffi.new("char[]", 160)
+    assert lib.hil_run_init(run, ffi.addressof(world, "config"), config, why, len(why)) == lib.HIL_OK
+    lib.hil_run_advance(run, 2000)
+    assert lib.hil_run_start_trajectory(run) == lib.OMNI_OK
+    run.inputs.events |= lib.OMNI_EVENT_ARM
+    lib.hil_run_advance(run, 14_000)
+    assert least < float(run.robot.estimator.pose_ekf.noise_factor) ** 0.5 < most
     assert NOISE_MOST == 4.0
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-
 from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
 from omniwheel.core_config import robot_config
@@ -149,7 +148,7 @@ def test_a_late_fix_after_a_gap_is_exact(wheels: int, mode: int, age_ticks: int)
         motion.append((turned, 1.0 + ALONE if number > ALONE_TICKS else 1.0, 0.0 if number == 1 else 1.0))
     split = ticks - age_ticks
     carry(past, motion[:split])
-    fix = float32(past.x[:3] + [0.004, -0.003, 0.005])
+    fix = float32(past.x[:3] + np.array([0.004, -0.003, 0.005]))
     assert ekf.correct(fix, age_ticks * TICK_US) == lib.OMNI_OK
     past.update(fix)
     now = copy.deepcopy(past)

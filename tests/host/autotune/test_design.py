@@ -374,7 +374,7 @@ def test_the_bounds_of_its_candidates_are_the_parameters_own() -> None:
 def test_a_robot_whose_wheels_and_pose_fixes_contradict_each_other_is_not_tuned() -> None:
     """Robot 18 stopped by itself: wheel radius and distance are 28 % wrong, and its pose jumps to a fix at last.
 
-    A filter whose noise levels follow its fixes, as shipped, goes with them. So autotune lets them stay while it drives.
+    A filter whose noise levels follow its fixes, as shipped, goes with them. So autotune lets them stay.
     """
     told: list[str] = []
     with waiting_robot(draw_robot(18)) as (robot, _):
