@@ -3,8 +3,8 @@
 
 The columns are the preset ``fixed_noise`` and values of EKF_ADAPT, with the same seeds. A cell is the error of the
 robot's estimate, position in mm / heading in mrad, and in brackets the same over the posterior bound. That is for ideal
-wheels, also beside real ones. Settings are those of ``limits.toml``, and some without such a bound; all by default. Seeds count
-from that of ``limits.toml``.
+wheels, also beside real ones. Settings are those of ``limits.toml``, and some without such a bound; all by default.
+Seeds count from that of ``limits.toml``.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ MOST_DRIVES = 6
 REFUSED_SHARE = 0.01
 """Of the pose fixes: if the robot refuses more of them, its wheels and its fixes contradict each other."""
 FILTER = "fixed_noise"
-"""Levels of the pose filter while it drives. Ones that follow the fixes would hide how far these contradict the wheels."""
+"""Levels of the pose filter while it drives. Ones that follow the fixes would hide a contradiction with the wheels."""
 _READ = tuple(dict.fromkeys((*MOTOR_PARAMETERS, *LOOP_PARAMETERS, *CHANGED, "INERTIA", "ISMC_K_XY", "ISMC_K_TH")))
 _LIMITS = ("LIM_V", "LIM_W", "LIM_A", "LIM_DUTY", "WHEEL_DIST", "BAT_V_NOM")
 ISMC = 1
