@@ -29,7 +29,7 @@ from omniwheel.robots import parameter_table
 
 AXES, SHARE = 3, 0.95
 FIRST_SEED = 5000
-"""Nothing was made with these seeds."""
+"""No noise level but EKF_ALONE was chosen with these seeds."""
 LOOK_TICKS, STAND_TICKS, WARM_UP_S = 20, 3000, 5.0
 """One fix comes between two looks. What a run shows in its first seconds on the path does not count."""
 LOST = (Fault("pose_loss", 1e-3 * STAND_TICKS + WARM_UP_S),)
