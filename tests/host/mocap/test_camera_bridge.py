@@ -51,6 +51,7 @@ def test_a_robot_that_did_not_know_its_place_drives_by_the_camera(tmp_path: Path
     """It stands 0.2 m from where it starts to believe; the camera alone can tell it."""
     path = {"TRJ_TYPE": "circle", "TRJ_SIZE": 0.2, "TRJ_PERIOD": 20.0, "TRJ_ROT": "fixed", "EKF_GATE": 0.0}
     with FirmwareProcess("three_wheel") as process:
+        # The camera's own noise, as the guide asks for: a filter that takes it for 5 mm needs longer than this test.
         lab = Lab(process.urls[0], {**path, "FIX_DELAY": 0.0, "EKF_R_XY": 0.001, "EKF_R_TH": 0.003})
         source = CameraSource(
             "camera", Filmed(lab, SCENE), watcher(tmp_path, SCENE), latency_s=LATENCY_S, clock=lab.clock
