@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-from bench import octave
-from bench.filter_model import draw_normals, filter_model
+from bench import native_study, octave
+from bench.filter_model import FilterModel, draw_normals, filter_model
 from bench.options import Options
 from bench.peers import filter_study_batched, filter_study_filterpy, filter_study_numpy
 from bench.tables import Cell, Row, Table, with_ratios
@@ -24,8 +24,14 @@ BASELINE = "ours, eight runs at once, without AVX2"
 FILTERPY = "Python and FilterPy"
 NUMPY = "Python and NumPy, step by step"
 BATCHED = "NumPy, all runs at once"
+PLAIN = "plain C, run after run"
+SIMD = "SIMD program, double precision"
+SINGLE = "SIMD program, single precision"
+NATIVES = {PLAIN: native_study.PLAIN, SIMD: native_study.SIMD, SINGLE: native_study.SINGLE}
 OCTAVE = "GNU Octave, growing arrays"
 LANE_RUNS = 8
+SIMD_RUNS = 64
+"""Blocks of the widest vectors are full with it."""
 PER_STEP = "µs per step"
 MEDIAN = "median"
 RATIO = "× ours"
@@ -43,8 +49,8 @@ def measure(options: Options) -> list[Table]:
         rows.append(Row(OCTAVE, {PER_STEP: "not installed"}))
     note = (
         "CPU time of one thread. A step is one step of one run with all four combinations; "
-        f"ours {setting.steps} steps a run, scripts {steps}, batched {runs} runs. "
-        f"Setting “{setting.title}”, seed {options.seed}; {options.how}."
+        f"ours and native peers {setting.steps} steps a run, scripts {steps}, batched {runs} runs. "
+        f"{lead(spreads)} Setting “{setting.title}”, seed {options.seed}; {options.how}."
     )
     columns = (PER_STEP, MEDIAN, RATIO, FULL)
     ratios = with_ratios(rows, PER_STEP, LANES, RATIO)
@@ -67,9 +73,29 @@ def measurements(setting: Setting, steps: int, runs: int, seed: int) -> dict[str
         NUMPY: _timed(lambda: filter_study_numpy.run(model, draw_normals(seed, steps)), steps),
         BATCHED: _timed(lambda: filter_study_batched.run(model, runs, batch_steps, seed), runs * batch_steps),
     }
+    found |= {name: _native(name, filter_model(setting), seed) for name in NATIVES}
     if octave.installed():
         found[OCTAVE] = lambda: octave.run(model, steps)[1] / steps
     return found
+
+
+def lead(spreads: Mapping[str, Spread]) -> str:
+    """Return sentences that compare ours, eight runs at once, with the native peers."""
+    ours = spreads[LANES].least
+    double, single = (ours / spreads[name].least for name in (SIMD, SINGLE))
+    return (
+        f"Ours takes {double:.1f} times as long as the SIMD program in double precision, {single:.1f} times as long as "
+        f"it in single precision. Plain C takes {spreads[PLAIN].least / ours:.1f} times as long as ours."
+    )
+
+
+def _native(name: str, model: FilterModel, seed: int) -> Measurement:
+    runs = LANE_RUNS if name == PLAIN else SIMD_RUNS
+
+    def run() -> float:
+        return native_study.run(native_study.built(NATIVES[name]), model, runs, seed).seconds / (runs * model.steps)
+
+    return run
 
 
 def _timed(work: Callable[[], object], steps: int) -> Measurement:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import platform
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -42,6 +43,21 @@ class Native:
 
 
 PLAIN = Native("plain", "filter_study_plain.c", _NATIVE)
+SIMD = Native("simd", "filter_study_simd.c", _NATIVE)
+SINGLE = Native("simd-single", "filter_study_simd.c", (*_NATIVE, "-DSTUDY_SINGLE"))
+_AVX512 = ("avx512f", "avx512dq", "avx512vl")
+WIDTHS = (
+    Native("simd-2", "filter_study_simd.c", (_CONTRACT, "-DSTUDY_BYTES=16")),
+    Native("simd-4", "filter_study_simd.c", ("-mavx2", "-mfma", _CONTRACT), ("avx2", "fma")),
+    Native("simd-8", "filter_study_simd.c", (*(f"-m{word}" for word in _AVX512), _CONTRACT), _AVX512),
+)
+"""The program for vectors, for two, four and eight doubles at once, whatever this processor is."""
+
+
+@cache
+def built(native: Native) -> Path:
+    """Return a peer's program, built at the first call."""
+    return native.program()
 
 
 @dataclass(frozen=True)
