@@ -6,10 +6,10 @@
  * What makes it fast, beyond the lanes:
  * - Motor filters' gains do not depend on the data: one table serves all motors of all runs.
  * - Covariances of the pose are six numbers. P (P + R)^-1 = I - R (P + R)^-1, so one inverse gives gain and covariance.
- * - Noise is drawn in floats for a block of runs at once: xoshiro128+ by Blackman and Vigna in each lane, logarithm,
- *   sine and cosine as polynomials (minimax, own fits). A normal is at most 6.6; beyond that lie 4e-11 of them.
+ * - Noise is drawn in floats for a block of runs at once, by xoshiro128+ (Blackman and Vigna) in each lane. Logarithm,
+ *   sine and cosine are polynomials (minimax, own fits). A normal is at most 6.6; beyond that lie 4e-11 of them.
  *
- * Left out: checks of the inputs, late fixes, gates, wrapped angles. Headings may be up to a million radians.
+ * Left out: checks of the inputs, late fixes, gates, wrapped angles.
  */
 #include <stdlib.h>
 
@@ -121,7 +121,8 @@ STUDY_INLINE void draw_pair(random_t *random, float *pair) {
     memcpy(pair + LANES, &other, sizeof other);
 }
 
-/* Angle up to a million radians; error 5e-14, or 1e-7 in floats. Half turns are taken away, each changes both signs. */
+/* Angle up to a million radians, error 5e-14. In floats: up to a hundred thousand, error 1e-7 plus the angle's own. Half
+ * turns are taken away, each changes both signs. */
 STUDY_INLINE void cos_sin(numbers_t angle, numbers_t *cosine, numbers_t *sine) {
 #ifdef STUDY_SINGLE
     const number_t whole = 0x1.8p23f;

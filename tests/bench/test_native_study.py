@@ -86,7 +86,7 @@ def test_vectors_of_every_width_draw_and_compute_the_same(native: Native, lanes:
     np.testing.assert_allclose(found.rmse, narrow.rmse, rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", ("published", "honest_b"))
+@pytest.mark.parametrize("name", ["published", "honest_b"])
 @pytest.mark.parametrize("native", ALL, ids=named)
 def test_runs_of_a_peer_have_our_rms_errors_on_average(native: Native, name: str) -> None:
     case, runs, our_runs = setting(name, 400), 2000, 2000
@@ -156,7 +156,7 @@ HEADERS = {
 """What the program takes from a C library, which a compiler for another processor may not have."""
 
 
-@pytest.mark.parametrize("precision", ((), ("-DSTUDY_SINGLE",)), ids=("double", "single"))
+@pytest.mark.parametrize("precision", [(), ("-DSTUDY_SINGLE",)], ids=("double", "single"))
 @pytest.mark.parametrize("compiler", NEON)
 def test_it_compiles_for_neon(compiler: str, precision: tuple[str, ...], tmp_path: Path) -> None:
     words = NEON[compiler]
