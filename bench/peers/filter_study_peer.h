@@ -10,8 +10,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/** Normals per step: (w, i) per wheel, measured speeds, pose, fix. A row has two more, as that of bench/filter_model.py,
- * which nobody uses. */
+/** Normals per step: (w, i) per wheel, measured speeds, pose, fix. A row has two more, as that of
+ * bench/filter_model.py, which nobody uses. */
 enum { STUDY_WHEELS = 4, STUDY_ESTIMATES = 4, STUDY_NORMALS = 18, STUDY_ROW = 20 };
 enum { STUDY_MOTOR = 0, STUDY_MEASURED = 8, STUDY_POSE = 12, STUDY_FIX = 15 };
 

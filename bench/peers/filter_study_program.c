@@ -8,8 +8,8 @@
  *   program MODEL RUNS SEED draw FILE      writes its generator's noise there, runs nothing
  *
  * MODEL: doubles, those of study_numbers_t, then poses (steps + 1, 3) and rates (steps, 3). Prints `width` (runs at
- * once, bytes of a number) and `seconds` (CPU time of all runs). Then come `run0`, `run1`, ..., each with its 12 sums of
- * squares. Exit code 1 and a sentence if something is wrong.
+ * once, bytes of a number) and `seconds` (CPU time of all runs). Then come `run0`, `run1`, ..., each with its 12 sums
+ * of squares. Exit code 1 and a sentence if something is wrong.
  */
 #include <stdbool.h>
 #include <stdio.h>

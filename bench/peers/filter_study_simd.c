@@ -121,8 +121,8 @@ STUDY_INLINE void draw_pair(random_t *random, float *pair) {
     memcpy(pair + LANES, &other, sizeof other);
 }
 
-/* Angle up to a million radians, error 5e-14. In floats: up to a hundred thousand, error 1e-7 plus the angle's own. Half
- * turns are taken away, each changes both signs. */
+/* Angle up to a million radians, error 5e-14. In floats: up to a hundred thousand, error 1e-7 plus the angle's own.
+ * Half turns are taken away, each changes both signs. */
 STUDY_INLINE void cos_sin(numbers_t angle, numbers_t *cosine, numbers_t *sine) {
 #ifdef STUDY_SINGLE
     const number_t whole = 0x1.8p23f;

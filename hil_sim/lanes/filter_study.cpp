@@ -28,6 +28,14 @@ typedef lanes::int_t hil_int_t;
 /* Steps between two looks at whether the lanes have parted. */
 constexpr uint32_t steps_per_look = 1024;
 
+/* In one function gcc's AVX2 code takes 7 % less time. With SSE2 it gains 3 %, and takes long to compile. */
+#if defined(__AVX2__)
+#define RUN_IN_ONE __attribute__((flatten))
+#else
+#define RUN_IN_ONE
+#endif
+
+RUN_IN_ONE
 bool run_all(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference, const double *rate,
              const omni_uint_t *seed) {
     (void)hil_lanes_take_parted();
