@@ -48,8 +48,8 @@ def measure(options: Options) -> list[Table]:
     if not octave.installed():
         rows.append(Row(OCTAVE, {PER_STEP: "not installed"}))
     note = (
-        "CPU time of one thread. A step is one step of one run with all four combinations; "
-        f"ours and native peers {setting.steps} steps a run, scripts {steps}, batched {runs} runs. "
+        "CPU time of one thread. A step is one step of one run with all four combinations. "
+        f"Ours and native peers: {setting.steps} steps a run; scripts: {steps}; batched: {runs} runs. "
         f"{lead(spreads)} Setting “{setting.title}”, seed {options.seed}; {options.how}."
     )
     columns = (PER_STEP, MEDIAN, RATIO, FULL)
