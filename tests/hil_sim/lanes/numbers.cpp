@@ -155,7 +155,7 @@ int lanes_wrong_whole_numbers(void) {
     return t.wrong;
 }
 
-/** A mask with these eight bits as a condition; sixteen lanes get them twice. Bit 0: answer, bit 1: the lanes parted. */
+/** A mask with these eight bits as a condition; sixteen lanes get them twice. Bit 0: answer; 1: the lanes parted. */
 int lanes_condition(unsigned bits) {
     float x[count];
     for (int i = 0; i < count; ++i) {
