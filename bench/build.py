@@ -62,7 +62,7 @@ def build(name: str, sources: Sequence[Path], flags: Sequence[str] = (), archive
     folder = OUT / name
     folder.mkdir(parents=True, exist_ok=True)
     libraries = [*archives, core_archive()]
-    headers = [*PROGRAMS.glob("*.h"), Path(__file__), *libraries]
+    headers = [*PROGRAMS.glob("*.h"), *PEERS.glob("*.h"), Path(__file__), *libraries]
     newest = max(path.stat().st_mtime for path in headers)
 
     def compiled(source: Path) -> Path:

@@ -39,11 +39,12 @@ PATHS = {
     "single": lib.HIL_FILTER_PATH_SINGLE,
     "baseline": lib.HIL_FILTER_PATH_BASELINE,
     "avx2": lib.HIL_FILTER_PATH_AVX2,
+    "avx512": lib.HIL_FILTER_PATH_AVX512,
 }
-"""How runs can be computed: the fastest, one by one, or eight at a time with the named instructions."""
+"""How runs can be computed: the fastest, one by one, or eight or sixteen at a time with the named instructions."""
 
 # Seeds that go to a thread at once: as many as are computed at a time.
-_GROUP = 8
+_GROUP = 16
 
 
 class SettingError(OmniError):

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The filter study for eight seeds at once: the very sources of hil_sim/src, with lanes for numbers.
+// The filter study for eight seeds at once, or sixteen with AVX-512: the very sources of hil_sim/src, with lanes for numbers.
 #include <math.h>
 #include <string.h>
 
@@ -28,6 +28,14 @@ typedef lanes::int_t hil_int_t;
 /* Steps between two looks at whether the lanes have parted. */
 constexpr uint32_t steps_per_look = 1024;
 
+/* In one function gcc's code takes 7 % less time with AVX2, and 10 % less with AVX-512. With SSE2 it gains 3 %, and takes long to compile. */
+#if defined(__AVX2__)
+#define RUN_IN_ONE __attribute__((flatten))
+#else
+#define RUN_IN_ONE
+#endif
+
+RUN_IN_ONE
 bool run_all(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference, const double *rate,
              const omni_uint_t *seed) {
     (void)hil_lanes_take_parted();
@@ -64,10 +72,10 @@ void unpack(const hil_filter_sums_t *from, ::hil_filter_sums_t *to) {
 #define LANES_NAME_OF(name, level) name##_##level
 #define LANES_NAME(name, level) LANES_NAME_OF(name, level)
 
-extern "C" bool LANES_NAME(hil_filter_eight, OMNI_LANES_LEVEL)(const hil_filter_config_t *config,
+extern "C" bool LANES_NAME(hil_filter_lanes, OMNI_LANES_LEVEL)(const hil_filter_config_t *config,
                                                                const double *reference, const double *rate,
                                                                const uint64_t *seeds, hil_filter_sums_t *sums) {
-    static_assert(lanes::count == HIL_FILTER_LANES);
+    static_assert(lanes::count <= HIL_FILTER_MOST_LANES);
     void *room = std::aligned_alloc(alignof(core::hil_filter_run_t), sizeof(core::hil_filter_run_t));
     if (room == nullptr) {
         return false;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file lanes.hpp
- * Numbers of eight lanes that stand where C code has scalars. There is `real_t` for float, `int_t` and `uint_t` for the
+ * Numbers of eight lanes, or of sixteen with AVX-512, that stand where C code has scalars. There is `real_t` for float, `int_t` and `uint_t` for the
  * 32-bit whole numbers, `ns_t` for 64-bit times, `wide_t` for double. Lane i of a result is bit for bit what the scalar
  * operation gives for lane i of the operands.
  *
@@ -18,11 +18,15 @@
 namespace lanes {
 inline namespace OMNI_LANES_LEVEL {
 
+#ifdef __AVX512F__
+constexpr int count = 16; /* a vector of floats */
+#else
 constexpr int count = 8;
+#endif
 
 /** What comparisons of numbers as wide as Bits give. */
 template <typename Bits>
-class alignas(32) mask {
+class alignas(4 * count) mask {
 public:
     using vector = vectors<Bits, count>;
     static constexpr unsigned everywhere = (1u << count) - 1u;
@@ -69,7 +73,7 @@ public:
 };
 
 template <typename T>
-class alignas(32) number {
+class alignas(4 * count) number {
 public:
     using scalar = T;
     using vector = vectors<T, count>;

@@ -27,7 +27,9 @@
 namespace lanes {
 inline namespace OMNI_LANES_LEVEL {
 
-#ifdef __AVX2__
+#if defined(__AVX512F__)
+constexpr int native_bytes = 64;
+#elif defined(__AVX2__)
 constexpr int native_bytes = 32;
 #else
 constexpr int native_bytes = 16;
@@ -59,7 +61,10 @@ template <typename T, int N>
 LANES_INLINE constexpr vectors<T, N> broadcast(T value) {
     if constexpr (fits<T, N>) {
         using native = typename vectors<T, N>::native;
-        if constexpr (N == 8) {
+        if constexpr (N == 16) {
+            return {native{value, value, value, value, value, value, value, value, //
+                           value, value, value, value, value, value, value, value}};
+        } else if constexpr (N == 8) {
             return {native{value, value, value, value, value, value, value, value}};
         } else if constexpr (N == 4) {
             return {native{value, value, value, value}};
@@ -170,6 +175,13 @@ LANES_INLINE vectors<T, N> square_root(vectors<T, N> a) {
             return {reinterpret_cast<native>(_mm_sqrt_pd(reinterpret_cast<__m128d>(a.v)))};
         }
 #endif
+#if defined(__AVX512F__)
+        if constexpr (std::is_same_v<T, float> && sizeof(native) == 64) {
+            return {reinterpret_cast<native>(_mm512_sqrt_ps(reinterpret_cast<__m512>(a.v)))};
+        } else if constexpr (sizeof(native) == 64) {
+            return {reinterpret_cast<native>(_mm512_sqrt_pd(reinterpret_cast<__m512d>(a.v)))};
+        }
+#endif
 #if defined(__AVX2__)
         if constexpr (std::is_same_v<T, float> && sizeof(native) == 32) {
             return {reinterpret_cast<native>(_mm256_sqrt_ps(reinterpret_cast<__m256>(a.v)))};
@@ -198,6 +210,13 @@ LANES_INLINE unsigned bit_mask(vectors<T, N> choice) {
     if constexpr (!fits<T, N>) {
         return bit_mask(choice.low) | bit_mask(choice.high) << (N / 2);
     } else {
+#if defined(__AVX512F__)
+        if constexpr (sizeof choice == 64 && sizeof(T) == 4) {
+            return _mm512_movepi32_mask(reinterpret_cast<__m512i>(choice.v));
+        } else if constexpr (sizeof choice == 64) {
+            return _mm512_movepi64_mask(reinterpret_cast<__m512i>(choice.v));
+        }
+#endif
 #if defined(__AVX2__)
         if constexpr (sizeof choice == 32 && sizeof(T) == 4) {
             return static_cast<unsigned>(_mm256_movemask_ps(reinterpret_cast<__m256>(choice.v)));

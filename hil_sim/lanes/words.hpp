@@ -16,7 +16,15 @@ LANES_INLINE void product(std::uint32_t factor, vectors<std::uint32_t, N> a, vec
         product<N / 2>(factor, a.low, high.low, low.low);
         product<N / 2>(factor, a.high, high.high, low.high);
     } else {
-#if defined(__AVX2__)
+#if defined(__AVX512F__)
+        static_assert(sizeof a == 64);
+        const __m512i words = reinterpret_cast<__m512i>(a.v);
+        const __m512i by = _mm512_set1_epi64(factor);
+        const __m512i even = _mm512_mul_epu32(words, by);
+        const __m512i odd = _mm512_mul_epu32(_mm512_srli_epi64(words, 32), by);
+        const __m512i upper = _mm512_mask_blend_epi32(0xAAAA, _mm512_srli_epi64(even, 32), odd);
+        const __m512i lower = _mm512_mask_blend_epi32(0xAAAA, even, _mm512_slli_epi64(odd, 32));
+#elif defined(__AVX2__)
         const __m256i words = reinterpret_cast<__m256i>(a.v);
         const __m256i by = _mm256_set1_epi64x(factor);
         const __m256i even = _mm256_mul_epu32(words, by);

@@ -72,25 +72,43 @@ int32_t hil_filter_study(const hil_filter_config_t *config, const double *refere
     return 0;
 }
 
-static hil_filter_eight_t *path_of(hil_filter_path_t path) {
+/* A way to go, and how many seeds go at once. */
+typedef struct way_t {
+    hil_filter_lanes_t *run;
+    uint32_t lanes;
+} way_t;
+
+/* @param left  seeds still to be run: wide vectors that are half empty are no gain */
+static way_t way_of(hil_filter_path_t path, uint32_t left) {
+    const way_t baseline = {hil_filter_lanes_baseline, HIL_FILTER_LANES};
+    const way_t none = {NULL, 1};
 #ifdef HIL_LANES_AVX2
-    const bool avx2 = __builtin_cpu_supports("avx2");
-    if (avx2 && (path == HIL_FILTER_PATH_AVX2 || path == HIL_FILTER_PATH_BEST)) {
-        return hil_filter_eight_avx2;
+    const way_t avx2 = {hil_filter_lanes_avx2, HIL_FILTER_LANES};
+    const way_t avx512 = {hil_filter_lanes_avx512, HIL_FILTER_MOST_LANES};
+    const bool best = path == HIL_FILTER_PATH_BEST;
+    const bool wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+                      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
+    if (wide && (path == HIL_FILTER_PATH_AVX512 || (best && left > HIL_FILTER_LANES))) {
+        return avx512;
     }
+    if (__builtin_cpu_supports("avx2") && (best || path == HIL_FILTER_PATH_AVX2)) {
+        return avx2;
+    }
+#else
+    (void)left;
 #endif
-    return path == HIL_FILTER_PATH_BASELINE || path == HIL_FILTER_PATH_BEST ? hil_filter_eight_baseline : NULL;
+    return path == HIL_FILTER_PATH_BASELINE || path == HIL_FILTER_PATH_BEST ? baseline : none;
 }
 
-/* Up to eight seeds; too few are filled up. @return false if they cannot go together. */
-static bool run_eight(hil_filter_eight_t *eight, const hil_filter_config_t *config, const double *reference,
-                      const double *rate, const uint64_t *seeds, uint32_t count, hil_filter_result_t *results) {
-    uint64_t seed[HIL_FILTER_LANES];
-    hil_filter_sums_t sums[HIL_FILTER_LANES];
-    for (uint32_t i = 0; i < HIL_FILTER_LANES; i++) {
+/* As many seeds as there are lanes; too few are filled up. @return false if they cannot go together. */
+static bool run_together(const way_t *way, const hil_filter_config_t *config, const double *reference,
+                         const double *rate, const uint64_t *seeds, uint32_t count, hil_filter_result_t *results) {
+    uint64_t seed[HIL_FILTER_MOST_LANES];
+    hil_filter_sums_t sums[HIL_FILTER_MOST_LANES];
+    for (uint32_t i = 0; i < way->lanes; i++) {
         seed[i] = seeds[i < count ? i : 0];
     }
-    if (!eight(config, reference, rate, seed, sums)) {
+    if (!way->run(config, reference, rate, seed, sums)) {
         return false;
     }
     for (uint32_t i = 0; i < count; i++) {
@@ -102,18 +120,17 @@ static bool run_eight(hil_filter_eight_t *eight, const hil_filter_config_t *conf
 int32_t hil_filter_study_many(const hil_filter_config_t *config, const double *reference, const double *rate,
                               const uint64_t *seeds, uint32_t count, hil_filter_path_t path,
                               hil_filter_result_t *results) {
-    hil_filter_eight_t *eight = path_of(path);
     if (!in_range(config)) {
         return -1;
     }
-    if (eight == NULL && path != HIL_FILTER_PATH_SINGLE) {
+    if (path != HIL_FILTER_PATH_SINGLE && way_of(path, count).run == NULL) {
         return -2;
     }
     for (uint32_t done = 0; done < count;) {
         const uint32_t left = count - done;
-        const uint32_t group = left < HIL_FILTER_LANES ? left : HIL_FILTER_LANES;
-        if (eight == NULL || group == 1 ||
-            !run_eight(eight, config, reference, rate, seeds + done, group, results + done)) {
+        const way_t way = way_of(path, left);
+        const uint32_t group = left < way.lanes ? left : way.lanes;
+        if (group == 1 || !run_together(&way, config, reference, rate, seeds + done, group, results + done)) {
             for (uint32_t i = done; i < done + group; i++) {
                 if (hil_filter_study(config, reference, rate, seeds[i], &results[i], NULL) != 0) {
                     return -1;

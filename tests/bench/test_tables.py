@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from bench.__main__ import BENCHMARKS, PAGE, parse, save
-from bench.filter_study import duration
+from bench.filter_study import LANES, PLAIN, SIMD, SINGLE, duration, lead
 from bench.tables import Row, Table, shown, with_ratios, write_page
+from hil_sim.speed import Spread
 from tests.parity.budget_page import replace_block
 
 ROWS = [Row("ours", {"ns": 4.0}), Row("theirs", {"ns": 10.0}), Row("else", {"ns": "not installed"})]
@@ -36,6 +37,13 @@ def test_ratios_are_in_units_of_ours() -> None:
     assert [row.cells["× ours"] for row in TABLE.rows] == [1.0, 2.5, None]
     with pytest.raises(TypeError, match="not a figure to compare with"):
         with_ratios(ROWS, "ns", "else", "×")
+
+
+def test_the_lead_of_native_peers_is_told_by_the_least_times() -> None:
+    times = {LANES: 0.1, SIMD: 0.02, SINGLE: 0.0125, PLAIN: 0.43}
+    told = lead({name: Spread((time * 1.5, time, time * 2.0)) for name, time in times.items()})
+    assert "5.0 times as long as the SIMD program in double precision, 8.0 times" in told
+    assert "Plain C takes 4.3 times as long as ours." in told
 
 
 def test_the_page_gets_the_tables_and_keeps_everything_else(tmp_path: Path) -> None:

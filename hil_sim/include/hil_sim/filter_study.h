@@ -7,7 +7,7 @@
  * One step of length T: ISMC on one estimate -> voltage per wheel -> motors with noise -> measured wheel speeds,
  * filtered or not -> pose with noise. A pose fix and four estimates follow. The voltage is the wanted wheel speed, one
  * volt per rad/s, as the report feeds its motors. Wheels sit evenly spaced and drive without slip. A run is a pure
- * function of its configuration and seed. Whether it goes alone or with seven others, and on what processor, cannot be
+ * function of its configuration and seed. Whether it goes alone or with others, and on what processor, cannot be
  * seen in its bits.
  */
 #ifndef HIL_SIM_FILTER_STUDY_H
@@ -108,7 +108,8 @@ typedef enum hil_filter_path_t {
     HIL_FILTER_PATH_SINGLE,   /**< one by one */
     HIL_FILTER_PATH_BASELINE, /**< eight at a time, with the instructions that every processor of this architecture has
                                */
-    HIL_FILTER_PATH_AVX2      /**< eight at a time with AVX2 */
+    HIL_FILTER_PATH_AVX2,     /**< eight at a time with AVX2 */
+    HIL_FILTER_PATH_AVX512    /**< sixteen at a time with AVX-512 */
 } hil_filter_path_t;
 
 /**
