@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The filter study for eight seeds at once, or sixteen with AVX-512: the very sources of hil_sim/src, with lanes for numbers.
+// The filter study for eight seeds at once, or sixteen with AVX-512: the sources of hil_sim/src, lanes for numbers.
 #include <math.h>
 #include <string.h>
 
@@ -28,7 +28,8 @@ typedef lanes::int_t hil_int_t;
 /* Steps between two looks at whether the lanes have parted. */
 constexpr uint32_t steps_per_look = 1024;
 
-/* In one function gcc's code takes 7 % less time with AVX2, and 10 % less with AVX-512. With SSE2 it gains 3 %, and takes long to compile. */
+/* In one function gcc's code takes 7 % less time with AVX2, and 10 % less with AVX-512. With SSE2 it gains 3 %, and
+ * takes long to compile. */
 #if defined(__AVX2__)
 #define RUN_IN_ONE __attribute__((flatten))
 #else

@@ -23,6 +23,7 @@ ALLOWED = {
     "host/omniwheel/storage_file.py": "opened to be locked; the firmware writes it",
     "hil_sim/studies/store.py": "append-only, with a checksum per record",
     "hil_sim/lanes/make_layout.py": "a step of the build",
+    "bench/native_study.py": "a temporary folder",
     "bench/octave.py": "a temporary folder",
     "bench/ticks.py": "a temporary folder",
 }
