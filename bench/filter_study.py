@@ -75,7 +75,8 @@ def measurements(setting: Setting, steps: int, runs: int, seed: int) -> dict[str
         NUMPY: _timed(lambda: filter_study_numpy.run(model, draw_normals(seed, steps)), steps),
         BATCHED: _timed(lambda: filter_study_batched.run(model, runs, batch_steps, seed), runs * batch_steps),
     }
-    found |= {name: _native(name, filter_model(setting), seed) for name in NATIVES}
+    whole = filter_model(setting)
+    found |= {name: _native(name, whole, seed) for name in NATIVES}
     if octave.installed():
         found[OCTAVE] = lambda: octave.run(model, steps)[1] / steps
     return found

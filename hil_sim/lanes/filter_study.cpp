@@ -76,7 +76,11 @@ void unpack(const hil_filter_sums_t *from, ::hil_filter_sums_t *to) {
 extern "C" bool LANES_NAME(hil_filter_lanes, OMNI_LANES_LEVEL)(const hil_filter_config_t *config,
                                                                const double *reference, const double *rate,
                                                                const uint64_t *seeds, hil_filter_sums_t *sums) {
-    static_assert(lanes::count <= HIL_FILTER_MOST_LANES);
+#ifdef LANES_SIXTEEN
+    static_assert(lanes::count == HIL_FILTER_MOST_LANES);
+#else
+    static_assert(lanes::count == HIL_FILTER_LANES);
+#endif
     void *room = std::aligned_alloc(alignof(core::hil_filter_run_t), sizeof(core::hil_filter_run_t));
     if (room == nullptr) {
         return false;

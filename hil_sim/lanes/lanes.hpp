@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 /**
  * @file lanes.hpp
- * Numbers of eight lanes, or of sixteen with AVX-512, that stand where C code has scalars. There is `real_t` for
- * float, `int_t` and `uint_t` for the 32-bit whole numbers, `ns_t` for 64-bit times, `wide_t` for double. Lane i of a
- * result is bit for bit what the scalar operation gives for lane i of the operands.
+ * Numbers of eight lanes that stand where C code has scalars; of sixteen with LANES_SIXTEEN, which needs AVX-512.
+ * There is `real_t` for float, `int_t` and `uint_t` for the 32-bit whole numbers, `ns_t` for 64-bit times, `wide_t` for
+ * double. Lane i of a result is bit for bit what the scalar operation gives for lane i of the operands.
  *
  * A comparison gives a mask. As a condition it must be the same in all lanes; if not, the lanes part (divergence.h) and
  * lane 0 answers. `select` takes a mask as it is. A cast to a scalar must be the same in all lanes too. All types are
@@ -18,7 +18,7 @@
 namespace lanes {
 inline namespace OMNI_LANES_LEVEL {
 
-#ifdef __AVX512F__
+#ifdef LANES_SIXTEEN
 constexpr int count = 16; /* a vector of floats */
 #else
 constexpr int count = 8;

@@ -27,7 +27,7 @@
 namespace lanes {
 inline namespace OMNI_LANES_LEVEL {
 
-#if defined(__AVX512F__)
+#if defined(LANES_SIXTEEN)
 constexpr int native_bytes = 64;
 #elif defined(__AVX2__)
 constexpr int native_bytes = 32;
@@ -175,7 +175,7 @@ LANES_INLINE vectors<T, N> square_root(vectors<T, N> a) {
             return {reinterpret_cast<native>(_mm_sqrt_pd(reinterpret_cast<__m128d>(a.v)))};
         }
 #endif
-#if defined(__AVX512F__)
+#if defined(LANES_SIXTEEN)
         if constexpr (std::is_same_v<T, float> && sizeof(native) == 64) {
             return {reinterpret_cast<native>(_mm512_sqrt_ps(reinterpret_cast<__m512>(a.v)))};
         } else if constexpr (sizeof(native) == 64) {
@@ -210,7 +210,7 @@ LANES_INLINE unsigned bit_mask(vectors<T, N> choice) {
     if constexpr (!fits<T, N>) {
         return bit_mask(choice.low) | bit_mask(choice.high) << (N / 2);
     } else {
-#if defined(__AVX512F__)
+#if defined(LANES_SIXTEEN)
         if constexpr (sizeof choice == 64 && sizeof(T) == 4) {
             return _mm512_movepi32_mask(reinterpret_cast<__m512i>(choice.v));
         } else if constexpr (sizeof choice == 64) {

@@ -16,7 +16,7 @@ LANES_INLINE void product(std::uint32_t factor, vectors<std::uint32_t, N> a, vec
         product<N / 2>(factor, a.low, high.low, low.low);
         product<N / 2>(factor, a.high, high.high, low.high);
     } else {
-#if defined(__AVX512F__)
+#if defined(LANES_SIXTEEN)
         static_assert(sizeof a == 64);
         const __m512i words = reinterpret_cast<__m512i>(a.v);
         const __m512i by = _mm512_set1_epi64(factor);

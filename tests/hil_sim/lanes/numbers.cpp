@@ -155,6 +155,10 @@ int lanes_wrong_whole_numbers(void) {
     return t.wrong;
 }
 
+int lanes_count(void) {
+    return count;
+}
+
 /** A mask with these eight bits as a condition; sixteen lanes get them twice. Bit 0: answer; 1: the lanes parted. */
 int lanes_condition(unsigned bits) {
     float x[count];

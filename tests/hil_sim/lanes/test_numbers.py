@@ -12,7 +12,9 @@ import pytest
 from tests.native import ROOT, build_library
 
 LANES = ROOT / "hil_sim" / "lanes"
-FLAGS = {"baseline": [], "avx2": ["-mavx2"], "avx512": ["-mavx512f", "-mavx512dq", "-mavx512bw", "-mavx512vl"]}
+AVX512 = ["-mavx512f", "-mavx512dq", "-mavx512bw", "-mavx512vl"]
+FLAGS = {"baseline": [], "avx2": ["-mavx2"], "avx512": AVX512, "eight": AVX512}
+"""The last one has eight lanes, as all of a build with -march=native but the level avx512."""
 LEVELS = list(FLAGS) if platform.machine() in ("x86_64", "AMD64") else ["baseline"]
 
 
@@ -30,11 +32,18 @@ def lib(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
         pytest.skip(f"this processor is no {level}")
     flags = ["-Wno-psabi", "-Wno-float-equal", "-fno-math-errno", f"-DOMNI_LANES_LEVEL={level}"]
     flags += FLAGS[level]
-    flags += ["-Wno-uninitialized"] if level == "avx512" else []  # gcc warns of its own header
+    flags += ["-Wno-uninitialized"] if FLAGS[level] == AVX512 else []  # gcc warns of its own header
+    flags += ["-DLANES_SIXTEEN"] if level == "avx512" else []
     sources = [Path(__file__).with_name("numbers.cpp"), LANES / "divergence.c"]
     return ctypes.CDLL(
         str(build_library(tmp_path_factory.mktemp(level), f"lanes_{level}", sources, includes=[LANES], flags=flags))
     )
+
+
+@pytest.mark.parametrize("lib", LEVELS, indirect=True)
+def test_only_the_level_for_it_has_sixteen_lanes(lib: ctypes.CDLL, request: pytest.FixtureRequest) -> None:
+    """Whole robots are packed by eight, so a compiler that is told of AVX-512 everywhere must change nothing there."""
+    assert lib.lanes_count() == (16 if request.node.callspec.params["lib"] == "avx512" else 8)
 
 
 def test_every_operation_gives_the_bits_of_the_scalar_one(lib: ctypes.CDLL) -> None:
