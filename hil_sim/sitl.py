@@ -57,12 +57,25 @@ class _Loop:
     """Runs the ticks, and takes a robot that has left host-in-the-loop back into it.
 
     It leaves when a stop comes while the world is late, because a stop waits for nobody. Then the world stands still
-    until the robot is in the loop again, which is after the emergency stop's release.
+    until the robot is in the loop again, which is after the emergency stop's release. A robot whose storage says that
+    it was stopped is not in the loop at first.
     """
 
     def __init__(self, robot: Robot, link: LockstepLink) -> None:
+        """Enter host-in-the-loop. Raises CommandRefusedError if it is refused for another reason than a stop."""
         self._robot, self._link = robot, link
         self._outside = False
+        try:
+            robot.enter_hil()
+        except CommandRefusedError:
+            if robot.status.state != "estop":
+                raise
+            self._outside = True
+
+    @property
+    def outside(self) -> bool:
+        """Whether the robot is out of the loop, and no tick runs."""
+        return self._outside
 
     def run(self, ticks: int) -> None:
         """Run ticks, or try to enter again. Raises LinkError if the firmware ended or does not answer any more."""
@@ -94,6 +107,7 @@ class Sitl:
     """A running firmware process with its world. ``urls`` are the links for others; :meth:`advance` keeps it alive.
 
     ``live`` breaks and mends things meanwhile. ``run`` runs so many ticks, or fewer if the robot is outside.
+    ``stopped``: its storage says that it was stopped; time stands still until somebody releases it.
     """
 
     urls: tuple[str, ...]
@@ -102,6 +116,7 @@ class Sitl:
     live: LiveWorld
     run: Callable[[int], None]
     radio: RadioBridge | None = None
+    stopped: bool = False
 
     def advance(self, ticks: int = SLICE_TICKS) -> None:
         """Go on by this many ticks, in real time. Raises LinkError if the firmware ended."""
@@ -186,8 +201,8 @@ def _start_process(
             urls = (urls[0], bridge.url)
         base = open_link(firmware.urls[-1])
         robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
-        robot.enter_hil()
         link = LockstepLink(base, world, realtime_factor=realtime_factor)
         loop = _Loop(robot, link)
+        stopped = loop.outside
         loop.run(1)
-        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), loop.run, bridge)
+        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), loop.run, bridge, stopped)

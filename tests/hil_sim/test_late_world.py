@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -130,3 +131,23 @@ def test_a_firmware_that_is_late_goes_on_where_it_was(world: Ticking, robot: Rob
     assert in_loop(robot)
     assert armed(robot)
     assert world.error is None
+
+
+def test_a_robot_that_was_stopped_before_waits_for_its_release(tmp_path: Path) -> None:
+    """Its storage keeps the emergency stop; the program used to end, and then nobody could release it."""
+    scenario, storage = load_scenario("sitl"), tmp_path / "storage"
+    for start in ("fresh", "stopped", "released"):
+        with start_sitl(scenario, ["tcp:127.0.0.1:0"], storage=storage, realtime_factor=0.0) as running:
+            assert running.stopped == (start == "stopped")
+            world = Ticking(running)
+            with omniwheel.connect(running.urls[0]) as robot:
+                if start == "fresh":
+                    until(robot, lambda: in_loop(robot), "not in the loop")
+                    robot.estop()
+                    robot.pump(2.0)
+                if start == "stopped":
+                    robot.estop_clear()
+                until(robot, lambda: in_loop(robot) and robot.status.state != "failsafe", start)
+                robot.pump(2.0)
+            assert world.error is None
+            world.close()

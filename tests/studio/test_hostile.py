@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import json
+import os
 import random
+import signal
 import socket as py_socket
 import subprocess
 import sys
@@ -41,6 +43,16 @@ def wait(condition: Callable[[], bool], what: str) -> None:
             return
         time.sleep(0.1)
     raise AssertionError(what)
+
+
+def signal_all(program: Program, number: signal.Signals) -> None:
+    """Send a signal to a program and to those that it has started."""
+    waiting = [program.process.pid]
+    while waiting:
+        pid = waiting.pop()
+        os.kill(pid, number)
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            waiting += map(int, (thread / "children").read_text(encoding="ascii").split())
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://localhost:1"])
@@ -152,19 +164,45 @@ def test_beyond_this_computer_nobody_gets_in_without_the_token(open_page: Opener
 def test_a_stop_by_another_program_shows_and_a_lost_robot_comes_back(tmp_path: Path, open_page: Opener) -> None:
     """Through a pseudo-terminal, which the studio and ``omni stop`` share as they would share a serial port."""
     link = str(tmp_path / "robot")
+    robot = ("sitl", "--link", f"pty:{link}", "--storage", str(tmp_path / "storage"))
+    changed = "document.querySelector('[data-name=ISMC_LAM_XY] .tag.start')"
     with studio("--link", link) as program:
         page = open_page(program.url)
         until(page, "state?.link.phase === 'lost'")
-        with running("sitl", "--link", f"pty:{link}"):
+        with running(*robot):
             until(page, "robot?.pose")
+            page.fill("#search", "ISMC_LAM_XY")
+            page.fill("#field-ISMC_LAM_XY", "15")
+            page.keyboard.press("Enter")
+            until(page, changed)
+            was = page.evaluate(f"{changed}.textContent")
+            page.click("#store")
+            until(page, "document.getElementById('notice').textContent.startsWith('Stored')")
             page.click("#arm")
             until(page, "robot.armed")
             subprocess.run([sys.executable, "-m", "omniwheel", "stop", "--link", link], check=True)
             until(page, "robot?.state === 'estop'")
         until(page, "state.link.phase === 'lost'")
         assert page.text_content("#faults")
-        with running("sitl", "--link", f"pty:{link}"):
+        with running(*robot):
             until(page, "state.link.phase === 'connected' && robot?.pose")
+            assert page.evaluate(f"{changed}?.textContent") == was, "this page has changed it, before the loss"
+
+
+def test_a_robot_is_not_lost_because_the_computer_stood_still() -> None:
+    """As a suspended laptop does: studio and simulated robot stop together for longer than a lost robot is silent."""
+    with studio("sitl") as program:
+        wait(lambda: program.state()["link"]["phase"] == "connected", "no robot is heard")
+        with connect(socket_url(program)) as socket:
+            assert "error" not in ask(socket, "set", values={"ISMC_LAM_XY": 15.0}, step=1)
+        signal_all(program, signal.SIGSTOP)
+        time.sleep(7.0)
+        program.process.send_signal(signal.SIGCONT)
+        time.sleep(0.2)
+        signal_all(program, signal.SIGCONT)
+        with connect(socket_url(program)) as socket:
+            ask(socket, "take_over")
+            assert "error" not in ask(socket, "undo"), "a new connection knows of nothing to undo"
 
 
 def test_a_server_that_is_gone_is_said_and_found_again(open_page: Opener) -> None:

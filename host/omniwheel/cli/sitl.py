@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NoReturn
 import typer
 
 from omniwheel.cli import completion
-from omniwheel.cli.common import JsonOption, console, examples, print_json, signals_interrupt
+from omniwheel.cli.common import JsonOption, console, error_console, examples, print_json, signals_interrupt
 from omniwheel.cli.options import HostOption, ListenPortOption, LossOption, RadioOption
 from omniwheel.cli.run_output import RobotOption, SeedOption, WorldOption, world_of
 from omniwheel.errors import FirmwareEndedError
@@ -143,6 +143,9 @@ def serve_world(
 
     more = {"world": running.live.catalogue()} if commands else {}
     announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
+    if running.stopped:
+        release = f"omni stop --release --link {running.urls[0]}"
+        error_console.print(f"stopped since before the restart: nothing moves until you release it ({release})")
     obeyed = Commands(running.live, json_wanted) if commands else None
     if end_with_stdin or commands:
         read_input(obeyed, end_with_stdin)

@@ -37,6 +37,8 @@ RETRY_S = 1.0
 _PUMP_S = 0.01
 _SILENT_S = 5.0
 """Without a heartbeat for so long, the robot counts as gone."""
+_LONGEST_LISTENED_S = 0.5
+"""A pass of the loop counts as no more listening than this: a computer that stood still has heard nobody."""
 PAGE_SILENT_S = 2.0
 """A page that says nothing for so long is closed, frozen or lost."""
 TEXTS_KEPT = 200
@@ -61,6 +63,25 @@ def set_rate(robot: Robot, rate_hz: float | None) -> None:
         robot.set_message_interval(name, rate_hz)
     with suppress(CommandRefusedError):
         robot.set_message_interval(FIX_MESSAGE, rate_hz)
+
+
+class _Silence:
+    """How long a robot has been silent while somebody listened.
+
+    A computer that was suspended, or given to other programs, finds an old heartbeat when it wakes up. The robot's
+    newer ones may wait in the link, or the robot was simulated and stood still, too.
+    """
+
+    def __init__(self) -> None:
+        self._last_s: float | None = None
+        self._silent_s = 0.0
+
+    def seconds(self, now_s: float, heartbeat_age_s: float) -> float:
+        """Return the silence [s]. Call it in every pass: ``now_s`` is its time, never decreasing."""
+        passed_s = 0.0 if self._last_s is None else now_s - self._last_s
+        self._last_s = now_s
+        self._silent_s = min(heartbeat_age_s, self._silent_s + min(passed_s, _LONGEST_LISTENED_S))
+        return self._silent_s
 
 
 class WorkEndedError(LinkError):
@@ -222,6 +243,7 @@ class Session:
             self.phase, self.trouble = "connected", link.notice
             counted_s, counted = time.monotonic(), robot.connection.rx_bytes
             self.quality = quality = LinkQuality(robot)
+            silence = _Silence()
             while not self._closing.is_set():
                 self._mind_the_page(robot)
                 self._do_next(robot)
@@ -230,7 +252,7 @@ class Session:
                 if now_s - counted_s >= _BYTES_OVER_S:
                     self.rx_bytes_s = (robot.connection.rx_bytes - counted) / (now_s - counted_s)
                     counted_s, counted = now_s, robot.connection.rx_bytes
-                if robot.status.heartbeat_age_s > _SILENT_S * self._slowness():
+                if silence.seconds(now_s, robot.status.heartbeat_age_s) > _SILENT_S * self._slowness():
                     raise LinkLostError(f"the robot at {self.url} is silent", hint="is it switched on?")
                 with self.lock:
                     self.mark_changes += self.marks.overdue(self.store.now_s) is not None

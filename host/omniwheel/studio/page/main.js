@@ -79,7 +79,7 @@ function tables({ again, signals, view, wheels, radius_m, speed, paths, path, ..
   experiments.tables(lists.experiments);
   simulator.tables(lists.world);
   bring_up.tables(lists.bring_up, wheels);
-  parameters.tables(lists.parameters);
+  parameters.tables(lists.parameters, again);
   plots.tables(signals, view, again);
   if (view && !again) id("span").value = view.span_s;
   id("rate").value = ""; // each connection begins with its automatic rates

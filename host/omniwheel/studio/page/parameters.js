@@ -18,7 +18,9 @@ export class ParameterList {
     this.onlyChanged = false;
   }
 
-  tables(infos) {
+  /** again: the link came back; what each value was at the start is still known. */
+  tables(infos, again = false) {
+    const starts = new Map([...this.#entries].map(([name, { start }]) => [name, again ? start : undefined]));
     this.#entries.clear();
     const open = new Set([...this.root.querySelectorAll("details[open] > summary")].map((title) => title.textContent));
     const groups = Map.groupBy(infos, (info) => info.group);
@@ -27,7 +29,7 @@ export class ParameterList {
       const title = document.createElement("summary");
       title.textContent = name;
       group.open = open.has(name);
-      group.append(title, ...members.map((info) => this.#row(info)));
+      group.append(title, ...members.map((info) => this.#row(info, starts.get(info.name))));
       return group;
     }));
   }
@@ -67,7 +69,7 @@ export class ParameterList {
     }
   }
 
-  #row(info) {
+  #row(info, start) {
     const row = document.createElement("div");
     row.className = "parameter";
     row.dataset.name = info.name;
@@ -86,7 +88,7 @@ export class ParameterList {
     const refusal = document.createElement("p");
     refusal.className = "refusal";
     refusal.setAttribute("role", "alert");
-    const entry = { info, row, tags, refusal, slider: null, value: undefined, start: undefined };
+    const entry = { info, row, tags, refusal, slider: null, value: undefined, start };
     entry.field = this.#field(entry);
     line.append(entry.field);
     if (info.unit) line.append(info.unit);
