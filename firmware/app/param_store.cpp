@@ -5,6 +5,7 @@
 #include <cstring>
 #include <iterator>
 
+#include "app/cold.h"
 #include "app/crc32.h"
 #include "app/storage_layout.h"
 #include "app/words.h"
@@ -74,7 +75,7 @@ Slot ParamStore::judge() const {
     return slot;
 }
 
-StoreResult ParamStore::load(omni_real_t *values) {
+OMNI_COLD StoreResult ParamStore::load(omni_real_t *values) {
     misfits_ = {};
     if (!read_newest()) {
         return StoreResult::empty;

@@ -7,14 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from hil_sim import metrics
-from hil_sim.runs import run_in_process
+from hil_sim.record import Record
+from hil_sim.runs import Player, run_in_process
 from hil_sim.scenario import load_scenario
 from hil_sim.world import IDEAL_WHEELS
+from omniwheel._core import lib
 
 PAGE = " ".join((Path(__file__).parents[2] / "docs" / "guides" / "tuning.md").read_text(encoding="utf-8").split())
 DRY_N_M = 0.4
+LOOK_TICKS, MOST_TICKS = 8, 100_000
 
 
 def torque_error_mm(dead: float, *, ideal: bool = False) -> float:
@@ -29,6 +33,31 @@ def torque_error_mm(dead: float, *, ideal: bool = False) -> float:
 def test_dry_friction_and_the_dead_band_that_makes_up_for_it() -> None:
     with_it, without = torque_error_mm(DRY_N_M / 4.67), torque_error_mm(0.0)
     assert f"path is off by {with_it:.1f} instead of {without:.1f} mm" in PAGE
+
+
+def unknown_velocity(name: str) -> NDArray[np.float64]:
+    """Return what the robot takes for unknown in the second half of a path, by look and axis [m/s, m/s, rad/s]."""
+    scenario = load_scenario(name).with_world(IDEAL_WHEELS)
+    values = scenario.parameter_values()
+    gains: NDArray[np.float64] = np.array([values["ISMC_K_XY"], values["ISMC_K_XY"], values["ISMC_K_TH"]])
+    player = Player(scenario)
+    record = Record(MOST_TICKS)
+    player._run.record = record.c
+    margins = []
+    while lib.hil_player_play(player._player, LOOK_TICKS):
+        margins.append(list(player._run.robot.margin.margin))
+    followed = np.array([margin for margin in margins if any(margin)])
+    unknown: NDArray[np.float64] = gains - followed[len(followed) // 2 :]
+    return unknown
+
+
+def test_the_velocity_that_the_robot_takes_for_unknown() -> None:
+    for name, sentence in (
+        ("demo", "is at most {} with fixes at 50 Hz"),
+        ("no_fixes", "Without fixes it is at most {}."),
+    ):
+        unknown = unknown_velocity(name)
+        assert sentence.format(f"{1e3 * unknown[:, :2].max():.0f} mm/s and {unknown[:, 2].max():.3f} rad/s") in PAGE
 
 
 @pytest.mark.parametrize("ideal", [False, True])

@@ -110,6 +110,9 @@ void draw_parameters(random_t *random, uint32_t number, draw_style_t style, omni
         values[OMNI_PARAM_ISMC_K_XY] = random_between(random, 0.0f, 0.01f);
         values[OMNI_PARAM_ISMC_K_TH] = random_between(random, 0.0f, 0.03f);
     }
+    if (random_chance(random, 200000)) { /* a fence that the robot meets */
+        values[OMNI_PARAM_LIM_POS] = random_between(random, 0.1f, 0.5f);
+    }
     values[OMNI_PARAM_EKF_GATE_N] = whole_between(random, 1.0f, 30.0f);
     values[OMNI_PARAM_SAFE_LINK_TO] = random_between(random, 0.2f, 1.0f);
     values[OMNI_PARAM_SAFE_CMD_TO] = random_between(random, 0.05f, 0.5f);
