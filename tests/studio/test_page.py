@@ -130,6 +130,18 @@ def test_a_refused_value_is_said_beside_its_field_and_the_robot_keeps_the_old_on
     until(page, f"document.getElementById('field-{GAIN}').value === '{before}'")
 
 
+def test_what_is_said_does_not_move_the_map(page: Page) -> None:
+    """Who draws a path with the mouse would draw a step in it."""
+    page.wait_for_function("document.getElementById('notice').textContent === ''")
+    top = "document.getElementById('map').getBoundingClientRect().top"
+    before = page.evaluate(top)
+    page.click("#go")
+    page.wait_for_function("document.getElementById('notice').textContent !== ''")
+    assert page.evaluate(top) == before, "while it is disarmed, the robot refuses to drive"
+    page.evaluate("document.getElementById('faults').textContent = 'Faults: encoder, fix refused, pose stale'")
+    assert page.evaluate(top) == before
+
+
 @pytest.mark.parametrize("focus", ["#arm", "#path", "#laps", "#pause", "#target-x", "#keys", "body"])
 def test_the_space_bar_stops_wherever_the_focus_is(page: Page, focus: str) -> None:
     arm(page)
