@@ -309,6 +309,7 @@ bool App::dispatch_signs(const Frame &frame, size_t link) {
     case MAVLINK_MSG_ID_HEARTBEAT:
         // Other robots on the same radio have an autopilot. They are not who this one listens to.
         if (frame.as<mavlink_heartbeat_t>().autopilot == MAV_AUTOPILOT_INVALID) {
+            meet(link);
             heartbeats_.heard(link);
         }
         return true;

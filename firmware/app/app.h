@@ -84,6 +84,8 @@ private:
     void say_latch(size_t link);
     void keep_stop();
     void greet(size_t link);
+    /// Before a heartbeat counts: if it is a newcomer's on a link that was connected long ago, say what is wrong again.
+    void meet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_setpoint(const Frame &frame, size_t link);
     /// Pose fixes and signs of life.
@@ -136,6 +138,7 @@ private:
     uint32_t overruns_ = 0;
     uint32_t overruns_in_row_ = 0;
     uint32_t release_attempts_ = 0;
+    uint64_t greeted_us_[Board::max_ports] = {}; ///< when a link was greeted, or somebody new was met there
     bool restart_said_[Board::max_ports] = {};
 };
 

@@ -1,11 +1,19 @@
 // SPDX-License-Identifier: MIT
 /// What comes over the links: bytes, frames and the original robot's lines.
 #include "app/app.h"
+#include "app/cold.h"
 #include "app/text.h"
 
 namespace omni {
+namespace {
+
+constexpr uint64_t away_us = 10'000'000;    ///< a ground station that is silent for longer may be another one
+constexpr uint64_t greeting_us = 2'000'000; ///< whoever connects by cable or network sends a heartbeat before
+
+} // namespace
 
 void App::greet(size_t link) {
+    greeted_us_[link] = clock_.now_us;
     parameters_.stop_list(link);
     burst_log_.forget(link);
     telemetry_.set_rates(link, parameters_.values());
@@ -13,6 +21,22 @@ void App::greet(size_t link) {
     say_restart(link);
     say_latch(link);
     status_texts_.greet(link);
+}
+
+/// A radio is always connected. So what was said before somebody switched the other one on was said to nobody.
+OMNI_COLD void App::meet(size_t link) {
+    const uint64_t now_us = clock_.now_us;
+    const uint64_t heard_us = heartbeats_.stations.heard_us(link);
+    const auto is_past = [now_us](uint64_t since_us, uint64_t us) {
+        return now_us > since_us && now_us - since_us > us;
+    };
+    if ((heard_us == 0 || is_past(heard_us, away_us)) && is_past(greeted_us_[link], greeting_us)) {
+        greeted_us_[link] = now_us;
+        restart_said_[link] = false;
+        say_restart(link);
+        say_latch(link);
+        status_texts_.greet(link);
+    }
 }
 
 bool App::handing_over() const {

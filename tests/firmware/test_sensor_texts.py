@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.firmware.client import mav
-from tests.firmware.fake_robot import HIL_OFF, HIL_ON, PORTS, RADIO, USB, FakeRobot
+from tests.firmware.fake_robot import HEARTBEAT, HIL_OFF, HIL_ON, PORTS, RADIO, USB, FakeRobot
 
 SAID = {
     "gyro": ("gyro: no chip answers; check power and wires", "gyro: readings again"),
@@ -77,3 +77,38 @@ def test_a_host_in_the_loop_has_other_sensors(robot: FakeRobot) -> None:
     robot.ask(USB, HIL_OFF)
     robot.tick(20)
     assert all(trouble in robot.texts(RADIO) for trouble, _ in SAID.values())
+
+
+@pytest.mark.parametrize("sensor", SAID)
+def test_a_radio_that_is_switched_on_later_hears_it(robot: FakeRobot, sensor: str) -> None:
+    """Its link is connected all the time. A heartbeat, the first or after long silence, shows that somebody is there."""
+    trouble, _ = SAID[sensor]
+
+    def said_after(ticks: int, heartbeat: bool = True) -> list[int]:
+        robot.look()
+        for port in range(PORTS):
+            robot.said[port].clear()
+        if heartbeat:
+            robot.send(RADIO, HEARTBEAT)
+        robot.tick(ticks)
+        return [robot.texts(port).count(trouble) for port in range(PORTS)]
+
+    nobody, radio = [0] * PORTS, [int(port == RADIO) for port in range(PORTS)]
+    robot.sensor_trouble(**{sensor: 1})
+    robot.tick(30)
+    assert said_after(3000, heartbeat=False) == nobody
+    assert said_after(1000) == radio
+    assert said_after(9000) == nobody
+    assert said_after(11000) == nobody
+    assert said_after(1000) == radio
+
+
+def test_a_program_on_the_cable_hears_it_once(robot: FakeRobot) -> None:
+    robot.sensor_trouble(gyro=1)
+    robot.port(USB, connection=0)
+    robot.tick(5000)
+    robot.port(USB, connection=2)
+    robot.tick(1000)
+    robot.send(USB, HEARTBEAT)
+    robot.tick(1000)
+    assert robot.texts(USB).count(SAID["gyro"][0]) == 1
