@@ -55,9 +55,13 @@ def edges_of(machine: object) -> list[Edge]:
 
 
 def read_wave(edges: list[Edge]) -> Wave:
-    """Tell what the edges mean; both lines are high before the first one."""
+    """Tell what the edges mean; both lines are high before the first one.
+
+    What comes before the first START is the rest of a transfer: its bits make no bytes.
+    """
     wave = Wave()
     bits: list[int] = []
+    framed = False
     scl_rose = scl_fell = sda_moved = stopped = started = float("nan")
     for before, now in _pairs(edges):
         if now.scl and before.scl and now.sda != before.sda:
@@ -67,6 +71,7 @@ def read_wave(edges: list[Edge]) -> Wave:
                 wave.stop_setup_ns.append(now.time_ns - scl_rose)
                 stopped = now.time_ns
             else:
+                framed = True
                 wave.start_setup_ns.append(now.time_ns - scl_rose)
                 wave.free_ns.append(now.time_ns - stopped)
                 started = now.time_ns
@@ -74,7 +79,8 @@ def read_wave(edges: list[Edge]) -> Wave:
             wave.low_ns.append(now.time_ns - scl_fell)
             wave.data_setup_ns.append(now.time_ns - sda_moved)
             scl_rose = now.time_ns
-            bits.append(now.sda)
+            if framed:
+                bits.append(now.sda)
             if len(bits) == 9:
                 wave.events.append((int("".join(map(str, bits[:8])), 2), not bits[8]))
                 bits = []

@@ -42,12 +42,12 @@ def test_the_page_has_what_it_brings() -> None:
 
 
 def test_what_the_page_says_of_it() -> None:
-    """No path is better or worse by 1 %; wheels follow starts and stops better, most with weak loops."""
+    """No path is better or worse by 1.5 %; wheels follow starts and stops better, most with weak loops."""
     for robot in ROBOTS:
         for gain in (1.0, WEAKER):
             plain, body = figures(robot, 0.0, gain), figures(robot, 1.0, gain)
-            assert body.position_mm == pytest.approx(plain.position_mm, rel=0.01)
-            assert body.heading_mrad == pytest.approx(plain.heading_mrad, rel=0.01)
+            assert body.position_mm == pytest.approx(plain.position_mm, rel=0.015)
+            assert body.heading_mrad == pytest.approx(plain.heading_mrad, rel=0.015)
             assert body.ramp_rad_s < plain.ramp_rad_s
             assert body.path_A < 1.05 * plain.path_A
 

@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hil_sim import core, flow_figures
+from hil_sim.batch import run_batch
 from hil_sim.faults import Fault
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import load_scenario
@@ -184,3 +185,14 @@ def test_the_page_says_what_the_figures_command_says(setting: flow_figures.Setti
 @pytest.mark.parametrize("setting", flow_figures.SETTINGS[1:], ids=lambda each: each.title)
 def test_the_page_says_all_that_the_figures_command_says(setting: flow_figures.Setting) -> None:
     test_the_page_says_what_the_figures_command_says(setting)
+
+
+def test_eight_runs_at_once_give_the_bits_of_single_ones() -> None:
+    """Among these one uses a reading that the others refuse; they used to count it as theirs."""
+    scenario = load_scenario("flow")
+    at_once = run_batch(scenario, 41, 8).rows.tobytes()
+    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+    try:
+        assert run_batch(scenario, 41, 8).rows.tobytes() == at_once
+    finally:
+        lib.hil_lanes_use(lib.HIL_LANES_BEST)

@@ -195,7 +195,7 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */
     /** Share of a slot's noise of x and y, and of theta, that is out of `p`: motion over the floor has measured it. */
     omni_real_t flow_known[OMNI_EKF_HISTORY][2];
-    uint8_t flow_slots; /**< newest slots among which there may be measured ones */
+    omni_int_t flow_slots; /**< newest slots among which there may be measured ones */
 } omni_pose_ekf_state_t;
 
 /** What is known of a gyro: bias [rad/s], error of the scale. */

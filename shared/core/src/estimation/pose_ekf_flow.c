@@ -371,9 +371,7 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     result->nis = omni_select(known, nis, largest_nis);
     result->fits = known && (config->flow_gate == 0.0f || nis <= config->flow_gate);
     const omni_flag_t counts = flow->counts && result->fits;
-    if (omni_any(counts)) {
-        state->flow_slots = OMNI_EKF_HISTORY;
-    }
+    state->flow_slots = omni_select(counts, (omni_int_t)OMNI_EKF_HISTORY, state->flow_slots);
     if (shared) {
         teach_history(&u, state, flow, lever, counts);
     }

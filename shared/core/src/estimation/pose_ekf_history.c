@@ -55,7 +55,7 @@ void omni_ekf_history_next(omni_pose_ekf_state_t *state) {
     memset(state->wheel_m, 0, sizeof state->wheel_m);
     state->flow_known[state->newest][0] = 0.0f;
     state->flow_known[state->newest][1] = 0.0f;
-    state->flow_slots = (uint8_t)(state->flow_slots > 0 ? state->flow_slots - 1 : 0);
+    state->flow_slots = omni_select(state->flow_slots > 0, state->flow_slots - 1, (omni_int_t)0);
     memcpy(slot->slip, state->slip, sizeof slot->slip);
     omni_sincosf(state->pose.theta, &state->slot_sine, &state->slot_cosine);
 }
