@@ -81,7 +81,7 @@ def test_a_host_in_the_loop_has_other_sensors(robot: FakeRobot) -> None:
 
 @pytest.mark.parametrize("sensor", SAID)
 def test_a_radio_that_is_switched_on_later_hears_it(robot: FakeRobot, sensor: str) -> None:
-    """Its link is connected all the time. A heartbeat, the first or after long silence, shows that somebody is there."""
+    """Its link is connected all the time. A heartbeat, the first or after long silence, shows somebody there."""
     trouble, _ = SAID[sensor]
 
     def said_after(ticks: int, heartbeat: bool = True) -> list[int]:
