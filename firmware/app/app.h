@@ -84,6 +84,8 @@ private:
     void say_latch(size_t link);
     void keep_stop();
     void greet(size_t link);
+    /// What is wrong, to somebody who has not heard it.
+    void tell_newcomer(size_t link);
     /// Before a heartbeat counts: if it is a newcomer's on a link that was connected long ago, say what is wrong again.
     void meet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);

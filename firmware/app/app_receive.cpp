@@ -13,11 +13,15 @@ constexpr uint64_t greeting_us = 2'000'000; ///< whoever connects by cable or ne
 } // namespace
 
 void App::greet(size_t link) {
-    greeted_us_[link] = clock_.now_us;
     parameters_.stop_list(link);
     burst_log_.forget(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
+    tell_newcomer(link);
+}
+
+void App::tell_newcomer(size_t link) {
+    greeted_us_[link] = clock_.now_us;
     say_restart(link);
     say_latch(link);
     status_texts_.greet(link);
@@ -31,11 +35,8 @@ OMNI_COLD void App::meet(size_t link) {
         return now_us > since_us && now_us - since_us > us;
     };
     if ((heard_us == 0 || is_past(heard_us, away_us)) && is_past(greeted_us_[link], greeting_us)) {
-        greeted_us_[link] = now_us;
         restart_said_[link] = false;
-        say_restart(link);
-        say_latch(link);
-        status_texts_.greet(link);
+        tell_newcomer(link);
     }
 }
 

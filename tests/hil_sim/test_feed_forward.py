@@ -6,12 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil_sim.batch import run_batch
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.world import IDEAL_WHEELS
-from omniwheel._core import lib
 from tests.hil_sim import feed_forward_page
+from tests.hil_sim.batches import assert_the_same_without_lanes
 from tests.hil_sim.feed_forward_page import PAGE, ROBOTS, WEAKER, figures
 
 SMOOTH = {"coulomb_friction_N_m": 0.0, "roller_friction_N_s_m": 0.0}
@@ -42,12 +41,12 @@ def test_the_page_has_what_it_brings() -> None:
 
 
 def test_what_the_page_says_of_it() -> None:
-    """No path is better or worse by 1.5 %; wheels follow starts and stops better, most with weak loops."""
+    """No path changes by 1 %, or 1.5 % with weak loops; wheels follow starts and stops better, most with weak loops."""
     for robot in ROBOTS:
         for gain in (1.0, WEAKER):
             plain, body = figures(robot, 0.0, gain), figures(robot, 1.0, gain)
-            assert body.position_mm == pytest.approx(plain.position_mm, rel=0.015)
-            assert body.heading_mrad == pytest.approx(plain.heading_mrad, rel=0.015)
+            assert body.position_mm == pytest.approx(plain.position_mm, rel=0.015 if gain == WEAKER else 0.01)
+            assert body.heading_mrad == pytest.approx(plain.heading_mrad, rel=0.01)
             assert body.ramp_rad_s < plain.ramp_rad_s
             assert body.path_A < 1.05 * plain.path_A
 
@@ -55,9 +54,4 @@ def test_what_the_page_says_of_it() -> None:
 @pytest.mark.parametrize("name", ["fast", "four_wheel"])
 def test_eight_runs_at_once_give_the_bits_of_single_ones(name: str) -> None:
     scenario = load_scenario(name).with_duration(4.0).with_parameters({"WS_FF_BODY": 1.0})
-    at_once = run_batch(scenario, 1, 8).rows.tobytes()
-    lib.hil_lanes_use(lib.HIL_LANES_NONE)
-    try:
-        assert run_batch(scenario, 1, 8).rows.tobytes() == at_once
-    finally:
-        lib.hil_lanes_use(lib.HIL_LANES_BEST)
+    assert_the_same_without_lanes(scenario, 1, 8)

@@ -14,12 +14,12 @@ import pytest
 from numpy.typing import NDArray
 
 from hil_sim import core, flow_figures
-from hil_sim.batch import run_batch
 from hil_sim.faults import Fault
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import load_scenario
 from hil_sim.world import IDEAL_WHEELS
 from omniwheel._core import ffi, lib
+from tests.hil_sim.batches import assert_the_same_without_lanes
 from tests.native import ROOT
 
 QUIET = {"flow_sd_m": 0.0, "flow_share": 0.0, "flow_turn_sd_rad": 0.0, "flow_turn_bias_rad_s": 0.0}
@@ -189,10 +189,4 @@ def test_the_page_says_all_that_the_figures_command_says(setting: flow_figures.S
 
 def test_eight_runs_at_once_give_the_bits_of_single_ones() -> None:
     """Among these one uses a reading that the others refuse; they used to count it as theirs."""
-    scenario = load_scenario("flow")
-    at_once = run_batch(scenario, 41, 8).rows.tobytes()
-    lib.hil_lanes_use(lib.HIL_LANES_NONE)
-    try:
-        assert run_batch(scenario, 41, 8).rows.tobytes() == at_once
-    finally:
-        lib.hil_lanes_use(lib.HIL_LANES_BEST)
+    assert_the_same_without_lanes(load_scenario("flow"), 41, 8)

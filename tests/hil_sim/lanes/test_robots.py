@@ -14,8 +14,6 @@ from tests.native import ROOT, build_library, core_archive, generated_dir
 PROGRAM = ROOT / "tests" / "parity" / "program"
 LANES = ROOT / "hil_sim" / "lanes"
 TICKS = 30_000
-SEEDS = (9, 10)
-"""Scenes that arm every controller; in the second the lanes part over a reading of motion over the floor."""
 
 
 class Tally(ctypes.Structure):
@@ -61,16 +59,19 @@ def run(lib: ctypes.CDLL, seed: int, level: int) -> Tally:
 
 @pytest.mark.parametrize("level", [0, 1], ids=["baseline", "best"])
 def test_eight_in_lanes_are_bit_for_bit_eight_alone(lib: ctypes.CDLL, level: int) -> None:
-    tallies = [run(lib, seed, level) for seed in SEEDS]
+    tally = run(lib, 9, level)  # a scene that arms every controller
+    assert tally.wrong == 0
+    assert tally.compared > 0.5 * tally.ticks
+    assert tally.parted + tally.unequal > 0, "a scene in which nothing goes wrong shows nothing"
+    assert tally.fixes > 100
+    assert tally.in_a_row > 1000
+    assert all(tally.kinds[kind] > 0 for kind in range(6))
+    assert all(tally.armed[controller] > 0 for controller in range(len(parameter_table()["CTL_MODE"].values)))
 
-    def total(name: str) -> int:
-        return sum(getattr(tally, name) for tally in tallies)
 
-    assert total("wrong") == 0
-    assert total("compared") > 0.5 * total("ticks")
-    assert total("parted") + total("unequal") > 0, "a scene in which nothing goes wrong shows nothing"
-    assert total("fixes") > 200
-    assert min(tally.in_a_row for tally in tallies) > 1000
-    assert all(sum(tally.kinds[kind] for tally in tallies) > 0 for kind in range(6))
-    controllers = range(len(parameter_table()["CTL_MODE"].values))
-    assert all(sum(tally.armed[controller] for tally in tallies) > 0 for controller in controllers)
+@pytest.mark.parametrize("level", [0, 1], ids=["baseline", "best"])
+def test_lanes_part_over_a_reading_that_counts_for_some(lib: ctypes.CDLL, level: int) -> None:
+    """In this scene motion over the floor is used in one lane and refused in the others."""
+    tally = run(lib, 10, level)
+    assert tally.wrong == 0
+    assert tally.parted > 0

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from hil_sim import core
-from hil_sim.batch import run_batch
 from hil_sim.dispersion import Dispersion
 from hil_sim.faults import Fault
 from hil_sim.patches import FloorPatch
 from hil_sim.runs import new_world, run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from omniwheel._core import ffi, lib
+from tests.hil_sim.batches import assert_the_same_without_lanes
 
 RUNS = 8
 MEMBERS = ("world", "robot", "inputs", "outputs", "metrics", "ticks")
@@ -227,6 +227,4 @@ def test_runs_that_differ_in_kind_are_refused() -> None:
 def test_batches_are_the_same_without_lanes() -> None:
     """Blocks of less than eight, runs that end at different times."""
     scenario = replace(load_scenario("demo").with_parameters(SHORT), start_pose=(0.05, 0.0, 0.0))
-    in_lanes = run_batch(scenario, 3, 13).rows
-    lib.hil_lanes_use(lib.HIL_LANES_NONE)
-    assert run_batch(scenario, 3, 13).rows.tobytes() == in_lanes.tobytes()
+    assert_the_same_without_lanes(scenario, 3, 13)
