@@ -120,9 +120,11 @@ def power_cuts(context: Context) -> list[str]:
         logs = _logs(store, draw)
         pairs = [(place, length) for place in logs for length in range(1, RESIDUES + 1)]
         draw.shuffle(pairs)
-        for place, length in pairs[:: context.pick(32, 1, 1)]:
+        saves = pairs[:: context.pick(32, 3, 1)]
+        for place, length in saves:
             cutter.in_save(logs[place], draw.randrange(CAPACITY - length), length)
-        figures = [f"{cutter.cuts} cuts in saves of every length and place modulo {RESIDUES}"]
+        said = f"{len(saves)} saves, of {len(pairs)} pairs of length and place modulo {RESIDUES}"
+        figures = [f"{cutter.cuts} cuts in {said}"]
         figures.append(_new_sector(cutter, context.pick(32, 1, 1)))
         figures.append(_used_ring(cutter, context.pick(32, 4, 1)))
         figures.append(_erases_of_a_start(cutter, context.pick(1, 5, 25)))

@@ -148,11 +148,12 @@ def saves(context: Context) -> list[str]:
 def _every_length(context: Context, reader: Store, draw: random.Random) -> str:
     reader.start()
     saver = _Saver(reader, reader, draw)
-    lengths = range(1, CAPACITY + 1, context.pick(29, 1, 1))
+    # An odd stride meets every length modulo 32.
+    lengths = range(1, CAPACITY + 1, context.pick(29, 3, 1))
     for length in lengths:
         saver.save(draw.randint(0, CAPACITY - length), length)
     saver.compare()
-    return f"{saver.saves} saves of {lengths[0]} to {lengths[-1]} bytes before the ticks run"
+    return f"{saver.saves} saves of {lengths[0]} to {lengths[-1]} bytes, each {lengths.step} longer, before the ticks run"
 
 
 def _every_alignment(context: Context, reader: Store, draw: random.Random) -> str:
@@ -162,12 +163,13 @@ def _every_alignment(context: Context, reader: Store, draw: random.Random) -> st
         store = Store(bench)
         store.run_on()
         saver = _Saver(store, reader, draw)
-        for length, place in pairs[:: context.pick(4, 1, 1)]:
+        for length, place in pairs[:: context.pick(4, 2, 1)]:
             saver.save(RESIDUES * draw.randrange(CAPACITY // RESIDUES - 1) + place, length)
             bench.advance(BETWEEN_S)
         saver.compare()
         stack = f"at least {bench.machine.stack_left // 1024} KB of stack are left"
-    return f"{saver.saves} saves of lengths and places modulo {RESIDUES} while the robot ticks; {stack}"
+    said = f"saves of {saver.saves} of {len(pairs)} pairs of length and place modulo {RESIDUES}"
+    return f"{said} while the robot ticks; {stack}"
 
 
 CHECKS = (Check("saves", "saves of every length and alignment, read back", saves),)
