@@ -107,8 +107,12 @@ def drive(setting: Setting, seed: int, gyro: bool) -> tuple[Array, bool]:
     return rows, bool(faults & lib.OMNI_WARN_GYRO)
 
 
-def drive_scenario(scenario: Scenario, title: str, seconds: int, stand_ticks: int = STAND_TICKS) -> tuple[Array, int]:
+def drive_scenario(
+    scenario: Scenario, title: str, seconds: int, stand_ticks: int = STAND_TICKS, last_fix_s: int | None = None
+) -> tuple[Array, int]:
     """Stand for three seconds, or ``stand_ticks``, then drive. Return a row per look, and the fault bits that showed.
+
+    After ``last_fix_s`` of driving no fix is taken any more.
 
     A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances. The
     last two are x and y of the robot [m]. Raises RuntimeError.
@@ -129,7 +133,9 @@ def drive_scenario(scenario: Scenario, title: str, seconds: int, stand_ticks: in
         raise RuntimeError(f"{title}: the path cannot be driven")
     run.inputs.events |= lib.OMNI_EVENT_ARM
     rows, faults = [], 0
-    for _ in range(seconds * 1000 // LOOK_TICKS):
+    for look in range(seconds * 1000 // LOOK_TICKS):
+        if look * LOOK_TICKS == (seconds if last_fix_s is None else last_fix_s) * 1000:
+            run.world.config.fix_rate_Hz = 0.0
         lib.hil_run_advance(run, LOOK_TICKS)
         ekf, truth = run.robot.estimator.pose_ekf, run.world.pose
         heading = math.remainder(ekf.pose.theta - truth[2], 2.0 * math.pi)

@@ -22,8 +22,9 @@ PARTS = ("tables", "wiring", "mavlink-c")
 # Module name and what pip installs for it.
 PACKAGES = {"pymavlink": "pymavlink>=2.4.41"} | ({} if sys.version_info >= (3, 11) else {"tomli": "tomli>=2"})
 
-# Run 50 times a second at most, or never: their loops unrolled by -O3 would take 7 KB of the fast memory.
-SMALL = ("*/shared/core/src/estimation/pose_ekf_flow.c",)
+# Run 50 times a second at most, never, or with new parameters: their loops unrolled by -O3 would take 8 KB of the fast
+# memory.
+SMALL = ("*/shared/core/src/estimation/pose_ekf_flow.c", "*/shared/core/src/motor/motor.c")
 
 generated = Path(env.subst("$BUILD_DIR")) / "generated"
 generator = root / "shared" / "generate"

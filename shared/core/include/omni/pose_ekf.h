@@ -62,6 +62,16 @@
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
  * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used, and no pose was set, for
  * OMNI_EKF_ALONE_US.
+ *
+ * Slip ratios change, and each has a mean over a long way: what the floor does, and what a wheel's radius is off. The
+ * mean m_i follows s_i while fixes, or a sensor of motion over the floor, show it. Without them s_i returns to m_i. In a
+ * history slot the wheel rolls by l. L is the way seen so far, at most 10 m, and L_0 is 1 m:
+ *
+ *   seen:      m = m + l / (L + l + L_0) (s - m)
+ *   not seen:  s = s + mean_rate L / (L + L_0) (m - s)
+ *
+ * A mean that was never seen changes nothing. Variances stay as without means
+ * (docs/concepts/derivations/mean_slip.md).
  */
 #ifndef OMNI_POSE_EKF_H
 #define OMNI_POSE_EKF_H
@@ -115,6 +125,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t adapt;     /**< how fast innovations move the noise levels, 0..1; 0: they stay as configured */
     omni_real_t flow_gate; /**< NIS above this is refused; 0: no gate */
     omni_real_t alone;     /**< share by which q_xy and q_theta are larger without fixes; 0: no difference */
+    omni_real_t mean_rate; /**< share of the way to its mean that a slip ratio goes in a history slot, 0..1; 0: none */
 } omni_pose_ekf_config_t;
 
 /** What a gyro says of a tick. */
@@ -195,7 +206,9 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */
     /** Share of a slot's noise of x and y, and of theta, that is out of `p`: motion over the floor has measured it. */
     omni_real_t flow_known[OMNI_EKF_HISTORY][2];
-    omni_int_t flow_slots; /**< newest slots among which there may be measured ones */
+    omni_int_t flow_slots;                   /**< newest slots among which there may be measured ones */
+    omni_real_t mean_slip[OMNI_MAX_WHEELS];  /**< m: long-term mean of each slip ratio */
+    omni_real_t mean_way_m[OMNI_MAX_WHEELS]; /**< L: way over which it was seen */
 } omni_pose_ekf_state_t;
 
 /** What is known of a gyro: bias [rad/s], error of the scale. */

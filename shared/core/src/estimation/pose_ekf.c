@@ -23,6 +23,8 @@ void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
     }
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         state->slip[i] = 0.0f;
+        state->mean_slip[i] = 0.0f;
+        state->mean_way_m[i] = 0.0f;
         state->p[OMNI_AXES + i][OMNI_AXES + i] = i < slips ? config->p_slip : 0.0f;
     }
 }

@@ -4,6 +4,12 @@
 #include "../math/invariant.h"
 #include "pose_ekf_window.h"
 
+/* What a wheel rolls before its mean counts half: until then it may as well be as told, and not slip. */
+static const omni_real_t mean_prior_m = 1.0f;
+
+/* The mean is taken over so much at most: the floor may change. */
+static const omni_real_t mean_way_m = 10.0f;
+
 static inline void add_motion(omni_ekf_slot_t *slot, const omni_pose_ekf_state_t *state,
                               const omni_ekf_motion_t *motion, uint8_t columns) {
     const omni_real_t cosine = motion->cosine * state->slot_cosine + motion->sine * state->slot_sine;
@@ -86,4 +92,39 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
     OMNI_INVARIANT(columns == 0 || columns == OMNI_MAX_WHEELS);
     return columns == 0 ? fill_window(state, config, k, age_us, window, 0, NULL)
                         : fill_window(state, config, k, age_us, window, OMNI_MAX_WHEELS, NULL);
+}
+
+/* Each slot of the history moves by as much. So a late fix still finds what its slip ratios were then. */
+static void move_slip(omni_pose_ekf_state_t *state, uint8_t wheel, omni_real_t step) {
+    state->slip[wheel] += step;
+    for (int slot = 0; slot < OMNI_EKF_HISTORY; ++slot) {
+        state->history[slot].slip[wheel] += step;
+    }
+}
+
+static void learn_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t wheel,
+                       omni_flag_t seen) {
+    const omni_real_t rolled = omni_absf(state->wheel_m[wheel]);
+    const omni_real_t way = state->mean_way_m[wheel] + rolled;
+    const omni_flag_t known = state->p[OMNI_AXES + wheel][OMNI_AXES + wheel] < 0.5f * config->p_slip;
+    const omni_real_t share = omni_select(seen && known, rolled / (way + mean_prior_m), 0.0f);
+    state->mean_slip[wheel] += share * (state->slip[wheel] - state->mean_slip[wheel]);
+    const omni_real_t limited = omni_select(way < mean_way_m, way, mean_way_m);
+    state->mean_way_m[wheel] = omni_select(seen && known, limited, state->mean_way_m[wheel]);
+}
+
+void omni_ekf_follow_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t slips) {
+    const bool alone = omni_ekf_is_alone(state->told_us, state->time_us);
+    const omni_flag_t seen = !alone || state->flow_slots > 0;
+    for (uint8_t i = 0; i < slips; ++i) {
+        learn_mean(state, config, i, seen);
+        if (alone) {
+            const omni_real_t trust = state->mean_way_m[i] / (state->mean_way_m[i] + mean_prior_m);
+            const omni_real_t step = config->mean_rate * trust * (state->mean_slip[i] - state->slip[i]);
+            const omni_flag_t returns = !seen && state->wheel_m[i] != 0.0f && step != 0.0f;
+            if (omni_any(returns)) {
+                move_slip(state, i, omni_select(returns, step, 0.0f));
+            }
+        }
+    }
 }

@@ -40,6 +40,14 @@ void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
 /** Noise levels are those of the configuration again. */
 void omni_ekf_restart_noise(omni_pose_ekf_state_t *state);
 
+/** No fix was used, and no pose set, for so long that the wheels are on their own. */
+static inline bool omni_ekf_is_alone(uint64_t told_us, uint64_t now_us) {
+    return now_us > told_us && now_us - told_us > OMNI_EKF_ALONE_US;
+}
+
+/** The slot being filled is complete: means of the slip ratios learn, or the ratios return to them. */
+void omni_ekf_follow_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t slips);
+
 /** The slot being filled is complete: what wheels and gyro say of its turn corrects slip ratios and bias. */
 void omni_ekf_use_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                        uint8_t slips);

@@ -63,7 +63,7 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
         motion->duration_us = (uint32_t)(elapsed < longest_us ? elapsed : longest_us);
     }
     motion->steps = (omni_real_t)motion->duration_us / nominal_us;
-    const bool alone = time_us > state->told_us && time_us - state->told_us > OMNI_EKF_ALONE_US;
+    const bool alone = omni_ekf_is_alone(state->told_us, time_us);
     state->white_factor = alone ? state->noise_factor * (1.0f + config->alone) : state->noise_factor;
     motion->slip_steps = motion->steps * state->noise_factor;
     motion->noise_steps = motion->steps * state->white_factor;
@@ -306,6 +306,9 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
         }
         if (has_gyro) {
             omni_ekf_use_turn(state, config, k, slips);
+        }
+        if (config->mean_rate > 0.0f) {
+            omni_ekf_follow_mean(state, config, slips);
         }
         omni_ekf_history_next(state);
     }

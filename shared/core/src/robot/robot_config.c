@@ -128,6 +128,9 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     e->adapt = v[OMNI_PARAM_EKF_ADAPT];
     e->alone = v[OMNI_PARAM_EKF_ALONE] * v[OMNI_PARAM_EKF_ALONE] - 1.0f;
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
+    const omni_real_t slot_s = (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
+    const omni_real_t return_s = v[OMNI_PARAM_EKF_RETURN];
+    e->mean_rate = return_s > 0.0f ? slot_s / (return_s > slot_s ? return_s : slot_s) : 0.0f;
 }
 
 /* Of all controllers, whichever is in use: the others' gains are checked, too. The one in use comes last, see

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: MIT
+"""The mean of each slip ratio: what it learns from, when ratios return to it, and that a late fix stays exact."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil_sim.scenario import load_scenario
+from omniwheel._core import lib
+from omniwheel.core_config import robot_config
+from tests.core.test_pose_ekf import GEOMETRY, POSE, SLIP, TICK_US, Array, Ekf, assert_same, drive, float32, reference
+
+ALONE_TICKS = lib.OMNI_EKF_ALONE_US // TICK_US
+SLOT_TICKS = lib.OMNI_EKF_SLOT_TICKS
+RATE = 0.01
+KNOWN = 1e-4
+"""Variance of a slip ratio that is known well; p_slip is 0.0064."""
+SLIPS = np.array([0.06, 0.02, -0.03])
+
+
+def known(rate: float = RATE, wheels: int = 3, **options: Any) -> Ekf:
+    """Return a filter that knows its slip ratios, which do not become less sure, and that has just begun."""
+    ekf = Ekf(wheels, SLIP, noise=reference.Noise(q_slip=0.0), mean_rate=rate, **options)
+    ekf.predict([0.0] * wheels)  # it takes on its mode
+    for i in range(wheels):
+        ekf.s.slip[i] = SLIPS[i % 3]
+        ekf.s.history[0].slip[i] = SLIPS[i % 3]
+        ekf.s.p[3 + i][3 + i] = KNOWN
+    return ekf
+
+
+def tell(ekf: Ekf) -> None:
+    """The pose counts as told now, as by a fix that changes nothing."""
+    ekf.s.told_us = ekf.time_us
+
+
+def means(ekf: Ekf) -> Array:
+    return np.array([ekf.s.mean_slip[i] for i in range(ekf.wheels)])
+
+
+def slips(ekf: Ekf) -> Array:
+    return np.array([ekf.s.slip[i] for i in range(ekf.wheels)])
+
+
+def learned(rate: float = RATE, ways_m: float = 4.0) -> Ekf:
+    """Return one that has rolled so far with these ratios while it was told its pose, then a slot to end it."""
+    ekf = known(rate)
+    turned = 0.2
+    slot_m = SLOT_TICKS * turned * GEOMETRY[3].radius_m
+    for _ in range(round(ways_m / slot_m)):
+        tell(ekf)
+        ekf.predict([turned] * 3, SLOT_TICKS)
+    return ekf
+
+
+def test_the_mean_over_a_way_is_that_of_the_ratios_weighted_with_what_the_wheel_rolled() -> None:
+    """One metre of "nothing slips" counts along: after 4 m it is 4/5 of them, and a ratio that changes is averaged."""
+    ekf = learned(ways_m=4.0)
+    assert means(ekf) == pytest.approx(SLIPS * 4.0 / 5.0, rel=3e-3)
+    before = ekf.s.mean_way_m[0]
+    assert before == pytest.approx(4.0, rel=0.01)
+    for i in range(3):
+        ekf.s.slip[i] = 0.1
+    for _ in range(round(3.0 / (SLOT_TICKS * 0.2 * GEOMETRY[3].radius_m))):
+        tell(ekf)
+        ekf.predict([0.2, -0.2, 0.2], SLOT_TICKS)
+    way = ekf.s.mean_way_m[0]
+    assert way == pytest.approx(7.0, rel=0.01)
+    assert means(ekf) == pytest.approx((SLIPS * before + 0.1 * (way - before)) / (way + 1.0), rel=5e-3)
+
+
+def test_the_way_counts_up_to_ten_metres() -> None:
+    ekf = learned(ways_m=14.0)
+    assert ekf.s.mean_way_m[1] == 10.0
+    assert means(ekf) == pytest.approx(SLIPS, rel=0.1)
+
+
+@pytest.mark.parametrize("why", ["it stands", "the ratio is not known", "nobody tells it its pose"])
+def test_it_learns_nothing(why: str) -> None:
+    ekf = known()
+    if why == "the ratio is not known":
+        for i in range(3):
+            ekf.s.p[3 + i][3 + i] = 0.5 * ekf.config.p_slip
+    if why == "nobody tells it its pose":
+        ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
+    else:
+        tell(ekf)
+    ekf.predict([0.0 if why == "it stands" else 0.02] * 3, 100 * SLOT_TICKS)
+    assert (means(ekf) == 0.0).all()
+    assert ekf.s.mean_way_m[0] == 0.0
+
+
+def test_ratios_return_two_seconds_after_the_last_fix_and_no_sooner() -> None:
+    ekf = learned()
+    mean = means(ekf)
+    for i in range(3):
+        ekf.s.slip[i] = 0.1
+    tell(ekf)
+    ekf.predict([0.02] * 3, ALONE_TICKS)
+    assert slips(ekf) == pytest.approx(0.1, abs=1e-7)
+    mean = means(ekf)  # it went on learning
+    way = ekf.s.mean_way_m[0]
+    slots = 150
+    ekf.predict([0.02] * 3, slots * SLOT_TICKS)
+    left = (1.0 - RATE * way / (way + 1.0)) ** slots
+    assert slips(ekf) == pytest.approx(mean + (0.1 - mean) * left, rel=1e-3)
+    assert (means(ekf) == mean).all(), "a mean learns nothing of what it brings about"
+    tell(ekf)
+    before = slips(ekf)
+    ekf.predict([0.02] * 3, 100 * SLOT_TICKS)
+    assert (slips(ekf) == before).all()
+
+
+def test_a_wheel_that_stands_keeps_its_ratio() -> None:
+    ekf = learned()
+    ekf.s.slip[0] = ekf.s.slip[1] = 0.1
+    ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
+    assert slips(ekf)[:2] == pytest.approx(0.1, abs=1e-7)
+    ekf.predict([0.02, 0.0, 0.02], 50 * SLOT_TICKS)
+    assert slips(ekf)[0] < 0.09
+    assert slips(ekf)[1] == pytest.approx(0.1, abs=1e-7)
+
+
+def test_a_mean_that_was_never_seen_changes_nothing() -> None:
+    """Bit by bit: whoever never had a fix has the filter of a rate of 0."""
+    found = [known(rate) for rate in (0.0, 1.0)]
+    for ekf in found:
+        ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
+        ekf.predict([0.02, 0.01, -0.01], 1000)
+    assert found[0].snapshot() == found[1].snapshot()
+
+
+def test_a_sensor_of_motion_over_the_floor_keeps_the_ratios_where_it_sees_them() -> None:
+    ekf = learned()
+    for i in range(3):
+        ekf.s.slip[i] = 0.1
+    ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
+    for _ in range(50):
+        ekf.s.flow_slots = 5
+        ekf.predict([0.02] * 3, SLOT_TICKS)
+    assert slips(ekf) == pytest.approx(0.1, abs=1e-7)
+
+
+def test_variances_are_those_of_ratios_that_stay() -> None:
+    found = [learned(rate) for rate in (0.0, RATE)]
+    for ekf in found:
+        ekf.predict([0.02] * 3, 2 * ALONE_TICKS)
+    assert np.diag(found[0].p)[3:] == pytest.approx(np.diag(found[1].p)[3:], rel=1e-6)
+    assert np.diag(found[0].p)[:3] == pytest.approx(np.diag(found[1].p)[:3], rel=0.05)
+
+
+@pytest.mark.parametrize("how", ["pose set", "another mode"])
+def test_a_restart_forgets_the_means(how: str) -> None:
+    ekf = learned()
+    assert means(ekf).any()
+    if how == "pose set":
+        lib.omni_pose_ekf_reset(ekf.s, ekf.config, [(0, 0, 0)], 0.01, 0.01)
+    else:
+        ekf.config.mode = POSE
+        ekf.predict([0.0] * 3)
+    assert not means(ekf).any()
+    assert ekf.s.mean_way_m[0] == 0.0
+
+
+def test_the_parameter_is_a_time_constant() -> None:
+    scenario = load_scenario("demo")
+    for return_s, rate in ((0.0, 0.0), (10.0, 4e-4), (1e-4, 1.0)):
+        values = scenario.with_parameters({"EKF_RETURN": return_s}).parameter_values()
+        config = robot_config(values, scenario.robot.table, 0)
+        assert config.pose_ekf.mean_rate == pytest.approx(rate)
+
+
+@pytest.mark.parametrize("wheels", [3, 4])
+@pytest.mark.parametrize("age_ticks", [0, 30, 200])
+def test_a_late_fix_after_a_return_is_exact(wheels: int, age_ticks: int) -> None:
+    """A float64 filter goes back to the time of the fix. What ratios returned since then counts as known."""
+    ticks = ALONE_TICKS + 400
+    ekf = Ekf(wheels, SLIP, mean_rate=0.02)
+    ekf.predict([0.0] * wheels)
+    for i in range(wheels):
+        ekf.s.mean_slip[i], ekf.s.mean_way_m[i] = SLIPS[i % 3], 10.0
+    ekf.config.p_slip = 0.25
+    p = np.diag([1e-4, 1e-4, 1e-4, *[0.0064] * wheels])
+    past = reference.Filter(GEOMETRY[wheels], reference.Noise(), np.zeros(3 + wheels), p)
+    motion: list[tuple[Array, Array]] = []
+    for turned in drive(wheels, ticks, 5):
+        before = slips(ekf)
+        ekf.predict(turned)
+        # Four wheels' null direction is not measured here: nothing else changes the ratios.
+        motion.append((turned, slips(ekf) - before))
+
+    def carry(filter_: Any, part: list[tuple[Array, Array]]) -> None:
+        for turned, returned in part:
+            filter_.predict(turned)
+            filter_.x[3:] += returned
+
+    split = ticks - age_ticks
+    carry(past, motion[:split])
+    fix = float32(past.x[:3] + np.array([0.004, -0.003, 0.005]))
+    assert ekf.correct(fix, age_ticks * TICK_US) == lib.OMNI_OK
+    past.update(fix)
+    now = copy.deepcopy(past)
+    carry(now, motion[split:])
+    assert np.abs(sum(returned for _, returned in motion)).max() > 0.02
+    assert_same(ekf, now, mean_sd=5e-3, relative=5e-3)
