@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the image stores: saves of every length, called inside the image, each read back as the next start would."""
+"""What the image stores: saves, called inside the image, each read back as the next start would."""
 
 from __future__ import annotations
 
@@ -138,14 +138,14 @@ class _Saver:
 
 
 def saves(context: Context) -> list[str]:
-    """Saves of every length, then of every length and place modulo 32 while the robot ticks."""
+    """Saves of all or some lengths, then of pairs of length and place modulo 32 while the robot ticks."""
     draw = random.Random(context.seed)
     with context.bench(options=Options(instruction_ns=FAST, seed=context.seed, words=True)) as quick:
         reader = Store(quick)
-        return [_every_length(context, reader, draw), _every_alignment(context, reader, draw)]
+        return [_lengths(context, reader, draw), _alignments(context, reader, draw)]
 
 
-def _every_length(context: Context, reader: Store, draw: random.Random) -> str:
+def _lengths(context: Context, reader: Store, draw: random.Random) -> str:
     reader.start()
     saver = _Saver(reader, reader, draw)
     # An odd stride meets every length modulo 32.
@@ -153,10 +153,11 @@ def _every_length(context: Context, reader: Store, draw: random.Random) -> str:
     for length in lengths:
         saver.save(draw.randint(0, CAPACITY - length), length)
     saver.compare()
-    return f"{saver.saves} saves of {lengths[0]} to {lengths[-1]} bytes, each {lengths.step} longer, before the ticks run"
+    said = f"{saver.saves} saves of {lengths[0]} to {lengths[-1]} bytes, each {lengths.step} longer"
+    return f"{said}, before the ticks run"
 
 
-def _every_alignment(context: Context, reader: Store, draw: random.Random) -> str:
+def _alignments(context: Context, reader: Store, draw: random.Random) -> str:
     pairs = [(length, place) for length in range(1, RESIDUES + 1) for place in range(RESIDUES)]
     draw.shuffle(pairs)
     with context.bench(options=Options(instruction_ns=TICKING, seed=context.seed)) as bench:
@@ -172,4 +173,4 @@ def _every_alignment(context: Context, reader: Store, draw: random.Random) -> st
     return f"{said} while the robot ticks; {stack}"
 
 
-CHECKS = (Check("saves", "saves of every length and alignment, read back", saves),)
+CHECKS = (Check("saves", "saves of many lengths and places, nightly of all, read back", saves),)
