@@ -134,7 +134,7 @@ def drive_scenario(
     run.inputs.events |= lib.OMNI_EVENT_ARM
     rows, faults = [], 0
     for look in range(seconds * 1000 // LOOK_TICKS):
-        if look * LOOK_TICKS == (seconds if last_fix_s is None else last_fix_s) * 1000:
+        if last_fix_s is not None and look * LOOK_TICKS == last_fix_s * 1000:
             run.world.config.fix_rate_Hz = 0.0
         lib.hil_run_advance(run, LOOK_TICKS)
         ekf, truth = run.robot.estimator.pose_ekf, run.world.pose

@@ -59,28 +59,23 @@ SETTINGS = (
 
 
 def drift(setting: Setting, parameters: Mapping[str, float], seed: int) -> Array:
-    """Return a row for each time of ``LOOKS_S``: error of position [m] and heading [rad], their variances.
-
-    Raises RuntimeError.
-    """
+    """Return a row for each time of ``LOOKS_S``: error of position [m] and heading [rad]. Raises RuntimeError."""
     scenario = load_scenario(setting.scenario).with_seed(seed).with_world(setting.world)
     scenario = scenario.with_parameters({"TRJ_LAPS": 0.0, **setting.parameters, **parameters})
     seconds = setting.fixes_s + LOOKS_S[-1]
     looks, _ = drive_scenario(scenario, f"{setting.title}, seed {seed}", seconds, last_fix_s=setting.fixes_s)
     chosen = looks[[(setting.fixes_s + look_s) * 1000 // LOOK_TICKS - 1 for look_s in LOOKS_S]]
-    return np.column_stack([np.hypot(chosen[:, 2], chosen[:, 3]), chosen[:, 0], chosen[:, 4], chosen[:, 1]])
+    return np.column_stack([np.hypot(chosen[:, 2], chosen[:, 3]), chosen[:, 0]])
 
 
 def row(setting: Setting, seeds: range, pool: Executor) -> str:
     """Return a setting's line of the table."""
-    cells = [setting.title]
-    columns = []
+    errors = []
     for parameters in ({"EKF_RETURN": 0.0}, {}):
         found = np.array(list(pool.map(partial(drift, setting, parameters), seeds)))
-        columns.append(1e3 * np.sqrt(np.mean(found[:, :, :2] ** 2, axis=0)))
-    for look in range(len(LOOKS_S)):
-        cells += [f"{position:.1f} / {heading:.1f}" for position, heading in (column[look] for column in columns)]
-    return f"| {' | '.join(cells)} |"
+        errors.append(1e3 * np.sqrt(np.mean(found**2, axis=0)))
+    cells = [f"{position:.1f} / {heading:.1f}" for look in zip(*errors, strict=True) for position, heading in look]
+    return f"| {' | '.join([setting.title, *cells])} |"
 
 
 def head() -> str:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import copy
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
 from omniwheel.core_config import robot_config
 from tests.core.test_gyro import DENSITY, DISTANCE_M, Q_SLIP, Q_THETA, RADIUS_M, Filter
-from tests.core.test_pose_ekf import GEOMETRY, POSE, SLIP, TICK_US, Array, Ekf, assert_same, drive, float32, reference
+from tests.core.test_pose_ekf import POSE, SLIP, TICK_US, Array, Ekf, assert_late_fix_is_exact, drive, reference
 
 ALONE = 3.0
 ALONE_TICKS = lib.OMNI_EKF_ALONE_US // TICK_US
@@ -127,7 +127,7 @@ def test_one_times_is_the_filter_that_is_never_alone_bit_by_bit() -> None:
     assert plain.snapshot() == told.snapshot()
 
 
-def carry(filter_: Any, motion: list[tuple[Array, float, float]]) -> None:
+def carry(filter_: Any, motion: Sequence[tuple[Array, float, float]]) -> None:
     for turned, factor, slip_factor in motion:
         filter_.noise = reference.Noise(NOISE.q_xy * factor, NOISE.q_theta * factor, NOISE.q_slip * slip_factor)
         filter_.predict(turned)
@@ -138,19 +138,10 @@ def carry(filter_: Any, motion: list[tuple[Array, float, float]]) -> None:
 def test_a_late_fix_after_a_gap_is_exact(wheels: int, mode: int, age_ticks: int) -> None:
     """It was taken before, or after, the extra noise began; a float64 filter goes back to that time."""
     ekf = Ekf(wheels, mode, alone=ALONE)
-    p = np.diag([1e-4, 1e-4, 1e-4, *[0.0064] * (ekf.states - 3)])
-    past = reference.Filter(GEOMETRY[wheels], reference.Noise(), np.zeros(ekf.states), p)
     ticks = ALONE_TICKS + 100
     motion: list[tuple[Array, float, float]] = []
     for number, turned in enumerate(drive(wheels, ticks, 5), start=1):
         ekf.predict(turned)
         ekf.config.p_slip = 0.25  # so that slip ratios gather noise, but for the first tick
         motion.append((turned, 1.0 + ALONE if number > ALONE_TICKS else 1.0, 0.0 if number == 1 else 1.0))
-    split = ticks - age_ticks
-    carry(past, motion[:split])
-    fix = float32(past.x[:3] + np.array([0.004, -0.003, 0.005]))
-    assert ekf.correct(fix, age_ticks * TICK_US) == lib.OMNI_OK
-    past.update(fix)
-    now = copy.deepcopy(past)
-    carry(now, motion[split:])
-    assert_same(ekf, now, mean_sd=5e-3, relative=5e-3)
+    assert_late_fix_is_exact(ekf, motion, carry, age_ticks)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import copy
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,17 @@ import pytest
 from hil_sim.scenario import load_scenario
 from omniwheel._core import lib
 from omniwheel.core_config import robot_config
-from tests.core.test_pose_ekf import GEOMETRY, POSE, SLIP, TICK_US, Array, Ekf, assert_same, drive, float32, reference
+from tests.core.test_pose_ekf import (
+    GEOMETRY,
+    POSE,
+    SLIP,
+    TICK_US,
+    Array,
+    Ekf,
+    assert_late_fix_is_exact,
+    drive,
+    reference,
+)
 
 ALONE_TICKS = lib.OMNI_EKF_ALONE_US // TICK_US
 SLOT_TICKS = lib.OMNI_EKF_SLOT_TICKS
@@ -47,7 +57,7 @@ def slips(ekf: Ekf) -> Array:
 
 
 def learned(rate: float = RATE, ways_m: float = 4.0) -> Ekf:
-    """Return one that has rolled so far with these ratios while it was told its pose, then a slot to end it."""
+    """Return one that has rolled so far with these ratios while it was told its pose."""
     ekf = known(rate)
     turned = 0.2
     slot_m = SLOT_TICKS * turned * GEOMETRY[3].radius_m
@@ -96,7 +106,6 @@ def test_it_learns_nothing(why: str) -> None:
 
 def test_ratios_return_two_seconds_after_the_last_fix_and_no_sooner() -> None:
     ekf = learned()
-    mean = means(ekf)
     for i in range(3):
         ekf.s.slip[i] = 0.1
     tell(ekf)
@@ -126,7 +135,7 @@ def test_a_wheel_that_stands_keeps_its_ratio() -> None:
 
 
 def test_a_mean_that_was_never_seen_changes_nothing() -> None:
-    """Bit by bit: whoever never had a fix has the filter of a rate of 0."""
+    """Bit by bit: who stands until he is alone, and never has a fix, has the filter of a rate of 0."""
     found = [known(rate) for rate in (0.0, 1.0)]
     for ekf in found:
         ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
@@ -184,8 +193,6 @@ def test_a_late_fix_after_a_return_is_exact(wheels: int, age_ticks: int) -> None
     for i in range(wheels):
         ekf.s.mean_slip[i], ekf.s.mean_way_m[i] = SLIPS[i % 3], 10.0
     ekf.config.p_slip = 0.25
-    p = np.diag([1e-4, 1e-4, 1e-4, *[0.0064] * wheels])
-    past = reference.Filter(GEOMETRY[wheels], reference.Noise(), np.zeros(3 + wheels), p)
     motion: list[tuple[Array, Array]] = []
     for turned in drive(wheels, ticks, 5):
         before = slips(ekf)
@@ -193,17 +200,10 @@ def test_a_late_fix_after_a_return_is_exact(wheels: int, age_ticks: int) -> None
         # Four wheels' null direction is not measured here: nothing else changes the ratios.
         motion.append((turned, slips(ekf) - before))
 
-    def carry(filter_: Any, part: list[tuple[Array, Array]]) -> None:
+    def carry(filter_: Any, part: Sequence[tuple[Array, Array]]) -> None:
         for turned, returned in part:
             filter_.predict(turned)
             filter_.x[3:] += returned
 
-    split = ticks - age_ticks
-    carry(past, motion[:split])
-    fix = float32(past.x[:3] + np.array([0.004, -0.003, 0.005]))
-    assert ekf.correct(fix, age_ticks * TICK_US) == lib.OMNI_OK
-    past.update(fix)
-    now = copy.deepcopy(past)
-    carry(now, motion[split:])
     assert np.abs(sum(returned for _, returned in motion)).max() > 0.02
-    assert_same(ekf, now, mean_sd=5e-3, relative=5e-3)
+    assert_late_fix_is_exact(ekf, motion, carry, age_ticks)

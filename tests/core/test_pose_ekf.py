@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,20 @@ def make_reference(ekf: Ekf) -> Any:
     x = np.zeros(ekf.states)
     p = np.diag([1e-4, 1e-4, 1e-4, *[0.0064] * (ekf.states - 3)])
     return reference.Filter(GEOMETRY[ekf.wheels], reference.Noise(), x, p)
+
+
+def assert_late_fix_is_exact(
+    ekf: Ekf, motion: Sequence[Any], carry: Callable[[Any, Sequence[Any]], None], age_ticks: int
+) -> None:
+    """Use a fix that is so old. A float64 filter, which ``carry`` takes along ticks of ``motion``, gets it in time."""
+    other = make_reference(ekf)
+    split = len(motion) - age_ticks
+    carry(other, motion[:split])
+    fix = float32(other.x[:3] + np.array([0.004, -0.003, 0.005]))
+    assert ekf.correct(fix, age_ticks * TICK_US) == lib.OMNI_OK
+    other.update(fix)
+    carry(other, motion[split:])
+    assert_same(ekf, other, mean_sd=5e-3, relative=5e-3)
 
 
 MODES = pytest.mark.parametrize(("wheels", "mode"), [(3, POSE), (4, POSE), (3, SLIP), (4, SLIP)])

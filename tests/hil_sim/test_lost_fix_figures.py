@@ -32,6 +32,18 @@ def test_the_page_has_a_line_for_each_world() -> None:
         assert f"| {setting.title} | " in page
 
 
+def test_the_command_prints_the_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    fast = lost_fix_figures.SETTINGS[-1:]
+    monkeypatch.setattr(lost_fix_figures, "SETTINGS", fast)
+    lost_fix_figures.main(["--seeds", "2"])
+    first = lost_fix_figures.FIRST_SEED
+    with worker_pool() as pool:
+        row = lost_fix_figures.row(fast[0], range(first, first + 2), pool)
+    assert capsys.readouterr().out == f"{lost_fix_figures.head()}\n{row}\n"
+    with pytest.raises(SystemExit, match="2"):
+        lost_fix_figures.main(["--seeds", "0"])
+
+
 @pytest.mark.nightly
 def test_the_page_says_what_the_command_says() -> None:
     page = PAGE.read_text(encoding="utf-8")
