@@ -2,7 +2,7 @@
 # One set of flags for all of this project's code. No contraction to fused multiply-add: the core must give the same bits on
 # every machine.
 add_library(omni_flags INTERFACE)
-target_compile_options(omni_flags INTERFACE -O3 -ffp-contract=off -fno-math-errno)
+target_compile_options(omni_flags INTERFACE $<IF:$<BOOL:${OMNI_SANITIZE}>,-O1,-O3> -ffp-contract=off -fno-math-errno)
 
 add_library(omni_warnings INTERFACE)
 target_compile_options(omni_warnings INTERFACE -Wall -Wextra -Wconversion)

@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 TICK_S = 1e-3
 STEP_TICKS = 10
 STEP_S = STEP_TICKS * TICK_S
-_UNKNOWN_M2 = 1.0
-"""Variance of each number of the pose before the first fix [m^2, rad^2]."""
+UNKNOWN_M2 = 1.0
+"""Variance of each number of a pose of which nothing is known [m^2, rad^2]."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ class Statistics:
     deviations of each wheel's radius and distance (relative) and bearing [rad]; all 0: as the robot file says.
     ``count_rad`` is the angle of an encoder's count. ``gyro_step_variance`` [rad^2] is that of the turn in STEP_S; 0:
     no gyro. A sensor of motion over the floor has ``flow_rate_Hz`` readings of x and y; 0: none. Their standard
-    deviation is ``flow_sd`` [m], and ``flow_share`` of the way that each measures, in squares.
+    deviation is ``flow_sd`` [m], and ``flow_share`` of the way that each measures, in squares. ``start_variance`` is
+    that of each number of the pose at first [m^2, rad^2]; 0: the robot is told where it stands.
     """
 
     slip_max: float
@@ -83,6 +84,7 @@ class Statistics:
     flow_rate_Hz: float = 0.0
     flow_sd: float = 0.0
     flow_share: float = 0.0
+    start_variance: float = UNKNOWN_M2
 
     @property
     def slip_variance(self) -> float:
@@ -126,19 +128,24 @@ class BoundError(OmniError, ValueError):
 
 
 class Schedule:
-    """When things happen, in steps of STEP_S. Raises BoundError without fixes and for times between two steps."""
+    """When things happen, in steps of STEP_S.
+
+    Raises BoundError without fixes if the pose is not known at first, and for times between two steps.
+    """
 
     def __init__(self, statistics: Statistics) -> None:
-        if statistics.fix_rate_Hz <= 0.0:
-            raise BoundError("fix_rate_Hz is 0: without fixes there is no bound", hint="give the world a pose sensor")
+        fixes = statistics.fix_rate_Hz > 0.0
+        if not fixes and statistics.start_variance >= UNKNOWN_M2:
+            problem = "fix_rate_Hz is 0 and nothing is known of the pose at first: there is no bound"
+            raise BoundError(problem, hint="give the world a pose sensor")
         self.knot = _steps("slip_time_s", statistics.slip_time_s)
-        self.period = _steps("1 / fix_rate_Hz", 1.0 / statistics.fix_rate_Hz)
+        self.period = _steps("1 / fix_rate_Hz", 1.0 / statistics.fix_rate_Hz) if fixes else 0
         self.delay = _steps("fix_delay_s", statistics.fix_delay_s)
-        self.slots = self.delay // self.period + 1
+        self.slots = self.delay // self.period + 1 if fixes else 0
 
     def slot_taken(self, step: int) -> int | None:
         """Return the slot that a fix taken at this step goes to."""
-        return step // self.period % self.slots if step % self.period == 0 else None
+        return step // self.period % self.slots if self.slots > 0 and step % self.period == 0 else None
 
     def slot_arriving(self, step: int) -> int | None:
         """Return the slot of the fix that arrives at this step."""
@@ -177,7 +184,7 @@ class Layout:
     def prior(self, statistics: Statistics) -> Array:
         """Return the variances before anything is known, (size,)."""
         out = np.zeros(self.size)
-        out[:3] = _UNKNOWN_M2
+        out[:3] = statistics.start_variance
         out[self.before] = out[self.after] = statistics.slip_variance
         if statistics.has_constants:
             wheels = self.before.stop - self.before.start
@@ -356,15 +363,15 @@ def all_at_once(
 
     No recursion and no state: the unknowns are the first pose, all knots of slip, the wheels' constants and the gyro's
     bias. Everything that arrived by then is weighted at once. ``moves`` (steps, 3), ``gains`` (steps, 3, sources);
-    returns (len(steps), 3). ``arriving``: with the fix that arrives at that very time. The bias must not walk, and
-    angles are not rounded.
+    returns (len(steps), 3). ``arriving``: with the fix that arrives at that very time. The bias must not walk, angles
+    are not rounded, and ``start_variance`` is not 0.
     """
     schedule = Schedule(statistics)
     knots = len(moves) // schedule.knot + 2
     constants = 3 * wheels if statistics.has_constants else 0
     size = 3 + knots * wheels + constants + int(statistics.has_gyro)
     prior = np.full(size, statistics.slip_variance)
-    prior[:3] = _UNKNOWN_M2
+    prior[:3] = statistics.start_variance
     prior[3 + knots * wheels : size - int(statistics.has_gyro)] = np.repeat(np.square(statistics.wheel_sd), wheels)[
         :constants
     ]
@@ -386,7 +393,8 @@ def all_at_once(
         turns[:, -1] = STEP_S
     out = np.empty((len(steps), 3))
     for row, step in enumerate(steps):
-        taken = np.arange(0, step - schedule.delay + int(arriving), schedule.period)
+        last = step - schedule.delay + int(arriving) if schedule.slots > 0 else 0
+        taken = np.arange(0, last, max(schedule.period, 1))
         seen = pose[taken] / statistics.fix_sd[:, None]
         information = np.diag(1.0 / prior) + np.einsum("kai,kaj->ij", seen, seen)
         if statistics.has_gyro:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hil_sim.scenario import load_scenario
-from omniwheel._core import lib
+from omniwheel._core import ffi, lib
 from omniwheel.core_config import robot_config
 from tests.core.test_pose_ekf import (
     GEOMETRY,
@@ -26,6 +26,8 @@ from tests.core.test_pose_ekf import (
 
 ALONE_TICKS = lib.OMNI_EKF_ALONE_US // TICK_US
 SLOT_TICKS = lib.OMNI_EKF_SLOT_TICKS
+SEEN_TICKS = 250
+"""So long after a fix a ratio counts as seen."""
 RATE = 0.01
 KNOWN = 1e-4
 """Variance of a slip ratio that is known well; p_slip is 0.0064."""
@@ -43,9 +45,25 @@ def known(rate: float = RATE, wheels: int = 3, **options: Any) -> Ekf:
     return ekf
 
 
+class GyroEkf(Ekf):
+    """With a gyro, whose readings are exact: it has neither bias nor noise."""
+
+    leads, rate_rad_s = True, 0.0
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, gyro=True, **options)
+
+    def predict(self, turned: Any, count: int = 1) -> None:
+        wheels = ffi.new("float[4]", list(turned))
+        turn = ffi.new("omni_ekf_turn_t *", {"rate_rad_s": self.rate_rad_s, "leads": self.leads})
+        for _ in range(count):
+            self.time_us += TICK_US
+            lib.omni_pose_ekf_predict_turn(self.s, self.config, self.k, wheels, turn, self.time_us)
+
+
 def tell(ekf: Ekf) -> None:
-    """The pose counts as told now, as by a fix that changes nothing."""
-    ekf.s.told_us = ekf.time_us
+    """A fix that changes nothing has come now."""
+    ekf.s.told_us = ekf.s.last_fix_us = ekf.time_us
 
 
 def means(ekf: Ekf) -> Array:
@@ -89,17 +107,17 @@ def test_the_way_counts_up_to_ten_metres() -> None:
     assert means(ekf) == pytest.approx(SLIPS, rel=0.1)
 
 
-@pytest.mark.parametrize("why", ["it stands", "the ratio is not known", "nobody tells it its pose"])
+@pytest.mark.parametrize("why", ["it stands", "the ratio is not known", "no fix has come", "the last fix is old"])
 def test_it_learns_nothing(why: str) -> None:
     ekf = known()
     if why == "the ratio is not known":
         for i in range(3):
             ekf.s.p[3 + i][3 + i] = 0.5 * ekf.config.p_slip
-    if why == "nobody tells it its pose":
-        ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
-    else:
+    if why != "no fix has come":  # the pose counts as told from the first tick on, but nobody saw a slip ratio
         tell(ekf)
-    ekf.predict([0.0 if why == "it stands" else 0.02] * 3, 100 * SLOT_TICKS)
+    if why == "the last fix is old":
+        ekf.predict([0.0] * 3, SEEN_TICKS)
+    ekf.predict([0.0 if why == "it stands" else 0.02] * 3, SEEN_TICKS)
     assert (means(ekf) == 0.0).all()
     assert ekf.s.mean_way_m[0] == 0.0
 
@@ -109,9 +127,11 @@ def test_ratios_return_two_seconds_after_the_last_fix_and_no_sooner() -> None:
     for i in range(3):
         ekf.s.slip[i] = 0.1
     tell(ekf)
-    ekf.predict([0.02] * 3, ALONE_TICKS)
+    ekf.predict([0.02] * 3, SEEN_TICKS)
+    mean = means(ekf)
+    ekf.predict([0.02] * 3, ALONE_TICKS - SEEN_TICKS)
     assert slips(ekf) == pytest.approx(0.1, abs=1e-7)
-    mean = means(ekf)  # it went on learning
+    assert (means(ekf) == mean).all(), "a ratio of which nothing new is known teaches nothing"
     way = ekf.s.mean_way_m[0]
     slots = 150
     ekf.predict([0.02] * 3, slots * SLOT_TICKS)
@@ -134,12 +154,20 @@ def test_a_wheel_that_stands_keeps_its_ratio() -> None:
     assert slips(ekf)[1] == pytest.approx(0.1, abs=1e-7)
 
 
-def test_a_mean_that_was_never_seen_changes_nothing() -> None:
-    """Bit by bit: who stands until he is alone, and never has a fix, has the filter of a rate of 0."""
-    found = [known(rate) for rate in (0.0, 1.0)]
+@pytest.mark.parametrize("robot", ["three wheels", "four wheels", "gyro"])
+def test_a_mean_that_was_never_seen_changes_nothing(robot: str) -> None:
+    """Bit by bit: a robot that drives away at once, and never has a fix, has the filter of a rate of 0.
+
+    Four wheels measure a sum of their ratios, and so does a gyro. That does not teach what each of them is.
+    """
+    kind, wheels = (GyroEkf, 3) if robot == "gyro" else (Ekf, 4 if robot == "four wheels" else 3)
+    turned = np.array([0.02, 0.01, -0.01, 0.01])[:wheels]
+    found = [kind(wheels, SLIP, r_null=6.6e-11, mean_rate=rate) for rate in (0.0, 1.0)]
     for ekf in found:
-        ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
-        ekf.predict([0.02, 0.01, -0.01], 1000)
+        if isinstance(ekf, GyroEkf):  # it turns 3 % less than the wheels
+            ekf.rate_rad_s = 0.97e3 * (GEOMETRY[3].inverse[2] @ turned) * GEOMETRY[3].radius_m
+        ekf.predict(turned, 2 * ALONE_TICKS)
+        assert slips(ekf).any() == (robot != "three wheels")
     assert found[0].snapshot() == found[1].snapshot()
 
 
@@ -183,12 +211,17 @@ def test_the_parameter_is_a_time_constant() -> None:
         assert config.pose_ekf.mean_rate == pytest.approx(rate)
 
 
-@pytest.mark.parametrize("wheels", [3, 4])
+@pytest.mark.parametrize(("wheels", "kind"), [(3, Ekf), (4, Ekf), (3, GyroEkf)])
 @pytest.mark.parametrize("age_ticks", [0, 30, 200])
-def test_a_late_fix_after_a_return_is_exact(wheels: int, age_ticks: int) -> None:
-    """A float64 filter goes back to the time of the fix. What ratios returned since then counts as known."""
+def test_a_late_fix_after_a_return_is_exact(wheels: int, kind: type[Ekf], age_ticks: int) -> None:
+    """A float64 filter goes back to the time of the fix. What ratios returned since then counts as known.
+
+    The gyro is there, but gives no turn: its own corrections in between are no part of the late fix's formula.
+    """
     ticks = ALONE_TICKS + 400
-    ekf = Ekf(wheels, SLIP, mean_rate=0.02)
+    ekf = kind(wheels, SLIP, mean_rate=0.02)
+    if isinstance(ekf, GyroEkf):
+        ekf.leads = False
     ekf.predict([0.0] * wheels)
     for i in range(wheels):
         ekf.s.mean_slip[i], ekf.s.mean_way_m[i] = SLIPS[i % 3], 10.0

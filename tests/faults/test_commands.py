@@ -20,7 +20,7 @@ from tests.faults.shim import chosen, library, need_shim
 
 ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT_S = 1200
-SAMPLE = 3
+SAMPLE = 2
 """So many calls of a command fail in turn; all of them in `make nightly`."""
 
 

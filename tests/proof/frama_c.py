@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import re
 import shutil
 import subprocess
@@ -60,6 +61,7 @@ class Proof:
     given: str
     options: tuple[str, ...] = ()
     nightly: bool = False
+    long: bool = False
     driver_name: str = ""
 
     @property
@@ -103,6 +105,31 @@ def run(proof: Proof, core: Path = ROOT / "shared" / "core", out: Path = OUT) ->
         raise ProofError(f"{proof.name}: frama-c ended with {done.returncode}; see {log}\n{text[-2000:]}")
     with report.open(encoding="utf-8", newline="") as file:
         return judge(proof, csv.DictReader(file, delimiter="\t"), reached_functions(text))
+
+
+def without_comments(text: str) -> str:
+    """Return C source without what no compiler reads: comments (other than Frama-C's own, /*@ or //@) and layout."""
+    kept = re.sub(
+        r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|/\*@.*?\*/|//@[^\n]*|/\*.*?\*/|//[^\n]*""",
+        lambda match: " " if re.match(r"/[*/](?!@)", match[0]) else match[0],
+        text,
+        flags=re.DOTALL,
+    )
+    return "\n".join(" ".join(line.split()) for line in kept.splitlines() if line.strip())
+
+
+def fingerprint(proof: Proof, core: Path = ROOT / "shared" / "core", generated: Path = OUT / "generated") -> str:
+    """Return a digest of all that a proof depends on: sources, headers, driver, options, what may stay unproved.
+
+    Frama-C's version is not in it. ``generate`` must have run. Another comment or layout gives the same digest.
+    """
+    digest = hashlib.sha256(" ".join([*MACHINE, *EVA, *proof.options, proof.name]).encode())
+    folders = [core / "src", core / "include", generated / "src", generated / "include"]
+    paths = [path for folder in folders for path in sorted(folder.rglob("*.[ch]"))]
+    for path in [*paths, *sorted(FOLDER.glob("*.h")), FOLDER / "ieee.ml", FOLDER / "not_proved.toml", proof.driver]:
+        text = path.read_text(encoding="utf-8")
+        digest.update(f"\n{path.name}\n{without_comments(text) if path.suffix in ('.c', '.h') else text}".encode())
+    return digest.hexdigest()
 
 
 def _command(proof: Proof, core: Path, folder: Path) -> list[str]:

@@ -3,6 +3,7 @@
 
 usage: python -m tests.proof.prove [--write] [--nightly] [PROOF ...]
 
+A long proof is not made again while everything it depends on is what it was made for (kept.json).
 Exit code 1: something is not proved that docs/checks/proof.md does not list, or the page says something else. Without
 Frama-C nothing is proved, and it says so; with CI=true that is an error.
 """
@@ -10,6 +11,7 @@ Frama-C nothing is proved, and it says so; with CI=true that is an error.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -28,6 +30,7 @@ from tests.proof.frama_c import (
     ProofError,
     Result,
     core_functions,
+    fingerprint,
     generate,
     missing_tools,
     run,
@@ -39,6 +42,7 @@ else:
     import tomli as tomllib
 
 PAGE = ROOT / "docs" / "checks" / "proof.md"
+KEPT = FOLDER / "kept.json"
 COMMAND = "make prove ARGS=--write"
 
 
@@ -56,6 +60,7 @@ def read_proofs() -> list[Proof]:
             entry["given"],
             tuple(" ".join(entry.get("options", [])).split()),
             entry.get("nightly", False),
+            entry.get("long", False),
             entry.get("driver", ""),
         )
         for name, entry in _toml("proofs.toml").items()
@@ -89,6 +94,23 @@ def unreached(results: Sequence[Result], listed: Mapping[str, str]) -> list[str]
     return sentences + [f"not_proved.toml says that no proof reaches {name}" for name in sorted(set(listed) - missed)]
 
 
+def read_kept(path: Path = KEPT) -> dict[str, str]:
+    """Return, by the name of a long proof, the fingerprint of what it was last made for."""
+    kept: dict[str, str] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return kept
+
+
+def to_make(chosen: Sequence[Proof], prints: Mapping[str, str], kept: Mapping[str, str]) -> list[Proof]:
+    """Return the proofs to make: all but the long ones whose fingerprint is the kept one."""
+    return [proof for proof in chosen if not (proof.long and kept.get(proof.name) == prints[proof.name])]
+
+
+def keep(results: Sequence[Result], prints: Mapping[str, str], path: Path = KEPT) -> None:
+    """Write down for what the long ones among the results were made."""
+    made = {result.proof.name: prints[result.proof.name] for result in results if result.proof.long}
+    path.write_text(json.dumps(read_kept(path) | made, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+
+
 def _functions() -> set[str]:
     return core_functions(sorted((ROOT / "shared" / "core" / "src").rglob("*.[ch]")))
 
@@ -98,10 +120,7 @@ def page_blocks(
 ) -> dict[str, list[str]]:
     """Return the tables of docs/checks/proof.md. They need no run: that they are true is what a run shows."""
     proved = ["| Proof | What holds | Given | When |", "|---|---|---|---|"]
-    proved += [
-        f"| `{proof.name}` | {proof.shows} | {proof.given} | {'nightly' if proof.nightly else 'every run'} |"
-        for proof in proofs
-    ]
+    proved += [f"| `{proof.name}` | {proof.shows} | {proof.given} | {_when(proof)} |" for proof in proofs]
     proved += ["", f"{len(_functions()) - len(functions)} of the core's {len(_functions())} functions are reached."]
     rest = ["| Function | What | Why not |", "|---|---|---|"]
     rest += [
@@ -112,6 +131,10 @@ def page_blocks(
         by_reason.setdefault(why, []).append(f"`{name}`")
     rest += [f"| {', '.join(names)} | reached by no proof | {why} |" for why, names in by_reason.items()]
     return {"proofs": proved, "not-proved": rest}
+
+
+def _when(proof: Proof) -> str:
+    return "nightly" if proof.nightly else "nightly, and when a source changed" if proof.long else "every run"
 
 
 def _cell(text: str) -> str:
@@ -130,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("proofs", nargs="*", metavar="PROOF", help="run these only")
     parser.add_argument("--nightly", action="store_true", help="the long ones, too")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/proof.md")
+    parser.add_argument("--write", action="store_true", help="write docs/checks/proof.md and kept.json")
     options = parser.parse_args(arguments)
     everything = read_proofs()
     unknown = set(options.proofs) - {proof.name for proof in everything}
@@ -145,21 +168,28 @@ def main(arguments: list[str] | None = None) -> int:
         errors.print(f"NOTHING WAS PROVED: {', '.join(missing)} not installed (Debian: frama-c-base ocaml-findlib gcc)")
         return int(os.environ.get("CI") == "true")
     places, functions = read_not_proved()
+    generate()
+    prints = {proof.name: fingerprint(proof) for proof in chosen}
+    made = chosen if options.nightly or options.proofs else to_make(chosen, prints, read_kept())
+    for proof in chosen:
+        if proof not in made:
+            console.print(f"{proof.name}: not made again: nothing changed since (--nightly makes it)")
     try:
-        results = _run_all(chosen, console)
+        results = _run_all(made, console)
     except ProofError as error:
         errors.print(f"error: {error}", markup=False)
         return 1
-    all_ran = len(chosen) == len(everything)
+    all_ran = len(made) == len(everything)
     sentences = differences(results, places, all_ran) + (unreached(results, functions) if all_ran else [])
     sentences += _page(page_blocks(everything, places, functions), options.write)
+    if options.write and not sentences:
+        keep(results, prints)
     for sentence in sentences:
         errors.print(f"error: {sentence}", markup=False)
     return int(bool(sentences))
 
 
 def _run_all(proofs: Sequence[Proof], console: Console) -> list[Result]:
-    generate()
     results = []
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         for result in pool.map(run, proofs):

@@ -64,8 +64,8 @@
  * OMNI_EKF_ALONE_US.
  *
  * Slip ratios change, and each has a mean over a long way: what the floor does, and what a wheel's radius is off. The
- * mean m_i follows s_i while fixes, or a sensor of motion over the floor, show it. Without them s_i returns to m_i.
- * In a history slot the wheel rolls by l. L is the way seen so far, at most 10 m, and L_0 is 1 m:
+ * mean m_i follows s_i while fixes, or a sensor of motion over the floor, show it. Without them for OMNI_EKF_ALONE_US,
+ * s_i returns to m_i. In a history slot the wheel rolls by l. L is the way seen so far, at most 10 m, and L_0 is 1 m:
  *
  *   seen:      m = m + l / (L + l + L_0) (s - m)
  *   not seen:  s = s + mean_rate L / (L + L_0) (m - s)

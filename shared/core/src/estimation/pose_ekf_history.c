@@ -94,6 +94,9 @@ bool omni_ekf_history_window(const omni_pose_ekf_state_t *state, const omni_pose
                         : fill_window(state, config, k, age_us, window, OMNI_MAX_WHEELS, NULL);
 }
 
+/* A ratio is seen as long after a fix. Later it is only what it was. */
+static const uint64_t mean_fix_us = 250000;
+
 /* Each slot of the history moves by as much. So a late fix still finds what its slip ratios were then. */
 static void move_slip(omni_pose_ekf_state_t *state, uint8_t wheel, omni_real_t step) {
     state->slip[wheel] += step;
@@ -113,18 +116,26 @@ static void learn_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_
     state->mean_way_m[wheel] = omni_select(seen && known, limited, state->mean_way_m[wheel]);
 }
 
+static void return_to_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t wheel,
+                           omni_flag_t seen) {
+    const omni_real_t trust = state->mean_way_m[wheel] / (state->mean_way_m[wheel] + mean_prior_m);
+    const omni_real_t step = config->mean_rate * trust * (state->mean_slip[wheel] - state->slip[wheel]);
+    const omni_flag_t returns = !seen && state->wheel_m[wheel] != 0.0f && step != 0.0f;
+    if (omni_any(returns)) {
+        move_slip(state, wheel, omni_select(returns, step, 0.0f));
+    }
+}
+
 void omni_ekf_follow_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t slips) {
-    const bool alone = omni_ekf_is_alone(state->told_us, state->time_us);
-    const omni_flag_t seen = !alone || state->flow_slots > 0;
+    const bool fixed = state->last_fix_us != 0 && state->time_us - state->last_fix_us <= mean_fix_us;
+    const bool alone = !fixed && omni_ekf_is_alone(state->told_us, state->time_us);
+    const omni_flag_t seen = fixed || state->flow_slots > 0;
     for (uint8_t i = 0; i < slips; ++i) {
-        learn_mean(state, config, i, seen);
+        if (omni_any(seen)) {
+            learn_mean(state, config, i, seen);
+        }
         if (alone) {
-            const omni_real_t trust = state->mean_way_m[i] / (state->mean_way_m[i] + mean_prior_m);
-            const omni_real_t step = config->mean_rate * trust * (state->mean_slip[i] - state->slip[i]);
-            const omni_flag_t returns = !seen && state->wheel_m[i] != 0.0f && step != 0.0f;
-            if (omni_any(returns)) {
-                move_slip(state, i, omni_select(returns, step, 0.0f));
-            }
+            return_to_mean(state, config, i, seen);
         }
     }
 }
