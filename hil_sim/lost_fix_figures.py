@@ -10,7 +10,6 @@ ratios stay.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from hil_sim.gyro_figures import LOOK_TICKS, drive_scenario
 from hil_sim.processes import worker_pool
 from hil_sim.scenario import load_scenario
+from hil_sim.table_command import need_one_or_more, say
 
 Array = NDArray[np.float64]
 
@@ -89,13 +89,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m hil_sim.lost_fix_figures", description=__doc__)
     parser.add_argument("--seeds", type=int, default=SEEDS, help=f"runs of each cell, from seed {FIRST_SEED} ({SEEDS})")
     chosen = parser.parse_args(arguments)
-    if chosen.seeds < 1:
-        parser.error(f"--seeds is {chosen.seeds}; 1 or more are needed")
-    sys.stdout.write(f"{head()}\n")
+    need_one_or_more(parser, chosen, "seeds")
+    say(head())
     with worker_pool() as pool:
         for setting in SETTINGS:
-            sys.stdout.write(f"{row(setting, range(FIRST_SEED, FIRST_SEED + chosen.seeds), pool)}\n")
-            sys.stdout.flush()
+            say(row(setting, range(FIRST_SEED, FIRST_SEED + chosen.seeds), pool))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ is what 95 % of the seeds are below at the end.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from hil_sim.flow_figures import OPTICAL, TOLD_OPTICAL
 from hil_sim.gyro_figures import drive_scenario
 from hil_sim.processes import worker_pool
 from hil_sim.scenario import load_scenario
+from hil_sim.table_command import need_one_or_more, say
 
 Array = NDArray[np.float64]
 
@@ -79,19 +79,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=SEEDS, help=f"runs of each line ({SEEDS})")
     parser.add_argument("--seconds", type=int, default=SECONDS, help=f"length of a run ({SECONDS})")
     chosen = parser.parse_args(arguments)
-    for name in ("seeds", "seconds"):
-        if getattr(chosen, name) < 1:
-            parser.error(f"--{name} is {getattr(chosen, name)}; 1 or more are needed")
+    need_one_or_more(parser, chosen, "seeds", "seconds")
     seeds = range(FIRST_SEED, FIRST_SEED + chosen.seeds)
-    _say("| sensors | position [mm] | of the way [%] | heading [°] |\n|---|---|---|---|")
+    say("| sensors | position [mm] | of the way [%] | heading [°] |\n|---|---|---|---|")
     with worker_pool() as pool:
         for sensors in SETS:
-            _say(row(sensors, seeds, chosen.seconds, pool))
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+            say(row(sensors, seeds, chosen.seconds, pool))
 
 
 if __name__ == "__main__":

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 
+from hil_sim.table_command import say
 from omni_schema.errors import did_you_mean
 
 
@@ -34,12 +34,7 @@ def print_table(
             parser.error(f"no setting {name!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
     if chosen.seeds < 1:
         parser.error(f"--seeds is {chosen.seeds}; 1 or more are needed")
-    _say(f"| setting | {' | '.join(headings)} |")
-    _say("|---" * (1 + len(headings)) + "|")
+    say(f"| setting | {' | '.join(headings)} |")
+    say("|---" * (1 + len(headings)) + "|")
     for key in chosen.settings or known:
-        _say(line(key, chosen.seeds, *([chosen.wheels] if wheels else [])))
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+        say(line(key, chosen.seeds, *([chosen.wheels] if wheels else [])))

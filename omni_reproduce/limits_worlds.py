@@ -19,6 +19,7 @@ import numpy as np
 
 from hil_sim.batch import run_batch
 from hil_sim.c_scenario import scenario_world
+from hil_sim.table_command import say
 from omni_reproduce import limits
 from omni_reproduce.limits import WHEELS
 from omni_reproduce.posterior_bound import STEP_S, Array
@@ -188,11 +189,6 @@ def below_bound(outcomes: Sequence[Outcome]) -> list[int]:
     return [number for number, found in enumerate(ratios, start=1) if min(found) < 1.0 - MONTE_CARLO]
 
 
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m omni_reproduce.limits_worlds", description=__doc__)
@@ -203,7 +199,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name, least in (("worlds", 1), ("seeds", 1), ("seed", 0)):
         if getattr(chosen, name) < least:
             parser.error(f"--{name} is {getattr(chosen, name)}; {least} or more are needed")
-    low = below_bound(table(chosen.seed, chosen.worlds, chosen.seeds, _say))
+    low = below_bound(table(chosen.seed, chosen.worlds, chosen.seeds, say))
     if low:
         worlds = ", ".join(map(str, low))
         sys.stderr.write(f"error: below the bound, so it is wrong there or these are too few runs: worlds {worlds}\n")

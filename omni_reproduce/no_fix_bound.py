@@ -9,7 +9,6 @@ is 5 % in the mean.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -22,6 +21,7 @@ from hil_sim.no_fix_figures import FIRST_SEED, SECONDS, SETS, SHARE, Sensors
 from hil_sim.processes import worker_pool
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import Scenario, load_scenario
+from hil_sim.table_command import need_one_or_more, say
 from hil_sim.world import IDEAL_WHEELS
 from omni_reproduce.limits import statistics_of, wheels_of
 from omni_reproduce.posterior_bound import STEP_TICKS, Array, BoundError, bound_variances, motion_gains
@@ -79,21 +79,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--paths", type=int, default=PATHS, help=f"paths of each line ({PATHS})")
     parser.add_argument("--seconds", type=int, default=SECONDS, help=f"length of a drive ({SECONDS})")
     chosen = parser.parse_args(arguments)
-    for name in ("paths", "seconds"):
-        if getattr(chosen, name) < 1:
-            parser.error(f"--{name} is {getattr(chosen, name)}; 1 or more are needed")
-    _say("| sensors | position [mm] | heading [°] |\n|---|---|---|")
+    need_one_or_more(parser, chosen, "paths", "seconds")
+    say("| sensors | position [mm] | heading [°] |\n|---|---|---|")
     with worker_pool() as pool:
         for sensors in SETS:
             try:
-                _say(row(sensors, chosen.paths, chosen.seconds, pool))
+                say(row(sensors, chosen.paths, chosen.seconds, pool))
             except BoundError as error:
-                _say(f"| {sensors.title} | not computed: {error} | |")
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+                say(f"| {sensors.title} | not computed: {error} | |")
 
 
 if __name__ == "__main__":
