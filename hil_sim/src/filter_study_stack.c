@@ -100,7 +100,8 @@ void hil_filter_estimate(hil_filter_stack_t *stack, const hil_filter_config_t *c
                          hil_real_t *fix, uint32_t step) {
     const uint64_t now_us = ((uint64_t)step + 2) * stack->step_us;
     const uint64_t late_us = config->fix == HIL_FILTER_FIX_LATE ? stack->step_us : 0;
-    omni_real_t turned[2][4];
+    omni_real_t turned[2][OMNI_MAX_WHEELS];
+    memset(turned, 0, sizeof turned);
     for (uint32_t i = 0; i < config->wheels; i++) {
         turned[0][i] = (omni_real_t)(hil_filter_raw_speed(config, truth, i) * config->step_s);
         turned[1][i] = (omni_real_t)((hil_real_t)stack->filtered[i] * config->step_s);

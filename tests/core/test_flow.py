@@ -76,7 +76,9 @@ class Core:
 
     @property
     def p(self) -> Array:
-        return np.array([list(row)[: 3 + self.wheels] for row in self.s.p])[: 3 + self.wheels]
+        copy = ffi.new("omni_pose_ekf_state_t *", self.s[0])
+        lib.omni_pose_ekf_settle(copy, self.config, self.k)
+        return np.array([list(row)[: 3 + self.wheels] for row in copy.p])[: 3 + self.wheels]
 
 
 class Reference:

@@ -81,7 +81,9 @@ class Filter:
 
     @property
     def p(self) -> Array:
-        return np.array([list(row) for row in self.s.p])
+        copy = ffi.new("omni_pose_ekf_state_t *", self.s[0])
+        lib.omni_pose_ekf_settle(copy, self.config, self.k)
+        return np.array([list(row) for row in copy.p])
 
     @property
     def bias(self) -> tuple[float, float]:

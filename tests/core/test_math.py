@@ -58,7 +58,7 @@ def test_the_bits_are_the_same_on_every_machine() -> None:
     patterns = (np.arange(20000, dtype=np.uint32) * np.uint32(2654435761)).view(np.float32)
     x = np.concatenate([patterns[np.isfinite(patterns)], (np.arange(-5000, 5000) * 0.37).astype(np.float32)])
     results = [(*sincos(float(a)), lib.omni_wrap_pi(float(a)), lib.omni_atan2f(float(a), 1.5)) for a in x]
-    assert zlib.crc32(np.array(results, dtype="<f4").tobytes()) == 1468288712
+    assert zlib.crc32(np.array(results, dtype="<f4").tobytes()) == 3831663928
 
 
 def test_small_angles_keep_their_relative_precision() -> None:

@@ -88,13 +88,20 @@ class Ekf:
         s = self.s
         return np.array([s.pose.x, s.pose.y, s.pose.theta, *(s.slip[i] for i in range(self.wheels))])[: self.states]
 
+    def settled(self) -> Any:
+        """Return a copy of the state whose covariance is that of now."""
+        copy = ffi.new("omni_pose_ekf_state_t *", self.s[0])
+        lib.omni_pose_ekf_settle(copy, self.config, self.k)
+        return copy
+
     @property
     def p(self) -> Array:
-        return np.array([[self.s.p[a][b] for b in range(self.states)] for a in range(self.states)])
+        p = self.settled().p
+        return np.array([[p[a][b] for b in range(self.states)] for a in range(self.states)])
 
     def snapshot(self) -> bytes:
         """All bytes but counters and diagnostics."""
-        copy = ffi.new("omni_pose_ekf_state_t *", self.s[0])
+        copy = self.settled()
         copy.refused = copy.refused_in_row = 0
         copy.nis = 0.0
         copy.innovation = [0.0] * 3

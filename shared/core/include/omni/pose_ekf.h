@@ -175,14 +175,17 @@ typedef struct omni_pose_ekf_state_t {
     omni_pose_t pose;                   /**< estimate; theta in [-pi, pi) */
     omni_real_t carry[OMNI_AXES];       /**< what rounding has kept from `pose` so far */
     omni_real_t slip[OMNI_EKF_COLUMNS]; /**< slip ratios s_i; of the gyro: bias [rad/s], scale; all -0.5..0.5 */
-    omni_real_t p[OMNI_EKF_STATES][OMNI_EKF_STATES]; /**< covariance; unused wheels' rows are zero */
+    /** Covariance at the last tick that was settled: at most three ticks ago. Unused wheels' rows are zero. */
+    omni_real_t p[OMNI_EKF_STATES][OMNI_EKF_STATES];
     omni_ekf_slot_t history[OMNI_EKF_HISTORY];
+    omni_ekf_slot_t settled;              /**< the slot being filled, as it was when `p` was settled within it */
     omni_real_t wheel_m[OMNI_MAX_WHEELS]; /**< r phi of each wheel in the slot being filled */
     omni_real_t slot_cosine;              /**< of the heading at the start of the slot being filled */
     omni_real_t slot_sine;
     uint16_t newest;                   /**< slot being filled */
     uint8_t filled;                    /**< complete slots held */
     uint8_t slot_tick;                 /**< ticks in the slot being filled */
+    uint8_t settled_ticks;             /**< of these the ones that `p` has followed */
     uint8_t mode;                      /**< mode of the last tick; another one restarts the slip states */
     uint64_t time_us;                  /**< of the estimate; 0: no tick yet */
     omni_real_t nis;                   /**< normalised innovation squared of the last fix that could be used */
@@ -252,11 +255,18 @@ void omni_pose_ekf_predict_turn(omni_pose_ekf_state_t *state, const omni_pose_ek
                                 const omni_ekf_turn_t *turn, uint64_t time_us);
 
 /**
+ * The covariance follows the motion up to now. A tick does so where a history slot ends, and so does whatever uses the
+ * covariance to correct. Call it to read `p` between.
+ */
+void omni_pose_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                          const omni_kinematics_t *k);
+
+/**
  * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.
  * @return OMNI_OK used. OMNI_ERR_RANGE gated out, or the covariance is spoilt. OMNI_ERR_TIME older than the
  * history, not newer than the last used one, from the future (> 5 ms), or no tick yet. OMNI_ERR_NOT_FINITE.
- * OMNI_ERR_LOCKED in mode odometry, which ignores fixes. Nothing but counters and diagnostics (nis, innovation)
- * changes when a fix is refused.
+ * OMNI_ERR_LOCKED in mode odometry, which ignores fixes. When a fix is refused, counters and diagnostics
+ * (nis, innovation) change, and the covariance is settled. Nothing else does.
  */
 omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                     const omni_kinematics_t *k, const omni_pose_fix_t *fix);

@@ -15,8 +15,11 @@ void omni_wheel_speed_reset(omni_wheel_speed_state_t *state) {
 
 static bool wheel_inputs_are_finite(uint8_t wheels, const omni_real_t *reference, const omni_real_t *acceleration,
                                     const omni_real_t *measured) {
-    return omni_all_finite(reference, wheels) && omni_all_finite(acceleration, wheels) &&
-           omni_all_finite(measured, wheels);
+    omni_real_t sum = 0.0f; /* as in omni_all_finite */
+    for (int i = 0; i < wheels; i++) {
+        sum += (reference[i] - reference[i]) + (acceleration[i] - acceleration[i]) + (measured[i] - measured[i]);
+    }
+    return sum == 0.0f;
 }
 
 /* [report eq. 24 and 25] solved for the voltage of the wanted motion, plus Coulomb friction. */

@@ -67,6 +67,30 @@ void omni_ekf_shift(omni_pose_ekf_state_t *state, const omni_real_t *delta, uint
     omni_ekf_history_rebase(state, columns);
 }
 
+void omni_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                     uint8_t columns) {
+    if (state->settled_ticks == state->slot_tick) {
+        return;
+    }
+    if (columns == OMNI_EKF_COLUMNS) {
+        omni_ekf_settle_turn(state, config, k);
+    } else if (columns == 3) {
+        settle_columns(state, config, k, 3, 3);
+    } else if (columns == 0) {
+        settle_columns(state, config, k, 0, 0);
+    } else {
+        settle_columns(state, config, k, 4, 4);
+    }
+    if (state->slot_tick < OMNI_EKF_SLOT_TICKS) {
+        state->settled = state->history[state->newest];
+    }
+}
+
+void omni_pose_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                          const omni_kinematics_t *k) {
+    omni_ekf_settle(state, config, k, omni_ekf_columns(config, k));
+}
+
 void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                            const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint64_t time_us) {
     predict_motion(state, config, k, wheel_delta_rad, NULL, time_us);

@@ -15,100 +15,94 @@ static const omni_real_t least_motion = 4e-5f;
 typedef omni_real_t state_matrix_t[OMNI_EKF_STATES][OMNI_EKF_STATES];
 typedef omni_real_t wide_matrix_t[OMNI_AXES][OMNI_EKF_STATES];
 
-/* One fix on its way into the estimate. */
+/* One fix on its way into the estimate. H = Phi_pose^-1 [I, -Phi_ps] = [1, 0, dy; 0, 1, -dx; 0, 0, 1 | slips]: of it
+ * only `slips` is stored. */
 typedef struct update_t {
     uint8_t columns;
-    uint8_t states;
     uint32_t age_us;
     omni_ekf_window_t window;
     omni_real_t r[OMNI_AXES]; /* variances of the fix */
     omni_real_t innovation[OMNI_AXES];
-    wide_matrix_t h;                          /* Phi_pose^-1 [I, -Phi_ps] */
+    omni_real_t slips[OMNI_AXES][OMNI_EKF_COLUMNS];
     state_matrix_t m;                         /* M = P - W */
     wide_matrix_t hm;                         /* H M */
-    omni_real_t factor[OMNI_AXES][OMNI_AXES]; /* Cholesky factor of S */
-    omni_real_t white[OMNI_AXES];             /* innovation over that factor */
+    omni_real_t factor[OMNI_AXES][OMNI_AXES]; /* S = L D L^T: of L what is below its diagonal of ones */
+    omni_real_t inverse[OMNI_AXES];           /* D^-1 */
+    omni_real_t white[OMNI_AXES];             /* L^-1 innovation, with the variances D */
 } update_t;
 
 static inline void measurement_matrix(update_t *u, uint8_t columns) {
     const omni_real_t dx = u->window.move[0];
     const omni_real_t dy = u->window.move[1];
-    const omni_real_t pose[OMNI_AXES][OMNI_AXES] = {{1.0f, 0.0f, dy}, {0.0f, 1.0f, -dx}, {0.0f, 0.0f, 1.0f}};
-    for (int row = 0; row < OMNI_AXES; ++row) {
-        for (int axis = 0; axis < OMNI_AXES; ++axis) {
-            u->h[row][axis] = pose[row][axis];
-        }
-    }
     for (uint8_t i = 0; i < columns; ++i) {
         const omni_real_t turned = u->window.gain[2][i];
-        u->h[0][OMNI_AXES + i] = -u->window.gain[0][i] - dy * turned;
-        u->h[1][OMNI_AXES + i] = -u->window.gain[1][i] + dx * turned;
-        u->h[2][OMNI_AXES + i] = -turned;
+        u->slips[0][i] = -u->window.gain[0][i] - dy * turned;
+        u->slips[1][i] = -u->window.gain[1][i] + dx * turned;
+        u->slips[2][i] = -turned;
     }
 }
 
-static inline void fill_m(update_t *u, const omni_pose_ekf_state_t *state, uint8_t states) {
-    for (uint8_t a = 0; a < states; ++a) {
-        for (uint8_t b = 0; b < states; ++b) {
+/* Row i of H times a vector with an entry per state. */
+static inline omni_real_t measured(const update_t *u, int i, const omni_real_t *v, uint8_t columns) {
+    omni_real_t sum = v[i];
+    if (i < 2) {
+        sum += (i == 0 ? u->window.move[1] : -u->window.move[0]) * v[2];
+    }
+    for (uint8_t c = 0; c < columns; ++c) {
+        sum += u->slips[i][c] * v[OMNI_AXES + c];
+    }
+    return sum;
+}
+
+/* M, and H M: as M is symmetric, a row of it is a column. */
+static inline void fill_m(update_t *u, const omni_pose_ekf_state_t *state, uint8_t columns) {
+    const int states = OMNI_AXES + columns;
+    for (int a = 0; a < states; ++a) {
+        for (int b = a; b < states; ++b) {
             u->m[a][b] = state->p[a][b] - u->window.noise[a][b];
+            u->m[b][a] = u->m[a][b];
         }
     }
-    for (int row = 0; row < OMNI_AXES; ++row) {
-        for (uint8_t b = 0; b < states; ++b) {
-            omni_real_t sum = 0.0f;
-            for (uint8_t a = 0; a < states; ++a) {
-                sum += u->h[row][a] * u->m[a][b];
-            }
-            u->hm[row][b] = sum;
+    for (int b = 0; b < states; ++b) {
+        for (int row = 0; row < OMNI_AXES; ++row) {
+            u->hm[row][b] = measured(u, row, u->m[b], columns);
         }
     }
 }
 
-/* S = H M H^T + R = L L^T. @return false if S is not positive definite. */
-static inline bool factor_innovation_covariance(update_t *u, uint8_t states) {
+/* S = H M H^T + R = L D L^T: no square roots. @return false if S is not positive definite. */
+static inline bool factor_innovation_covariance(update_t *u, uint8_t columns) {
     for (int i = 0; i < OMNI_AXES; ++i) {
+        omni_real_t scaled[OMNI_AXES]; /* row i of L D */
         for (int j = 0; j <= i; ++j) {
-            omni_real_t sum = i == j ? u->r[i] : 0.0f;
-            for (uint8_t a = 0; a < states; ++a) {
-                sum += u->hm[i][a] * u->h[j][a];
-            }
+            scaled[j] = measured(u, j, u->hm[i], columns);
             for (int c = 0; c < j; ++c) {
-                sum -= u->factor[i][c] * u->factor[j][c];
+                scaled[j] -= scaled[c] * u->factor[j][c];
             }
-            if (i == j && !(sum > 0.0f)) {
-                return false;
+            if (j < i) {
+                u->factor[i][j] = scaled[j] * u->inverse[j];
             }
-            u->factor[i][j] = i == j ? omni_sqrtf(sum) : sum / u->factor[j][j];
         }
+        scaled[i] += u->r[i];
+        if (!(scaled[i] > 0.0f)) {
+            return false;
+        }
+        u->inverse[i] = 1.0f / scaled[i];
     }
     return true;
 }
 
 /* v = L^-1 v. */
-static void forward_substitute(const update_t *u, omni_real_t *v) {
-    for (int i = 0; i < OMNI_AXES; ++i) {
-        for (int c = 0; c < i; ++c) {
-            v[i] -= u->factor[i][c] * v[c];
-        }
-        v[i] /= u->factor[i][i];
-    }
-}
-
-/* v = L^-T v. */
-static void back_substitute(const update_t *u, omni_real_t *v) {
-    for (int i = OMNI_AXES - 1; i >= 0; --i) {
-        for (int c = i + 1; c < OMNI_AXES; ++c) {
-            v[i] -= u->factor[c][i] * v[c];
-        }
-        v[i] /= u->factor[i][i];
-    }
+static inline void forward_substitute(const update_t *u, omni_real_t *v) {
+    v[1] -= u->factor[1][0] * v[0];
+    v[2] -= u->factor[2][0] * v[0] + u->factor[2][1] * v[1];
 }
 
 static omni_real_t normalised_square(update_t *u) {
     omni_real_t *v = u->white;
     memcpy(v, u->innovation, sizeof u->white);
     forward_substitute(u, v);
-    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+    return v[0] * v[0] * u->inverse[0] + v[1] * v[1] * u->inverse[1] + v[2] * v[2] * u->inverse[2];
 }
 
 /*
@@ -120,10 +114,11 @@ static inline void adapt_noise(const update_t *u, omni_pose_ekf_state_t *state, 
     const omni_flag_t moves = omni_absf(moved[0]) + omni_absf(moved[1]) + omni_absf(moved[2]) > least_motion;
     omni_real_t slope = 0.0f;
     for (int i = 0; i < OMNI_AXES; ++i) {
-        const omni_real_t share = u->r[i] / (u->factor[i][i] * u->factor[i][i]);
+        const omni_real_t white = u->white[i] * omni_sqrtf(u->inverse[i]);
+        const omni_real_t share = u->r[i] * u->inverse[i];
         const omni_real_t kept = omni_select(share < 1.0f, share, 1.0f); /* more only by rounding */
-        slope += (1.0f - kept) * u->white[i] * state->past[i];
-        state->past[i] = omni_select(moves, kept * state->past[i] + u->white[i], state->past[i]);
+        slope += (1.0f - kept) * white * state->past[i];
+        state->past[i] = omni_select(moves, kept * state->past[i] + white, state->past[i]);
     }
     const omni_real_t rate = omni_select(moves, adapt, 0.0f);
     const omni_real_t change = omni_clampf(rate * slope, -OMNI_EKF_ADAPT_STEP, OMNI_EKF_ADAPT_STEP);
@@ -135,51 +130,43 @@ static inline void adapt_noise(const update_t *u, omni_pose_ekf_state_t *state, 
 }
 
 /* Row a of K = (H M)^T S^-1 (eq. 65). */
-static void gain_row(const update_t *u, uint8_t a, omni_real_t *row) {
+static inline void gain_row(const update_t *u, int a, omni_real_t *row) {
     for (int i = 0; i < OMNI_AXES; ++i) {
         row[i] = u->hm[i][a];
     }
     forward_substitute(u, row);
-    back_substitute(u, row);
+    row[2] *= u->inverse[2];
+    row[1] = row[1] * u->inverse[1] - u->factor[2][1] * row[2];
+    row[0] = row[0] * u->inverse[0] - u->factor[1][0] * row[1] - u->factor[2][0] * row[2];
 }
 
 /* (I - K H) M for one row a, given row a of K. */
-static inline void updated_row(const update_t *u, uint8_t a, const omni_real_t *gain, omni_real_t *row,
-                               uint8_t states) {
-    for (uint8_t b = 0; b < states; ++b) {
+static inline void updated_row(const update_t *u, int a, const omni_real_t *gain, omni_real_t *row, int states) {
+    for (int b = 0; b < states; ++b) {
         row[b] = u->m[a][b] - gain[0] * u->hm[0][b] - gain[1] * u->hm[1][b] - gain[2] * u->hm[2][b];
     }
 }
 
 /* Joseph form of eq. 67: P = (I - K H) M (I - K H)^T + K R K^T + W. */
-static inline void measurement_update_states(const update_t *u, omni_pose_ekf_state_t *state, uint8_t states) {
+static inline void measurement_update_columns(const update_t *u, omni_pose_ekf_state_t *state, uint8_t columns) {
+    const int states = OMNI_AXES + columns;
     omni_real_t gain[OMNI_EKF_STATES][OMNI_AXES];
     omni_real_t delta[OMNI_EKF_STATES];
-    for (uint8_t a = 0; a < states; ++a) {
+    for (int a = 0; a < states; ++a) {
         gain_row(u, a, gain[a]);
-        delta[a] = 0.0f;
-        for (int i = 0; i < OMNI_AXES; ++i) {
-            delta[a] += gain[a][i] * u->innovation[i];
-        }
+        delta[a] = gain[a][0] * u->innovation[0] + gain[a][1] * u->innovation[1] + gain[a][2] * u->innovation[2];
     }
-    for (uint8_t a = 0; a < states; ++a) {
+    for (int a = 0; a < states; ++a) {
         omni_real_t row[OMNI_EKF_STATES];
         omni_real_t left[OMNI_AXES];
         updated_row(u, a, gain[a], row, states);
         for (int i = 0; i < OMNI_AXES; ++i) {
-            left[i] = gain[a][i] * u->r[i];
-            for (uint8_t c = 0; c < states; ++c) {
-                left[i] -= row[c] * u->h[i][c];
-            }
+            left[i] = gain[a][i] * u->r[i] - measured(u, i, row, columns);
         }
-        for (uint8_t b = a; b < states; ++b) {
+        for (int b = a; b < states; ++b) {
             state->p[a][b] =
                 row[b] + left[0] * gain[b][0] + left[1] * gain[b][1] + left[2] * gain[b][2] + u->window.noise[a][b];
-        }
-    }
-    for (uint8_t a = 1; a < states; ++a) {
-        for (uint8_t b = 0; b < a; ++b) {
-            state->p[a][b] = state->p[b][a];
+            state->p[b][a] = state->p[a][b];
         }
     }
     omni_ekf_shift(state, delta, u->columns);
@@ -187,29 +174,28 @@ static inline void measurement_update_states(const update_t *u, omni_pose_ekf_st
 
 /* The count as a constant lets the compiler unroll the loops; three wheels and no slip are the ones to be fast. */
 static void measurement_update(const update_t *u, omni_pose_ekf_state_t *state) {
-    if (u->states == OMNI_AXES + 3) {
-        measurement_update_states(u, state, OMNI_AXES + 3);
-    } else if (u->states == OMNI_AXES) {
-        measurement_update_states(u, state, OMNI_AXES);
+    if (u->columns == 3) {
+        measurement_update_columns(u, state, 3);
+    } else if (u->columns == 0) {
+        measurement_update_columns(u, state, 0);
     } else {
-        measurement_update_states(u, state, u->states);
+        measurement_update_columns(u, state, u->columns);
     }
 }
 
-static inline bool innovation_covariance_states(update_t *u, const omni_pose_ekf_state_t *state, uint8_t columns) {
-    const uint8_t states = (uint8_t)(OMNI_AXES + columns);
+static inline bool innovation_covariance_columns(update_t *u, const omni_pose_ekf_state_t *state, uint8_t columns) {
     measurement_matrix(u, columns);
-    fill_m(u, state, states);
-    return factor_innovation_covariance(u, states);
+    fill_m(u, state, columns);
+    return factor_innovation_covariance(u, columns);
 }
 
 /* As in `measurement_update`. @return false if the innovation's covariance is not positive definite. */
 static bool innovation_covariance(update_t *u, const omni_pose_ekf_state_t *state) {
     if (u->columns == 3) {
-        return innovation_covariance_states(u, state, 3);
+        return innovation_covariance_columns(u, state, 3);
     }
-    return u->columns == 0 ? innovation_covariance_states(u, state, 0)
-                           : innovation_covariance_states(u, state, u->columns);
+    return u->columns == 0 ? innovation_covariance_columns(u, state, 0)
+                           : innovation_covariance_columns(u, state, u->columns);
 }
 
 static void set_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
@@ -244,7 +230,7 @@ static void reinitialise_filter(update_t *u, const omni_pose_ekf_config_t *confi
         {1.0f, 0.0f, -u->window.move[1]}, {0.0f, 1.0f, u->window.move[0]}, {0.0f, 0.0f, 1.0f}};
     for (int a = 0; a < OMNI_AXES; ++a) {
         for (int b = 0; b < OMNI_AXES; ++b) {
-            state->p[a][b] = u->window.noise[a][b];
+            state->p[a][b] = a < b ? u->window.noise[a][b] : u->window.noise[b][a];
             for (int i = 0; i < OMNI_AXES; ++i) {
                 state->p[a][b] += phi[a][i] * u->r[i] * phi[b][i];
             }
@@ -264,7 +250,6 @@ static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *st
                                     const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                                     const omni_pose_fix_t *fix) {
     u->columns = omni_ekf_columns(config, k);
-    u->states = (uint8_t)(OMNI_AXES + u->columns);
     u->r[0] = variance_of(fix->sd_xy, config->r_xy) * state->fix_factor;
     u->r[1] = u->r[0];
     u->r[2] = variance_of(fix->sd_theta, config->r_theta) * state->fix_factor;
@@ -298,6 +283,7 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (config->mode == OMNI_EKF_MODE_ODOMETRY) {
         return OMNI_ERR_LOCKED;
     }
+    omni_pose_ekf_settle(state, config, k);
     if (config->gyro) {
         omni_ekf_settle_turn_noise(state);
     }

@@ -36,6 +36,7 @@ typedef struct flow_update_t {
 void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                const omni_kinematics_t *k) {
     const uint8_t slips = omni_ekf_slips(config, k);
+    omni_pose_ekf_settle(state, config, k);
     for (uint8_t i = 0; i < slips; ++i) {
         for (int a = 0; a < OMNI_EKF_STATES; ++a) {
             state->p[a][OMNI_AXES + i] = 0.0f;
@@ -48,6 +49,7 @@ void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf
 void omni_pose_ekf_take_back_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                   const omni_kinematics_t *k, const omni_real_t *taken) {
     omni_real_t delta[OMNI_EKF_STATES] = {0.0f};
+    omni_pose_ekf_settle(state, config, k);
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
         delta[axis] = -taken[axis];
         state->p[axis][axis] += taken[axis] * taken[axis];
@@ -304,6 +306,7 @@ static void teach_history(const flow_update_t *u, omni_pose_ekf_state_t *state, 
         known[0] = omni_clampf(known[0] + omni_select(fits, known_xy * part.used, 0.0f), 0.0f, 1.0f);
         known[1] = omni_clampf(known[1] + omni_select(fits, known_turn * part.used, 0.0f), 0.0f, 1.0f);
     }
+    memcpy(state->settled.move, state->history[state->newest].move, sizeof state->settled.move);
 }
 
 /* Is it the gyro's: heading, bias, scale? Slip that lasts would teach it what is not so. */
@@ -345,6 +348,7 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     u.rows = flow->turns && !config->gyro ? 3 : 2;
     u.columns = omni_ekf_columns(config, k);
     u.states = (uint8_t)(OMNI_AXES + u.columns);
+    omni_ekf_settle(state, config, k, u.columns);
     if (config->gyro) {
         omni_ekf_settle_turn_noise(state);
     }

@@ -10,44 +10,17 @@ static const omni_real_t mean_prior_m = 1.0f;
 /* The mean is taken over so much at most: the floor may change. */
 static const omni_real_t mean_way_m = 10.0f;
 
-static inline void add_motion(omni_ekf_slot_t *slot, const omni_pose_ekf_state_t *state,
-                              const omni_ekf_motion_t *motion, uint8_t columns) {
-    const omni_real_t cosine = motion->cosine * state->slot_cosine + motion->sine * state->slot_sine;
-    const omni_real_t sine = motion->sine * state->slot_cosine - motion->cosine * state->slot_sine;
-    omni_real_t dx = motion->move[0];
-    omni_real_t dy = motion->move[1];
-    rotate_pair(cosine, sine, &dx, &dy);
-    for (uint8_t i = 0; i < columns; ++i) {
-        omni_real_t gx = motion->gain[0][i];
-        omni_real_t gy = motion->gain[1][i];
-        rotate_pair(cosine, sine, &gx, &gy);
-        slot->gain[0][i] += gx - dy * slot->gain[2][i];
-        slot->gain[1][i] += gy + dx * slot->gain[2][i];
-        slot->gain[2][i] += motion->gain[2][i];
-    }
-    for (uint8_t i = 0; i < columns && i < OMNI_MAX_WHEELS; ++i) {
-        slot->noise[i] += motion->noise[i];
-    }
-    slot->move[0] += dx;
-    slot->move[1] += dy;
+bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, bool has_gyro) {
+    OMNI_INVARIANT(state->newest < OMNI_EKF_HISTORY && state->slot_tick < OMNI_EKF_SLOT_TICKS);
+    omni_ekf_slot_t *slot = &state->history[state->newest];
+    slot->move[0] += state->slot_cosine * motion->move[0] + state->slot_sine * motion->move[1];
+    slot->move[1] += state->slot_cosine * motion->move[1] - state->slot_sine * motion->move[0];
     slot->move[2] += motion->move[2];
     slot->steps += motion->noise_steps;
-    if (columns == OMNI_EKF_COLUMNS) {
+    if (has_gyro) {
         slot->turn_noise += motion->turn_noise;
     }
     slot->duration_us += motion->duration_us;
-}
-
-bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, uint8_t columns) {
-    OMNI_INVARIANT(state->newest < OMNI_EKF_HISTORY && state->slot_tick < OMNI_EKF_SLOT_TICKS);
-    omni_ekf_slot_t *slot = &state->history[state->newest];
-    if (columns == 3) {
-        add_motion(slot, state, motion, 3);
-    } else if (columns == 0) {
-        add_motion(slot, state, motion, 0);
-    } else {
-        add_motion(slot, state, motion, columns);
-    }
     ++state->slot_tick;
     return state->slot_tick >= OMNI_EKF_SLOT_TICKS;
 }
@@ -56,6 +29,7 @@ void omni_ekf_history_next(omni_pose_ekf_state_t *state) {
     state->newest = (uint16_t)((state->newest + 1) % OMNI_EKF_HISTORY);
     state->filled = (uint8_t)(state->filled < OMNI_EKF_HISTORY - 1 ? state->filled + 1 : state->filled);
     state->slot_tick = 0;
+    state->settled_ticks = 0;
     omni_ekf_slot_t *slot = &state->history[state->newest];
     memset(slot, 0, sizeof *slot);
     memset(state->wheel_m, 0, sizeof state->wheel_m);
@@ -72,6 +46,7 @@ void omni_ekf_history_rebase(omni_pose_ekf_state_t *state, uint8_t columns) {
         const omni_real_t change = state->slip[i] - slot->slip[i];
         for (int axis = 0; axis < OMNI_AXES; ++axis) {
             slot->move[axis] += slot->gain[axis][i] * change;
+            state->settled.move[axis] += slot->gain[axis][i] * change;
         }
     }
     memcpy(slot->slip, state->slip, sizeof slot->slip);

@@ -7,15 +7,11 @@
 
 /** Motion of one tick. */
 typedef struct omni_ekf_motion_t {
-    omni_real_t cosine; /**< of the heading at mid-tick */
-    omni_real_t sine;
-    omni_real_t move[OMNI_AXES];                   /**< dx, dy, dtheta; dx and dy in the mid-tick body frame */
-    omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /**< d move / d s_i, d b, d k, in the same frame */
-    omni_real_t noise[OMNI_EKF_COLUMNS];           /**< variance added to each of them */
-    omni_real_t steps;                             /**< elapsed nominal steps */
-    omni_real_t slip_steps;                        /**< times lambda */
-    omni_real_t noise_steps;                       /**< times the factor of q_xy and q_theta */
-    omni_real_t turn_noise;                        /**< variance added to theta, with a gyro */
+    omni_real_t move[OMNI_AXES]; /**< dx, dy, dtheta; world frame */
+    omni_real_t steps;           /**< elapsed nominal steps */
+    omni_real_t slip_steps;      /**< times lambda */
+    omni_real_t noise_steps;     /**< times the factor of q_xy and q_theta */
+    omni_real_t turn_noise;      /**< variance added to theta, with a gyro */
     uint32_t duration_us;
 } omni_ekf_motion_t;
 
@@ -23,7 +19,7 @@ typedef struct omni_ekf_motion_t {
 typedef struct omni_ekf_window_t {
     omni_real_t move[OMNI_AXES];                         /**< world frame; Phi_pose = 1, -dy; 1, dx; 1 */
     omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS];       /**< Phi_ps */
-    omni_real_t noise[OMNI_EKF_STATES][OMNI_EKF_STATES]; /**< W */
+    omni_real_t noise[OMNI_EKF_STATES][OMNI_EKF_STATES]; /**< W, upper triangle */
 } omni_ekf_window_t;
 
 /** Number of slip states in use: 0, or the wheel count in mode slip. */
@@ -33,6 +29,14 @@ uint8_t omni_ekf_slips(const omni_pose_ekf_config_t *config, const omni_kinemati
 static inline uint8_t omni_ekf_columns(const omni_pose_ekf_config_t *config, const omni_kinematics_t *k) {
     return config->gyro ? (uint8_t)OMNI_EKF_COLUMNS : omni_ekf_slips(config, k);
 }
+
+/** The open slot gets its gain, and `p` follows the motion up to now. @param columns as omni_ekf_columns gives. */
+void omni_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                     uint8_t columns);
+
+/** The same with a gyro. */
+void omni_ekf_settle_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                          const omni_kinematics_t *k);
 
 /** Forget slip ratios and what the covariance says of them; start anew with p_slip if they are in use. */
 void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t slips);
@@ -60,12 +64,13 @@ void omni_ekf_settle_turn_noise(omni_pose_ekf_state_t *state);
 void omni_ekf_shift(omni_pose_ekf_state_t *state, const omni_real_t *delta, uint8_t columns);
 
 /** Add a tick to the slot being filled. @return true if that completes the slot; then call omni_ekf_history_next. */
-bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, uint8_t columns);
+bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion, bool has_gyro);
 
 /** Open the next slot at the current estimate. */
 void omni_ekf_history_next(omni_pose_ekf_state_t *state);
 
-/** The open slot after a correction: same wheel motion, corrected heading and slip ratios. */
+/** The open slot after a correction: same wheel motion, corrected heading and slip ratios. `p` is settled, or the
+ * ratios are as before. */
 void omni_ekf_history_rebase(omni_pose_ekf_state_t *state, uint8_t columns);
 
 /** Motion and noise of the last age_us. @return false if the history does not reach back that far. */

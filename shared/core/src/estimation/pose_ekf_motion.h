@@ -46,9 +46,8 @@ static inline void move_pose(omni_pose_ekf_state_t *state, const omni_real_t *de
 typedef struct follow_t {
     omni_flag_t leads;      /* it gives the turn in place of the wheels */
     omni_real_t turned_rad; /* bias taken off, scale put right */
+    omni_real_t unscaled;   /* the same before the scale is put right */
     omni_real_t duration_s;
-    omni_real_t turn_noise; /* variance added to theta */
-    omni_real_t bias_noise;
 } follow_t;
 
 static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
@@ -70,8 +69,7 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
     state->time_us = time_us;
 }
 
-/* eq. 22 with slip, over a tick; and how the motion changes with each slip ratio, the turn of the mid-tick frame
- * included. */
+/* eq. 22 with slip, over a tick. */
 static inline void move_body(const omni_pose_ekf_state_t *state, const omni_kinematics_t *k,
                              const omni_real_t *wheel_delta_rad, uint8_t slips, const follow_t *gyro,
                              omni_ekf_motion_t *motion) {
@@ -84,49 +82,60 @@ static inline void move_body(const omni_pose_ekf_state_t *state, const omni_kine
     if (gyro != NULL) {
         body.wz = omni_select(gyro->leads, gyro->turned_rad, body.wz);
     }
-    motion->move[0] = body.vx;
-    motion->move[1] = body.vy;
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(state->pose.theta + (state->carry[2] + 0.5f * body.wz), &sine, &cosine);
+    motion->move[0] = cosine * body.vx - sine * body.vy;
+    motion->move[1] = sine * body.vx + cosine * body.vy;
     motion->move[2] = body.wz;
+}
+
+/* What the tick adds to the open slot, beside its motion. With a gyro, how the turn changes with slip ratios, bias and
+ * scale depends on whether the gyro leads it. So it is summed here; the rest waits for `close_gain`. */
+static inline void add_to_slot(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                               const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint8_t slips,
+                               const follow_t *gyro, const omni_ekf_motion_t *motion) {
+    omni_ekf_slot_t *slot = &state->history[state->newest];
     for (uint8_t i = 0; i < slips; ++i) {
         const omni_real_t rolled = k->radius_m[i] * wheel_delta_rad[i];
-        omni_real_t turned = -k->b_pinv[2][i] * rolled;
+        const omni_flag_t known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
+        slot->noise[i] += omni_select(rolled != 0.0f && known, config->q_slip * motion->slip_steps, 0.0f);
+        state->wheel_m[i] += rolled;
         if (gyro != NULL) {
-            turned = omni_select(gyro->leads, 0.0f, turned);
+            slot->gain[2][i] -= omni_select(gyro->leads, 0.0f, k->b_pinv[2][i] * rolled);
         }
-        motion->gain[0][i] = -k->b_pinv[0][i] * rolled - 0.5f * body.vy * turned;
-        motion->gain[1][i] = -k->b_pinv[1][i] * rolled + 0.5f * body.vx * turned;
-        motion->gain[2][i] = turned;
     }
-    omni_sincosf(state->pose.theta + (state->carry[2] + 0.5f * body.wz), &motion->sine, &motion->cosine);
+    if (gyro != NULL) {
+        const omni_real_t scale = 1.0f + state->slip[OMNI_EKF_SCALE];
+        slot->gain[2][OMNI_EKF_BIAS] -= omni_select(gyro->leads, gyro->duration_s * scale, 0.0f);
+        slot->gain[2][OMNI_EKF_SCALE] += omni_select(gyro->leads, gyro->unscaled, 0.0f);
+    }
 }
 
-static inline omni_real_t world_x(const omni_ekf_motion_t *motion, omni_real_t x, omni_real_t y) {
-    return motion->cosine * x - motion->sine * y;
-}
-
-static inline omni_real_t world_y(const omni_ekf_motion_t *motion, omni_real_t x, omni_real_t y) {
-    return motion->sine * x + motion->cosine * y;
-}
-
-/* How motion that the gyro leads changes with its bias and scale. Slip ratios that are not in use change nothing. */
-static inline void add_gyro(const omni_pose_ekf_state_t *state, const follow_t *gyro, uint8_t slips,
-                            omni_ekf_motion_t *motion) {
-    for (int i = slips; i < OMNI_EKF_COLUMNS; ++i) {
-        motion->gain[0][i] = 0.0f;
-        motion->gain[1][i] = 0.0f;
-        motion->gain[2][i] = 0.0f;
-        motion->noise[i] = 0.0f;
+/*
+ * How the open slot's motion changes with each slip ratio, bias and scale: its `gain`. A wheel moves the body along its
+ * column of B+, seen from the heading of mid-way. What turns the body turns half of the motion with it. Ticks that
+ * differ within a slot change that by less than the counts' resolution.
+ */
+static inline void close_gain(omni_pose_ekf_state_t *state, const omni_kinematics_t *k, uint8_t slips, bool has_gyro) {
+    omni_ekf_slot_t *slot = &state->history[state->newest];
+    const omni_real_t half_turn = omni_clampf(0.5f * slot->move[2], -0.5f, 0.5f);
+    const omni_real_t cosine = 1.0f - 0.5f * half_turn * half_turn;
+    const omni_real_t sine = half_turn - half_turn * half_turn * half_turn * (1.0f / 6.0f);
+    const omni_real_t arm[2] = {0.5f * slot->move[0], 0.5f * slot->move[1]};
+    for (uint8_t i = 0; i < slips; ++i) {
+        const omni_real_t along = k->b_pinv[0][i] * state->wheel_m[i];
+        const omni_real_t across = k->b_pinv[1][i] * state->wheel_m[i];
+        if (!has_gyro) {
+            slot->gain[2][i] = -k->b_pinv[2][i] * state->wheel_m[i];
+        }
+        slot->gain[0][i] = sine * across - cosine * along - arm[1] * slot->gain[2][i];
+        slot->gain[1][i] = arm[0] * slot->gain[2][i] - sine * along - cosine * across;
     }
-    const omni_real_t scale = 1.0f + state->slip[OMNI_EKF_SCALE];
-    const omni_real_t turned[2] = {-gyro->duration_s * scale, gyro->turned_rad / scale};
-    for (int i = 0; i < 2; ++i) {
-        const omni_real_t turn = omni_select(gyro->leads, turned[i], 0.0f);
-        motion->gain[0][OMNI_EKF_BIAS + i] = -0.5f * motion->move[1] * turn;
-        motion->gain[1][OMNI_EKF_BIAS + i] = 0.5f * motion->move[0] * turn;
-        motion->gain[2][OMNI_EKF_BIAS + i] = turn;
+    for (int i = OMNI_EKF_BIAS; has_gyro && i <= OMNI_EKF_SCALE; ++i) {
+        slot->gain[0][i] = -arm[1] * slot->gain[2][i];
+        slot->gain[1][i] = arm[0] * slot->gain[2][i];
     }
-    motion->noise[OMNI_EKF_BIAS] = gyro->bias_noise;
-    motion->turn_noise = gyro->turn_noise;
 }
 
 /* value = F value for a column (x, y, theta), F = 1, -dy; 1, dx; 1. */
@@ -135,34 +144,31 @@ static inline void transport_covariance(omni_real_t *x, omni_real_t *y, omni_rea
     *y += moved[0] * theta;
 }
 
-/* P_pp = F P_pp F^T + Q (eq. 62); only the upper triangle is computed. */
-static inline void propagate_pose_covariance(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                             const omni_real_t *moved, omni_real_t steps, omni_real_t turn_noise) {
+/* P_pp = F P_pp F^T (eq. 62); only the upper triangle is computed. */
+static inline void propagate_pose_covariance(omni_pose_ekf_state_t *state, const omni_real_t *moved) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     const omni_real_t dx = moved[0];
     const omni_real_t dy = moved[1];
     const omni_real_t xt = p[0][2] - dy * p[2][2];
     const omni_real_t yt = p[1][2] + dx * p[2][2];
-    p[0][0] += -dy * (p[0][2] + xt) + config->q_xy * steps;
+    p[0][0] -= dy * (p[0][2] + xt);
     p[0][1] += dx * xt - dy * p[1][2];
-    p[1][1] += dx * (p[1][2] + yt) + config->q_xy * steps;
+    p[1][1] += dx * (p[1][2] + yt);
     p[0][2] = xt;
     p[1][2] = yt;
-    p[2][2] += turn_noise;
 }
 
-/* With A = F P_ps and P_ps' = A + G P_ss:  P_pp += A G^T + G P_ps'^T,  P_ps = P_ps', P_ss += Q_ss. */
-static inline void propagate_slip_covariance(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion,
-                                             const omni_real_t *moved, omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS],
-                                             uint8_t slips) {
+/* With A = F P_ps and P_ps' = A + G P_ss:  P_pp += A G^T + G P_ps'^T,  P_ps = P_ps'. */
+static inline void propagate_slip_covariance(omni_pose_ekf_state_t *state, const omni_real_t *moved,
+                                             omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS], uint8_t columns) {
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     omni_real_t before[OMNI_AXES][OMNI_EKF_COLUMNS];
-    for (uint8_t i = 0; i < slips; ++i) {
+    for (uint8_t i = 0; i < columns; ++i) {
         const uint8_t column = (uint8_t)(OMNI_AXES + i);
         transport_covariance(&p[0][column], &p[1][column], p[2][column], moved);
         for (int a = 0; a < OMNI_AXES; ++a) {
             before[a][i] = p[a][column];
-            for (uint8_t j = 0; j < slips; ++j) {
+            for (uint8_t j = 0; j < columns; ++j) {
                 p[a][column] += gain[a][j] * p[OMNI_AXES + j][column];
             }
             p[column][a] = p[a][column];
@@ -170,47 +176,98 @@ static inline void propagate_slip_covariance(omni_pose_ekf_state_t *state, const
     }
     for (int a = 0; a < OMNI_AXES; ++a) {
         for (int b = a; b < OMNI_AXES; ++b) {
-            for (uint8_t i = 0; i < slips; ++i) {
+            for (uint8_t i = 0; i < columns; ++i) {
                 p[a][b] += before[a][i] * gain[b][i] + gain[a][i] * p[b][OMNI_AXES + i];
             }
         }
     }
-    for (uint8_t i = 0; i < slips; ++i) {
-        p[OMNI_AXES + i][OMNI_AXES + i] += motion->noise[i];
-    }
 }
 
-/* The gyro's noise of a tick is less than the last bit of theta's variance. It waits until it is not. */
-static inline omni_real_t due_turn_noise(omni_pose_ekf_state_t *state, const omni_ekf_motion_t *motion) {
-    const omni_real_t waiting = state->turn_noise + motion->turn_noise;
+/* The gyro's noise of a slot is less than the last bit of theta's variance. It waits until it is not. */
+static inline omni_real_t due_turn_noise(omni_pose_ekf_state_t *state, omni_real_t more) {
+    const omni_real_t waiting = state->turn_noise + more;
     const omni_flag_t due = waiting >= state->p[2][2] * 1e-5f;
     state->turn_noise = omni_select(due, 0.0f, waiting);
     return omni_select(due, waiting, 0.0f);
 }
 
-static inline void propagate_covariance(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                        const omni_ekf_motion_t *motion, const omni_real_t *moved, uint8_t columns) {
-    omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
-    omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS];
-    for (uint8_t i = 0; i < columns; ++i) {
-        gain[0][i] = world_x(motion, motion->gain[0][i], motion->gain[1][i]);
-        gain[1][i] = world_y(motion, motion->gain[0][i], motion->gain[1][i]);
-        gain[2][i] = motion->gain[2][i];
+/* What the open slot holds and `p` does not: all of it, or what came since `p` was settled. The latter is written to
+ * `rest`. Motions in a row compose: gain = F_rest gain_settled + gain_rest. */
+static inline const omni_ekf_slot_t *unsettled_motion(const omni_pose_ekf_state_t *state, uint8_t columns,
+                                                      omni_ekf_slot_t *rest) {
+    const omni_ekf_slot_t *slot = &state->history[state->newest];
+    const omni_ekf_slot_t *in_p = &state->settled;
+    if (state->settled_ticks == 0) {
+        return slot;
     }
-    const omni_real_t turn_noise =
-        columns == OMNI_EKF_COLUMNS ? due_turn_noise(state, motion) : config->q_theta * motion->noise_steps;
-    propagate_pose_covariance(state, config, moved, motion->noise_steps, turn_noise);
-    /* The count as a constant lets the compiler unroll the loops. */
-    if (columns == OMNI_EKF_COLUMNS) {
-        propagate_slip_covariance(state, motion, moved, gain, OMNI_EKF_COLUMNS);
-    } else if (columns == 3) {
-        propagate_slip_covariance(state, motion, moved, gain, 3);
-    } else if (columns == 4) {
-        propagate_slip_covariance(state, motion, moved, gain, 4);
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        rest->move[axis] = slot->move[axis] - in_p->move[axis];
+    }
+    for (uint8_t i = 0; i < columns; ++i) {
+        rest->gain[0][i] = slot->gain[0][i] - in_p->gain[0][i] + rest->move[1] * in_p->gain[2][i];
+        rest->gain[1][i] = slot->gain[1][i] - in_p->gain[1][i] - rest->move[0] * in_p->gain[2][i];
+        rest->gain[2][i] = slot->gain[2][i] - in_p->gain[2][i];
+    }
+    for (uint8_t i = 0; i < columns && i < OMNI_MAX_WHEELS; ++i) {
+        rest->noise[i] = slot->noise[i] - in_p->noise[i];
+    }
+    rest->steps = slot->steps - in_p->steps;
+    rest->turn_noise = slot->turn_noise - in_p->turn_noise;
+    rest->duration_us = slot->duration_us - in_p->duration_us;
+    return rest;
+}
+
+/*
+ * `p` follows the motion of the open slot up to now. A tick's noise enters after its motion: in the mean the noise of n
+ * ticks sees (n - 1) / 2n of their motion. So that share of it is added before. `columns` is a constant, so that the
+ * loops are unrolled.
+ */
+static inline __attribute__((always_inline)) void settle_columns(omni_pose_ekf_state_t *state,
+                                                                 const omni_pose_ekf_config_t *config,
+                                                                 const omni_kinematics_t *k, uint8_t slips,
+                                                                 uint8_t columns) {
+    static const omni_real_t before[OMNI_EKF_SLOT_TICKS + 1] = {0.0f, 0.0f, 0.25f, 1.0f / 3.0f, 0.375f};
+    omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
+    const bool has_gyro = columns == OMNI_EKF_COLUMNS;
+    const omni_real_t share = before[state->slot_tick - state->settled_ticks];
+    omni_ekf_slot_t rest;
+    close_gain(state, k, slips, has_gyro);
+    const omni_ekf_slot_t *slot = unsettled_motion(state, columns, &rest);
+    const omni_real_t cosine = state->slot_cosine;
+    const omni_real_t sine = state->slot_sine;
+    const omni_real_t moved[2] = {cosine * slot->move[0] - sine * slot->move[1],
+                                  sine * slot->move[0] + cosine * slot->move[1]};
+    omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /* world frame */
+    for (uint8_t i = 0; i < columns; ++i) {
+        gain[0][i] = cosine * slot->gain[0][i] - sine * slot->gain[1][i];
+        gain[1][i] = sine * slot->gain[0][i] + cosine * slot->gain[1][i];
+        gain[2][i] = slot->gain[2][i];
+    }
+    const omni_real_t xy_noise = config->q_xy * slot->steps;
+    const omni_real_t turn_noise = has_gyro ? due_turn_noise(state, slot->turn_noise) : config->q_theta * slot->steps;
+    omni_real_t with_noise[OMNI_MAX_WHEELS]; /* one rounding per slot */
+    for (uint8_t i = 0; i < columns && i < OMNI_MAX_WHEELS; ++i) {
+        omni_real_t *variance = &p[OMNI_AXES + i][OMNI_AXES + i];
+        with_noise[i] = *variance + slot->noise[i];
+        *variance += share * slot->noise[i];
+    }
+    p[2][2] += share * turn_noise;
+    propagate_pose_covariance(state, moved);
+    propagate_slip_covariance(state, moved, gain, columns);
+    p[0][0] += xy_noise;
+    p[1][1] += xy_noise;
+    p[2][2] += (1.0f - share) * turn_noise;
+    for (uint8_t i = 0; i < columns && i < OMNI_MAX_WHEELS; ++i) {
+        p[OMNI_AXES + i][OMNI_AXES + i] = with_noise[i];
+    }
+    if (has_gyro) {
+        const int bias = OMNI_AXES + OMNI_EKF_BIAS;
+        p[bias][bias] += config->q_bias * ((omni_real_t)slot->duration_us * 1e-6f / config->step_s);
     }
     p[1][0] = p[0][1];
     p[2][0] = p[0][2];
     p[2][1] = p[1][2];
+    state->settled_ticks = state->slot_tick;
 }
 
 /*
@@ -253,14 +310,13 @@ static inline void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
 
 /* What the gyro says of the tick, and the noise it brings; where it says nothing the wheels' noise counts. */
 static inline void follow_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                               const omni_ekf_motion_t *motion, const omni_ekf_turn_t *turn, follow_t *gyro) {
+                               omni_ekf_motion_t *motion, const omni_ekf_turn_t *turn, follow_t *gyro) {
     gyro->duration_s = motion->steps * config->step_s;
-    gyro->turned_rad =
-        (1.0f + state->slip[OMNI_EKF_SCALE]) * (turn->rate_rad_s - state->slip[OMNI_EKF_BIAS]) * gyro->duration_s;
+    gyro->unscaled = (turn->rate_rad_s - state->slip[OMNI_EKF_BIAS]) * gyro->duration_s;
+    gyro->turned_rad = (1.0f + state->slip[OMNI_EKF_SCALE]) * gyro->unscaled;
     gyro->leads = turn->leads;
-    gyro->bias_noise = config->q_bias * motion->steps;
     const omni_real_t q_wheels = config->q_theta * state->white_factor;
-    gyro->turn_noise = omni_select(turn->leads || turn->rest, config->q_turn, q_wheels) * motion->steps;
+    motion->turn_noise = omni_select(turn->leads || turn->rest, config->q_turn, q_wheels) * motion->steps;
     state->slot_turn_rad += turn->rate_rad_s * gyro->duration_s;
     state->slot_turn_s += gyro->duration_s;
     state->slot_rest += omni_select(turn->rest, 1.0f, 0.0f);
@@ -272,35 +328,28 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
                                   const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad,
                                   const omni_ekf_turn_t *turn, uint64_t time_us) {
     static const omni_real_t still[OMNI_MAX_WHEELS] = {0};
-    const omni_real_t *turned = omni_all_finite(wheel_delta_rad, k->wheels) ? wheel_delta_rad : still;
+    const omni_real_t *turned = omni_all_finite(wheel_delta_rad, OMNI_MAX_WHEELS) ? wheel_delta_rad : still;
     const uint8_t slips = omni_ekf_slips(config, k);
+    const bool has_gyro = turn != NULL;
+    const uint8_t columns = has_gyro ? (uint8_t)OMNI_EKF_COLUMNS : slips;
     if (state->mode != config->mode) {
+        const uint8_t slips_before = state->mode == OMNI_EKF_MODE_SLIP ? k->wheels : 0;
+        omni_ekf_settle(state, config, k, has_gyro ? columns : slips_before);
         omni_ekf_restart_slips(state, config, slips);
         omni_ekf_history_rebase(state, 0);
         state->mode = config->mode;
     }
-    const bool has_gyro = turn != NULL;
-    const uint8_t columns = has_gyro ? (uint8_t)OMNI_EKF_COLUMNS : slips;
-    omni_ekf_motion_t motion; /* per wheel: as many entries as there are slip states */
-    follow_t gyro;            /* only with one */
+    omni_ekf_motion_t motion;
+    follow_t gyro; /* only with one */
     set_elapsed_time(state, config, time_us, &motion);
     if (has_gyro) {
         follow_gyro(state, config, &motion, turn, &gyro);
     }
     move_body(state, k, turned, slips, has_gyro ? &gyro : NULL, &motion);
-    if (has_gyro) {
-        add_gyro(state, &gyro, slips, &motion);
-    }
-    for (uint8_t i = 0; i < slips; ++i) {
-        const omni_flag_t known = state->p[OMNI_AXES + i][OMNI_AXES + i] < config->p_slip;
-        motion.noise[i] = omni_select(turned[i] != 0.0f && known, config->q_slip * motion.slip_steps, 0.0f);
-        state->wheel_m[i] += k->radius_m[i] * turned[i];
-    }
-    const omni_real_t moved[OMNI_AXES] = {world_x(&motion, motion.move[0], motion.move[1]),
-                                          world_y(&motion, motion.move[0], motion.move[1]), motion.move[2]};
-    propagate_covariance(state, config, &motion, moved, columns);
-    move_pose(state, moved);
-    if (omni_ekf_history_add(state, &motion, columns)) {
+    add_to_slot(state, config, k, turned, slips, has_gyro ? &gyro : NULL, &motion);
+    move_pose(state, motion.move);
+    if (omni_ekf_history_add(state, &motion, has_gyro)) {
+        omni_ekf_settle(state, config, k, columns);
         if (slips > 0 && k->has_null && config->r_null > 0.0f) {
             use_null(state, config, k, slips, columns);
         }

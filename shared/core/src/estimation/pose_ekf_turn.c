@@ -35,10 +35,13 @@ void omni_pose_ekf_start_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_
         state->p[i][i] = i == BIAS ? config->p_bias : config->p_scale;
         state->slip[i - OMNI_AXES] = 0.0f;
         state->turn_apart = 0.0f;
-        for (int slot = 0; slot < OMNI_EKF_HISTORY; ++slot) {
-            for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        for (int axis = 0; axis < OMNI_AXES; ++axis) {
+            for (int slot = 0; slot < OMNI_EKF_HISTORY; ++slot) {
                 state->history[slot].gain[axis][i - OMNI_AXES] = 0.0f;
             }
+            state->settled.gain[axis][i - OMNI_AXES] = 0.0f;
+        }
+        for (int slot = 0; slot < OMNI_EKF_HISTORY; ++slot) {
             state->history[slot].slip[i - OMNI_AXES] = 0.0f;
         }
     }
@@ -163,6 +166,11 @@ void omni_ekf_use_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_
     state->slot_turn_s = 0.0f;
     state->slot_rest = 0.0f;
     state->slot_turns = 0.0f;
+}
+
+void omni_ekf_settle_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                          const omni_kinematics_t *k) {
+    settle_columns(state, config, k, omni_ekf_slips(config, k), OMNI_EKF_COLUMNS);
 }
 
 void omni_ekf_settle_turn_noise(omni_pose_ekf_state_t *state) {

@@ -115,16 +115,8 @@ static inline void clear_window(omni_ekf_window_t *window, uint8_t columns) {
         }
     }
     for (int a = 0; a < OMNI_AXES + columns; ++a) {
-        for (int b = 0; b < OMNI_AXES + columns; ++b) {
+        for (int b = a; b < OMNI_AXES + columns; ++b) {
             window->noise[a][b] = 0.0f;
-        }
-    }
-}
-
-static inline void mirror_window(omni_ekf_window_t *window, uint8_t columns) {
-    for (int a = 1; a < OMNI_AXES + columns; ++a) {
-        for (int b = 0; b < a; ++b) {
-            window->noise[a][b] = window->noise[b][a];
         }
     }
 }
@@ -152,7 +144,6 @@ fill_window(const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *co
         prepend_slot(config, slot, &s, share, columns, slip_noise, known != NULL ? known[index] : NULL, window);
         left_us -= used_us;
     }
-    mirror_window(window, columns);
     return true;
 }
 

@@ -15,9 +15,10 @@ static const omni_real_t c2 = 8.30078125e-3f;       /* 17 / 2^11 */
 static const omni_real_t c3 = -4.5299530029297e-6f; /* -19 / 2^22 */
 static const omni_real_t c4 = 7.5497899548918821e-8f;
 
-/* Nearest whole number, halves away from zero. |value| < 2^23. */
-static omni_int_t nearest_whole(omni_real_t value) {
-    return (omni_int_t)(value + omni_select(value < 0.0f, -0.5f, 0.5f));
+/* Nearest whole number, halves to the even one. |value| < 2^22: next to 1.5 * 2^23 a float has no fraction. */
+static omni_real_t nearest_whole(omni_real_t value) {
+    const omni_real_t without_fraction = 12582912.0f;
+    return (value + without_fraction) - without_fraction;
 }
 
 /* angle - quotient * pi/2. */
@@ -57,11 +58,11 @@ void omni_sincosf(omni_real_t angle, omni_real_t *sine, omni_real_t *cosine) {
         *cosine = 1.0f + x;
         return;
     }
-    const omni_int_t quarters = nearest_whole(angle * 0.636619772f);
-    const omni_real_t rest = minus_quarters(angle, (omni_real_t)quarters);
+    const omni_real_t quarters = nearest_whole(angle * 0.636619772f);
+    const omni_real_t rest = minus_quarters(angle, quarters);
     const omni_real_t s = sine_polynomial(rest);
     const omni_real_t c = cosine_polynomial(rest);
-    const omni_uint_t quadrant = (omni_uint_t)quarters & 3u;
+    const omni_uint_t quadrant = (omni_uint_t)(omni_int_t)quarters & 3u;
     const omni_real_t swapped_s = omni_select((quadrant & 1u) != 0u, c, s);
     const omni_real_t swapped_c = omni_select((quadrant & 1u) != 0u, s, c);
     *sine = omni_select((quadrant & 2u) != 0u, -swapped_s, swapped_s);
@@ -96,7 +97,7 @@ omni_real_t omni_wrap_pi(omni_real_t angle) {
     if (!omni_is_finite(x)) {
         return x;
     }
-    const omni_real_t turns = (omni_real_t)nearest_whole(x * 0.159154943f);
+    const omni_real_t turns = nearest_whole(x * 0.159154943f);
     const omni_real_t wrapped = minus_quarters(x, 4.0f * turns);
     const omni_real_t raised = omni_select(wrapped < -OMNI_PI_F, wrapped + 2.0f * OMNI_PI_F, wrapped);
     return omni_select(wrapped >= OMNI_PI_F, wrapped - 2.0f * OMNI_PI_F, raised);

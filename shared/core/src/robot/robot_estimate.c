@@ -242,7 +242,7 @@ void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t 
 
 void omni_robot_restart_filters(omni_estimator_t *estimator, const omni_robot_config_t *config,
                                 const omni_estimate_t *estimate) {
-    const bool finite = omni_all_finite(estimate->wheel_rad_s, config->kinematics.wheels);
+    const bool finite = omni_all_finite(estimate->wheel_rad_s, OMNI_MAX_WHEELS);
     for (uint8_t i = 0; !finite && i < config->kinematics.wheels; ++i) {
         if (!omni_is_finite(estimate->wheel_rad_s[i])) {
             omni_motor_kf_reset(&estimator->motor_kf[i], &config->motor_kf);
