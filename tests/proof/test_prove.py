@@ -148,7 +148,7 @@ def test_a_function_that_no_proof_reaches_must_be_listed() -> None:
         "seal_actuation",
         "omni_clampf",
         "omni_pid_step",
-        "add_motion",
+        "settle_columns",
         "get_none",
     } - functions == {"get_none"}
     results = [Result(PROOF, reached=functions - {"seal_actuation"})]

@@ -26,6 +26,8 @@
  * which is exact for fixes that come in the order in which they were taken (docs/concepts/derivations/delayed_fix.md).
  * The cost is an ordinary update plus about 100 operations per history slot since t_f.
  *
+ * P follows the motion where a history slot ends, and where something corrects the estimate; not in each tick.
+ *
  * With a gyro, its rate z gives the turn of a tick in place of the wheels, d_theta = (1 + k) (z - b) T. What the wheels
  * say of the turn then measures the slip ratios, once per history slot. At rest they say 0, which measures the bias:
  *
