@@ -30,7 +30,7 @@ from omni_reproduce.posterior_bound import (
     bound_variances,
     motion_gains,
 )
-from omni_reproduce.reachable_filter import filter_errors, measure, together
+from omni_reproduce.reachable_filter import Filter, Readings, filter_errors, measure, together
 
 NAME = "limits"
 WHEELS: Mapping[str, bool] = {"ideal": True, "real": False}
@@ -42,6 +42,21 @@ FAR = 1.1
 """A filter that knows and is farther than this from the bound does not show that it can be reached."""
 GYRO_STEPS = 32768.0
 """Steps of a gyro's range, from sensor_gyro.c."""
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Paths that robots drove in one setting on ideal wheels, and what they measured.
+
+    ``moves`` and ``gains`` are those of ``motion_gains``. ``on_path`` (paths, steps) says which steps count.
+    """
+
+    wheels: Wheels
+    statistics: Statistics
+    moves: Array
+    gains: Array
+    readings: Readings
+    on_path: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -151,11 +166,8 @@ def _gyro_step_variance(config: Any) -> float:
     return float((config.gyro_noise_density**2 + rounded) * STEP_S)
 
 
-def bound_and_told(spec: Mapping[str, Any], key: str, paths: int) -> tuple[Array, Array]:
-    """Return bound and what the filter that knows reaches, each (position, heading) in mm and mrad, RMS over paths.
-
-    Both are for ideal wheels.
-    """
+def drive(spec: Mapping[str, Any], key: str, paths: int) -> Driven:
+    """Drive a setting on ideal wheels, with a seed per path."""
     scenario = scenario_of(spec, key, "ideal")
     wheels, counts = wheels_of(scenario)
     statistics = statistics_of(scenario, paths)
@@ -170,9 +182,23 @@ def bound_and_told(spec: Mapping[str, Any], key: str, paths: int) -> tuple[Array
     readings = together(read)
     steps = readings.turned.shape[1]
     moves, gains = (np.stack([part[kind][:steps] for part in moved]) for kind in (0, 1))
-    on_path = np.stack([mask[:steps] for mask in chosen])
-    bound = bound_variances(moves, gains, wheels.count, statistics)
-    return rms(bound[on_path]), rms(filter_errors(readings, wheels, statistics)[on_path])
+    return Driven(wheels, statistics, moves, gains, readings, np.stack([mask[:steps] for mask in chosen]))
+
+
+def bound_of(driven: Driven) -> Array:
+    """Return the bound, (position, heading) in mm and mrad, RMS over the paths."""
+    variances = bound_variances(driven.moves, driven.gains, driven.wheels.count, driven.statistics)
+    return rms(variances[driven.on_path])
+
+
+def bound_and_told(spec: Mapping[str, Any], key: str, paths: int) -> tuple[Array, Array]:
+    """Return bound and what the filter that knows reaches, each (position, heading) in mm and mrad, RMS over paths.
+
+    Both are for ideal wheels.
+    """
+    driven = drive(spec, key, paths)
+    robot = Filter(paths, driven.wheels, driven.statistics)
+    return bound_of(driven), rms(filter_errors(robot, driven.readings)[driven.on_path])
 
 
 def rms(squares: Array) -> Array:

@@ -194,10 +194,9 @@ class Filter:
         return following, age_rounding(f, layout), world
 
 
-def filter_errors(readings: Readings, wheels: Wheels, statistics: Statistics) -> Array:
+def filter_errors(robot: Filter, readings: Readings) -> Array:
     """Return the squared errors of x, y, theta in each step, (paths, steps, 3): means as those of the bound."""
     paths, steps = readings.turned.shape[:2]
-    robot = Filter(paths, wheels, statistics)
     robot.state[:, :3] = readings.fixes[:, 0]
     out = np.empty((paths, steps, 3))
     for step in range(steps):

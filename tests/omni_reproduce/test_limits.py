@@ -27,7 +27,7 @@ from omni_reproduce.posterior_bound import (
     bound_variances,
     motion_gains,
 )
-from omni_reproduce.reachable_filter import filter_errors, measure, together
+from omni_reproduce.reachable_filter import Filter, filter_errors, measure, together
 from omniwheel.errors import OmniError
 from tests.omni_reproduce import kept_page
 
@@ -136,7 +136,7 @@ def test_a_filter_that_knows_the_world_reaches_the_bound(more: dict[str, Any]) -
     paths = 150
     records = [drive(winding(3.0), world, seed=seed) for seed in range(paths)]
     readings = together([measure(record, THREE, world, 10000, seed) for seed, record in enumerate(records)])
-    errors = filter_errors(readings, THREE, world)[:, 30:]
+    errors = filter_errors(Filter(paths, THREE, world), readings)[:, 30:]
     moved = [motion_gains(record, THREE, world) for record in records[:3]]
     moves, gains = (np.stack([part[kind] for part in moved]) for kind in (0, 1))
     bound = bound_variances(moves, gains, 3, world)[:, 30:].mean(axis=(0, 1))
@@ -182,7 +182,7 @@ def test_creep_is_what_keeps_the_filter_from_the_bound() -> None:
     bound = limits.rms(bound_variances(moves, gains, wheels.count, statistics)[on_path])
     known = [without_creep(record, wheels) for record in records]
     creeps, knows = (
-        limits.rms(filter_errors(together(readings), wheels, statistics)[on_path])
+        limits.rms(filter_errors(Filter(2, wheels, statistics), together(readings))[on_path])
         for readings in (
             [measure(record, wheels, statistics, counts, seed) for seed, record in enumerate(chosen, start=1)]
             for chosen in (records, known)
