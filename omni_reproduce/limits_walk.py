@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How near the bound a filter comes that takes slip for a random walk: python -m omni_reproduce.limits_walk [SETTING]...
+"""How near the bound a filter is that takes slip for a random walk: python -m omni_reproduce.limits_walk [SETTING]...
 
 The filter is that of ``reachable_filter``, in NumPy. It is told all that is random in the world but one thing: that
 slip is linear between moments at which it is drawn. As the robot's filter does, it takes each ratio for a random walk.
@@ -66,9 +66,7 @@ def line(key: str, seeds: int) -> str:
     spec = read_spec(limits.NAME)
     driven = limits.drive(spec, key, PATHS)
     bound = limits.bound_of(driven)
-    told = limits.rms(
-        filter_errors(Filter(PATHS, driven.wheels, driven.statistics), driven.readings)[driven.on_path]
-    )
+    told = limits.rms(filter_errors(Filter(PATHS, driven.wheels, driven.statistics), driven.readings)[driven.on_path])
     factor, walk = best_walk(driven)
     robot = over_bound(key, {}, bound, seeds)
     ratios = [told / bound, walk / bound, robot]

@@ -288,5 +288,8 @@ class _Engine:
 
     def pose(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """Return pose and standard deviations now."""
+        lib.omni_pose_ekf_settle(
+            self.ekf, ffi.addressof(self.config, "pose_ekf"), ffi.addressof(self.config, "kinematics")
+        )
         pose, p = self.ekf.pose, self.ekf.p
         return (pose.x, pose.y, pose.theta), (p[0][0] ** 0.5, p[1][1] ** 0.5, p[2][2] ** 0.5)

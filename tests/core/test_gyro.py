@@ -58,7 +58,7 @@ class Filter:
         values = {"time_us": self.time_us + 1000, "reading": readings, "valid": valid, "timed": True}
         values |= {"duration_s": TICK_S, "wheels_rad_s": body_rad_s, "still": body_rad_s == 0.0}
         told = ffi.new("omni_gyro_tick_t *", values)
-        usable = bool(lib.omni_gyro_step(self.gyro, self.gyro_config, told, self.s, self.config))
+        usable = bool(lib.omni_gyro_step(self.gyro, self.gyro_config, told, self.s, self.config, self.k))
         turn = self.gyro.turn
         self.predict(
             [body_rad_s * DISTANCE_M / RADIUS_M * TICK_S] * self.wheels, turn.rate_rad_s, turn.leads, turn.rest

@@ -80,6 +80,6 @@ typedef struct omni_gyro_state_t {
  * @return false while the readings cannot be used.
  */
 bool omni_gyro_step(omni_gyro_state_t *state, const omni_gyro_config_t *config, const omni_gyro_tick_t *tick,
-                    omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config);
+                    omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k);
 
 #endif

@@ -88,7 +88,8 @@ enum {
     OMNI_EKF_COLUMNS,                               /**< slip ratios, bias and scale */
     OMNI_EKF_STATES = OMNI_AXES + OMNI_EKF_COLUMNS, /**< with the pose */
     OMNI_EKF_HISTORY = 64,                          /**< slots of the motion history */
-    OMNI_EKF_SLOT_TICKS = 4,                        /**< ticks per slot: 256 ticks of reach */
+    OMNI_EKF_SLOT_TICKS = 4,                        /**< most ticks of a slot: at 1 kHz a reach of 256 ms */
+    OMNI_EKF_SLOT_US = 8000,                        /**< a slot is complete after this time, too */
     OMNI_EKF_ALONE_US = 2000000                     /**< the filter is alone when no fix was used for longer */
 };
 
@@ -110,7 +111,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t q_xy;      /**< variance added to x and y per step, m^2 */
     omni_real_t q_theta;   /**< rad^2 per step */
     omni_real_t q_slip;    /**< per step, while the wheel turns and its ratio is known better than p_slip */
-    omni_real_t p_slip;    /**< initial variance of a slip ratio, and the most that q_slip lets it grow to */
+    omni_real_t p_slip;    /**< initial variance of a slip ratio; beyond it q_slip adds nothing from the next slot on */
     omni_real_t r_count;   /**< variance of what a wheel rolls in a history slot, from rounding to counts: m^2 */
     omni_real_t r_null;    /**< variance of n^T r phi' summed over a history slot, m^2: the counts' resolution,
                                       (r rad_per_count)^2 / 6, and creep. 0: four wheels' null direction is not used */
@@ -171,6 +172,7 @@ typedef struct omni_ekf_slot_t {
     omni_real_t steps;                             /**< nominal steps in the slot, each times its lambda */
     omni_real_t turn_noise;                        /**< variance that theta gathered, with a gyro */
     uint32_t duration_us;
+    uint32_t ticks; /**< 0 while the slot is being filled */
 } omni_ekf_slot_t;
 
 typedef struct omni_pose_ekf_state_t {
@@ -187,7 +189,8 @@ typedef struct omni_pose_ekf_state_t {
     uint16_t newest;                   /**< slot being filled */
     uint8_t filled;                    /**< complete slots held */
     uint8_t slot_tick;                 /**< ticks in the slot being filled */
-    uint8_t settled_ticks;             /**< of these the ones that `p` has followed */
+    uint8_t unsettled_ticks;           /**< of these the last ones, which `p` has not followed yet */
+    uint8_t columns;                   /**< of the last tick: states after the pose */
     uint8_t mode;                      /**< mode of the last tick; another one restarts the slip states */
     uint64_t time_us;                  /**< of the estimate; 0: no tick yet */
     omni_real_t nis;                   /**< normalised innovation squared of the last fix that could be used */
@@ -234,8 +237,8 @@ void omni_pose_ekf_get_gyro(const omni_pose_ekf_state_t *state, omni_ekf_gyro_t 
 void omni_pose_ekf_set_gyro(omni_pose_ekf_state_t *state, const omni_ekf_gyro_t *known);
 
 /** The gyro that gave the turn for duration_s has proved wrong: take what it turned more than the wheels back. */
-void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, omni_real_t turned_rad,
-                             omni_real_t duration_s);
+void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                             const omni_kinematics_t *k, omni_real_t turned_rad, omni_real_t duration_s);
 
 /** Start at `pose`, known as well as a pose fix is by default. @param time_us robot clock; 0: no tick yet. */
 void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,
@@ -286,7 +289,7 @@ void omni_pose_ekf_take_back_flow(omni_pose_ekf_state_t *state, const omni_pose_
 
 /**
  * Use what a sensor of motion over the floor says, if it counts and fits.
- * @return false, and nothing else, if the history does not reach back that far.
+ * @return false if the history does not reach back that far: then only the covariance is settled.
  */
 bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                 const omni_kinematics_t *k, const omni_ekf_flow_t *flow,

@@ -79,7 +79,7 @@ static omni_flag_t is_at_rest(omni_gyro_state_t *state, const omni_gyro_tick_t *
 
 /* The wheels may slip, but not turn the body the other way for long. */
 static void compare_with_wheels(omni_gyro_state_t *state, const omni_gyro_tick_t *tick, omni_pose_ekf_state_t *ekf,
-                                const omni_pose_ekf_config_t *ekf_config) {
+                                const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_real_t wheels_rad = tick->wheels_rad_s * tick->duration_s;
     const omni_real_t gyro_rad = (state->rate_rad_s - omni_pose_ekf_bias(ekf)) * tick->duration_s;
     const omni_flag_t compared = omni_absf(tick->wheels_rad_s) > slowest_compared_rad_s;
@@ -94,7 +94,7 @@ static void compare_with_wheels(omni_gyro_state_t *state, const omni_gyro_tick_t
     if (wrong) {
         state->rejected = true;
         state->turn.leads = false;
-        omni_pose_ekf_turn_back(ekf, ekf_config, state->apart_rad, state->apart_s);
+        omni_pose_ekf_turn_back(ekf, ekf_config, k, state->apart_rad, state->apart_s);
     }
     state->window_rad = omni_select(full, later_window_rad, state->window_rad);
     state->turned_rad = omni_select(full, 0.0f, state->turned_rad);
@@ -104,7 +104,7 @@ static void compare_with_wheels(omni_gyro_state_t *state, const omni_gyro_tick_t
 }
 
 bool omni_gyro_step(omni_gyro_state_t *state, const omni_gyro_config_t *config, const omni_gyro_tick_t *tick,
-                    omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config) {
+                    omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     begin_anew(state, config, tick, ekf, ekf_config);
     state->turn.leads = false;
     state->turn.rest = false;
@@ -117,7 +117,7 @@ bool omni_gyro_step(omni_gyro_state_t *state, const omni_gyro_config_t *config, 
         }
         if (state->ready) {
             state->turn.leads = !state->turn.rest;
-            compare_with_wheels(state, tick, ekf, ekf_config);
+            compare_with_wheels(state, tick, ekf, ekf_config, k);
         }
     } else {
         state->rest_ticks = 0;

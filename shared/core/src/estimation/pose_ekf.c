@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "../math/invariant.h"
 #include "pose_ekf_motion.h"
 
 /* A ratio beyond this is no slip any more: the wheel spins or is blocked, and the model says nothing. No gyro that
@@ -68,12 +69,13 @@ void omni_ekf_shift(omni_pose_ekf_state_t *state, const omni_real_t *delta, uint
 }
 
 void omni_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
-                     uint8_t columns) {
-    if (state->settled_ticks == state->slot_tick) {
+                     uint8_t slips, uint8_t columns) {
+    if (state->unsettled_ticks == 0) {
         return;
     }
+    OMNI_INVARIANT(state->unsettled_ticks <= OMNI_EKF_SLOT_TICKS);
     if (columns == OMNI_EKF_COLUMNS) {
-        omni_ekf_settle_turn(state, config, k);
+        omni_ekf_settle_turn(state, config, k, slips);
     } else if (columns == 3) {
         settle_columns(state, config, k, 3, 3);
     } else if (columns == 0) {
@@ -88,7 +90,22 @@ void omni_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t 
 
 void omni_pose_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                           const omni_kinematics_t *k) {
-    omni_ekf_settle(state, config, k, omni_ekf_columns(config, k));
+    omni_ekf_settle(state, config, k, omni_ekf_slips(config, k), omni_ekf_columns(config, k));
+}
+
+void omni_ekf_change_states(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                            const omni_kinematics_t *k, uint8_t columns) {
+    const uint8_t slips_before = state->mode == OMNI_EKF_MODE_SLIP ? k->wheels : 0;
+    omni_ekf_settle(state, config, k, slips_before, state->columns);
+    if (state->mode != config->mode) {
+        omni_ekf_restart_slips(state, config, omni_ekf_slips(config, k));
+        omni_ekf_history_rebase(state, 0);
+        state->mode = config->mode;
+    }
+    state->columns = columns;
+    if (state->slot_tick > 0) {
+        omni_ekf_history_next(state);
+    }
 }
 
 void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,

@@ -245,7 +245,7 @@ static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
     return omni_select(variance > least_variance, variance, least_variance);
 }
 
-/* Fill everything up to the Cholesky factor. */
+/* Fill everything up to the factors of S. */
 static omni_result_t prepare_update(update_t *u, const omni_pose_ekf_state_t *state,
                                     const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                                     const omni_pose_fix_t *fix) {

@@ -348,7 +348,7 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     u.rows = flow->turns && !config->gyro ? 3 : 2;
     u.columns = omni_ekf_columns(config, k);
     u.states = (uint8_t)(OMNI_AXES + u.columns);
-    omni_ekf_settle(state, config, k, u.columns);
+    omni_pose_ekf_settle(state, config, k);
     if (config->gyro) {
         omni_ekf_settle_turn_noise(state);
     }

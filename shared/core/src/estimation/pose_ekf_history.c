@@ -22,14 +22,16 @@ bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t 
     }
     slot->duration_us += motion->duration_us;
     ++state->slot_tick;
-    return state->slot_tick >= OMNI_EKF_SLOT_TICKS;
+    ++state->unsettled_ticks;
+    return state->slot_tick >= OMNI_EKF_SLOT_TICKS || slot->duration_us >= OMNI_EKF_SLOT_US;
 }
 
 void omni_ekf_history_next(omni_pose_ekf_state_t *state) {
+    state->history[state->newest].ticks = state->slot_tick;
     state->newest = (uint16_t)((state->newest + 1) % OMNI_EKF_HISTORY);
     state->filled = (uint8_t)(state->filled < OMNI_EKF_HISTORY - 1 ? state->filled + 1 : state->filled);
     state->slot_tick = 0;
-    state->settled_ticks = 0;
+    state->unsettled_ticks = 0;
     omni_ekf_slot_t *slot = &state->history[state->newest];
     memset(slot, 0, sizeof *slot);
     memset(state->wheel_m, 0, sizeof state->wheel_m);

@@ -30,13 +30,26 @@ static inline uint8_t omni_ekf_columns(const omni_pose_ekf_config_t *config, con
     return config->gyro ? (uint8_t)OMNI_EKF_COLUMNS : omni_ekf_slips(config, k);
 }
 
-/** The open slot gets its gain, and `p` follows the motion up to now. @param columns as omni_ekf_columns gives. */
+/** Share of the motion of so many ticks that their noise sees in the mean, as each tick's enters after its motion:
+ * (n - 1) / 2n. @param ticks 0..OMNI_EKF_SLOT_TICKS */
+static inline omni_real_t omni_ekf_noise_share(uint32_t ticks) {
+    static const omni_real_t shares[OMNI_EKF_SLOT_TICKS + 1] = {0.0f, 0.0f, 0.25f, 1.0f / 3.0f, 0.375f};
+    typedef char a_share_for_each_number_of_ticks[OMNI_EKF_SLOT_TICKS == 4 ? 1 : -1];
+    (void)sizeof(a_share_for_each_number_of_ticks);
+    return shares[ticks];
+}
+
+/** The open slot gets its gain, and `p` follows the motion up to now. @param slips, columns of the slot's ticks. */
 void omni_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
-                     uint8_t columns);
+                     uint8_t slips, uint8_t columns);
 
 /** The same with a gyro. */
 void omni_ekf_settle_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                          const omni_kinematics_t *k);
+                          const omni_kinematics_t *k, uint8_t slips);
+
+/** From this tick on there are other states after the pose. The open slot ends; another mode restarts slip ratios. */
+void omni_ekf_change_states(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                            const omni_kinematics_t *k, uint8_t columns);
 
 /** Forget slip ratios and what the covariance says of them; start anew with p_slip if they are in use. */
 void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t slips);
@@ -69,8 +82,7 @@ bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t 
 /** Open the next slot at the current estimate. */
 void omni_ekf_history_next(omni_pose_ekf_state_t *state);
 
-/** The open slot after a correction: same wheel motion, corrected heading and slip ratios. `p` is settled, or the
- * ratios are as before. */
+/** The open slot after a correction: same wheel motion, corrected heading and slip ratios. `p` is settled. */
 void omni_ekf_history_rebase(omni_pose_ekf_state_t *state, uint8_t columns);
 
 /** Motion and noise of the last age_us. @return false if the history does not reach back that far. */

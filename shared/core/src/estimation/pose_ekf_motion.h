@@ -191,30 +191,42 @@ static inline omni_real_t due_turn_noise(omni_pose_ekf_state_t *state, omni_real
     return omni_select(due, waiting, 0.0f);
 }
 
-/* What the open slot holds and `p` does not: all of it, or what came since `p` was settled. The latter is written to
- * `rest`. Motions in a row compose: gain = F_rest gain_settled + gain_rest. */
-static inline const omni_ekf_slot_t *unsettled_motion(const omni_pose_ekf_state_t *state, uint8_t columns,
-                                                      omni_ekf_slot_t *rest) {
+/* What the open slot holds and `p` does not: all of it, or what came since `p` was settled. Motions in a row compose:
+ * gain = F_rest gain_settled + gain_rest. */
+static inline void find_unsettled(const omni_pose_ekf_state_t *state, uint8_t columns, omni_ekf_slot_t *rest) {
     const omni_ekf_slot_t *slot = &state->history[state->newest];
     const omni_ekf_slot_t *in_p = &state->settled;
-    if (state->settled_ticks == 0) {
-        return slot;
-    }
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
-        rest->move[axis] = slot->move[axis] - in_p->move[axis];
-    }
-    for (uint8_t i = 0; i < columns; ++i) {
-        rest->gain[0][i] = slot->gain[0][i] - in_p->gain[0][i] + rest->move[1] * in_p->gain[2][i];
-        rest->gain[1][i] = slot->gain[1][i] - in_p->gain[1][i] - rest->move[0] * in_p->gain[2][i];
-        rest->gain[2][i] = slot->gain[2][i] - in_p->gain[2][i];
+        rest->move[axis] = slot->move[axis];
+        for (uint8_t i = 0; i < columns; ++i) {
+            rest->gain[axis][i] = slot->gain[axis][i];
+        }
     }
     for (uint8_t i = 0; i < columns && i < OMNI_MAX_WHEELS; ++i) {
-        rest->noise[i] = slot->noise[i] - in_p->noise[i];
+        rest->noise[i] = slot->noise[i];
     }
-    rest->steps = slot->steps - in_p->steps;
-    rest->turn_noise = slot->turn_noise - in_p->turn_noise;
-    rest->duration_us = slot->duration_us - in_p->duration_us;
-    return rest;
+    rest->steps = slot->steps;
+    rest->turn_noise = slot->turn_noise;
+    rest->duration_us = slot->duration_us;
+    if (state->unsettled_ticks == state->slot_tick) {
+        return;
+    }
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        rest->move[axis] -= in_p->move[axis];
+    }
+    for (uint8_t i = 0; i < columns; ++i) {
+        for (int axis = 0; axis < OMNI_AXES; ++axis) {
+            rest->gain[axis][i] -= in_p->gain[axis][i];
+        }
+        rest->gain[0][i] += rest->move[1] * in_p->gain[2][i];
+        rest->gain[1][i] -= rest->move[0] * in_p->gain[2][i];
+    }
+    for (uint8_t i = 0; i < columns && i < OMNI_MAX_WHEELS; ++i) {
+        rest->noise[i] -= in_p->noise[i];
+    }
+    rest->steps -= in_p->steps;
+    rest->turn_noise -= in_p->turn_noise;
+    rest->duration_us -= in_p->duration_us;
 }
 
 /*
@@ -226,30 +238,29 @@ static inline __attribute__((always_inline)) void settle_columns(omni_pose_ekf_s
                                                                  const omni_pose_ekf_config_t *config,
                                                                  const omni_kinematics_t *k, uint8_t slips,
                                                                  uint8_t columns) {
-    static const omni_real_t before[OMNI_EKF_SLOT_TICKS + 1] = {0.0f, 0.0f, 0.25f, 1.0f / 3.0f, 0.375f};
     omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
     const bool has_gyro = columns == OMNI_EKF_COLUMNS;
-    const omni_real_t share = before[state->slot_tick - state->settled_ticks];
+    const omni_real_t share = omni_ekf_noise_share(state->unsettled_ticks);
     omni_ekf_slot_t rest;
     close_gain(state, k, slips, has_gyro);
-    const omni_ekf_slot_t *slot = unsettled_motion(state, columns, &rest);
+    find_unsettled(state, columns, &rest);
     const omni_real_t cosine = state->slot_cosine;
     const omni_real_t sine = state->slot_sine;
-    const omni_real_t moved[2] = {cosine * slot->move[0] - sine * slot->move[1],
-                                  sine * slot->move[0] + cosine * slot->move[1]};
+    const omni_real_t moved[2] = {cosine * rest.move[0] - sine * rest.move[1],
+                                  sine * rest.move[0] + cosine * rest.move[1]};
     omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /* world frame */
     for (uint8_t i = 0; i < columns; ++i) {
-        gain[0][i] = cosine * slot->gain[0][i] - sine * slot->gain[1][i];
-        gain[1][i] = sine * slot->gain[0][i] + cosine * slot->gain[1][i];
-        gain[2][i] = slot->gain[2][i];
+        gain[0][i] = cosine * rest.gain[0][i] - sine * rest.gain[1][i];
+        gain[1][i] = sine * rest.gain[0][i] + cosine * rest.gain[1][i];
+        gain[2][i] = rest.gain[2][i];
     }
-    const omni_real_t xy_noise = config->q_xy * slot->steps;
-    const omni_real_t turn_noise = has_gyro ? due_turn_noise(state, slot->turn_noise) : config->q_theta * slot->steps;
+    const omni_real_t xy_noise = config->q_xy * rest.steps;
+    const omni_real_t turn_noise = has_gyro ? due_turn_noise(state, rest.turn_noise) : config->q_theta * rest.steps;
     omni_real_t with_noise[OMNI_MAX_WHEELS]; /* one rounding per slot */
     for (uint8_t i = 0; i < columns && i < OMNI_MAX_WHEELS; ++i) {
         omni_real_t *variance = &p[OMNI_AXES + i][OMNI_AXES + i];
-        with_noise[i] = *variance + slot->noise[i];
-        *variance += share * slot->noise[i];
+        with_noise[i] = *variance + rest.noise[i];
+        *variance += share * rest.noise[i];
     }
     p[2][2] += share * turn_noise;
     propagate_pose_covariance(state, moved);
@@ -262,12 +273,12 @@ static inline __attribute__((always_inline)) void settle_columns(omni_pose_ekf_s
     }
     if (has_gyro) {
         const int bias = OMNI_AXES + OMNI_EKF_BIAS;
-        p[bias][bias] += config->q_bias * ((omni_real_t)slot->duration_us * 1e-6f / config->step_s);
+        p[bias][bias] += config->q_bias * ((omni_real_t)rest.duration_us * 1e-6f / config->step_s);
     }
     p[1][0] = p[0][1];
     p[2][0] = p[0][2];
     p[2][1] = p[1][2];
-    state->settled_ticks = state->slot_tick;
+    state->unsettled_ticks = 0;
 }
 
 /*
@@ -332,12 +343,8 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     const uint8_t slips = omni_ekf_slips(config, k);
     const bool has_gyro = turn != NULL;
     const uint8_t columns = has_gyro ? (uint8_t)OMNI_EKF_COLUMNS : slips;
-    if (state->mode != config->mode) {
-        const uint8_t slips_before = state->mode == OMNI_EKF_MODE_SLIP ? k->wheels : 0;
-        omni_ekf_settle(state, config, k, has_gyro ? columns : slips_before);
-        omni_ekf_restart_slips(state, config, slips);
-        omni_ekf_history_rebase(state, 0);
-        state->mode = config->mode;
+    if (state->mode != config->mode || state->columns != columns) {
+        omni_ekf_change_states(state, config, k, columns);
     }
     omni_ekf_motion_t motion;
     follow_t gyro; /* only with one */
@@ -349,7 +356,7 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     add_to_slot(state, config, k, turned, slips, has_gyro ? &gyro : NULL, &motion);
     move_pose(state, motion.move);
     if (omni_ekf_history_add(state, &motion, has_gyro)) {
-        omni_ekf_settle(state, config, k, columns);
+        omni_ekf_settle(state, config, k, slips, columns);
         if (slips > 0 && k->has_null && config->r_null > 0.0f) {
             use_null(state, config, k, slips, columns);
         }

@@ -146,16 +146,17 @@ static void measure_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
     correct_by_turn(state, config, &turn);
 }
 
-void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, omni_real_t turned_rad,
-                             omni_real_t duration_s) {
+void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                             const omni_kinematics_t *k, omni_real_t turned_rad, omni_real_t duration_s) {
     const omni_real_t delta[OMNI_EKF_STATES] = {0.0f, 0.0f, -turned_rad};
+    omni_pose_ekf_settle(state, config, k);
     state->p[2][2] += config->q_theta * state->white_factor * duration_s / config->step_s;
     omni_ekf_shift(state, delta, OMNI_EKF_COLUMNS);
 }
 
 void omni_ekf_use_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                        uint8_t slips) {
-    const omni_real_t all = (omni_real_t)OMNI_EKF_SLOT_TICKS;
+    const omni_real_t all = (omni_real_t)state->slot_tick;
     const omni_flag_t rest = state->slot_rest == all;
     const omni_flag_t turns = slips > 0 && state->slot_turns == all;
     const omni_flag_t counts = rest || turns;
@@ -169,8 +170,8 @@ void omni_ekf_use_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_
 }
 
 void omni_ekf_settle_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                          const omni_kinematics_t *k) {
-    settle_columns(state, config, k, omni_ekf_slips(config, k), OMNI_EKF_COLUMNS);
+                          const omni_kinematics_t *k, uint8_t slips) {
+    settle_columns(state, config, k, slips, OMNI_EKF_COLUMNS);
 }
 
 void omni_ekf_settle_turn_noise(omni_pose_ekf_state_t *state) {

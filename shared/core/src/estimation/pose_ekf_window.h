@@ -85,7 +85,7 @@ static inline void add_slip_noise(omni_ekf_window_t *window, uint8_t i, omni_rea
 static inline void prepend_slot(const omni_pose_ekf_config_t *config, const omni_ekf_slot_t *slot,
                                 const slot_motion_t *s, omni_real_t share, uint8_t columns, bool slip_noise,
                                 const omni_real_t *known, omni_ekf_window_t *window) {
-    const omni_real_t later = 0.5f - 0.5f / (omni_real_t)OMNI_EKF_SLOT_TICKS;
+    const omni_real_t later = omni_ekf_noise_share(slot->ticks > 0 ? slot->ticks : (uint32_t)OMNI_EKF_SLOT_TICKS);
     const omni_real_t after[2] = {window->move[0], window->move[1]};
     const omni_real_t steps = slot->steps * share;
     omni_real_t xy_noise = config->q_xy * steps;
