@@ -58,7 +58,7 @@ RobotOption = Annotated[
 ]
 SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and cameras are simulated; no hardware.")]
 PortOption = Annotated[str | None, XBEE]
-SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="Poses: vicon:HOST/OBJECT.")]
+SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="Poses: vicon: or natnet:HOST/OBJECT.")]
 ParamOption = Annotated[list[str] | None, ASSIGNMENTS]
 PwmMinOption = Annotated[
     int, typer.Option("--pwm-min", help="PWM below which the wheels do not turn. The controller makes up for it.")
@@ -240,7 +240,7 @@ def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple
     kind = (wanted.source or "").partition(":")[0]
     if kind != "vicon":
         what = f"--source {wanted.source} does not see the robot" if wanted.source else "--source is missing"
-        hint = "--source vicon:HOST/OBJECT, or --simulate"
+        hint = "--source vicon:HOST/OBJECT or natnet:HOST/OBJECT, or --simulate"
         raise MocapSourceError(f"{what}: a real robot needs real poses", hint=hint)
     with signals_interrupt():
         source = open_source(str(wanted.source))

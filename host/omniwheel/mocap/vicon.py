@@ -10,23 +10,20 @@ from __future__ import annotations
 
 import importlib
 import math
-import multiprocessing
-import signal
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from multiprocessing.connection import Connection as Pipe
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from omniwheel.errors import MocapError, MocapLibraryError, MocapLostError, MocapSourceError
+from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
 from omniwheel.frames import Pose
 from omniwheel.limits import DEFAULT_TIMEOUT_S
+from omniwheel.mocap.quaternion import heading
+from omniwheel.mocap.reader import ProcessSource
 from omniwheel.mocap.source import MocapPose
 
 LIBRARY = "pyvicon_datastream"
-RETRY_S = 1.0
 _MM = 1e-3
-_STARTING_S = 10.0
 _SUBJECTS_SHOWN = 20
 
 
@@ -37,15 +34,6 @@ def load_library() -> Any:
     except ImportError as error:
         hint = "pip install 'omniwheel[vicon]' (compiles Vicon's SDK: needs a C++ compiler and the internet)"
         raise MocapLibraryError(f"the Vicon library {LIBRARY} is not usable here: {error}", hint=hint) from error
-
-
-def heading(quaternion: Sequence[float]) -> float:
-    """Return the turn about z [rad, -pi..pi] of a quaternion (w, x, y, z); NaN if it has no direction."""
-    w, x, y, z = (float(value) for value in quaternion)
-    norm2 = w * w + x * x + y * y + z * z
-    if not (math.isfinite(norm2) and norm2 > 0.0):
-        return math.nan
-    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 class ViconStream:
@@ -133,83 +121,16 @@ class ViconStream:
         self._client.disconnect()
 
 
-class ViconSource:
+class ViconSource(ProcessSource):
     """A Vicon stream as a :class:`~omniwheel.mocap.source.MocapSource`; connects again by itself when it was lost.
 
-    Starts a process, so a program that uses it needs the usual ``if __name__ == "__main__":``. Raises
-    MocapLibraryError, MocapSourceError (no such object) or MocapLostError (not reachable within ``timeout_s``).
+    Starts a process: see :class:`~omniwheel.mocap.reader.ProcessSource`. Raises MocapLibraryError, MocapSourceError (no
+    such object) or MocapLostError (not reachable within ``timeout_s``).
     """
 
     def __init__(self, host: str, subject: str, *, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
-        self.name = f"vicon:{host}/{subject}"
-        context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe(duplex=False)
-        self._process = context.Process(target=_serve, args=(theirs, host, subject), daemon=True)
-        self._process.start()
-        theirs.close()
-        try:
-            if not self._pipe.poll(_STARTING_S + timeout_s):
-                raise MocapLostError(f"{self.name} did not answer within {timeout_s:g} s", hint="is the host right?")
-            self._take()
-        except BaseException:
-            self.close()
-            raise
-
-    def clock(self) -> float:
-        """Return the present time [s]: the monotonic clock, which all processes share."""
-        return time.monotonic()
-
-    @property
-    def ended(self) -> bool:
-        """Never: a lost stream is connected to again."""
-        return False
-
-    def read(self, timeout_s: float) -> MocapPose | None:
-        """Return the next pose. Raises MocapSourceError if the object is gone, MocapLostError if the reader ended."""
-        return self._take() if self._pipe.poll(max(0.0, timeout_s)) else None
-
-    def _take(self) -> MocapPose | None:
-        try:
-            said: MocapPose | MocapError | None = self._pipe.recv()
-        except (EOFError, OSError) as error:
-            raise MocapLostError(f"the process that reads {self.name} ended", hint="start again") from error
-        if isinstance(said, MocapError):
-            raise said
-        return said
-
-    def close(self) -> None:
-        """End the reader."""
-        self._pipe.close()
-        if self._process.is_alive():
-            self._process.terminate()
-            self._process.join(3.0)
+        super().__init__(f"vicon:{host}/{subject}", partial(_open, host, subject), timeout_s=timeout_s)
 
 
-def _serve(pipe: Pipe, host: str, subject: str) -> None:
-    """Read the stream into ``pipe`` for as long as the parent lives: None once connected, then poses, or an error."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which still has a robot to stop
-    with suppress(BrokenPipeError):
-        try:
-            stream = ViconStream(host, subject, library=load_library())
-            stream.connect()
-            pipe.send(None)
-            _forward(pipe, stream)
-        except MocapError as error:
-            pipe.send(error)
-
-
-def _forward(pipe: Pipe, stream: ViconStream) -> None:
-    parent = multiprocessing.parent_process()
-    while parent is None or parent.is_alive():
-        try:
-            pose = stream.read()
-            if pose is not None:
-                pipe.send(pose)
-        except MocapLostError:
-            _reconnect(stream)
-
-
-def _reconnect(stream: ViconStream) -> None:
-    time.sleep(RETRY_S)
-    with suppress(MocapLostError):
-        stream.connect()
+def _open(host: str, subject: str) -> ViconStream:
+    return ViconStream(host, subject, library=load_library())

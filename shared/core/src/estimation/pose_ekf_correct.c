@@ -43,7 +43,7 @@ static inline void measurement_matrix(update_t *u, uint8_t columns) {
 }
 
 /* Row i of H times a vector with an entry per state. */
-static inline omni_real_t measured(const update_t *u, int i, const omni_real_t *v, uint8_t columns) {
+static inline omni_real_t row_of_h(const update_t *u, int i, const omni_real_t *v, uint8_t columns) {
     omni_real_t sum = v[i];
     if (i < 2) {
         sum += (i == 0 ? u->window.move[1] : -u->window.move[0]) * v[2];
@@ -65,7 +65,7 @@ static inline void fill_m(update_t *u, const omni_pose_ekf_state_t *state, uint8
     }
     for (int b = 0; b < states; ++b) {
         for (int row = 0; row < OMNI_AXES; ++row) {
-            u->hm[row][b] = measured(u, row, u->m[b], columns);
+            u->hm[row][b] = row_of_h(u, row, u->m[b], columns);
         }
     }
 }
@@ -75,7 +75,7 @@ static inline bool factor_innovation_covariance(update_t *u, uint8_t columns) {
     for (int i = 0; i < OMNI_AXES; ++i) {
         omni_real_t scaled[OMNI_AXES]; /* row i of L D */
         for (int j = 0; j <= i; ++j) {
-            scaled[j] = measured(u, j, u->hm[i], columns);
+            scaled[j] = row_of_h(u, j, u->hm[i], columns);
             for (int c = 0; c < j; ++c) {
                 scaled[j] -= scaled[c] * u->factor[j][c];
             }
@@ -161,7 +161,7 @@ static inline void measurement_update_columns(const update_t *u, omni_pose_ekf_s
         omni_real_t left[OMNI_AXES];
         updated_row(u, a, gain[a], row, states);
         for (int i = 0; i < OMNI_AXES; ++i) {
-            left[i] = gain[a][i] * u->r[i] - measured(u, i, row, columns);
+            left[i] = gain[a][i] * u->r[i] - row_of_h(u, i, row, columns);
         }
         for (int b = a; b < states; ++b) {
             state->p[a][b] =

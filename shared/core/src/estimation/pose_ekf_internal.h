@@ -30,8 +30,8 @@ static inline uint8_t omni_ekf_columns(const omni_pose_ekf_config_t *config, con
     return config->gyro ? (uint8_t)OMNI_EKF_COLUMNS : omni_ekf_slips(config, k);
 }
 
-/** Share of the motion of so many ticks that their noise sees in the mean, as each tick's enters after its motion:
- * (n - 1) / 2n. @param ticks 0..OMNI_EKF_SLOT_TICKS */
+/** A tick's noise enters after its motion. In the mean the noise of n ticks sees this share of their motion: (n - 1) /
+ * 2n. @param ticks n, 0..OMNI_EKF_SLOT_TICKS */
 static inline omni_real_t omni_ekf_noise_share(uint32_t ticks) {
     static const omni_real_t shares[OMNI_EKF_SLOT_TICKS + 1] = {0.0f, 0.0f, 0.25f, 1.0f / 3.0f, 0.375f};
     typedef char a_share_for_each_number_of_ticks[OMNI_EKF_SLOT_TICKS == 4 ? 1 : -1];

@@ -133,7 +133,8 @@ static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_rob
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         tick.still = tick.still && estimate->delta_counts[i] == 0;
     }
-    const bool usable = omni_gyro_step(&estimator->gyro, &c->gyro, &tick, &estimator->pose_ekf, &c->pose_ekf, &c->kinematics);
+    const bool usable =
+        omni_gyro_step(&estimator->gyro, &c->gyro, &tick, &estimator->pose_ekf, &c->pose_ekf, &c->kinematics);
     omni_pose_ekf_predict_turn(&estimator->pose_ekf, &c->pose_ekf, &c->kinematics, turned_rad, &estimator->gyro.turn,
                                inputs->time_us);
     return usable ? (omni_uint_t)0u : (omni_uint_t)OMNI_WARN_GYRO;
