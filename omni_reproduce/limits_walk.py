@@ -3,9 +3,9 @@
 
 The filter is that of ``reachable_filter``, in NumPy. It is told all that is random in the world but one thing: that
 slip is linear between moments at which it is drawn. As the robot's filter does, it takes each ratio for a random walk.
-Steps of several sizes are tried, and the one with the least error on these very paths is taken. So no filter of this
-kind is better, whatever its noise levels. Cells are errors over the posterior bound of ideal wheels, position /
-heading. The robot's are over --seeds runs. Settings are those of ``limits.toml``; all by default.
+Steps of several sizes are tried, and the one with the least error on these very paths is taken. So with noise levels
+that stay hardly any filter of this kind is better. Cells are errors over the posterior bound of ideal wheels, position
+/ heading. The robot's are over --seeds runs. Settings are those of ``limits.toml``; all by default.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ RobotOption = Annotated[
 ]
 SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and cameras are simulated; no hardware.")]
 PortOption = Annotated[str | None, XBEE]
-SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="Poses: vicon: or natnet:HOST/OBJECT.")]
+SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT.")]
 ParamOption = Annotated[list[str] | None, ASSIGNMENTS]
 PwmMinOption = Annotated[
     int, typer.Option("--pwm-min", help="PWM below which the wheels do not turn. The controller makes up for it.")

@@ -40,7 +40,7 @@ _SLICE_S = 0.25
 
 SourceOption = Annotated[
     str,
-    typer.Option("--source", metavar="STREAM", help="vicon:HOST/OBJECT, natnet:HOST/OBJECT, camera:FILE, recorded:FILE, simulated."),
+    typer.Option("--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT, camera:FILE, recorded:FILE or simulated."),
 ]
 DurationOption = Annotated[
     float,

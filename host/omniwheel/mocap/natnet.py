@@ -12,6 +12,8 @@ import importlib
 import math
 import queue
 import socket
+import struct
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,18 +31,25 @@ LIBRARY = "natnet"
 COMMAND_PORT = 1510
 SILENCE_S = 1.0
 """Without a frame for so long the stream is lost."""
+LARGEST_TILT = math.radians(15.0)
+TILT_S = 1.0
+"""For so long the robot may lie farther over than that, as when it is carried."""
 _ANSWER_S = 2.0
 _ASKS = 4
-_TICKS_OVER_S = 0.2
+_SIGN_OF_LIFE_S = 0.25
+_FIRST_VERSION = 3
+_TICKS_OVER_S, _TICKS_WITHIN_S = 0.2, 3.0
 _TICKS_PER_S = (1e5, 1e10)
 _LARGEST_LATENCY_S = 1.0
-_LARGEST_TILT = math.radians(45.0)
 _NAMES_SHOWN = 20
 _WAITING = 1000
 
 
 def load_library() -> Any:
-    """Return the library; MocapLibraryError if it is not installed."""
+    """Return the library; MocapLibraryError if it is not installed, or cannot read times on this computer."""
+    if struct.calcsize("L") != struct.calcsize("Q"):
+        problem = f"the NatNet library {LIBRARY} misreads the times of frames on Windows and on 32-bit systems"
+        raise MocapLibraryError(problem, hint="use 64-bit Linux or macOS")
     try:
         return importlib.import_module(LIBRARY)
     except ImportError as error:
@@ -56,19 +65,14 @@ class TickLength:
     seconds: float | None = None
 
     def latency(self, suffix: Any) -> float | None:
-        """Return how long before the frame was sent the cameras exposed [s]; None while that is not known yet.
-
-        0 where the server does not say it: before NatNet 3.
-        """
-        exposed, sent = suffix.stamp_camera_mid_exposure, suffix.stamp_transmit
-        if exposed is None or sent is None or exposed == 0:
-            return 0.0
+        """Return how long before the frame was sent the cameras exposed [s]; None while that cannot be told."""
+        exposed, sent = int(suffix.stamp_camera_mid_exposure), int(suffix.stamp_transmit)
         if self.seconds is None:
-            self._measure(float(suffix.timestamp), int(exposed))
+            self._measure(float(suffix.timestamp), exposed)
         if self.seconds is None:
             return None
-        latency_s = (int(sent) - int(exposed)) * self.seconds
-        return latency_s if 0.0 <= latency_s < _LARGEST_LATENCY_S else 0.0
+        latency_s = (sent - exposed) * self.seconds
+        return latency_s if 0.0 <= latency_s < _LARGEST_LATENCY_S else None
 
     def _measure(self, stamp_s: float, ticks: int) -> None:
         if self.first is None or stamp_s < self.first[0] or ticks <= self.first[1]:
@@ -86,8 +90,8 @@ class TickLength:
 class NatNetStream:
     """The library as a stream of poses, in this process: :meth:`read` blocks for up to a second.
 
-    ``library`` is the module, ``clock`` gives the stamps. Motive sends to a multicast group, or to each client that
-    gives signs of life. Nothing that the library reads says which, so both are tried, and the other one after a loss.
+    ``library`` is the module, ``clock`` gives the stamps. Motive sends to a multicast group (239.255.42.99, port 1511),
+    or to each client that gives signs of life. Nothing that the library reads says which, so both are tried.
     """
 
     def __init__(
@@ -104,6 +108,8 @@ class NatNetStream:
         self._ids: dict[str, int] | None = None
         self._ticks = TickLength()
         self._last_frame: int | None = None
+        self._talked_s = self._tilted_s = self._unmeasured_s = 0.0
+        self._failure = ""
 
     def connect(self) -> None:
         """Connect, and wait for the first frame and the objects' names."""
@@ -112,10 +118,13 @@ class NatNetStream:
             self.close()
             try:
                 self._try(multicast)
-            except (OSError, self._library.NatNetError) as error:  # TimeoutError is an OSError
-                problems.append(str(error) or "no answer")
+                lacking = self._wait()
+            except MocapSourceError:
+                self.close()
+                raise
+            except (OSError, ValueError, TypeError, struct.error, self._library.NatNetError) as error:
+                problems.append(" ".join(str(error).split()) or "no answer")  # TimeoutError is an OSError
                 continue
-            lacking = self._wait()
             if not lacking:
                 self.multicast = multicast
                 self.connections += 1
@@ -133,9 +142,14 @@ class NatNetStream:
             command_port=self.port,
             use_multicast=multicast,
         )
+        self._client.connect(timeout=_ANSWER_S)
+        version = self._client.server_info.nat_net_protocol_version
+        if version.major < _FIRST_VERSION:
+            problem = f"the NatNet server {self.host} speaks version {version}, without times of exposure"
+            raise MocapSourceError(problem, hint="Motive 2.0 and later speak NatNet 3")
+        self._client.update_sync()  # what came while it waited for the answer is old
         self._client.on_data_frame_received_event.handlers.append(self._on_frame)
         self._client.on_data_description_received_event.handlers.append(self._on_description)
-        self._client.connect(timeout=_ANSWER_S)
         self._client.run_async()
 
     def _wait(self) -> str:
@@ -157,42 +171,73 @@ class NatNetStream:
     def _on_description(self, described: Any) -> None:
         self._ids = {str(body.name): int(body.id_num) for body in described.rigid_bodies}
 
+    def on_thread_error(self, failure: Any) -> None:
+        """Note that a thread of the library ended with an error: a ``threading.excepthook``."""
+        self._failure = f"{failure.exc_type.__name__}: {' '.join(str(failure.exc_value).split())}"
+
     def read(self) -> MocapPose | None:
         """Return the next frame's pose; None if the object is not seen. Raises MocapLostError after a silence."""
+        if self._failure:
+            problem, self._failure = self._failure, ""
+            raise MocapLostError(f"the NatNet library failed: {problem}")
         try:
             arrived_s, frame = self._frames.get(timeout=SILENCE_S)
         except queue.Empty as error:
-            self.multicast = not self.multicast  # without signs of life a server that sends to each client stops
+            self.multicast = not self.multicast
             raise MocapLostError(f"the NatNet server {self.host} is silent") from error
-        if frame.suffix.tracked_models_changed:
-            self._client.request_modeldef()
+        self._talk(arrived_s, bool(frame.suffix.tracked_models_changed))
         number = int(frame.prefix.frame_number)
-        latency_s = self._ticks.latency(frame.suffix)
+        latency_s = self._latency(arrived_s, frame.suffix)
         if number == self._last_frame or latency_s is None:
             return None
         self._last_frame = number
-        pose = self._pose(frame)
+        pose = self._pose(arrived_s, frame)
         if pose is None:
             self.occluded += 1
             return None
         return MocapPose(pose, arrived_s - latency_s, arrived_s, number)
 
-    def _pose(self, frame: Any) -> Pose | None:
+    def _talk(self, now_s: float, changed: bool) -> None:
+        """Give a sign of life, which a server that sends to each client wants; ask for names that have changed."""
+        if now_s - self._talked_s < _SIGN_OF_LIFE_S:
+            return
+        self._talked_s = now_s
+        try:
+            self._client.send_request(self._client.NAT_KEEPALIVE)
+            if changed:
+                self._client.request_modeldef()
+        except OSError as error:
+            raise MocapLostError(f"the NatNet server {self.host} cannot be reached any more: {error}") from error
+
+    def _latency(self, arrived_s: float, suffix: Any) -> float | None:
+        latency_s = self._ticks.latency(suffix)
+        if self._ticks.seconds is None:
+            self._unmeasured_s = self._unmeasured_s or arrived_s
+            if arrived_s - self._unmeasured_s > _TICKS_WITHIN_S:
+                problem = f"the times in the frames of the NatNet server {self.host} say nothing"
+                raise MocapSourceError(problem, hint="is Motive live, and not at the end of a recording?")
+        return latency_s
+
+    def _pose(self, arrived_s: float, frame: Any) -> Pose | None:
         ids = self._ids or {}
         if self.subject not in ids:
             raise self._unknown_object(ids)
         wanted = ids[self.subject]
         for body in frame.rigid_bodies:
             if int(body.id_num) == wanted:
-                return None if body.tracking_valid is False else self._of_body(body)
+                return self._of_body(arrived_s, body) if body.tracking_valid else None
         return None
 
-    def _of_body(self, body: Any) -> Pose | None:
+    def _of_body(self, arrived_s: float, body: Any) -> Pose | None:
         x, y, z, w = (float(value) for value in body.rot)
         quaternion = (w, x, y, z)
-        if tilt(quaternion) > _LARGEST_TILT:
-            problem = f"{self.subject} lies on its side, {math.degrees(tilt(quaternion)):.0f} degrees over"
-            raise MocapSourceError(problem, hint="set Up Axis to Z in Motive's streaming settings")
+        if tilt(quaternion) > LARGEST_TILT:
+            self._tilted_s = self._tilted_s or arrived_s
+            if arrived_s - self._tilted_s > TILT_S:
+                problem = f"{self.subject} lies on its side, {math.degrees(tilt(quaternion)):.0f} degrees over"
+                raise MocapSourceError(problem, hint="set Up Axis to Z in Motive's streaming settings")
+            return None
+        self._tilted_s = 0.0
         pose = Pose(float(body.pos[0]), float(body.pos[1]), heading(quaternion))
         return pose if all(math.isfinite(value) for value in pose) else None
 
@@ -210,6 +255,8 @@ class NatNetStream:
         self._ids = None
         self._ticks = TickLength()
         self._last_frame = None
+        self._talked_s = self._tilted_s = self._unmeasured_s = 0.0
+        self._failure = ""
 
 
 def _address_towards(host: str, port: int) -> str:
@@ -233,4 +280,6 @@ class NatNetSource(ProcessSource):
 
 
 def _open(host: str, port: int, subject: str) -> NatNetStream:
-    return NatNetStream(host, port, subject, library=load_library())
+    stream = NatNetStream(host, port, subject, library=load_library())
+    threading.excepthook = stream.on_thread_error
+    return stream

@@ -8,6 +8,7 @@ has a robot to stop. The process connects again by itself when the stream was lo
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import sys
 import time
@@ -35,6 +36,10 @@ class LibraryStream(Protocol):
         """Return the next pose; None if none came for a while, or it cannot be used. Raises MocapError."""
         ...
 
+    def close(self) -> None:
+        """Disconnect."""
+        ...
+
 
 class ProcessSource:
     """Such a stream as a :class:`~omniwheel.mocap.source.MocapSource`.
@@ -53,7 +58,8 @@ class ProcessSource:
         theirs.close()
         try:
             if not self._pipe.poll(_STARTING_S + timeout_s):
-                raise MocapLostError(f"{self.name} did not answer within {timeout_s:g} s", hint="is the host right?")
+                waited = f"{_STARTING_S + timeout_s:g} s"
+                raise MocapLostError(f"{self.name} did not answer within {waited}", hint="is the host right?")
             self._take()
         except BaseException:
             self.close()
@@ -70,7 +76,11 @@ class ProcessSource:
 
     def read(self, timeout_s: float) -> MocapPose | None:
         """Return the next pose. Raises MocapSourceError if the object is gone, MocapLostError if the reader ended."""
-        return self._take() if self._pipe.poll(max(0.0, timeout_s)) else None
+        try:
+            there = self._pipe.poll(max(0.0, timeout_s))
+        except OSError:  # on Windows, where the other end is gone
+            there = True
+        return self._take() if there else None
 
     def _take(self) -> MocapPose | None:
         try:
@@ -101,6 +111,12 @@ def _serve(pipe: Pipe, make: Callable[[], LibraryStream]) -> None:
             _forward(pipe, stream)
         except MocapError as error:
             pipe.send(error)
+        except BrokenPipeError:
+            raise
+        except Exception as error:  # a library may raise anything, and the reason must not be lost
+            pipe.send(MocapLostError(f"the library failed: {type(error).__name__}: {' '.join(str(error).split())}"))
+    pipe.close()
+    os._exit(0)  # threads of a library may never end
 
 
 def _forward(pipe: Pipe, stream: LibraryStream) -> None:

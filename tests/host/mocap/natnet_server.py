@@ -75,7 +75,8 @@ def server_info(version: tuple[int, int]) -> bytes:
 class Server:
     """Sends every 5 ms what ``bodies`` holds, to the client that asked last or to the group. All may change meanwhile.
 
-    A client that says nothing for ``patience_s`` gets no frames any more.
+    A client that says nothing for ``patience_s`` gets no frames any more. With ``moving`` the body 7 has the time of
+    exposure for x [s], modulo 1.
     """
 
     version: tuple[int, int] = (4, 1)
@@ -86,6 +87,8 @@ class Server:
     answers: bool = True
     multicast: bool = False
     patience_s: float = 1e9
+    moving: bool = False
+    delay_s: float = 0.0
     number: int = 0
 
     def __post_init__(self) -> None:
@@ -119,14 +122,24 @@ class Server:
 
     def _answer(self, message: int) -> None:
         if self.answers and message == CONNECT:
+            self._send_while(self.delay_s)
             self._socket.sendto(server_info(self.version), self._client)
         elif self.answers and message == REQUEST_MODELDEF:
             self._socket.sendto(model(self.version, self.names), self._client)
+
+    def _send_while(self, seconds: float) -> None:
+        """Send frames for so long before the answer."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            self._send_frame()
+            time.sleep(0.005)
 
     def _send_frame(self) -> None:
         patient = time.monotonic() - self.heard_s < self.patience_s
         if self._client is not None and self.sends and patient:
             self.number += 1
             taken_s = time.monotonic() - LATENCY_S
+            if self.moving:
+                self.bodies = [Body(7, (taken_s % 1.0, 0.0, 0.0), self.bodies[-1].rotation)]
             to = GROUP if self.multicast else self._client
             self._socket.sendto(frame(self.version, self.number, taken_s, self.bodies, self.changed), to)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import struct
 import sys
 import time
 from collections.abc import Iterator
@@ -20,9 +21,10 @@ from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
 from omniwheel.mocap import natnet
 from omniwheel.mocap.natnet import NatNetSource, NatNetStream, TickLength, load_library
 from omniwheel.mocap.quaternion import tilt
+from omniwheel.mocap.reader import ProcessSource
 from omniwheel.mocap.source import MocapPose, MocapSource
 from omniwheel.mocap.streams import open_source
-from tests.host.mocap.natnet_server import LATENCY_S, Body, Server
+from tests.host.mocap.natnet_server import LATENCY_S, Body, Server, frame, model
 
 TURNED = Rotation.from_euler("z", 2.0).as_quat()
 
@@ -45,19 +47,6 @@ def take(source: MocapSource, count: int = 1) -> list[MocapPose]:
     return found
 
 
-@pytest.mark.parametrize("version", [(4, 1), (3, 1)])
-def test_a_pose_has_place_heading_and_the_time_at_which_it_was_seen(version: tuple[int, int]) -> None:
-    with Server(version) as server:
-        server.bodies = [Body(3), Body(7, (1.5, -0.25, 0.1), tuple(TURNED))]
-        with opened(server) as source:
-            for measured in take(source, 20):
-                assert measured.pose == pytest.approx((1.5, -0.25, 2.0), abs=1e-6)
-                assert measured.arrived_s - measured.taken_s == pytest.approx(LATENCY_S, rel=1e-3)
-                assert measured.arrived_s <= source.clock()
-            frames = [measured.frame for measured in take(source, 20)]
-        assert np.diff(frames).min() > 0
-
-
 @contextmanager
 def connected(server: Server) -> Iterator[NatNetStream]:
     stream = NatNetStream("127.0.0.1", server.port, "robot", library=load_library())
@@ -68,9 +57,60 @@ def connected(server: Server) -> Iterator[NatNetStream]:
         stream.close()
 
 
-def read_many(stream: NatNetStream, count: int) -> None:
-    for _ in range(count):
-        stream.read()
+def read_many(stream: NatNetStream, count: int) -> list[MocapPose]:
+    return [pose for pose in (stream.read() for _ in range(count)) if pose is not None]
+
+
+class Offline:
+    """A stream that was connected, and gets frames as the library unpacks them, without a network. A frame is 10 ms."""
+
+    def __init__(self, version: tuple[int, int] = (4, 1)) -> None:
+        self.library = load_library()
+        self.now_s = 500.0
+        self.version = version
+        self.number = 0
+        self.asked: list[int] = []
+        self.stream = NatNetStream("motive.local", 1510, "robot", library=self.library, clock=lambda: self.now_s)
+        self.stream._client = SimpleNamespace(
+            NAT_KEEPALIVE=10, send_request=self.asked.append, request_modeldef=lambda: self.asked.append(4)
+        )
+        self.describe({"robot": 7, "wand": 3})
+
+    def describe(self, names: dict[str, int]) -> None:
+        buffer = self.library.nat_net_client.PacketBuffer(model(self.version, names)[4:])
+        unpacked = self.library.DataDescriptions.read_from_buffer(buffer, self.library.Version(*self.version))
+        self.stream._on_description(unpacked)
+
+    def frame(self, *bodies: Body, changed: bool = False, stands: bool = False) -> MocapPose | None:
+        self.now_s += 0.01
+        self.number += 1
+        packed = frame(self.version, self.number, 1.0 if stands else self.now_s - LATENCY_S, list(bodies), changed)
+        buffer = self.library.nat_net_client.PacketBuffer(packed[4:])
+        self.stream._on_frame(self.library.DataFrame.read_from_buffer(buffer, self.library.Version(*self.version)))
+        return self.stream.read()
+
+    def frames(self, count: int, body: Body, stands: bool = False) -> None:
+        """Many frames; ``stands``: with the same times of exposure."""
+        for _ in range(count):
+            self.frame(body, stands=stands)
+
+    def settle(self) -> None:
+        """As many frames as the length of a tick takes."""
+        self.frames(30, Body(7))
+
+
+@pytest.mark.parametrize("version", [(4, 1), (3, 1)])
+def test_a_pose_has_place_heading_and_the_time_at_which_it_was_seen(version: tuple[int, int]) -> None:
+    bodies = [Body(3), Body(7, rotation=tuple(TURNED))]
+    with Server(version, bodies=bodies, moving=True) as server, opened(server) as source:
+        seen = take(source, 40)
+    for measured in seen:
+        assert measured.pose[1:] == pytest.approx((0.0, 2.0), abs=1e-6)
+        assert measured.arrived_s - measured.taken_s == pytest.approx(LATENCY_S, rel=1e-3)
+    late_s = np.array([math.remainder(measured.taken_s - measured.pose.x, 1.0) for measured in seen])
+    assert late_s.min() > -1e-3
+    assert late_s.min() < 0.02, "on a busy computer some arrive late, but not all"
+    assert np.diff([measured.frame for measured in seen]).min() > 0
 
 
 def test_frames_for_a_group_are_found() -> None:
@@ -80,46 +120,55 @@ def test_frames_for_a_group_are_found() -> None:
         assert stream.multicast
 
 
+def test_frames_from_before_the_answer_are_not_taken_for_new() -> None:
+    with Server(multicast=True, moving=True, delay_s=0.5) as server, connected(server) as stream:
+        late_s = [math.remainder(pose.taken_s - pose.pose.x, 1.0) for pose in read_many(stream, 100)]
+    assert abs(late_s[0]) < 0.2
+
+
 def test_a_server_that_sends_to_each_client_gets_the_signs_of_life_it_wants() -> None:
-    """At first it may send without them, so that it looks like one that sends to a group."""
-    with Server(patience_s=1.0) as server, connected(server) as stream:
+    with Server(patience_s=1.5) as server, connected(server) as stream:
+        read_many(stream, 500)
+        assert time.monotonic() - server.heard_s < 1.5, "it has been heard for 2.5 s"
+        assert stream.connections == 1
+
+
+def test_a_server_that_falls_silent_is_connected_to_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(natnet, "SILENCE_S", 0.3)
+    with Server() as server, connected(server) as stream:
+        server.sends = False
         with pytest.raises(MocapLostError, match="silent"):
             read_many(stream, 10_000)
+        server.sends = True
         stream.connect()
-        assert not stream.multicast
-        read_many(stream, 500)
-        assert time.monotonic() - server.heard_s < 1.0, "it has given signs of life for 2.5 s"
+        assert stream.connections == 2
+        assert read_many(stream, 100)
 
 
 def test_what_the_cameras_do_not_see_gives_no_pose() -> None:
-    with Server() as server, opened(server) as source:
-        take(source)
-        server.bodies = [Body(3), Body(7, seen=False)]
-        while source.read(0.2) is not None:
-            pass
-        server.bodies = [Body(3)]
-        assert source.read(0.2) is None, "a body that is not in the frame"
-        server.bodies = [Body(7, (2.0, 0.0, 0.0))]
-        assert take(source)[0].pose.x == 2.0
-
-
-def test_a_server_that_falls_silent_is_connected_to_again() -> None:
-    with Server() as server, opened(server) as source:
-        take(source)
-        server.sends = False
-        while source.read(0.5) is not None:
-            pass
-        server.sends = True
-        assert take(source, 5)[-1].frame > 0
+    offline = Offline()
+    offline.settle()
+    assert offline.frame(Body(3), Body(7, (2.0, 1.0, 0.0))) is not None
+    assert offline.frame(Body(7, seen=False)) is None
+    assert offline.frame(Body(3)) is None, "a body that is not in the frame"
+    assert offline.frame(Body(7, (math.nan, 0.0, 0.0))) is None
+    assert offline.stream.occluded == 3
+    pose = offline.frame(Body(7, (2.0, 1.0, 0.0), tuple(TURNED)))
+    assert pose is not None
+    assert pose.pose == pytest.approx((2.0, 1.0, 2.0), abs=1e-6)
+    assert (pose.arrived_s, pose.taken_s) == pytest.approx((offline.now_s, offline.now_s - LATENCY_S), abs=1e-6)
 
 
 def test_an_object_that_is_renamed_is_noticed() -> None:
-    with Server() as server, opened(server) as source:
-        take(source)
-        server.names = {"cart": 7}
-        server.changed = True
-        with pytest.raises(MocapSourceError, match="no rigid body 'robot'") as caught:
-            take(source, 100_000)
+    offline = Offline()
+    offline.settle()
+    offline.frame(Body(7), changed=True)
+    offline.now_s += 1.0
+    offline.frame(Body(7), changed=True)
+    assert 4 in offline.asked
+    offline.describe({"cart": 7})
+    with pytest.raises(MocapSourceError, match="no rigid body 'robot'") as caught:
+        offline.frame(Body(7))
     assert "cart" in caught.value.hint
 
 
@@ -128,15 +177,43 @@ def test_an_unknown_object_is_named_with_those_there_are() -> None:
         with pytest.raises(MocapSourceError, match="'robt'") as caught:
             take(source)
         assert "robot, wand" in caught.value.hint
+        with pytest.raises(MocapLostError, match="ended"):
+            take(source)
 
 
 def test_axes_with_y_up_are_noticed_as_soon_as_the_robot_has_turned() -> None:
-    with Server() as server, opened(server) as source:
-        take(source)
-        server.bodies = [Body(7, rotation=tuple(Rotation.from_euler("y", 1.0).as_quat()))]
-        with pytest.raises(MocapSourceError, match="lies on its side, 57 degrees") as caught:
-            take(source, 100_000)
-        assert "Up Axis" in caught.value.hint
+    offline = Offline()
+    offline.settle()
+    over = Body(7, rotation=tuple(Rotation.from_euler("y", 1.0).as_quat()))
+    assert [offline.frame(over) for _ in range(90)] == [None] * 90, "it may be carried"
+    assert offline.frame(Body(7)) is not None
+    with pytest.raises(MocapSourceError, match="lies on its side, 57 degrees") as caught:
+        offline.frames(150, over)
+    assert "Up Axis" in caught.value.hint
+
+
+def test_frames_without_times_are_no_stream() -> None:
+    offline = Offline()
+    with pytest.raises(MocapSourceError, match="times in the frames"):
+        offline.frames(400, Body(7), stands=True)
+
+
+def test_a_library_that_fails_is_an_error_of_the_stream() -> None:
+    offline = Offline()
+    offline.settle()
+    offline.stream.on_thread_error(SimpleNamespace(exc_type=ValueError, exc_value=ValueError("a bad\npacket")))
+    with pytest.raises(MocapLostError, match="ValueError: a bad packet"):
+        offline.frame(Body(7))
+    assert offline.frame(Body(7)) is not None, "after that it goes on"
+
+
+def broken() -> NatNetStream:
+    raise RuntimeError("no\nluck")
+
+
+def test_whatever_a_library_raises_reaches_the_program() -> None:
+    with pytest.raises(MocapLostError, match="the library failed: RuntimeError: no luck"):
+        ProcessSource("broken", broken)
 
 
 def test_a_server_that_is_not_there_or_says_nothing_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,8 +227,20 @@ def test_a_server_that_is_not_there_or_says_nothing_is_an_error(monkeypatch: pyt
         server.answers = False
         with pytest.raises(MocapLostError, match="no NatNet stream"):
             stream.connect()
-    with pytest.raises(MocapLostError, match="no NatNet stream"):
-        NatNetStream("no.such.host.invalid", 1510, "robot", library=library).connect()
+    for host in ("no.such.host.invalid", "a..b"):
+        with pytest.raises(MocapLostError, match="no NatNet stream"):
+            NatNetStream(host, 1510, "robot", library=library).connect()
+
+
+def test_an_old_server_is_refused() -> None:
+    with Server((2, 10)) as server, pytest.raises(MocapSourceError, match=r"speaks version 2\.10"):
+        NatNetStream("127.0.0.1", server.port, "robot", library=load_library()).connect()
+
+
+def test_computers_whose_long_has_four_bytes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(struct, "calcsize", lambda kind: 4 if kind == "L" else 8)
+    with pytest.raises(MocapLibraryError, match="misreads the times"):
+        load_library()
 
 
 def test_a_port_is_part_of_the_host(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,7 +264,7 @@ def test_without_the_library_the_error_says_how_to_get_it(monkeypatch: pytest.Mo
     assert "omniwheel[natnet]" in caught.value.hint
 
 
-def suffix(stamp_s: float, ticks: int | None, sent: int | None) -> SimpleNamespace:
+def suffix(stamp_s: float, ticks: int, sent: int) -> SimpleNamespace:
     return SimpleNamespace(timestamp=stamp_s, stamp_camera_mid_exposure=ticks, stamp_transmit=sent)
 
 
@@ -190,13 +279,13 @@ def test_the_length_of_a_tick_is_measured(per_s: int) -> None:
 
 def test_times_that_cannot_be_are_not_believed() -> None:
     ticks = TickLength()
-    assert ticks.latency(suffix(1.0, None, None)) == 0.0, "before NatNet 3"
-    assert ticks.latency(suffix(1.0, 0, 0)) == 0.0
     assert ticks.latency(suffix(1.0, 10**9, 10**9)) is None
     assert ticks.latency(suffix(0.5, 10**8, 10**8)) is None, "a take that begins anew"
     assert ticks.latency(suffix(1.0, 10**8 + 5, 10**8)) is None, "ten ticks a second are no clock"
-    assert ticks.latency(suffix(2.0, 2 * 10**8 + 5, 10**8)) == 0.0, "sent before it was seen"
-    assert ticks.latency(suffix(2.0, 10**8, 10**10)) == 0.0, "99 seconds late"
+    assert ticks.latency(suffix(2.0, 2 * 10**8 + 5, 10**8)) is None, "sent before it was seen"
+    assert ticks.seconds == pytest.approx(1e-8)
+    assert ticks.latency(suffix(2.0, 10**8, 10**10)) is None, "99 seconds late"
+    assert ticks.latency(suffix(2.0, 10**8, 10**8 + 10**6)) == pytest.approx(0.01)
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))

@@ -31,12 +31,12 @@ static inline uint8_t omni_ekf_columns(const omni_pose_ekf_config_t *config, con
 }
 
 /** A tick's noise enters after its motion. In the mean the noise of n ticks sees this share of their motion: (n - 1) /
- * 2n. @param ticks n, 0..OMNI_EKF_SLOT_TICKS */
+ * 2n. @param ticks n; more count as OMNI_EKF_SLOT_TICKS */
 static inline omni_real_t omni_ekf_noise_share(uint32_t ticks) {
     static const omni_real_t shares[OMNI_EKF_SLOT_TICKS + 1] = {0.0f, 0.0f, 0.25f, 1.0f / 3.0f, 0.375f};
     typedef char a_share_for_each_number_of_ticks[OMNI_EKF_SLOT_TICKS == 4 ? 1 : -1];
     (void)sizeof(a_share_for_each_number_of_ticks);
-    return shares[ticks];
+    return shares[ticks < OMNI_EKF_SLOT_TICKS ? ticks : OMNI_EKF_SLOT_TICKS];
 }
 
 /** The open slot gets its gain, and `p` follows the motion up to now. @param slips, columns of the slot's ticks. */
