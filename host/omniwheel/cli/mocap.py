@@ -40,7 +40,9 @@ _SLICE_S = 0.25
 
 SourceOption = Annotated[
     str,
-    typer.Option("--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT, camera:FILE, recorded:FILE or simulated."),
+    typer.Option(
+        "--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT, camera:FILE, recorded:FILE, simulated."
+    ),
 ]
 DurationOption = Annotated[
     float,

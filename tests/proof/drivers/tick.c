@@ -31,7 +31,6 @@ static void make_state(void) {
     robot.estimator.pose_ekf.newest = (uint16_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
     robot.estimator.pose_ekf.filled = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
     robot.estimator.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
-    robot.estimator.pose_ekf.unsettled_ticks = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
     robot.supervisor.state = (omni_safety_state_t)Frama_C_interval(0, OMNI_STATE_COUNT - 1);
     robot.control.tracking = any_bool();
     const int last_tick = config.original.period_ticks - 1;
@@ -69,7 +68,6 @@ static void check_state(void) {
     /*@ check newest: robot.estimator.pose_ekf.newest < OMNI_EKF_HISTORY; */
     /*@ check filled: robot.estimator.pose_ekf.filled < OMNI_EKF_HISTORY; */
     /*@ check slot_tick: robot.estimator.pose_ekf.slot_tick < OMNI_EKF_SLOT_TICKS; */
-    /*@ check unsettled: robot.estimator.pose_ekf.unsettled_ticks < OMNI_EKF_SLOT_TICKS; */
     /*@ check window: robot.control.original.next < OMNI_ORIGINAL_WINDOW; */
     /*@ check original_tick: robot.control.original.tick < config.original.period_ticks; */
     /*@ check robot_state: robot.supervisor.state < OMNI_STATE_COUNT; */

@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "../math/invariant.h"
 #include "pose_ekf_motion.h"
 
 /* A ratio beyond this is no slip any more: the wheel spins or is blocked, and the model says nothing. No gyro that
@@ -73,7 +72,6 @@ void omni_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t 
     if (state->unsettled_ticks == 0) {
         return;
     }
-    OMNI_INVARIANT(state->unsettled_ticks <= OMNI_EKF_SLOT_TICKS);
     if (columns == OMNI_EKF_COLUMNS) {
         omni_ekf_settle_turn(state, config, k, slips);
     } else if (columns == 3) {

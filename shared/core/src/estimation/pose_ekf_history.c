@@ -22,7 +22,7 @@ bool omni_ekf_history_add(omni_pose_ekf_state_t *state, const omni_ekf_motion_t 
     }
     slot->duration_us += motion->duration_us;
     ++state->slot_tick;
-    ++state->unsettled_ticks;
+    state->unsettled_ticks = (uint8_t)(state->unsettled_ticks + 1);
     return state->slot_tick >= OMNI_EKF_SLOT_TICKS || slot->duration_us >= OMNI_EKF_SLOT_US;
 }
 
