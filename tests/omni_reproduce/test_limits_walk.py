@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from omni_reproduce import limits, limits_walk
+from omni_reproduce.experiment import read_spec
 from omni_reproduce.limits_walk import WalkFilter
 from omni_reproduce.posterior_bound import TICK_S, Array
 from omni_reproduce.reachable_filter import Readings, filter_errors, measure, together
@@ -87,7 +88,7 @@ def test_nobody_who_knows_less_is_better_and_the_row_says_so(
 
 
 def test_the_factor_with_the_least_sum_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    driven = limits.drive(limits.read_spec(limits.NAME), "demo", 1)
+    driven = limits.drive(read_spec(limits.NAME), "demo", 1)
     monkeypatch.setattr(limits_walk, "FACTORS", (0.01, 0.4, 100.0))
     assert limits_walk.best_walk(driven)[0] == 0.4
 
