@@ -323,6 +323,16 @@ def test_signals_are_found_and_shown(page: Page) -> None:
     page.get_by_label(f"Remove plot {number}").click()
 
 
+SEND_THE_FIRST_LOAD_LATE = """() => {
+  const send = WebSocket.prototype.send;
+  let held = 0;
+  WebSocket.prototype.send = function (text) {
+    if (text.includes('"load"') && held++ === 0) setTimeout(() => send.call(this, text), 500);
+    else send.call(this, text);
+  };
+}"""
+
+
 def test_parameters_are_saved_and_loaded(page: Page, simulated: Program) -> None:
     page.click("#store")
     until(page, "document.getElementById('notice').textContent.startsWith('Stored')")
@@ -333,11 +343,14 @@ def test_parameters_are_saved_and_loaded(page: Page, simulated: Program) -> None
     assert f"{GAIN} = " in text
     set_gain(page, GAIN, "33")
     until(page, f"document.getElementById('field-{GAIN}').value === '33'")
+    page.evaluate(SEND_THE_FIRST_LOAD_LATE)
     page.set_input_files("#load", {"name": "x.toml", "mimeType": "text/plain", "buffer": text.encode()})
     page.keyboard.press("Tab")
-    until(page, f"document.getElementById('field-{GAIN}').value !== '33'")
     page.set_input_files("#load", {"name": "x.toml", "mimeType": "text/plain", "buffer": b"[parameters]\nNO = 1\n"})
     until(page, "document.getElementById('notice').textContent.includes('NO')")
+    until(page, f"document.getElementById('field-{GAIN}').value !== '33'")
+    page.wait_for_timeout(500)  # the answer to the first, which is no refusal
+    until(page, "document.getElementById('notice').textContent.includes('NO')", wait_s=0.0)
 
 
 def test_a_phone_shows_state_and_stop(simulated: Program, open_page: Opener) -> None:

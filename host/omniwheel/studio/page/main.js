@@ -24,9 +24,14 @@ const WARNING = 4; // severity as in syslog
 let state = null;
 let unfinished = 0; // requests that a lost server has not answered
 
-const say = (words) => put("notice", words);
-const ask = (action, content) => socket.ask(action, content).then(
-  (result) => { say(""); return result; }, (refusal) => say(in_words(refusal)));
+let said = 0; // how often
+const say = (words) => { said += 1; put("notice", words); };
+/** What was said since a request stays: an answer that comes late does not wipe it. */
+const ask = (action, content) => {
+  const before = said;
+  return socket.ask(action, content).then(
+    (result) => { if (said === before) say(""); return result; }, (refusal) => say(in_words(refusal)));
+};
 
 const socket = new Socket({
   open: () => {
