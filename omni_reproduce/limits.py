@@ -191,14 +191,18 @@ def bound_of(driven: Driven) -> Array:
     return rms(variances[driven.on_path])
 
 
+def reached_by_filter(robot: Filter, driven: Driven) -> Array:
+    """Return the errors of a filter of NumPy's on the same paths, as those of the bound."""
+    return rms(filter_errors(robot, driven.readings)[driven.on_path])
+
+
 def bound_and_told(spec: Mapping[str, Any], key: str, paths: int) -> tuple[Array, Array]:
     """Return bound and what the filter that knows reaches, each (position, heading) in mm and mrad, RMS over paths.
 
     Both are for ideal wheels.
     """
     driven = drive(spec, key, paths)
-    robot = Filter(paths, driven.wheels, driven.statistics)
-    return bound_of(driven), rms(filter_errors(robot, driven.readings)[driven.on_path])
+    return bound_of(driven), reached_by_filter(Filter(paths, driven.wheels, driven.statistics), driven)
 
 
 def rms(squares: Array) -> Array:

@@ -19,7 +19,7 @@ from omni_reproduce.experiment import read_spec
 from omni_reproduce.limits_noise import over_bound
 from omni_reproduce.limits_table import print_table
 from omni_reproduce.posterior_bound import STEP_S, Array, Statistics, Wheels
-from omni_reproduce.reachable_filter import Filter, filter_errors
+from omni_reproduce.reachable_filter import Filter
 
 PATHS = 10
 FACTORS = (0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.5, 4.0, 8.0)
@@ -49,14 +49,13 @@ def natural_variance(statistics: Statistics) -> float:
     return 2.0 * statistics.slip_variance / statistics.slip_time_s
 
 
-def best_walk(driven: limits.Driven) -> tuple[float, Array]:
+def best_walk(driven: limits.Driven, bound: Array) -> tuple[float, Array]:
     """Return the factor with the least sum of both errors over the bound, and the errors in mm and mrad."""
-    bound = limits.bound_of(driven)
     tried = {}
     for factor in FACTORS:
         variance = factor * natural_variance(driven.statistics)
         robot = WalkFilter(len(driven.moves), driven.wheels, driven.statistics, variance)
-        tried[factor] = limits.rms(filter_errors(robot, driven.readings)[driven.on_path])
+        tried[factor] = limits.reached_by_filter(robot, driven)
     factor = min(tried, key=lambda factor: float((tried[factor] / bound).sum()))
     return factor, tried[factor]
 
@@ -66,8 +65,8 @@ def line(key: str, seeds: int) -> str:
     spec = read_spec(limits.NAME)
     driven = limits.drive(spec, key, PATHS)
     bound = limits.bound_of(driven)
-    told = limits.rms(filter_errors(Filter(PATHS, driven.wheels, driven.statistics), driven.readings)[driven.on_path])
-    factor, walk = best_walk(driven)
+    told = limits.reached_by_filter(Filter(PATHS, driven.wheels, driven.statistics), driven)
+    factor, walk = best_walk(driven, bound)
     robot = over_bound(key, {}, bound, seeds)
     ratios = [told / bound, walk / bound, robot]
     cells = [f"{ratio[0]:.2f} / {ratio[1]:.2f}" for ratio in ratios]

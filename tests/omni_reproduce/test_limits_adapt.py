@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from omni_reproduce import limits, limits_adapt, limits_noise
+from omni_reproduce import limits, limits_adapt, limits_noise, limits_walk
 from omni_reproduce.posterior_bound import Array
 
 
@@ -46,7 +46,7 @@ def test_each_noise_parameter_has_a_cell(monkeypatch: pytest.MonkeyPatch, capsys
     assert demo.count("1.50 / 1.25") == 1 + len(limits_noise.PARAMETERS)
 
 
-@pytest.mark.parametrize("table", [limits_adapt, limits_noise])
+@pytest.mark.parametrize("table", [limits_adapt, limits_noise, limits_walk])
 @pytest.mark.parametrize(("arguments", "says"), [(["dema"], "demo"), (["demo", "--seeds", "0"], "1 or more")])
 def test_wrong_arguments_are_refused(
     table: Any, arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]

@@ -40,11 +40,3 @@ def test_a_parameter_is_multiplied_in_the_robot() -> None:
     shipped = limits_noise.over_bound("fast", {}, bound, 1)
     assert (limits_noise.over_bound("fast", {"EKF_Q_TH": 1.0}, bound, 1) == shipped).all()
     assert (limits_noise.over_bound("fast", {"EKF_Q_TH": 4.0}, bound, 1) != shipped).all()
-
-
-@pytest.mark.parametrize(("arguments", "says"), [(["dema"], "demo"), (["demo", "--seeds", "0"], "1 or more")])
-def test_wrong_arguments_are_refused(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as refused:
-        limits_noise.main(arguments)
-    assert refused.value.code == 2
-    assert says in capsys.readouterr().err

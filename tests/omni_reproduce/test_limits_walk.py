@@ -90,12 +90,4 @@ def test_nobody_who_knows_less_is_better_and_the_row_says_so(
 def test_the_factor_with_the_least_sum_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     driven = limits.drive(read_spec(limits.NAME), "demo", 1)
     monkeypatch.setattr(limits_walk, "FACTORS", (0.01, 0.4, 100.0))
-    assert limits_walk.best_walk(driven)[0] == 0.4
-
-
-@pytest.mark.parametrize(("arguments", "says"), [(["dema"], "demo"), (["demo", "--seeds", "0"], "1 or more")])
-def test_wrong_arguments_are_refused(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as refused:
-        limits_walk.main(arguments)
-    assert refused.value.code == 2
-    assert says in capsys.readouterr().err
+    assert limits_walk.best_walk(driven, limits.bound_of(driven))[0] == 0.4
