@@ -31,16 +31,26 @@ def settle(ekf: Any) -> None:
     lib.omni_pose_ekf_settle(ekf.s, ekf.config, ekf.k)
 
 
+def both(ekf: Ekf, exact: Any, motion: Array, step_us: int = 1000) -> Iterator[int]:
+    """Drive the core's filter and the exact one, and yield each tick after it.
+
+    From the second tick on a slip ratio is known better than p_slip, so its noise counts.
+    """
+    for tick, turned in enumerate(motion):
+        exact.noise = reference.Noise() if tick > 0 else reference.Noise(q_slip=0.0)
+        ekf.time_us += step_us - 1000
+        ekf.predict(turned)
+        exact.predict(turned)
+        ekf.config.p_slip = 0.25
+        yield tick
+
+
 @MODES
 def test_after_any_tick_it_is_what_following_each_tick_gives(wheels: int, mode: int) -> None:
     """A fast robot that turns and changes its speed within a slot, so that no tick of it is like the next."""
     ekf = Ekf(wheels, mode, r_null=0.0)
     exact = make_reference(ekf)
-    for tick, turned in enumerate(drive(wheels, 400, 5, speed=30.0)):
-        exact.noise = reference.Noise() if tick > 0 else reference.Noise(q_slip=0.0)
-        ekf.predict(turned)
-        exact.predict(turned)
-        ekf.config.p_slip = 0.25  # from the second tick on a ratio is known better than that, so its noise counts
+    for tick in both(ekf, exact, drive(wheels, 400, 5, speed=30.0)):
         compare(ekf.p, exact.p, relative=5e-5)  # 400 ticks, each rounded to 6e-8
         assert ekf.s.unsettled_ticks == (tick + 1) % 4, "a tick alone leaves it until the slot ends"
 
@@ -159,14 +169,8 @@ def test_long_steps_are_slots_of_their_own(wheels: int, mode: int, step_us: int)
     step_s = step_us * 1e-6
     ekf = Ekf(wheels, mode, r_null=0.0, step_s=step_s)
     exact = make_reference(ekf)
-    for tick, turned in enumerate(step_us / 1000 * drive(wheels, 300, 5, speed=10.0)):
-        exact.noise = reference.Noise() if tick > 0 else reference.Noise(q_slip=0.0)
-        ekf.time_us += step_us
-        for i in range(wheels):
-            ekf.turned[i] = turned[i]
-        lib.omni_pose_ekf_predict(ekf.s, ekf.config, ekf.k, ekf.turned, ekf.time_us)
-        exact.predict(turned)
-        ekf.config.p_slip = 0.25
+    for _ in both(ekf, exact, step_us / 1000 * drive(wheels, 300, 5, speed=10.0), step_us):
+        pass
     compare(ekf.p, exact.p, relative=3e-4)
 
 
@@ -176,15 +180,10 @@ def test_fixes_at_every_phase_of_a_slot(wheels: int, mode: int, every: int) -> N
     rng = np.random.default_rng(2)
     ekf = Ekf(wheels, mode, r_null=0.0)
     exact = make_reference(ekf)
-    for tick, turned in enumerate(drive(wheels, 600, 5, speed=10.0)):
-        exact.noise = reference.Noise() if tick > 0 else reference.Noise(q_slip=0.0)
-        ekf.predict(turned)
-        exact.predict(turned)
-        ekf.config.p_slip = 0.25
+    for tick in both(ekf, exact, drive(wheels, 600, 5, speed=10.0)):
         if tick % every == 0 and tick > 0:
             fix = (exact.x[:3] + rng.normal(0.0, 0.005, 3)).astype(np.float32).astype(float)
             assert ekf.correct(fix) == lib.OMNI_OK
-            exact.noise = reference.Noise()
             exact.update(fix)
             compare(ekf.p, exact.p, relative=1e-4)
     assert np.abs(ekf.x - exact.x).max() < 1e-3 * np.sqrt(np.diag(exact.p)).max()
