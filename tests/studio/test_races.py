@@ -6,6 +6,8 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,8 +20,9 @@ from starlette.websockets import WebSocketState
 from omniwheel.studio.access import Access
 from omniwheel.studio.server import StudioServer
 from omniwheel.studio.session import Session
+from omniwheel.studio.studio import Page as StudioPage
 from omniwheel.studio.studio import Studio
-from tests.studio.parts import Opener, Program, studio, until
+from tests.studio.parts import Opener, Program, running, studio, until
 
 PLOTS = """
 const { Plots } = await import("/page/plots.js");
@@ -277,6 +280,16 @@ def test_a_signal_too_many_is_refused_in_words(page: Page) -> None:
 # ---- the server's side
 
 
+def told(studio_: Studio, page: StudioPage) -> dict[str, Any]:
+    """Return the first news with tables."""
+    for _ in range(600):
+        found = studio_.news(page)
+        if "tables" in found:
+            return found
+        time.sleep(0.1)
+    raise AssertionError("no tables")
+
+
 class Leaving(Session):
     """A session whose robot goes while a page is told of it."""
 
@@ -303,12 +316,41 @@ class Robot:
 def test_a_robot_that_goes_while_a_page_is_told_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     studio_ = Studio(tmp_path)
     studio_.session = session = Leaving("silent")
-    session.edits = object()  # type: ignore[assignment]
+    session.phase = "connected"
     page = studio_.open_page()
     page.session = session
     monkeypatch.setattr(studio_, "state", lambda page: {})
     assert studio_.news(page)["parameters"] == {"WHEELS": 3.0}
     studio_.session = None
+    studio_.close()
+
+
+def test_a_page_gets_a_robots_tables_once_and_only_when_values_can_be_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fields that come before the robot takes values would lose what is typed into them meanwhile."""
+    reached, go_on = threading.Event(), threading.Event()
+
+    def held(_robot: object, _rate_hz: object) -> None:
+        reached.set()
+        go_on.wait(60.0)
+
+    monkeypatch.setattr("omniwheel.studio.session.set_rate", held)
+    link = str(tmp_path / "robot")
+    studio_ = Studio(tmp_path)
+    page = studio_.open_page()
+    with running("sitl", "--link", f"pty:{link}", "--storage", str(tmp_path / "storage")):
+        studio_.session = session = Session(link)
+        session.start()
+        assert reached.wait(60.0)
+        assert session.edits is not None, "all that the tables need is known"
+        assert "tables" not in studio_.news(page)
+        go_on.set()
+        found = told(studio_, page)
+        assert found["tables"]["again"] is False
+        assert found["parameters"]["ISMC_LAM_XY"] > 0.0
+        assert "tables" not in studio_.news(page)
+        assert session.do(lambda robot: robot.parameters["ISMC_LAM_XY"]).result(60.0) > 0.0
     studio_.close()
 
 

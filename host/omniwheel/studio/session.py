@@ -240,7 +240,7 @@ class Session:
             if rate_hz is not None:
                 set_rate(robot, rate_hz)
             self.connections += 1
-            self.phase, self.trouble = "connected", link.notice
+            self.trouble, self.phase = link.notice, "connected"  # last: from here on, pages are told of this robot
             counted_s, counted = time.monotonic(), robot.connection.rx_bytes
             self.quality = quality = LinkQuality(robot)
             silence = _Silence()

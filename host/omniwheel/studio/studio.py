@@ -298,8 +298,8 @@ class Studio:
         if state != page.state:
             page.state = found["state"] = state
         robot = None if session is None else session.robot  # once: its own thread lets go of it
-        if session is None or session.edits is None or robot is None:
-            return found
+        if session is None or robot is None or session.phase != "connected":
+            return found  # a page shows nothing to set before it can be set
         if page.session is not session or page.connection != session.connections:
             again = page.session is session
             page.session, page.connection = session, session.connections
