@@ -24,7 +24,7 @@ import omniwheel
 from hil_sim import core
 from hil_sim.external import ExternalWorld, OutsideWorld, outside_world
 from hil_sim.image_firmware import ImageFirmware
-from hil_sim.lockstep import CHILD_TICK_TIMEOUT_S, ROBOT_TICK_TIMEOUT_S, LockstepLink, Served
+from hil_sim.lockstep import CHILD_TICK_TIMEOUT_S, MEASURED, ROBOT_TICK_TIMEOUT_S, LockstepLink, Served, Waiting
 from hil_sim.runs import Run, finish, new_world
 from hil_sim.scenario import Event, Scenario
 from hil_sim.summary import TLOG_FILE
@@ -90,16 +90,16 @@ class HilLoop:
         base: FileLink,
         world: World | None = None,
         *,
-        asleep: bool = False,
+        waiting: Waiting = MEASURED,
         timeout_s: float = CHILD_TICK_TIMEOUT_S,
     ) -> None:
         """``world`` goes on where an earlier loop left it; without it, the scenario's starts.
 
-        ``asleep`` and ``timeout_s`` as of :class:`~hil_sim.lockstep.LockstepLink`.
+        ``waiting`` and ``timeout_s`` as of :class:`~hil_sim.lockstep.LockstepLink`.
         """
         self._table = scenario.robot.table
         self.values = scenario.parameter_values()
-        self.link = LockstepLink(base, world or new_world(scenario), asleep=asleep, timeout_s=timeout_s)
+        self.link = LockstepLink(base, world or new_world(scenario), waiting=waiting, timeout_s=timeout_s)
         self.measured: list[Status] = []
         connection = Connection(self.link, clock=self.link.clock_s)
         connection.target_system = int(self.values["SYS_ID"])
@@ -224,7 +224,7 @@ def run_hil(
     out_dir: Path | None = None,
     progress: Progress | None = None,
     emulated: bool = False,
-    asleep: bool = False,
+    waiting: Waiting = MEASURED,
     image: Path | None = None,
     world: ExternalWorld | None = None,
 ) -> Run:
@@ -233,9 +233,9 @@ def run_hil(
     With ``image`` it is the image for a Teensy in that file, on an emulated one, over its USB port.
 
     With ``out_dir``, the telemetry log is written there. A robot behind a link gets the scenario's parameters for the
-    run and its own ones back afterwards; nothing is stored on it. ``asleep``: this end and a firmware process of its
-    own wait for each other without looking (:class:`LockstepLink`), for comparison. ``world`` takes the place of the
-    simulated one; it is released at the end of the run, its motors coasting.
+    run and its own ones back afterwards; nothing is stored on it. ``waiting`` as of :class:`LockstepLink`, for
+    comparison. ``world`` takes the place of the simulated one; it is released at the end of the run, its motors
+    coasting.
 
     Raises RunError before anything is changed on a firmware that was started in lockstep. Whatever ends the run, a
     robot behind a link is disarmed and out of host-in-the-loop then. AfterRunError holds a run that was good to its
@@ -246,7 +246,7 @@ def run_hil(
     run: Run | None = None
     try:
         with _closed_loop(
-            scenario, link, out_dir, emulated=emulated, asleep=asleep, image=image, world=outside
+            scenario, link, out_dir, emulated=emulated, waiting=waiting, image=image, world=outside
         ) as loop:
             run = _run(scenario, loop, progress)
     except OmniError as error:
@@ -263,7 +263,7 @@ def _closed_loop(
     out_dir: Path | None,
     *,
     emulated: bool,
-    asleep: bool,
+    waiting: Waiting,
     image: Path | None,
     world: OutsideWorld | None,
 ) -> Iterator[HilLoop]:
@@ -275,9 +275,9 @@ def _closed_loop(
             firmware = ImageFirmware(image, scenario.robot.source, lockstep=True, scenario=AT_REST)
             link = stack.enter_context(firmware).urls[0]
         base = stack.enter_context(
-            _own_firmware(scenario, emulated, asleep) if link is None else _linked_firmware(scenario, link)
+            _own_firmware(scenario, emulated) if link is None else _linked_firmware(scenario, link)
         )
-        loop = HilLoop(scenario, base, world, asleep=asleep, timeout_s=timeout_s)
+        loop = HilLoop(scenario, base, world, waiting=waiting, timeout_s=timeout_s)
         if out_dir is not None:
             log = TlogWriter(out_dir / TLOG_FILE, lambda: EPOCH_US + round(loop.link.clock_s() * 1e6))
             loop.log_to(stack.enter_context(log))
@@ -306,12 +306,12 @@ def _tick_times(statuses: list[Status]) -> dict[str, float]:
 
 
 @contextmanager
-def _own_firmware(scenario: Scenario, emulated: bool, asleep: bool) -> Iterator[FileLink]:
+def _own_firmware(scenario: Scenario, emulated: bool) -> Iterator[FileLink]:
     values = scenario.parameter_values()
     own: FirmwareChild = (
         EmulatedFirmware(parameters=values, links=[DIRECT], lockstep=True)
         if emulated
-        else FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True, asleep=asleep)
+        else FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True)
     )
     with own as firmware:
         base = firmware.open_link()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,10 @@ ROBOT_TICK_TIMEOUT_S = 5.0
 PATIENCE_S = 60.0
 """Simulated time after which whoever still talks over a :class:`SteppedLink` gets Ctrl-C, unless told otherwise."""
 LOG_BYTES = 8 * lib.HIL_LOCKSTEP_RX
+Waiting = Literal["looking", "asleep", "measured"]
+LOOKING: Waiting = "looking"
+ASLEEP: Waiting = "asleep"
+MEASURED: Waiting = "measured"
 _WHY_OUTSIDE = (
     "another program took it out, or a stop came while this computer was late by a second; release the emergency stop "
     "if there was one, and start again"
@@ -53,8 +57,10 @@ class LockstepLink:
     """The link to a robot in host-in-the-loop, with the world that its sensors and motors are in.
 
     ``timeout_s`` is the wall time the robot has for one tick, ``realtime_factor`` 0 runs as fast as it goes, 1 in
-    real time. While the world's fault link_silence is active, what is written gets lost. An answer is looked for a
-    moment before the process goes to sleep over it. It sleeps at once if it is to be ``asleep`` or runs in real time.
+    real time. While the world's fault link_silence is active, what is written gets lost.
+
+    ``waiting`` says how both ends wait for each other. They sleep at once (ASLEEP), or after LOOKING for a moment.
+    Or they take what is MEASURED to be faster while they run. In real time they sleep.
     """
 
     def __init__(
@@ -64,7 +70,7 @@ class LockstepLink:
         *,
         timeout_s: float = CHILD_TICK_TIMEOUT_S,
         realtime_factor: float = 0.0,
-        asleep: bool = False,
+        waiting: Waiting = MEASURED,
     ) -> None:
         self.url = base.url
         self._base = base
@@ -79,7 +85,8 @@ class LockstepLink:
         self._lockstep.send_fixes = True
         self._lockstep.timeout_s = timeout_s
         self._lockstep.realtime_factor = realtime_factor
-        lib.omni_patience_init(ffi.addressof(self._lockstep, "patience"), not asleep)
+        lib.hil_waiting_init(ffi.addressof(self._lockstep, "waiting"), waiting != ASLEEP)
+        self._lockstep.waiting.may_change = waiting == MEASURED
 
     @property
     def ticks(self) -> int:

@@ -12,6 +12,7 @@ from importlib.util import find_spec
 
 from hil_sim.batch import run_batch
 from hil_sim.hil import run_hil
+from hil_sim.lockstep import ASLEEP
 from hil_sim.runs import Run, run_in_process
 from hil_sim.scenario import Scenario, load_scenario
 from omniwheel._core import lib
@@ -63,7 +64,7 @@ def loops(seconds: float, seed: int = 1, *, compared: bool = False, name: str = 
     found = {"hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario)))}
     if compared:
         words = "the same, both ends asleep while they wait"
-        found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, asleep=True)))
+        found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, waiting=ASLEEP)))
     if name == SCENARIO and find_spec("mujoco") is not None:
         found["mujoco"] = Loop("firmware process and MuJoCo's world", 10.0, lambda: _of(_with_mujoco(scenario)))
     if _has_emulator():

@@ -47,6 +47,8 @@ public:
     bool reboot_wanted() const { return robot_.reboot(); }
     /// The host is in the loop and has sent sensors: the next ones are due as soon as it has had this tick's answer.
     bool hosted() const { return robot_.hil() && hil_.heard(); }
+    /// It waits for that answer asleep.
+    bool host_sleeps() const { return hil_.host_sleeps(); }
 
 private:
     /// Who runs the control loop: the timer's tick, or (once it has let go) the background with the host in the loop.

@@ -73,6 +73,7 @@ void Hil::restart() {
     output_enable.set(false);
     heard_ = false;
     button_open_ = false;
+    host_sleeps_ = false;
 }
 
 void Hil::take(const Frame &frame, TickSensors *sensors) {
@@ -80,6 +81,7 @@ void Hil::take(const Frame &frame, TickSensors *sensors) {
     sequence_ = message.sequence;
     heard_ = true;
     button_open_ = message.stop_button != 0;
+    host_sleeps_ = message.host_sleeps != 0;
     sensors->time_us = message.time_us;
     sensors->from_message(message);
     bus.answer(message.i2c_status, message.i2c_read);

@@ -80,12 +80,15 @@ public:
     bool heard() const { return heard_; }
     /// The simulated robot's stop button, of the latest sensors.
     bool button_open() const { return button_open_; }
+    /// The host waits for the answer to these sensors asleep.
+    bool host_sleeps() const { return host_sleeps_; }
 
 private:
     void tell_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const;
 
     bool heard_ = false;
     bool button_open_ = false;
+    bool host_sleeps_ = false;
     uint32_t sequence_ = 0;
 };
 

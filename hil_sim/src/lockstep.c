@@ -34,7 +34,7 @@ void hil_lockstep_init(hil_lockstep_t *link, int32_t fd, uint8_t system_id, uint
     link->component_id = component_id;
     link->send_fixes = true;
     link->timeout_s = 5.0;
-    omni_patience_init(&link->patience, true);
+    hil_waiting_init(&link->waiting, true);
 }
 
 /* ------------------------------------------------------------------ sending */
@@ -48,13 +48,19 @@ static uint32_t fix_frame(hil_lockstep_t *link, mavlink_status_t *status, const 
     return mavlink_msg_to_send_buffer(bytes, &frame);
 }
 
+/* What is paced in real time has the time to sleep. */
+static bool sleeps(const hil_lockstep_t *link) {
+    return link->realtime_factor > 0.0 || !hil_waiting_looks(&link->waiting);
+}
+
 static uint32_t sensors_frame(hil_lockstep_t *link, mavlink_status_t *status, const hil_sensors_t *sensors,
                               uint8_t *bytes) {
     mavlink_omni_hil_sensors_t message = {.time_us = sensors->time_us,
                                           .sequence = link->sequence,
                                           .i2c_status = sensors->i2c_status,
                                           .i2c_read_length = sensors->i2c_read_length,
-                                          .stop_button = sensors->stop_button};
+                                          .stop_button = sensors->stop_button,
+                                          .host_sleeps = sleeps(link) ? 1 : 0};
     fill_readings(&message, sensors);
     memcpy(message.i2c_read, sensors->i2c_read, sizeof message.i2c_read);
     mavlink_message_t frame;
@@ -177,7 +183,7 @@ static void drop_false_start(hil_lockstep_t *link, answer_t *answer) {
 static hil_result_t read_some(hil_lockstep_t *link, int64_t deadline_us) {
     uint32_t got = 0;
     const uint32_t room = HIL_LOCKSTEP_INPUT - link->input_length;
-    omni_patience_t *patience = link->realtime_factor > 0.0 ? NULL : &link->patience;
+    omni_patience_t *patience = link->realtime_factor > 0.0 ? NULL : &link->waiting.patience;
     const hil_result_t result =
         hil_wire_read(link->fd, patience, link->input + link->input_length, room, deadline_us, &got);
     link->input_length += got;
@@ -301,7 +307,11 @@ static hil_result_t ask(hil_lockstep_t *link, hil_world_t *world) {
     pace(link, world);
     hil_world_sense(world, &sensors);
     link->outside = 0;
-    link->deadline_us = hil_wire_now_us() + (int64_t)(link->timeout_s * 1e6);
+    const int64_t now_us = hil_wire_now_us();
+    if (link->realtime_factor <= 0.0) {
+        hil_waiting_turn(&link->waiting, now_us);
+    }
+    link->deadline_us = now_us + (int64_t)(link->timeout_s * 1e6);
     const hil_result_t result = send_sensors(link, &sensors, link->deadline_us);
     link->sequence += result == HIL_OK ? 0u : 1u; /* what was half sent is not sent again */
     return result;

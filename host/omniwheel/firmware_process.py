@@ -23,7 +23,6 @@ class FirmwareProcess(FirmwareChild):
     ``robot`` is a packaged name or a path, and ``parameters`` are set over it. ``links`` are the firmware's own link
     specifications (``tcp:127.0.0.1:0`` picks a free port, ``pty`` a pseudo-terminal). ``storage`` is the file of its
     non-volatile memory (None: it forgets). With ``lockstep`` it ticks only on OMNI_HIL_SENSORS from the start.
-    It looks for them for a moment before it goes to sleep over them, unless it is to be ``asleep``.
     ``radio`` is the number of the link that is a radio, as slow as LINK2_BAUD, from 1; 0: none (None: the second,
     unlimited).
     Raises RobotFileError, FirmwareNotFoundError, FirmwareStartError.
@@ -35,7 +34,6 @@ class FirmwareProcess(FirmwareChild):
         *,
         links: Sequence[str] = ("tcp:127.0.0.1:0",),
         lockstep: bool = False,
-        asleep: bool = False,
         storage: Path | str | None = None,
         parameters: Mapping[str, ParameterValue] | None = None,
         program: Path | str | None = None,
@@ -44,7 +42,6 @@ class FirmwareProcess(FirmwareChild):
         super().__init__(robot, parameters)
         self._options = _options(links, storage)
         self._options += ["--lockstep"] if lockstep else []
-        self._options += ["--asleep"] if asleep else []
         if radio is not None:
             self._options += ["--radio", str(radio)]
         self._program = Path(program) if program is not None else _program()

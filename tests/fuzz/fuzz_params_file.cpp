@@ -51,8 +51,9 @@ std::string text_of(Script &script) {
 }
 
 constexpr const char *words[] = {
-    "--robot",   "four_wheel", "three_wheel_pins", "--lockstep", "--asleep", "--link", "udp:127.0.0.1:1",
-    "--storage", "/dev/null",  "--params",         "--radio",    "0",        "4",      "9"};
+    "--robot",   "four_wheel", "three_wheel_pins", "--lockstep", "--link", "udp:127.0.0.1:1",
+    "--storage", "/dev/null",  "--params",         "--radio",    "0",      "4",
+    "9"};
 
 /// Mostly nothing more, sometimes a few words that may be options and their values.
 std::vector<std::string> words_of(Script &script) {

@@ -76,7 +76,7 @@ class Bench:
         self.ours, self.theirs = socket.socketpair()
         self.link: Any = ffi.new("hil_lockstep_t *")
         lib.hil_lockstep_init(self.link, self.ours.fileno(), 255, 190)
-        lib.omni_patience_init(ffi.addressof(self.link, "patience"), looks)
+        lib.hil_waiting_init(ffi.addressof(self.link, "waiting"), looks)
         self.link.timeout_s = 20.0
         self.done = ffi.new("uint64_t *")
         self.robots: list[EchoRobot] = []

@@ -17,6 +17,7 @@ import pytest
 
 import omniwheel
 from hil_sim.hil import HilLoop, run_hil
+from hil_sim.lockstep import ASLEEP, LOOKING, MEASURED, Waiting
 from hil_sim.record import Record
 from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
@@ -140,23 +141,23 @@ def test_real_time_is_slept_through(dialect: ModuleType, make_world: Any) -> Non
     with echo(dialect, True) as bench:
         bench.link.realtime_factor = 5.0
         assert bench.run(make_world(), 30) == lib.HIL_OK
-        p = bench.link.patience
+        p = bench.link.waiting.patience
         assert (p.looked, p.in_vain, p.slept) == (0, 0, 0)
         bench.link.realtime_factor = 0.0
         assert bench.run(make_world(), 30) == lib.HIL_OK
         assert p.looked + p.in_vain + p.slept > 0
 
 
-def logged(folder: Path, *, asleep: bool) -> tuple[bytes, bytes]:
+def logged(folder: Path, waiting: Waiting) -> tuple[bytes, bytes]:
     folder.mkdir()
-    run = run_hil(replace(load_scenario("demo"), duration_s=1.5), out_dir=folder, asleep=asleep)
+    run = run_hil(replace(load_scenario("demo"), duration_s=1.5), out_dir=folder, waiting=waiting)
     return (folder / "telemetry.tlog").read_bytes(), run.record.tobytes()
 
 
 def test_the_firmware_says_the_same_looking_or_asleep_and_on_one_processor(tmp_path: Path) -> None:
-    results = [logged(tmp_path / "looks", asleep=False), logged(tmp_path / "asleep", asleep=True)]
+    results = [logged(tmp_path / waiting, waiting) for waiting in (LOOKING, ASLEEP, MEASURED)]
     if hasattr(os, "sched_setaffinity"):
-        on_one_processor(lambda: results.append(logged(tmp_path / "one", asleep=False)))
+        on_one_processor(lambda: results.append(logged(tmp_path / "one", MEASURED)))
     assert len(results) > 1
     assert len(set(results)) == 1
 
@@ -188,3 +189,34 @@ def test_firmware_that_has_nothing_to_do_sleeps(paced: bool, lockstep: bool) -> 
             assert used_s(firmware.pid) - begin_s < 0.5 * (time.monotonic() - begin_wall_s)
         finally:
             base.close()
+
+
+def busy_share(firmware: FirmwareProcess, dialect: ModuleType, *, host_sleeps: int, ticks: int = 2000) -> float:
+    """Let a host ask 0.1 ms after each answer; return the share of the time in which the firmware used a processor."""
+    mav = dialect.MAVLink(None, srcSystem=254, srcComponent=1)
+    zeros = [[0] * 4, 12.0, 0, 0, 0, [0] * 8, 0, [0.0] * 3, 0, [0.0] * 3, 0]
+    sensors = dialect.MAVLink_omni_hil_sensors_message
+    frames = [sensors(1000 * n, n, *zeros, host_sleeps).pack(mav) for n in range(1, ticks + 1)]
+    answer_id = dialect.MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS.to_bytes(3, "little")
+    base = firmware.open_link()
+    begin_s = begin_wall_s = 0.0
+    try:
+        for number, frame in enumerate(frames):
+            if number == 100:  # the first ones are told before it obeys
+                begin_s, begin_wall_s = used_s(firmware.pid), time.monotonic()
+            base.write(frame)
+            while answer_id not in base.read(10.0):
+                pass
+            ready_s = time.monotonic() + 100e-6
+            while time.monotonic() < ready_s:
+                pass
+        return (used_s(firmware.pid) - begin_s) / (time.monotonic() - begin_wall_s)
+    finally:
+        base.close()
+
+
+@many_processors
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="needs Linux's /proc")
+def test_firmware_sleeps_if_its_host_says_that_it_does(dialect: ModuleType) -> None:
+    with FirmwareProcess(lockstep=True) as firmware:
+        assert busy_share(firmware, dialect, host_sleeps=1) < 0.5

@@ -57,6 +57,7 @@ private:
     void wait(int timeout_ms);
     uint64_t received() const;
     bool look_for_host();
+    void obey_host();
     void await_host(int timeout_ms);
     void run_due_ticks();
 
@@ -74,6 +75,7 @@ private:
     Board board_;
     std::optional<App> app_;
     omni_patience_t patience_{};
+    bool sleeps_ = false;
     uint32_t waits_ = 0;
     uint64_t boot_ns_ = 0;
     uint64_t ticked_us_ = 0;
@@ -210,10 +212,19 @@ bool Process::look_for_host() {
     return received() != before;
 }
 
+/// The host measures which way of waiting is faster for both. Each change begins without experience.
+void Process::obey_host() {
+    if (app_->host_sleeps() != sleeps_) {
+        sleeps_ = !sleeps_;
+        omni_patience_init(&patience_, !sleeps_);
+    }
+}
+
 void Process::await_host(int timeout_ms) {
     if (++waits_ % waits_per_service == 0) {
         wait(0);
     }
+    obey_host();
     const bool looks = omni_patience_looks(&patience_);
     const uint64_t begin_ns = clock_.stopwatch_ns();
     const bool served = looks && look_for_host();
@@ -240,7 +251,7 @@ void Process::run_due_ticks() {
 }
 
 int Process::run() {
-    omni_patience_init(&patience_, !options_.asleep);
+    omni_patience_init(&patience_, true);
     start_app();
     while (stop_wanted == 0) {
         if (options_.lockstep) {

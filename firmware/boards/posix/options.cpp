@@ -7,7 +7,7 @@ namespace omni {
 namespace {
 
 constexpr const char *help =
-    "usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep [--asleep]]\n"
+    "usage: omni-firmware [--robot NAME | --params FILE] [--link LINK]... [--storage FILE] [--lockstep]\n"
     "                     [--end-with-stdin]\n"
     "\n"
     "The robot's firmware as a process of this computer.\n"
@@ -24,8 +24,6 @@ constexpr const char *help =
     "(only\n"
     "                   link 2); 0: no link is (default: 2, as fast as it goes)\n"
     "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
-    "  --asleep         wait for them asleep only; else it looks for them for a moment first, if it has a second "
-    "processor\n"
     "  --end-with-stdin end when standard input does: with a pipe there, with the program that started it, even if "
     "that\n"
     "                   one is killed\n"
@@ -56,8 +54,7 @@ bool use_radio(const char *number, Options *options) {
     return true;
 }
 
-constexpr OptionRow<Options> rows[] = {{"--asleep", &Options::asleep, nullptr},
-                                       {"--end-with-stdin", &Options::end_with_stdin, nullptr},
+constexpr OptionRow<Options> rows[] = {{"--end-with-stdin", &Options::end_with_stdin, nullptr},
                                        {"--link", nullptr, add_link},
                                        {"--radio", nullptr, use_radio}};
 

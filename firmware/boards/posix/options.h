@@ -12,7 +12,6 @@ namespace omni {
 struct Options : CommonOptions {
     const char *links[Board::max_ports] = {};
     size_t link_count = 0;
-    bool asleep = false;         ///< in lockstep: it does not look for the next sensors before it sleeps
     bool end_with_stdin = false; ///< end with whoever holds the other end of the pipe
     uint8_t radios = 0b10;       ///< a bit per link
     bool radio_line = false;     ///< the radio was asked for: its line has a baud rate

@@ -20,6 +20,7 @@
 #include "hil_sim/schema.h"
 #include "hil_sim/spread.h"
 #include "hil_sim/timeline.h"
+#include "hil_sim/waiting.h"
 #include "hil_sim/world.h"
 
 #endif

@@ -8,10 +8,10 @@
 #define HIL_SIM_RUNNER_H
 
 #include "hil_sim/milestones.h"
+#include "hil_sim/waiting.h"
 #include "hil_sim/world.h"
 #include "omni/direct_torque.h"
 #include "omni/robot.h"
-#include "omni_link/patience.h"
 
 /** One row of a run's record. Arrays per wheel have HIL_MAX_WHEELS entries. */
 typedef struct hil_sample_t {
@@ -82,10 +82,9 @@ typedef struct hil_lockstep_t {
     int32_t fd;        /**< open, connected; stays the caller's */
     uint8_t system_id; /**< of this end */
     uint8_t component_id;
-    uint32_t sequence; /**< of the next tick; own */
-    uint64_t ticks;    /**< run so far, the simulated clock; own */
-    omni_patience_t
-        patience; /**< how answers are waited for: looks = false is always asleep, as is a run with a realtime_factor */
+    uint32_t sequence;           /**< of the next tick; own */
+    uint64_t ticks;              /**< run so far, the simulated clock; own */
+    hil_waiting_t waiting;       /**< how answers are waited for; a run with a realtime_factor sleeps */
     bool send_fixes;             /**< pose fixes go out as VICON_POSITION_ESTIMATE */
     double timeout_s;            /**< wall time to wait for an answer */
     double realtime_factor;      /**< 0: as fast as it goes; 1: real time */
