@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "divergence.h"
-#include "runs.h"
+#include "processor.h"
 
 enum {
     STRIDE = 100,     /* ticks from one checkpoint to the next */
@@ -40,7 +40,7 @@ static size_t aligned(size_t bytes) {
 }
 
 static bool open_lanes(lanes_t *lanes) {
-    const hil_lanes_runs_t *how = level == HIL_LANES_BEST ? hil_lanes_runs() : &hil_lanes_runs_baseline;
+    const hil_lanes_runs_t *how = hil_lanes_runs(level);
     const size_t size[5] = {how->world_bytes, how->metrics_bytes, how->core->robot_bytes, how->core->inputs_bytes,
                             how->core->outputs_bytes};
     void **part[5] = {&lanes->live.world, &lanes->live.metrics, &lanes->live.robot, &lanes->live.inputs,

@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-enum { HIL_LANES_ALIGNMENT = 32 };
+enum { HIL_LANES_ALIGNMENT = 64 };
 
 typedef struct hil_lanes_core_t {
     size_t robot_bytes;
@@ -39,10 +39,8 @@ typedef struct hil_lanes_core_t {
 extern const hil_lanes_core_t hil_lanes_core_baseline;
 #ifdef __x86_64__
 extern const hil_lanes_core_t hil_lanes_core_avx2;
+extern const hil_lanes_core_t hil_lanes_core_avx512_eight;
 #endif
-
-/** The best that this processor can do. */
-const hil_lanes_core_t *hil_lanes_core(void);
 
 #ifdef __cplusplus
 }

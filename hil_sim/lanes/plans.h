@@ -17,7 +17,7 @@ extern "C" {
 enum { HIL_LANES_PLAN_BYTES = 6144 };
 
 typedef struct hil_lanes_plans_t {
-    __attribute__((aligned(32))) char lanes[HIL_LANES_PLAN_BYTES]; /**< omni_trajectory_t in lanes */
+    __attribute__((aligned(64))) char lanes[HIL_LANES_PLAN_BYTES]; /**< omni_trajectory_t in lanes */
     const void *plan[HIL_LANES];                                   /**< omni_trajectory_t of each run */
     uint8_t same[HIL_LANES];                                       /**< first run with the same plan */
     uint8_t path[HIL_LANES]; /**< first run whose plan differs at most in the way to the path's start */

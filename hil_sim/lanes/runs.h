@@ -32,10 +32,8 @@ typedef struct hil_lanes_runs_t {
 extern const hil_lanes_runs_t hil_lanes_runs_baseline;
 #ifdef __x86_64__
 extern const hil_lanes_runs_t hil_lanes_runs_avx2;
+extern const hil_lanes_runs_t hil_lanes_runs_avx512_eight;
 #endif
-
-/** The best that this processor can do. */
-const hil_lanes_runs_t *hil_lanes_runs(void);
 
 #ifdef __cplusplus
 }

@@ -22,12 +22,15 @@
 #ifndef OMNI_LANES_LEVEL
 #define OMNI_LANES_LEVEL baseline
 #endif
+#if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__AVX512BW__) && defined(__AVX512VL__)
+#define LANES_AVX512
+#endif
 #define LANES_INLINE inline __attribute__((always_inline))
 
 namespace lanes {
 inline namespace OMNI_LANES_LEVEL {
 
-#if defined(LANES_SIXTEEN)
+#if defined(LANES_AVX512)
 constexpr int native_bytes = 64;
 #elif defined(__AVX2__)
 constexpr int native_bytes = 32;
@@ -175,7 +178,7 @@ LANES_INLINE vectors<T, N> square_root(vectors<T, N> a) {
             return {reinterpret_cast<native>(_mm_sqrt_pd(reinterpret_cast<__m128d>(a.v)))};
         }
 #endif
-#if defined(LANES_SIXTEEN)
+#if defined(LANES_AVX512)
         if constexpr (std::is_same_v<T, float> && sizeof(native) == 64) {
             return {reinterpret_cast<native>(_mm512_sqrt_ps(reinterpret_cast<__m512>(a.v)))};
         } else if constexpr (sizeof(native) == 64) {
@@ -210,7 +213,7 @@ LANES_INLINE unsigned bit_mask(vectors<T, N> choice) {
     if constexpr (!fits<T, N>) {
         return bit_mask(choice.low) | bit_mask(choice.high) << (N / 2);
     } else {
-#if defined(LANES_SIXTEEN)
+#if defined(LANES_AVX512)
         if constexpr (sizeof choice == 64 && sizeof(T) == 4) {
             return _mm512_movepi32_mask(reinterpret_cast<__m512i>(choice.v));
         } else if constexpr (sizeof choice == 64) {

@@ -5,6 +5,7 @@
 
 #include "filter_study_lanes.h"
 #include "filter_study_parts.h"
+#include "processor.h"
 
 _Static_assert(sizeof(hil_filter_sums_t) == sizeof(hil_filter_result_t), "sums become results in place");
 
@@ -82,16 +83,14 @@ typedef struct way_t {
 static way_t way_of(hil_filter_path_t path, uint32_t left) {
     const way_t baseline = {hil_filter_lanes_baseline, HIL_FILTER_LANES};
     const way_t none = {NULL, 1};
-#ifdef HIL_LANES_AVX2
+#ifdef HIL_LANES_X86
     const way_t avx2 = {hil_filter_lanes_avx2, HIL_FILTER_LANES};
     const way_t avx512 = {hil_filter_lanes_avx512, HIL_FILTER_MOST_LANES};
     const bool best = path == HIL_FILTER_PATH_BEST;
-    const bool wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-                      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
-    if (wide && (path == HIL_FILTER_PATH_AVX512 || (best && left > HIL_FILTER_LANES))) {
+    if (hil_lanes_has_avx512() && (path == HIL_FILTER_PATH_AVX512 || (best && left > HIL_FILTER_LANES))) {
         return avx512;
     }
-    if (__builtin_cpu_supports("avx2") && (best || path == HIL_FILTER_PATH_AVX2)) {
+    if (hil_lanes_has_avx2() && (best || path == HIL_FILTER_PATH_AVX2)) {
         return avx2;
     }
 #else

@@ -31,7 +31,8 @@ typedef struct hil_lanes_stats_t {
 typedef enum hil_lanes_level_t {
     HIL_LANES_NONE = 0, /**< hil_lanes_advance does nothing */
     HIL_LANES_BASELINE, /**< what every processor of this kind has */
-    HIL_LANES_BEST
+    HIL_LANES_AVX2,     /**< with AVX2 at most, on x86-64 */
+    HIL_LANES_BEST      /**< with AVX-512, too */
 } hil_lanes_level_t;
 
 void hil_lanes_use(hil_lanes_level_t level);

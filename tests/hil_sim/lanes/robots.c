@@ -11,9 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core.h"
 #include "divergence.h"
 #include "layout_headers.h"
+#include "processor.h"
 #include "scene.h"
 
 typedef struct lanes_tally_t {
@@ -245,12 +245,12 @@ static void *room(size_t bytes) {
                          (bytes + HIL_LANES_ALIGNMENT - 1) / HIL_LANES_ALIGNMENT * HIL_LANES_ALIGNMENT);
 }
 
-/** Run a seeded scene. @param level 0: what every processor has, 1: the best of this one. */
+/** Run a seeded scene. @param level hil_lanes_level_t. */
 void lanes_scene(uint32_t seed, uint32_t ticks, int32_t level, lanes_tally_t *tally);
 void lanes_scene(uint32_t seed, uint32_t ticks, int32_t level, lanes_tally_t *tally) {
     static scene_t scene;
     memset(&bench, 0, sizeof bench);
-    bench.core = level == 0 ? &hil_lanes_core_baseline : hil_lanes_core();
+    bench.core = hil_lanes_runs((hil_lanes_level_t)level)->core;
     bench.random.state = seed + 1000;
     bench.lanes_robot = room(bench.core->robot_bytes);
     bench.lanes_config = room(bench.core->config_bytes);

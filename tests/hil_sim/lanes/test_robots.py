@@ -8,12 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from omniwheel._core import lib as core
 from omniwheel.robots import parameter_table
 from tests.native import ROOT, build_library, core_archive, generated_dir
 
 PROGRAM = ROOT / "tests" / "parity" / "program"
 LANES = ROOT / "hil_sim" / "lanes"
 TICKS = 30_000
+LEVELS = {"baseline": core.HIL_LANES_BASELINE, "avx2": core.HIL_LANES_AVX2, "best": core.HIL_LANES_BEST}
 
 
 class Tally(ctypes.Structure):
@@ -44,7 +46,7 @@ def lib(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
         tmp_path_factory.mktemp("robots"),
         "robots",
         sources,
-        [LANES, PROGRAM, ROOT / "hil_sim" / "include"],
+        [LANES, PROGRAM, ROOT / "hil_sim" / "include", ROOT / "shared" / "link" / "include"],
         flags=flags,
         archives=archives,
     )
@@ -57,7 +59,7 @@ def run(lib: ctypes.CDLL, seed: int, level: int) -> Tally:
     return tally
 
 
-@pytest.mark.parametrize("level", [0, 1], ids=["baseline", "best"])
+@pytest.mark.parametrize("level", LEVELS.values(), ids=LEVELS)
 def test_eight_in_lanes_are_bit_for_bit_eight_alone(lib: ctypes.CDLL, level: int) -> None:
     tally = run(lib, 9, level)  # a scene that arms every controller
     assert tally.wrong == 0
@@ -69,7 +71,7 @@ def test_eight_in_lanes_are_bit_for_bit_eight_alone(lib: ctypes.CDLL, level: int
     assert all(tally.armed[controller] > 0 for controller in range(len(parameter_table()["CTL_MODE"].values)))
 
 
-@pytest.mark.parametrize("level", [0, 1], ids=["baseline", "best"])
+@pytest.mark.parametrize("level", LEVELS.values(), ids=LEVELS)
 def test_lanes_part_over_a_reading_that_counts_for_some(lib: ctypes.CDLL, level: int) -> None:
     """In this scene motion over the floor is used in one lane and refused in the others."""
     tally = run(lib, 10, level)

@@ -167,8 +167,9 @@ def test_runs_on_another_floor_or_behind_other_gears_are_not_taken_together(chan
     assert lib.hil_lanes_advance(mixed, 100) == 0
 
 
-def test_any_processor_gives_the_same_bits() -> None:
-    lib.hil_lanes_use(lib.HIL_LANES_BASELINE)
+@pytest.mark.parametrize("level", [lib.HIL_LANES_BASELINE, lib.HIL_LANES_AVX2], ids=["baseline", "avx2"])
+def test_any_processor_gives_the_same_bits(level: int) -> None:
+    lib.hil_lanes_use(level)
     assert assert_the_same(load_scenario("demo")).together > 1000
 
 
