@@ -58,7 +58,7 @@ def loops(seconds: float, seed: int = 1, *, compared: bool = False, name: str = 
 
     The demo is driven in MuJoCo's world, too, if that is installed.
 
-    ``compared``: with what they are compared with, too: waiting asleep, and Monte Carlo run after run.
+    ``compared``: with what they are compared with, too: waiting asleep, and Monte Carlo in other ways.
     """
     scenario = replace(load_scenario(name), duration_s=seconds, seed=seed)
     found = {"hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario)))}
@@ -73,8 +73,11 @@ def loops(seconds: float, seed: int = 1, *, compared: bool = False, name: str = 
     found["in_process"] = Loop("in process: world and control core", 300.0, lambda: _in_process(scenario))
     if compared:
         words = "Monte Carlo, 1 worker, run after run"
-        found["monte_carlo_single"] = Loop(words, None, lambda: _run_after_run(scenario))
-    found["monte_carlo"] = Loop("Monte Carlo, 1 worker", 1000.0, lambda: monte_carlo(scenario, 1))
+        found["monte_carlo_single"] = Loop(words, None, lambda: _on_level(scenario, lib.HIL_LANES_NONE, blocks=1))
+        if lib.hil_lanes_has_avx512():
+            words = "Monte Carlo, 1 worker, AVX2 in place of AVX-512"
+            found["monte_carlo_avx2"] = Loop(words, None, lambda: _on_level(scenario, lib.HIL_LANES_AVX2))
+    found["monte_carlo"] = Loop("Monte Carlo, 1 worker", 3000.0, lambda: monte_carlo(scenario, 1))
     found["monte_carlo_2"] = Loop("Monte Carlo, 2 workers", None, lambda: monte_carlo(scenario, 2))
     return found
 
@@ -94,10 +97,10 @@ def _with_mujoco(scenario: Scenario) -> Run:
     return run_hil(scenario, world=MujocoWorld(scenario))
 
 
-def _run_after_run(scenario: Scenario) -> LoopTime:
-    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+def _on_level(scenario: Scenario, level: int, blocks: int = 4) -> LoopTime:
+    lib.hil_lanes_use(level)
     try:
-        return monte_carlo(scenario, 1, blocks=1)
+        return monte_carlo(scenario, 1, blocks)
     finally:
         lib.hil_lanes_use(lib.HIL_LANES_BEST)
 

@@ -9,7 +9,6 @@
 #include "runs.h"
 
 bool hil_lanes_has_avx2(void);
-bool hil_lanes_has_avx512(void);
 
 /** The best that this processor can do. @param most no level above this one. */
 const hil_lanes_runs_t *hil_lanes_runs(hil_lanes_level_t most);

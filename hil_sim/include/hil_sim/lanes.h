@@ -37,6 +37,9 @@ typedef enum hil_lanes_level_t {
 
 void hil_lanes_use(hil_lanes_level_t level);
 
+/** Whether HIL_LANES_BEST is more than HIL_LANES_AVX2 here. */
+bool hil_lanes_has_avx512(void);
+
 /** Of the calling thread since its last call of this. */
 void hil_lanes_take_stats(hil_lanes_stats_t *stats);
 
