@@ -25,6 +25,7 @@ from omniwheel.mocap import Bridge, BridgeSettings, MocapPose
 from omniwheel.mocap.bridge import FRAME_BYTES, MESSAGES, OVERHEAD_BYTES
 from omniwheel.mocap.simulated import Cameras, SimulatedSource
 from omniwheel.telemetry import Tracking
+from tests.host.mocap.natnet_server import Body, Server
 
 MESSAGE_NAMES = {"compact": "OMNI_POSE_FIX", "vicon": "VICON_POSITION_ESTIMATE"}
 
@@ -284,6 +285,21 @@ def test_the_command_bridges_a_recording_over_a_serial_line(tmp_path: Any) -> No
     assert statistics["refused"] == 0
     assert last.control is not None
     assert math.hypot(pose.x, pose.y) == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_command_bridges_optitrack() -> None:
+    """From the packets of a rigid body on the network to the robot's estimate."""
+    turned = (0.0, 0.0, math.sin(0.35), math.cos(0.35))
+    process = FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"], parameters={"EKF_GATE": 0.0})
+    with Server(bodies=[Body(7, (0.4, -0.3, 0.1), turned)]) as server, process, connect(process.urls[0]) as watcher:
+        words = ("--source", f"natnet:127.0.0.1:{server.port}/robot", "--link", process.urls[1])
+        statistics = json.loads(run("mocap", "bridge", *words, "--duration", "2", "--json").stdout)
+        last = watcher.wait_until(lambda s: s.control is not None and s.control.fixes_accepted > 20, 10.0, "fixed")
+        watcher.pump(0.3)
+        pose = watcher.wait_for(Tracking).pose
+    assert statistics["sent"] > 20
+    assert last.control is not None
+    assert (pose.x, pose.y, pose.theta) == pytest.approx((0.4, -0.3, 0.7), abs=0.05)
 
 
 def test_mocap_errors_are_one_line(tmp_path: Any) -> None:
