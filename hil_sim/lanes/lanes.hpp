@@ -26,7 +26,7 @@ constexpr int count = 8;
 
 /** What comparisons of numbers as wide as Bits give. */
 template <typename Bits>
-class alignas(4 * count) mask {
+class alignas(4 * count) alignas(vectors<Bits, count>) mask {
 public:
     using vector = vectors<Bits, count>;
     static constexpr unsigned everywhere = (1u << count) - 1u;
@@ -73,7 +73,7 @@ public:
 };
 
 template <typename T>
-class alignas(4 * count) number {
+class alignas(4 * count) alignas(vectors<T, count>) number {
 public:
     using scalar = T;
     using vector = vectors<T, count>;

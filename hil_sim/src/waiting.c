@@ -30,10 +30,8 @@ static bool other_is_faster(const hil_waiting_t *waiting) {
 }
 
 static void judge(hil_waiting_t *waiting) {
-    if (!has_enough(&waiting->usual) || !has_enough(&waiting->tried)) {
-        return; /* a stopped or very slow run: as before, and again after the same time */
-    }
-    const bool faster = other_is_faster(waiting);
+    const bool comparable = has_enough(&waiting->usual) && has_enough(&waiting->tried);
+    const bool faster = comparable && other_is_faster(waiting);
     const bool changes = faster && waiting->was_faster;
     if (changes) {
         waiting->prefers_looking = !waiting->prefers_looking;
@@ -64,24 +62,39 @@ static int64_t length_us(const hil_waiting_t *waiting) {
     return waiting->was_faster ? HIL_WAITING_AGAIN_us : waiting->between_us;
 }
 
+static int64_t measured_from_us(const hil_waiting_t *waiting) {
+    return waiting->tries ? HIL_WAITING_SETTLE_us : length_us(waiting) - HIL_WAITING_MEASURED_us;
+}
+
+/* Slow turns, and those of which a part does not count, get more time until there are enough of them. */
+static bool is_over(const hil_waiting_t *waiting, const hil_waiting_sum_t *sum, int64_t passed_us) {
+    const int64_t length = length_us(waiting);
+    const bool enough = has_enough(sum) && sum->us >= length - measured_from_us(waiting);
+    return passed_us >= (enough ? length : length + HIL_WAITING_EXTRA_us);
+}
+
+static void count_turn(const hil_waiting_t *waiting, hil_waiting_sum_t *sum, int64_t turn_us) {
+    if (waiting->turn_us - waiting->since_us >= measured_from_us(waiting)) {
+        sum->us += turn_us < HIL_WAITING_TURN_us ? turn_us : HIL_WAITING_TURN_us;
+        sum->turns++;
+    }
+}
+
 void hil_waiting_turn(hil_waiting_t *waiting, int64_t now_us) {
     if (!waiting->may_change) {
         return;
     }
-    if (waiting->since_us < 0) {
-        waiting->since_us = now_us;
-        waiting->turn_us = now_us;
-    }
     const int64_t turn_us = now_us - waiting->turn_us;
-    const int64_t passed_us = waiting->turn_us - waiting->since_us;
-    const int64_t unmeasured_us = waiting->tries ? HIL_WAITING_SETTLE_us : length_us(waiting) - HIL_WAITING_MEASURED_us;
-    hil_waiting_sum_t *sum = waiting->tries ? &waiting->tried : &waiting->usual;
-    if (passed_us >= unmeasured_us && turn_us <= HIL_WAITING_FAR_us) {
-        sum->us += turn_us;
-        sum->turns++;
+    if (waiting->since_us < 0 || turn_us >= HIL_WAITING_INTERRUPTED_us) {
+        waiting->turn_us = now_us;
+        waiting->was_faster = false;
+        begin(waiting, false, now_us);
+        return;
     }
+    hil_waiting_sum_t *sum = waiting->tries ? &waiting->tried : &waiting->usual;
+    count_turn(waiting, sum, turn_us);
     waiting->turn_us = now_us;
-    if (now_us - waiting->since_us < length_us(waiting)) {
+    if (!is_over(waiting, sum, now_us - waiting->since_us)) {
         return;
     }
     if (waiting->tries) {

@@ -162,6 +162,34 @@ def test_the_firmware_says_the_same_looking_or_asleep_and_on_one_processor(tmp_p
     assert len(set(results)) == 1
 
 
+def changing(ticks: int, every: int) -> tuple[bytes, list[bytes]]:
+    """Drive with real firmware; change how both ends wait ``every`` so many ticks. Return the samples and frames."""
+    scenario = load_scenario("demo")
+    frames: list[bytes] = []
+    with FirmwareProcess(parameters=scenario.parameter_values(), lockstep=True) as firmware:
+        base = firmware.open_link()
+        try:
+            loop = HilLoop(scenario, base)
+            loop.robot.connection.recorder = frames.append
+            waiting = loop.link._lockstep.waiting
+            waiting.may_change = False
+            loop.robot.arm()
+            samples = b""
+            for part in range(ticks // 50):
+                if every and part % every == 0:
+                    waiting.prefers_looking = waiting.patience.looks = not waiting.prefers_looking
+                samples += loop.advance(50).tobytes()
+            return samples, frames
+        finally:
+            base.close()
+
+
+def test_a_change_of_the_way_in_mid_run_changes_nothing() -> None:
+    results = [changing(1500, every) for every in (0, 1, 3)]
+    assert results[0][1]
+    assert all(result == results[0] for result in results)
+
+
 def used_s(pid: int | None) -> float:
     """Return the processor time that a process has used."""
     return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) * 1e-9
@@ -218,5 +246,6 @@ def busy_share(firmware: FirmwareProcess, dialect: ModuleType, *, host_sleeps: i
 @many_processors
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="needs Linux's /proc")
 def test_firmware_sleeps_if_its_host_says_that_it_does(dialect: ModuleType) -> None:
+    """Firmware that looks uses 98 % here on a quiet computer. How much it looks on a busy one is its own choice."""
     with FirmwareProcess(lockstep=True) as firmware:
         assert busy_share(firmware, dialect, host_sleeps=1) < 0.5

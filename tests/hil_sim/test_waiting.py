@@ -17,8 +17,8 @@ from omniwheel._core import ffi, lib
 from tests.hil_sim.echo_robot import Bench
 
 FIRST_US, LONGEST_US, AGAIN_US = lib.HIL_WAITING_FIRST_us, lib.HIL_WAITING_LONGEST_us, lib.HIL_WAITING_AGAIN_us
-SLEEP_US, LOOK_US, FAR_US = lib.HIL_WAITING_SLEEP_us, lib.HIL_WAITING_LOOK_us, lib.HIL_WAITING_FAR_us
-SLICE_US = 4000
+LOOK_US, EXTRA_US = lib.HIL_WAITING_LOOK_us, lib.HIL_WAITING_EXTRA_us
+INTERRUPTED_US = lib.HIL_WAITING_INTERRUPTED_us
 START_US = 1_000_000_007
 ROOT = Path(__file__).parents[2]
 
@@ -39,6 +39,7 @@ class Machine:
     looking_us: float
     asleep_us: float
     turns_to_slice: tuple[float, float] = (float("inf"), float("inf"))
+    slice_us: float = 4000.0
     together_us: float = 0.0
     """So long after both ends slept, looking ends are still on one processor: a turn takes 230 us."""
 
@@ -70,7 +71,7 @@ class Run:
         if looks and self.now_us - self.slept_us < machine.together_us:
             turn_us = 230.0
         if self.random.random() < 1.0 / machine.turns_to_slice[0 if looks else 1]:
-            turn_us += SLICE_US
+            turn_us += machine.slice_us
         self.now_us += turn_us
         if looks:
             self.looking_us += turn_us
@@ -102,7 +103,7 @@ MACHINES = [(QUIET, True), (PARTED_LATE, True), (BUSY, False), (SLOW_WAKING, Tru
 @pytest.mark.parametrize("begins_looking", [True, False])
 def test_the_faster_way_is_found_and_kept(machine: Machine, looks: bool, begins_looking: bool) -> None:
     run = Run(waiting(looks=begins_looking))
-    assert run.until(machine, looks) < FIRST_US + AGAIN_US + 2 * LOOK_US + 2 * SLICE_US
+    assert run.until(machine, looks) < FIRST_US + AGAIN_US + 2 * LOOK_US + 2 * EXTRA_US
     run.for_us(machine, 2 * LONGEST_US)
     changes = run.end.changes
     share, _ = run.for_us(machine, 4 * LONGEST_US)
@@ -159,13 +160,41 @@ def test_one_trial_that_was_faster_changes_nothing(looks: bool) -> None:
     assert seen > 0
 
 
-def test_a_pause_of_a_program_is_no_reason_and_a_slow_link_goes_on_as_before() -> None:
+@pytest.mark.parametrize(("looking_us", "asleep_us"), [(6000.0, 100.0), (2000.0, 20_000.0), (30_000.0, 20_000.0)])
+@pytest.mark.parametrize("begins_looking", [True, False])
+def test_slow_turns_are_compared_too(looking_us: float, asleep_us: float, begins_looking: bool) -> None:
+    run = Run(waiting(looks=begins_looking))
+    run.for_us(Machine(looking_us, asleep_us), 3 * LONGEST_US)
+    assert bool(run.end.prefers_looking) == (looking_us < asleep_us and asleep_us < 30_000.0)
+
+
+def test_a_link_slower_than_can_be_compared_stays_as_it_is_and_is_seldom_tried() -> None:
     run = Run()
-    run.for_us(Machine(FAR_US + 1, FAR_US + 1), LONGEST_US)
-    assert run.end.trials > 0, "it tried, and nothing counted"
-    run.for_us(Machine(10_000.0, 5_000.0), 2 * LONGEST_US)
-    assert run.end.prefers_looking, "too few turns in a trial to compare"
-    assert run.end.between_us == FIRST_US
+    run.for_us(Machine(70_000.0, 60_000.0), 8 * LONGEST_US)
+    assert run.end.prefers_looking
+    assert run.end.between_us == LONGEST_US
+
+
+@pytest.mark.parametrize("slice_us", [4000.0, 60_000.0])
+def test_a_program_that_takes_the_processor_for_long_is_noticed(slice_us: float) -> None:
+    run = Run()
+    run.for_us(Machine(40.0, 80.0, (50.0, 3000.0), slice_us=slice_us), 3 * LONGEST_US)
+    assert not run.end.prefers_looking
+
+
+def test_two_trials_before_and_after_a_long_pause_are_not_two_in_a_row() -> None:
+    run = Run()
+    lucky = Machine(40.0, 20.0)
+    while not run.end.was_faster:
+        run.turn(lucky)
+    run.now_us += 600e6
+    while not run.end.tries:
+        run.turn(QUIET)
+        assert not run.end.was_faster
+    while run.end.tries:
+        run.turn(lucky)
+    assert run.end.was_faster
+    assert run.end.prefers_looking
 
 
 def test_asleep_means_asleep() -> None:
@@ -192,6 +221,7 @@ def test_each_change_of_the_way_forgets_looks_in_vain(looks: bool) -> None:
 
 
 def _looks(link: Any) -> None:
+    link.waiting.may_change = False
     link.waiting.prefers_looking = link.waiting.patience.looks = True
 
 

@@ -22,6 +22,7 @@ from omniwheel.studio.server import StudioServer
 from omniwheel.studio.session import Session
 from omniwheel.studio.studio import Page as StudioPage
 from omniwheel.studio.studio import Studio
+from omniwheel.telemetry import StatusText
 from tests.studio.parts import Opener, Program, running, studio, until
 
 PLOTS = """
@@ -339,18 +340,40 @@ def test_a_page_gets_a_robots_tables_once_and_only_when_values_can_be_set(
     link = str(tmp_path / "robot")
     studio_ = Studio(tmp_path)
     page = studio_.open_page()
-    with running("sitl", "--link", f"pty:{link}", "--storage", str(tmp_path / "storage")):
-        studio_.session = session = Session(link)
-        session.start()
-        assert reached.wait(60.0)
-        assert session.edits is not None, "all that the tables need is known"
-        assert "tables" not in studio_.news(page)
+    try:
+        with running("sitl", "--link", f"pty:{link}", "--storage", str(tmp_path / "storage")):
+            studio_.session = session = Session(link)
+            session.start()
+            assert reached.wait(60.0)
+            assert session.edits is not None, "all that the tables need is known"
+            assert "tables" not in studio_.news(page)
+            go_on.set()
+            found = told(studio_, page)
+            assert found["tables"]["again"] is False
+            assert found["parameters"]["ISMC_LAM_XY"] > 0.0
+            assert "tables" not in studio_.news(page)
+            assert session.do(lambda robot: robot.parameters["ISMC_LAM_XY"]).result(60.0) > 0.0
+    finally:
         go_on.set()
-        found = told(studio_, page)
-        assert found["tables"]["again"] is False
-        assert found["parameters"]["ISMC_LAM_XY"] > 0.0
-        assert "tables" not in studio_.news(page)
-        assert session.do(lambda robot: robot.parameters["ISMC_LAM_XY"]).result(60.0) > 0.0
+        studio_.close()
+
+
+def test_a_robots_texts_are_told_once_and_before_its_tables(tmp_path: Path) -> None:
+    """Why a robot restarted is not to wait for its parameters, and is not said again when the link comes back."""
+    studio_ = Studio(tmp_path)
+    page = studio_.open_page()
+    studio_.session = session = Session("silent")
+    for number, words in enumerate(("restarted by the watchdog", "disarmed"), start=1):
+        session.text_count = number
+        session.texts.append((number, StatusText(4, words)))
+        assert studio_.news(page)["texts"] == [{"severity": 4, "text": words}]
+    session.connections += 1
+    assert "texts" not in studio_.news(page)
+    studio_.session = session = Session("another")
+    session.text_count = 1
+    session.texts.append((1, StatusText(4, "disarmed")))
+    assert len(studio_.news(page)["texts"]) == 1
+    studio_.session = None
     studio_.close()
 
 

@@ -8,7 +8,7 @@
  *
  * So the world's end compares. It takes the wall time of whole turns, from one tick's sensors to the next one's. Now and
  * then both ends wait in the other way for a moment. If that is faster twice in a row, they go on in it. Looking must
- * save a sixteenth of the time, since it uses up two processors. The robot's end is told by OMNI_HIL_SENSORS; only one
+ * save a sixteenth of the time, since it uses up a processor more. The robot's end is told by OMNI_HIL_SENSORS; only one
  * end decides, since each one's turns depend on both. A firmware process obeys. A board has nothing to choose.
  *
  * Nothing here reads a clock. How the ends wait never changes what they exchange, but for that one field.
@@ -32,10 +32,12 @@ enum {
     HIL_WAITING_MEASURED_us = 64000,  /**< of the usual way, right before a trial */
     HIL_WAITING_SETTLE_us = 8000,     /**< not measured after each change: the system moves processes meanwhile */
     HIL_WAITING_SLEEP_us = 16000,     /**< length of a trial of sleeping, whose turns are much alike */
-    HIL_WAITING_LOOK_us = 48000, /**< of looking: another program takes a processor for milliseconds, or not at all */
-    HIL_WAITING_TURNS = 16,      /**< fewest turns of either way that are compared */
-    HIL_WAITING_FAR_us = 50000,  /**< a longer turn had another reason, and does not count */
-    HIL_WAITING_GAIN = 16        /**< looking must save this part of the time: a sixteenth */
+    HIL_WAITING_LOOK_us = 48000,      /**< of looking: other programs take a processor for milliseconds at a time */
+    HIL_WAITING_TURNS = 16,           /**< fewest turns of either way that are compared; a trial goes on until ... */
+    HIL_WAITING_EXTRA_us = 500000,    /**< ... there are as many, but so much longer at most */
+    HIL_WAITING_TURN_us = 10000,      /**< a longer turn counts as one of this length: it had another reason, too */
+    HIL_WAITING_INTERRUPTED_us = 1000000, /**< after so long a turn everything is another time's: it begins anew */
+    HIL_WAITING_GAIN = 16                 /**< looking must save this part of the time: a sixteenth */
 };
 
 /** Wall time of turns. */

@@ -44,7 +44,10 @@ class Page:
         self.sent: dict[str, int] = {}
         """Number of the next sample, by signal."""
         self.session: Session | None = None
+        """Whose tables it has."""
         self.connection = 0
+        self.heard: Session | None = None
+        """Whose texts it has been told."""
         self.text_count = 0
         self.fix_count = 0
         self.mark_changes = -1
@@ -298,12 +301,17 @@ class Studio:
         if state != page.state:
             page.state = found["state"] = state
         robot = None if session is None else session.robot  # once: its own thread lets go of it
-        if session is None or robot is None or session.phase != "connected":
+        if session is None:
+            return found
+        texts = self._new_texts(page, session)
+        if texts:
+            found["texts"] = texts
+        if robot is None or session.phase != "connected":
             return found  # a page shows nothing to set before it can be set
         if page.session is not session or page.connection != session.connections:
             again = page.session is session
             page.session, page.connection = session, session.connections
-            page.text_count, page.fix_count = 0, session.fix_count  # a map shows fixes from now on
+            page.fix_count = session.fix_count  # a map shows fixes from now on
             page.mark_changes, page.values = -1, {}
             found["tables"] = {**self.tables(robot), "again": again}
         values = robot.parameters.known
@@ -313,8 +321,6 @@ class Studio:
             )
             page.values = dict(values)
         with session.lock:
-            texts = [(number, text) for number, text in session.texts if number > page.text_count]
-            page.text_count = session.text_count
             fixes = [fix for number, fix in session.fixes if number > page.fix_count]
             page.fix_count = session.fix_count
             if session.mark_changes != page.mark_changes:
@@ -322,9 +328,16 @@ class Studio:
                 found["marks"] = [mark.as_json() for mark in session.marks.all()]
         if fixes:
             found["fixes"] = [fix_as_json(fix) for fix in fixes]
-        if texts:
-            found["texts"] = [{"severity": text.severity, "text": text.text} for _, text in texts]
         return found
+
+    def _new_texts(self, page: Page, session: Session) -> list[dict[str, Any]]:
+        """Return what the robot has said, also while it is being connected: why it restarted, for one."""
+        if page.heard is not session:
+            page.heard, page.text_count = session, 0
+        with session.lock:
+            texts = [text for number, text in session.texts if number > page.text_count]
+            page.text_count = session.text_count
+        return [{"severity": text.severity, "text": text.text} for text in texts]
 
     def save_view(self, page: Page, view: Any) -> None:
         """Keep what the plots of this robot show. Raises BadRequestError, OutputFileError."""
