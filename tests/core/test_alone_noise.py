@@ -96,7 +96,7 @@ def test_what_a_gyro_gave_wrongly_comes_back_with_the_wheels_noise_of_now() -> N
         found = Filter()
         found.s.white_factor = factor
         before = found.p[2, 2]
-        lib.omni_pose_ekf_turn_back(found.s, found.config, found.k, 0.01, 2.0)
+        lib.omni_pose_ekf_turn_back(found.s, found.config, found.k, 0.01, 2.0, 0.0)
         grown_by.append(found.p[2, 2] - before)
     assert grown_by[0] == pytest.approx(Q_THETA * 2000.0, rel=1e-2)
     assert grown_by[1] == pytest.approx(5.0 * grown_by[0], rel=1e-2)

@@ -196,5 +196,5 @@ def test_a_gyro_that_was_wrong_is_taken_back_with_the_covariance_of_now() -> Non
             each.predict(turned, rate)
     settle(settled)
     for each in (core, settled):
-        lib.omni_pose_ekf_turn_back(each.s, each.config, each.k, 1.5, 30.0)
+        lib.omni_pose_ekf_turn_back(each.s, each.config, each.k, 1.5, 30.0, 0.5)
     assert np.array_equal(core.p, settled.p)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from hil_sim import gyro_figures
+from hil_sim.faults import Fault
 from hil_sim.runs import faults_seen, new_world, run_in_process
-from hil_sim.scenario import load_scenario
+from hil_sim.scenario import Scenario, load_scenario
 from hil_sim.world import IDEAL_WHEELS
 from omniwheel._core import ffi, lib
 from tests.native import ROOT
@@ -79,6 +80,53 @@ def test_off_it_changes_nothing() -> None:
     plain = run_in_process(replace(scenario, duration_s=5.0))
     with_gyro = replace(scenario, duration_s=5.0, world={**scenario.world, "gyro_rate_Hz": 1000.0})
     assert (run_in_process(with_gyro).record == plain.record).all()
+
+
+def with_gyro(scenario: Scenario, **world: float) -> Scenario:
+    return scenario.with_parameters({"GYRO_AXIS": 3.0}).with_world({"gyro_rate_Hz": 1000.0, **world})
+
+
+def warned_s(record: Any) -> float:
+    """Return for how long the warning showed after the first five seconds [s]."""
+    return float(((record["faults"] & lib.OMNI_WARN_GYRO) != 0)[5000:].sum() * 1e-3)
+
+
+def heading_error(record: Any) -> float:
+    return float(np.abs(np.remainder(record["estimate"][-1, 2] - record["truth"][-1, 2] + np.pi, 2 * np.pi) - np.pi))
+
+
+def test_a_gyro_is_used_after_somebody_has_turned_the_wheels_by_hand() -> None:
+    """The steps of bring-up follow each other on one robot."""
+    record = run_in_process(replace(with_gyro(load_scenario("hands")), duration_s=45.0)).record
+    assert warned_s(record) == 0.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("friction", [0.15, 0.2, 0.3])
+def test_a_gyro_keeps_the_heading_on_ice(friction: float, seed: int) -> None:
+    """Wheels turn several times as far as the body."""
+    scenario = with_gyro(load_scenario("fast_no_fixes").with_seed(seed), friction_coefficient=friction)
+    record = run_in_process(scenario).record
+    assert warned_s(record) == 0.0
+    assert heading_error(record) < 0.02
+
+
+@pytest.mark.parametrize("step_rad_s", [0.03, 0.05, -0.1, 0.3])
+def test_a_bias_that_steps_turns_no_robot_that_holds_its_pose(step_rad_s: float) -> None:
+    scenario = load_scenario("gyro_no_fixes").with_parameters({"GYRO_AXIS": 3.0})
+    step = Fault("gyro_offset", 10.0, 1e9, value=step_rad_s)
+    events = tuple(event for event in scenario.events if event.command == "arm")
+    record = run_in_process(replace(scenario, events=events, duration_s=60.0, faults=(step,))).record
+    assert abs(record["truth"][-1, 2]) < 0.1
+    assert warned_s(record) > 4.0
+
+
+def test_with_fixes_a_bias_that_steps_costs_what_the_page_says() -> None:
+    scenario = load_scenario("gyro").with_parameters({"GYRO_AXIS": 3.0})
+    step = Fault("gyro_offset", 10.0, 1e9, value=0.05)
+    record = run_in_process(replace(scenario, faults=(step,))).record
+    off = (record["estimate"][:, 2] - record["truth"][:, 2] + np.pi) % (2 * np.pi) - np.pi
+    assert 0.025 < np.sqrt(np.mean(off[record["time_s"] > 12.0] ** 2)) < 0.035
 
 
 @pytest.mark.parametrize("title", ["no fixes", "no fixes, fast robot", "no fixes, four wheels", "fixes"])

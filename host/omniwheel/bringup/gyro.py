@@ -98,8 +98,10 @@ def _rests(robot: Robot, findings: Findings, readings: Readings) -> bool:
     said = [text.text for text in robot.texts.since(mark) if text.text.startswith("gyro: ")]
     last_second = readings.all[-round(RATE_HZ) :]
     used = bool(last_second) and all(state.used for state in last_second)
-    seen = "used by the estimator" if used else f"not used: {', '.join(said) or 'no readings'}"
-    if not findings.judge("readings", used, seen, f"check {_WIRES}"):
+    comes = any(state.rate_rad_s != 0.0 for state in last_second)
+    why = ", ".join(said) or ("it has contradicted the wheels" if comes else "no readings")
+    advice = "restart the robot, and do not drive it before this step" if comes and not said else f"check {_WIRES}"
+    if not findings.judge("readings", used, "used by the estimator" if used else f"not used: {why}", advice):
         return False
     bias, noise = last_second[-1].bias_rad_s, pstdev(state.rate_rad_s for state in last_second)
     findings.measured.update(bias_rad_s=bias, bias_sd_rad_s=last_second[-1].bias_sd_rad_s, noise_rad_s=noise)

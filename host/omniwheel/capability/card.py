@@ -10,6 +10,7 @@ import numpy as np
 
 from omni_schema import Robot
 from omniwheel.capability.drive_model import DriveModel
+from omniwheel.capability.observability import FIXES, FLOW, FLOW_TURN, GYRO, slip_words
 from omniwheel.capability.speeds import (
     TURNING,
     Bound,
@@ -129,22 +130,24 @@ def _current_rows(model: DriveModel) -> list[Row]:
 
 
 def _sensors(model: DriveModel) -> tuple[str, ...]:
-    slip = "one combination of the wheels' slip" if model.wheels > 3 else "no slip"
-    lines = [f"encoders: motion since the start, and {slip}; the pose drifts without fixes"]
+    lines = [f"encoders: motion since the start, and {slip_words(model, ())}; the pose drifts without fixes"]
+    flow = () if not model.flow_axes else (FLOW_TURN,) if model.flow_axes > 2 else (FLOW,)
     if model.gyro:
-        more = "another combination" if model.wheels > 3 else "one combination"
         lines.append(
-            f"gyro: the heading without fixes, and {more} of the wheels' slip, the one that turns the robot; slip that "
-            "carries it sideways or along does not show"
+            f"gyro: the heading without fixes; with encoders, {slip_words(model, (GYRO,))} at a time. Slip that "
+            "carries the robot sideways or along does not show"
         )
-    if model.flow_axes:
+    if flow:
         turn = " and the turn" if model.flow_axes > 2 else ""
         lines.append(
-            f"floor motion: the way{turn} since the start, whatever the wheels do; with encoders, each wheel's slip "
-            "while it drives"
+            f"floor motion: the way{turn} since the start, whatever the wheels do; with encoders, "
+            f"{slip_words(model, flow)} at a time"
         )
+    if flow and model.gyro:
+        lines.append(f"gyro and floor motion: with encoders, {slip_words(model, (GYRO, *flow))} at a time")
     lines.append(
-        "pose fixes (Vicon, or any program that sends them): the pose; with encoders, each wheel's slip over time"
+        "pose fixes (Vicon, or any program that sends them): the pose; with encoders, "
+        f"{slip_words(model, (FIXES,))} over time"
     )
     return tuple(lines)
 

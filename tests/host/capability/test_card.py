@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from hil_sim.world import IDEAL_WHEELS, NO_POSE_SENSOR, World, world_config
 from omniwheel.capability import card, drive_model, problems, sensor_warnings, warnings
 from omniwheel.capability.drive_model import Array
+from omniwheel.capability.observability import FIXES, FLOW, FLOW_TURN, GYRO, slip_rank, slip_words
 from omniwheel.capability.speeds import TURNING, acceleration_bounds, direction, motor_speed, top_speed
 from omniwheel.cli import app
 from omniwheel.errors import RobotFileError
@@ -59,12 +60,47 @@ def test_real_wheels_turn_a_little_slower_than_the_card_says() -> None:
         assert 0.95 * motor_speed(model, TURNING) < world.twist[2] < 0.99 * motor_speed(model, TURNING)
 
 
+SEEN = [
+    ("three_wheel", (), 0, "no slip"),
+    ("three_wheel", (GYRO,), 1, "one combination of the three wheels' slips"),
+    ("three_wheel", (FLOW,), 2, "two combinations of the three wheels' slips"),
+    ("three_wheel", (FLOW_TURN,), 3, "each wheel's slip"),
+    ("three_wheel", (GYRO, FLOW), 3, "each wheel's slip"),
+    ("four_wheel", (), 1, "one combination of the four wheels' slips"),
+    ("four_wheel", (GYRO,), 2, "two combinations of the four wheels' slips"),
+    ("four_wheel", (FLOW,), 3, "three combinations of the four wheels' slips"),
+    ("four_wheel", (FIXES,), 4, "each wheel's slip"),
+]
+
+
+@pytest.mark.parametrize(("name", "sensors", "rank", "words"), SEEN)
+def test_what_sensors_see_of_slip_is_what_the_kinematics_say(
+    name: str, sensors: tuple[str, ...], rank: int, words: str
+) -> None:
+    """Here by the change of what is measured, with each slip ratio a little more, at a random motion."""
+    model = drive_model(read_robot(name))
+    rolled = np.random.default_rng(4).uniform(0.5, 1.0, model.wheels)
+
+    def measured(slip: Array) -> Array:
+        moved = rolled * (1.0 - slip)
+        body, *_ = np.linalg.lstsq(model.rows, moved, rcond=None)
+        told = {GYRO: body[2:], FLOW: body[:2], FLOW_TURN: body, FIXES: body}
+        return np.concatenate([moved - model.rows @ body, *(told[sensor] for sensor in sensors)])
+
+    still = measured(np.zeros(model.wheels))
+    changes = np.array([measured(np.eye(model.wheels)[wheel]) - still for wheel in range(model.wheels)])
+    assert np.linalg.matrix_rank(changes, tol=1e-9) == rank == slip_rank(model, sensors)
+    assert slip_words(model, sensors) == words
+
+
 @pytest.mark.parametrize("name", ROBOTS)
-def test_with_a_gyro_it_says_one_combination_of_slip_more(name: str) -> None:
+def test_the_card_says_what_each_sensor_adds(name: str) -> None:
     without = drive_model(read_robot(name))
     said = card(dataclasses.replace(without, gyro=True)).sensors
     assert [line for line in said if line not in card(without).sensors] == [said[1]]
-    assert ("another combination" if name == "four_wheel" else "one combination") in said[1]
+    assert slip_words(without, (GYRO,)) in said[1]
+    both = card(dataclasses.replace(without, gyro=True, flow_axes=2)).sensors
+    assert slip_words(without, (GYRO, FLOW)) in both[3]
 
 
 @pytest.mark.parametrize("axes", [2, 3])
@@ -73,6 +109,7 @@ def test_with_floor_motion_it_says_what_that_is_good_for(axes: int) -> None:
     said = card(dataclasses.replace(without, flow_axes=axes)).sensors
     assert [line for line in said if line not in card(without).sensors] == [said[1]]
     assert ("and the turn" in said[1]) == (axes == 3)
+    assert ("each wheel's slip" in said[1]) == (axes == 3)
 
 
 @pytest.mark.parametrize(

@@ -236,9 +236,13 @@ void omni_pose_ekf_start_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_
 void omni_pose_ekf_get_gyro(const omni_pose_ekf_state_t *state, omni_ekf_gyro_t *known);
 void omni_pose_ekf_set_gyro(omni_pose_ekf_state_t *state, const omni_ekf_gyro_t *known);
 
-/** The gyro that gave the turn for duration_s has proved wrong: take what it turned more than the wheels back. */
+/**
+ * The gyro that gave the turn for duration_s has proved wrong: take back what it turned more than the wheels.
+ * @param doubt_rad [rad] its square is added to the heading's variance, which this raises by a uniform turn's at most
+ */
 void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                             const omni_kinematics_t *k, omni_real_t turned_rad, omni_real_t duration_s);
+                             const omni_kinematics_t *k, omni_real_t turned_rad, omni_real_t duration_s,
+                             omni_real_t doubt_rad);
 
 /** Start at `pose`, known as well as a pose fix is by default. @param time_us robot clock; 0: no tick yet. */
 void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, const omni_pose_t *pose,

@@ -16,6 +16,9 @@ static const omni_real_t skid_share = 0.125f;
 /* Variance that a slip ratio gathers in a slot while wheels skid: 0.05 in the root of a second. */
 static const omni_real_t skid_noise = 1e-5f;
 
+/* Variance of a heading of which nothing is known: uniform over a turn. */
+static const omni_real_t any_heading = OMNI_PI_F * OMNI_PI_F / 3.0f;
+
 /* What the turn of a slot says: h has an entry per state after the pose. */
 typedef struct turn_measurement_t {
     omni_real_t h[OMNI_EKF_COLUMNS];
@@ -147,10 +150,13 @@ static void measure_turn(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
 }
 
 void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                             const omni_kinematics_t *k, omni_real_t turned_rad, omni_real_t duration_s) {
-    const omni_real_t delta[OMNI_EKF_STATES] = {0.0f, 0.0f, -turned_rad};
+                             const omni_kinematics_t *k, omni_real_t turned_rad, omni_real_t duration_s,
+                             omni_real_t doubt_rad) {
+    const omni_real_t delta[OMNI_EKF_STATES] = {0.0f, 0.0f, -omni_wrap_pi(turned_rad)};
+    const omni_real_t doubt = doubt_rad * doubt_rad;
     omni_pose_ekf_settle(state, config, k);
     state->p[2][2] += config->q_theta * state->white_factor * duration_s / config->step_s;
+    state->p[2][2] += omni_select(doubt < any_heading, doubt, any_heading);
     omni_ekf_shift(state, delta, OMNI_EKF_COLUMNS);
 }
 

@@ -116,11 +116,12 @@ static bool fix_is_fresh(const omni_pose_ekf_state_t *ekf, const omni_robot_conf
 /* The gyro gives the turn of this tick, if its reading can be used. */
 static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_robot_config_t *c,
                                      const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t trusted,
-                                     bool timed, const omni_real_t *turned_rad) __attribute__((noinline));
+                                     bool timed, const omni_real_t *turned_rad, const omni_real_t *applied_V)
+    __attribute__((noinline));
 
 static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_robot_config_t *c,
                                      const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t trusted,
-                                     bool timed, const omni_real_t *turned_rad) {
+                                     bool timed, const omni_real_t *turned_rad, const omni_real_t *applied_V) {
     omni_gyro_tick_t tick = {.time_us = inputs->time_us,
                              .reading = inputs->gyro_rad_s,
                              .valid = inputs->gyro_valid,
@@ -129,9 +130,13 @@ static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_rob
     omni_twist_t body;
     omni_kinematics_forward(&c->kinematics, estimate->wheel_rad_s, NULL, &body);
     tick.wheels_rad_s = body.wz;
+    tick.wheels_x_m_s = body.vx;
+    tick.wheels_y_m_s = body.vy;
+    tick.driven = false;
     tick.still = trusted == (1u << c->kinematics.wheels) - 1u;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         tick.still = tick.still && estimate->delta_counts[i] == 0;
+        tick.driven = tick.driven || applied_V[i] != 0.0f;
     }
     const bool usable =
         omni_gyro_step(&estimator->gyro, &c->gyro, &tick, &estimator->pose_ekf, &c->pose_ekf, &c->kinematics);
@@ -215,7 +220,8 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
                                   inputs->time_us);
         } else {
             const bool timed = (faults & (uint32_t)OMNI_FAULT_TIME) == 0;
-            faults |= predict_with_gyro(estimator, config, inputs, estimate, counted.trusted, timed, turned_rad);
+            faults |= predict_with_gyro(estimator, config, inputs, estimate, counted.trusted, timed, turned_rad,
+                                        last->voltage_V);
         }
         if (config->flow.axes != 0) {
             faults |= use_flow(estimator, config, inputs, (faults & (uint32_t)OMNI_FAULT_TIME) == 0);
