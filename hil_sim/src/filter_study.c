@@ -5,7 +5,7 @@
 
 #include "filter_study_lanes.h"
 #include "filter_study_parts.h"
-#include "processor.h"
+#include "hil_sim/lanes.h"
 
 _Static_assert(sizeof(hil_filter_sums_t) == sizeof(hil_filter_result_t), "sums become results in place");
 

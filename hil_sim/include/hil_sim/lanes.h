@@ -37,6 +37,9 @@ typedef enum hil_lanes_level_t {
 
 void hil_lanes_use(hil_lanes_level_t level);
 
+/** Whether HIL_LANES_AVX2 is more than HIL_LANES_BASELINE here. */
+bool hil_lanes_has_avx2(void);
+
 /** Whether HIL_LANES_BEST is more than HIL_LANES_AVX2 here. */
 bool hil_lanes_has_avx512(void);
 

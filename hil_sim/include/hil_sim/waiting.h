@@ -6,10 +6,10 @@
  * Looking saves the time in which a sleeping process wakes up (omni_link/patience.h). It is faster while each end has a
  * processor for itself, and may be slower where another program needs one, too. That changes while a run goes on.
  *
- * So the world's end compares. It takes the wall time of whole turns, from one tick's sensors to the next one's. Now and
- * then both ends wait in the other way for a moment. If that is faster twice in a row, they go on in it. Looking must
- * save a sixteenth of the time, since it uses up a processor more. The robot's end is told by OMNI_HIL_SENSORS; only one
- * end decides, since each one's turns depend on both. A firmware process obeys. A board has nothing to choose.
+ * So the world's end compares. It takes the wall time of whole turns, from one tick's sensors to the next one's. Now
+ * and then both ends wait in the other way for a moment. If that is faster twice in a row, they go on in it. Looking
+ * must save a sixteenth of the time, since it uses up a processor more. The robot's end is told by OMNI_HIL_SENSORS.
+ * Only one end decides, since each one's turns depend on both. A firmware process obeys. A board has nothing to choose.
  *
  * Nothing here reads a clock. How the ends wait never changes what they exchange, but for that one field.
  */

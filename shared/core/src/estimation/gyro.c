@@ -81,10 +81,10 @@ static omni_flag_t is_at_rest(omni_gyro_state_t *state, const omni_gyro_tick_t *
     return state->rest_ticks >= (uint32_t)OMNI_GYRO_REST_TICKS;
 }
 
-/* Take back what it turned the heading beyond the wheels. A wrong sign is no doubt of the wheels. Anything else may be a
- * skid, so the heading is as unsure as that. */
-static void reject(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
-                   const omni_kinematics_t *k, omni_flag_t opposite) {
+/* Take back what it turned the heading beyond the wheels. A wrong sign is no doubt of the wheels. Anything else may be
+ * a skid, so the heading is as unsure as that. */
+static void reject_gyro(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
+                        const omni_kinematics_t *k, omni_flag_t opposite) {
     const omni_real_t doubt_rad = omni_select(opposite, 0.0f, state->apart_rad);
     state->rejected = true;
     state->turn.leads = false;
@@ -93,9 +93,9 @@ static void reject(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, const o
     state->apart_s = 0.0f;
 }
 
-/* Has the gyro turned the same way, half as far to twice as far? It is believed for some windows: the wheels of a robot
- * that is held, or skids, turn alone. One that has agreed before has neither a wrong sign nor a wrong scale. It can only
- * have gone blind. */
+/* Has the gyro turned the same way, half as far to twice as far? It is believed for some windows: the wheels of a
+ * robot that is held, or skids, turn alone. One that has agreed before has neither a wrong sign nor a wrong scale. It
+ * can only have gone blind. */
 static void judge_window(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
                          const omni_kinematics_t *k) {
     const omni_flag_t proven = state->proven > 0u;
@@ -114,7 +114,7 @@ static void judge_window(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, c
             state->same_rad > 0.8f * state->turned_rad && state->same_rad < 1.25f * state->turned_rad;
         state->rejected = !(full && close);
     } else if (enough) {
-        reject(state, ekf, ekf_config, k, opposite);
+        reject_gyro(state, ekf, ekf_config, k, opposite);
     }
     state->apart_rad = omni_select(full && !wrong, 0.0f, state->apart_rad);
     state->apart_s = omni_select(full && !wrong, 0.0f, state->apart_s);
@@ -166,8 +166,8 @@ static void move_bias(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, cons
 }
 
 /* A bias that steps turns the estimated heading. A robot that holds its heading then turns itself with its wheels, by
- * as much, and the gyro sees nothing of it. A second is over: did the wheels turn the robot slowly on the spot, as in the
- * second before? */
+ * as much, and the gyro sees nothing of it. A second is over: did the wheels turn the robot slowly on the spot, as in
+ * the second before? */
 static void judge_hold(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
                        const omni_kinematics_t *k) {
     const omni_real_t turned = omni_absf(state->hold_wheels_rad);
