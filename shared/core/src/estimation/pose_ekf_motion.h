@@ -75,6 +75,11 @@ static inline void move_body(const omni_pose_ekf_state_t *state, const omni_kine
                              omni_ekf_motion_t *motion) {
     omni_real_t slip_m[OMNI_MAX_WHEELS];
     omni_twist_t body;
+#ifdef __clang_analyzer__ /* it does not know that there is no slip, or one per wheel */
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        slip_m[i] = 0.0f;
+    }
+#endif
     for (uint8_t i = 0; i < slips; ++i) {
         slip_m[i] = state->slip[i] * k->radius_m[i] * wheel_delta_rad[i];
     }
