@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "app/cold.h"
 #include "app/core.h"
 #include "app/crc32.h"
 #include "app/reports.h"
@@ -219,7 +220,7 @@ uint8_t Commands::refuse_pin_test(uint8_t result, const char *why) {
     return result;
 }
 
-uint8_t Commands::test_pin(float duration_s, float release) {
+OMNI_COLD uint8_t Commands::test_pin(float duration_s, float release) {
     const omni_outputs_t &now = robot_.latest().outputs;
     const bool in_range = duration_s >= PinTest::min_s && duration_s <= PinTest::max_s;
     if (!in_range || (release != 0.0f && release != 1.0f)) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "app/parameters.h"
 
+#include "app/cold.h"
+
 #include <cmath>
 #include <cstring>
 
@@ -243,7 +245,7 @@ void Parameters::say_misfits() {
     }
 }
 
-uint8_t Parameters::load() {
+OMNI_COLD uint8_t Parameters::load() {
     const StoreResult result = adopt_stored();
     if (result == StoreResult::ok) {
         say_misfits();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "app/telemetry.h"
 
+#include "app/cold.h"
+
 #include <cmath>
 #include <initializer_list>
 
@@ -91,7 +93,7 @@ bool Telemetry::send_once(size_t link, uint32_t id) {
     return true;
 }
 
-void Telemetry::on_request_data_stream(const Frame &frame, const Sender &sender) {
+OMNI_COLD void Telemetry::on_request_data_stream(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_request_data_stream_t>();
     constexpr uint8_t all = 0;
     constexpr uint8_t extended_status = 2;
