@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "app/parameters.h"
 
-#include "app/cold.h"
-
 #include <cmath>
 #include <cstring>
+
+#include "app/cold.h"
 
 namespace omni {
 namespace {

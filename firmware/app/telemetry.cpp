@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "app/telemetry.h"
 
-#include "app/cold.h"
-
 #include <cmath>
 #include <initializer_list>
+
+#include "app/cold.h"
 
 namespace omni {
 namespace {

@@ -49,8 +49,12 @@ static uint32_t fix_frame(hil_lockstep_t *link, mavlink_status_t *status, const 
 }
 
 /* What is paced in real time has the time to sleep. */
+static bool is_paced(const hil_lockstep_t *link) {
+    return link->realtime_factor > 0.0;
+}
+
 static bool sleeps(const hil_lockstep_t *link) {
-    return link->realtime_factor > 0.0 || !hil_waiting_looks(&link->waiting);
+    return is_paced(link) || !hil_waiting_looks(&link->waiting);
 }
 
 static uint32_t sensors_frame(hil_lockstep_t *link, mavlink_status_t *status, const hil_sensors_t *sensors,
@@ -183,7 +187,7 @@ static void drop_false_start(hil_lockstep_t *link, answer_t *answer) {
 static hil_result_t read_some(hil_lockstep_t *link, int64_t deadline_us) {
     uint32_t got = 0;
     const uint32_t room = HIL_LOCKSTEP_INPUT - link->input_length;
-    omni_patience_t *patience = link->realtime_factor > 0.0 ? NULL : &link->waiting.patience;
+    omni_patience_t *patience = is_paced(link) ? NULL : &link->waiting.patience;
     const hil_result_t result =
         hil_wire_read(link->fd, patience, link->input + link->input_length, room, deadline_us, &got);
     link->input_length += got;
@@ -284,7 +288,7 @@ static void anchor_pace(hil_lockstep_t *link, const hil_world_t *world, int64_t 
 
 static void pace(hil_lockstep_t *link, const hil_world_t *world) {
     const bool anchored = link->pace_factor == link->realtime_factor && world->time_us >= link->pace_world_us;
-    if (link->realtime_factor <= 0.0) {
+    if (!is_paced(link)) {
         link->pace_factor = 0.0;
         return;
     }
@@ -308,7 +312,7 @@ static hil_result_t ask(hil_lockstep_t *link, hil_world_t *world) {
     hil_world_sense(world, &sensors);
     link->outside = 0;
     const int64_t now_us = hil_wire_now_us();
-    if (link->realtime_factor <= 0.0) {
+    if (!is_paced(link)) {
         hil_waiting_turn(&link->waiting, now_us);
     }
     link->deadline_us = now_us + (int64_t)(link->timeout_s * 1e6);

@@ -16,8 +16,8 @@ import numpy as np
 
 from omniwheel.capability.drive_model import DriveModel
 
-ENCODERS, GYRO, FLOW, FLOW_TURN, FIXES = "encoders", "gyro", "floor motion", "floor motion and turn", "fixes"
-_AXES = {ENCODERS: (), GYRO: (2,), FLOW: (0, 1), FLOW_TURN: (0, 1, 2), FIXES: (0, 1, 2)}
+GYRO, FLOW, FLOW_TURN, FIXES = "gyro", "floor motion", "floor motion and turn", "fixes"
+_AXES = {GYRO: (2,), FLOW: (0, 1), FLOW_TURN: (0, 1, 2), FIXES: (0, 1, 2)}
 """Axes of the body's motion, x, y, theta, that each tells."""
 
 _NUMBERS = ("no", "one", "two", "three", "four")

@@ -10,11 +10,10 @@ import subprocess
 
 import pytest
 
+from tests.hil_sim.lanes.test_numbers import AVX512, FLAGS, LANES
 from tests.native import ROOT, generated_dir
 
-LANES = ROOT / "hil_sim" / "lanes"
-AVX512 = ["-mavx512f", "-mavx512dq", "-mavx512bw", "-mavx512vl"]
-LEVELS = {"avx2": ["-mavx2"], "avx512_eight": AVX512}
+LEVELS = {"avx2": FLAGS["avx2"], "avx512_eight": AVX512}
 FUSED = re.compile(r"\bvf(n?)m(add|sub|addsub|subadd)\w+\b")
 
 x86_64 = pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="levels of x86-64")
