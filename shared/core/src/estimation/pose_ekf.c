@@ -31,7 +31,6 @@ void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
 
 void omni_ekf_restart_noise(omni_pose_ekf_state_t *state) {
     state->noise_factor = 1.0f;
-    state->white_factor = 1.0f;
     state->fix_factor = 1.0f;
     memset(state->past, 0, sizeof state->past);
 }
@@ -49,6 +48,7 @@ void omni_pose_ekf_reset(omni_pose_ekf_state_t *state, const omni_pose_ekf_confi
         state->mode = config->mode;
     }
     omni_ekf_restart_noise(state);
+    state->white_factor = 1.0f;
     omni_sincosf(state->pose.theta, &state->slot_sine, &state->slot_cosine);
 }
 

@@ -327,6 +327,7 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     state->refused_in_row = 0;
     state->last_fix_us = state->time_us;
     state->told_us = state->time_us;
+    state->white_factor = state->noise_factor;
     state->last_taken_us = state->time_us - u.age_us;
     return OMNI_OK;
 }

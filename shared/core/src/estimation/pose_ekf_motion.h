@@ -62,8 +62,6 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
         motion->duration_us = (uint32_t)(elapsed < longest_us ? elapsed : longest_us);
     }
     motion->steps = (omni_real_t)motion->duration_us / nominal_us;
-    const bool alone = omni_ekf_is_alone(state->told_us, time_us);
-    state->white_factor = alone ? state->noise_factor * (1.0f + config->alone) : state->noise_factor;
     motion->slip_steps = motion->steps * state->noise_factor;
     motion->noise_steps = motion->steps * state->white_factor;
     state->time_us = time_us;
@@ -339,6 +337,21 @@ static inline void follow_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf
     state->slot_turns += omni_select(turn->leads, 1.0f, 0.0f);
 }
 
+/* The slot is complete. From the next one on, x, y and theta have more noise without fixes. If neither wheel nor gyro
+ * has moved the robot in this one, there is nothing that noise could be of. A pose fix may know better, so this holds
+ * without fixes only. What is in `p` already stays. */
+static inline void end_noise(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config) {
+    omni_ekf_slot_t *slot = &state->history[state->newest];
+    state->white_factor = state->noise_factor;
+    if (omni_ekf_is_alone(state->told_us, state->time_us)) {
+        const omni_flag_t still = slot->move[0] == 0.0f && slot->move[1] == 0.0f && slot->move[2] == 0.0f;
+        const bool anew = state->unsettled_ticks == state->slot_tick;
+        slot->steps = omni_select(still, anew ? 0.0f : state->settled.steps, slot->steps);
+        slot->turn_noise = omni_select(still, anew ? 0.0f : state->settled.turn_noise, slot->turn_noise);
+        state->white_factor = state->noise_factor * (1.0f + config->alone);
+    }
+}
+
 /* @param turn what a gyro says; NULL: there is none. */
 static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                   const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad,
@@ -361,6 +374,7 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     add_to_slot(state, config, k, turned, slips, has_gyro ? &gyro : NULL, &motion);
     move_pose(state, motion.move);
     if (omni_ekf_history_add(state, &motion, has_gyro)) {
+        end_noise(state, config);
         omni_ekf_settle(state, config, k, slips, columns);
         if (slips > 0 && k->has_null && config->r_null > 0.0f) {
             use_null(state, config, k, slips, columns);
