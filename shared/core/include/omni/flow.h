@@ -28,6 +28,12 @@
  * OMNI_FLOW_GOOD readings of a robot that moves fit in a row. A sensor that was silent must prove itself in the
  * same way before it counts.
  *
+ * Wheels that spin, or slide, are no slip that a ratio could say. A sensor that has been right is then believed, and the
+ * wheels are not: it leads. It must be known to point right, see below, and have fitted OMNI_FLOW_LEAD times over ways
+ * far beyond its noise. A reading that no body can drive after the one before is left out, and it must fit as often
+ * anew: its speed has changed by more than OMNI_FLOW_MOST_M_S2. Each that leads counts as one that does not fit. So the
+ * slip ratios may count as unknown, but it is in trouble only after OMNI_FLOW_LED in a row.
+ *
  * A sensor that points elsewhere is taken for slip. But slip makes ways shorter and longer, and does not turn them:
  * B+ diag(s) B is symmetric in x and y. (So it is for wheels that stand evenly.) Let d be the ways of the wheels
  * without slip. Let z = A d hold in least squares over the last ways of about 2 m. Then the direction is off by
@@ -51,8 +57,12 @@ enum {
     OMNI_FLOW_DOUBT = 10,       /**< refused ones in a row after which the slip ratios count as unknown, */
     OMNI_FLOW_AGAIN = 50,       /**< and again after so many */
     OMNI_FLOW_REFUSED = 20,     /**< refused ones in a row after which it is in trouble */
-    OMNI_FLOW_REPEATS = 5       /**< equal ones in a row that may be those of a sensor that has hung up */
+    OMNI_FLOW_REPEATS = 5,      /**< equal ones in a row that may be those of a sensor that has hung up */
+    OMNI_FLOW_LEAD = 20,        /**< that fitted before it is believed against the wheels */
+    OMNI_FLOW_LED = 500         /**< most for which it is */
 };
+
+#define OMNI_FLOW_MOST_M_S2 8.0f /**< wheels on a floor speed up and brake no faster, m/s^2 */
 
 /** Bits of omni_flow_tick_t::valid. */
 enum { OMNI_FLOW_XY = 3, OMNI_FLOW_TURN = 4, OMNI_FLOW_READ = 8 };
@@ -90,6 +100,10 @@ typedef struct omni_flow_state_t {
     omni_uint_t refused_in_row; /**< that did not fit */
     omni_uint_t used;           /**< readings so far */
     omni_uint_t refused;
+    omni_uint_t long_fits; /**< readings that fitted since it was last in trouble, over ways far beyond its noise */
+    omni_uint_t led;       /**< readings that counted in the wheels' place since one was refused, or five have fitted */
+    omni_flag_t right;     /**< it has been known to point right since it was last in trouble */
+    omni_real_t pace_m_s[2]; /**< speed that the last reading says, body axes */
     omni_real_t sum[OMNI_AXES];   /**< readings so far that can be true, in body axes: m, m, rad */
     omni_real_t zero_m[2];        /**< way of the wheels over which it said nothing but zero, body axes added up */
     omni_real_t nis;              /**< normalised innovation squared of the last reading */
@@ -103,6 +117,7 @@ typedef struct omni_flow_state_t {
     omni_real_t way_m;            /**< over which the following sums reach back */
     omni_real_t wheels_m2[3];     /**< of d_x d_x, d_x d_y, d_y d_y */
     omni_real_t both_m2[2][2];    /**< of z d^T */
+    omni_real_t led_m;            /**< way of readings that led without a turn, of the last 2 m */
     omni_flag_t knows;            /**< the direction is known */
     omni_flag_t askew;            /**< it is wrong, or was when it was last known */
     omni_real_t off_rad;          /**< psi above; 0 while it is not known */

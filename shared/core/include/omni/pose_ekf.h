@@ -146,6 +146,7 @@ typedef struct omni_ekf_flow_t {
     omni_real_t r_turn;          /**< rad^2; > 0 */
     bool turns;                  /**< the turn is measured; not used with a gyro, which leads it */
     omni_flag_t counts;          /**< otherwise it is only compared */
+    omni_real_t lead_nis;        /**< NIS above which the wheels spin, and it counts in their place; 0: never */
     uint32_t age_us;             /**< since the end of what it measured */
     uint32_t span_us;            /**< that it measured; > 0 */
 } omni_ekf_flow_t;
@@ -154,6 +155,7 @@ typedef struct omni_ekf_flow_t {
 typedef struct omni_ekf_flow_result_t {
     omni_real_t nis;
     omni_flag_t fits;       /**< within the gate */
+    omni_flag_t led;        /**< it has counted in the wheels' place; then `fits` is false */
     omni_real_t expected_m; /**< way of the point that the wheels say */
     omni_real_t apart_m;    /**< how far the reading is from that */
     omni_real_t noise_m2;   /**< variance of the difference along one axis, if the slip ratios are right */

@@ -10,6 +10,10 @@ static const omni_real_t flow_largest_rad = OMNI_PI_F;
 static const omni_real_t flow_zero_m = 0.02f;
 static const omni_real_t flow_proof_m = 0.001f;
 static const omni_real_t flow_proof_sds = 4.0f;
+static const omni_real_t flow_lead_sds = 12.0f;
+static const omni_real_t flow_led_gate = 0.25f; /* of the gate, while the wheels may still spin */
+static const omni_real_t flow_lead_noise_m_s = 0.03f; /* steps of the sensor, seen as a speed */
+static const omni_real_t flow_alike_share = 0.2f; /* of ways of wheels that roll: slip, and the scale */
 static const omni_real_t flow_repeat_m = 0.001f;
 static const omni_real_t flow_repeat_share = 0.1f;
 static const omni_real_t flow_few_zeros_m = 0.002f; /* a slow robot moves less than the sensor's steps */
@@ -21,6 +25,8 @@ static const omni_real_t flow_two_ways = 0.05f; /* least product of the squares 
 static const omni_real_t flow_longest = 2.0f;   /* times the wheels' way */
 static const omni_real_t flow_off_sd_rad = 0.04f; /* by the readings' noise */
 static const omni_real_t flow_off_rad = 0.15f;
+static const omni_real_t flow_off_led_rad = 0.35f; /* wheels that spin turn the way, too */
+static const omni_real_t flow_led_m = 0.1f;
 static const omni_real_t flow_right_rad = 0.075f;     /* below it a sensor that was askew points right again */
 static const uint64_t flow_longest_pause_us = 100000; /* without a tick of its own it has been off meanwhile */
 static const uint64_t flow_hold_us = (uint64_t)OMNI_FLOW_HOLD_TICKS * 1000u;
@@ -110,16 +116,47 @@ static omni_flag_t is_proof(const omni_flow_state_t *state, omni_real_t way2) {
     return way2 > flow_proof_m * flow_proof_m && way2 > flow_proof_sds * flow_proof_sds * state->config.r_xy;
 }
 
+/* May it be believed against the wheels? */
+static omni_flag_t may_lead(omni_flow_state_t *state, const omni_ekf_flow_t *flow) {
+    const omni_real_t span_s = (omni_real_t)flow->span_us * 1e-6f;
+    const omni_real_t most = (omni_real_t)OMNI_FLOW_MOST_M_S2 * span_s + flow_lead_noise_m_s;
+    omni_real_t change2 = 0.0f;
+    for (int axis = 0; axis < 2; ++axis) {
+        const omni_real_t pace = flow->move[axis] / span_s;
+        change2 += (pace - state->pace_m_s[axis]) * (pace - state->pace_m_s[axis]);
+        state->pace_m_s[axis] = pace;
+    }
+    const omni_flag_t goes_on = change2 < most * most && state->led < (omni_uint_t)OMNI_FLOW_LED;
+    state->long_fits = omni_select(goes_on, state->long_fits, 0u);
+    return state->right && state->long_fits >= (omni_uint_t)OMNI_FLOW_LEAD && !state->frozen && !state->askew;
+}
+
+/* May it be that the wheels roll, and the sensor of this reading that leads points elsewhere? Wheels that spin change
+ * the way's length, and the turn by about as much. @param turn_m the turn, measured and by the wheels apart, at a wheel */
+static omni_flag_t may_be_askew(const omni_ekf_flow_result_t *result, omni_real_t seen2, omni_real_t rolled2,
+                                omni_real_t turn_m) {
+    const omni_real_t least = 1.0f - flow_alike_share;
+    const omni_real_t most = 1.0f + flow_alike_share;
+    const omni_flag_t alike = seen2 >= least * least * rolled2 && seen2 <= most * most * rolled2;
+    return alike && omni_absf(turn_m) < flow_alike_share * result->apart_m;
+}
+
 /* Where does it point, seen from where the wheels say it moved? A reading that is far too long says nothing. */
-static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_result_t *result) {
+static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_flag_t turns,
+                               const omni_kinematics_t *k) {
     const omni_real_t *d = result->rolled;
     const omni_real_t *z = result->seen;
     const omni_real_t d2 = d[0] * d[0] + d[1] * d[1];
-    const omni_flag_t tells = is_proof(state, d2) && z[0] * z[0] + z[1] * z[1] < flow_longest * flow_longest * d2;
+    const omni_real_t z2 = z[0] * z[0] + z[1] * z[1];
+    const omni_real_t turn_m = omni_select(turns, (z[2] - d[2]) * k->b[0][2], 0.0f);
+    const omni_flag_t rolls = !result->led || may_be_askew(result, z2, d2, turn_m);
+    const omni_flag_t tells = is_proof(state, d2) && z2 < flow_longest * flow_longest * d2 && rolls;
     const omni_real_t way = omni_select(tells, omni_sqrtf(d2), 0.0f);
     const omni_real_t weight = omni_select(tells, 1.0f, 0.0f);
     const omni_real_t kept = kept_over(way);
     state->way_m = kept * state->way_m + way;
+    const omni_flag_t unclear = result->led && !turns;
+    state->led_m = kept_over(result->expected_m) * state->led_m + omni_select(unclear, result->expected_m, 0.0f);
     omni_real_t *dd = state->wheels_m2;
     dd[0] = kept * dd[0] + weight * d[0] * d[0];
     dd[1] = kept * dd[1] + weight * d[0] * d[1];
@@ -141,13 +178,14 @@ static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_res
 }
 
 /* A sensor that points elsewhere has taught what is not so. So has one that does not fit soon after it was first used.
- * Of one that has been right for longer, or hangs, what it has taught stays. */
-static void judge_lessons(omni_flow_state_t *state, omni_flag_t hangs, omni_pose_ekf_state_t *ekf,
+ * Of one that has been right for longer, or hangs, or leads, what it has taught stays. */
+static void judge_lessons(omni_flow_state_t *state, omni_flag_t stays, omni_pose_ekf_state_t *ekf,
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_flag_t before = state->askew;
-    const omni_flag_t off = omni_absf(state->off_rad) > omni_select(before, flow_right_rad, flow_off_rad);
+    const omni_real_t first = omni_select(state->led_m > flow_led_m, flow_off_led_rad, flow_off_rad);
+    const omni_flag_t off = omni_absf(state->off_rad) > omni_select(before, flow_right_rad, first);
     state->askew = (state->knows && off) || (!state->knows && before);
-    const omni_flag_t refused = state->refused_in_row == (omni_uint_t)OMNI_FLOW_REFUSED && !hangs;
+    const omni_flag_t refused = state->refused_in_row == (omni_uint_t)OMNI_FLOW_REFUSED && !stays;
     const omni_flag_t wrong = (state->askew && !before) || (refused && state->counted_m < flow_reach_m);
     if (wrong && state->counted_m > 0.0f) {
         omni_pose_ekf_take_back_flow(ekf, ekf_config, k, state->taken);
@@ -169,25 +207,33 @@ static omni_flag_t may_be_floor(const omni_flow_state_t *state, const omni_ekf_f
 static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_pose_ekf_state_t *ekf,
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_flag_t fits = result->fits;
+    const omni_flag_t refused = !fits && !result->led;
     state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);
-    state->refused = omni_select(fits, state->refused, state->refused + 1u);
+    state->refused = omni_select(refused, state->refused + 1u, state->refused);
     const omni_flag_t hangs = zero_way(state) > flow_zero_m || state->frozen;
-    judge_lessons(state, hangs, ekf, ekf_config, k);
+    judge_lessons(state, hangs || result->led, ekf, ekf_config, k);
     const omni_flag_t moves = is_proof(state, result->expected_m * result->expected_m);
     const omni_flag_t proves = fits && !hangs && !state->askew;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);
+    const omni_flag_t far = result->expected_m * result->expected_m > flow_lead_sds * flow_lead_sds * state->config.r_xy;
+    state->long_fits = omni_select(proves && far, state->long_fits + 1u, state->long_fits);
     if (may_be_floor(state, result)) {
         omni_pose_ekf_doubt_slips(ekf, ekf_config, k);
     }
     const omni_real_t share = state->refused_share;
-    state->refused_share = share + flow_share_step * (omni_select(fits, 0.0f, 1.0f) - share);
+    state->refused_share = share + flow_share_step * (omni_select(refused, 1.0f, 0.0f) - share);
     const omni_flag_t proved = state->good >= (uint32_t)OMNI_FLOW_GOOD;
-    const omni_flag_t failed = hangs || state->askew || state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED ||
-                               state->refused_share > flow_share_most;
+    const omni_flag_t too_many = state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED && refused;
+    const omni_flag_t failed = hangs || state->askew || too_many || state->refused_share > flow_share_most;
     const omni_flag_t over = state->trouble && proved && !failed;
     state->refused_share = omni_select(over, 0.0f, state->refused_share);
     state->trouble = failed || (state->trouble && !proved);
     state->trusted = !state->trouble && (state->trusted || proved);
+    state->long_fits = omni_select(state->trusted, state->long_fits, 0u);
+    const omni_flag_t straight = state->knows && omni_absf(state->off_rad) < flow_right_rad;
+    state->right = state->trusted && (state->right || straight);
+    const omni_flag_t rolls = refused || proved;
+    state->led = omni_select(result->led, state->led + 1u, omni_select(rolls, 0u, state->led));
 }
 
 static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
@@ -213,6 +259,8 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     }
     const omni_flag_t zero = tick->reading[0] == 0.0f && tick->reading[1] == 0.0f;
     flow.counts = state->trusted && !(zero && zero_way(state) > flow_few_zeros_m);
+    const omni_real_t gate = omni_select(state->led > 0u, flow_led_gate, 1.0f) * ekf_config->flow_gate;
+    flow.lead_nis = omni_select(may_lead(state, &flow), gate, 0.0f);
     if (!omni_pose_ekf_correct_flow(ekf, ekf_config, k, &flow, &result)) {
         return; /* the estimate has begun anew meanwhile */
     }
@@ -220,11 +268,11 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     for (int axis = 0; axis < 2; ++axis) {
         state->zero_m[axis] = omni_select(zero, state->zero_m[axis] + result.rolled[axis], 0.0f);
     }
-    compare_directions(state, &result);
-    note_taken(state, &result, flow.counts && result.fits, ekf);
+    compare_directions(state, &result, flow.turns && !ekf_config->gyro, k);
+    const omni_flag_t counted = flow.counts && (result.fits || result.led);
+    note_taken(state, &result, counted, ekf);
     look_for_repeats(state, tick->reading, &result);
     judge_reading(state, &result, ekf, ekf_config, k);
-    const omni_flag_t counted = result.fits && flow.counts;
     state->used = omni_select(counted, state->used + 1u, state->used);
     state->counted_m += omni_select(counted, result.expected_m, 0.0f);
     state->good_us = tick->time_us;

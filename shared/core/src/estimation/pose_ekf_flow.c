@@ -17,6 +17,7 @@ typedef struct flow_update_t {
     uint8_t columns;
     uint8_t states;
     bool gyro;
+    uint32_t span_us;                              /* of the slots, as far as they count */
     omni_real_t move[OMNI_AXES];                   /* what the wheels say: dx, dy, dtheta in body axes of mid-way */
     omni_real_t gain[OMNI_AXES][OMNI_EKF_COLUMNS]; /* how that changes with each slip ratio */
     omni_real_t cosine;                            /* of the heading of mid-way */
@@ -67,9 +68,11 @@ typedef struct flow_part_t {
     uint32_t used_us; /* of the slot, within the reading */
     omni_real_t used; /* the same as a share of the slot */
     omni_real_t skipped;
+    bool whole; /* a slot counts if it ended within the reading, and then all of it */
 } flow_part_t;
 
-static void first_part(flow_part_t *part, const omni_ekf_flow_t *flow) {
+static void first_part(flow_part_t *part, const omni_ekf_flow_t *flow, bool whole) {
+    part->whole = whole;
     part->skip_us = flow->age_us;
     part->left_us = flow->span_us;
     part->back = 0;
@@ -92,25 +95,34 @@ static bool next_part(const omni_pose_ekf_state_t *state, flow_part_t *part) {
     part->skipped = (omni_real_t)skipped_us / all_us;
     part->skip_us -= skipped_us;
     part->left_us -= part->used_us;
+    if (part->whole) {
+        const bool ended = skipped_us == 0 && part->back > 0;
+        part->used_us = ended ? duration_us : 0;
+        part->used = ended ? 1.0f : 0.0f;
+        part->skipped = 1.0f - part->used;
+    }
     ++part->back;
     return true;
 }
 
-/* Motion of the slots from span_us + age_us ago to age_us ago, world frame. @return false beyond the history. */
+/* Motion of the slots from span_us + age_us ago to age_us ago, world frame. @param whole of those that ended then, as a
+ * whole. @return false beyond the history. */
 static bool gather_motion(flow_update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                          const omni_ekf_flow_t *flow, omni_ekf_window_t *window) {
+                          const omni_ekf_flow_t *flow, omni_ekf_window_t *window, bool whole) {
     flow_part_t part;
     omni_real_t theta = state->pose.theta; /* at the end of the slot that is looked at */
     omni_real_t later[OMNI_AXES] = {0.0f, 0.0f, 0.0f};
     memset(window->move, 0, sizeof window->move);
     memset(window->gain, 0, sizeof window->gain);
     memset(u->w, 0, sizeof u->w);
-    first_part(&part, flow);
+    u->span_us = 0;
+    first_part(&part, flow, whole);
     while (next_part(state, &part)) {
         const omni_ekf_slot_t *slot = &state->history[part.index];
         slot_motion_t motion = {{0.0f}, {{0.0f}}};
         find_slot_motion(state, slot, u->columns, theta, 1.0f, &motion);
         theta -= motion.move[2];
+        u->span_us += part.used_us;
         for (int axis = 0; axis < OMNI_AXES; ++axis) {
             later[axis] += part.skipped * motion.move[axis];
             motion.move[axis] *= part.used;
@@ -288,7 +300,7 @@ static void teach_history(const flow_update_t *u, omni_pose_ekf_state_t *state, 
     const omni_real_t known_turn = u->rows > 2 ? u->w[2] / (u->w[2] + u->c[2] + u->r[2]) : 0.0f;
     flow_part_t part;
     omni_real_t theta = state->pose.theta;
-    first_part(&part, flow);
+    first_part(&part, flow, false);
     while (next_part(state, &part)) {
         omni_ekf_slot_t *slot = &state->history[part.index];
         const omni_real_t of_span = (omni_real_t)part.used_us / (omni_real_t)flow->span_us;
@@ -338,6 +350,93 @@ static void correct_by_flow(flow_update_t *u, omni_pose_ekf_state_t *state, cons
     omni_ekf_shift(state, delta, u->columns);
 }
 
+/* pose -= gain slip, in the covariance: the pose no longer depends on how far the wheels slipped during the reading. */
+static void forget_slip(const flow_update_t *u, omni_pose_ekf_state_t *state,
+                        omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS]) {
+    omni_real_t(*p)[OMNI_EKF_STATES] = state->p;
+    for (int a = 0; a < OMNI_AXES; ++a) {
+        for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+            for (uint8_t b = 0; b < u->states; ++b) {
+                p[a][b] -= gain[a][i] * p[OMNI_AXES + i][b];
+            }
+        }
+    }
+    for (int a = 0; a < OMNI_AXES; ++a) {
+        for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+            for (uint8_t b = 0; b < u->states; ++b) {
+                p[b][a] -= gain[a][i] * p[b][OMNI_AXES + i];
+            }
+        }
+    }
+}
+
+/* The slots of the reading have its motion, and none that depends on slip. */
+static void lead_history(const flow_update_t *u, omni_pose_ekf_state_t *state, const omni_ekf_flow_t *flow,
+                         const omni_real_t *more, omni_flag_t led) {
+    flow_part_t part;
+    omni_real_t theta = state->pose.theta;
+    first_part(&part, flow, true);
+    while (next_part(state, &part)) {
+        omni_ekf_slot_t *slot = &state->history[part.index];
+        const omni_real_t of_span = (omni_real_t)part.used_us / (omni_real_t)(u->span_us > 0 ? u->span_us : 1u);
+        theta -= slot->move[2];
+        omni_real_t sine;
+        omni_real_t cosine;
+        omni_sincosf(u->theta - theta, &sine, &cosine);
+        omni_real_t change[OMNI_AXES] = {more[0] * of_span, more[1] * of_span, more[2] * of_span};
+        rotate_pair(cosine, sine, &change[0], &change[1]);
+        for (int axis = 0; axis < OMNI_AXES; ++axis) {
+            slot->move[axis] += omni_select(led, change[axis], 0.0f);
+            const omni_real_t kept = omni_select(led && axis < u->rows, 1.0f - part.used, 1.0f);
+            for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+                slot->gain[axis][i] *= kept;
+            }
+        }
+    }
+}
+
+/* The wheels spin, or slide: the reading takes the place of what they have said. If nothing measures the turn, it is as
+ * unsure as the way is long that they were wrong by. */
+static void lead_motion(const flow_update_t *u, omni_pose_ekf_state_t *state, const omni_kinematics_t *k,
+                        const omni_ekf_flow_t *flow, const omni_ekf_window_t *window,
+                        const omni_ekf_flow_result_t *result) {
+    const omni_flag_t led = result->led;
+    const omni_real_t turned = omni_select(led && u->rows > 2, u->innovation[2], 0.0f);
+    const omni_real_t later[2] = {u->since[0] - 0.5f * window->move[0], u->since[1] - 0.5f * window->move[1]};
+    omni_real_t more[OMNI_AXES] = {result->seen[0] - u->move[0], result->seen[1] - u->move[1], turned};
+    omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS] = {{0.0f}};
+    for (uint8_t i = 0; i < u->columns && i < OMNI_MAX_WHEELS; ++i) {
+        const omni_real_t turn = omni_select(led, window->gain[2][i], 0.0f);
+        gain[0][i] = omni_select(led, window->gain[0][i], 0.0f) - later[1] * turn;
+        gain[1][i] = omni_select(led, window->gain[1][i], 0.0f) + later[0] * turn;
+        gain[2][i] = u->rows > 2 ? turn : 0.0f;
+    }
+    forget_slip(u, state, gain);
+    const omni_real_t unseen = u->rows > 2 || u->gyro ? 0.0f : result->apart_m / k->b[0][2];
+    const omni_real_t arm2 = flow->arm_m[0] * flow->arm_m[0] + flow->arm_m[1] * flow->arm_m[1];
+    const omni_real_t turn_noise = u->rows > 2 ? u->r[2] : unseen * unseen;
+    const omni_real_t xy = omni_select(led, u->r[0] + arm2 * turn_noise, 0.0f);
+    const omni_real_t theta = omni_select(led, turn_noise, 0.0f);
+    const omni_real_t lever[OMNI_AXES] = {-u->since[1], u->since[0], 1.0f};
+    for (int a = 0; a < OMNI_AXES; ++a) {
+        for (int b = 0; b < OMNI_AXES; ++b) {
+            state->p[a][b] += theta * lever[a] * lever[b] + (a == b && a < 2 ? xy : 0.0f);
+        }
+    }
+    lead_history(u, state, flow, more, led);
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(u->theta + 0.5f * turned, &sine, &cosine);
+    omni_real_t x = result->seen[0];
+    omni_real_t y = result->seen[1];
+    rotate_pair(cosine, sine, &x, &y);
+    omni_real_t delta[OMNI_EKF_STATES] = {0.0f};
+    delta[0] = omni_select(led, x - window->move[0] - later[1] * turned, 0.0f);
+    delta[1] = omni_select(led, y - window->move[1] + later[0] * turned, 0.0f);
+    delta[2] = turned;
+    omni_ekf_shift(state, delta, u->columns);
+}
+
 bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                 const omni_kinematics_t *k, const omni_ekf_flow_t *flow,
                                 omni_ekf_flow_result_t *result) {
@@ -352,7 +451,7 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     if (config->gyro) {
         omni_ekf_settle_turn_noise(state);
     }
-    if (state->time_us <= (uint64_t)flow->age_us + flow->span_us || !gather_motion(&u, state, config, flow, &window)) {
+    if (state->time_us <= (uint64_t)flow->age_us + flow->span_us || !gather_motion(&u, state, config, flow, &window, false)) {
         return false;
     }
     const omni_real_t lever[FLOW_ROWS] = {-flow->arm_m[1], flow->arm_m[0], 1.0f};
@@ -373,12 +472,20 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
         u.white[0] * u.white[0] + u.white[1] * u.white[1] + (u.rows > 2 ? u.white[2] * u.white[2] : 0.0f);
     const omni_flag_t known = nis < largest_nis; /* false for NaN: rounding has spoilt the covariance */
     result->nis = omni_select(known, nis, largest_nis);
-    result->fits = known && (config->flow_gate == 0.0f || nis <= config->flow_gate);
+    result->led = known && shared && flow->counts && flow->lead_nis > 0.0f && nis > flow->lead_nis;
+    result->fits = known && !result->led && (config->flow_gate == 0.0f || nis <= config->flow_gate);
     const omni_flag_t counts = flow->counts && result->fits;
-    state->flow_slots = omni_select(counts, (omni_int_t)OMNI_EKF_HISTORY, state->flow_slots);
+    state->flow_slots = omni_select(counts || result->led, (omni_int_t)OMNI_EKF_HISTORY, state->flow_slots);
     if (shared) {
         teach_history(&u, state, flow, lever, counts);
     }
     correct_by_flow(&u, state, config, counts);
+    if (omni_any(result->led)) {
+        omni_ekf_flow_result_t whole = *result;
+        (void)gather_motion(&u, state, config, flow, &window, true);
+        see_from_body(&u, &window);
+        find_innovation(&u, state, flow, &whole);
+        lead_motion(&u, state, k, flow, &window, &whole);
+    }
     return true;
 }
