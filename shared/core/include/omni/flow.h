@@ -59,7 +59,8 @@ enum {
     OMNI_FLOW_REFUSED = 20,     /**< refused ones in a row after which it is in trouble */
     OMNI_FLOW_REPEATS = 5,      /**< equal ones in a row that may be those of a sensor that has hung up */
     OMNI_FLOW_LEAD = 20,        /**< that fitted before it is believed against the wheels */
-    OMNI_FLOW_LED = 500         /**< most for which it is */
+    OMNI_FLOW_LED = 500,        /**< most for which it is, */
+    OMNI_FLOW_ODD = 25          /**< of them in a row, as if it pointed elsewhere, before they tell where */
 };
 
 #define OMNI_FLOW_MOST_M_S2 8.0f /**< wheels on a floor speed up and brake no faster, m/s^2 */
@@ -102,6 +103,9 @@ typedef struct omni_flow_state_t {
     omni_uint_t refused;
     omni_uint_t long_fits; /**< readings that fitted since it was last in trouble, over ways far beyond its noise */
     omni_uint_t led;       /**< readings that counted in the wheels' place since one was refused, or five have fitted */
+    omni_uint_t odd_in_row; /**< those of them in a row that are as if the sensor pointed elsewhere */
+    omni_flag_t odd;       /**< so is the last reading */
+    omni_flag_t tells;     /**< it says something of where the sensor points: no wheel spins or slides */
     omni_flag_t right;     /**< it has been known to point right since it was last in trouble */
     omni_real_t pace_m_s[2]; /**< speed that the last reading says, body axes */
     omni_real_t sum[OMNI_AXES];   /**< readings so far that can be true, in body axes: m, m, rad */
@@ -117,7 +121,7 @@ typedef struct omni_flow_state_t {
     omni_real_t way_m;            /**< over which the following sums reach back */
     omni_real_t wheels_m2[3];     /**< of d_x d_x, d_x d_y, d_y d_y */
     omni_real_t both_m2[2][2];    /**< of z d^T */
-    omni_real_t led_m;            /**< way of readings that led without a turn, of the last 2 m */
+    omni_real_t led_m;            /**< way of readings without a turn that led, of the last 2 m */
     omni_flag_t knows;            /**< the direction is known */
     omni_flag_t askew;            /**< it is wrong, or was when it was last known */
     omni_real_t off_rad;          /**< psi above; 0 while it is not known */

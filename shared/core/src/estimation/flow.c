@@ -13,7 +13,8 @@ static const omni_real_t flow_proof_sds = 4.0f;
 static const omni_real_t flow_lead_sds = 12.0f;
 static const omni_real_t flow_led_gate = 0.25f; /* of the gate, while the wheels may still spin */
 static const omni_real_t flow_lead_noise_m_s = 0.03f; /* steps of the sensor, seen as a speed */
-static const omni_real_t flow_alike_share = 0.2f; /* of ways of wheels that roll: slip, and the scale */
+static const omni_real_t flow_odd_share = 0.25f;  /* of how far a reading is from the wheels */
+static const omni_real_t flow_spin_share = 0.15f; /* of the way, at a wheel: one of three slips by 45 % */
 static const omni_real_t flow_repeat_m = 0.001f;
 static const omni_real_t flow_repeat_share = 0.1f;
 static const omni_real_t flow_few_zeros_m = 0.002f; /* a slow robot moves less than the sensor's steps */
@@ -25,7 +26,7 @@ static const omni_real_t flow_two_ways = 0.05f; /* least product of the squares 
 static const omni_real_t flow_longest = 2.0f;   /* times the wheels' way */
 static const omni_real_t flow_off_sd_rad = 0.04f; /* by the readings' noise */
 static const omni_real_t flow_off_rad = 0.15f;
-static const omni_real_t flow_off_led_rad = 0.35f; /* wheels that spin turn the way, too */
+static const omni_real_t flow_off_led_rad = 0.25f; /* while wheels that spin may be in the sums */
 static const omni_real_t flow_led_m = 0.1f;
 static const omni_real_t flow_right_rad = 0.075f;     /* below it a sensor that was askew points right again */
 static const uint64_t flow_longest_pause_us = 100000; /* without a tick of its own it has been off meanwhile */
@@ -131,32 +132,46 @@ static omni_flag_t may_lead(omni_flow_state_t *state, const omni_ekf_flow_t *flo
     return state->right && state->long_fits >= (omni_uint_t)OMNI_FLOW_LEAD && !state->frozen && !state->askew;
 }
 
-/* May it be that the wheels roll, and the sensor of this reading that leads points elsewhere? Wheels that spin change
- * the way's length, and the turn by about as much. @param turn_m the turn, measured and by the wheels apart, at a wheel */
-static omni_flag_t may_be_askew(const omni_ekf_flow_result_t *result, omni_real_t seen2, omni_real_t rolled2,
-                                omni_real_t turn_m) {
-    const omni_real_t least = 1.0f - flow_alike_share;
-    const omni_real_t most = 1.0f + flow_alike_share;
-    const omni_flag_t alike = seen2 >= least * least * rolled2 && seen2 <= most * most * rolled2;
-    return alike && omni_absf(turn_m) < flow_alike_share * result->apart_m;
+/* Is the reading as if the sensor pointed elsewhere? That changes no turn and no length. A wheel that spins, or slides,
+ * changes the turn by half as much as the way, at the wheels' radius. Without anything that measures the turn there is
+ * only the length. @param d the wheels' motion. @param turn_m how far the turn is from theirs, at a wheel */
+static omni_flag_t is_turned(const omni_real_t *d, const omni_real_t *z, omni_real_t turn_m) {
+    const omni_real_t apart_m = omni_sqrtf((z[0] - d[0]) * (z[0] - d[0]) + (z[1] - d[1]) * (z[1] - d[1]));
+    const omni_real_t longer_m = omni_sqrtf(z[0] * z[0] + z[1] * z[1]) - omni_sqrtf(d[0] * d[0] + d[1] * d[1]);
+    const omni_real_t most_m = flow_odd_share * apart_m;
+    return omni_absf(turn_m) < most_m && omni_absf(longer_m) < most_m;
+}
+
+/* Is a wheel wrong, or does the sensor point elsewhere? */
+static void tell_apart(omni_flow_state_t *state, const omni_ekf_flow_t *flow, const omni_ekf_flow_result_t *result,
+                       const omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
+                       const omni_kinematics_t *k) {
+    const omni_real_t slot_s = (omni_real_t)OMNI_EKF_SLOT_TICKS * ekf_config->step_s;
+    const omni_real_t by_gyro = ekf_config->gyro ? ekf->turn_apart * (omni_real_t)flow->span_us * 1e-6f / slot_s : 0.0f;
+    const bool turns = flow->turns && !ekf_config->gyro;
+    const omni_real_t turn_m = k->b[0][2] * (turns ? result->seen[2] - result->rolled[2] : by_gyro);
+    const omni_real_t *d = result->rolled;
+    const omni_flag_t spins = turn_m * turn_m > flow_spin_share * flow_spin_share * (d[0] * d[0] + d[1] * d[1]);
+    state->odd = is_turned(d, result->seen, turn_m);
+    const omni_real_t unclear_m = turns ? 0.0f : result->expected_m;
+    state->led_m = kept_over(result->expected_m) * state->led_m + omni_select(result->led, unclear_m, 0.0f);
+    const omni_uint_t more = omni_select(result->led, state->odd_in_row + 1u, state->odd_in_row);
+    state->odd_in_row = omni_select(state->odd || result->fits, more, 0u);
+    const omni_flag_t often = state->odd_in_row >= (omni_uint_t)OMNI_FLOW_ODD;
+    state->tells = (result->led && often) || (!result->led && !spins);
 }
 
 /* Where does it point, seen from where the wheels say it moved? A reading that is far too long says nothing. */
-static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_result_t *result, omni_flag_t turns,
-                               const omni_kinematics_t *k) {
+static void compare_directions(omni_flow_state_t *state, const omni_ekf_flow_result_t *result) {
     const omni_real_t *d = result->rolled;
     const omni_real_t *z = result->seen;
     const omni_real_t d2 = d[0] * d[0] + d[1] * d[1];
     const omni_real_t z2 = z[0] * z[0] + z[1] * z[1];
-    const omni_real_t turn_m = omni_select(turns, (z[2] - d[2]) * k->b[0][2], 0.0f);
-    const omni_flag_t rolls = !result->led || may_be_askew(result, z2, d2, turn_m);
-    const omni_flag_t tells = is_proof(state, d2) && z2 < flow_longest * flow_longest * d2 && rolls;
+    const omni_flag_t tells = is_proof(state, d2) && z2 < flow_longest * flow_longest * d2 && state->tells;
     const omni_real_t way = omni_select(tells, omni_sqrtf(d2), 0.0f);
     const omni_real_t weight = omni_select(tells, 1.0f, 0.0f);
     const omni_real_t kept = kept_over(way);
     state->way_m = kept * state->way_m + way;
-    const omni_flag_t unclear = result->led && !turns;
-    state->led_m = kept_over(result->expected_m) * state->led_m + omni_select(unclear, result->expected_m, 0.0f);
     omni_real_t *dd = state->wheels_m2;
     dd[0] = kept * dd[0] + weight * d[0] * d[0];
     dd[1] = kept * dd[1] + weight * d[0] * d[1];
@@ -268,7 +283,8 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     for (int axis = 0; axis < 2; ++axis) {
         state->zero_m[axis] = omni_select(zero, state->zero_m[axis] + result.rolled[axis], 0.0f);
     }
-    compare_directions(state, &result, flow.turns && !ekf_config->gyro, k);
+    tell_apart(state, &flow, &result, ekf, ekf_config, k);
+    compare_directions(state, &result);
     const omni_flag_t counted = flow.counts && (result.fits || result.led);
     note_taken(state, &result, counted, ekf);
     look_for_repeats(state, tick->reading, &result);
