@@ -175,7 +175,7 @@ void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t b
     texts_.refuse(MAV_SEVERITY_WARNING, text);
 }
 
-void Parameters::on_set(const Frame &frame, const Sender &sender) {
+OMNI_COLD void Parameters::on_set(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_param_set_t>();
     const int32_t index = omni_param_find(message.param_id);
     if (index < 0) {
@@ -215,7 +215,7 @@ bool Parameters::adopt_or_say(const omni_real_t *values) {
     return false;
 }
 
-bool Parameters::take_back(const omni_real_t *values) {
+OMNI_COLD bool Parameters::take_back(const omni_real_t *values) {
     omni_real_t left[OMNI_PARAM_COUNT];
     std::memcpy(left, values_, sizeof left);
     if (!adopt_or_say(values)) {

@@ -245,7 +245,7 @@ void StatusTexts::say_failsafe() {
 }
 
 /// A velocity that is not followed as asked, again and again for as long as that lasts.
-void StatusTexts::say_slowed() {
+OMNI_COLD void StatusTexts::say_slowed() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = slowed_said_us_ != 0 && clock_.now_us - slowed_said_us_ < slowed_interval_us;
     if (!is_velocity(out.setpoint_kind) || out.velocity_limits == 0 || quiet) {

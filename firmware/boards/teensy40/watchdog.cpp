@@ -6,6 +6,7 @@
 
 #include <cstring>
 
+#include "app/cold.h"
 #include "boards/teensy40/processor.h"
 
 namespace omni {
@@ -116,7 +117,7 @@ bool AliveGate::both_alive() {
     return alive;
 }
 
-void CrashLines::compose(const CrashFacts &facts) {
+OMNI_COLD void CrashLines::compose(const CrashFacts &facts) {
     if (facts.exception == too_hot) {
         add(Text().add("too hot, above 90 C, at ").add_hex(facts.address));
         return;
