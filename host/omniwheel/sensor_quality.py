@@ -114,13 +114,11 @@ class FloorWatch:
             return f"it points {degrees:+.0f}° off: add {degrees:.1f} to FLOW_ANGLE; of a Pinpoint check the cables"
         refused, lost = self._shares(state)
         if lost > MOST_LOST:
-            return f"{lost:.0%} of its readings were lost: look at its window, its height and the floor"
+            return f"{100 * lost:.0f} % of its readings were lost: look at its window, its height and the floor"
         if not state.usable:
             return "the robot's texts say why; look at its window, its height and the floor"
         if refused > MOST_REFUSED:
-            return (
-                f"{refused:.0%} of its readings were refused: do wheels spin? Is FLOW_SCALE right (omni bringup flow)?"
-            )
+            return f"{100 * refused:.0f} % of its readings were refused: do wheels spin? Is FLOW_SCALE right?"
         return ""
 
     def _shares(self, state: FlowState) -> tuple[float, float]:

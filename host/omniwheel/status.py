@@ -43,9 +43,9 @@ class RobotStatus:
     """What the robot said last; None where it has not said anything yet.
 
     ``heartbeat_age_s`` is the time since the last heartbeat on the connection's clock, infinite before the first.
-    ``quality`` says how good the pose is, by what the robot's filter knows. A robot tells of its ``gyro`` [rad/s] and
-    its ``floor_motion`` sensor [m, rad] only if asked (:mod:`omniwheel.sensor_messages`); ``sensors`` says in words
-    what it makes of them now.
+    ``quality`` says how good the pose is, by what the robot's filter knows. Of its ``gyro`` [rad/s] and of its sensor
+    of ``floor_motion`` [m, rad] a robot tells only if asked (:mod:`omniwheel.sensor_messages`). ``sensors`` says in
+    words what it makes of them now.
     """
 
     heartbeat_age_s: float

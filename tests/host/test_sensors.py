@@ -138,8 +138,8 @@ def test_a_floor_sensor_that_fits() -> None:
     [
         ({"readings_came": 0, "usable": False}, "no readings", "check its wires"),
         ({"usable": False}, "used 532, refused 3, lost 0; not usable", "the robot's texts say why"),
-        ({"readings_refused": 80}, "used 532, refused 80, lost 0", "13% of its readings were refused"),
-        ({"readings_lost": 70}, "used 532, refused 3, lost 70", "12% of its readings were lost"),
+        ({"readings_refused": 80}, "used 532, refused 80, lost 0", "13 % of its readings were refused"),
+        ({"readings_lost": 70}, "used 532, refused 3, lost 70", "12 % of its readings were lost"),
         ({"direction_off_rad": math.radians(21.3)}, "used 532", "points -21° off: add -21.3 to FLOW_ANGLE"),
         ({"direction_off_rad": 0.4, "usable": False, "readings_refused": 500}, "not usable", "to FLOW_ANGLE"),
     ],
@@ -177,12 +177,12 @@ def test_the_last_half_minute_counts() -> None:
     assert not floor(*minute(25, 0)[: int(WINDOW_S)]).good
     assert floor(*minute(25, 0)).good
     late = floor(*minute(0, 8))
-    assert "16% of its readings were refused" in late.advice
+    assert "16 % of its readings were refused" in late.advice
 
 
 def test_a_robot_that_restarts_counts_anew() -> None:
     states = [*minute(0, 0), replace(FITS, readings_used=30, readings_refused=30, readings_came=60)]
-    assert "50% of its readings were refused" in floor(*states).advice
+    assert "50 % of its readings were refused" in floor(*states).advice
 
 
 def test_what_is_old_or_of_before_a_restart_is_not_shown_as_present() -> None:

@@ -3,18 +3,24 @@
 
 from __future__ import annotations
 
+import json
+import struct
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
+from websockets.sync.client import connect
 
 from omniwheel.sensor_messages import RADIO_RATE_HZ
 from omniwheel.studio.session import PLOT_RATE_HZ, begin_telemetry, end_telemetry, set_automatic_rate, set_rate
 from tests.studio.parts import WAIT_MS, Opener, Program, studio, take_over, until
+from tests.studio.test_hostile import socket_url
 
 USB, RADIO = "tcp:127.0.0.1:5760", "/dev/ttyUSB0,9600"
+HEADER = 16
+"""Bytes of a message of samples, before its first signal's place and number of samples."""
 GYRO_ONLY = {"GYRO_AXIS": 3.0, "FLOW_MODE": 0.0}
 
 
@@ -65,6 +71,17 @@ def test_the_page_has_a_line_for_the_sensor_that_the_robot_has(sensing: tuple[Pr
     hidden(page, f"{has}-advice", f"{has_not}-text", f"{has_not}-advice")
     keys = signals(page)
     assert ("gyro.rate" in keys, "flow.nis" in keys) == (scenario == "gyro", scenario == "flow")
+
+
+def test_its_numbers_come_to_be_plotted(sensing: tuple[Program, str]) -> None:
+    program, scenario = sensing
+    key = "gyro.rate" if scenario == "gyro" else "flow.nis"
+    with connect(socket_url(program)) as socket:
+        socket.send(json.dumps({"do": "show", "signals": [key], "id": 1}))
+        while True:
+            message = socket.recv(timeout=WAIT_MS / 1000)
+            if isinstance(message, bytes) and len(message) > HEADER and struct.unpack_from("<II", message, HEADER)[1]:
+                return
 
 
 def test_a_robot_without_sensors_shows_none(shared_studio: Program, open_page: Opener) -> None:
