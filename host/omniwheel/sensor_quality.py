@@ -79,14 +79,15 @@ class FloorWatch:
         self._before: deque[FlowState] = deque()
 
     def take(self, state: FlowState) -> None:
-        """Take a message."""
-        last, self._last = self._last, state
-        if last is not None and (state.time_s < last.time_s or state.readings_came < last.readings_came):
-            self._before.clear()  # the robot has restarted
-        if not self._before or state.time_s - self._before[-1].time_s >= STEP_S:
+        """Take a message. Another thread may ask for the quality meanwhile: what it needs is there all the time."""
+        last = self._last
+        if last is None or state.time_s < last.time_s or state.readings_came < last.readings_came:
+            self._before = deque([state])  # the first message since the robot's start
+        elif state.time_s - self._before[-1].time_s >= STEP_S:
             self._before.append(state)
         while len(self._before) > 1 and state.time_s - self._before[1].time_s >= WINDOW_S:
             self._before.popleft()
+        self._last = state
 
     def quality(self) -> SensorQuality | None:
         """Return what the robot makes of the sensor, None before it has told of it."""
