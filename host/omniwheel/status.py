@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message
 from omniwheel.pose_quality import PoseQuality, QualityWatch
+from omniwheel.sensor_quality import FloorWatch, SensorQuality, gyro_quality, is_present
 from omniwheel.telemetry import (
     Battery,
     Control,
+    FlowState,
+    GyroState,
     Heartbeat,
     Status,
     StatusText,
@@ -21,7 +24,17 @@ from omniwheel.telemetry import (
     decode,
 )
 
-_KINDS: tuple[type[Telemetry], ...] = (Heartbeat, Tracking, Wheels, Control, Status, Battery, StatusText)
+_KINDS: tuple[type[Telemetry], ...] = (
+    Heartbeat,
+    Tracking,
+    Wheels,
+    Control,
+    Status,
+    Battery,
+    StatusText,
+    GyroState,
+    FlowState,
+)
 _OF_QUALITY: tuple[type[Telemetry], ...] = (Tracking, Control, Status)
 
 
@@ -30,7 +43,9 @@ class RobotStatus:
     """What the robot said last; None where it has not said anything yet.
 
     ``heartbeat_age_s`` is the time since the last heartbeat on the connection's clock, infinite before the first.
-    ``quality`` says how good the pose is, by what the robot's filter knows.
+    ``quality`` says how good the pose is, by what the robot's filter knows. Of its ``gyro`` [rad/s] and of its sensor
+    of ``floor_motion`` [m, rad] a robot tells only if asked (:mod:`omniwheel.sensor_messages`). ``sensors`` says in
+    words what it makes of them now.
     """
 
     heartbeat_age_s: float
@@ -42,6 +57,9 @@ class RobotStatus:
     battery: Battery | None
     text: StatusText | None
     quality: PoseQuality | None = None
+    gyro: GyroState | None = None
+    floor_motion: FlowState | None = None
+    sensors: tuple[SensorQuality, ...] = ()
 
     @property
     def armed(self) -> bool:
@@ -72,6 +90,7 @@ class StatusBoard:
         self._latest: dict[str, Message] = {}
         self._heartbeat_s = float("-inf")
         self._quality = QualityWatch()
+        self._floor = FloorWatch()
         self._names = {kind.message for kind in _KINDS}
         connection.add_listener(self._take)
 
@@ -83,6 +102,9 @@ class StatusBoard:
             told = decode(kind, message)
             if told is not None:
                 self._quality.take(told)
+        flow = decode(FlowState, message)
+        if flow is not None:
+            self._floor.take(flow)
         if name == Heartbeat.message:
             self._heartbeat_s = self._connection.clock()
 
@@ -90,8 +112,18 @@ class StatusBoard:
         message = self._latest.get(kind.message)
         return None if message is None else decode(kind, message)
 
+    def _sensors(self, gyro: GyroState | None, floor: FlowState | None) -> tuple[SensorQuality, ...]:
+        tracking = self._last(Tracking)
+        now_s = None if tracking is None else tracking.time_s
+        told = (
+            gyro_quality(gyro) if gyro is not None and is_present(gyro, now_s) else None,
+            self._floor.quality() if floor is not None and is_present(floor, now_s) else None,
+        )
+        return tuple(quality for quality in told if quality is not None)
+
     def snapshot(self) -> RobotStatus:
         """Return the present state of knowledge."""
+        gyro, floor = self._last(GyroState), self._last(FlowState)
         return RobotStatus(
             heartbeat_age_s=self._connection.clock() - self._heartbeat_s,
             heartbeat=self._last(Heartbeat),
@@ -102,4 +134,7 @@ class StatusBoard:
             battery=self._last(Battery),
             text=self._last(StatusText),
             quality=self._quality.quality(),
+            gyro=gyro,
+            floor_motion=floor,
+            sensors=self._sensors(gyro, floor),
         )

@@ -26,7 +26,7 @@ from omniwheel.studio.session import Session
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
 from omniwheel.studio.urgent_link import UrgentLink
 from omniwheel.studio.work_queue import SETPOINT, STOP, WorkQueue
-from omniwheel.telemetry import Battery, Tracking, Wheels
+from omniwheel.telemetry import Battery, GyroState, Tracking, Wheels
 
 
 def tracking(time_s: float, x: float) -> Tracking:
@@ -63,6 +63,11 @@ def test_every_number_of_telemetry_is_a_signal_with_unit_and_sentence() -> None:
         ("status.tick_us_max", "us"),
         ("control.error.theta", "rad"),
         ("wheels.duty.1", ""),
+        ("gyro.rate", "rad/s"),
+        ("gyro.bias_sd", "rad/s"),
+        ("flow.nis", ""),
+        ("flow.x", "m"),
+        ("flow.direction_off", "rad"),
     ],
 )
 def test_units(key: str, unit: str) -> None:
@@ -83,6 +88,12 @@ def test_a_signal_is_the_value_that_the_class_has() -> None:
 def test_three_wheels_have_no_fourth() -> None:
     assert not [signal for signal in all_signals(3) if signal.key.startswith("wheels.") and signal.key.endswith(".4")]
     assert [signal for signal in all_signals(4) if signal.key == "wheels.speed.4"]
+
+
+def test_what_a_robot_never_sends_is_no_signal_of_it() -> None:
+    keys = {signal.key for signal in all_signals(3, [GyroState])}
+    assert "flow.nis" in keys
+    assert not [key for key in keys if key.startswith("gyro.")]
 
 
 # ---- samples

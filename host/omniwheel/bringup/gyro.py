@@ -14,6 +14,7 @@ from omniwheel.bringup.person import Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.dialect import Message
 from omniwheel.robot import Robot
+from omniwheel.sensor_quality import BIAS_LIMIT_RAD_S
 from omniwheel.telemetry import GyroState, decode
 
 REST = "Does the robot stand still on the floor, with room to turn, and is the motor supply off?"
@@ -22,8 +23,6 @@ NONE = "none: GYRO_AXIS is 0"
 RATE_HZ = 50.0
 REST_S = 4.0
 WAIT_S = 40.0
-BIAS_LIMIT_RAD_S = 0.05
-"""Six times the offset that the data sheet calls usual, 0.5 degrees per second."""
 NOISE_LIMIT_RAD_S = 0.01
 BEGUN_RAD = 0.2
 STILL_RAD_S = 0.03

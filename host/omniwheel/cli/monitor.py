@@ -27,8 +27,11 @@ from omniwheel.cli.common import (
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from omniwheel.pose_quality import PoseQuality
     from omniwheel.robot import Robot
+    from omniwheel.sensor_quality import Sensor
     from omniwheel.status import RobotStatus
 
 EXAMPLES = examples("omni monitor --link tcp:127.0.0.1:5760", "omni monitor --once --json")
@@ -45,23 +48,35 @@ def monitor(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Show state, pose, wheels and faults of a robot until Ctrl-C. --json implies --once."""
+    """Show state, pose, wheels, sensors and faults of a robot until Ctrl-C. --json implies --once."""
+    from omniwheel.drive_log import is_slow
+    from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, told_of_sensors
+
     with open_robot(link, timeout_s=timeout, texts=False) as robot:
         wheels = int(robot.parameters["WHEELS"])
-        if once or as_json:
-            status = robot.wait_until(_is_filled, timeout, "heard completely (heartbeat, pose, wheels, status)")
-            if as_json:
-                print_json(status_as_dict(status))
-            else:
-                console.print(view(robot, wheels))
-            return
-        with Live(view(robot, wheels), console=console, screen=False, auto_refresh=False) as live:
-            try:
-                while True:
-                    robot.pump(_REFRESH_S)
-                    live.update(view(robot, wheels), refresh=True)
-            except KeyboardInterrupt:
+        with told_of_sensors(robot, RADIO_RATE_HZ if is_slow(robot.url) else RATE_HZ) as sensors:
+            if once or as_json:
+                status = _heard(robot, sensors, timeout)
+                if as_json:
+                    print_json(status_as_dict(status))
+                else:
+                    console.print(view(robot, wheels, sensors))
                 return
+            with Live(view(robot, wheels, sensors), console=console, screen=False, auto_refresh=False) as live:
+                try:
+                    while True:
+                        robot.pump(_REFRESH_S)
+                        live.update(view(robot, wheels, sensors), refresh=True)
+                except KeyboardInterrupt:
+                    return
+
+
+def _heard(robot: Robot, sensors: Sequence[Sensor], timeout_s: float) -> RobotStatus:
+    """Return a status that has everything; of a sensor that the robot does not tell of in time, nothing."""
+    status = robot.wait_until(_is_filled, timeout_s, "heard completely (heartbeat, pose, wheels, status)")
+    if len(status.sensors) < len(sensors):
+        robot.connection.wait(lambda _: len(robot.status.sensors) >= len(sensors), timeout_s)
+    return robot.status
 
 
 def _is_filled(status: RobotStatus) -> bool:
@@ -77,14 +92,15 @@ def status_as_dict(status: RobotStatus) -> dict[str, Any]:
     return {**head, **named, **asdict(status), **quality}
 
 
-def view(robot: Robot, wheels: int) -> RenderableType:
-    """Return the live view."""
+def view(robot: Robot, wheels: int, sensors: Sequence[Sensor] = ()) -> RenderableType:
+    """Return the live view of a robot that has these ``sensors``."""
     status = robot.status
     return Panel(
         Group(
             _head(status),
             _pose_table(status),
             _quality(status.quality),
+            *_sensor_lines(status, sensors),
             _wheel_table(status, wheels),
             _loop_line(status),
             _texts(robot),
@@ -133,6 +149,17 @@ def _quality(quality: PoseQuality | None) -> str:
     style = _QUALITY_STYLES.get(quality.verdict.value, "yellow")
     advice = f"\n[dim]{escape(quality.advice)}[/]" if quality.advice else ""
     return f"[{style}]{escape(quality.text)}[/]{advice}"
+
+
+def _sensor_lines(status: RobotStatus, sensors: Sequence[Sensor]) -> list[str]:
+    from omniwheel.sensor_quality import shown
+
+    lines = []
+    for one in shown(sensors, status.sensors):
+        style = "green" if one.good else "yellow"
+        advice = f"\n[dim]{escape(one.advice)}[/]" if one.advice else ""
+        lines.append(f"[{style}]{one.name}  {escape(one.text)}[/]{advice}")
+    return lines
 
 
 def _wheel_table(status: RobotStatus, count: int) -> RenderableType:

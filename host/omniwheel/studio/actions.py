@@ -16,7 +16,7 @@ from omniwheel.plain import finite
 from omniwheel.robot import Robot
 from omniwheel.studio.edits import Edits
 from omniwheel.studio.parameter_view import values_as_json
-from omniwheel.studio.session import automatic_rate, set_rate
+from omniwheel.studio.session import set_automatic_rate, set_rate
 
 Request = Mapping[str, Any]
 LARGEST_RATE_HZ = 200.0
@@ -108,7 +108,10 @@ def _rate(robot: Robot, _edits: Edits, request: Request) -> None:
     rate_hz = request.get("hz")
     if rate_hz is not None and not 0 < number_of(request, "hz") <= LARGEST_RATE_HZ:
         raise BadRequestError(f"hz has to be more than 0 and at most {LARGEST_RATE_HZ:g}")
-    set_rate(robot, automatic_rate(robot.url) if rate_hz is None else float(rate_hz))
+    if rate_hz is None:
+        set_automatic_rate(robot)
+    else:
+        set_rate(robot, float(rate_hz))
 
 
 def _set(_robot: Robot, edits: Edits, request: Request) -> dict[str, float]:

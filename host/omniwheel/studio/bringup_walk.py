@@ -19,7 +19,7 @@ from omniwheel.logs.run_folder import new_run_folder
 from omniwheel.robot import Robot
 from omniwheel.robots import read_robot, robot_names
 from omniwheel.studio.actions import BadRequestError
-from omniwheel.studio.session import Session, automatic_rate, set_rate
+from omniwheel.studio.session import Session, set_automatic_rate
 from omniwheel.studio.words import in_words
 
 ALL = "all"
@@ -170,7 +170,7 @@ class BringUp:
             for result in bring_up(robot, self._person, file=file, only=only):
                 self._results.append(result)
         finally:
-            set_rate(robot, automatic_rate(robot.url))
+            set_automatic_rate(robot)
 
     def _ended(self, future: Future[Any]) -> None:
         error = None if future.cancelled() else future.exception()

@@ -20,6 +20,8 @@ from omniwheel.errors import CommandRefusedError, LinkError, LinkLostError, Omni
 from omniwheel.history import ChangeRecorder, history_of
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
+from omniwheel.sensor_messages import RADIO_RATE_HZ, ask_for
+from omniwheel.sensor_quality import Sensor, sensors_of
 from omniwheel.studio.edits import Edits
 from omniwheel.studio.link_quality import LinkQuality
 from omniwheel.studio.marks import Marks
@@ -52,17 +54,36 @@ FIX_MESSAGE = "OMNI_FIX_RESULT"
 T = TypeVar("T")
 
 
-def automatic_rate(url: str) -> float | None:
-    """Return the rate that plots want [Hz]; None on a slow radio, which has rates of its own."""
-    return None if is_slow(url) else PLOT_RATE_HZ
-
-
 def set_rate(robot: Robot, rate_hz: float | None) -> None:
     """Set the rate of what is plotted; None restores the rates at boot."""
     for name in PLOT_MESSAGES:
         robot.set_message_interval(name, rate_hz)
     with suppress(CommandRefusedError):
         robot.set_message_interval(FIX_MESSAGE, rate_hz)
+    ask_for(robot, sensors_of(robot.parameters.known), rate_hz)
+
+
+def begin_telemetry(robot: Robot) -> None:
+    """Set the rate that plots want. A slow radio keeps its own rates, and tells of the robot's sensors now and then."""
+    if is_slow(robot.url):
+        ask_for(robot, sensors_of(robot.parameters.known), RADIO_RATE_HZ)
+    else:
+        set_rate(robot, PLOT_RATE_HZ)
+
+
+def set_automatic_rate(robot: Robot) -> None:
+    """The same after another rate was chosen."""
+    if is_slow(robot.url):
+        set_rate(robot, None)
+    begin_telemetry(robot)
+
+
+def end_telemetry(robot: Robot) -> None:
+    """Restore the rates at boot."""
+    if is_slow(robot.url):
+        ask_for(robot, sensors_of(robot.parameters.known), None)
+    else:
+        set_rate(robot, None)
 
 
 class _Silence:
@@ -120,6 +141,8 @@ class Session:
         self.page_heard_s = float("-inf")
         """When the page that commands was heard last, on the monotonic clock."""
         self.page_commands = False
+        self.sensors: tuple[Sensor, ...] = ()
+        """Those of the robot, as they were asked for."""
         self.rx_bytes_s = 0.0
         self.quality: LinkQuality | None = None
         self.connections = 0
@@ -236,9 +259,8 @@ class Session:
             robot.parameters.download()
             self.edits = Edits(robot.parameters)
             self._keep_history(robot)
-            rate_hz = automatic_rate(robot.url)
-            if rate_hz is not None:
-                set_rate(robot, rate_hz)
+            begin_telemetry(robot)
+            self.sensors = sensors_of(robot.parameters.known)
             self.connections += 1
             self.trouble, self.phase = link.notice, "connected"  # last: from here on, pages are told of this robot
             counted_s, counted = time.monotonic(), robot.connection.rx_bytes
@@ -246,6 +268,7 @@ class Session:
             silence = _Silence()
             while not self._closing.is_set():
                 self._mind_the_page(robot)
+                self._mind_the_sensors(robot)
                 self._do_next(robot)
                 quality.serve()
                 now_s = time.monotonic()
@@ -256,8 +279,7 @@ class Session:
                     raise LinkLostError(f"the robot at {self.url} is silent", hint="is it switched on?")
                 with self.lock:
                     self.mark_changes += self.marks.overdue(self.store.now_s) is not None
-            if rate_hz is not None:
-                set_rate(robot, None)
+            end_telemetry(robot)
 
     def _mind_the_page(self, robot: Robot) -> None:
         """Send heartbeats only while the page lives that moves the robot: a dead page is a lost link to the robot."""
@@ -267,6 +289,15 @@ class Session:
             connection.next_heartbeat_s = float("inf")
         elif connection.next_heartbeat_s == float("inf"):
             connection.next_heartbeat_s = connection.clock()
+
+    def _mind_the_sensors(self, robot: Robot) -> None:
+        """A parameter says whether the robot has a sensor, and may be set while it is connected."""
+        parameters = robot.parameters
+        if not parameters.complete or sensors_of(parameters.known) == self.sensors:
+            return
+        ask_for(robot, self.sensors, None)
+        set_automatic_rate(robot)
+        self.sensors = sensors_of(parameters.known)
 
     def _page_is_lost(self) -> bool:
         return self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S

@@ -10,17 +10,29 @@ import ast
 import dataclasses
 import inspect
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
 from omniwheel.frames import Pose, Twist
-from omniwheel.telemetry import Battery, Control, Fix, Health, Status, Telemetry, Tracking, Wheels
+from omniwheel.telemetry import (
+    Battery,
+    Control,
+    Fix,
+    FlowState,
+    GyroState,
+    Health,
+    Status,
+    Telemetry,
+    Tracking,
+    Wheels,
+)
 
-KINDS: tuple[type[Telemetry], ...] = (Tracking, Wheels, Control, Fix, Battery, Status, Health)
+KINDS: tuple[type[Telemetry], ...] = (Tracking, Wheels, Control, Fix, GyroState, FlowState, Battery, Status, Health)
 """In the order in which a page lists them."""
 _UNIT_ENDINGS = ("_rad_s", "_m_s", "_us_mean", "_us_max", "_us", "_V", "_A", "_s")
+_LEFT_OUT = ("_rad_s", "_m_s", "_rad", "_m", "_V", "_A", "_s")
 _AXES = ("x", "y", "theta")
 
 
@@ -57,7 +69,7 @@ def parts_of(telemetry: Telemetry) -> list[Any]:
 @cache
 def signals_of(kind: type[Telemetry]) -> tuple[Signal, ...]:
     """Return the signals of one class of telemetry."""
-    group = kind.__name__.lower()
+    group = kind.__name__.lower().removesuffix("state")
     docs = _attribute_docs(kind)
     found: list[Signal] = []
     for name, parts in _fields(kind):
@@ -73,13 +85,14 @@ def signals_of(kind: type[Telemetry]) -> tuple[Signal, ...]:
     return tuple(found)
 
 
-def all_signals(wheels: int) -> list[Signal]:
-    """Return every signal that a robot with so many wheels has."""
+def all_signals(wheels: int, without: Collection[type[Telemetry]] = ()) -> list[Signal]:
+    """Return every signal that a robot with so many wheels has, ``without`` what it never sends."""
     beyond = [f".{number}" for number in range(wheels + 1, 5)]
     per_wheel = {Wheels}
     return [
         signal
         for kind in KINDS
+        if kind not in without
         for signal in signals_of(kind)
         if not (kind in per_wheel and any(signal.key.endswith(ending) for ending in beyond))
     ]
@@ -130,6 +143,6 @@ def _units(doc: str, name: str) -> list[str]:
 
 
 def _without_unit(name: str) -> str:
-    for ending in ("_rad_s", "_m_s", "_V", "_A", "_s"):
+    for ending in _LEFT_OUT:
         name = name.removesuffix(ending)
     return name

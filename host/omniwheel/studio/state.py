@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 from omniwheel._core import lib
 from omniwheel.capability.speeds import top_speed, top_turn_rate
 from omniwheel.plain import finite
 from omniwheel.robot import Robot
+from omniwheel.sensor_quality import Sensor, shown
 from omniwheel.status import RobotStatus
 from omniwheel.studio.session import Session
 from omniwheel.telemetry import Fix
@@ -32,8 +35,8 @@ def link_state(session: Session | None) -> dict[str, Any]:
     }
 
 
-def robot_state(robot: Robot) -> dict[str, Any]:
-    """Return state, pose and health of a connected robot."""
+def robot_state(robot: Robot, sensors: Iterable[Sensor]) -> dict[str, Any]:
+    """Return state, pose and health of a connected robot that has these ``sensors``."""
     status = robot.status
     return {
         "state": status.state,
@@ -46,6 +49,7 @@ def robot_state(robot: Robot) -> dict[str, Any]:
         **_pose_state(status),
         "slip_m_s": [] if status.wheels is None else [finite(round(slip, 3)) for slip in status.wheels.slip_m_s],
         "fixes": _fix_counts(status),
+        "sensors": [asdict(one) for one in shown(sensors, status.sensors)],
         **_loop_state(status),
     }
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from omniwheel.errors import OmniError
 from omniwheel.robot import Robot
+from omniwheel.sensor_quality import SENSORS, Sensor
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omniwheel.studio.bounds import limit_of
 from omniwheel.studio.bringup_walk import BringUp
@@ -46,6 +47,8 @@ class Page:
         self.session: Session | None = None
         """Whose tables it has."""
         self.connection = 0
+        self.sensors: tuple[Sensor, ...] = ()
+        """Those of the robot that its tables are for."""
         self.heard: Session | None = None
         """Whose texts it has been told."""
         self.text_count = 0
@@ -290,8 +293,7 @@ class Studio:
         """Return the signals of the connected robot."""
         session = self.session
         robot = None if session is None else session.robot
-        wheels = MOST_WHEELS if robot is None else robot.parameters.known.get("WHEELS", MOST_WHEELS)
-        return all_signals(int(wheels))
+        return all_signals(MOST_WHEELS) if session is None or robot is None else _signals_of(session, robot)
 
     def news(self, page: Page) -> dict[str, Any]:
         """Return what a page has not been told yet: state, parameters, texts, marks, tables of a new robot."""
@@ -308,9 +310,10 @@ class Studio:
             found["texts"] = texts
         if robot is None or session.phase != "connected":
             return found  # a page shows nothing to set before it can be set
-        if page.session is not session or page.connection != session.connections:
+        sensors = session.sensors  # once: the robot's own thread may change it
+        if (page.session, page.connection, page.sensors) != (session, session.connections, sensors):
             again = page.session is session
-            page.session, page.connection = session, session.connections
+            page.session, page.connection, page.sensors = session, session.connections, sensors
             page.fix_count = session.fix_count  # a map shows fixes from now on
             page.mark_changes, page.values = -1, {}
             found["tables"] = {**self.tables(robot), "again": again}
@@ -353,7 +356,8 @@ class Studio:
 
     def tables(self, robot: Robot) -> dict[str, Any]:
         """Return what stays the same as long as a robot is connected: its signals and its parameters' table."""
-        signals = signals_as_json(all_signals(int(robot.parameters.known.get("WHEELS", MOST_WHEELS))))
+        assert self.session is not None
+        signals = signals_as_json(_signals_of(self.session, robot))
         return {
             "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals],
             "view": None if (path := self._view_file()) is None else read_view(path),
@@ -376,7 +380,7 @@ class Studio:
             "simulated": None if self.simulated is None else str(self.simulated.wanted),
             "world": None if self.simulated is None else self.simulated.state(),
             "experiment": self.experiments.state(),
-            "robot": None if robot is None else robot_state(robot),
+            "robot": None if session is None or robot is None else robot_state(robot, session.sensors),
             "recording": self.recorder.state(),
             "flash": self.flasher.state(),
             "bring_up": self.bring_up.state(),
@@ -390,6 +394,12 @@ class Studio:
         if self.commanding is None:
             return "nobody"
         return "this page" if self.commanding is page else self.commanding.name
+
+
+def _signals_of(session: Session, robot: Robot) -> list[Signal]:
+    """Return what the connected robot can send: of a sensor that it does not have, nothing."""
+    without = [sensor.kind for sensor in SENSORS if sensor not in session.sensors]
+    return all_signals(int(robot.parameters.known.get("WHEELS", MOST_WHEELS)), without)
 
 
 def _edits(session: Session) -> Any:

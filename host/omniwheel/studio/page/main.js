@@ -147,10 +147,23 @@ function show_state(now) {
   put("quality-text", robot?.quality?.text ?? "");
   id("quality-text").dataset.verdict = robot?.quality?.verdict ?? "";
   put("quality-advice", robot?.quality?.advice ?? "");
+  show_sensors(robot?.sensors ?? []);
   if (robot?.pose) {
     const [x, y, theta] = robot.pose;
     id("map").setAttribute("aria-label",
       `Robot at x ${x.toFixed(2)} m, y ${y.toFixed(2)} m, heading ${degrees(theta)}°. The fields below set a target.`);
+  }
+}
+
+/** A line for each sensor that the robot has; what it does not have is hidden. */
+function show_sensors(sensors) {
+  for (const [name, place] of [["gyro", "gyro"], ["floor sensor", "floor"]]) {
+    const one = sensors.find((sensor) => sensor.name === name);
+    put(`${place}-text`, one ? `${name}: ${one.text}` : "");
+    put(`${place}-advice`, one?.advice ?? "");
+    id(`${place}-text`).dataset.good = one?.good ?? "";
+    id(`${place}-text`).hidden = !one;
+    id(`${place}-advice`).hidden = !one?.advice;
   }
 }
 
