@@ -50,10 +50,10 @@ class Core:
         self.time_us += 1000
         lib.omni_pose_ekf_predict(self.s, self.config, self.k, ffi.new("float[4]", list(turned)), self.time_us)
 
-    def measure(self, moved: Any, rows: int, age: int = 0) -> Any:
+    def measure(self, moved: Any, rows: int, age: int = 0, lead_nis: float = 0.0) -> Any:
         """Correct by a reading of the last SPAN ticks before ``age`` ticks ago."""
         flow = {"move": list(moved), "arm_m": ARM, "r_xy": SD_M**2, "r_turn": SD_RAD**2, "turns": rows == 3}
-        flow |= {"counts": True, "age_us": 1000 * age, "span_us": 1000 * SPAN}
+        flow |= {"counts": True, "age_us": 1000 * age, "span_us": 1000 * SPAN, "lead_nis": lead_nis}
         result = ffi.new("omni_ekf_flow_result_t *")
         assert lib.omni_pose_ekf_correct_flow(self.s, self.config, self.k, ffi.new("omni_ekf_flow_t *", flow), result)
         return result

@@ -20,7 +20,7 @@ class Drive:
 
     def __init__(self, turning: float = 1.0, slip: Array = SLIP, speed: float = 0.5) -> None:
         self.core, self.alone = Core(), Core()
-        self.pose, self._way, self._turning, self._slip, self._speed = np.zeros(3), np.zeros(3), turning, slip, speed
+        self.pose, self._way, self._turning, self.slip, self._speed = np.zeros(3), np.zeros(3), turning, slip, speed
         self._random = np.random.default_rng(1)
 
     def go(
@@ -43,7 +43,7 @@ class Drive:
             cosine, sine = math.cos(self.pose[2] + moved[2] / 2), math.sin(self.pose[2] + moved[2] / 2)
             self.pose += [cosine * moved[0] - sine * moved[1], sine * moved[0] + cosine * moved[1], moved[2]]
             self._way += np.add(moved, [-ARM[1] * moved[2], ARM[0] * moved[2], 0.0])
-            wheels = self.core.matrix @ moved / RADIUS_M / (1.0 - self._slip)
+            wheels = self.core.matrix @ moved / RADIUS_M / (1.0 - self.slip)
             reading = None
             if tick % SPAN == SPAN - 1:
                 turn = angle(tick) if callable(angle) else angle

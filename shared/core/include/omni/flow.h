@@ -28,11 +28,11 @@
  * OMNI_FLOW_GOOD readings of a robot that moves fit in a row. A sensor that was silent must prove itself in the
  * same way before it counts.
  *
- * Wheels that spin, or slide, are no slip that a ratio could say. A sensor that has been right is then believed, and the
- * wheels are not: it leads. It must be known to point right, see below, and have fitted OMNI_FLOW_LEAD times over ways
- * far beyond its noise. A reading that no body can drive after the one before is left out, and it must fit as often
- * anew: its speed has changed by more than OMNI_FLOW_MOST_M_S2. Each that leads counts as one that does not fit. So the
- * slip ratios may count as unknown, but it is in trouble only after OMNI_FLOW_LED in a row.
+ * Wheels that spin, or slide, are no slip that a ratio could say. A sensor that has been right is then believed, and
+ * the wheels are not: it leads. It must be known to point right, see below, and have fitted OMNI_FLOW_LEAD times over
+ * ways far beyond its noise. A reading whose speed differs from the one before by more than OMNI_FLOW_MOST_M_S2 is left
+ * out, and it must fit as often anew. One that leads counts as one that does not fit, but for "in trouble": that comes
+ * after OMNI_FLOW_LED of them. Five in a row that fit end this.
  *
  * A sensor that points elsewhere is taken for slip. But slip makes ways shorter and longer, and does not turn them:
  * B+ diag(s) B is symmetric in x and y. (So it is for wheels that stand evenly.) Let d be the ways of the wheels
@@ -40,10 +40,13 @@
  *
  *   psi = atan2(A_yx - A_xy, A_xx + A_yy)
  *
- * It is known once the robot has moved in two directions, and by more than noise. Beyond 0.15 rad the sensor is in
- * trouble, until psi is below 0.075 rad. What it has taught is then taken back. That is the slip ratios, and how
- * far its readings have moved the pose. This goes back by about 2 m of way, and to the last pose fix at most. The
- * same is done if it does not fit within the first 2 m of its use.
+ * It is known once the robot has moved in two directions, and by more than noise. A wheel that spins turns the way,
+ * too, but it also changes the turn of the body, or the way's length. So readings where that is much are left out. Of
+ * those that lead, only ones where it is little count, after OMNI_FLOW_ODD in a row. Beyond 0.15 rad the sensor is in
+ * trouble, until psi is below 0.075 rad. (While it leads, and the turn is not measured by it, beyond 0.25 rad.) What it
+ * has taught is then taken back. That is the slip ratios, and how far its readings have moved the pose. This goes back
+ * by about 2 m of way, and to the last pose fix at most. The same is done if it does not fit within the first 2 m of
+ * its use.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H
@@ -103,11 +106,11 @@ typedef struct omni_flow_state_t {
     omni_uint_t refused;
     omni_uint_t long_fits; /**< readings that fitted since it was last in trouble, over ways far beyond its noise */
     omni_uint_t led;       /**< readings that counted in the wheels' place since one was refused, or five have fitted */
-    omni_uint_t odd_in_row; /**< those of them in a row that are as if the sensor pointed elsewhere */
-    omni_flag_t odd;       /**< so is the last reading */
-    omni_flag_t tells;     /**< it says something of where the sensor points: no wheel spins or slides */
-    omni_flag_t right;     /**< it has been known to point right since it was last in trouble */
-    omni_real_t pace_m_s[2]; /**< speed that the last reading says, body axes */
+    omni_uint_t odd_in_row;       /**< those of them in a row that are as if the sensor pointed elsewhere */
+    omni_flag_t odd;              /**< so is the last reading */
+    omni_flag_t tells;            /**< it says something of where the sensor points: no wheel spins or slides */
+    omni_flag_t right;            /**< it has been known to point right since it was last in trouble */
+    omni_real_t pace_m_s[2];      /**< speed that the last reading says, body axes */
     omni_real_t sum[OMNI_AXES];   /**< readings so far that can be true, in body axes: m, m, rad */
     omni_real_t zero_m[2];        /**< way of the wheels over which it said nothing but zero, body axes added up */
     omni_real_t nis;              /**< normalised innovation squared of the last reading */

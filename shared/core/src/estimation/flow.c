@@ -11,10 +11,10 @@ static const omni_real_t flow_zero_m = 0.02f;
 static const omni_real_t flow_proof_m = 0.001f;
 static const omni_real_t flow_proof_sds = 4.0f;
 static const omni_real_t flow_lead_sds = 12.0f;
-static const omni_real_t flow_led_gate = 0.25f; /* of the gate, while the wheels may still spin */
+static const omni_real_t flow_led_gate = 0.25f;       /* of the gate, while the wheels may still spin */
 static const omni_real_t flow_lead_noise_m_s = 0.03f; /* steps of the sensor, seen as a speed */
-static const omni_real_t flow_odd_share = 0.25f;  /* of how far a reading is from the wheels */
-static const omni_real_t flow_spin_share = 0.15f; /* of the way, at a wheel: one of three slips by 45 % */
+static const omni_real_t flow_odd_share = 0.25f;      /* of how far a reading is from the wheels */
+static const omni_real_t flow_spin_share = 0.15f;     /* of the way, at a wheel: one of three slips by 45 % */
 static const omni_real_t flow_repeat_m = 0.001f;
 static const omni_real_t flow_repeat_share = 0.1f;
 static const omni_real_t flow_few_zeros_m = 0.002f; /* a slow robot moves less than the sensor's steps */
@@ -230,7 +230,8 @@ static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t
     const omni_flag_t moves = is_proof(state, result->expected_m * result->expected_m);
     const omni_flag_t proves = fits && !hangs && !state->askew;
     state->good = omni_select(proves, omni_select(moves, state->good + 1u, state->good), 0u);
-    const omni_flag_t far = result->expected_m * result->expected_m > flow_lead_sds * flow_lead_sds * state->config.r_xy;
+    const omni_real_t far_m2 = flow_lead_sds * flow_lead_sds * state->config.r_xy;
+    const omni_flag_t far = result->expected_m * result->expected_m > far_m2;
     state->long_fits = omni_select(proves && far, state->long_fits + 1u, state->long_fits);
     if (may_be_floor(state, result)) {
         omni_pose_ekf_doubt_slips(ekf, ekf_config, k);

@@ -362,10 +362,13 @@ static void forget_slip(const flow_update_t *u, omni_pose_ekf_state_t *state,
         }
     }
     for (int a = 0; a < OMNI_AXES; ++a) {
-        for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-            for (uint8_t b = 0; b < u->states; ++b) {
-                p[b][a] -= gain[a][i] * p[b][OMNI_AXES + i];
+        for (int b = a; b < OMNI_AXES; ++b) {
+            for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+                p[a][b] -= p[a][OMNI_AXES + i] * gain[b][i];
             }
+        }
+        for (uint8_t b = (uint8_t)a; b < u->states; ++b) {
+            p[b][a] = p[a][b];
         }
     }
 }
@@ -451,7 +454,8 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     if (config->gyro) {
         omni_ekf_settle_turn_noise(state);
     }
-    if (state->time_us <= (uint64_t)flow->age_us + flow->span_us || !gather_motion(&u, state, config, flow, &window, false)) {
+    if (state->time_us <= (uint64_t)flow->age_us + flow->span_us ||
+        !gather_motion(&u, state, config, flow, &window, false)) {
         return false;
     }
     const omni_real_t lever[FLOW_ROWS] = {-flow->arm_m[1], flow->arm_m[0], 1.0f};

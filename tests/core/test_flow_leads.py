@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: MIT
+"""Wheels that spin: a sensor of motion over the floor that has been right takes their place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from omniwheel._core import lib
+from tests.core.test_flow import ARM, Q_THETA, Q_XY, RADIUS_M, SD_M, SD_RAD, SPAN, TICK_S, Array, Core
+from tests.core.test_flow_trust import Drive
+
+SPINS = np.array([0.8, 0.05, 0.03])
+"""Slip ratios: the first wheel turns five times as fast as it rolls."""
+
+
+def ahead(core: Core, speed: float, turning: float, slip: Array, ticks: int) -> Array:
+    """Drive ahead [m/s] and turn [rad/s] with these slip ratios; return the centre's true motion, from its start."""
+    pose = np.zeros(3)
+    for _ in range(ticks):
+        moved = np.array([speed, 0.0, turning]) * TICK_S
+        middle = pose[2] + moved[2] / 2
+        pose += [math.cos(middle) * moved[0], math.sin(middle) * moved[0], moved[2]]
+        core.predict(core.matrix @ moved / RADIUS_M / (1.0 - slip))
+    return pose
+
+
+def reading_of(moved: Array) -> Array:
+    """What the sensor sees of the centre's motion: the way of its point in body axes of mid-way, and the turn."""
+    c, s = math.cos(moved[2]), math.sin(moved[2])
+    way = moved[:2] + [c * ARM[0] - s * ARM[1], s * ARM[0] + c * ARM[1]] - np.array(ARM)
+    c, s = math.cos(moved[2] / 2), math.sin(moved[2] / 2)
+    return np.array([c * way[0] + s * way[1], c * way[1] - s * way[0], moved[2]])
+
+
+def carried(pose: Array, moved: Array) -> Array:
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array([pose[0] + c * moved[0] - s * moved[1], pose[1] + s * moved[0] + c * moved[1], pose[2] + moved[2]])
+
+
+@pytest.mark.parametrize("rows", [2, 3])
+@pytest.mark.parametrize("wheels", [3, 4])
+def test_the_pose_goes_on_from_the_start_of_the_reading(wheels: int, rows: int) -> None:
+    """Against P = F P F^T + N: neither the wheels' motion nor their slip ratios are in what comes out."""
+    core = Core(wheels)
+    slip = np.resize(SPINS, wheels)
+    ahead(core, 0.5, 0.4, np.full(wheels, 0.04), 400)
+    x, p = core.x, core.p
+    moved = ahead(core, 0.5, 0.4, slip, SPAN)
+    by_wheels = core.x[2] - x[2]
+    result = core.measure(reading_of(moved), rows, lead_nis=16.0)
+    assert result.led
+    assert not result.fits
+    if rows == 3:
+        assert core.x[:3] == pytest.approx(carried(x, moved), abs=2e-5)
+        doubt = SD_RAD**2
+    else:
+        assert core.x[2] - x[2] == pytest.approx(by_wheels, abs=1e-6)
+        doubt = (result.apart_m / core.k.b[0][2]) ** 2
+    assert (core.x[3:] == x[3:]).all(), "a wheel that spins teaches no slip ratio"
+    way = core.x[:2] - x[:2]
+    f = np.array([[1.0, 0.0, -way[1]], [0.0, 1.0, way[0]], [0.0, 0.0, 1.0]])
+    lever = np.array([-way[1] / 2, way[0] / 2, 1.0])
+    noise = np.diag([SPAN * Q_XY + SD_M**2] * 2 + [0.0]) + (SPAN * Q_THETA + doubt) * np.outer(lever, lever)
+    sd = np.sqrt(np.diag(core.p))
+    expected = f @ p[:3, :3] @ f.T + noise
+    if rows == 3:  # to first order: within a slot the wheel turns the body by 20 mrad
+        assert np.abs((core.p[:3, :3] - expected) / np.outer(sd, sd)[:3, :3]).max() < 0.04
+    else:
+        assert core.p[2, 2] > doubt
+    assert np.abs((core.p[:2, 3:] - (f @ p[:3, 3:])[:2]) / np.outer(sd, sd)[:2, 3:]).max() < 0.04
+    assert (core.p == core.p.T).all()
+    assert np.linalg.eigvalsh(core.p / np.outer(sd, sd)).min() > -1e-4
+
+
+@pytest.mark.parametrize("age", [0, 4, 7, 30])
+def test_a_late_fix_sees_the_way_that_the_sensor_saw(age: int) -> None:
+    """It was taken before the wheels span. The history has the reading's motion, not theirs."""
+    core = Core()
+    ahead(core, 0.5, 0.4, np.full(3, 0.04), 400)
+    x = core.x
+    moved = np.zeros(3)
+    for _ in range(3):
+        moved = carried(moved, ahead(core, 0.5, 0.4, SPINS, SPAN))
+        assert core.measure(reading_of(ahead(Core(), 0.5, 0.4, SPINS, SPAN)), 3, lead_nis=16.0).led
+    ahead(core, 0.5, 0.4, np.full(3, 0.04), age)
+    before = core.x
+    for axis in range(3):
+        core.s.p[axis][axis] += 1.0  # nothing but the fix counts
+    assert core.correct(x[:3], 3 * SPAN + age) == lib.OMNI_OK
+    assert core.x[:3] == pytest.approx(before[:3], abs=1e-3)
+    assert math.hypot(*(before[:2] - x[:2])) == pytest.approx(0.5 * (3 * SPAN + age) * TICK_S, rel=0.1)
+
+
+@pytest.mark.parametrize("age", [1, 2, 3, 5, 6])
+def test_readings_that_end_within_a_slot_lose_no_way(age: int) -> None:
+    """Each counts for the slots that ended in it: what is left open is a slot's motion, and does not add up."""
+    core = Core()
+    ahead(core, 0.5, 0.4, np.full(3, 0.04), 400)
+    ahead(core, 0.5, 0.4, SPINS, age)
+    off = []
+    for _ in range(100):
+        start = core.x
+        moved = ahead(core, 0.5, 0.4, SPINS, SPAN)
+        assert core.measure(reading_of(moved), 3, age, lead_nis=16.0).led
+        off.append(core.x[:3] - carried(start, moved))
+    total = np.abs(np.sum(off, axis=0))
+    assert total[2] < 0.05, "a slot of the wheel's spin turns by 20 mrad"
+    assert (total[:2] < 0.02).all(), "and moves by 5 mm"
+
+
+def test_a_robot_whose_wheel_spins_knows_where_it_is() -> None:
+    drive = Drive()
+    drive.go(12.0)
+    assert drive.core.flow.right
+    drive.slip = SPINS
+    assert all(drive.go(4.0))
+    assert drive.core.flow.refused <= 1
+    assert drive.error_m < 0.02
+    assert drive.error_alone_m > 0.5
+    drive.slip = np.array([0.02, 0.05, 0.03])
+    assert all(drive.go(6.0))
+    assert drive.core.flow.led == 0
+    assert drive.error_m < 0.03
+
+
+def test_one_that_has_not_proved_where_it_points_does_not_lead() -> None:
+    drive = Drive(slip=SPINS)
+    drive.go(6.0)
+    assert drive.core.flow.led == 0
+    drive = Drive()
+    drive.go(0.5)
+    assert not drive.core.flow.right
+    drive.slip = SPINS
+    drive.go(1.0)
+    assert drive.core.flow.led == 0
+
+
+def test_it_leads_for_ten_seconds_at_most() -> None:
+    """A sensor that says something else for good is no better than wheels that do."""
+    drive, random = Drive(), np.random.default_rng(4)
+    drive.go(12.0)
+    usable = []
+    for _ in range(130 * 5):
+        drive.slip = random.permutation(SPINS)
+        usable += drive.go(0.02)
+    readings = usable.index(False) / SPAN
+    assert 0.95 * lib.OMNI_FLOW_LED < readings < 1.2 * lib.OMNI_FLOW_LED
+
+
+def test_a_reading_that_no_body_can_drive_does_not_lead_nor_do_those_after_it() -> None:
+    drive = Drive()
+    drive.go(12.0)
+    drive.slip = SPINS
+    drive.go(0.5)
+    assert drive.core.flow.led > 10
+    used, refused = drive.core.flow.used, drive.core.flow.refused
+    jumps = iter([np.array([0.02, 0.0, 0.0])])
+    drive.go(0.3, said=lambda way: way + next(jumps, np.zeros(3)))
+    assert drive.core.flow.refused > refused + 10
+    assert drive.core.flow.used <= used + 1
