@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.gyro_figures import LOOK_TICKS, drive_scenario
+from hil_sim.patches import FloorPatch
 from hil_sim.scenario import Scenario, load_scenario
 from omniwheel._core import lib
 
@@ -27,7 +28,7 @@ SEEDS = range(2000, 2008)
 class Setting:
     """A world: a scenario, and what is different in it. ``sensor`` and ``told`` are the sensor's world and parameters.
 
-    ``gyro``: the robot has a gyro, too, in both of its drives.
+    ``gyro``: the robot has a gyro, too, in both of its drives. ``patches``: parts of the floor with another friction.
     """
 
     title: str
@@ -37,10 +38,13 @@ class Setting:
     sensor: Mapping[str, float] = field(default_factory=dict)
     told: Mapping[str, float] = field(default_factory=dict)
     gyro: bool = False
+    patches: tuple[FloorPatch, ...] = ()
     seconds: int = 60
 
 
 _NONE = {"fix_rate_Hz": 0.0}
+ICE = FloorPatch(x_m=(-9.0, 0.0), y_m=(-9.0, 9.0), friction=0.2)
+"""Left half of the floor. The robot starts and proves its sensor on the right one."""
 OPTICAL = {"flow_turns": 0.0, "flow_step_m": 0.0, "flow_sd_m": 1e-4, "flow_share": 0.02}
 """A chip that measures no turn: a PMW3901's noise is not in its data sheet; this is a guess."""
 TOLD_OPTICAL = {"FLOW_MODE": 1.0, "FLOW_SHARE": 0.02}
@@ -61,6 +65,21 @@ SETTINGS = (
     Setting("no fixes, fast robot", scenario="fast", world=_NONE, seconds=30),
     Setting("no fixes, no turn measured", sensor=OPTICAL, told=TOLD_OPTICAL),
     Setting("no fixes, no turn measured, gyro in both", sensor=OPTICAL, told=TOLD_OPTICAL, gyro=True),
+    Setting("no fixes, fast robot, ice on half of the floor", scenario="fast", world=_NONE, patches=(ICE,), seconds=25),
+    Setting(
+        "no fixes, fast robot, ice on half of the floor, gyro in both",
+        scenario="fast",
+        world=_NONE,
+        patches=(ICE,),
+        gyro=True,
+        seconds=25,
+    ),
+    Setting(
+        "no fixes, fast robot, ice from the start",
+        scenario="fast",
+        world={**_NONE, "friction_coefficient": 0.15},
+        seconds=25,
+    ),
     Setting("fixes", scenario="demo"),
     Setting("fixes, fast robot", scenario="fast", seconds=25),
 )
@@ -98,7 +117,7 @@ def scenario_of(setting: Setting, seed: int, flow: bool) -> Scenario:
     if flow:
         world |= {"flow_rate_Hz": 50.0, **setting.sensor}
         parameters |= {"FLOW_MODE": 2.0, **setting.told}
-    return replace(found, world=world, parameters=parameters)
+    return replace(found, world=world, parameters=parameters, patches=setting.patches)
 
 
 def measure(setting: Setting, seeds: range, flow: bool) -> Errors:

@@ -133,13 +133,14 @@ def test_a_pose_that_is_set_forgets_how_readings_have_moved_the_one_of_before() 
 
 
 ASKEW = tuple(each for each in flow_figures.SETTINGS if each.title.startswith("no fixes, mounted"))
+ICE = tuple(each for each in flow_figures.SETTINGS if " ice " in each.title)
 
 
 @pytest.mark.parametrize(
-    "setting", [each for each in flow_figures.SETTINGS if each not in ASKEW], ids=lambda each: each.title
+    "setting", [each for each in flow_figures.SETTINGS if each not in ASKEW + ICE], ids=lambda each: each.title
 )
 def test_it_is_better_and_as_sure_as_it_says(setting: flow_figures.Setting) -> None:
-    seeds = range(8 if setting.gyro else 3)
+    seeds = range(8 if setting.gyro or "30 %" in setting.title else 3)
     short = replace(setting, seconds=20)
     old, new = (flow_figures.measure(short, seeds, flow) for flow in (False, True))
     assert new.rms_position < (0.6 if setting.title.startswith("no fixes") else 0.95) * old.rms_position
@@ -148,6 +149,26 @@ def test_it_is_better_and_as_sure_as_it_says(setting: flow_figures.Setting) -> N
     if "scale" not in setting.title:  # an error that stays is not in the filter's picture
         assert float(np.mean(new.nees_position)) < 1.6
         assert float(np.mean(new.nees_heading)) < 1.6
+
+
+@pytest.mark.parametrize("setting", ICE[:2], ids=lambda each: each.title)
+def test_on_ice_a_sensor_that_has_been_right_leads(setting: flow_figures.Setting) -> None:
+    """The fast robot's wheels spin for seconds, each time it is on the left half of the floor."""
+    short = replace(setting, seconds=15)
+    old, new = (flow_figures.measure(short, range(3), flow) for flow in (False, True))
+    assert old.rms_position > 0.3
+    assert new.rms_position < 0.025
+    assert new.rms_heading < 0.03
+    assert new.warned == 0
+    assert float(np.mean(new.nees_position)) < 5.0
+
+
+def test_on_ice_from_the_start_it_is_refused_and_said() -> None:
+    """Nobody knows yet where it points. It does no harm to speak of beside what the wheels do."""
+    short = replace(ICE[2], seconds=10)
+    old, new = (flow_figures.measure(short, range(3), flow) for flow in (False, True))
+    assert new.warned == 3
+    assert new.rms_position < 1.6 * old.rms_position
 
 
 @pytest.mark.parametrize("angle_rad", [0.2, 0.35, 0.45, 0.55, 0.8])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil_sim import core
+from hil_sim import core, flow_figures
 from hil_sim.dispersion import Dispersion
 from hil_sim.faults import Fault
 from hil_sim.patches import FloorPatch
@@ -103,6 +103,27 @@ def assert_the_same(scenario: Scenario) -> Any:
     assert np.ptp([run.world.pose[0] for run in alone.each]) > 0.0 or scenario.name == "stand"
     lib.hil_lanes_take_stats(stats)
     return stats
+
+
+def test_on_ice_sensors_that_lead_at_other_times_are_the_same_in_lanes() -> None:
+    """The fast robot without fixes; its sensor of motion over the floor is proved when its wheels begin to spin."""
+    setting = next(each for each in flow_figures.SETTINGS if each.patches)
+    scenario = flow_figures.scenario_of(setting, 100, True)
+    alone, together = Eight(scenario), Eight(scenario)
+    ticks = 0
+    for eight, lanes in ((alone, False), (together, True)):
+        eight.advance(1, lanes)
+        eight.place()
+        eight.advance(2000, lanes)
+        eight.arm()
+        ticks = sum(eight.advance(500, lanes) for _ in range(9))
+    led = [run.robot.estimator.flow.led for run in alone.each]
+    assert max(led) > min(led) > 0
+    assert ticks > 0.9 * 4500
+    for number in range(RUNS):
+        for member in MEMBERS:
+            one, other = (eight.bytes_of(eight.each[number], member) for eight in (alone, together))
+            assert one == other, f"{member} of run {number}"
 
 
 @pytest.fixture(autouse=True)

@@ -43,6 +43,8 @@
  *   y = z - (d_xy + J l d_th, d_th),   H = G_s + J l G_th,s,   S = H P_ss H^T + W + C + R
  *   K = (P_s H^T + cov(x, w)) S^-1,    P = P - K S K^T
  *
+ * Where wheels spin the reading may lead. Then all of y moves the pose, and with T = (1, -G; 0, 1), P = T P T^T + R.
+ *
  * W is the wheels' noise q in t0..t1, C the counts' rounding at both ends. The history keeps what is left of W, so that
  * late fixes stay as they are (docs/concepts/derivations/floor_motion.md).
  *
@@ -63,7 +65,7 @@
  *
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
  * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used, and no pose was set, for
- * OMNI_EKF_ALONE_US.
+ * OMNI_EKF_ALONE_US. A slot of the history in which neither wheels nor gyro have moved the robot brings none of it then.
  *
  * Slip ratios change, and each has a mean over a long way: what the floor does, and what a wheel's radius is off. The
  * mean m_i follows s_i while fixes, or a sensor of motion over the floor, show it. Without them for OMNI_EKF_ALONE_US,
