@@ -20,9 +20,10 @@ struct Candidate {
 };
 
 constexpr Candidate candidates[] = {
-    {"core_pose", core_pose},   {"core_motor", core_motor},   {"tiny_pose", tiny_pose}, {"tiny_motor", tiny_motor},
+    {"core_pose", core_pose},   {"core_motor", core_motor},   {"tiny_pose", tiny_pose},
+    {"tiny_motor", tiny_motor},
 #ifdef BENCH_EIGEN
-    {"eigen_pose", eigen_pose}, {"eigen_motor", eigen_motor},
+    {"eigen_pose", eigen_pose}, {"eigen_motor", eigen_motor}, {"eigen_late_pose", eigen_late_pose},
 #endif
 };
 

@@ -46,7 +46,7 @@ typedef void bench_run_t(const bench_model_t *model, const bench_input_t *inputs
 #ifdef __cplusplus
 extern "C" {
 #endif
-bench_run_t core_pose, core_motor, tiny_pose, tiny_motor, eigen_pose, eigen_motor;
+bench_run_t core_pose, core_motor, tiny_pose, tiny_motor, eigen_pose, eigen_motor, eigen_late_pose;
 #ifdef __cplusplus
 }
 #endif

@@ -40,6 +40,13 @@ def test_a_peers_filters_end_where_ours_do(program: Path, peer: str) -> None:
     np.testing.assert_allclose(theirs["motor_p"], ours["motor_p"], rtol=1e-4)
 
 
+@pytest.mark.skipif(not build.has_eigen(), reason="Eigen not installed")
+def test_the_filter_with_eigen_that_does_what_ours_does_ends_where_ours_does(program: Path) -> None:
+    ours, theirs = (run(program, f"{name}_pose", str(STEPS)) for name in ("core", "eigen_late"))
+    np.testing.assert_allclose(theirs["pose"], ours["pose"], atol=2e-6)
+    np.testing.assert_allclose(theirs["pose_p"], ours["pose_p"], rtol=1e-3, atol=1e-10)
+
+
 def test_the_original_law_in_double_asks_for_the_same_voltages() -> None:
     program = build.build("law", original_law.sources())
     ours, theirs = (run(program, name, "500")["voltage"] for name in ("core_law", "double_law"))

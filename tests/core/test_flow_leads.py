@@ -30,7 +30,7 @@ def ahead(core: Core, speed: float, turning: float, slip: Array, ticks: int) -> 
 def reading_of(moved: Array) -> Array:
     """What the sensor sees of the centre's motion: the way of its point in body axes of mid-way, and the turn."""
     c, s = math.cos(moved[2]), math.sin(moved[2])
-    way = moved[:2] + [c * ARM[0] - s * ARM[1], s * ARM[0] + c * ARM[1]] - np.array(ARM)
+    way = moved[:2] + np.array([c * ARM[0] - s * ARM[1], s * ARM[0] + c * ARM[1]]) - ARM
     c, s = math.cos(moved[2] / 2), math.sin(moved[2] / 2)
     return np.array([c * way[0] + s * way[1], c * way[1] - s * way[0], moved[2]])
 

@@ -61,6 +61,9 @@ static void make_state(void) {
     robot.estimator.flow.trusted = any_bool();
     robot.estimator.flow.knows = any_bool();
     robot.estimator.flow.askew = any_bool();
+    robot.estimator.flow.right = any_bool();
+    robot.estimator.flow.odd = any_bool();
+    robot.estimator.flow.tells = any_bool();
 }
 
 /* What make_state takes for granted holds again. */

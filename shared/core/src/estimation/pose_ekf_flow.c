@@ -476,15 +476,18 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
         u.white[0] * u.white[0] + u.white[1] * u.white[1] + (u.rows > 2 ? u.white[2] * u.white[2] : 0.0f);
     const omni_flag_t known = nis < largest_nis; /* false for NaN: rounding has spoilt the covariance */
     result->nis = omni_select(known, nis, largest_nis);
-    result->led = known && shared && flow->counts && flow->lead_nis > 0.0f && nis > flow->lead_nis;
-    result->fits = known && !result->led && (config->flow_gate == 0.0f || nis <= config->flow_gate);
+    const omni_flag_t led = known && shared && flow->counts && flow->lead_nis > 0.0f && nis > flow->lead_nis;
+    result->led = led;
+    result->fits = known && !led && (config->flow_gate == 0.0f || nis <= config->flow_gate);
     const omni_flag_t counts = flow->counts && result->fits;
-    state->flow_slots = omni_select(counts || result->led, (omni_int_t)OMNI_EKF_HISTORY, state->flow_slots);
-    if (shared) {
-        teach_history(&u, state, flow, lever, counts);
+    state->flow_slots = omni_select(counts || led, (omni_int_t)OMNI_EKF_HISTORY, state->flow_slots);
+    if (!omni_all(led)) {
+        if (shared) {
+            teach_history(&u, state, flow, lever, counts);
+        }
+        correct_by_flow(&u, state, config, counts);
     }
-    correct_by_flow(&u, state, config, counts);
-    if (omni_any(result->led)) {
+    if (omni_any(led)) {
         omni_ekf_flow_result_t whole = *result;
         (void)gather_motion(&u, state, config, flow, &window, true);
         see_from_body(&u, &window);
